@@ -1,0 +1,28 @@
+# Every library that is not ours, each as one target whose headers are SYSTEM (their warnings are not ours to mend).
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(Ceres REQUIRED)
+find_package(SQLite3 REQUIRED)
+find_package(fmt REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(GTest REQUIRED)
+find_package(benchmark REQUIRED)
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(LUA REQUIRED lua5.4-c++)  # Lua built as C++: its errors unwind our destructors
+
+add_library(vitreo_lua INTERFACE)
+target_include_directories(vitreo_lua SYSTEM INTERFACE ${LUA_INCLUDE_DIRS})
+target_link_libraries(vitreo_lua INTERFACE ${LUA_LINK_LIBRARIES})
+
+# Only the header-only parts and the solver of Ceres; an INTERFACE wrapper keeps its headers SYSTEM.
+add_library(vitreo_ceres INTERFACE)
+target_link_libraries(vitreo_ceres INTERFACE Ceres::ceres)
+
+# OpenCV by parts: its CMake package comes only with libopencv-dev, which would pull Qt and ffmpeg.
+add_library(vitreo_opencv INTERFACE)
+find_path(OPENCV_INCLUDE opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
+target_include_directories(vitreo_opencv SYSTEM INTERFACE ${OPENCV_INCLUDE})
+foreach(part core imgproc imgcodecs)
+  find_library(OPENCV_${part} opencv_${part} REQUIRED)
+  target_link_libraries(vitreo_opencv INTERFACE ${OPENCV_${part}})
+endforeach()

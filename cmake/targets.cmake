@@ -1,0 +1,30 @@
+# Warnings, sanitizers and the one way a folder becomes a library.
+find_program(CCACHE ccache)
+if(CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})
+endif()
+
+set(VITREO_SANITIZE "" CACHE STRING "sanitizers, as -fsanitize takes them")
+add_library(vitreo_options INTERFACE)
+target_compile_options(vitreo_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
+                       -Wnon-virtual-dtor -Woverloaded-virtual -Werror -ffp-contract=off)
+target_include_directories(vitreo_options INTERFACE ${CMAKE_SOURCE_DIR})
+if(VITREO_SANITIZE)
+  target_compile_options(vitreo_options INTERFACE -fsanitize=${VITREO_SANITIZE} -fno-omit-frame-pointer
+                         -fno-sanitize-recover=all)
+  target_link_options(vitreo_options INTERFACE -fsanitize=${VITREO_SANITIZE})
+endif()
+
+# vitreo_library(FOLDER [EXCEPT sub...] USES target...): every .cpp of the folder, as vitreo::FOLDER.
+function(vitreo_library folder)
+  cmake_parse_arguments(ARG "" "" "EXCEPT;USES" ${ARGN})
+  string(REPLACE "/" "_" name ${folder})
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/${folder}/*.cpp)
+  foreach(except ${ARG_EXCEPT})
+    list(FILTER sources EXCLUDE REGEX "/${folder}/${except}(/|$)")
+  endforeach()
+  add_library(vitreo_${name} STATIC ${sources})
+  add_library(vitreo::${name} ALIAS vitreo_${name})
+  target_link_libraries(vitreo_${name} PUBLIC ${ARG_USES} PRIVATE vitreo_options)
+  target_include_directories(vitreo_${name} PUBLIC ${CMAKE_SOURCE_DIR})
+endfunction()

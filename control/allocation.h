@@ -1,0 +1,27 @@
+// From a wished field and force to coil currents within their limits.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/coil_field.h"
+
+namespace vitreo::control {
+
+struct FieldAndForce {
+  Eigen::Vector3d field;    // T
+  Eigen::Vector3d levitation;  // N: what holds the robot against its weight; kept before the rest
+  Eigen::Vector3d force;    // N, on top of it
+};
+
+struct Allocation {
+  Currents currents;           // A
+  double force_scale = 1;      // of `force`, where a limit cut it
+  double field_scale = 1;      // of `field`, cut only when no force is left to cut
+  bool limited() const { return force_scale < 1 || field_scale < 1; }
+};
+
+/// Least-norm I with [B; F] = A I (thesis 2.3; facts/magnetics 2), |I_k| <= limit. At a limit the extra force is shrunk
+/// first, then the field's magnitude; the levitation never. Throws std::domain_error when A has not full rank, or when even
+/// the levitation alone is beyond the limit.
+Allocation allocate(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted, double limit);
+
+}  // namespace vitreo::control

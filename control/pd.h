@@ -1,0 +1,37 @@
+// The thesis' position controller: proportional and derivative, with the reference's velocity fed forward.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+namespace vitreo::control {
+
+struct PdGains {
+  double proportional = 1.5;   // 1/s
+  double derivative = 0.05;    // dimensionless: velocity asked per velocity error
+  double derivative_time = 0.2;  // s, of the low-pass on the measured velocity
+  double max_speed = 2e-3;     // m/s, of the velocity asked for
+  void check() const;
+};
+
+struct Reference {
+  Eigen::Vector3d position{0, 0, 0};  // m, world
+  Eigen::Vector3d velocity{0, 0, 0};  // m/s
+};
+
+/// Measurements may come irregularly; time must not run backwards (std::invalid_argument).
+class PdController {
+ public:
+  explicit PdController(const PdGains& gains);
+  /// The velocity to ask for, m/s. `time` in s.
+  Eigen::Vector3d update(double time, const Eigen::Vector3d& measured, const Reference& reference);
+  void reset();
+
+ private:
+  PdGains gains_;
+  bool started_ = false;
+  double time_ = 0;
+  Eigen::Vector3d position_{0, 0, 0}, velocity_{0, 0, 0};
+};
+
+}  // namespace vitreo::control

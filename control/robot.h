@@ -1,0 +1,43 @@
+// What a microrobot is to forces: magnet, weight, drag.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include <Eigen/Core>
+
+namespace vitreo::control {
+
+struct Medium {
+  std::string name = "silicone oil";
+  double density = 970;               // kg/m^3
+  double kinematic_viscosity = 500e-6;  // m^2/s (1 cSt = 1e-6)
+  double dynamic_viscosity() const { return density * kinematic_viscosity; }  // Pa s
+  void check() const;                 // throws std::invalid_argument naming the parameter
+};
+
+/// An elongated robot, symmetric about its axis for fluid and optics.
+struct Robot {
+  std::string name;
+  double semi_axis = 1e-3;       // m, along the axis
+  double semi_radius = 0.5e-3;   // m, across
+  double solid_volume = 0;       // m^3 of metal
+  double solid_density = 0;      // kg/m^3
+  double saturation = 0;         // A/m: saturation magnetisation (soft) or remanence/mu0 (hard)
+  double demagnetisation = 0;    // along the easy axis; 0 with `hard`
+  bool hard = false;             // a permanent magnet
+  void check() const;
+  /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).
+  double moment(double field) const;
+  double mass() const { return solid_volume * solid_density; }  // kg
+  /// Weight less buoyancy, N, positive downwards.
+  double net_weight(const Medium& medium) const;
+};
+
+/// The 2 mm x 1 mm x 1 mm robot of two crossed elliptical CoNi plates (facts/magnetics 3.1).
+Robot coni_2mm();
+
+/// Force per velocity, N s/m: Perrin's prolate spheroid with its axis along `axis` (unit, world). f = R v.
+Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen::Vector3d& axis);
+
+}  // namespace vitreo::control

@@ -1,0 +1,37 @@
+// The role of a camera: time-stamped images, one after the other.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <opencv2/core/mat.hpp>
+
+#include "devices/clock.h"
+
+namespace vitreo {
+
+/// One image. The first pixel's centre is (0, 0); u goes right, v goes down.
+struct Frame {
+  cv::Mat image;             ///< 8-bit grey; never written to after delivery
+  std::uint64_t number = 0;  ///< counts exposures, so a gap shows dropped frames
+  Time exposed{};            ///< the middle of the exposure
+  Time received{};           ///< when the host had it
+};
+
+struct CameraInfo {
+  std::string identity;
+  int width_px = 0, height_px = 0;
+  double frame_period = 0;     ///< s
+  double effective_pixel = 0;  ///< m of the observed plane (the aerial image for a microscope on the eye) per pixel
+};
+
+class Camera {
+ public:
+  virtual ~Camera() = default;
+  virtual const CameraInfo& info() const = 0;
+  /// Waits for the newest frame that was not yet returned. Throws DeviceError{timeout} after `timeout`, Stopped.
+  virtual Frame grab(Time timeout) = 0;
+};
+
+}  // namespace vitreo

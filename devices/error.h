@@ -1,0 +1,27 @@
+// What a device says when it fails.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace vitreo {
+
+/// Few kinds, each of which a protocol can act on.
+enum class DeviceErrorKind {
+  not_found,  ///< nothing there, or something else is
+  timeout,    ///< no answer in time
+  lost,       ///< it was there and is gone
+  protocol,   ///< it answered nonsense
+  refused,    ///< it, or a limit of ours, said no
+};
+const char* to_string(DeviceErrorKind kind);
+
+class DeviceError : public std::runtime_error {
+ public:
+  DeviceError(DeviceErrorKind kind, std::string device, const std::string& what);
+  const DeviceErrorKind kind;
+  const std::string device;  ///< the role or address, as in the rig file
+};
+
+}  // namespace vitreo

@@ -1,0 +1,37 @@
+// A link that carries HID reports: to an instrument, an emulator or a recording; the driver never learns which.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "devices/clock.h"
+
+namespace vitreo {
+
+class HidLink {
+ public:
+  virtual ~HidLink() = default;
+  /// The first byte is the report's id. Throws DeviceError{lost}.
+  virtual void write(std::span<const std::uint8_t> report) = 0;
+  /// The next input report, or nothing when none came within `timeout`. Throws DeviceError{lost}.
+  virtual std::optional<std::vector<std::uint8_t>> read(Time timeout) = 0;
+};
+
+/// The instrument's end of the same wire.
+class HidPeer {
+ public:
+  virtual ~HidPeer() = default;
+  /// Takes one output report and returns the input reports that answer it.
+  virtual std::vector<std::vector<std::uint8_t>> receive(std::span<const std::uint8_t> report) = 0;
+};
+
+/// A link in memory. Each report takes `latency` on its way, spent on the clock by the caller; replies wait in a queue.
+/// `peer` must outlive the link.
+std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time latency);
+
+}  // namespace vitreo

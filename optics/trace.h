@@ -1,0 +1,32 @@
+// Exact ray tracing through a system.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "optics/system.h"
+
+namespace vitreo::optics {
+
+struct Ray {
+  Eigen::Vector3d origin;     // m, eye frame
+  Eigen::Vector3d direction;  // unit
+};
+
+enum class TraceStatus { ok, missed, total_reflection, clipped, wrong_sheet, no_convergence };
+const char* to_string(TraceStatus status);
+
+struct TraceResult {
+  Ray ray;  // behind the last surface met: origin on it
+  TraceStatus status = TraceStatus::ok;
+  int surface = 0;  // where the ray was lost, counted from 1; 0 when it was not
+};
+
+/// Follows a ray that starts in the vitreous out of the eye: surfaces 2 to the last, refracting at each.
+/// The stop clips. Sources: sag (3.1), Snell's law in vector form.
+TraceResult trace_out(const System& system, const Ray& ray);
+
+/// Follows a ray that comes from outside (direction towards -z) into the vitreous: the last surface down to 2.
+TraceResult trace_in(const System& system, const Ray& ray);
+
+}  // namespace vitreo::optics
