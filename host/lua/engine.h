@@ -1,0 +1,16 @@
+// Makes the Lua script engine.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "host/script_engine.h"
+
+namespace vitreo {
+
+/// `library_folders`: where require looks (the project's scripts/), nowhere else.
+std::unique_ptr<ScriptEngine> make_lua_engine(const std::vector<std::string>& library_folders);
+
+}  // namespace vitreo

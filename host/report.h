@@ -1,0 +1,13 @@
+// The report of a run: one self-contained page that reads on screen, on paper, and without a network.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "host/recorder.h"
+
+namespace vitreo {
+
+std::string report_html(const Recorder& recorder);
+
+}  // namespace vitreo

@@ -1,0 +1,48 @@
+// The rig: which instrument plays which role, and what the host believes about the optics, the coils and the robot.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "control/coil_field.h"
+#include "control/robot.h"
+#include "devices/camera.h"
+#include "devices/coil_amplifier.h"
+#include "devices/lens_mover.h"
+#include "devices/sample_handler.h"
+#include "optics/observer.h"
+#include "optics/pose.h"
+
+namespace vitreo {
+
+/// The nominal model: what the loop computes with. The real thing (or the simulated one) differs.
+struct RigModel {
+  optics::System eye;
+  optics::Microscope microscope;
+  optics::ImageScale top_image;       // pixel from aerial image
+  optics::SingleViewpoint projection;
+  Eigen::Vector3d eye_in_world{0, 0, -5e-3};  // m: the retina's vertex; the axes are parallel
+  double side_pixel = 20.4e-6;                // m per pixel of the side view, orthographic along +y
+  Eigen::Vector2d side_centre_px{0, 0};       // where the world's origin shows in the side view
+  control::CoilField field = control::CoilField::octomag();
+  control::Robot robot;
+  control::Medium medium;
+};
+
+/// Borrowed instruments; null where the rig has none.
+struct Rig {
+  std::string title;
+  Camera* top_camera = nullptr;
+  Camera* side_camera = nullptr;
+  CoilAmplifier* coils = nullptr;
+  LensMover* lens_mover = nullptr;
+  SampleHandler* sample = nullptr;
+  RigModel model;
+  /// The names of the roles that are there, sorted.
+  std::vector<std::string> roles() const;
+};
+
+}  // namespace vitreo

@@ -1,0 +1,69 @@
+// What the host asks of a script language. Implemented in host/lua/.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <iosfwd>
+#include <limits>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "host/config.h"
+
+namespace vitreo {
+
+class Session;
+
+using ArgumentValue = std::variant<bool, double, std::string>;  // numbers in SI
+
+enum class ParameterKind { number, integer, flag, choice, text };
+
+struct Parameter {
+  std::string name, help;
+  ParameterKind kind = ParameterKind::number;
+  std::string unit;       // as the protocol declares it, e.g. "mm/s"; its dimension is what a value must have
+  ArgumentValue fallback;
+  double min = -std::numeric_limits<double>::infinity(), max = std::numeric_limits<double>::infinity();  // SI
+  std::vector<std::string> choices;
+};
+
+struct ProtocolDescription {
+  std::string file, name, title, text;  // name: the file's stem; text: the source
+  std::string about;                    // the comment at the file's head
+  std::vector<std::string> needs;       // roles
+  std::vector<Parameter> parameters;    // in the order of their names
+};
+
+/// A script's fault, or a protocol file's: one line, with "file:line: " in front where there is one.
+class ScriptError : public std::runtime_error {
+ public:
+  ScriptError(const std::string& message, std::string trace = "") : std::runtime_error(message), trace_(std::move(trace)) {}
+  const std::string& trace() const { return trace_; }
+
+ private:
+  std::string trace_;
+};
+
+/// "speed=5um" checked against the declaration; throws ConfigError naming the parameter and what it wants. Missing ones take
+/// their defaults.
+std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
+                                                     const std::vector<std::string>& words);
+
+class ScriptEngine {
+ public:
+  virtual ~ScriptEngine() = default;
+  /// Reads a protocol without running it. Throws ScriptError.
+  virtual ProtocolDescription describe(const std::string& file) = 0;
+  /// Reads a rig file: constants only. Throws ScriptError.
+  virtual RigDescription load_rig(const std::string& file) = 0;
+  /// Runs a protocol in a fresh state. Throws ScriptError, DeviceError, Stopped.
+  virtual void run(const ProtocolDescription& protocol, const std::map<std::string, ArgumentValue>& arguments,
+                   Session& session) = 0;
+  /// Reads statements from `in` until its end; shows results on `out`. `interactive` shows prompts.
+  virtual void prompt(Session& session, std::istream& in, std::ostream& out, bool interactive) = 0;
+};
+
+}  // namespace vitreo
