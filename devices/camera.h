@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <string>
+#include "devices/clock.h"
 
 #include <opencv2/core/mat.hpp>
 
-#include "devices/clock.h"
+#include <cstdint>
+#include <string>
 
 namespace vitreo {
 

@@ -1,5 +1,5 @@
-// Time, and the only way to block. Every task of a run (script, servo loop, cameras, emulators) waits through a Clock, so
-// a simulated run can jump from event to event and still be plain blocking code.
+// Time, and the only way to block. Every task of a run (script, servo loop, cameras, emulators) waits through a Clock,
+// so a simulated run can jump from event to event and still be plain blocking code.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,6 +18,8 @@ constexpr Time kForever = Time::max();
 inline double to_seconds(Time time) { return static_cast<double>(time.count()) * 1e-9; }
 /// Throws std::invalid_argument when `seconds` is not a number or does not fit.
 Time from_seconds(double seconds);
+/// `start` + `duration`, both not negative; kForever where the sum would not fit.
+inline Time later(Time start, Time duration) { return duration > kForever - start ? kForever : start + duration; }
 
 /// Thrown out of a wait when the waiting task has been asked to stop. Let it pass: it unwinds the task.
 class Stopped : public std::exception {
@@ -43,10 +45,11 @@ class Clock {
  public:
   virtual ~Clock() = default;
   virtual Time now() const = 0;
-  /// Returns at `due`, at once when it has passed. Throws Stopped.
+  /// Returns at `due`, at once when it has passed (under the virtual clock, who else is due now still gets its turn).
+  /// Throws Stopped.
   virtual void sleep_until(Time due) = 0;
-  /// Waits until `ready()` holds or the time is `deadline`; returns `ready()`. `ready` is evaluated at the start and after
-  /// each notify(signal). Throws Stopped.
+  /// Waits until `ready()` holds or the time is `deadline`; returns `ready()`. `ready` is evaluated at the start and
+  /// after each notify(signal). Throws Stopped.
   virtual bool wait(Signal& signal, const std::function<bool()>& ready, Time deadline) = 0;
   virtual void notify(Signal& signal) = 0;
   /// Starts a task; among tasks due at the same time the alphabetical order of the names decides.
@@ -54,14 +57,32 @@ class Clock {
   /// The constructing thread's task: its current or next wait throws Stopped, once. Async-signal-safe.
   virtual void interrupt() noexcept = 0;
 
+  /// For clean-up: while deaf, the calling task's waits do not throw Stopped; the request is kept for later. Returns
+  /// what was set before. Use StopShield.
+  virtual bool set_deaf(bool deaf) = 0;
+
   void sleep_for(Time duration) { sleep_until(now() + duration); }
+};
+
+/// Lets a task finish what must not be broken off half-way, such as the zeros on their way to the coils.
+class StopShield {
+ public:
+  explicit StopShield(Clock& clock) : clock_(clock), before_(clock.set_deaf(true)) {}
+  ~StopShield() { clock_.set_deaf(before_); }
+  StopShield(const StopShield&) = delete;
+  StopShield& operator=(const StopShield&) = delete;
+
+ private:
+  Clock& clock_;
+  bool before_;
 };
 
 enum class Pace { as_fast_as_possible, real_time };
 
-/// The clock of simulated runs: one baton, held by one task at a time, so no two tasks ever run together; when all wait, the
-/// time jumps to the next event (Pace::real_time: sleeps until then). Construct it on the thread that is to be the main task
-/// and destroy it there, after every Task. Throws std::logic_error out of a wait when no task could ever go on.
+/// The clock of simulated runs: one baton, held by one task at a time, so no two tasks ever run together; when all
+/// wait, the time jumps to the next event (Pace::real_time: sleeps until then). Construct it on the thread that is to
+/// be the main task and destroy it there, after every Task. Throws std::logic_error out of a wait when no task could
+/// ever go on.
 std::unique_ptr<Clock> virtual_clock(Pace pace = Pace::as_fast_as_possible);
 
 }  // namespace vitreo

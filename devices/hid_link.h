@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/clock.h"
+
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -9,14 +11,13 @@
 #include <string>
 #include <vector>
 
-#include "devices/clock.h"
-
 namespace vitreo {
 
 class HidLink {
  public:
   virtual ~HidLink() = default;
-  /// The first byte is the report's id. Throws DeviceError{lost}.
+  /// The first byte is the report's id. Throws DeviceError{lost}; Stopped, but only once the report is on its way, so
+  /// that a stopped task can still zero its outputs.
   virtual void write(std::span<const std::uint8_t> report) = 0;
   /// The next input report, or nothing when none came within `timeout`. Throws DeviceError{lost}.
   virtual std::optional<std::vector<std::uint8_t>> read(Time timeout) = 0;
@@ -30,7 +31,8 @@ class HidPeer {
   virtual std::vector<std::vector<std::uint8_t>> receive(std::span<const std::uint8_t> report) = 0;
 };
 
-/// A link in memory. Each report takes `latency` on its way, spent on the clock by the caller; replies wait in a queue.
+/// A link in memory. Each report takes `latency` on its way, either way, spent on the clock by the caller; replies wait
+/// in a queue.
 /// `peer` must outlive the link.
 std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time latency);
 

@@ -2,27 +2,32 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/hid_link.h"
+#include "devices/usb3103/wire.h"
+
 #include <array>
 #include <functional>
 #include <memory>
 
-#include "devices/hid_link.h"
-
 namespace vitreo::usb3103 {
 
-constexpr int kChannels = 8;
 using Voltages = std::array<double, kChannels>;  // V
 
 struct EmulatorSettings {
   /// DAC calibration as the flash would hold it, per channel.
   std::array<double, kChannels> slope{1, 1, 1, 1, 1, 1, 1, 1}, offset{};
+  /// How it wakes up; whether AOutSync does anything depends on it. As a slave unless somebody says otherwise.
+  bool master = false;
 };
 
+/// After power-up every channel is at 0 V in the range 0 to 10 V. Reports that the device would not understand change
+/// nothing and get no answer. Throws std::invalid_argument for a calibration that is not finite or has no inverse.
 /// `on_output` is called whenever a voltage at the terminals changes, with all eight.
 class Emulator : public HidPeer {
  public:
   virtual const Voltages& outputs() const = 0;
 };
-std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings, std::function<void(const Voltages&)> on_output);
+std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings,
+                                        std::function<void(const Voltages&)> on_output);
 
 }  // namespace vitreo::usb3103

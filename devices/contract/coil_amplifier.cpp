@@ -1,0 +1,140 @@
+// The duties of a CoilAmplifier, one function each.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/coil_amplifier.h"
+
+#include "devices/clock.h"
+#include "devices/error.h"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <type_traits>
+
+namespace vitreo::contract {
+namespace {
+
+using Currents = std::vector<double>;
+
+struct Examiner {
+  CoilAmplifier& amplifier;
+  const CoilAmplifierCheck& how;
+  std::vector<std::string> findings{};
+
+  void expect(bool good, const std::string& finding) {
+    if (!good) findings.push_back(finding);
+  }
+
+  void duty(const std::string& name, void (Examiner::*examine)()) {
+    try {
+      (this->*examine)();
+    } catch (const Stopped&) {
+      amplifier.make_safe();
+      throw;
+    } catch (const std::exception& error) {
+      findings.push_back(name + ": threw " + error.what());
+    }
+  }
+
+  std::size_t count() const { return static_cast<std::size_t>(amplifier.channels()); }
+
+  /// A different current in each channel, of both signs.
+  Currents pattern() const {
+    Currents currents(count());
+    for (std::size_t i = 0; i < currents.size(); ++i)
+      currents[i] = how.fraction * amplifier.current_limit() * static_cast<double>(i + 1) /
+                    static_cast<double>(currents.size()) * (i % 2 ? -1 : 1);
+    return currents;
+  }
+
+  void expect_currents(const Currents& wanted, const std::string& when) {
+    expect(amplifier.currents() == wanted, when + ", currents() is not what was set");
+    if (!how.measured) return;
+    const Currents flowing = how.measured();
+    bool good = flowing.size() == wanted.size();
+    for (std::size_t i = 0; good && i < wanted.size(); ++i) good = std::abs(flowing[i] - wanted[i]) <= how.tolerance;
+    expect(good, when + ", the currents that flow are not what was set");
+  }
+
+  /// Sets `bad` on top of the pattern: must throw what the role says and leave the pattern alone.
+  template <typename Error>
+  void expect_refusal(const Currents& bad, const std::string& name) {
+    const Currents before = pattern();
+    amplifier.set_currents(before);
+    try {
+      amplifier.set_currents(bad);
+      findings.push_back(name + " is accepted");
+    } catch (const Error& error) {
+      if constexpr (std::is_same_v<Error, DeviceError>)
+        expect(error.kind == DeviceErrorKind::refused, name + " is refused with another kind of error");
+    }
+    expect_currents(before, "after " + name);
+  }
+
+  void describes_itself() {
+    expect(!amplifier.identity().empty(), "identity() is empty");
+    expect(amplifier.channels() > 0, "it has no channels");
+    expect(std::isfinite(amplifier.current_limit()) && amplifier.current_limit() > 0,
+           "current_limit() is not positive");
+  }
+  void sets_currents() {
+    Currents wanted = pattern();
+    amplifier.set_currents(wanted);
+    expect_currents(wanted, "after set_currents");
+    for (double& current : wanted) current = -current;
+    amplifier.set_currents(wanted);
+    expect_currents(wanted, "after a change of sign");
+  }
+  void refuses_a_wrong_count() {
+    Currents fewer = pattern(), more = pattern();
+    fewer.pop_back();
+    more.push_back(0);
+    expect_refusal<std::invalid_argument>(fewer, "one current too few");
+    expect_refusal<std::invalid_argument>(more, "one current too many");
+    expect_refusal<std::invalid_argument>({}, "an empty list of currents");
+  }
+  void refuses_what_is_no_number() {
+    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+      Currents currents(count());
+      currents.back() = bad;
+      expect_refusal<std::invalid_argument>(currents, "a current of " + std::to_string(bad));
+    }
+  }
+  void refuses_what_is_beyond_the_limit() {
+    for (const double sign : {1., -1.}) {
+      Currents currents(count());
+      currents.back() = sign * 1.001 * amplifier.current_limit();
+      expect_refusal<DeviceError>(currents, "a current beyond the limit");
+    }
+  }
+  void makes_safe() {
+    amplifier.set_currents(pattern());
+    amplifier.make_safe();
+    expect_currents(Currents(count()), "after make_safe");
+    amplifier.make_safe();
+    expect_currents(Currents(count()), "after make_safe twice");
+  }
+  void works_after_make_safe() {
+    amplifier.make_safe();
+    amplifier.set_currents(pattern());
+    expect_currents(pattern(), "set after make_safe");
+  }
+  void is_left_safe() { amplifier.make_safe(); }
+};
+
+}  // namespace
+
+std::vector<std::string> check(CoilAmplifier& amplifier, const CoilAmplifierCheck& how) {
+  Examiner examiner{amplifier, how};
+  examiner.duty("describe itself", &Examiner::describes_itself);
+  if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
+  examiner.duty("set currents", &Examiner::sets_currents);
+  examiner.duty("refuse a wrong count", &Examiner::refuses_a_wrong_count);
+  examiner.duty("refuse what is no number", &Examiner::refuses_what_is_no_number);
+  examiner.duty("refuse what is beyond the limit", &Examiner::refuses_what_is_beyond_the_limit);
+  examiner.duty("make safe", &Examiner::makes_safe);
+  examiner.duty("work after make safe", &Examiner::works_after_make_safe);
+  examiner.duty("be left safe", &Examiner::is_left_safe);
+  return examiner.findings;
+}
+
+}  // namespace vitreo::contract

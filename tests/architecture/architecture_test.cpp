@@ -1,0 +1,134 @@
+// Holds the include table of docs/architecture.md true: reads every source and names each include that is forbidden.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/architecture/source_rules.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace vitreo::architecture {
+namespace {
+
+TEST(Architecture, IsKeptByEverySource) {
+  const std::filesystem::path root = VITREO_SOURCE_DIR;
+  for (const std::string_view folder : kEverything) {
+    int sources = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
+      const auto extension = entry.path().extension();
+      if (!entry.is_regular_file() || (extension != ".h" && extension != ".cpp" && extension != ".inc")) continue;
+      ++sources;
+      std::ostringstream text;
+      text << std::ifstream(entry.path()).rdbuf();
+      for (const auto& finding : findings_in(entry.path().lexically_relative(root).generic_string(), text.str()))
+        ADD_FAILURE() << finding;
+    }
+    EXPECT_GT(sources, 0) << folder << " has no sources: was it moved?";
+  }
+}
+
+// The test above can fail: what follows feeds the checker lines that are wrong, and their neighbours that are right.
+
+int findings_for(const std::string& path, const std::string& line) {
+  const std::string head = "// What this file is for, in one line.\n// SPDX-License-Identifier: Apache-2.0\n";
+  return static_cast<int>(findings_in(path, head + line + "\n").size());
+}
+void expect_good(const std::string& path, const std::string& line) { EXPECT_EQ(findings_for(path, line), 0) << line; }
+void expect_bad(const std::string& path, const std::string& line) {
+  EXPECT_EQ(findings_for(path, line), 1) << path << " may say " << line;
+}
+
+TEST(ArchitectureChecker, KnowsWhichFolderMayIncludeWhich) {
+  for (const std::string pure : {"optics", "vision", "control"}) {
+    expect_good(pure + "/a.cpp", "#include \"" + pure + "/a.h\"");
+    expect_bad(pure + "/a.cpp", "#include \"devices/clock.h\"");
+    expect_bad(pure + "/a.cpp", "#include \"host/session.h\"");
+  }
+  expect_bad("optics/a.h", "#include \"vision/ellipse.h\"");
+  expect_bad("control/a.h", "  #  include \"optics/pose.h\"");
+  expect_good("devices/usb3103/driver.cpp", "#include \"devices/usb3103/wire.h\"");
+  expect_bad("devices/usb3103/driver.cpp", "#include \"devices/sim/world.h\"");
+  expect_bad("devices/clock.cpp", "#include \"optics/pose.h\"");
+  expect_good("devices/sim/world.cpp", "#include \"devices/sim/world.h\"");
+  expect_good("devices/sim/world.cpp", "#include \"optics/trace.h\"");
+  expect_bad("devices/sim/world.cpp", "#include \"vision/ellipse.h\"");
+  expect_good("host/session.cpp", "#include \"vision/ellipse.h\"");
+  expect_bad("host/session.cpp", "#include \"host/lua/engine.h\"");
+  expect_good("host/main.cpp", "#include \"host/lua/engine.h\"");
+  expect_good("host/lua/engine.cpp", "#include \"devices/sim/world.h\"");
+}
+
+TEST(ArchitectureChecker, KnowsWhereLibrariesBelong) {
+  expect_good("host/lua/engine.cpp", "#include <lua.hpp>");
+  for (const char* path : {"host/session.cpp", "host/main.cpp", "devices/clock.cpp", "optics/a.cpp"})
+    expect_bad(path, "#include <lua.hpp>");
+  for (const char* library : {"fmt/core.h", "sqlite3.h", "nlohmann/json.hpp", "CLI/CLI.hpp"}) {
+    const std::string line = "#include <" + std::string(library) + ">";
+    expect_good("host/session.cpp", line);
+    for (const char* path : {"optics/a.h", "vision/a.h", "control/a.h", "devices/a.h", "devices/sim/a.h"})
+      expect_bad(path, line);
+  }
+  expect_good("optics/a.cpp", "#include <ceres/ceres.h>");
+  expect_bad("devices/sim/a.cpp", "#include <ceres/ceres.h>");
+  expect_good("vision/a.cpp", "#include <opencv2/imgproc.hpp>");
+  expect_good("vision/a.cpp", "#include <opencv2/video/tracking.hpp>");
+  expect_bad("vision/a.cpp", "#include <opencv2/videoio.hpp>");
+  expect_bad("vision/a.cpp", "#include <opencv2/opencv.hpp>");
+  expect_good("devices/camera.h", "#include <opencv2/core/mat.hpp>");
+  expect_bad("devices/camera.h", "#include <opencv2/imgproc.hpp>");
+  expect_bad("optics/a.cpp", "#include <opencv2/core.hpp>");
+  expect_bad("control/a.cpp", "#include <opencv2/core.hpp>");
+  expect_bad("host/a.cpp", "#include <gsl/span>");
+}
+
+TEST(ArchitectureChecker, KnowsTheStandardLibraryFromTheSystem) {
+  expect_good("optics/a.cpp", "#include <vector>");
+  expect_bad("optics/a.cpp", "#include <vectors>");
+  expect_bad("optics/a.cpp", "#include <math.h>");
+  expect_bad("optics/a.cpp", "#include <fstream>");
+  expect_bad("control/a.cpp", "#include <chrono>");
+  expect_good("devices/clock.cpp", "#include <thread>");
+  for (const char* header : {"unistd.h", "sys/socket.h", "signal.h", "fcntl.h"}) {
+    const std::string line = "#include <" + std::string(header) + ">";
+    expect_good("devices/hid_link.cpp", line);
+    expect_good("host/guardian.cpp", line);
+    for (const char* path : {"optics/a.h", "vision/a.h", "control/a.h", "devices/sim/a.h"}) expect_bad(path, line);
+  }
+}
+
+TEST(ArchitectureChecker, WantsOursInQuotesAndOthersInBrackets) {
+  expect_bad("devices/clock.cpp", "#include <devices/clock.h>");
+  expect_bad("devices/clock.cpp", "#include \"clock.h\"");
+  expect_bad("devices/clock.cpp", "#include \"../devices/clock.h\"");
+  expect_bad("devices/clock.cpp", "#include \"Eigen/Core\"");
+  expect_bad("util/a.h", "#include <vector>");
+}
+
+TEST(ArchitectureChecker, NamesFileAndLine) {
+  const auto findings = findings_in("optics/a.cpp",
+                                    "// What it is for, briefly.\n// SPDX-License-Identifier: "
+                                    "Apache-2.0\n\n#include <lua.hpp>\n");
+  EXPECT_EQ(findings, std::vector<std::string>{"optics/a.cpp:4: <lua.hpp> is forbidden in optics/"});
+}
+
+TEST(ArchitectureChecker, WantsAPurposeALicenceAndNothingLeftToDo) {
+  const std::string licence = "// SPDX-License-Identifier: Apache-2.0\n";
+  EXPECT_EQ(findings_in("optics/a.h", "// What it is for, briefly.\n").size(), 1U);
+  EXPECT_EQ(findings_in("optics/a.h", licence).size(), 1U);
+  EXPECT_EQ(findings_in("optics/a.h", "#pragma once\n" + licence).size(), 1U);
+  EXPECT_EQ(findings_in("optics/a.h", "").size(), 1U);
+  EXPECT_EQ(
+      findings_in("optics/a.h", "// What it is for, briefly, and so on. SPDX-License-Identifier: Apache-2.0\n").size(),
+      1U);
+  EXPECT_EQ(findings_in("optics/a.cpp", licence + "#include \"optics/a.h\"\n").size(), 0U);  // the header says it
+  EXPECT_EQ(findings_in("optics/a.cpp", licence + "#include \"optics/b.h\"\n").size(), 1U);
+  expect_bad("optics/a.h", "int a;  // TODO: more");
+  expect_bad("optics/a.h", "// FIXME");
+  expect_good("optics/a.h", "int kTODOs = 0;");
+}
+
+}  // namespace
+}  // namespace vitreo::architecture

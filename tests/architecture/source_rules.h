@@ -1,0 +1,144 @@
+// What a source file may include and must say: the table of docs/architecture.md, and the checker that reads by it.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <iterator>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vitreo::architecture {
+
+using Strings = std::vector<std::string_view>;
+
+/// One row of the table. The first row whose folder begins a path is the path's own.
+struct Row {
+  std::string_view folder;
+  Strings ours;      ///< what begins a path of ours that it may include
+  Strings not_ours;  ///< what of those is excepted
+  Strings others;    ///< what begins an include of somebody else's
+  bool posix = false;
+  bool pure = false;  ///< no clock, no threads, no files: these are arguments
+};
+
+inline const Strings kEverything{"optics/", "vision/", "control/", "devices/", "host/"};
+inline const Strings kOfHost{"Eigen/",        "opencv2/core", "opencv2/imgproc", "opencv2/imgcodecs",
+                             "fmt/",          "sqlite3.h",    "nlohmann/",       "CLI/",
+                             "ceres/version", "boost/",       "readline/"};
+inline Strings and_lua(Strings others) {
+  others.emplace_back("lua.hpp");
+  return others;
+}
+
+// OpenCV is named by module: opencv2/core means <opencv2/core.hpp> and <opencv2/core/...>.
+inline const std::vector<Row> kTable{
+    {"optics/", {"optics/"}, {}, {"Eigen/", "ceres/"}, false, true},
+    {"vision/", {"vision/"}, {}, {"Eigen/", "ceres/", "opencv2/core", "opencv2/imgproc", "opencv2/video"}, false, true},
+    {"control/", {"control/"}, {}, {"Eigen/", "ceres/"}, false, true},
+    {"devices/sim/",
+     {"devices/", "optics/", "control/"},
+     {},
+     {"Eigen/", "opencv2/core", "opencv2/imgproc", "opencv2/imgcodecs"}},
+    {"devices/", {"devices/"}, {"devices/sim/"}, {"Eigen/", "opencv2/core"}, true},
+    {"host/lua/", kEverything, {}, and_lua(kOfHost), true},
+    {"host/main.cpp", kEverything, {}, kOfHost, true},
+    {"host/", kEverything, {"host/lua/"}, kOfHost, true},
+};
+
+inline std::set<std::string> words(const std::string& text) {
+  std::istringstream stream(text);
+  return {std::istream_iterator<std::string>(stream), {}};
+}
+// The last one is the compiler's own: the kernels of run-time dispatch want it.
+inline const std::set<std::string> kStd = words(
+    "algorithm any array atomic barrier bit bitset cassert cctype cerrno cfenv cfloat charconv chrono "
+    "cinttypes climits clocale cmath compare complex concepts condition_variable coroutine csetjmp csignal "
+    "cstdarg cstddef cstdint cstdio cstdlib cstring ctime cwchar deque exception execution filesystem "
+    "forward_list fstream functional future initializer_list iomanip ios iosfwd iostream istream iterator "
+    "latch limits list locale map memory memory_resource mutex new numbers numeric optional ostream queue "
+    "random ranges ratio regex semaphore set shared_mutex source_location span sstream stack stdexcept "
+    "stop_token streambuf string string_view strstream system_error thread tuple type_traits typeindex "
+    "typeinfo unordered_map unordered_set utility valarray variant vector version immintrin.h");
+inline const std::set<std::string> kImpure =
+    words("chrono ctime thread mutex condition_variable future filesystem fstream iostream csignal");
+inline const std::set<std::string> kPosix = words(
+    "dirent.h dlfcn.h errno.h fcntl.h glob.h netdb.h poll.h pthread.h pty.h pwd.h sched.h signal.h spawn.h "
+    "termios.h time.h unistd.h");
+
+inline bool begins(std::string_view text, std::string_view with) { return text.substr(0, with.size()) == with; }
+inline bool begins_with_any(std::string_view text, const Strings& with) {
+  return std::any_of(with.begin(), with.end(), [&](std::string_view one) { return begins(text, one); });
+}
+/// As begins_with_any, but a prefix without a slash or a dot is a module: opencv2/video does not mean opencv2/videoio.
+inline bool is_of(std::string_view include, const Strings& libraries) {
+  return std::any_of(libraries.begin(), libraries.end(), [&](std::string_view library) {
+    if (!begins(include, library)) return false;
+    const bool whole = include.size() == library.size() || library.back() == '/';
+    return whole || include[library.size()] == '/' || include[library.size()] == '.';
+  });
+}
+
+inline const Row* row_of(std::string_view path) {
+  const auto row = std::find_if(kTable.begin(), kTable.end(), [&](const Row& r) { return begins(path, r.folder); });
+  return row == kTable.end() ? nullptr : &*row;
+}
+
+/// Why the file at `path` may not include this; empty when it may.
+inline std::string complaint(std::string_view path, char quote, const std::string& include) {
+  const Row* const row = row_of(path);
+  if (row == nullptr) return "is included by a file that no row of the table covers";
+  if (quote == '"') {
+    if (!begins_with_any(include, kEverything)) return "is quoted, but begins with none of our folders";
+    if (begins_with_any(include, row->not_ours) || !begins_with_any(include, row->ours))
+      return "is forbidden in " + std::string(row->folder);
+    return {};
+  }
+  if (begins_with_any(include, kEverything)) return "is ours and belongs in quotes";
+  if (kStd.count(include) != 0)
+    return row->pure && kImpure.count(include) != 0 ? "is not pure: time, threads and files are the host's" : "";
+  if (kPosix.count(include) != 0 || begins(include, "sys/") || begins(include, "linux/"))
+    return row->posix ? "" : "is POSIX, which is forbidden in " + std::string(row->folder);
+  return is_of(include, row->others) ? "" : "is forbidden in " + std::string(row->folder);
+}
+
+/// The header that a .cpp implements says what both are for; whatever has no header must say so itself.
+inline bool has_header_of_its_own(const std::string& path, const std::string& text) {
+  if (path.size() < 4 || path.substr(path.size() - 4) != ".cpp") return false;
+  return text.find("#include \"" + path.substr(0, path.size() - 4) + ".h\"\n") != std::string::npos;
+}
+
+/// Everything wrong with one source, each as "path:line: what".
+inline std::vector<std::string> findings_in(const std::string& path, const std::string& text) {
+  static const std::regex kInclude(R"(^\s*#\s*include\s*([<"])([^>"]+)[>"].*)");
+  static const std::regex kLeftOver(R"(.*\b(TODO|FIXME|XXX)\b.*)");
+  static const std::regex kPurpose(R"(^// \S.{14,})");
+  std::vector<std::string> findings;
+  int number = 0;
+  const auto find = [&](const std::string& what) {
+    findings.push_back(path + ":" + std::to_string(number) + ": " + what);
+  };
+  std::istringstream lines(text);
+  std::smatch match;
+  bool licensed = false;
+  const bool silent = has_header_of_its_own(path, text);
+  for (std::string line; std::getline(lines, line);) {
+    ++number;
+    if (number == 1 && !silent && (!std::regex_match(line, kPurpose) || begins(line, "// SPDX")))
+      find("does not begin with a comment that says what it is for");
+    if (line == "// SPDX-License-Identifier: Apache-2.0") licensed = true;
+    if (std::regex_match(line, kLeftOver)) find("something is left to do");
+    if (std::regex_match(line, match, kInclude)) {
+      const std::string why = complaint(path, *match[1].first, match[2].str());
+      if (!why.empty()) find("<" + match[2].str() + "> " + why);
+    }
+  }
+  number = 1;
+  if (!licensed) find("has no SPDX line");
+  return findings;
+}
+
+}  // namespace vitreo::architecture
