@@ -1,6 +1,7 @@
 // An optical system: the eye and what stands before it, as a list of surfaces.
-// Frame: the *eye frame*: z along the optical axis in the direction of light (out of the eye), origin at the retina's vertex,
-// x and y as in the world frame. The thesis calls this axis x. A radius is positive when its centre lies at larger z.
+// Frame: the *eye frame*: z along the optical axis in the direction of light (out of the eye), origin at the retina's
+// vertex, x and y as in the world frame. The thesis calls this axis x. A radius is positive when its centre lies at
+// larger z.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -42,8 +43,8 @@ struct System {
   void check() const;
 };
 
-/// The two-lens model eye and condensing lens of thesis table 5.3, radius of surface 5 taken as -9.48 mm (the printed sign is
-/// a misprint: it would make the eye a -30 D lens; docs/optics.md). Stop: 3 mm diameter at surface 3.
+/// The two-lens model eye and condensing lens of thesis table 5.3, radius of surface 5 taken as -9.48 mm (the printed
+/// sign is a misprint: it would make the eye a -30 D lens; docs/optics.md). Stop: 3 mm diameter at surface 3.
 System model_eye_5_3();
 
 }  // namespace vitreo::optics

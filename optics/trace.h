@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
-
 #include "optics/system.h"
+
+#include <Eigen/Core>
 
 namespace vitreo::optics {
 
@@ -13,6 +13,8 @@ struct Ray {
   Eigen::Vector3d direction;  // unit
 };
 
+/// Why a ray was lost. missed: no intersection ahead of it, or the surfaces cross at its height; wrong_sheet: it would
+/// meet only the other sheet of the conic; clipped: outside the stop or a surface's semi-diameter.
 enum class TraceStatus { ok, missed, total_reflection, clipped, wrong_sheet, no_convergence };
 const char* to_string(TraceStatus status);
 
@@ -22,11 +24,14 @@ struct TraceResult {
   int surface = 0;  // where the ray was lost, counted from 1; 0 when it was not
 };
 
-/// Follows a ray that starts in the vitreous out of the eye: surfaces 2 to the last, refracting at each.
-/// The stop clips. Sources: sag (3.1), Snell's law in vector form.
+/// Follows a ray that starts in the vitreous out of the eye: surfaces 2 to the last, refracting at each. The stop
+/// clips, in the vertex plane of its surface and in whichever medium lies there. The system is taken as checked. Throws
+/// std::invalid_argument naming `ray` when it is not finite or its direction not unit. Sources: sag (3.1), Snell's law
+/// in vector form.
 TraceResult trace_out(const System& system, const Ray& ray);
 
 /// Follows a ray that comes from outside (direction towards -z) into the vitreous: the last surface down to 2.
+/// Otherwise as trace_out, and its exact reverse.
 TraceResult trace_in(const System& system, const Ray& ray);
 
 }  // namespace vitreo::optics

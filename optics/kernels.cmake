@@ -1,0 +1,10 @@
+# The batch tracing kernel is one source compiled per CPU level; optics/batch.cpp chooses at run time.
+set(kernel_options -O3 -fno-math-errno -fno-trapping-math -ffp-contract=off)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  # Threaded jumps would leave branches in the loops, which SSE2 cannot turn into vectors.
+  list(APPEND kernel_options -fno-thread-jumps -fno-ssa-phiopt)
+endif()
+set_property(SOURCE optics/detail/batch_kernel_baseline.cpp PROPERTY COMPILE_OPTIONS ${kernel_options})
+set_property(SOURCE optics/detail/batch_kernel_avx2.cpp PROPERTY COMPILE_OPTIONS ${kernel_options} -mavx2)
+set_property(SOURCE optics/detail/batch_kernel_avx512.cpp PROPERTY COMPILE_OPTIONS ${kernel_options}
+             -mavx512f -mavx512dq -mavx512vl -mprefer-vector-width=512)
