@@ -2,13 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
-#include <string>
-#include <vector>
+#include "vision/ellipse.h"
 
 #include <opencv2/core/mat.hpp>
 
-#include "vision/ellipse.h"
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace vitreo::vision {
 
@@ -21,10 +21,12 @@ struct Overlay {
   std::string scale_bar_label;               ///< e.g. "1 mm at the aerial image"
 };
 
-/// The grey image in colour (CV_8UC3, BGR) with the overlay on it; lines keep their weight whatever the image's size.
+/// The 8-bit grey image (else std::invalid_argument) in colour (CV_8UC3, BGR) with the overlay on it; lines keep their
+/// weight whatever the image's size.
 cv::Mat draw_overlay(const cv::Mat& grey, const Overlay& overlay);
 
-/// Crops to `size` around `centre_px`, moved inside the image where it would stick out.
+/// Crops to `size` (or the image, where that is smaller) around `centre_px`, moved inside the image where it would
+/// stick out. Throws std::invalid_argument for an empty image or size.
 cv::Mat crop_around(const cv::Mat& image, const Eigen::Vector2d& centre_px, cv::Size size);
 
 }  // namespace vitreo::vision

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/blob_tracker.h"
+
+#include "tests/vision/synthetic.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <stdexcept>
+
+namespace vitreo::vision {
+namespace {
+
+using namespace synthetic;
+
+BlobTrackerSettings settings_for(const Bench& bench) {
+  BlobTrackerSettings s;
+  s.blur_sigma_px = bench.scene.blur_sigma_px;
+  return s;
+}
+
+TEST(BlobTracker, states_about_the_scatter_it_has_on_a_body_at_rest) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  const Ellipse truth{{300.3, 200.7}, 70, 35, 0.4};
+  cv::Mat mean = bench.ground.clone();
+  draw_body(mean, truth, metal(), bench.scene);
+  Eigen::Matrix<double, 5, 1> sum = Eigen::Matrix<double, 5, 1>::Zero(), squares = sum, said = sum;
+  const int images = 150;
+  for (int k = 0; k < images; ++k) {
+    const auto found = tracker.update(noisy(mean, bench.scene, bench.random));
+    ASSERT_TRUE(found);
+    const Eigen::Matrix<double, 5, 1> off = found->ellipse.vector() - truth.vector();
+    sum += off / images;
+    squares += off.cwiseAbs2() / images;
+    said += found->covariance.diagonal() / images;
+  }
+  for (int k = 0; k < 5; ++k) {
+    const double ratio = std::sqrt(said[k] / (squares[k] - sum[k] * sum[k]));
+    EXPECT_GT(ratio, 0.7) << k;  // never much too sure
+    EXPECT_LT(ratio, 6) << k;    // its floors stand for what noise does not show: 0.02 px all round, 0.05 px a normal
+  }
+}
+
+TEST(BlobTracker, never_absorbs_a_body_that_holds_still) {
+  Scene scene;
+  scene.size = {320, 240};
+  Bench bench(scene);
+  BlobTracker tracker(bench.background, settings_for(bench));
+  const Ellipse truth{{150, 110}, 50, 25, -0.7};
+  cv::Mat mean = bench.ground.clone();
+  draw_body(mean, truth, metal(), scene);
+  std::optional<EllipseMeasurement> first, last;
+  for (int k = 0; k < 300; ++k) {
+    last = tracker.update(noisy(mean, scene, bench.random));
+    ASSERT_TRUE(last) << k;
+    if (!first) first = last;
+  }
+  EXPECT_LT((last->ellipse.vector() - first->ellipse.vector()).norm(),
+            0.2);  // noise only: 0.02 px each, five and ten of it
+}
+
+TEST(BlobTracker, follows_a_body_that_moves_turns_and_jumps) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  for (int k = 0; k < 40; ++k) {
+    Ellipse truth{{100 + 9.0 * k, 200 + 80 * std::sin(0.2 * k)}, 40, 20, 0.04 * k};
+    if (k == 30) truth.centre_px = {60, 60};
+    const auto found = tracker.update(bench.image(truth, metal()));
+    ASSERT_TRUE(found) << k;
+    EXPECT_LT((found->ellipse.centre_px - truth.centre_px).norm(), 0.3) << k;  // several times the bias of this look
+    EXPECT_GT(found->inlier_fraction, 0.8) << k;
+  }
+}
+
+TEST(BlobTracker, measures_the_same_whatever_it_saw_before) {
+  Bench bench;
+  const Ellipse truth{{300, 200}, 70, 35, 0.4};
+  const cv::Mat image = bench.image(truth, metal());
+  BlobTracker fresh(bench.background, settings_for(bench)), used(bench.background, settings_for(bench));
+  used.update(bench.image({{310, 195}, 70, 35, 0.5}, metal()));
+  const auto a = fresh.update(image), b = used.update(image), c = fresh.update(image);
+  ASSERT_TRUE(a && b && c);
+  EXPECT_LT((a->ellipse.vector() - b->ellipse.vector()).norm(),
+            0.05);  // they start from other grids: what rounds leave
+  EXPECT_LT((c->ellipse.vector() - a->ellipse.vector()).norm(), 0.05);
+  BlobTracker twin(bench.background, settings_for(bench));
+  EXPECT_EQ(twin.update(image)->ellipse.vector(), a->ellipse.vector());  // same images, same bits
+  EXPECT_EQ(twin.update(image)->ellipse.vector(), c->ellipse.vector());
+}
+
+TEST(BlobTracker, gives_nothing_on_the_empty_scene_a_blank_or_a_blinded_image) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  for (int k = 0; k < 20; ++k) EXPECT_FALSE(tracker.update(noisy(bench.ground, bench.scene, bench.random)));
+  EXPECT_FALSE(tracker.update(cv::Mat::zeros(bench.scene.size, CV_8U)));
+  EXPECT_FALSE(tracker.update(cv::Mat(bench.scene.size, CV_8U, cv::Scalar(255))));
+  EXPECT_TRUE(tracker.update(bench.image({{300, 200}, 70, 35, 0.4}, metal())));
+  EXPECT_FALSE(tracker.update(cv::Mat::zeros(bench.scene.size, CV_8U)));
+  EXPECT_FALSE(tracker.update(noisy(bench.ground, bench.scene, bench.random)));
+  EXPECT_TRUE(tracker.update(bench.image({{100, 300}, 70, 35, 0.4}, metal())));  // and finds it again at once
+}
+
+TEST(BlobTracker, is_not_fooled_by_a_bar_across_the_body) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  const Ellipse truth{{300, 200}, 70, 35, 0.4};
+  ASSERT_TRUE(tracker.update(bench.image(truth, metal())));
+  for (const int width : {20, 60, 120}) {
+    cv::Mat image = bench.image(truth, metal());
+    cv::line(image, {330, 0}, {340, 479}, 40, width);
+    const auto found = tracker.update(image);
+    if (!found) continue;
+    const bool right = (found->ellipse.vector() - truth.vector()).head<4>().norm() < 5;
+    EXPECT_TRUE(right || found->inlier_fraction < 0.8) << width;
+  }
+}
+
+TEST(BlobTracker, keeps_measuring_beside_the_images_edge_or_gives_up) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  for (double u = 80; u > -60; u -= 10) {
+    const Ellipse truth{{u, 240}, 60, 30, 0};
+    const auto found = tracker.update(bench.image(truth, metal()));
+    if (u > 75) {
+      ASSERT_TRUE(found);
+    }
+    if (!found) continue;
+    EXPECT_TRUE(found->ellipse.vector().allFinite() && found->covariance.allFinite());
+    if (found->inlier_fraction > 0.8) {
+      EXPECT_LT((found->ellipse.centre_px - truth.centre_px).norm(), 0.5);
+    }
+  }
+  EXPECT_FALSE(tracker.update(bench.image({{-90, 240}, 60, 30, 0}, metal())));
+}
+
+TEST(BlobTracker, sees_through_a_lamp_that_flickers) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  const Ellipse truth{{300, 200}, 70, 35, 0.4};
+  cv::Mat mean = bench.ground.clone();
+  draw_body(mean, truth, metal(), bench.scene);
+  for (const double lamp : {0.98, 1.02}) {
+    const auto found = tracker.update(noisy(mean * lamp, bench.scene, bench.random));
+    ASSERT_TRUE(found);
+    EXPECT_LT(2 * std::abs(found->ellipse.semi_minor_px - truth.semi_minor_px), 0.5);  // the figure
+    EXPECT_LT(2 * std::abs(found->ellipse.semi_major_px - truth.semi_major_px), 0.5);
+  }
+}
+
+TEST(BlobTracker, stays_free_of_nan_on_random_scribble) {
+  Bench bench;
+  BlobTracker tracker(bench.background, settings_for(bench));
+  std::uniform_int_distribution<int> u(-100, 740), v(-100, 580), grey(0, 255), size(1, 150), turn(0, 360);
+  for (int k = 0; k < 150; ++k) {
+    cv::Mat image = noisy(bench.ground, bench.scene, bench.random);
+    for (int shapes = 0; shapes < 4; ++shapes) {
+      const cv::Point at(u(bench.random), v(bench.random)), other(u(bench.random), v(bench.random));
+      const cv::Size axes(size(bench.random), size(bench.random));
+      const int level = grey(bench.random), angle = turn(bench.random);
+      if (shapes % 2 == 0) {
+        cv::ellipse(image, at, axes, angle, 0, 360, level, -1);
+      } else {
+        cv::line(image, at, other, level, 1 + angle / 20);
+      }
+    }
+    const auto found = tracker.update(image);
+    if (!found) continue;
+    ASSERT_TRUE(found->ellipse.vector().allFinite());
+    ASSERT_TRUE(found->covariance.allFinite());
+    EXPECT_GE(found->ellipse.semi_minor_px, settings_for(bench).min_semi_minor_px);
+    EXPECT_LE(found->ellipse.semi_major_px, settings_for(bench).max_semi_major_px);
+    EXPECT_GE(found->inlier_fraction, 0.3);
+  }
+}
+
+TEST(BlobTracker, refuses_images_and_settings_that_cannot_be) {
+  Scene scene;
+  scene.size = {160, 120};
+  Bench bench(scene);
+  BlobTracker tracker(bench.background, {});
+  EXPECT_THROW(tracker.update(cv::Mat::zeros(120, 161, CV_8U)), std::invalid_argument);
+  EXPECT_THROW(tracker.update(cv::Mat::zeros(120, 160, CV_16U)), std::invalid_argument);
+  EXPECT_THROW(tracker.update(cv::Mat()), std::invalid_argument);
+  EXPECT_THROW(BlobTracker({}, {}), std::invalid_argument);
+  const auto refused = [&](auto change) {
+    BlobTrackerSettings s;
+    change(s);
+    EXPECT_THROW(BlobTracker(bench.background, s), std::invalid_argument);
+  };
+  refused([](BlobTrackerSettings& s) { s.min_semi_minor_px = 0; });
+  refused([](BlobTrackerSettings& s) { s.max_semi_major_px = 1; });
+  refused([](BlobTrackerSettings& s) { s.threshold_sigma = std::numeric_limits<double>::quiet_NaN(); });
+  refused([](BlobTrackerSettings& s) { s.min_contrast = 0; });
+  refused([](BlobTrackerSettings& s) { s.normals = 63; });
+  refused([](BlobTrackerSettings& s) { s.search_px = 100; });
+  refused([](BlobTrackerSettings& s) { s.blur_sigma_px = 0; });
+}
+
+}  // namespace
+}  // namespace vitreo::vision

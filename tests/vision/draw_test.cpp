@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/draw.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <stdexcept>
+
+namespace vitreo::vision {
+namespace {
+
+TEST(DrawOverlay, leaves_the_picture_alone_when_there_is_nothing_to_draw) {
+  const cv::Mat grey(50, 80, CV_8U, cv::Scalar(99));
+  const cv::Mat picture = draw_overlay(grey, {});
+  ASSERT_EQ(picture.type(), CV_8UC3);
+  EXPECT_EQ(picture.size(), grey.size());
+  EXPECT_EQ(picture.at<cv::Vec3b>(20, 30), cv::Vec3b(99, 99, 99));
+}
+
+TEST(DrawOverlay, draws_the_tracked_contour_where_it_is_and_thin) {
+  const cv::Mat grey(200, 300, CV_8U, cv::Scalar(120));
+  Overlay overlay;
+  overlay.tracked = Ellipse{{150, 100}, 60, 30, 0};
+  const cv::Mat picture = draw_overlay(grey, overlay);
+  const cv::Vec3b rim = picture.at<cv::Vec3b>(70, 150);
+  EXPECT_GT(rim[1] - std::max(rim[0], rim[2]), 80);  // green against grey
+  EXPECT_EQ(picture.at<cv::Vec3b>(66, 150), cv::Vec3b(120, 120, 120));
+  EXPECT_EQ(picture.at<cv::Vec3b>(74, 150), cv::Vec3b(120, 120, 120));
+}
+
+TEST(DrawOverlay, takes_what_lies_outside_or_is_no_number) {
+  const cv::Mat grey(100, 100, CV_8U, cv::Scalar(120));
+  Overlay overlay;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  overlay.tracked = Ellipse{{1e9, -500}, 60, 30, 0};
+  overlay.expected = Ellipse{{nan, 0}, 60, 30, 0};
+  overlay.trail_px = {{0, 0}, {nan, nan}, {1e300, 0}, {50, 50}};
+  overlay.target_px = Eigen::Vector2d(-20, 50);
+  overlay.scale_bar_px = 1000;
+  EXPECT_NO_THROW(draw_overlay(grey, overlay));
+  EXPECT_THROW(draw_overlay(cv::Mat(), overlay), std::invalid_argument);
+  EXPECT_THROW(draw_overlay(cv::Mat(4, 4, CV_8UC3), overlay), std::invalid_argument);
+}
+
+TEST(CropAround, keeps_its_size_and_moves_inside) {
+  cv::Mat image(100, 200, CV_8U);
+  for (int v = 0; v < 100; ++v) {
+    for (int u = 0; u < 200; ++u) image.at<unsigned char>(v, u) = static_cast<unsigned char>(u);
+  }
+  const cv::Mat middle = crop_around(image, {100, 50}, {21, 11});
+  EXPECT_EQ(middle.size(), cv::Size(21, 11));
+  EXPECT_EQ(middle.at<unsigned char>(5, 10), 100);
+  EXPECT_EQ(crop_around(image, {-40, 50}, {21, 11}).at<unsigned char>(0, 0), 0);
+  EXPECT_EQ(crop_around(image, {400, 400}, {21, 11}).at<unsigned char>(10, 20), 199);
+  EXPECT_EQ(crop_around(image, {10, 10}, {500, 500}).size(), image.size());
+  EXPECT_THROW(crop_around(image, {10, 10}, {0, 5}), std::invalid_argument);
+  EXPECT_THROW(crop_around(image, {std::numeric_limits<double>::quiet_NaN(), 1}, {5, 5}), std::invalid_argument);
+  EXPECT_THROW(crop_around(cv::Mat(), {1, 1}, {5, 5}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace vitreo::vision

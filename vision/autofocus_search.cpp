@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/autofocus_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr int kRefinement = 4;  // each sweep's step to that of the next
+
+struct Range {
+  double low, high;
+  double width() const { return high - low; }
+};
+
+Range within(const Range& range, const Range& limits) {
+  return {std::max(range.low, limits.low), std::min(range.high, limits.high)};
+}
+
+// Evenly over the range, both ends included, three positions at least.
+class EvenSweep {
+ public:
+  EvenSweep() = default;
+  EvenSweep(const Range& range, int count) : range_(range), count_(std::max(count, 3)) {}
+  static EvenSweep by_step(const Range& range, double step) {
+    return {range, static_cast<int>(std::ceil(range.width() / step - 1e-9)) + 1};
+  }
+  double spacing() const { return range_.width() / (count_ - 1); }
+  std::optional<double> next() {
+    if (done_ == count_) return std::nullopt;
+    const double share = static_cast<double>(done_++) / (count_ - 1);
+    return share < 1 ? range_.low + share * range_.width() : range_.high;
+  }
+
+ private:
+  Range range_{0, 0};
+  int count_ = 3, done_ = 0;
+};
+
+const FocusSample& best_of(const std::vector<FocusSample>& samples, std::size_t from = 0) {
+  return *std::max_element(samples.begin() + static_cast<std::ptrdiff_t>(from), samples.end(),
+                           [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
+}
+
+class Sweep final : public FocusSearch {
+ public:
+  explicit Sweep(const AutofocusSettings& s) : sweep_(EvenSweep::by_step({s.low, s.high}, s.step)) {}
+  std::optional<double> next(const std::vector<FocusSample>&) override { return sweep_.next(); }
+
+ private:
+  EvenSweep sweep_;
+};
+
+// The first sweep of the other two. While nothing stands out, the peak may be narrower than the sweep's spacing: it is
+// swept again half as wide, down to the finest step.
+class Bracketing {
+ public:
+  explicit Bracketing(const AutofocusSettings& s)
+      : limits_{s.low, s.high}, step_(s.step), hysteresis_(s.hysteresis), sweep_(limits_, s.coarse) {}
+  std::optional<double> next(const std::vector<FocusSample>& samples) {
+    if (const auto position = sweep_.next()) return position;
+    if (stands_out(samples) || spacing() <= step_) return std::nullopt;
+    sweep_ = EvenSweep::by_step(limits_, spacing() / 2);
+    return sweep_.next();
+  }
+  double spacing() const { return sweep_.spacing(); }
+  const Range& limits() const { return limits_; }
+  bool stands_out(const std::vector<FocusSample>& samples) const {
+    std::vector<double> values;
+    values.reserve(samples.size());
+    for (const FocusSample& s : samples) values.push_back(s.value);
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    const double best = best_of(samples).value;
+    return best > 0 && best - *middle > hysteresis_ * best;
+  }
+  Range bracket(const std::vector<FocusSample>& samples) const {
+    const double best = best_of(samples).position;
+    return within({best - spacing(), best + spacing()}, limits_);
+  }
+
+ private:
+  Range limits_;
+  double step_, hysteresis_;
+  EvenSweep sweep_;
+};
+
+class CoarseToFine final : public FocusSearch {
+ public:
+  explicit CoarseToFine(const AutofocusSettings& s) : step_(s.step), coarse_(s) {}
+  std::optional<double> next(const std::vector<FocusSample>& samples) override {
+    if (spacing_ == 0) {
+      if (const auto position = coarse_.next(samples)) return position;
+      if (!coarse_.stands_out(samples)) return std::nullopt;
+      return refine(samples, coarse_.spacing());
+    }
+    if (const auto position = sweep_.next()) return position;
+    return refine(samples, spacing_);
+  }
+
+ private:
+  // About the best of the last sweep: those before it were coarser, and the light may have changed since.
+  std::optional<double> refine(const std::vector<FocusSample>& samples, double spacing) {
+    if (spacing <= step_ * (1 + 1e-9)) return std::nullopt;
+    const double best = best_of(samples, swept_).position;
+    swept_ = samples.size();
+    spacing_ = std::max(spacing / kRefinement, step_);
+    sweep_ = EvenSweep::by_step(within({best - spacing, best + spacing}, coarse_.limits()), spacing_);
+    return sweep_.next();
+  }
+
+  double step_, spacing_ = 0;
+  std::size_t swept_ = 0;
+  Bracketing coarse_;
+  EvenSweep sweep_;
+};
+
+// Golden section and Fibonacci search: two inner positions, of which one is kept each time.
+class Section final : public FocusSearch {
+ public:
+  explicit Section(const AutofocusSettings& s)
+      : golden_(s.strategy == AutofocusStrategy::golden_section),
+        step_(s.step),
+        hysteresis_(s.hysteresis),
+        coarse_(s) {}
+  std::optional<double> next(const std::vector<FocusSample>& samples) override {
+    if (stage_ == Stage::coarse) {
+      if (const auto position = coarse_.next(samples)) return position;
+      if (!coarse_.stands_out(samples)) return std::nullopt;
+      begin(coarse_.bracket(samples));
+      return left_.position;
+    }
+    if (stage_ == Stage::over) return std::nullopt;
+    Inner& measured = stage_ == Stage::left ? left_ : right_;
+    measured.value = samples.back().value;
+    if (!right_.value) return ask(Stage::right);
+    if (!left_.value) return ask(Stage::left);
+    return shrink();
+  }
+
+ private:
+  enum class Stage { coarse, left, right, over };
+  struct Inner {
+    double position = 0;
+    std::optional<double> value;
+  };
+
+  // Fibonacci: the bracket is cut into as many steps, about the finest, as the first Fibonacci number that holds it.
+  void begin(const Range& bracket) {
+    range_ = bracket;
+    int small = 1, large = 1;
+    while (large * step_ < range_.width()) small = std::exchange(large, small + large);
+    const double ratio = golden_ ? 1 / std::numbers::phi : static_cast<double>(small) / large;
+    left_ = {range_.high - ratio * range_.width(), {}};
+    right_ = {range_.low + ratio * range_.width(), {}};
+    stage_ = Stage::left;
+  }
+  double ask(Stage stage) {
+    stage_ = stage;
+    return stage == Stage::left ? left_.position : right_.position;
+  }
+  std::optional<double> shrink() {
+    const double difference = *left_.value - *right_.value;
+    if (std::abs(difference) < hysteresis_ * std::max(*left_.value, *right_.value)) {
+      stage_ = Stage::over;  // noise would choose the side; the parabola through all samples knows better
+      return (left_.position + right_.position) / 2;
+    }
+    (difference > 0 ? range_.high : range_.low) = difference > 0 ? right_.position : left_.position;
+    if (range_.width() <= 2 * step_) return std::nullopt;
+    if (difference > 0) {
+      right_ = left_;
+      left_ = {range_.low + range_.high - right_.position, {}};
+      return ask(Stage::left);
+    }
+    left_ = right_;
+    right_ = {range_.low + range_.high - left_.position, {}};
+    return ask(Stage::right);
+  }
+
+  bool golden_;
+  double step_, hysteresis_;
+  Stage stage_ = Stage::coarse;
+  Bracketing coarse_;
+  Range range_{0, 0};
+  Inner left_, right_;
+};
+
+}  // namespace
+
+std::unique_ptr<FocusSearch> make_focus_search(const AutofocusSettings& settings) {
+  switch (settings.strategy) {
+    case AutofocusStrategy::sweep:
+      return std::make_unique<Sweep>(settings);
+    case AutofocusStrategy::coarse_to_fine:
+      return std::make_unique<CoarseToFine>(settings);
+    case AutofocusStrategy::golden_section:
+    case AutofocusStrategy::fibonacci:
+      return std::make_unique<Section>(settings);
+  }
+  throw std::invalid_argument("strategy: there is no such autofocus strategy");
+}
+
+}  // namespace vitreo::vision

@@ -1,0 +1,23 @@
+// How each autofocus strategy chooses its next position from what was measured so far.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/autofocus.h"
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+namespace vitreo::vision {
+
+class FocusSearch {
+ public:
+  virtual ~FocusSearch() = default;
+  /// The next position within the limits, or nothing at the end. `samples`: one for each position asked for, in order.
+  virtual std::optional<double> next(const std::vector<FocusSample>& samples) = 0;
+};
+
+/// Within settings.low and settings.high.
+std::unique_ptr<FocusSearch> make_focus_search(const AutofocusSettings& settings);
+
+}  // namespace vitreo::vision

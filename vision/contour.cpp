@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/contour.h"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr int kCoarseRounds = 2, kFineRounds = 5;
+constexpr double kSettled = 0.03;  // px: a round that moves the rim less is the last
+// A body brightens from its rim inwards by about these parts of its contrast, as a root and straight.
+constexpr double kRootSpread = 0.5, kStraightSpread = 1;
+
+template <class T>
+double interpolated(const cv::Mat& image, double u, double v) {
+  const int i = static_cast<int>(u), j = static_cast<int>(v);
+  const double a = u - i, b = v - j;
+  const T *top = image.ptr<T>(j) + i, *bottom = image.ptr<T>(j + 1) + i;
+  return (1 - b) * ((1 - a) * top[0] + a * top[1]) + b * ((1 - a) * bottom[0] + a * bottom[1]);
+}
+
+bool inside_image(const cv::Mat& image, const Eigen::Vector2d& p) {
+  return p.x() >= 0 && p.y() >= 0 && p.x() < image.cols - 1 && p.y() < image.rows - 1;
+}
+
+// `count` values 1 px apart outwards, the first `inside` px within the rim. False when they leave the image.
+template <class Samples>
+bool sample(const cv::Mat& image, const cv::Mat& ground, const Normal& n, double inside, int count, Samples& out) {
+  const Eigen::Vector2d first = n.rim_px - inside * n.outward;
+  if (!inside_image(image, first) || !inside_image(image, first + (count - 1) * n.outward)) return false;
+  for (int j = 0; j < count; ++j) {
+    const Eigen::Vector2d p = first + j * n.outward;
+    out.image[static_cast<std::size_t>(j)] = interpolated<unsigned char>(image, p.x(), p.y());
+    out.ground[static_cast<std::size_t>(j)] = interpolated<float>(ground, p.x(), p.y());
+  }
+  return true;
+}
+
+double median_of(std::vector<double>& values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double noise_at(const cv::Mat& noise, double level) {
+  return noise.at<float>(static_cast<int>(std::clamp(level, 0.0, 255.0)));
+}
+
+}  // namespace
+
+Contour::Contour(const ContourSettings& settings)
+    : settings_(settings),
+      profiles_(static_cast<std::size_t>(settings.normals / 4 + 1)),
+      normals_(static_cast<std::size_t>(settings.normals)),
+      samples_(normals_.size()),
+      edges_(normals_.size()) {}
+
+const EdgeModel::Profile& Contour::profile(std::size_t k) const {
+  const std::size_t half = normals_.size() / 2, folded = k > half ? normals_.size() - k : k;
+  return profiles_[std::min(folded, half - folded)];
+}
+
+// From outside inwards, so that highlights within cannot mislead: where the difference from the ground has come half
+// way to what it reaches just inside.
+void Contour::half_crossing(const Images& images, Normal& n) const {
+  Samples s;
+  const int reach = static_cast<int>(settings_.search_px), count = 2 * reach + 1;
+  if (!sample(images.image, images.ground, n, reach, count, s)) return;
+  std::array<double, EdgeModel::kMaxSamples> d{};
+  const auto at = [&](int j) -> double& { return d[static_cast<std::size_t>(j)]; };
+  for (int j = 0; j < count; ++j) {
+    at(j) = s.image[static_cast<std::size_t>(j)] - s.ground[static_cast<std::size_t>(j)];
+  }
+  const double noise = noise_at(images.noise, s.ground[static_cast<std::size_t>(reach)]);
+  const double threshold = std::max(settings_.min_contrast / 2, 4 * noise);
+  int first = count - 2;
+  const auto within = [&](int j) { return std::abs(at(j)) > threshold && at(j) * at(j - 1) > threshold * threshold; };
+  while (first >= 1 && !within(first)) --first;
+  if (first < 1 || first == count - 2) return;  // nothing there, or the rim lies further out
+  const double sign = at(first) > 0 ? 1 : -1;
+  int top = first;
+  const int deepest = std::max(first - static_cast<int>(3 * settings_.blur_sigma_px) - 1, 0);
+  for (int j = first; j >= deepest; --j) {
+    if (sign * at(j) > sign * at(top)) top = j;
+  }
+  const double half = sign * at(top) / 2;
+  int j = top;
+  while (j < count - 1 && sign * at(j) > half) ++j;
+  const double fraction = (sign * at(j - 1) - half) / (sign * at(j - 1) - sign * at(j));
+  n.found = std::isfinite(fraction);
+  n.shift_px = j - 1 + fraction - reach;
+  n.variance = 0.25;
+  n.contrast = at(top);
+}
+
+bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
+  place_normals(ellipse, normals_);
+  for (Normal& n : normals_) half_crossing(images, n);
+  const FittedEllipse fitted = fit_ellipse(ellipse, normals_);
+  if (fitted.valid) ellipse = fitted.ellipse;
+  return fitted.valid;
+}
+
+// Lamps flicker: what the ground outside the robot differs from the learnt one, in the median over all normals.
+double Contour::ground_offset() const {
+  std::vector<double> off;
+  for (std::size_t k = 0; k < normals_.size(); ++k) {
+    if (!normals_[k].found) continue;
+    for (auto j = static_cast<std::size_t>(count_ - 3); j < static_cast<std::size_t>(count_); ++j) {
+      off.push_back(samples_[k].image[j] - samples_[k].ground[j]);
+    }
+  }
+  return median_of(off);
+}
+
+double Contour::light(std::size_t k, std::size_t j, double cover) const {
+  return samples_[k].image[j] - offset_ - (1 - cover) * samples_[k].ground[j];
+}
+
+// Least squares for the body's brightness with the rim where it is now: normal equations, and the right-hand side last.
+Eigen::Matrix4d Contour::brightness_sums(std::size_t k) const {
+  const EdgeModel::Profile& model = profile(k);
+  Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
+  for (std::size_t j = 0; j < static_cast<std::size_t>(count_); ++j) {
+    Eigen::Vector4d row;
+    row << model[j].value, light(k, j, model[j].value[0]);
+    sum.noalias() += model[j].trust * row * row.transpose();
+  }
+  return sum;
+}
+
+// The brightness at the rim and its rises inwards. `prior` is what the normal equations gain because the rises are not
+// likely to exceed some part of the contrast: it keeps them apart where noise and blur leave them alike.
+Eigen::Vector3d Contour::brightness(std::size_t k, double noise, Eigen::Vector3d& prior) const {
+  const Eigen::Matrix4d sum = brightness_sums(k);
+  const double contrast = std::max(std::abs(sum(0, 3) / sum(0, 0) - ground_at_rim(k)), settings_.min_contrast / 2);
+  const double likely = std::max(noise, 0.5) / contrast;
+  prior = {0, std::pow(likely / kRootSpread, 2), std::pow(likely / kStraightSpread, 2)};
+  Eigen::Matrix3d normal = sum.topLeftCorner<3, 3>();
+  normal.diagonal() += prior;
+  return normal.inverse() * sum.topRightCorner<3, 1>();
+}
+
+// Normal equations of one Gauss-Newton step: the rim's shift, three of brightness, the blur; the misfit last.
+// The light from a pixel is (1 - cover) ground + the body's.
+Contour::StepSums Contour::step_sums(std::size_t k, const Eigen::Vector3d& body) const {
+  const EdgeModel::Profile& model = profile(k);
+  StepSums sum = StepSums::Zero();
+  for (std::size_t j = 0; j < static_cast<std::size_t>(count_); ++j) {
+    const EdgeSample& m = model[j];
+    const double ground = samples_[k].ground[j];
+    Eigen::Matrix<double, 6, 1> row;
+    row << body.dot(m.by_shift) - ground * m.by_shift[0], m.value, body.dot(m.by_blur) - ground * m.by_blur[0],
+        light(k, j, m.value[0]) - body.dot(m.value);
+    sum.noalias() += m.trust * row * row.transpose();
+  }
+  return sum;
+}
+
+// The rim's shift with the body's brightness eliminated; the blur's column is kept for all normals together.
+void Contour::place_edge(const Images& images, std::size_t k) {
+  Edge& edge = edges_[k];
+  Normal& n = normals_[k];
+  const double ground = ground_at_rim(k), noise = noise_at(images.noise, ground);
+  Eigen::Vector3d prior;
+  const Eigen::Vector3d body = brightness(k, noise, prior);
+  StepSums sum = step_sums(k, body);
+  sum.diagonal().segment<3>(1) += prior;
+  sum.block<3, 1>(1, 5) -= prior.cwiseProduct(body);
+  const Eigen::Matrix4d inverse = sum.topLeftCorner<4, 4>().inverse();
+  const Eigen::Vector4d column = sum.block<4, 1>(0, 4), pull = sum.block<4, 1>(0, 5);
+  const Eigen::Vector4d solved = inverse * pull, by_blur = inverse * column;
+  edge.misfit = std::max(sum(5, 5) - pull.dot(solved), 0.0) / std::max(count_ - 4.0, 1.0);
+  edge.pull = sum(4, 5) - column.dot(solved);
+  edge.stiffness = sum(4, 4) - column.dot(by_blur);
+  edge.shift_by_blur = by_blur[0];
+  n.shift_px = solved[0];
+  n.variance = inverse(0, 0) * std::max(edge.misfit, noise * noise);
+  n.contrast = body[0] + solved[1] - ground;
+  n.found = std::isfinite(n.shift_px) && n.variance > 0 && n.variance < 4 &&
+            std::abs(n.contrast) > settings_.min_contrast / 2 && std::abs(n.shift_px) < settings_.search_px / 2;
+}
+
+// Highlights, vessels that were not learnt, other bodies: normals that the model does not describe.
+void Contour::drop_misfits() {
+  std::vector<double> misfits;
+  for (std::size_t k = 0; k < normals_.size(); ++k) {
+    if (normals_[k].found) misfits.push_back(edges_[k].misfit);
+  }
+  const double largest = 16 * std::max(median_of(misfits), 0.25);
+  for (std::size_t k = 0; k < normals_.size(); ++k) normals_[k].found &= edges_[k].misfit < largest;
+}
+
+void Contour::improve_blur() {
+  double pull = 0, stiffness = 0;
+  for (std::size_t k = 0; k < normals_.size(); ++k) {
+    if (!normals_[k].found) continue;
+    pull += edges_[k].trust * edges_[k].pull;
+    stiffness += edges_[k].trust * edges_[k].stiffness;
+  }
+  if (!(stiffness > 0)) return;
+  const double wanted = std::clamp(sigma_ + pull / stiffness, 0.7 * sigma_, 1.4 * sigma_);
+  const double next = std::clamp(wanted, 0.4 * settings_.blur_sigma_px, 2.5 * settings_.blur_sigma_px);
+  for (std::size_t k = 0; k < normals_.size(); ++k) normals_[k].shift_px -= edges_[k].shift_by_blur * (next - sigma_);
+  sigma_ = next;
+}
+
+void Contour::look(const Images& images, const Ellipse& ellipse) {
+  inside_ = std::min(2.5 * sigma_ + 3, 0.7 * ellipse.semi_minor_px);
+  count_ = std::min(static_cast<int>(inside_ + 2.5 * sigma_ + 3) + 1, EdgeModel::kMaxSamples);
+  for (std::size_t k = 0; k < normals_.size(); ++k) edges_[k].trust = normals_[k].weight;  // of the round before
+  place_normals(ellipse, normals_);
+  for (std::size_t k = 0; k < profiles_.size(); ++k) {
+    const double t = 2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(normals_.size());
+    model_.profile(ellipse.semi_major_px, ellipse.semi_minor_px, t, sigma_, inside_, count_, profiles_[k]);
+  }
+  for (std::size_t k = 0; k < normals_.size(); ++k) {
+    normals_[k].found = sample(images.image, images.ground, normals_[k], inside_, count_, samples_[k]);
+  }
+  offset_ = ground_offset();
+}
+
+std::optional<FittedEllipse> Contour::fine_round(const Images& images, const Ellipse& ellipse) {
+  look(images, ellipse);
+  for (std::size_t k = 0; k < normals_.size(); ++k) {
+    if (normals_[k].found) place_edge(images, k);
+  }
+  drop_misfits();
+  improve_blur();
+  FittedEllipse fitted = fit_ellipse(ellipse, normals_);
+  if (!fitted.valid) return std::nullopt;
+  return fitted;
+}
+
+double Contour::median_contrast() const {
+  std::vector<double> contrasts;
+  for (const Normal& n : normals_) {
+    if (n.found && n.weight > 0) contrasts.push_back(std::abs(n.contrast));
+  }
+  return median_of(contrasts);
+}
+
+std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const cv::Mat& ground, const cv::Mat& noise,
+                                                   const Ellipse& start) {
+  const Images images{image, ground, noise};
+  Ellipse ellipse = start;
+  for (int k = 0; k < kCoarseRounds; ++k) {
+    if (!coarse_round(images, ellipse)) return std::nullopt;
+  }
+  sigma_ = settings_.blur_sigma_px;
+  EllipseMeasurement result;
+  for (int k = 0; k < kFineRounds; ++k) {
+    const double before = sigma_;
+    const auto fitted = fine_round(images, ellipse);
+    if (!fitted) return std::nullopt;
+    const Eigen::Matrix<double, 5, 1> moved = fitted->ellipse.vector() - ellipse.vector();
+    ellipse = fitted->ellipse;
+    result.covariance = fitted->covariance;
+    if (moved.head<4>().cwiseAbs().maxCoeff() < kSettled && std::abs(sigma_ / before - 1) < 0.02) break;
+  }
+  result.ellipse = ellipse;
+  const auto agree = [](const Normal& n) { return n.found && n.weight > 0; };
+  const auto count = static_cast<double>(std::count_if(normals_.begin(), normals_.end(), agree));
+  result.inlier_fraction = count / static_cast<double>(normals_.size());
+  result.contrast = median_contrast();
+  return result;
+}
+
+}  // namespace vitreo::vision

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/draw.h"
+
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace vitreo::vision {
+namespace {
+
+const cv::Scalar kTracked(80, 220, 60), kExpected(255, 190, 60), kTrail(60, 170, 255), kTarget(60, 60, 255);  // BGR
+const cv::Scalar kInk(255, 255, 255), kShade(20, 20, 20);
+constexpr int kFraction = 4;  // bits of a pixel that OpenCV's drawing takes
+constexpr int kSegments = 180;
+
+class Pen {
+ public:
+  explicit Pen(cv::Mat& canvas) : canvas_(canvas) {
+    // One weight to the eye, however large the picture is shown: 1 px in 640.
+    weight_ = std::max(1, static_cast<int>(std::lround(std::max(canvas.cols, canvas.rows) / 640.0)));
+  }
+  int weight() const { return weight_; }
+
+  void line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const cv::Scalar& colour, int times = 1) {
+    if (!a.allFinite() || !b.allFinite() || std::max(a.norm(), b.norm()) > 1e5) return;
+    cv::line(canvas_, fixed(a), fixed(b), colour, times * weight_, cv::LINE_AA, kFraction);
+  }
+
+  void ellipse(const Ellipse& e, const cv::Scalar& colour, bool dashed) {
+    for (int k = 0; k < kSegments; ++k) {
+      if (dashed && k % 6 >= 3) continue;
+      line(e.point(angle(k)), e.point(angle(k + 1)), colour);
+    }
+  }
+
+  // Dark under light, so that it reads on any ground.
+  void text(const std::string& words, const cv::Point& at) {
+    cv::putText(canvas_, words, at, cv::FONT_HERSHEY_SIMPLEX, 0.5 * weight_, kShade, 4 * weight_, cv::LINE_AA);
+    cv::putText(canvas_, words, at, cv::FONT_HERSHEY_SIMPLEX, 0.5 * weight_, kInk, weight_, cv::LINE_AA);
+  }
+
+  cv::Size size_of(const std::string& words) const {
+    int below = 0;
+    return cv::getTextSize(words, cv::FONT_HERSHEY_SIMPLEX, 0.5 * weight_, weight_, &below);
+  }
+
+ private:
+  static double angle(int k) { return 2 * std::numbers::pi * k / kSegments; }
+  static cv::Point fixed(const Eigen::Vector2d& p) {
+    return {static_cast<int>(std::lround(p.x() * (1 << kFraction))),
+            static_cast<int>(std::lround(p.y() * (1 << kFraction)))};
+  }
+  cv::Mat& canvas_;
+  int weight_;
+};
+
+void draw_tracked(Pen& pen, const Ellipse& e) {
+  const Eigen::Vector2d along(std::cos(e.angle), std::sin(e.angle)), u(5.0 * pen.weight(), 0), v(0, 5.0 * pen.weight());
+  pen.line(e.centre_px - e.semi_major_px * along, e.centre_px + e.semi_major_px * along, kTracked * 0.6);
+  pen.ellipse(e, kTracked, false);
+  pen.line(e.centre_px - u, e.centre_px + u, kTracked);
+  pen.line(e.centre_px - v, e.centre_px + v, kTracked);
+}
+
+void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
+  const double edge = 12.0 * pen.weight(), y = size.height - edge - 1, tick = 4.0 * pen.weight();
+  const Eigen::Vector2d left(edge, y), right(edge + overlay.scale_bar_px, y), up(0, tick);
+  for (const bool shade : {true, false}) {
+    const cv::Scalar& colour = shade ? kShade : kInk;
+    const int times = shade ? 4 : 2;
+    pen.line(left, right, colour, times);
+    pen.line(left - up, left + up, colour, times);
+    pen.line(right - up, right + up, colour, times);
+  }
+  const cv::Size words = pen.size_of(overlay.scale_bar_label);
+  const double middle = edge + overlay.scale_bar_px / 2 - words.width / 2.0;
+  pen.text(overlay.scale_bar_label,
+           {static_cast<int>(std::max(middle, edge)), static_cast<int>(y - tick - 5 * pen.weight())});
+}
+
+}  // namespace
+
+cv::Mat draw_overlay(const cv::Mat& grey, const Overlay& overlay) {
+  if (grey.empty() || grey.type() != CV_8UC1) throw std::invalid_argument("grey: must be an 8-bit grey image");
+  cv::Mat canvas;
+  cv::cvtColor(grey, canvas, cv::COLOR_GRAY2BGR);
+  Pen pen(canvas);
+  for (std::size_t k = 1; k < overlay.trail_px.size(); ++k) {
+    pen.line(overlay.trail_px[k - 1], overlay.trail_px[k], kTrail);
+  }
+  if (overlay.target_px) {
+    const double radius = 6.0 * pen.weight();
+    pen.ellipse({*overlay.target_px, radius, radius, 0}, kTarget, false);
+  }
+  if (overlay.expected) pen.ellipse(*overlay.expected, kExpected, true);
+  if (overlay.tracked) draw_tracked(pen, *overlay.tracked);
+  if (overlay.scale_bar_px > 0) draw_scale_bar(pen, canvas.size(), overlay);
+  return canvas;
+}
+
+cv::Mat crop_around(const cv::Mat& image, const Eigen::Vector2d& centre_px, cv::Size size) {
+  if (image.empty()) throw std::invalid_argument("image: is empty");
+  if (size.width < 1 || size.height < 1) throw std::invalid_argument("size: must be at least one pixel");
+  if (!centre_px.allFinite()) throw std::invalid_argument("centre_px: not finite");
+  const int width = std::min(size.width, image.cols), height = std::min(size.height, image.rows);
+  const auto first = [](double centre, int length, int whole) {
+    return static_cast<int>(
+        std::clamp(std::round(centre - (length - 1) / 2.0), 0.0, static_cast<double>(whole - length)));
+  };
+  const cv::Rect where(first(centre_px.x(), width, image.cols), first(centre_px.y(), height, image.rows), width,
+                       height);
+  return image(where).clone();
+}
+
+}  // namespace vitreo::vision

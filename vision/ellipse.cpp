@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/ellipse.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace vitreo::vision {
+
+Eigen::Matrix<double, 5, 1> Ellipse::vector() const {
+  Eigen::Matrix<double, 5, 1> v;
+  v << centre_px, semi_major_px, semi_minor_px, angle;
+  return v;
+}
+
+Eigen::Vector2d Ellipse::point(double t) const {
+  const double x = semi_major_px * std::cos(t), y = semi_minor_px * std::sin(t);
+  return centre_px +
+         Eigen::Vector2d(x * std::cos(angle) - y * std::sin(angle), x * std::sin(angle) + y * std::cos(angle));
+}
+
+Eigen::Matrix2d Ellipse::shape() const {
+  const Eigen::Vector2d e(std::cos(angle), std::sin(angle)), f(-e.y(), e.x());
+  return semi_major_px * e * e.transpose() + semi_minor_px * f * f.transpose();
+}
+
+Ellipse Ellipse::from_shape(const Eigen::Vector2d& centre_px, const Eigen::Matrix2d& shape) {
+  const double mean = (shape(0, 0) + shape(1, 1)) / 2, half = (shape(0, 0) - shape(1, 1)) / 2, off = shape(0, 1);
+  const double spread = std::hypot(half, off);
+  double angle = spread > 0 ? std::atan2(off, half) / 2 : 0;  // in [-pi/2, pi/2]
+  if (angle <= -std::numbers::pi / 2) angle = std::numbers::pi / 2;
+  return {centre_px, mean + spread, mean - spread, angle};
+}
+
+}  // namespace vitreo::vision

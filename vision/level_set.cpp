@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/level_set.h"
+
+#include "vision/moments.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::vision {
+namespace {
+
+void require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(what);
+}
+
+// A Gaussian of sigma 1.2 px in integers; only the sign of the sum counts.
+constexpr std::array kGauss{1, 3, 4, 3, 1};
+
+}  // namespace
+
+void LevelSetSettings::check() const {
+  require(iterations >= 1 && iterations <= 200, "iterations: must be 1 to 200");
+  require(smoothing >= 0 && smoothing <= 20, "smoothing: must be 0 to 20");
+  require(rounds >= 1 && rounds <= 10, "rounds: must be 1 to 10");
+  require(prior_iterations >= 0 && prior_iterations <= 50, "prior_iterations: must be 0 to 50");
+  require(max_points >= 64 && max_points <= 1000000, "max_points: must be 64 to 1000000");
+}
+
+LevelSet::LevelSet(const LevelSetSettings& settings) : settings_(settings) {
+  settings.check();
+  // A pass adds at most three neighbours a point before the length is looked at.
+  const auto most = 4 * static_cast<std::size_t>(settings.max_points);
+  for (List* list : {&in_, &out_, &kept_, &added_}) list->reserve(most);
+  flag_.resize(most);
+}
+
+void LevelSet::reserve(int side_px) {
+  const auto size = (static_cast<std::size_t>(side_px) + 2) * (static_cast<std::size_t>(side_px) + 2);
+  phi_.reserve(size);
+  label_.reserve(size);
+  stack_.reserve(size);
+}
+
+void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
+  evidence_ = &evidence;
+  const cv::Rect& region = evidence.region();
+  stride_ = region.width;
+  const auto size = static_cast<std::size_t>(region.width) * static_cast<std::size_t>(region.height);
+  if (phi_.size() < size) {
+    phi_.resize(size);
+    label_.resize(size);
+    stack_.reserve(size);
+  }
+  std::fill_n(phi_.begin(), size, std::int8_t{3});
+  in_.clear();
+  out_.clear();
+  leaked_ = false;
+  iterations_ = 0;
+  const int top = region.y + Evidence::kMargin, bottom = region.y + region.height - Evidence::kMargin;
+  const int left = region.x + Evidence::kMargin, right = region.x + region.width - Evidence::kMargin;
+  const std::int16_t* f = evidence.values().data();
+  for (int v = top; v < bottom; ++v) {
+    const RowSpan span = row_of(ellipse, v);
+    const int from = static_cast<int>(evidence.index_of(std::clamp(span.first, left, right), v));
+    const int to = static_cast<int>(evidence.index_of(std::clamp(span.end, left, right), v));
+    for (int p = from; p < to; ++p) {
+      if (f[p] != Evidence::kBlocked) phi_[static_cast<std::size_t>(p)] = -3;
+    }
+  }
+  list_front(static_cast<int>(evidence.index_of(left, top)), static_cast<int>(size));
+}
+
+// Finds the front of a phi that is 3 outside and -3 inside, of `size` pixels the first and last `skip` of which are
+// outside.
+void LevelSet::list_front(int skip, int size) {
+  const std::array<int, 4> around{-1, 1, -stride_, stride_};
+  const int first = skip, end = size - skip;
+  for (int p = first; p < end; ++p) {
+    std::int8_t* phi = phi_.data() + p;
+    if (*phi > 0 || (phi[-1] < 0 && phi[1] < 0 && phi[-stride_] < 0 && phi[stride_] < 0)) continue;
+    *phi = -1;
+    in_.push_back(p);
+    for (const int d : around) {
+      if (phi[d] != 3) continue;
+      phi[d] = 1;
+      out_.push_back(p + d);
+    }
+    if (in_.size() + out_.size() > static_cast<std::size_t>(settings_.max_points)) {
+      leaked_ = true;
+      return;
+    }
+  }
+}
+
+void LevelSet::switch_in() {
+  kept_.clear();
+  added_.clear();
+  for (std::size_t k = 0; k < out_.size(); ++k) {
+    const int p = out_[k];
+    if (flag_[k] == 0) {
+      kept_.push_back(p);
+      continue;
+    }
+    std::int8_t* phi = phi_.data() + p;
+    *phi = -1;
+    in_.push_back(p);
+    for (const int d : {-1, 1, -stride_, stride_}) {
+      if (phi[d] != 3) continue;
+      phi[d] = 1;
+      added_.push_back(p + d);
+    }
+  }
+  kept_.insert(kept_.end(), added_.begin(), added_.end());
+  std::swap(out_, kept_);
+}
+
+void LevelSet::switch_out() {
+  kept_.clear();
+  added_.clear();
+  for (std::size_t k = 0; k < in_.size(); ++k) {
+    const int p = in_[k];
+    if (flag_[k] == 0) {
+      kept_.push_back(p);
+      continue;
+    }
+    std::int8_t* phi = phi_.data() + p;
+    *phi = 1;
+    out_.push_back(p);
+    for (const int d : {-1, 1, -stride_, stride_}) {
+      if (phi[d] != -3) continue;
+      phi[d] = -1;
+      added_.push_back(p + d);
+    }
+  }
+  kept_.insert(kept_.end(), added_.begin(), added_.end());
+  std::swap(in_, kept_);
+}
+
+// Drops the points that have only neighbours of their own `sign`: they are no longer at the front.
+void LevelSet::clean(List& list, int sign) {
+  std::size_t kept = 0;
+  for (const int p : list) {
+    std::int8_t* phi = phi_.data() + p;
+    if (phi[-1] * sign > 0 && phi[1] * sign > 0 && phi[-stride_] * sign > 0 && phi[stride_] * sign > 0) {
+      *phi = static_cast<std::int8_t>(3 * sign);
+    } else {
+      list[kept++] = p;
+    }
+  }
+  list.resize(kept);
+  if (in_.size() + out_.size() > static_cast<std::size_t>(settings_.max_points)) leaked_ = true;
+}
+
+// One pass over both lists; true when nothing wanted to switch.
+bool LevelSet::cycle_one(const Thresholds& thresholds) {
+  const std::int16_t* f = evidence_->values().data();
+  const auto high = static_cast<int>(std::lround(thresholds.high * Evidence::kScale));
+  const auto low = static_cast<int>(std::lround(thresholds.low * Evidence::kScale));
+  int switched = 0;
+  for (std::size_t k = 0; k < out_.size(); ++k) switched += flag_[k] = f[out_[k]] > high;
+  switch_in();
+  clean(in_, -1);
+  for (std::size_t k = 0; k < in_.size(); ++k) switched += flag_[k] = f[in_[k]] < low;
+  switch_out();
+  clean(out_, 1);
+  return switched == 0;
+}
+
+int LevelSet::smoothed(int p) const {
+  int sum = 0;
+  for (int j = 0; j < 5; ++j) {
+    const std::int8_t* row = phi_.data() + p + (j - 2) * stride_ - 2;
+    sum += kGauss[static_cast<std::size_t>(j)] * (row[0] + row[4] + 3 * (row[1] + row[3]) + 4 * row[2]);
+  }
+  return sum;
+}
+
+void LevelSet::cycle_two() {
+  const std::int16_t* f = evidence_->values().data();
+  for (std::size_t k = 0; k < out_.size(); ++k) flag_[k] = smoothed(out_[k]) < 0 && f[out_[k]] != Evidence::kBlocked;
+  switch_in();
+  clean(in_, -1);
+  for (std::size_t k = 0; k < in_.size(); ++k) flag_[k] = smoothed(in_[k]) > 0;
+  switch_out();
+  clean(out_, 1);
+}
+
+void LevelSet::evolve(const Thresholds& thresholds) {
+  bool settled = false;
+  for (int round = 0; round < settings_.rounds && !settled; ++round) {
+    for (int k = 0; k < settings_.iterations && !settled && !leaked_; ++k, ++iterations_)
+      settled = cycle_one(thresholds);
+    for (int k = 0; k < settings_.smoothing && !leaked_; ++k) cycle_two();
+  }
+}
+
+void LevelSet::pull_to(const PlacedShape& prior) {
+  const std::int16_t* f = evidence_->values().data();
+  const cv::Rect& region = evidence_->region();
+  const auto at = [&](int p) { return prior.at(region.x + p % stride_, region.y + p / stride_); };
+  for (int i = 0; i < settings_.prior_iterations && !leaked_; ++i) {
+    for (std::size_t k = 0; k < out_.size(); ++k) flag_[k] = f[out_[k]] != Evidence::kBlocked && at(out_[k]) < 0;
+    switch_in();
+    clean(in_, -1);
+    for (std::size_t k = 0; k < in_.size(); ++k) flag_[k] = at(in_[k]) > 0;
+    switch_out();
+    clean(out_, 1);
+  }
+}
+
+Segment LevelSet::flood(int seed, unsigned char label) {
+  MomentSums sums;
+  std::int64_t evidence = 0;
+  const std::int16_t* f = evidence_->values().data();
+  stack_.assign(1, seed);
+  label_[static_cast<std::size_t>(seed)] = label;
+  while (!stack_.empty()) {
+    const int p = stack_.back();
+    stack_.pop_back();
+    sums.add(p % stride_, p / stride_);
+    evidence += f[p];
+    for (const int d : {-1, 1, -stride_, stride_}) {
+      const auto q = static_cast<std::size_t>(p + d);
+      if (phi_[q] > 0 || label_[q] != 0) continue;
+      label_[q] = label;
+      stack_.push_back(p + d);
+    }
+  }
+  const cv::Rect& region = evidence_->region();
+  return {static_cast<double>(sums.count), sums.ellipse({region.x, region.y}),
+          static_cast<double>(evidence) / static_cast<double>(sums.count) / Evidence::kScale};
+}
+
+Segment LevelSet::keep_largest() {
+  const auto size = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(evidence_->region().height);
+  std::fill_n(label_.begin(), size, static_cast<unsigned char>(0));
+  Segment best;
+  unsigned char label = 0, best_label = 0;
+  for (const int p : in_) {
+    if (label_[static_cast<std::size_t>(p)] != 0) continue;
+    // 254 parts are dust; whatever else is there can not be larger than what a body is.
+    if (++label == 255) break;
+    const Segment part = flood(p, label);
+    if (part.area_px <= best.area_px) continue;
+    best = part;
+    best_label = label;
+  }
+  if (label < 2) return best;
+  for (std::size_t p = 0; p < size; ++p) {
+    if (phi_[p] < 0 && label_[p] != best_label) phi_[p] = 3;
+  }
+  std::erase_if(in_, [&](int p) { return phi_[static_cast<std::size_t>(p)] > 0; });
+  clean(out_, 1);
+  return best;
+}
+
+void LevelSet::front(std::vector<FrontPoint>& points) const {
+  points.clear();
+  const cv::Rect& region = evidence_->region();
+  for (const int p : in_)
+    points.push_back({static_cast<float>(region.x + p % stride_), static_cast<float>(region.y + p / stride_), -0.5F});
+  for (const int p : out_)
+    points.push_back({static_cast<float>(region.x + p % stride_), static_cast<float>(region.y + p / stride_), 0.5F});
+}
+
+}  // namespace vitreo::vision

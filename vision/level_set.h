@@ -1,0 +1,73 @@
+// The fast two-list level set of Shi and Karl with the thesis' two thresholds (8.2.1) and its third cycle (table 8.1).
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/colour_model.h"
+#include "vision/ellipse.h"
+#include "vision/evidence.h"
+#include "vision/shape_model.h"
+
+#include <cstdint>
+#include <vector>
+
+namespace vitreo::vision {
+
+struct LevelSetSettings {
+  int iterations = 30;       ///< of cycle one before cycle two gets its turn (N_a)
+  int smoothing = 3;         ///< iterations of cycle two (N_g)
+  int rounds = 2;            ///< of both cycles, at most
+  int prior_iterations = 3;  ///< of cycle three (N_s); few, so that the object may differ from the prior
+  int max_points = 4096;     ///< of both lists together; a longer front is a leak and stops the evolution
+  void check() const;        ///< throws std::invalid_argument naming the setting
+};
+
+/// The largest connected part of the inside.
+struct Segment {
+  double area_px = 0;   ///< 0: nothing is inside
+  Ellipse ellipse;      ///< with the part's moments
+  double evidence = 0;  ///< mean F of the part
+};
+
+class LevelSet {
+ public:
+  explicit LevelSet(const LevelSetSettings& settings);
+  /// Makes room for regions of up to `side_px` squared at once, so that none is made later.
+  void reserve(int side_px);
+  /// phi from `ellipse`, on the evidence's region. Blocked pixels stay outside. `evidence` must outlive what follows.
+  void start(const Evidence& evidence, const Ellipse& ellipse);
+  /// Cycles one and two.
+  void evolve(const Thresholds& thresholds);
+  /// Cycle three: table 8.1 line by line.
+  void pull_to(const PlacedShape& prior);
+  /// Drops all but the largest part from phi and from the lists.
+  Segment keep_largest();
+
+  bool leaked() const { return leaked_; }
+  int iterations() const { return iterations_; }
+  /// The pixels of L_in and L_out, with phi in pixels to the front: -0.5 and +0.5.
+  void front(std::vector<FrontPoint>& points) const;
+  /// -3, -1, +1, +3 as thesis 8.2.1; image coordinates, in the region.
+  int phi(int u, int v) const { return phi_[evidence_->index_of(u, v)]; }
+
+ private:
+  using List = std::vector<int>;
+  void list_front(int skip, int size);
+  bool cycle_one(const Thresholds& thresholds);
+  void cycle_two();
+  int smoothed(int p) const;
+  void switch_in();
+  void switch_out();
+  void clean(List& list, int sign);
+  Segment flood(int seed, unsigned char label);
+
+  LevelSetSettings settings_;
+  const Evidence* evidence_ = nullptr;
+  int stride_ = 0;
+  bool leaked_ = false;
+  int iterations_ = 0;
+  std::vector<std::int8_t> phi_;
+  std::vector<unsigned char> label_, flag_;
+  List in_, out_, kept_, added_, stack_;
+};
+
+}  // namespace vitreo::vision

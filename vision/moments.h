@@ -1,0 +1,46 @@
+// The ellipse that has the moments of a set of pixels.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/ellipse.h"
+
+#include <opencv2/core/mat.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+namespace vitreo::vision {
+
+struct MomentSums {
+  std::int64_t count = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0;
+  void add(std::int64_t x, std::int64_t y) {
+    ++count;
+    u += x, v += y, uu += x * x, uv += x * y, vv += y * y;
+  }
+  /// Of pixels counted from `origin`, each `pitch` wide; a semi-axis is twice the standard deviation along it.
+  Ellipse ellipse(const Eigen::Vector2d& origin, double pitch = 1) const {
+    if (count == 0) return {};
+    const auto n = static_cast<double>(count);
+    const double mu = static_cast<double>(u) / n, mv = static_cast<double>(v) / n;
+    const double xx = static_cast<double>(uu) / n - mu * mu, yy = static_cast<double>(vv) / n - mv * mv;
+    const double xy = static_cast<double>(uv) / n - mu * mv;
+    const double mean = (xx + yy) / 2, spread = std::hypot((xx - yy) / 2, xy);
+    const double angle = spread > 0 ? std::atan2(2 * xy, xx - yy) / 2 : 0;
+    return {origin + pitch * Eigen::Vector2d(mu, mv), pitch * 2 * std::sqrt(std::max(mean + spread, 0.0)),
+            pitch * 2 * std::sqrt(std::max(mean - spread, 0.0)), angle};
+  }
+};
+
+inline MomentSums moments_of(const cv::Mat& mask) {
+  MomentSums sums;
+  for (int v = 0; v < mask.rows; ++v) {
+    const auto* row = mask.ptr<unsigned char>(v);
+    for (int u = 0; u < mask.cols; ++u) {
+      if (row[u] != 0) sums.add(u, v);
+    }
+  }
+  return sums;
+}
+
+}  // namespace vitreo::vision

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/object_model.h"
+
+#include "vision/bytes.h"
+#include "vision/moments.h"
+#include "vision/object_view.h"
+
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+namespace vitreo::vision {
+namespace {
+
+using Vector5 = Eigen::Matrix<double, 5, 1>;
+using Matrix5 = Eigen::Matrix<double, 5, 5>;
+
+constexpr std::string_view kMagic = "VTOM";
+constexpr std::uint32_t kVersion = 1;
+// Variances no calibration goes below: a few masks can not show less. px^2, and rad^2 for the angle.
+constexpr double kLeastPx2 = 0.0005, kLeastAngle2 = 1e-5;
+
+std::vector<Ellipse> ellipses_of(std::span<const LabelledImage> images) {
+  std::vector<Ellipse> ellipses;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const std::string which = "image " + std::to_string(k + 1) + ": ";
+    if (images[k].image.size() != images[0].image.size()) throw std::invalid_argument(which + "has another size");
+    ellipses.push_back(moments_of(images[k].mask).ellipse({0, 0}));
+    if (ellipses.back().semi_minor_px < 2.5) throw std::invalid_argument(which + "its mask is thinner than 5 px");
+  }
+  return ellipses;
+}
+
+// A covariance with its negative directions taken out: the difference of two estimates need not be one.
+Matrix5 clipped(const Matrix5& matrix) {
+  const Vector5 unit = (Vector5() << 1, 1, 1, 1, 20).finished();  // an angle weighs as the rim that it moves
+  const Eigen::SelfAdjointEigenSolver<Matrix5> solver(unit.asDiagonal() * matrix * unit.asDiagonal());
+  const Vector5 values = solver.eigenvalues().cwiseMax(0);
+  const Matrix5 good = solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
+  return unit.cwiseInverse().asDiagonal() * good * unit.cwiseInverse().asDiagonal();
+}
+
+// `errors` of single measurements, whose own covariance is `said` on average.
+Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& said) {
+  Calibration result;
+  const auto count = static_cast<double>(errors.size());
+  for (const Vector5& e : errors) result.semi_axes_px += e.segment<2>(2) / count;
+  for (Vector5 e : errors) {
+    e.segment<2>(2) -= result.semi_axes_px;
+    result.covariance += e * e.transpose() / std::max(count - 1, 1.0);
+  }
+  if (count < 5) result.covariance *= 3;  // so few masks tell a variance hardly at all
+  result.covariance = clipped(result.covariance - said);
+  result.covariance.diagonal().head<4>().array() += kLeastPx2;
+  result.covariance(4, 4) += kLeastAngle2;
+  return result;
+}
+
+Calibration calibration_of(const ObjectModel& model, std::span<const LabelledImage> images,
+                           const std::vector<Ellipse>& truths, ObjectViewSettings settings, bool refine) {
+  settings.refine = refine;
+  ObjectView view(model, settings);
+  std::vector<Vector5> errors;
+  Matrix5 said = Matrix5::Zero();
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const Ellipse& truth = truths[k];
+    const EllipsePrior prior{truth, 5, 2, settings.angle_sigma};
+    const Look look = view.look(images[k].image, truth, settings.gate_px, prior);
+    if (!look.measured || look.measured->inlier_fraction < 0.5) continue;
+    Vector5 error = look.measured->ellipse.vector() - truth.vector();
+    error[4] = std::remainder(error[4], std::numbers::pi);
+    if (error.head<2>().norm() > 5) continue;
+    errors.push_back(error);
+    said += look.measured->covariance;
+  }
+  return from_errors(errors, errors.empty() ? said : Matrix5(said / static_cast<double>(errors.size())));
+}
+
+void save_calibration(ByteWriter& out, const Calibration& calibration) {
+  for (const double value : calibration.semi_axes_px) out.f64(value);
+  for (const double value : calibration.covariance.reshaped()) out.f64(value);
+}
+
+Calibration load_calibration(ByteReader& in) {
+  Calibration calibration;
+  for (double& value : calibration.semi_axes_px) value = in.f64(-100, 100);
+  for (double& value : calibration.covariance.reshaped()) value = in.f64(-1e4, 1e4);
+  return calibration;
+}
+
+void save_part(ByteWriter& out, const std::string& part) {
+  out.u32(static_cast<std::uint32_t>(part.size()));
+  out.text(part);
+}
+
+}  // namespace
+
+ObjectModel ObjectModel::train(std::span<const LabelledImage> images, const ColourModelSettings& colour,
+                               const ObjectViewSettings& view) {
+  view.check();
+  ObjectModel model;
+  model.colour = ColourModel::train(images, colour);
+  const std::vector<Ellipse> truths = ellipses_of(images);
+  std::vector<cv::Mat> masks;
+  for (const LabelledImage& one : images) masks.push_back(one.mask);
+  model.shape = ShapeModel::train(masks);
+  model.image_size = images[0].image.size();
+  for (const Ellipse& e : truths) {
+    model.semi_axes_px += Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) / static_cast<double>(truths.size());
+  }
+  model.rim = calibration_of(model, images, truths, view, true);
+  model.segment = calibration_of(model, images, truths, view, false);
+  return model;
+}
+
+std::string ObjectModel::save() const {
+  ByteWriter out;
+  out.text(kMagic);
+  out.u32(kVersion);
+  out.u32(static_cast<std::uint32_t>(image_size.width));
+  out.u32(static_cast<std::uint32_t>(image_size.height));
+  for (const double value : semi_axes_px) out.f64(value);
+  save_calibration(out, rim);
+  save_calibration(out, segment);
+  save_part(out, colour.save());
+  save_part(out, shape.save());
+  return out.sealed();
+}
+
+ObjectModel ObjectModel::load(std::string_view bytes) {
+  ByteReader in(bytes, kMagic, kVersion, "object model");
+  ObjectModel model;
+  model.image_size.width = in.integer(1, 100000);
+  model.image_size.height = in.integer(1, 100000);
+  for (double& value : model.semi_axes_px) value = in.f64(1, 1e4);
+  model.rim = load_calibration(in);
+  model.segment = load_calibration(in);
+  model.colour = ColourModel::load(in.text(in.u32()));
+  model.shape = ShapeModel::load(in.text(in.u32()));
+  in.end();
+  return model;
+}
+
+}  // namespace vitreo::vision

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/object_search.h"
+
+#include "vision/evidence.h"
+#include "vision/moments.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr int kMost =
+    static_cast<int>(2.5 * ColourModel::kScale);  // |F| that counts: a highlight must not outvote a body
+constexpr double kFull = 0.35;                    // mean F, over kMost, of a box that may be the object
+constexpr double kFar = 0.15;                     // of a full box's score lost at one image width's distance
+
+}  // namespace
+
+ObjectSearch::ObjectSearch(const Ellipse& size)
+    : step_(std::clamp(static_cast<int>(size.semi_minor_px / 3.5), 2, 8)),
+      half_(std::max(static_cast<int>(std::lround(0.7 * size.semi_minor_px / step_)), 1)),
+      size_(size) {
+  found_.reserve(16);
+}
+
+void ObjectSearch::read(const cv::Mat& image, const ColourModel& model, const cv::Mat& owned, unsigned char self) {
+  const std::int8_t* table = model.table().data();
+  const int second = step_ / 2;  // two pixels of each cell: half the noise of one
+  for (int j = 0; j < rows_; ++j) {
+    const auto *first = image.ptr<cv::Vec3b>(j * step_), *other = image.ptr<cv::Vec3b>(j * step_ + second);
+    std::int16_t* to = f_.data() + static_cast<std::ptrdiff_t>(j) * columns_;
+    const std::int32_t* above = sums_.data() + static_cast<std::ptrdiff_t>(j) * (columns_ + 1);
+    std::int32_t* sum = sums_.data() + static_cast<std::ptrdiff_t>(j + 1) * (columns_ + 1);
+    const unsigned char* owner = owned.empty() ? nullptr : owned.ptr<unsigned char>(j * step_);
+    std::int32_t row = 0;
+    sum[0] = 0;
+    for (int i = 0; i < columns_; ++i) {
+      const cv::Vec3b &a = first[i * step_], &b = other[i * step_ + second];
+      int value = (table[ColourModel::cell_of(a[0], a[1], a[2])] + table[ColourModel::cell_of(b[0], b[1], b[2])]) / 2;
+      if (owner != nullptr && owner[i * step_] != 0 && owner[i * step_] != self) value = -kMost;
+      value = std::clamp(value, -kMost, kMost);
+      to[i] = static_cast<std::int16_t>(value);
+      row += value;
+      sum[i + 1] = above[i + 1] + row;
+    }
+  }
+}
+
+int ObjectSearch::box(int i, int j) const {
+  const int i0 = std::max(i - half_, 0), i1 = std::min(i + half_ + 1, columns_);
+  const int j0 = std::max(j - half_, 0), j1 = std::min(j + half_ + 1, rows_);
+  const auto at = [&](int x, int y) {
+    return sums_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_ + 1) + static_cast<std::size_t>(x)];
+  };
+  return at(i1, j1) - at(i0, j1) - at(i1, j0) + at(i0, j0);
+}
+
+void ObjectSearch::score(const Eigen::Vector2d& near_px) {
+  const int side = 2 * half_ + 1;
+  const float per_box = 1.0F / static_cast<float>(side * side * kMost);
+  const float per_px = static_cast<float>(kFar) / static_cast<float>(columns_ * step_);
+  for (int j = 0; j < rows_; ++j) {
+    for (int i = 0; i < columns_; ++i) {
+      const float full = static_cast<float>(box(i, j)) * per_box;
+      float& score =
+          score_[static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(i)];
+      score = -1;
+      if (full < static_cast<float>(kFull)) continue;
+      const float du = static_cast<float>(i * step_ - near_px.x()), dv = static_cast<float>(j * step_ - near_px.y());
+      score = full - per_px * std::sqrt(du * du + dv * dv);
+    }
+  }
+}
+
+// The axes of what lies around a full box: moments of the cells for the object, within reach of it.
+Ellipse ObjectSearch::settle(int i, int j) const {
+  Ellipse at{{i, j}, size_.semi_major_px / step_, size_.semi_minor_px / step_, 0};
+  double reach = 1.2 * at.semi_major_px;
+  for (int round = 0; round < 3; ++round) {
+    MomentSums sums;
+    const Ellipse disc{at.centre_px, reach, reach, 0};
+    const int top = std::max(static_cast<int>(at.centre_px.y() - reach), 0);
+    const int bottom = std::min(static_cast<int>(at.centre_px.y() + reach) + 1, rows_);
+    for (int y = top; y < bottom; ++y) {
+      const RowSpan span = row_of(disc, y);
+      for (int x = std::max(span.first, 0); x < std::min(span.end, columns_); ++x) {
+        if (f_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(x)] > 0)
+          sums.add(x, y);
+      }
+    }
+    if (sums.count == 0) break;
+    at = sums.ellipse({0, 0});
+  }
+  const Eigen::Vector2d middle = Eigen::Vector2d::Constant(step_ / 4.0);  // between the two pixels of a cell
+  return {at.centre_px * step_ + middle, size_.semi_major_px, size_.semi_minor_px, at.angle};
+}
+
+const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const ColourModel& model,
+                                               const Eigen::Vector2d& near_px, int most, const cv::Mat& owned,
+                                               unsigned char self) {
+  found_.clear();
+  columns_ = image.cols / step_;
+  rows_ = image.rows / step_;
+  if (columns_ < 2 || rows_ < 2) return found_;
+  const auto cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
+  f_.resize(cells);
+  score_.resize(cells);
+  sums_.resize(cells + static_cast<std::size_t>(columns_ + rows_ + 1));
+  std::fill_n(sums_.begin(), static_cast<std::size_t>(columns_) + 1, 0);
+  read(image, model, owned, self);
+  score(near_px);
+  for (int k = 0; k < std::min(most, 16); ++k) {
+    const auto best = std::max_element(score_.begin(), score_.end());
+    if (!(*best > -1)) break;
+    const int at = static_cast<int>(best - score_.begin()), i = at % columns_, j = at / columns_;
+    found_.push_back(settle(i, j));
+    const int away = static_cast<int>(size_.semi_major_px / step_) + 1;
+    for (int y = std::max(j - away, 0); y < std::min(j + away + 1, rows_); ++y) {
+      const auto row = score_.begin() + static_cast<std::ptrdiff_t>(y) * columns_;
+      std::fill(row + std::max(i - away, 0), row + std::min(i + away + 1, columns_), -1.0F);
+    }
+  }
+  return found_;
+}
+
+}  // namespace vitreo::vision

@@ -1,0 +1,40 @@
+// Where in the whole image something of the object's colour and size stands, roughly and fast (thesis 8.3.1).
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/colour_model.h"
+#include "vision/ellipse.h"
+
+#include <opencv2/core/mat.hpp>
+
+#include <cstdint>
+#include <vector>
+
+namespace vitreo::vision {
+
+/// Sums of F on a coarse grid over boxes that fit into the object: the fullest boxes, and the axes of what is around
+/// them. Vessels are narrower than such a box, which tells them from the object without labelling.
+class ObjectSearch {
+ public:
+  /// `size`: semi-axes of the object, px; where it stands does not matter.
+  explicit ObjectSearch(const Ellipse& size);
+  /// At most `most` places, best first, of the searched size. `near_px`: where it is expected, which decides between
+  /// places alike. `owned` as Evidence::look. Allocates only when the image is larger than all before.
+  const std::vector<Ellipse>& find(const cv::Mat& image, const ColourModel& model, const Eigen::Vector2d& near_px,
+                                   int most, const cv::Mat& owned = {}, unsigned char self = 0);
+
+ private:
+  void read(const cv::Mat& image, const ColourModel& model, const cv::Mat& owned, unsigned char self);
+  int box(int i, int j) const;
+  void score(const Eigen::Vector2d& near_px);
+  Ellipse settle(int i, int j) const;
+  int step_, half_;
+  Ellipse size_;
+  int columns_ = 0, rows_ = 0;
+  std::vector<std::int16_t> f_;
+  std::vector<std::int32_t> sums_;  // integral image, one row and column more
+  std::vector<float> score_;
+  std::vector<Ellipse> found_;
+};
+
+}  // namespace vitreo::vision

@@ -1,0 +1,51 @@
+// One look at one frame: evidence within a gate, level set, shape prior, rim.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/evidence.h"
+#include "vision/level_set.h"
+#include "vision/object_model.h"
+#include "vision/radial_rim.h"
+
+#include <optional>
+#include <vector>
+
+namespace vitreo::vision {
+
+/// Pixels that other trackers' objects have: CV_8UC1 of the image's size, not 0 and not `self` = not to be entered.
+struct Owned {
+  cv::Mat map;
+  unsigned char self = 0;
+};
+
+struct Look {
+  std::optional<EllipseMeasurement> measured;  ///< not yet calibrated
+  Segment segment;
+  std::optional<ShapeFit> shape;
+  double support = 0;  ///< share of the measured ellipse's pixels that are for the object and not blocked
+  double against = 0;  ///< share of them that are clearly the ground's
+  bool leaked = false;
+  int iterations = 0;
+};
+
+class ObjectView {
+ public:
+  ObjectView(const ObjectModel& model, const ObjectViewSettings& settings);  ///< `model` must outlive it
+  /// Starts at `expected` and stays within `gate_px` of its rim; `prior` draws the refined ellipse. The rim
+  /// is looked for around the level set's front, or, told otherwise, around what is expected.
+  Look look(const cv::Mat& image, const Ellipse& expected, double gate_px, const EllipsePrior& prior,
+            const Owned& owned = {}, bool from_front = true);
+
+ private:
+  void weigh(const Ellipse& ellipse, Look& look) const;
+  const ObjectModel* model_;
+  ObjectViewSettings settings_;
+  Thresholds thresholds_;
+  int max_side_px_;
+  Evidence evidence_;
+  LevelSet level_set_;
+  RadialRim rim_;
+  std::vector<FrontPoint> front_;
+};
+
+}  // namespace vitreo::vision

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/radial_rim.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr int kMostSamples = 40;
+constexpr double kVariance = 0.16;  // px^2 of one cut; the fit scales it to the scatter that it sees
+constexpr double kSettled = 0.05;   // px: a further round would change less than the scatter
+constexpr double kMost = 4;         // |F| that counts in full: one sure colour must not outvote its neighbours
+
+void require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(what);
+}
+
+}  // namespace
+
+void RadialRimSettings::check() const {
+  require(normals >= 16 && normals <= 1024, "normals: must be 16 to 1024");
+  require(search_px >= 2 && search_px <= 16, "search_px: must be 2 to 16");
+  require(rounds >= 1 && rounds <= 20, "rounds: must be 1 to 20");
+}
+
+RadialRim::RadialRim(const RadialRimSettings& settings) : settings_(settings) {
+  settings.check();
+  normals_.resize(static_cast<std::size_t>(settings.normals));
+  steps_.resize(normals_.size());
+}
+
+void RadialRim::cut(const Evidence& evidence, Normal& n, double depth_px) const {
+  std::array<double, kMostSamples> f;
+  const int reach = static_cast<int>(settings_.search_px);
+  int first = -reach, count = 0;
+  // Not through the middle: a thin object's far rim is not this one's.
+  while (-first > 0.9 * depth_px) ++first;
+  for (int k = first; k <= reach && count < kMostSamples; ++k) {
+    const Eigen::Vector2d at = n.rim_px + k * n.outward;
+    const double value = evidence.between(at.x(), at.y());
+    if (!std::isfinite(value)) break;
+    f[static_cast<std::size_t>(count++)] = std::clamp(value, -kMost, kMost);
+  }
+  if (count < 4) return;
+  double sum = 0, best = 0;
+  int last = -1;  // of the samples inside
+  for (int k = 0; k < count; ++k) {
+    sum += f[static_cast<std::size_t>(k)];
+    if (sum > best) best = sum, last = k;
+  }
+  if (last < 0 || last + 1 >= count) return;
+  const double inside = f[static_cast<std::size_t>(last)], outside = f[static_cast<std::size_t>(last) + 1];
+  if (!(inside > outside)) return;
+  n.found = true;
+  n.shift_px = first + last + inside / (inside - outside);
+  n.variance = kVariance;
+  n.contrast =
+      f[static_cast<std::size_t>(std::max(last - 1, 0))] - f[static_cast<std::size_t>(std::min(last + 2, count - 1))];
+}
+
+std::optional<EllipseMeasurement> RadialRim::measure(const Evidence& evidence, const Ellipse& start,
+                                                     const EllipsePrior& prior) {
+  Ellipse ellipse = start;
+  FittedEllipse fitted;
+  for (int round = 0; round < settings_.rounds; ++round) {
+    place_normals(ellipse, normals_);
+    for (Normal& n : normals_) cut(evidence, n, ellipse.semi_minor_px);
+    fitted = fit_ellipse(ellipse, normals_, &prior);
+    if (!fitted.valid) return std::nullopt;
+    const double moved =
+        (fitted.ellipse.centre_px - ellipse.centre_px).norm() + (fitted.ellipse.shape() - ellipse.shape()).norm();
+    ellipse = fitted.ellipse;
+    if (moved < kSettled) break;
+  }
+  EllipseMeasurement result{ellipse, fitted.covariance, 0, 0};
+  auto end = steps_.begin();
+  for (const Normal& n : normals_) {
+    if (n.found && n.weight > 0) *end++ = n.contrast;
+  }
+  result.inlier_fraction = static_cast<double>(end - steps_.begin()) / static_cast<double>(normals_.size());
+  const auto middle = steps_.begin() + (end - steps_.begin()) / 2;
+  std::nth_element(steps_.begin(), middle, end);
+  result.contrast = *middle;
+  return result;
+}
+
+}  // namespace vitreo::vision

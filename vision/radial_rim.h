@@ -1,0 +1,37 @@
+// The object's rim on the colour evidence, to a fraction of a pixel.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/ellipse.h"
+#include "vision/ellipse_fit.h"
+#include "vision/evidence.h"
+
+#include <optional>
+#include <vector>
+
+namespace vitreo::vision {
+
+struct RadialRimSettings {
+  int normals = 64;
+  double search_px = 8;  ///< along each normal, either way
+  int rounds = 3;
+  void check() const;  ///< throws std::invalid_argument naming the setting
+};
+
+/// On each normal the cut that leaves the most evidence for the object inside and for the ground outside, which a
+/// highlight at the rim or a vessel beside it moves less than the nearest change of sign; then the ellipse through the
+/// cuts by robust least squares, drawn weakly to what was expected.
+class RadialRim {
+ public:
+  explicit RadialRim(const RadialRimSettings& settings);
+  /// Nothing where too few normals agree. `contrast` of the result is the median step of F over the rim.
+  std::optional<EllipseMeasurement> measure(const Evidence& evidence, const Ellipse& start, const EllipsePrior& prior);
+
+ private:
+  void cut(const Evidence& evidence, Normal& normal, double depth_px) const;
+  RadialRimSettings settings_;
+  std::vector<Normal> normals_;
+  std::vector<double> steps_;
+};
+
+}  // namespace vitreo::vision

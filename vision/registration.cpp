@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/registration.h"
+
+#include "vision/registration_refine.h"
+
+#include <Eigen/Cholesky>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr int kCoarsest = RegistrationView::kLevels - 1;
+constexpr int kShrink = 1 << kCoarsest;
+constexpr double kAngleStep = 3 * std::numbers::pi / 180;  // half of it shifts the rim by 2 px at a quarter resolution
+constexpr int kPeaks = 2;                                  // of each angle's correlation that are looked at
+constexpr int kSmallestSide = 64;
+constexpr int kTaper = 8;                 // px at a quarter resolution: an edge would correlate with an edge
+constexpr double kLeastContrast = 0.002;  // of the flattened view: below, it is blank
+constexpr double kWhitening =
+    0.75;  // 1: phase only, which noise rules; 0: plain correlation, which the largest shade rules
+
+cv::Mat grey_of(const cv::Mat& view) {
+  if (view.empty() || view.dims != 2 || (view.type() != CV_8UC1 && view.type() != CV_8UC3))
+    throw std::invalid_argument("view: wants an 8-bit grey or BGR image that is not empty");
+  if (std::min(view.cols, view.rows) < kSmallestSide)
+    throw std::invalid_argument("view: wants at least 64 pixels a side");
+  cv::Mat grey;
+  if (view.channels() == 3)
+    cv::extractChannel(view, grey, 1);
+  else
+    grey = view;
+  cv::Mat result;
+  grey.convertTo(result, CV_32F);
+  return result;
+}
+
+// Least squares of all x^i y^j with i + j up to 4: a vignette. The wide mean below cannot follow it at the rim, and
+// what is left, the same in every view, would hold views together that have nothing else in common.
+cv::Mat vignette_of(const cv::Mat& light) {
+  using Terms = Eigen::Matrix<double, 15, 1>;
+  const auto terms_at = [&](int u, int v) {
+    const double x = 2.0 * u / light.cols - 1, y = 2.0 * v / light.rows - 1;
+    Terms terms;
+    int k = 0;
+    for (int i = 0; i <= 4; ++i) {
+      for (int j = 0; i + j <= 4; ++j) terms[k++] = std::pow(x, i) * std::pow(y, j);
+    }
+    return terms;
+  };
+  Eigen::Matrix<double, 15, 15> information = Eigen::Matrix<double, 15, 15>::Zero();
+  Terms right = Terms::Zero();
+  for (int v = 0; v < light.rows; ++v) {
+    for (int u = 0; u < light.cols; ++u) {
+      const Terms terms = terms_at(u, v);
+      information.selfadjointView<Eigen::Lower>().rankUpdate(terms);
+      right += light.at<float>(v, u) * terms;
+    }
+  }
+  const Terms c = information.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+  cv::Mat vignette(light.size(), CV_32F);
+  for (int v = 0; v < light.rows; ++v) {
+    for (int u = 0; u < light.cols; ++u)
+      vignette.at<float>(v, u) = static_cast<float>(std::max(c.dot(terms_at(u, v)), 1.0));
+  }
+  return vignette;
+}
+
+// Divided by vignette and wide mean, found on a small copy: uneven light goes, vessels stay.
+cv::Mat flattened(const cv::Mat& grey, double sigma_px) {
+  const double shrink = std::max(1.0, sigma_px / 3);
+  const cv::Size size(std::max(8, static_cast<int>(grey.cols / shrink)),
+                      std::max(8, static_cast<int>(grey.rows / shrink)));
+  cv::Mat light, result;
+  cv::resize(grey, light, size, 0, 0, cv::INTER_AREA);
+  const cv::Mat vignette = vignette_of(light);
+  cv::divide(light, vignette, light);
+  cv::GaussianBlur(light, light, {0, 0}, sigma_px * size.width / grey.cols, 0, cv::BORDER_REFLECT);
+  cv::multiply(light, vignette, light);
+  cv::resize(light, light, grey.size(), 0, 0, cv::INTER_LINEAR);
+  cv::GaussianBlur(grey, result, {0, 0}, 1);
+  light = cv::max(light, 1.0);
+  cv::divide(result, light, result);
+  return result;
+}
+
+cv::Mat tapered(const cv::Mat& image) {
+  cv::Mat result = image.clone();
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u) {
+      const int rim = std::min({u, v, image.cols - 1 - u, image.rows - 1 - v});
+      if (rim < kTaper) result.at<float>(v, u) *= static_cast<float>((rim + 0.5) / kTaper);
+    }
+  }
+  return result;
+}
+
+// Zero padding to twice the size: a shift beyond half the view does not come back on the other side.
+cv::Mat spectrum_of(const cv::Mat& image) {
+  cv::Mat padded = cv::Mat::zeros(cv::getOptimalDFTSize(2 * image.rows), cv::getOptimalDFTSize(2 * image.cols), CV_32F);
+  image.copyTo(padded(cv::Rect(0, 0, image.cols, image.rows)));
+  cv::Mat spectrum;
+  cv::dft(padded, spectrum, cv::DFT_COMPLEX_OUTPUT, image.rows);
+  return spectrum;
+}
+
+cv::Mat correlation_of(const cv::Mat& first, const cv::Mat& second) {
+  cv::Mat product, correlation;
+  cv::mulSpectrums(first, second, product, 0, true);
+  for (int v = 0; v < product.rows; ++v) {
+    cv::Vec2f* const row = product.ptr<cv::Vec2f>(v);
+    for (int u = 0; u < product.cols; ++u) {
+      const float size = row[u][0] * row[u][0] + row[u][1] * row[u][1];
+      row[u] *= std::pow(size + 1e-12F, static_cast<float>(-kWhitening / 2));
+    }
+  }
+  cv::dft(product, correlation, cv::DFT_INVERSE | cv::DFT_REAL_OUTPUT);
+  return correlation;
+}
+
+// first = turned + shift, in pixels; shifts beyond half the padded size are negative.
+std::vector<Eigen::Vector2d> peaks_of(cv::Mat correlation) {
+  std::vector<Eigen::Vector2d> shifts;
+  for (int k = 0; k < kPeaks; ++k) {
+    cv::Point at;
+    cv::minMaxLoc(correlation, nullptr, nullptr, nullptr, &at);
+    shifts.emplace_back(at.x > correlation.cols / 2 ? at.x - correlation.cols : at.x,
+                        at.y > correlation.rows / 2 ? at.y - correlation.rows : at.y);
+    cv::circle(correlation, at, 4, cv::Scalar(-1e9), cv::FILLED);
+  }
+  return shifts;
+}
+
+struct Candidate {
+  Eigen::Affine2d first_from_second = Eigen::Affine2d::Identity();  // at the coarsest level
+  double score = 0;
+};
+
+Eigen::Affine2d turn_about_centre(const cv::Size& size, double angle) {
+  const Eigen::Vector2d centre((size.width - 1) / 2.0, (size.height - 1) / 2.0);
+  return Eigen::Translation2d(centre) * Eigen::Rotation2Dd(angle) * Eigen::Translation2d(-centre);
+}
+
+cv::Mat warped(const cv::Mat& image, const Eigen::Affine2d& to_from) {
+  const Eigen::Matrix<double, 2, 3, Eigen::RowMajor> m = to_from.matrix().topRows<2>();
+  cv::Mat result;
+  cv::warpAffine(image, result, cv::Mat(2, 3, CV_64F, const_cast<double*>(m.data())), image.size());
+  return result;
+}
+
+Candidate search(const RegistrationView& first, const RegistrationView& second, const RegistrationSettings& settings) {
+  const cv::Mat a = spectrum_of(tapered(first.level(kCoarsest).image));
+  const cv::Mat b = tapered(second.level(kCoarsest).image);
+  const int turns = static_cast<int>(std::ceil(settings.max_rotation / kAngleStep));
+  Candidate best;
+  for (int k = -turns; k <= turns; ++k) {
+    const double angle = turns == 0 ? 0 : k * settings.max_rotation / turns;
+    const Eigen::Affine2d turn = turn_about_centre(b.size(), angle);
+    for (const Eigen::Vector2d& shift : peaks_of(correlation_of(a, spectrum_of(warped(b, turn))))) {
+      const Eigen::Affine2d first_from_second = Eigen::Translation2d(shift) * turn;
+      const ViewOverlap overlap = overlap_of(first, second, first_from_second.inverse(), kCoarsest, 2);
+      if (overlap.share < settings.min_overlap) continue;
+      // A small overlap correlates by chance as its number of pixels allows.
+      const double score = overlap.correlation * std::sqrt(overlap.share);
+      if (score > best.score) best = {first_from_second, score};
+    }
+  }
+  return best;
+}
+
+void scale_shift(Eigen::Affine2d& transform, double by) { transform.translation() *= by; }
+
+}  // namespace
+
+void RegistrationSettings::check() const {
+  const auto require = [](bool good, const char* what) {
+    if (!good) throw std::invalid_argument(what);
+  };
+  require(max_rotation >= 0 && max_rotation <= std::numbers::pi, "max_rotation: must be 0 to pi");
+  require(flatten_sigma_px >= 3 && flatten_sigma_px <= 1000, "flatten_sigma_px: must be 3 to 1000");
+  require(min_overlap > 0 && min_overlap < 1, "min_overlap: must be between 0 and 1");
+  require(min_correlation > 0 && min_correlation < 1, "min_correlation: must be between 0 and 1");
+}
+
+RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettings& settings) : size_(view.size()) {
+  settings.check();
+  cv::Mat flat = flattened(grey_of(view), settings.flatten_sigma_px);
+  cv::Scalar mean, contrast;
+  cv::meanStdDev(flat, mean, contrast);
+  blank_ = !(contrast[0] > kLeastContrast);
+  flat = (flat - mean[0]) / (blank_ ? 1 : contrast[0]);
+  for (Level& level : levels_) {
+    level.image = flat.clone();
+    cv::Sobel(flat, level.du, CV_32F, 1, 0, 1, 0.5);
+    cv::Sobel(flat, level.dv, CV_32F, 0, 1, 1, 0.5);
+    cv::pyrDown(flat, flat);
+  }
+}
+
+std::optional<Registration> refine_registration(const RegistrationView& first, const RegistrationView& second,
+                                                const Eigen::Affine2d& first_from_second,
+                                                const RegistrationSettings& settings) {
+  settings.check();
+  if (first.size() != second.size()) throw std::invalid_argument("second: views must be of one size");
+  if (!first_from_second.matrix().allFinite() || !(std::abs(first_from_second.linear().determinant()) > 1e-3))
+    throw std::invalid_argument("first_from_second: must be finite and invertible");
+  if (first.blank() || second.blank()) return std::nullopt;
+  Eigen::Affine2d second_from_first = first_from_second.inverse();
+  scale_shift(second_from_first, 1.0 / kShrink);
+  Registration result;
+  for (int level = kCoarsest; level >= 0; --level) {
+    const std::optional<double> sigma = refine_at_level(first, second, second_from_first, level, settings.model);
+    if (!sigma) return std::nullopt;
+    result.sigma_px = *sigma;
+    if (level == kCoarsest) {  // the noise of full resolution would blur the decision
+      const ViewOverlap overlap = overlap_of(first, second, second_from_first, level, 1);
+      if (overlap.correlation < settings.min_correlation || overlap.share < settings.min_overlap) return std::nullopt;
+      result.correlation = overlap.correlation;
+      result.overlap = overlap.share;
+    }
+    if (level > 0) scale_shift(second_from_first, 2);
+  }
+  result.first_from_second = second_from_first.inverse();
+  return result;
+}
+
+std::optional<Registration> register_views(const RegistrationView& first, const RegistrationView& second,
+                                           const RegistrationSettings& settings) {
+  settings.check();
+  if (first.size() != second.size()) throw std::invalid_argument("second: views must be of one size");
+  if (first.blank() || second.blank()) return std::nullopt;
+  Candidate best = search(first, second, settings);
+  if (best.score <= 0) return std::nullopt;
+  scale_shift(best.first_from_second, kShrink);
+  return refine_registration(first, second, best.first_from_second, settings);
+}
+
+}  // namespace vitreo::vision
