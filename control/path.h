@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <vector>
+#include "control/pd.h"
 
 #include <Eigen/Core>
 
-#include "control/pd.h"
+#include <vector>
 
 namespace vitreo::control {
 
@@ -15,9 +15,9 @@ class Path {
  public:
   /// Throws std::invalid_argument for fewer than one point, a speed not above zero, or numbers that are not finite.
   Path(std::vector<Eigen::Vector3d> waypoints, double speed);  // m, world; m/s
-  double duration() const;                                      // s
-  double length() const;                                        // m
-  /// Clamped: before 0 the start, after the end the last point at rest.
+  double duration() const;                                     // s
+  double length() const;                                       // m
+  /// Clamped: before 0 the start, from the end on the last point, both at rest. At a corner the way out counts.
   Reference at(double time) const;
   const std::vector<Eigen::Vector3d>& waypoints() const { return waypoints_; }
 

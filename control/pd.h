@@ -7,11 +7,11 @@
 namespace vitreo::control {
 
 struct PdGains {
-  double proportional = 1.5;   // 1/s
-  double derivative = 0.05;    // dimensionless: velocity asked per velocity error
+  double proportional = 1.5;     // 1/s
+  double derivative = 0.05;      // dimensionless: velocity asked per velocity error
   double derivative_time = 0.2;  // s, of the low-pass on the measured velocity
-  double max_speed = 2e-3;     // m/s, of the velocity asked for
-  void check() const;
+  double max_speed = 2e-3;       // m/s, of the velocity asked for
+  void check() const;            // throws std::invalid_argument naming the gain
 };
 
 struct Reference {
@@ -19,7 +19,8 @@ struct Reference {
   Eigen::Vector3d velocity{0, 0, 0};  // m/s
 };
 
-/// Measurements may come irregularly; time must not run backwards (std::invalid_argument).
+/// Measurements may come irregularly; time must not run backwards, nothing may be NaN (std::invalid_argument). The
+/// derivative joins at the second measurement: the first says nothing about velocity.
 class PdController {
  public:
   explicit PdController(const PdGains& gains);

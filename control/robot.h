@@ -2,31 +2,33 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <string>
-
 #include <Eigen/Core>
+
+#include <string>
 
 namespace vitreo::control {
 
+constexpr double kGravity = 9.80665;  // m/s^2
+
 struct Medium {
   std::string name = "silicone oil";
-  double density = 970;               // kg/m^3
-  double kinematic_viscosity = 500e-6;  // m^2/s (1 cSt = 1e-6)
+  double density = 970;                                                       // kg/m^3
+  double kinematic_viscosity = 500e-6;                                        // m^2/s (1 cSt = 1e-6)
   double dynamic_viscosity() const { return density * kinematic_viscosity; }  // Pa s
-  void check() const;                 // throws std::invalid_argument naming the parameter
+  void check() const;  // throws std::invalid_argument naming the parameter
 };
 
 /// An elongated robot, symmetric about its axis for fluid and optics.
 struct Robot {
   std::string name;
-  double semi_axis = 1e-3;       // m, along the axis
-  double semi_radius = 0.5e-3;   // m, across
-  double solid_volume = 0;       // m^3 of metal
-  double solid_density = 0;      // kg/m^3
-  double saturation = 0;         // A/m: saturation magnetisation (soft) or remanence/mu0 (hard)
-  double demagnetisation = 0;    // along the easy axis; 0 with `hard`
-  bool hard = false;             // a permanent magnet
-  void check() const;
+  double semi_axis = 1e-3;      // m, along the axis
+  double semi_radius = 0.5e-3;  // m, across
+  double solid_volume = 0;      // m^3 of metal
+  double solid_density = 0;     // kg/m^3
+  double saturation = 0;        // A/m: saturation magnetisation (soft) or remanence/mu0 (hard)
+  double demagnetisation = 0;   // along the easy axis; 0 with `hard`
+  bool hard = false;            // a permanent magnet
+  void check() const;           // throws std::invalid_argument naming the parameter
   /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).
   double moment(double field) const;
   double mass() const { return solid_volume * solid_density; }  // kg

@@ -1,0 +1,73 @@
+// The response of delay and lag to held commands, exactly.
+// SPDX-License-Identifier: Apache-2.0
+#include "control/command_history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::control {
+
+CommandHistory::CommandHistory(double delay, double lag) : delay_(delay), lag_(lag) {
+  if (!std::isfinite(delay) || delay < 0) throw std::invalid_argument("command_delay: must be at least 0 s");
+  if (!std::isfinite(lag) || lag < 0) throw std::invalid_argument("command_lag: must be at least 0 s");
+}
+
+void CommandHistory::add(double time, const Eigen::Vector3d& velocity) {
+  if (!std::isfinite(time)) throw std::invalid_argument("command time: not finite");
+  if (!velocity.allFinite()) throw std::invalid_argument("commanded velocity: not finite");
+  const double effect = time + delay_;
+  if (size_ > 0) {
+    Entry& last = ring_[(first_ + size_ - 1) % kCapacity];
+    if (effect < last.effect) throw std::invalid_argument("command time: runs backwards");
+    if (effect == last.effect) {
+      last.velocity = velocity;
+      return;
+    }
+  }
+  if (size_ == kCapacity) {
+    first_ = (first_ + 1) % kCapacity;
+    --size_;
+  }
+  ring_[(first_ + size_) % kCapacity] = {effect, velocity};
+  ++size_;
+}
+
+void CommandHistory::pass(Motion& motion, const Eigen::Vector3d& commanded, double span) const {
+  if (lag_ > 0) {
+    const double decay = std::exp(-span / lag_);
+    motion.moved += commanded * span + (motion.velocity - commanded) * (lag_ * (1 - decay));
+    motion.velocity = commanded + (motion.velocity - commanded) * decay;
+  } else {
+    motion.moved += commanded * span;
+    motion.velocity = commanded;
+  }
+}
+
+CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, double from, double to) const {
+  Motion motion;
+  motion.velocity = velocity;
+  Eigen::Vector3d acting = Eigen::Vector3d::Zero();
+  double now = from;
+  for (std::size_t k = 0; k < size_ && now < to; ++k) {
+    const Entry& next = entry(k);
+    if (next.effect > now) {
+      const double until = std::min(next.effect, to);
+      pass(motion, acting, until - now);
+      now = until;
+    }
+    acting = next.velocity;
+  }
+  if (now < to) pass(motion, acting, to - now);
+  return motion;
+}
+
+void CommandHistory::forget_before(double time) {
+  // The one that acts at `time` stays.
+  while (size_ > 1 && entry(1).effect <= time) {
+    first_ = (first_ + 1) % kCapacity;
+    --size_;
+  }
+}
+
+}  // namespace vitreo::control

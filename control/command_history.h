@@ -1,0 +1,44 @@
+// What was commanded lately, and how far that moves the robot between any two moments.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstddef>
+
+namespace vitreo::control {
+
+/// Velocities take effect `delay` after their command and then through a first-order `lag` (the coils); each holds
+/// until the next. A ring: the newest 1024 are kept, without heap in the loop.
+class CommandHistory {
+ public:
+  /// s, both at least 0; std::invalid_argument naming the one that is not.
+  CommandHistory(double delay, double lag);
+  /// `time` must not run backwards (std::invalid_argument); one at the same time replaces the last.
+  void add(double time, const Eigen::Vector3d& velocity);
+  struct Motion {
+    Eigen::Vector3d moved{0, 0, 0};     // m
+    Eigen::Vector3d velocity{0, 0, 0};  // m/s, at the end, behind the lag
+  };
+  /// From a moment at which the velocity behind the lag was `velocity`. Before the first command it was nothing.
+  Motion advance(const Eigen::Vector3d& velocity, double from, double to) const;
+  /// Nothing before `time` will be asked for again.
+  void forget_before(double time);
+  void clear() { size_ = 0; }
+
+ private:
+  struct Entry {
+    double effect = 0;  // s, when it begins to act
+    Eigen::Vector3d velocity{0, 0, 0};
+  };
+  static constexpr std::size_t kCapacity = 1024;
+  const Entry& entry(std::size_t k) const { return ring_[(first_ + k) % kCapacity]; }
+  void pass(Motion& motion, const Eigen::Vector3d& commanded, double span) const;
+
+  double delay_, lag_;
+  std::array<Entry, kCapacity> ring_;
+  std::size_t first_ = 0, size_ = 0;
+};
+
+}  // namespace vitreo::control

@@ -1,0 +1,37 @@
+// Calibrates the dipole field model from probe readings.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/coil_field.h"
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <vector>
+
+namespace vitreo::control {
+
+/// What a field probe showed.
+struct ProbeReading {
+  Eigen::Vector3d position{0, 0, 0};  // m, world
+  Currents currents;                  // A
+  Eigen::Vector3d field{0, 0, 0};     // T
+};
+
+struct DipoleFit {
+  CoilField field;
+  Eigen::Vector3d background{0, 0, 0};  // T, uniform
+  double residual_rms = 0;              // T, of one component
+  double residual_largest = 0;          // T, the length of the worst reading's miss
+  std::size_t worst_reading = 0;
+  double residual_relative = 0;  // of the readings' own rms
+  bool converged = false;
+};
+
+/// Least squares over positions and moments of all dipoles and a uniform background (Ceres), from the model `start`
+/// (CoilField::octomag() for an OctoMag). Throws std::invalid_argument naming the reading that is not finite or has not
+/// one current a coil, for fewer readings than unknowns, and for a coil that never had a current of its own: its column
+/// in the readings' currents is a mixture of the others'.
+DipoleFit fit_dipoles(const CoilField& start, const std::vector<ProbeReading>& readings);
+
+}  // namespace vitreo::control

@@ -1,0 +1,34 @@
+// Forwards to whichever field model is held.
+// SPDX-License-Identifier: Apache-2.0
+#include "control/field_model.h"
+
+#include <stdexcept>
+
+namespace vitreo::control {
+
+int FieldModel::coils() const {
+  return std::visit([](const auto& model) { return model.coils(); }, model_);
+}
+
+FieldMatrix FieldModel::matrix(const Eigen::Vector3d& position_in_world) const {
+  return std::visit([&](const auto& model) { return model.matrix(position_in_world); }, model_);
+}
+
+FieldGradient FieldModel::background(const Eigen::Vector3d& position_in_world) const {
+  FieldGradient field = FieldGradient::Zero();
+  if (const auto* multipoles = std::get_if<MultipoleField>(&model_)) field = multipoles->background(position_in_world);
+  field.head<3>() += uniform_;
+  return field;
+}
+
+void FieldModel::set_uniform_background(const Eigen::Vector3d& field) {
+  if (!field.allFinite()) throw std::invalid_argument("background field: not finite");
+  uniform_ = field;
+}
+
+bool FieldModel::valid_at(const Eigen::Vector3d& position_in_world) const {
+  const auto* multipoles = std::get_if<MultipoleField>(&model_);
+  return position_in_world.allFinite() && (!multipoles || multipoles->region().contains(position_in_world));
+}
+
+}  // namespace vitreo::control

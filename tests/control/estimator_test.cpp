@@ -1,0 +1,196 @@
+// The estimator against its closed forms and statistics, and on bad days.
+// SPDX-License-Identifier: Apache-2.0
+#include "control/estimator.h"
+
+#include <Eigen/Cholesky>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::control {
+namespace {
+
+const double kNan = std::numeric_limits<double>::quiet_NaN();
+
+std::string complaint(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+PositionMeasurement at(double time, const Eigen::Vector3d& position, double sigma = 1e-6) {
+  return {time, position, sigma * sigma * Eigen::Matrix3d::Identity()};
+}
+
+TEST(CommandHistory, moves_as_delay_and_lag_say) {
+  CommandHistory history(0.05, 0.02);
+  history.add(1.0, {1, 0, 0});
+  history.add(1.2, {0, 2, 0});
+  const auto motion = history.advance({0, 0, 0}, 0.9, 1.45);
+  // By hand: x acts from 1.05 to 1.25, y from there; each through exp(-t/0.02). Rounding only.
+  const double e1 = std::exp(-0.2 / 0.02), x = 1 - e1;
+  EXPECT_NEAR(motion.moved.x(), 0.2 - 0.02 * (1 - e1) + x * 0.02 * (1 - e1), 1e-15);
+  EXPECT_NEAR(motion.moved.y(), 2 * (0.2 - 0.02 * (1 - e1)), 1e-15);
+  EXPECT_NEAR(motion.velocity.x(), x * e1, 1e-15);
+  // In two steps the same as in one.
+  const auto half = history.advance({0, 0, 0}, 0.9, 1.1);
+  const auto rest = history.advance(half.velocity, 1.1, 1.45);
+  EXPECT_LT((half.moved + rest.moved - motion.moved).norm(), 1e-15);
+  history.forget_before(1.3);
+  EXPECT_LT((history.advance(half.velocity, 1.3, 1.4).moved.x()), 1e-1);
+}
+
+TEST(CommandHistory, keeps_the_newest_when_it_is_full) {
+  CommandHistory history(0, 0);
+  for (int k = 0; k < 5000; ++k) history.add(1e-3 * k, {1e-3 * k, 0, 0});
+  // The last half second: the sum of 4.5 to 5 times a millisecond each.
+  EXPECT_NEAR(history.advance({0, 0, 0}, 4.5, 5.0).moved.x(), 0.5 * (4.5 + 4.999) / 2, 1e-9);
+}
+
+TEST(PositionEstimator, knows_nothing_before_the_first_measurement_and_too_long_after_the_last) {
+  PositionEstimator estimator({});
+  EXPECT_FALSE(estimator.at(5));
+  estimator.measure(at(5, {1e-3, 0, 0}));
+  ASSERT_TRUE(estimator.at(5));
+  EXPECT_EQ(estimator.at(5)->position, Eigen::Vector3d(1e-3, 0, 0));
+  EXPECT_TRUE(estimator.at(5.9));
+  EXPECT_NEAR(estimator.at(5.9)->age, 0.9, 1e-12);
+  EXPECT_FALSE(estimator.at(6.1));  // max_age is 1 s
+}
+
+TEST(PositionEstimator, finds_the_disturbance_and_predicts_over_the_latency) {
+  EstimatorSettings settings;
+  settings.command_delay = 0.05;
+  settings.command_lag = 0.01;
+  PositionEstimator estimator(settings);
+  const Eigen::Vector3d push(100e-6, -50e-6, 20e-6);
+  CommandHistory truth(0.05, 0.01);
+  Eigen::Vector3d lagged(0, 0, 0), place(0, 0, 0);
+  for (int k = 0; k < 100; ++k) {
+    const double t = k / 15.0;
+    const Eigen::Vector3d u(300e-6 * std::sin(t), 300e-6 * std::cos(2 * t), 0);
+    // The measurement that comes at t was taken 130 ms before.
+    const auto then = truth.advance({0, 0, 0}, -1, t - 0.13);
+    estimator.measure(at(t - 0.13, then.moved + push * (t - 0.13 + 1)));
+    estimator.command(t, u);
+    truth.add(t, u);
+  }
+  const double now = 99 / 15.0 + 0.05;
+  place = truth.advance(lagged, -1, now).moved + push * (now + 1);
+  const auto estimate = estimator.at(now);
+  ASSERT_TRUE(estimate);
+  // Exact measurements of an exact model: what is left of the first guess, with time constants below half a second.
+  EXPECT_LT((estimate->disturbance - push).norm(), 1e-9);
+  EXPECT_LT((estimate->position - place).norm(), 1e-9);
+}
+
+TEST(PositionEstimator, is_as_sure_as_it_is_right_with_irregular_and_missing_measurements) {
+  EstimatorSettings settings;
+  settings.disturbance_walk = 50e-6;
+  settings.position_walk = 2e-6;
+  settings.gate = 0;
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(0.02, 0.12);
+  const auto draw = [&](double size) {
+    const double x = normal(random), y = normal(random), z = normal(random);
+    return Eigen::Vector3d(size * Eigen::Vector3d(x, y, z));
+  };
+  double sum = 0;
+  int count = 0;
+  for (int run = 0; run < 100; ++run) {
+    PositionEstimator estimator(settings);
+    Eigen::Matrix3d r;
+    r << 9, 3, 0, 3, 16, 2, 0, 2, 100;  // um^2: a depth that is known worse, and correlations
+    r *= 1e-12;
+    const Eigen::Matrix3d root = r.llt().matrixL();
+    Eigen::Vector3d p(0, 0, 0), d = draw(settings.initial_disturbance);
+    double t = 0;
+    for (int k = 0; k < 40; ++k) {
+      if (run % 2 == 0 || k % 3 != 0) estimator.measure({t, p + root * draw(1), r});
+      double next = t + uniform(random);
+      const double step = (next - t) / 50;
+      for (int i = 0; i < 50; ++i) {
+        d += draw(settings.disturbance_walk * std::sqrt(step));
+        p += step * d + draw(settings.position_walk * std::sqrt(step));
+      }
+      t = next;
+    }
+    const auto estimate = estimator.at(t);
+    ASSERT_TRUE(estimate);
+    Eigen::Matrix<double, 6, 1> error;
+    error << estimate->position - p, estimate->disturbance - d;
+    sum += error.dot(estimate->covariance.llt().solve(error));
+    ++count;
+  }
+  // Chi-squared of 6 degrees, mean of 100: 6 +- 0.35; here four of them.
+  EXPECT_NEAR(sum / count, 6, 1.4);
+}
+
+TEST(PositionEstimator, passes_over_an_outlier_and_believes_the_third) {
+  EstimatorSettings settings;
+  settings.gate = 6;
+  PositionEstimator estimator(settings);
+  for (int k = 0; k < 20; ++k) EXPECT_TRUE(estimator.measure(at(0.1 * k, {0, 0, 0})));
+  EXPECT_FALSE(estimator.measure(at(2.0, {5e-3, 0, 0})));
+  EXPECT_LT(estimator.at(2.0)->position.norm(), 1e-5);
+  EXPECT_FALSE(estimator.measure(at(2.1, {5e-3, 0, 0})));
+  EXPECT_TRUE(estimator.measure(at(2.2, {5e-3, 0, 0})));
+  EXPECT_EQ(estimator.at(2.2)->position.x(), 5e-3);
+}
+
+TEST(PositionEstimator, winds_nothing_up_while_the_robot_is_held_fast) {
+  EstimatorSettings settings;
+  settings.max_disturbance = 1e-3;
+  PositionEstimator estimator(settings);
+  for (int k = 0; k < 200; ++k) {
+    estimator.command(0.1 * k, {5e-3, 0, 0});  // pushed hard, and stuck
+    estimator.measure(at(0.1 * k, {0, 0, 0}));
+  }
+  EXPECT_LE(estimator.at(20)->disturbance.norm(), 1e-3 * (1 + 1e-12));
+}
+
+TEST(PositionEstimator, takes_up_again_after_a_long_silence) {
+  PositionEstimator estimator({});
+  for (int k = 0; k < 20; ++k) estimator.measure(at(0.1 * k, {10e-6 * k, 0, 0}));
+  EXPECT_TRUE(estimator.measure(at(30, {2e-3, 0, 0})));
+  EXPECT_EQ(estimator.at(30)->position.x(), 2e-3);
+  EXPECT_NEAR(estimator.at(30)->disturbance.x(), 100e-6, 30e-6);  // what it was: 10 um in 0.1 s, with its sigma
+}
+
+TEST(PositionEstimator, names_what_is_wrong) {
+  PositionEstimator estimator({});
+  EXPECT_EQ(complaint([&] { estimator.measure(at(kNan, {0, 0, 0})); }), "measurement time: not finite");
+  EXPECT_EQ(complaint([&] { estimator.measure(at(0, {0, kNan, 0})); }), "measured position: not finite");
+  EXPECT_EQ(complaint([&] {
+              estimator.measure({0, {0, 0, 0}, Eigen::Matrix3d::Zero()});
+            }),
+            "measurement covariance: not positive definite");
+  Eigen::Matrix3d skew = 1e-12 * Eigen::Matrix3d::Identity();
+  skew(0, 1) = 1e-13;
+  EXPECT_EQ(complaint([&] { estimator.measure({0, {0, 0, 0}, skew}); }), "measurement covariance: not symmetric");
+  EXPECT_FALSE(estimator.at(0));  // none of these left a trace
+  estimator.measure(at(1, {0, 0, 0}));
+  EXPECT_EQ(complaint([&] { estimator.measure(at(0.9, {0, 0, 0})); }), "measurement time: runs backwards");
+  EXPECT_EQ(complaint([&] { estimator.at(0.9); }), "time: before the last measurement");
+  EXPECT_EQ(complaint([&] { estimator.command(0, {0, kNan, 0}); }), "commanded velocity: not finite");
+  estimator.command(1, {0, 0, 0});
+  EXPECT_EQ(complaint([&] { estimator.command(0.9, {0, 0, 0}); }), "command time: runs backwards");
+  EstimatorSettings bad;
+  bad.command_delay = -1;
+  EXPECT_EQ(complaint([&] { PositionEstimator x(bad); }), "command_delay: must be at least 0 s");
+  bad = {};
+  bad.disturbance_walk = 0;
+  EXPECT_EQ(complaint([&] { PositionEstimator x(bad); }), "disturbance_walk: must be above 0 m/s per sqrt(s)");
+}
+
+}  // namespace
+}  // namespace vitreo::control
