@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/blur.h"
+
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo::sim {
+namespace {
+
+constexpr int kOversampling = 5;  // samples a pixel, each way, while the kernel is made
+constexpr double kKept = 0.998;   // of the kernel's energy, by its singular values
+constexpr double kAiryRings =
+    3.24;  // radius to which the Airy pattern is kept: its third dark ring, in units of lambda / (2 NA)
+
+double airy(double r, const Aperture& aperture) {
+  const double x = 2 * M_PI * aperture.numerical_aperture * r / aperture.wavelength;
+  if (x < 1e-6) return 1;
+  const double j = 2 * std::cyl_bessel_j(1.0, x) / x;
+  return j * j;
+}
+
+/// A function of the radius, sampled on a square grid of `half` samples each way, normalised.
+template <typename Function>
+cv::Mat sampled(int half, double step, Function value) {
+  cv::Mat grid(2 * half + 1, 2 * half + 1, CV_32F);
+  for (int j = -half; j <= half; ++j)
+    for (int i = -half; i <= half; ++i)
+      grid.at<float>(j + half, i + half) = static_cast<float>(value(std::hypot(i, j) * step));
+  return grid / cv::sum(grid)[0];
+}
+
+}  // namespace
+
+cv::Mat point_spread(const Aperture& aperture, double defocus) {
+  const double step = aperture.pixel / kOversampling;
+  const double disc = std::abs(defocus) * aperture.numerical_aperture;
+  const double airy_reach = kAiryRings * aperture.wavelength / (2 * aperture.numerical_aperture);
+  const int reach = std::max(1, static_cast<int>(std::ceil((disc + airy_reach) / aperture.pixel)));
+  const int half = reach * kOversampling + kOversampling / 2;
+  const cv::Mat diffraction = sampled(half, step, [&](double r) { return r <= airy_reach ? airy(r, aperture) : 0; });
+  // The disc's rim is softened over one sample, so that the radius may change smoothly.
+  const cv::Mat geometric =
+      sampled(half, step, [&](double r) { return std::clamp((disc - r) / step + 0.5, r == 0 ? 1e-3 : 0.0, 1.0); });
+  cv::Mat fine;
+  cv::filter2D(diffraction, fine, CV_32F, geometric, cv::Point(-1, -1), 0, cv::BORDER_CONSTANT);
+  cv::Mat kernel;
+  cv::resize(fine, kernel, cv::Size(2 * reach + 1, 2 * reach + 1), 0, 0, cv::INTER_AREA);  // the pixel's square
+  return kernel / cv::sum(kernel)[0];
+}
+
+const Blur::Separable& Blur::kernel(double defocus) {
+  const double tenth = aperture_.pixel / aperture_.numerical_aperture / 10;
+  const int key = static_cast<int>(std::lround(std::abs(defocus) / tenth));
+  const auto found = kernels_.find(key);
+  if (found != kernels_.end()) return found->second;
+  const cv::Mat spread = point_spread(aperture_, key * tenth);
+  cv::Mat w, u, vt;
+  cv::SVD::compute(spread, w, u, vt);
+  Separable separable{{}, {}, spread.rows / 2};
+  const double all = w.dot(w);
+  double kept = 0, sum = 0;
+  for (int k = 0; k < w.rows && kept < kKept * all; ++k) {
+    const float root = std::sqrt(w.at<float>(k));
+    separable.columns.push_back(u.col(k) * root);
+    separable.rows.push_back(vt.row(k).t() * root);
+    kept += w.at<float>(k) * w.at<float>(k);
+    sum += cv::sum(separable.columns.back())[0] * cv::sum(separable.rows.back())[0];
+  }
+  for (cv::Mat& column : separable.columns) column /= sum;  // it neither adds nor takes light
+  return kernels_.emplace(key, std::move(separable)).first->second;
+}
+
+void Blur::apply(cv::Mat& image, double defocus) {
+  const Separable& separable = kernel(defocus);
+  cv::Mat sum, part;
+  for (std::size_t k = 0; k < separable.rows.size(); ++k) {
+    cv::sepFilter2D(image, part, CV_32F, separable.rows[k], separable.columns[k], cv::Point(-1, -1), 0,
+                    cv::BORDER_REPLICATE);
+    if (k == 0)
+      cv::swap(sum, part);
+    else
+      sum += part;
+  }
+  cv::swap(image, sum);
+}
+
+int Blur::reach(double defocus) { return kernel(defocus).reach; }
+
+}  // namespace vitreo::sim

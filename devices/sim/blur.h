@@ -1,0 +1,41 @@
+// The blur of a microscope that looks at a defocused image: its aperture's disc and its diffraction, in one kernel.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+
+#include <map>
+#include <vector>
+
+namespace vitreo::sim {
+
+struct Aperture {
+  double numerical_aperture = 0.01;
+  double wavelength = 550e-9;  // m
+  double pixel = 14.3e-6;      // m, in the plane that the microscope looks at
+};
+
+/// The point spread of a defocus (m along the axis), sampled by the pixels, summing to 1: the geometric disc of radius
+/// |defocus| NA convolved with the Airy pattern and the pixel's own square. Odd size. CV_32F.
+cv::Mat point_spread(const Aperture& aperture, double defocus);
+
+/// Blurs CV_32F images with a kernel taken apart into few separable ones (its leading singular vectors), remembered for
+/// each tenth of a pixel of disc radius.
+class Blur {
+ public:
+  explicit Blur(const Aperture& aperture) : aperture_(aperture) {}
+  void apply(cv::Mat& image, double defocus);
+  /// px on each side that the kernel reaches.
+  int reach(double defocus);
+
+ private:
+  struct Separable {
+    std::vector<cv::Mat> rows, columns;
+    int reach;
+  };
+  const Separable& kernel(double defocus);
+  Aperture aperture_;
+  std::map<int, Separable> kernels_;  // by disc radius in tenths of a pixel
+};
+
+}  // namespace vitreo::sim

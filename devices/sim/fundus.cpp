@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/fundus.h"
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+namespace vitreo::sim {
+namespace {
+
+constexpr int kMapSize = 2048;                                            // px
+constexpr double kDiscX = 4.0e-3, kDiscY = 0.4e-3, kDiscRadius = 0.9e-3;  // m: nasal of the vertex
+constexpr double kFoveaX = -1.0e-3, kFoveaRadius = 0.9e-3;
+
+/// Draws in metres on the map.
+struct Canvas {
+  cv::Mat map;
+  double scale;                             // px per m
+  cv::Point at(double x, double y) const {  // OpenCV's fixed-point coordinates, 1/16 px
+    const double centre = map.cols / 2.0;
+    return {static_cast<int>(std::lround((centre + x * scale) * 16)),
+            static_cast<int>(std::lround((centre - y * scale) * 16))};
+  }
+};
+
+/// Mottling: random values on ever finer grids, smoothly interpolated.
+cv::Mat mottling(std::mt19937_64& random) {
+  std::uniform_real_distribution<float> uniform(-1, 1);
+  cv::Mat sum = cv::Mat::zeros(kMapSize, kMapSize, CV_32F);
+  float weight = 0.04F;
+  for (int cells = 6; cells <= 96; cells *= 2, weight *= 0.6F) {
+    cv::Mat coarse(cells, cells, CV_32F), fine;
+    for (int i = 0; i < cells * cells; ++i) coarse.at<float>(i / cells, i % cells) = uniform(random);
+    cv::resize(coarse, fine, sum.size(), 0, 0, cv::INTER_CUBIC);
+    sum += weight * fine;
+  }
+  return sum;
+}
+
+struct Vessel {
+  double x, y, heading, width, bend;  // m, m, rad, m, rad per m
+};
+
+/// One vessel from the disc outwards: it bends round the fovea, thins, and sends out branches.
+void draw_vessel(Canvas& canvas, Vessel vessel, int generation, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(0, 1);
+  constexpr double kStep = 0.25e-3;  // m
+  for (int step = 0; step < 90 && vessel.width > 25e-6; ++step) {
+    const double x = vessel.x + kStep * std::cos(vessel.heading), y = vessel.y + kStep * std::sin(vessel.heading);
+    const int thickness = std::max(1, static_cast<int>(std::lround(vessel.width * canvas.scale)));
+    cv::line(canvas.map, canvas.at(vessel.x, vessel.y), canvas.at(x, y), cv::Scalar(255), thickness, cv::LINE_AA, 4);
+    vessel.x = x;
+    vessel.y = y;
+    vessel.heading += vessel.bend * kStep + 0.10 * normal(random);
+    vessel.bend *= 0.985;
+    vessel.width *= 0.988;
+    const bool branches = uniform(random) < 0.09, left = uniform(random) < 0.5;
+    if (branches && generation < 4) {
+      Vessel branch = vessel;
+      branch.heading += (left ? 1 : -1) * (0.6 + 0.3 * uniform(random));
+      branch.bend = (left ? -1 : 1) * 60;
+      branch.width *= 0.65;
+      vessel.width *= 0.9;
+      draw_vessel(canvas, branch, generation + 1, random);
+    }
+  }
+}
+
+cv::Mat vessels(double scale, std::mt19937_64& random) {
+  Canvas canvas{cv::Mat::zeros(kMapSize, kMapSize, CV_8U), scale};
+  std::normal_distribution<double> normal;
+  // Two arcades up and down towards the temporal side, two smaller ones to the nasal side, for arteries and veins each.
+  struct Start {
+    double heading, bend, width;
+  };
+  const Start starts[] = {{1.9, 110, 150e-6}, {2.2, 80, 120e-6},  {-1.9, -110, 150e-6}, {-2.2, -80, 120e-6},
+                          {0.7, -40, 110e-6}, {-0.7, 40, 110e-6}, {1.1, 20, 90e-6},     {-1.1, -20, 90e-6}};
+  for (const Start& start : starts) {
+    const double x = kDiscX + 0.15e-3 * normal(random), y = kDiscY + 0.15e-3 * normal(random);
+    const double heading = start.heading + 0.1 * normal(random);
+    draw_vessel(canvas, {x, y, heading, start.width, start.bend}, 0, random);
+  }
+  cv::Mat soft;
+  canvas.map.convertTo(soft, CV_32F, 1.0 / 255);
+  cv::GaussianBlur(soft, soft, cv::Size(0, 0), 1.2);
+  return soft;
+}
+
+/// Adds a disc with a soft edge: `height` inside, falling to nothing over about twice `edge`.
+void add_disc(cv::Mat& map, double scale, double x, double y, double radius, double edge, double height) {
+  const double u0 = map.cols / 2.0 + x * scale, v0 = map.rows / 2.0 - y * scale, r0 = radius * scale, e = edge * scale;
+  const int reach = static_cast<int>(r0 + 6 * e);
+  const cv::Rect box = cv::Rect(static_cast<int>(u0) - reach, static_cast<int>(v0) - reach, 2 * reach, 2 * reach) &
+                       cv::Rect(0, 0, map.cols, map.rows);
+  for (int v = box.y; v < box.y + box.height; ++v)
+    for (int u = box.x; u < box.x + box.width; ++u)
+      map.at<float>(v, u) += static_cast<float>(height / (1 + std::exp((std::hypot(u - u0, v - v0) - r0) / (0.6 * e))));
+}
+
+}  // namespace
+
+Fundus Fundus::drawn(std::uint64_t seed, double reach) {
+  std::mt19937_64 random(seed);
+  const double scale = kMapSize / 2.0 / reach;
+  cv::Mat map = mottling(random) + 0.52F;
+  add_disc(map, scale, kFoveaX, 0, kFoveaRadius, 0.5e-3, -0.10);
+  add_disc(map, scale, kDiscX, kDiscY, kDiscRadius, 0.06e-3, 0.22);
+  add_disc(map, scale, kDiscX, kDiscY, 0.4 * kDiscRadius, 0.08e-3, 0.08);  // its cup
+  cv::Mat darker = 1.0F - 0.38F * vessels(scale, random);
+  map = map.mul(darker);
+  return {map, scale};
+}
+
+Fundus Fundus::photograph(const std::string& file, double width) {
+  if (!(width > 0)) throw std::invalid_argument("fundus_width must be above zero");
+  const cv::Mat colour = cv::imread(file, cv::IMREAD_COLOR);
+  if (colour.empty()) throw std::invalid_argument("fundus: cannot read '" + file + "' as an image");
+  cv::Mat green, map;
+  cv::extractChannel(colour, green, 1);
+  green.convertTo(map, CV_32F, 1.0 / 255);
+  return {map, map.cols / width};
+}
+
+float Fundus::reflectance(double x, double y) const {
+  const double u = map_.cols / 2.0 - 0.5 + x * pixels_per_metre_, v = map_.rows / 2.0 - 0.5 - y * pixels_per_metre_;
+  if (!(u >= 0 && v >= 0 && u < map_.cols - 1 && v < map_.rows - 1)) return 0;
+  const int i = static_cast<int>(u), j = static_cast<int>(v);
+  const float a = static_cast<float>(u - i), b = static_cast<float>(v - j);
+  const float* above = map_.ptr<float>(j) + i;
+  const float* below = map_.ptr<float>(j + 1) + i;
+  return (1 - b) * ((1 - a) * above[0] + a * above[1]) + b * ((1 - a) * below[0] + a * below[1]);
+}
+
+}  // namespace vitreo::sim

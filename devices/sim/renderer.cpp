@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/renderer.h"
+
+#include "optics/trace.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::sim {
+namespace {
+
+constexpr int kNormalSamples = 1 << 18;
+constexpr double kWellOutside = 1.3;  // squared distance, in units of the robot, beyond which no pixel is touched
+
+/// A number that depends on all three and looks random (the finaliser of SplitMix64).
+std::uint64_t mix(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  std::uint64_t x = a + 0x9E3779B97F4A7C15U * (b + 1) + 0xD1B54A32D192ED03U * (c + 1);
+  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9U;
+  x = (x ^ (x >> 27)) * 0x94D049BB133111EBU;
+  return x ^ (x >> 31);
+}
+
+cv::Mat vignette_of(int width, int height, double missing) {
+  cv::Mat map(height, width, CV_32F);
+  const double u0 = (width - 1) / 2.0, v0 = (height - 1) / 2.0, corner = u0 * u0 + v0 * v0;
+  for (int v = 0; v < height; ++v)
+    for (int u = 0; u < width; ++u)
+      map.at<float>(v, u) = static_cast<float>(1 - missing * ((u - u0) * (u - u0) + (v - v0) * (v - v0)) / corner);
+  return map;
+}
+
+}  // namespace
+
+void Sensor::check() const {
+  if (!(full_well > 0)) throw std::invalid_argument("full_well must be above zero");
+  if (!(read_noise >= 0)) throw std::invalid_argument("read_noise must not be negative");
+  if (!(brightness > 0 && brightness <= 1000)) throw std::invalid_argument("brightness must be in (0, 1000]");
+  if (!(vignette >= 0 && vignette < 1)) throw std::invalid_argument("vignette must be in [0, 1)");
+}
+
+Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground, double ground_defocus,
+                   const Sensor& sensor, const RobotLook& look, std::uint64_t seed)
+    : view_(std::move(view)), blur_(aperture), defocus_(std::move(defocus)), sensor_(sensor), look_(look), seed_(seed) {
+  sensor_.check();
+  if (ground.cols != view_.width || ground.rows != view_.height || ground.type() != CV_32F)
+    throw std::invalid_argument("ground: a CV_32F image of the view's size is wanted");
+  for (int level = 0; level < 256; ++level) {
+    const double electrons = sensor_.full_well * level / 255;
+    const double noise = std::sqrt(electrons + sensor_.read_noise * sensor_.read_noise) * 255 / sensor_.full_well;
+    sigma_of_level_.push_back(static_cast<std::uint16_t>(std::lround(std::min(noise, 60.0) * 256)));
+  }
+  std::mt19937_64 random(mix(seed, 1, 1));
+  std::normal_distribution<double> normal;
+  // Rows start anywhere in one long list of samples: within an image no run repeats except by a rare chance.
+  normal_.resize(kNormalSamples + static_cast<std::size_t>(view_.width));
+  for (auto& sample : normal_)
+    sample = static_cast<std::int16_t>(std::lround(std::clamp(normal(random), -6.0, 6.0) * 1024));
+  vignette_ = vignette_of(view_.width, view_.height, sensor_.vignette);
+  blur_.apply(ground, ground_defocus);
+  ground_.create(view_.height, view_.width, CV_16U);
+  ground_sigma_.create(view_.height, view_.width, CV_16U);
+  for (int v = 0; v < view_.height; ++v) {
+    for (int u = 0; u < view_.width; ++u) {
+      const double level = sensor_.brightness * ground.at<float>(v, u) * vignette_.at<float>(v, u);
+      const auto mean = static_cast<std::uint16_t>(std::clamp(level * 256, 0.0, 65280.0));
+      ground_.at<std::uint16_t>(v, u) = mean;
+      ground_sigma_.at<std::uint16_t>(v, u) = sigma_of_level_[mean >> 8];
+    }
+  }
+  scene_ = ground_.clone();
+  scene_sigma_ = ground_sigma_.clone();
+}
+
+cv::Mat Renderer::render(const BodyState* robot, std::uint64_t frame) {
+  restore_ground();
+  if (robot != nullptr) draw_robot(*robot);
+  return add_noise(frame);
+}
+
+void Renderer::restore_ground() {
+  if (drawn_.empty()) return;
+  ground_(drawn_).copyTo(scene_(drawn_));
+  ground_sigma_(drawn_).copyTo(scene_sigma_(drawn_));
+  drawn_ = cv::Rect();
+}
+
+/// The pixels that the robot can touch, blur included; `extent`: how far it reaches from its centre along x and y, m.
+cv::Rect Renderer::window_of(const Eigen::Vector3d& centre, const Eigen::Vector2d& extent, const Eigen::Vector2d& pixel,
+                             double defocus) {
+  const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
+  const int v = std::clamp(static_cast<int>(pixel.y()), 1, view_.height - 2);
+  const PixelLine &left = view_.at(u - 1, v), &right = view_.at(u + 1, v);
+  const double scale = std::hypot(right.x - left.x + centre.z() * (right.dx - left.dx),
+                                  right.y - left.y + centre.z() * (right.dy - left.dy)) /
+                       2;  // m per px at this depth
+  // A quarter more than the size at the centre: magnification grows towards the lens and towards the rim.
+  const int margin = blur_.reach(defocus) + 2;
+  const int half_u = static_cast<int>(std::ceil(1.25 * extent.x() / scale)) + margin;
+  const int half_v = static_cast<int>(std::ceil(1.25 * extent.y() / scale)) + margin;
+  return cv::Rect(u - half_u, v - half_v, 2 * half_u + 1, 2 * half_v + 1) & cv::Rect(0, 0, view_.width, view_.height);
+}
+
+void Renderer::draw_robot(const BodyState& robot) {
+  const Eigen::Vector3d centre = view_.point_in_view(robot.position);
+  const auto pixel = view_.pixel_of(centre);
+  if (!pixel) return;  // outside the image
+  const double defocus = defocus_(*pixel, centre.z());
+  const Eigen::Vector3d axis = view_.view_from_world * robot.axis;
+  const auto reach = [&](double along) {
+    return std::hypot(robot.semi_axis * along, robot.semi_radius * std::sqrt(std::max(1 - along * along, 0.0)));
+  };
+  const cv::Rect window = window_of(centre, {reach(axis.x()), reach(axis.y())}, *pixel, defocus);
+  cv::Mat coverage, light;
+  shade(centre, axis, robot, window, coverage, light);
+  blur_.apply(coverage, defocus);
+  blur_.apply(light, defocus);
+  for (int v = 0; v < window.height; ++v) {
+    const float* covered = coverage.ptr<float>(v);
+    const float* lit = light.ptr<float>(v);
+    const float* vignette = vignette_.ptr<float>(window.y + v) + window.x;
+    std::uint16_t* mean = scene_.ptr<std::uint16_t>(window.y + v) + window.x;
+    std::uint16_t* sigma = scene_sigma_.ptr<std::uint16_t>(window.y + v) + window.x;
+    const auto full = static_cast<float>(sensor_.brightness * 256);
+    for (int u = 0; u < window.width; ++u) {
+      const float level = (1 - covered[u]) * mean[u] + full * lit[u] * vignette[u];
+      mean[u] = static_cast<std::uint16_t>(std::clamp(level, 0.0F, 65280.0F));
+      sigma[u] = sigma_of_level_[mean[u] >> 8];
+    }
+  }
+  drawn_ = window;
+}
+
+/// For each pixel of the window: how much of it the robot covers, and the light from there (times the coverage).
+void Renderer::shade(const Eigen::Vector3d& centre, const Eigen::Vector3d& axis, const BodyState& robot,
+                     const cv::Rect& window, cv::Mat& coverage, cv::Mat& light) {
+  const double a2 = 1 / (robot.semi_axis * robot.semi_axis), b2 = 1 / (robot.semi_radius * robot.semi_radius);
+  // |p|^2 in the space where the robot is the unit sphere
+  const Eigen::Matrix3d shape = b2 * Eigen::Matrix3d::Identity() + (a2 - b2) * axis * axis.transpose();
+  const Eigen::Vector3d lamp = Eigen::Vector3d(0.25, 0.15, 1).normalized();
+  const Eigen::Vector3d half_way = (lamp + Eigen::Vector3d::UnitZ()).normalized();
+  cv::Mat distance(window.size(), CV_32F);  // of the pixel's line from the centre, in that space: 1 at the rim
+  coverage.create(window.size(), CV_32F);
+  light.create(window.size(), CV_32F);
+  for (int v = 0; v < window.height; ++v) {
+    for (int u = 0; u < window.width; ++u) {
+      const PixelLine& line = view_.at(window.x + u, window.y + v);
+      const Eigen::Vector3d o = Eigen::Vector3d(line.x, line.y, 0) - centre, d(line.dx, line.dy, 1);
+      const Eigen::Vector3d so = shape * o, sd = shape * d;
+      const double dd = d.dot(sd), od = o.dot(sd), closest = o.dot(so) - od * od / dd;
+      const bool sees = std::isfinite(closest);  // not so where the optics let no ray through
+      distance.at<float>(v, u) = sees ? static_cast<float>(std::sqrt(std::max(closest, 0.0))) : 9;
+      light.at<float>(v, u) = 0;
+      if (!sees || closest > kWellOutside) continue;
+      const double t = (-od + std::sqrt(dd * std::max(1 - closest, 0.0))) / dd;  // where the line leaves towards us
+      const Eigen::Vector3d normal = (so + t * sd).normalized();
+      light.at<float>(v, u) =
+          static_cast<float>(look_.ambient + look_.diffuse * std::max(normal.dot(lamp), 0.0) +
+                             look_.specular * std::pow(std::max(normal.dot(half_way), 0.0), look_.shininess));
+    }
+  }
+  for (int v = 0; v < window.height; ++v) {
+    for (int u = 0; u < window.width; ++u) {
+      const float here = distance.at<float>(v, u);
+      const float du =
+          distance.at<float>(v, std::min(u + 1, window.width - 1)) - distance.at<float>(v, std::max(u - 1, 0));
+      const float dv =
+          distance.at<float>(std::min(v + 1, window.height - 1), u) - distance.at<float>(std::max(v - 1, 0), u);
+      // the rim's distance in pixels, by the slope: a straight edge's share of the pixel
+      const float slope = std::max(std::hypot(du, dv) / 2, 1e-6F);
+      const float part = std::clamp((1 - here) / slope + 0.5F, 0.0F, 1.0F);
+      coverage.at<float>(v, u) = part;
+      light.at<float>(v, u) *= part;
+    }
+  }
+}
+
+cv::Mat Renderer::add_noise(std::uint64_t frame) const {
+  cv::Mat image(view_.height, view_.width, CV_8U);
+  for (int v = 0; v < view_.height; ++v) {
+    const std::uint16_t* mean = scene_.ptr<std::uint16_t>(v);
+    const std::uint16_t* sigma = scene_sigma_.ptr<std::uint16_t>(v);
+    const std::int16_t* normal = normal_.data() + mix(seed_, frame, static_cast<std::uint64_t>(v)) % kNormalSamples;
+    std::uint8_t* out = image.ptr<std::uint8_t>(v);
+    for (int u = 0; u < view_.width; ++u) {
+      const int value = mean[u] + ((sigma[u] * normal[u]) >> 10) + 128;
+      out[u] = static_cast<std::uint8_t>(std::clamp(value, 0, 65535) >> 8);
+    }
+  }
+  return image;
+}
+
+Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microscope& microscope,
+                                const optics::ImageScale& scale) {
+  return [eye, microscope, scale](const Eigen::Vector2d& pixel, double z) {
+    const auto at_depth = [z](const optics::Ray& ray) -> Eigen::Vector2d {
+      return (ray.origin + (z - ray.origin.z()) / ray.direction.z() * ray.direction).head<2>();
+    };
+    const Eigen::Vector2d m = scale.m_from_pixel(pixel);
+    const double span = 8 * scale.pixel;  // m of image, for the local scale
+    double sum = 0;
+    for (int direction = 0; direction < 2; ++direction) {
+      const Eigen::Vector2d along = Eigen::Vector2d::Unit(direction);
+      const auto chief = optics::isopixel_line(eye, microscope, m);
+      const auto beside = optics::isopixel_line(eye, microscope, m + span * along);
+      optics::Ray marginal = optics::chief_ray_in_air(eye, microscope, m);
+      // through the same point of the focus plane, at the aperture's edge; back into the eye
+      const double plane = eye.vertex(eye.size()) + microscope.focus;
+      marginal.origin += (plane - marginal.origin.z()) / marginal.direction.z() * marginal.direction;
+      marginal.direction =
+          -(marginal.direction + microscope.numerical_aperture * Eigen::Vector3d::Unit(direction)).normalized();
+      const optics::TraceResult traced = optics::trace_in(eye, marginal);
+      if (!chief || !beside || traced.status != optics::TraceStatus::ok) return 0.0;
+      const double per_metre = (at_depth(*beside) - at_depth(*chief)).norm() / span;
+      sum += (at_depth(traced.ray) - at_depth(*chief)).norm() / per_metre / microscope.numerical_aperture;
+    }
+    return sum / 2;
+  };
+}
+
+cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
+  cv::Mat ground(view.height, view.width, CV_32F);
+  const Eigen::Vector3d centre(0, 0, radius);
+  for (int v = 0; v < view.height; ++v) {
+    for (int u = 0; u < view.width; ++u) {
+      const PixelLine& line = view.at(u, v);
+      const Eigen::Vector3d o = Eigen::Vector3d(line.x, line.y, 0) - centre, d(line.dx, line.dy, 1);
+      const double dd = d.squaredNorm(), od = o.dot(d), root = od * od - dd * (o.squaredNorm() - radius * radius);
+      if (!(root >= 0)) {
+        ground.at<float>(v, u) = 0;
+        continue;
+      }
+      const Eigen::Vector3d outward = o + (-od - std::sqrt(root)) / dd * d;  // the far side: the retina, not the lens
+      const double across = std::hypot(outward.x(), outward.y()), angle = std::atan2(across, -outward.z());
+      const double stretch = across > 1e-9 ? radius * angle / across : 1;
+      ground.at<float>(v, u) = fundus.reflectance(stretch * outward.x(), stretch * outward.y());
+    }
+  }
+  return ground;
+}
+
+}  // namespace vitreo::sim

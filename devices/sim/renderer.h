@@ -1,0 +1,79 @@
+// Draws what a simulated camera sees: the robot by its pixel lines over a ground that is drawn once, then blur and
+// noise.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/sim/blur.h"
+#include "devices/sim/fundus.h"
+#include "devices/sim/view.h"
+#include "devices/sim/world.h"
+
+#include <opencv2/core/mat.hpp>
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+namespace vitreo::sim {
+
+/// An 8-bit sensor: its noise is that of the counted electrons and of the read-out.
+struct Sensor {
+  double full_well = 20000;  // electrons at grey level 255
+  double read_noise = 15;    // electrons, standard deviation
+  double brightness = 255;   // grey level of reflectance 1 in the middle of the image
+  double vignette = 0.3;     // part of the light that is missing in the corners
+  void check() const;        // throws std::invalid_argument naming the parameter
+};
+
+/// How the robot's surface reflects light that comes with the observer's view, a little from one side.
+struct RobotLook {
+  double ambient = 0.06, diffuse = 0.16, specular = 0.35, shininess = 30;
+};
+
+class Renderer {
+ public:
+  /// The robot's and the ground's defocus: in m of the plane that the camera looks at, for a pixel and a depth in the
+  /// view.
+  using DefocusOf = std::function<double(const Eigen::Vector2d& pixel, double z_in_view)>;
+
+  /// `ground`: sharp reflectance of the empty scene, CV_32F, of the view's size; `ground_defocus` in m.
+  Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground, double ground_defocus,
+           const Sensor& sensor, const RobotLook& look, std::uint64_t seed);
+  /// The image number `frame` with the robot there, or without. Same arguments, same image.
+  cv::Mat render(const BodyState* robot, std::uint64_t frame);
+  const View& view() const { return view_; }
+
+ private:
+  cv::Rect window_of(const Eigen::Vector3d& centre, const Eigen::Vector2d& extent, const Eigen::Vector2d& pixel,
+                     double defocus);
+  void draw_robot(const BodyState& robot);
+  void shade(const Eigen::Vector3d& centre, const Eigen::Vector3d& axis, const BodyState& robot, const cv::Rect& window,
+             cv::Mat& coverage, cv::Mat& light);
+  void restore_ground();
+  cv::Mat add_noise(std::uint64_t frame) const;
+
+  View view_;
+  Blur blur_;
+  DefocusOf defocus_;
+  Sensor sensor_;
+  RobotLook look_;
+  std::uint64_t seed_;
+  cv::Mat vignette_;                           // CV_32F, 1 in the middle
+  cv::Mat ground_, scene_;                     // CV_16U: mean grey level * 256, empty and with the robot
+  cv::Mat ground_sigma_, scene_sigma_;         // CV_16U: noise * 256
+  cv::Rect drawn_;                             // where scene_ differs from ground_
+  std::vector<std::uint16_t> sigma_of_level_;  // noise * 256 at each grey level
+  std::vector<std::int16_t> normal_;           // standard normal samples * 1024
+};
+
+/// The defocus of a point at depth z (m, eye frame) seen by pixel `pixel`: marginal rays of the microscope's aperture
+/// are traced in, and their spread at the depth is measured against the pixel's own scale there; mean of tangential and
+/// sagittal.
+Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microscope& microscope,
+                                const optics::ImageScale& scale);
+
+/// The retina as each pixel's line meets it: a sphere of `radius` with its vertex at the view's origin, painted with
+/// `fundus`.
+cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius);
+
+}  // namespace vitreo::sim

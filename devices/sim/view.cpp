@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/view.h"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::sim {
+namespace {
+
+using Line = Eigen::Vector4d;  // x, y, dx, dy
+const double kNan = std::nan("");
+
+Line traced_line(const optics::System& eye, const optics::Microscope& microscope, const Eigen::Vector2d& m) {
+  const auto ray = optics::isopixel_line(eye, microscope, m);
+  if (!ray) return Line::Constant(kNan);
+  const Eigen::Vector3d d = ray->direction / ray->direction.z();
+  const Eigen::Vector3d foot = ray->origin - ray->origin.z() * d;
+  return {foot.x(), foot.y(), d.x(), d.y()};
+}
+
+/// Weights of the four neighbours in cubic Lagrange interpolation at t in [0, 1] between the second and the third.
+std::array<double, 4> cubic_weights(double t) {
+  return {-t * (t - 1) * (t - 2) / 6, (t + 1) * (t - 1) * (t - 2) / 2, -(t + 1) * t * (t - 2) / 2,
+          (t + 1) * t * (t - 1) / 6};
+}
+
+/// Traced lines on a grid that reaches two nodes beyond the image, so that every pixel has its 4x4 neighbours.
+struct Grid {
+  int step, columns, rows;
+  std::vector<Line> nodes;
+  const Line& node(int column, int row) const { return nodes[static_cast<std::size_t>(row) * columns + column]; }
+};
+
+Grid trace_grid(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
+                const ImageSize& size, int step) {
+  Grid grid{step, (size.width + step - 1) / step + 4, (size.height + step - 1) / step + 4, {}};
+  grid.nodes.reserve(static_cast<std::size_t>(grid.columns) * grid.rows);
+  for (int row = 0; row < grid.rows; ++row)
+    for (int column = 0; column < grid.columns; ++column)
+      grid.nodes.push_back(traced_line(eye, microscope, scale.m_from_pixel({(column - 1) * step, (row - 1) * step})));
+  return grid;
+}
+
+Line interpolate(const Grid& grid, const std::array<double, 4>& wx, int column, const std::array<double, 4>& wy,
+                 int row) {
+  Line sum = Line::Zero();
+  for (int j = 0; j < 4; ++j)
+    for (int i = 0; i < 4; ++i) sum += wy[j] * wx[i] * grid.node(column + i, row + j);
+  return sum;
+}
+
+PixelLine to_float(const Line& line) {
+  return {static_cast<float>(line[0]), static_cast<float>(line[1]), static_cast<float>(line[2]),
+          static_cast<float>(line[3])};
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector2d> View::pixel_of(const Eigen::Vector3d& point) const {
+  // Newton on the line's distance at the point's depth, from the image's centre; the map is smooth and nearly linear.
+  Eigen::Vector2d pixel(width / 2.0, height / 2.0);
+  const double z = point.z();
+  const auto place = [&](int u, int v) {
+    const PixelLine& line = at(u, v);
+    return Eigen::Vector2d(line.x + z * line.dx, line.y + z * line.dy);
+  };
+  constexpr int kSpan = 8;  // px, of the difference quotient
+  for (int iteration = 0; iteration < 12; ++iteration) {
+    const int u = std::clamp(static_cast<int>(pixel.x()), kSpan, width - 1 - kSpan);
+    const int v = std::clamp(static_cast<int>(pixel.y()), kSpan, height - 1 - kSpan);
+    Eigen::Matrix2d jacobian;
+    jacobian.col(0) = (place(u + kSpan, v) - place(u - kSpan, v)) / (2 * kSpan);
+    jacobian.col(1) = (place(u, v + kSpan) - place(u, v - kSpan)) / (2 * kSpan);
+    const Eigen::Vector2d step = jacobian.inverse() * (point.head<2>() - place(u, v));
+    if (!step.allFinite()) return std::nullopt;
+    const Eigen::Vector2d next = Eigen::Vector2d(u, v) + step;
+    if ((next - pixel).norm() < 0.02) {
+      const bool inside = next.x() >= 0 && next.y() >= 0 && next.x() < width && next.y() < height;
+      return inside ? std::optional(next) : std::nullopt;
+    }
+    pixel = next;
+  }
+  return std::nullopt;
+}
+
+View eye_view(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
+              const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step) {
+  if (size.width < 32 || size.height < 32) throw std::invalid_argument("size: an image of at least 32x32 is wanted");
+  if (grid_step < 1) throw std::invalid_argument("grid_step must be at least 1");
+  eye.check();
+  microscope.check();
+  const Grid grid = trace_grid(eye, microscope, scale, size, grid_step);
+  View view;
+  view.width = size.width;
+  view.height = size.height;
+  view.origin_in_world = eye_in_world;
+  view.lines.reserve(static_cast<std::size_t>(size.width) * size.height);
+  std::vector<std::array<double, 4>> weights;
+  for (int i = 0; i < grid_step; ++i) weights.push_back(cubic_weights(static_cast<double>(i) / grid_step));
+  for (int v = 0; v < size.height; ++v) {
+    for (int u = 0; u < size.width; ++u) {
+      Line line = interpolate(grid, weights[u % grid_step], u / grid_step, weights[v % grid_step], v / grid_step);
+      // At the edge of what the optics let through, a neighbour on the grid is lost: trace these pixels themselves.
+      if (!line.allFinite()) line = traced_line(eye, microscope, scale.m_from_pixel({u, v}));
+      view.lines.push_back(to_float(line));
+    }
+  }
+  return view;
+}
+
+View side_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size) {
+  if (!(pixel > 0)) throw std::invalid_argument("pixel must be above zero");
+  View view;
+  view.width = size.width;
+  view.height = size.height;
+  // The observer sits at -y and looks along +y: x right, z up, so the view's z is -y and its y is z.
+  view.view_from_world << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  for (int v = 0; v < size.height; ++v)
+    for (int u = 0; u < size.width; ++u)
+      view.lines.push_back(to_float({(u - centre_px.x()) * pixel, (centre_px.y() - v) * pixel, 0, 0}));
+  return view;
+}
+
+}  // namespace vitreo::sim

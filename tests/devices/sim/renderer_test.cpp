@@ -1,0 +1,234 @@
+// The simulated cameras' pictures: geometry against exact rays, blur and noise against their laws.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/renderer.h"
+
+#include "optics/trace.h"
+
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+namespace vitreo::sim {
+namespace {
+
+const Eigen::Vector3d kEye(0, 0, -5e-3);
+
+optics::ImageScale scale_for(const ImageSize& size) {
+  optics::ImageScale scale;
+  scale.centre_px = {(size.width - 1) / 2.0, (size.height - 1) / 2.0};
+  return scale;
+}
+
+optics::Microscope tilted_microscope() {
+  optics::Microscope microscope;
+  microscope.pupil_distance = 0.15;
+  microscope.decentre = {0.2e-3, -0.1e-3};
+  microscope.tilt = {0.01, 0.02};
+  return microscope;
+}
+
+double greatest_line_error(const optics::Microscope& microscope) {
+  const optics::System eye = optics::model_eye_5_3();
+  const ImageSize size{1384, 1036};
+  const optics::ImageScale scale = scale_for(size);
+  const View view = eye_view(eye, microscope, scale, size, kEye);
+  double worst = 0;
+  for (int v = 7; v < size.height; v += 61) {
+    for (int u = 5; u < size.width; u += 53) {
+      const auto ray = optics::isopixel_line(eye, microscope, scale.m_from_pixel({u, v}));
+      if (!ray) continue;
+      const PixelLine& line = view.at(u, v);
+      for (const double z : {0.0, 8e-3}) {
+        const Eigen::Vector3d exact = ray->origin + (z - ray->origin.z()) / ray->direction.z() * ray->direction;
+        worst = std::max(worst, std::hypot(line.x + z * line.dx - exact.x(), line.y + z * line.dy - exact.y()));
+      }
+    }
+  }
+  return worst;
+}
+
+TEST(View, InterpolatedLinesAreTheTracedOnes) {
+  // 100 nm: a two-hundredth of a pixel
+  EXPECT_LT(greatest_line_error(optics::Microscope{}), 100e-9);
+  EXPECT_LT(greatest_line_error(tilted_microscope()), 100e-9);
+}
+
+TEST(View, ThePixelOfAPointLooksAtThatPoint) {
+  const ImageSize size{1384, 1036};
+  const View view = eye_view(optics::model_eye_5_3(), {}, scale_for(size), size, kEye);
+  for (const Eigen::Vector3d& point : {Eigen::Vector3d(0, 0, 5e-3), {4e-3, 0, 2e-3}, {-3e-3, 2e-3, 8e-3}}) {
+    const auto pixel = view.pixel_of(point);
+    ASSERT_TRUE(pixel);
+    const PixelLine& line =
+        view.at(static_cast<int>(std::lround(pixel->x())), static_cast<int>(std::lround(pixel->y())));
+    // one pixel is at most 20 um in the eye; half of it by the rounding
+    EXPECT_LT(std::hypot(line.x + point.z() * line.dx - point.x(), line.y + point.z() * line.dy - point.y()), 15e-6);
+  }
+  EXPECT_FALSE(view.pixel_of({20e-3, 0, 5e-3})) << "outside the image";
+}
+
+TEST(View, WorldXIsToTheRightAndYUpInTheTopImage) {
+  const ImageSize size{1384, 1036};
+  const View view = eye_view(optics::model_eye_5_3(), {}, scale_for(size), size, kEye);
+  const auto centre = view.pixel_of({0, 0, 5e-3}), right = view.pixel_of({1e-3, 0, 5e-3}),
+             up = view.pixel_of({0, 1e-3, 5e-3});
+  EXPECT_GT(right->x(), centre->x() + 30);
+  EXPECT_LT(up->y(), centre->y() - 30);
+}
+
+TEST(SideView, WorldXIsToTheRightAndZUp) {
+  const View view = side_view(20e-6, {100, 80}, {200, 160});
+  const auto centre = view.pixel_of(view.point_in_view({0, 5e-3, 0}));
+  ASSERT_TRUE(centre);
+  EXPECT_NEAR(centre->x(), 100, 1e-3);
+  EXPECT_NEAR(centre->y(), 80, 1e-3);
+  const auto moved = view.pixel_of(view.point_in_view({0.4e-3, 0, 0.2e-3}));
+  EXPECT_NEAR(moved->x(), 120, 1e-3);
+  EXPECT_NEAR(moved->y(), 70, 1e-3);
+}
+
+TEST(PointSpread, ItKeepsTheLightAndGrowsWithTheDefocus) {
+  const Aperture aperture;
+  double last = 0;
+  for (const double defocus : {0.0, 1e-3, 3e-3, 6e-3}) {
+    const cv::Mat kernel = point_spread(aperture, defocus);
+    EXPECT_NEAR(cv::sum(kernel)[0], 1, 1e-5);
+    double second = 0;
+    const int half = kernel.rows / 2;
+    for (int j = -half; j <= half; ++j)
+      for (int i = -half; i <= half; ++i) second += static_cast<double>(kernel.at<float>(j + half, i + half)) * i * i;
+    EXPECT_GT(second, last);
+    // a disc of radius r has the second moment r^2/4; the rest is diffraction and the pixel, below 1.6 px^2
+    const double radius = defocus * aperture.numerical_aperture / aperture.pixel;
+    EXPECT_NEAR(second, radius * radius / 4 + 0.8, 0.8 + 0.05 * radius * radius);
+    last = second;
+  }
+}
+
+TEST(Blur, ItsSeparableKernelsEqualTheWholeOne) {
+  const Aperture aperture;
+  Blur blur(aperture);
+  cv::Mat point = cv::Mat::zeros(61, 61, CV_32F);
+  point.at<float>(30, 30) = 1;
+  blur.apply(point, 3e-3);
+  const cv::Mat kernel = point_spread(aperture, 3e-3);
+  const int half = kernel.rows / 2;
+  const cv::Mat middle = point(cv::Rect(30 - half, 30 - half, kernel.cols, kernel.rows));
+  EXPECT_LT(cv::norm(middle, kernel, cv::NORM_INF),
+            0.05 * cv::norm(kernel, cv::NORM_INF));  // 0.2 % of the energy is left out
+  EXPECT_NEAR(cv::sum(point)[0], 1, 1e-4);
+}
+
+Renderer flat_renderer(double level, const Sensor& sensor) {
+  const ImageSize size{256, 200};
+  return Renderer(
+      side_view(20e-6, {127.5, 99.5}, size), {0.01, 550e-9, 20e-6}, [](const Eigen::Vector2d&, double) { return 0.0; },
+      cv::Mat(size.height, size.width, CV_32F, cv::Scalar(level)), 0, sensor, {}, 9);
+}
+
+TEST(Renderer, NoiseIsThatOfTheCountedElectrons) {
+  Sensor sensor;
+  sensor.vignette = 0;
+  Renderer renderer = flat_renderer(0.5, sensor);
+  double sum = 0, squares = 0, count = 0;
+  for (int frame = 0; frame < 20; ++frame) {
+    const cv::Mat image = renderer.render(nullptr, frame);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(image, mean, deviation);
+    sum += mean[0];
+    squares += deviation[0] * deviation[0];
+    ++count;
+  }
+  EXPECT_NEAR(sum / count, 127.5, 0.05);
+  const double electrons = sensor.full_well / 2, shot = std::sqrt(electrons + 15 * 15) * 255 / sensor.full_well;
+  EXPECT_NEAR(squares / count, shot * shot + 1.0 / 12, 0.03 * shot * shot);  // rounding to grey levels adds 1/12
+}
+
+TEST(Renderer, FramesDifferAndEachIsRepeatable) {
+  Renderer renderer = flat_renderer(0.5, {}), other = flat_renderer(0.5, {});
+  const cv::Mat first = renderer.render(nullptr, 1), second = renderer.render(nullptr, 2);
+  EXPECT_GT(cv::norm(first, second, cv::NORM_L1), 1000);
+  EXPECT_EQ(cv::norm(first, other.render(nullptr, 1), cv::NORM_INF), 0);
+}
+
+TEST(Renderer, NothingOfTheRobotStaysBehindWhenItIsGone) {
+  Renderer renderer = flat_renderer(0.5, {}), fresh = flat_renderer(0.5, {});
+  const BodyState robot{{0, 0, 0}, Eigen::Vector3d::UnitX(), 1e-3, 0.5e-3};
+  renderer.render(&robot, 1);
+  EXPECT_EQ(cv::norm(renderer.render(nullptr, 2), fresh.render(nullptr, 2), cv::NORM_INF), 0);
+}
+
+TEST(Renderer, ASilhouetteHasTheRobotsSizeToATenthOfAPixel) {
+  Sensor clean;
+  clean.read_noise = 0;
+  clean.full_well = 1e9;
+  clean.vignette = 0;
+  Renderer renderer = flat_renderer(0.6, clean);
+  const BodyState robot{{0, 0, 0}, Eigen::Vector3d::UnitX(), 1e-3, 0.5e-3};
+  const cv::Mat with = renderer.render(&robot, 0), without = renderer.render(nullptr, 0);
+  // The area of the part that is darker than half-way to the robot's own rim, which is nearly black.
+  cv::Mat darker;
+  cv::subtract(without, with, darker);
+  const double threshold = 0.5 * (0.6 - 0.06) * 255;
+  int area = 0;
+  for (int v = 70; v < 130; ++v)
+    for (int u = 60; u < 196; ++u) area += darker.at<std::uint8_t>(v, u) > threshold;
+  // the highlight in the middle is brighter than the threshold: fill it
+  cv::Mat mask = darker > threshold;
+  for (int v = 0; v < mask.rows; ++v) {
+    int first = -1, last = -1;
+    for (int u = 0; u < mask.cols; ++u)
+      if (mask.at<std::uint8_t>(v, u) != 0) {
+        if (first < 0) first = u;
+        last = u;
+      }
+    if (first >= 0) mask.row(v).colRange(first, last + 1).setTo(255);
+  }
+  const double expected = M_PI * 50 * 25;  // px^2: 1 mm and 0.5 mm at 20 um
+  // 0.3 px all round would be 74 px^2: the blur moves the half-way line inwards by about sigma^2 / 2R there
+  EXPECT_NEAR(cv::countNonZero(mask), expected, 0.3 * M_PI * 75);
+}
+
+TEST(EyeDefocus, ItIsTheDistanceOfTheAerialImageFromTheFocus) {
+  const optics::System eye = optics::model_eye_5_3();
+  optics::ImageScale scale = scale_for({1384, 1036});
+  const auto defocus = eye_defocus(eye, {}, scale);
+  // the paraxial aerial images of facts section 2: 8.985 mm for the retina, 11.832 at 5 mm, against the focus at 12.3
+  // mm; 2 % for the aperture's own aberration
+  EXPECT_NEAR(defocus(scale.centre_px, 0), 12.3e-3 - 8.985e-3, 0.02 * 3.3e-3);
+  EXPECT_NEAR(defocus(scale.centre_px, 5e-3), 12.3e-3 - 11.832e-3, 0.02 * 3.3e-3);
+}
+
+TEST(Fundus, ItHasVesselsAndAnOpticDisc) {
+  const Fundus fundus = Fundus::drawn(3, 15e-3);
+  EXPECT_GT(fundus.reflectance(4.3e-3, 0.6e-3), 0.5F) << "the disc is bright";
+  double least = 1, most = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const float value = fundus.reflectance(-6e-3 + i * 6e-6, 3e-3);
+    least = std::min<double>(least, value);
+    most = std::max<double>(most, value);
+  }
+  EXPECT_GT(most - least, 0.1) << "a line across the arcades crosses vessels";
+  EXPECT_EQ(fundus.reflectance(1, 1), 0) << "outside";
+  EXPECT_NE(cv::norm(fundus.map(), Fundus::drawn(4, 15e-3).map(), cv::NORM_L1), 0) << "the seed decides";
+}
+
+TEST(Fundus, APhotographLiesOnTheRetinaTheRightWayRound) {
+  const std::string file = testing::TempDir() + "vitreo_fundus_test.png";
+  cv::Mat picture(100, 200, CV_8UC3, cv::Scalar(0, 51, 0));
+  picture(cv::Rect(150, 0, 50, 50)).setTo(cv::Scalar(0, 204, 0));  // the upper right corner
+  ASSERT_TRUE(cv::imwrite(file, picture));
+  const Fundus fundus = Fundus::photograph(file, 20e-3);  // 0.1 mm a pixel
+  std::remove(file.c_str());
+  EXPECT_NEAR(fundus.reflectance(7e-3, 3e-3), 0.8, 1e-3);
+  EXPECT_NEAR(fundus.reflectance(-7e-3, 3e-3), 0.2, 1e-3);
+  EXPECT_NEAR(fundus.reflectance(7e-3, -3e-3), 0.2, 1e-3);
+  EXPECT_EQ(fundus.reflectance(7e-3, 6e-3), 0) << "beyond its edge";
+}
+
+TEST(Fundus, APhotographThatCannotBeReadIsNamed) {
+  EXPECT_THROW(Fundus::photograph("no_such_file.png", 30e-3), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace vitreo::sim
