@@ -1,16 +1,17 @@
-// A rig file as plain data, and the reader that knows which keys were read: an unread key is an error, not an experiment.
+// A rig file as plain data, and the reader that knows which keys were read: an unread key is an error.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
 
 #include <map>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
-
-#include <Eigen/Core>
-#include <nlohmann/json.hpp>
 
 namespace vitreo {
 
@@ -35,14 +36,17 @@ class ConfigError : public std::runtime_error {
 };
 
 struct Bounds {
-  double min, max;  // inclusive, SI
+  double min, max;        // inclusive, SI
   std::string_view unit;  // dimension, for the error
 };
 
 /// Reads one table. Every value read, defaults included, goes into `resolved()`: the rig as it was used.
+/// Borrows the description, and a sub-table's reader borrows its parent's: neither is copied. Errors are ConfigError.
 class ConfigReader {
  public:
   explicit ConfigReader(const RigDescription& rig);
+  ConfigReader(const ConfigReader&) = delete;
+  ConfigReader& operator=(const ConfigReader&) = delete;
   double number(const std::string& key, double fallback, const Bounds& bounds);
   int integer(const std::string& key, int fallback, int min, int max);
   bool flag(const std::string& key, bool fallback);
@@ -50,6 +54,8 @@ class ConfigReader {
   std::string choice(const std::string& key, const std::string& fallback, const std::vector<std::string>& choices);
   Eigen::Vector2d vector2(const std::string& key, const Eigen::Vector2d& fallback, const Bounds& bounds);
   Eigen::Vector3d vector3(const std::string& key, const Eigen::Vector3d& fallback, const Bounds& bounds);
+  /// A list of numbers of any length.
+  std::vector<double> numbers(const std::string& key, const std::vector<double>& fallback, const Bounds& bounds);
   bool has(const std::string& key) const;
   /// A sub-table; empty when it is not there.
   ConfigReader table(const std::string& key);
@@ -61,11 +67,15 @@ class ConfigReader {
  private:
   ConfigReader(const RigDescription& rig, const ConfigTable& table, std::string path, nlohmann::json* resolved);
   const ConfigValue* find(const std::string& key);
+  [[noreturn]] void wrong_type(const std::string& key, const std::string& wanted, const ConfigValue& found) const;
+  void check_bounds(const std::string& key, double value, const Bounds& bounds) const;
+  std::vector<double> read_numbers(const std::string& key, const std::vector<double>& fallback, const Bounds& bounds,
+                                   std::size_t wanted);
   const RigDescription& rig_;
   const ConfigTable& table_;
   std::string path_;  // "top_camera." or ""
   std::set<std::string> known_;
-  nlohmann::json own_;       // of the root
+  nlohmann::json own_;        // of the root
   nlohmann::json* resolved_;  // where this table's values go
 };
 

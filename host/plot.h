@@ -16,17 +16,17 @@ struct Series {
 };
 
 struct Axis {
-  std::string label;      // "error"
-  std::string unit;       // as shown, "um"; values are divided by its factor
+  std::string label;  // "error"
+  std::string unit;   // as shown, "um"; values are divided by its factor
 };
 
 /// One pair of axes.
 struct Plot {
   std::string title;
   Axis x, y;
-  bool equal_aspect = false;    // trajectory views: a millimetre is as long in both directions
+  bool equal_aspect = false;  // trajectory views: a millimetre is as long in both directions
   std::vector<Series> series;
-  std::string note;             // one line below, e.g. where the data come from
+  std::string note;  // one line below, e.g. where the data come from
 };
 
 /// Throws std::invalid_argument for series of unequal length or an unknown unit. An empty plot says "no data".

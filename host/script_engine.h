@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/config.h"
+
 #include <iosfwd>
 #include <limits>
 #include <map>
@@ -10,8 +12,6 @@
 #include <string>
 #include <variant>
 #include <vector>
-
-#include "host/config.h"
 
 namespace vitreo {
 
@@ -24,7 +24,7 @@ enum class ParameterKind { number, integer, flag, choice, text };
 struct Parameter {
   std::string name, help;
   ParameterKind kind = ParameterKind::number;
-  std::string unit;       // as the protocol declares it, e.g. "mm/s"; its dimension is what a value must have
+  std::string unit;  // as the protocol declares it, e.g. "mm/s"; its dimension is what a value must have
   ArgumentValue fallback;
   double min = -std::numeric_limits<double>::infinity(), max = std::numeric_limits<double>::infinity();  // SI
   std::vector<std::string> choices;
@@ -40,15 +40,16 @@ struct ProtocolDescription {
 /// A script's fault, or a protocol file's: one line, with "file:line: " in front where there is one.
 class ScriptError : public std::runtime_error {
  public:
-  ScriptError(const std::string& message, std::string trace = "") : std::runtime_error(message), trace_(std::move(trace)) {}
+  ScriptError(const std::string& message, std::string trace = "")
+      : std::runtime_error(message), trace_(std::move(trace)) {}
   const std::string& trace() const { return trace_; }
 
  private:
   std::string trace_;
 };
 
-/// "speed=5um" checked against the declaration; throws ConfigError naming the parameter and what it wants. Missing ones take
-/// their defaults.
+/// "speed=5um" checked against the declaration; throws ConfigError naming the parameter and what it wants. Missing ones
+/// take their defaults.
 std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
                                                      const std::vector<std::string>& words);
 
@@ -64,6 +65,8 @@ class ScriptEngine {
                    Session& session) = 0;
   /// Reads statements from `in` until its end; shows results on `out`. `interactive` shows prompts.
   virtual void prompt(Session& session, std::istream& in, std::ostream& out, bool interactive) = 0;
+  /// Stops the script that runs, wherever it is: run() throws Stopped. Async-signal-safe.
+  virtual void interrupt() noexcept = 0;
 };
 
 }  // namespace vitreo

@@ -1,17 +1,19 @@
-// What a script works with during one run (or one prompt): the clock, the rig, the record. Owns none of them but the servo's
-// life; host/run_engine builds and tears it down in one place.
+// What a script works with during one run (or one prompt): the clock, the rig, the record, all borrowed; built and torn
+// down in host/run_engine.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-
-#include <cstdint>
-#include <functional>
-#include <iosfwd>
-#include <string>
 
 #include "devices/clock.h"
 #include "host/recorder.h"
 #include "host/rig.h"
 #include "vision/background.h"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace vitreo {
 
@@ -25,29 +27,42 @@ class ProgressListener {
 };
 
 /// Statistics of one recorded stream against another, both holding x, y, z in m; sampled where both have the same time.
+/// Where one has no y (a side view), y is not compared.
 struct ErrorStatistics {
   std::size_t count = 0;
-  double rms = 0, mean = 0, max = 0;                  // m, in 3-D
-  double lateral_rms = 0, depth_rms = 0;              // m: x and y; z
-  double lateral_mean = 0, depth_mean = 0, lateral_max = 0, depth_max = 0, lateral_std = 0, depth_std = 0;  // of |error|
+  double rms = 0, mean = 0, max = 0;      // m, in 3-D
+  double lateral_rms = 0, depth_rms = 0;  // m: x and y; z
+  double lateral_mean = 0, depth_mean = 0, lateral_max = 0, depth_max = 0, lateral_std = 0;
+  double depth_std = 0;  // m: of |error|
 };
 /// `stream` and `channels` such as "truth" and "servo", with the names of the three channels' prefix: "" for x, y, z or
 /// "target_" for target_x ... Throws std::invalid_argument naming what is missing.
 ErrorStatistics error_statistics(const Recorder& recorder, const std::string& stream, const std::string& prefix,
                                  const std::string& reference, const std::string& reference_prefix, Time from, Time to);
 
-/// Learns the background from `frames` images. Blocks on the clock.
-vision::Background learn_background(Camera& camera, int frames);
+/// Learns the background from `frames` images exposed at `from` or later: what was on its way before shows an older
+/// scene. Blocks on the clock. Throws std::invalid_argument for fewer than 2 frames or more than 1000, DeviceError.
+vision::Background learn_background(Camera& camera, int frames, Time from);
 
+/// Destroyed before the clock, the rig and the recorder that it borrows.
 class Session {
  public:
-  Session(Clock& clock, Rig& rig, Recorder& recorder, ProgressListener& listener, std::uint64_t seed)
-      : clock(clock), rig(rig), recorder(recorder), listener(listener), seed(seed) {}
+  Session(Clock& a_clock, Rig& a_rig, Recorder& a_recorder, ProgressListener& a_listener, std::uint64_t a_seed)
+      : clock(a_clock), rig(a_rig), recorder(a_recorder), listener(a_listener), seed(a_seed) {}
   Clock& clock;
   Rig& rig;
   Recorder& recorder;
   ProgressListener& listener;
   const std::uint64_t seed;
+
+  /// Learns what the empty scene looks like, for the top camera (returned) and, when there is one, for the side camera,
+  /// whose estimate is recorded from then on. Blocks on the clock. Throws DeviceError, std::invalid_argument.
+  vision::Background learn_background(int frames);
+  /// Keeps a task that watches the run until the session ends.
+  void keep(std::unique_ptr<Task> observer) { observers_.push_back(std::move(observer)); }
+
+ private:
+  std::vector<std::unique_ptr<Task>> observers_;
 };
 
 }  // namespace vitreo

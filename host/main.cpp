@@ -1,0 +1,223 @@
+// The program: its command line joins the host and Lua.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/error.h"
+#include "host/lua/engine.h"
+#include "host/progress_line.h"
+#include "host/run_engine.h"
+#include "host/units.h"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <opencv2/core/utility.hpp>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Where protocols/ and scripts/ are: here, else where the program was built.
+fs::path data_folder() {
+  if (const char* given = std::getenv("VITREO_ROOT")) return given;
+  return fs::exists("protocols") && fs::exists("scripts") ? fs::path(".") : fs::path(VITREO_SOURCE_DIR);
+}
+
+std::string in_data_folder(const fs::path& below) { return (data_folder() / below).lexically_normal().string(); }
+
+/// A path as given, or a protocol's bare name.
+std::string protocol_file(const std::string& given) {
+  if (fs::exists(given)) return given;
+  const std::string by_name = in_data_folder(fs::path("protocols") / (given + ".lua"));
+  return given.find('/') == std::string::npos && fs::exists(by_name) ? by_name : given;
+}
+
+std::vector<std::string> protocol_files() {
+  std::vector<std::string> files;
+  for (const auto& entry : fs::directory_iterator(in_data_folder("protocols")))
+    if (entry.path().extension() == ".lua") files.push_back(entry.path().lexically_normal().string());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+std::string value_text(const ArgumentValue& value, const std::string& unit) {
+  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  if (const std::string* text = std::get_if<std::string>(&value)) return *text;
+  const auto known = find_unit(unit);
+  return format_quantity(std::get<double>(value), known ? std::string(known->dimension) : unit);
+}
+
+const char* kind_name(ParameterKind kind) {
+  switch (kind) {
+    case ParameterKind::number:
+      return "number";
+    case ParameterKind::integer:
+      return "integer";
+    case ParameterKind::flag:
+      return "flag";
+    case ParameterKind::choice:
+      return "choice";
+    case ParameterKind::text:
+      return "text";
+  }
+  return "?";
+}
+
+nlohmann::json describe_json(const ProtocolDescription& protocol) {
+  nlohmann::json parameters = nlohmann::json::array();
+  for (const Parameter& p : protocol.parameters) {
+    nlohmann::json row = {{"name", p.name}, {"kind", kind_name(p.kind)}, {"unit", p.unit}, {"help", p.help}};
+    std::visit([&row](const auto& held) { row["default"] = held; }, p.fallback);
+    if (std::isfinite(p.min)) row["min"] = p.min;
+    if (std::isfinite(p.max)) row["max"] = p.max;
+    if (!p.choices.empty()) row["choices"] = p.choices;
+    parameters.push_back(row);
+  }
+  return {{"name", protocol.name},   {"file", protocol.file},   {"title", protocol.title},
+          {"about", protocol.about}, {"needs", protocol.needs}, {"parameters", parameters}};
+}
+
+std::string range_text(const Parameter& p) {
+  if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
+  if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
+  if (!std::isfinite(p.max)) return "at least " + value_text(p.min, p.unit);
+  if (!std::isfinite(p.min)) return "at most " + value_text(p.max, p.unit);
+  return value_text(p.min, p.unit) + " to " + value_text(p.max, p.unit);
+}
+
+void describe(const ProtocolDescription& protocol, bool json) {
+  if (json) {
+    std::cout << describe_json(protocol).dump() << "\n";
+    return;
+  }
+  fmt::print("{}: {}\n{}needs: {}\n", protocol.name, protocol.title,
+             protocol.about.empty() ? "" : protocol.about + "\n", fmt::join(protocol.needs, ", "));
+  for (const Parameter& p : protocol.parameters) {
+    const std::string range = range_text(p);
+    fmt::print("  {:<14} {:<12} {}{}{}\n", p.name, value_text(p.fallback, p.unit), p.help,
+               range.empty() || p.help.empty() ? "" : "; ", range);
+  }
+}
+
+void list(ScriptEngine& engine, bool json) {
+  nlohmann::json rows = nlohmann::json::array();
+  for (const std::string& file : protocol_files()) {
+    try {
+      const ProtocolDescription protocol = engine.describe(file);
+      if (json)
+        rows.push_back({{"name", protocol.name}, {"file", file}, {"title", protocol.title}});
+      else
+        fmt::print("{:<20} {}\n", protocol.name, protocol.title);
+    } catch (const ScriptError& error) {
+      if (json)
+        rows.push_back({{"file", file}, {"error", error.what()}});
+      else
+        fmt::print("{:<20} does not load: {}\n", fs::path(file).stem().string(), error.what());
+    }
+  }
+  if (json) std::cout << rows.dump() << "\n";
+}
+
+void show(const RunResult& result, bool json) {
+  if (json) {
+    std::cout << to_json(result).dump() << "\n";
+    return;
+  }
+  for (const Figure& figure : result.figures)
+    fmt::print("{:<28} {}\n", figure.name, format_quantity(figure.value, figure.unit));
+  fmt::print("{}{}{}\nrun: {}\nreport: {}\n", to_string(result.outcome), result.reason.empty() ? "" : ": ",
+             result.reason, result.folder, (fs::path(result.folder) / "report.html").string());
+}
+
+struct Options {
+  RunRequest request;
+  std::string protocol;
+  bool json = false, real_time = false;
+};
+
+void add_run_options(CLI::App& app, Options& options) {
+  app.add_option("--rig", options.request.rig_file, "rig file (default: scripts/rigs/simulated.lua)");
+  app.add_option("--seed", options.request.seed, "of everything that is drawn by chance (default: 1)");
+  app.add_option("--out", options.request.out, "folder for the run's folder (default: runs)");
+  app.add_option("--operator", options.request.operator_name, "who runs it, for the record");
+  app.add_flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
+}
+
+int run(ScriptEngine& engine, Options& options) {
+  options.request.protocol_file = protocol_file(options.protocol);
+  ProgressLine progress(std::cerr, isatty(STDERR_FILENO) != 0);
+  const RunResult result = run_protocol(engine, options.request, progress);
+  progress.clear();
+  show(result, options.json);
+  return static_cast<int>(result.exit_code);
+}
+
+int prompt(ScriptEngine& engine, Options& options) {
+  const bool interactive = isatty(STDIN_FILENO) != 0;
+  if (interactive) options.request.pace = Pace::real_time;
+  ProgressLine progress(std::cerr, interactive);
+  const RunResult result = run_prompt(engine, options.request, progress, std::cin, std::cout, interactive);
+  if (interactive) fmt::print("run: {}\n", result.folder);
+  return static_cast<int>(result.exit_code);
+}
+
+int dispatch(int count, char** words) {
+  CLI::App app{
+      "Vitreo drives the instruments of a laboratory that steers microrobots inside the eye.\n"
+      "Without a command: a Lua prompt on the rig.\n\n"
+      "examples:\n  vitreo run servo_square speed=0.5mm/s --seed 7\n  vitreo describe servo_square\n"
+      "  echo 'print(rig.top_camera:info().identity)' | vitreo\n",
+      "vitreo"};
+  Options options;
+  add_run_options(app, options);
+  CLI::App* run_command = app.add_subcommand("run", "run a protocol");
+  add_run_options(*run_command, options);
+  run_command->add_option("protocol", options.protocol, "a protocol's file or name")->required();
+  run_command->add_option("arguments", options.request.arguments, "name=value, with units: speed=0.5mm/s");
+  run_command->add_flag("--json", options.json, "one JSON object on the standard output at the end, SI units");
+  CLI::App* list_command = app.add_subcommand("list", "the protocols there are");
+  list_command->add_flag("--json", options.json, "as JSON");
+  CLI::App* describe_command = app.add_subcommand("describe", "what a protocol does and which parameters it takes");
+  describe_command->add_option("protocol", options.protocol, "a protocol's file or name")->required();
+  describe_command->add_flag("--json", options.json, "as JSON, SI units");
+  app.set_version_flag("--version", [] { return versions().dump(); });
+  try {
+    app.parse(count, words);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::usage);
+  }
+  if (options.request.rig_file.empty()) options.request.rig_file = in_data_folder("scripts/rigs/simulated.lua");
+  if (options.real_time) options.request.pace = Pace::real_time;
+  const auto engine = make_lua_engine({in_data_folder("scripts")});
+  if (run_command->parsed()) return run(*engine, options);
+  if (list_command->parsed()) return list(*engine, options.json), 0;
+  if (describe_command->parsed()) return describe(engine->describe(protocol_file(options.protocol)), options.json), 0;
+  return prompt(*engine, options);
+}
+
+}  // namespace
+}  // namespace vitreo
+
+int main(int count, char** words) {
+  using vitreo::ExitCode;
+  cv::setNumThreads(1);  // the same bytes on every run; and the loop owns its core
+  const auto fail = [](const std::exception& error, ExitCode code) {
+    std::cerr << "vitreo: " << error.what() << "\n";
+    return static_cast<int>(code);
+  };
+  try {
+    return vitreo::dispatch(count, words);
+  } catch (const vitreo::ScriptError& error) {
+    return fail(error, ExitCode::usage);
+  } catch (const vitreo::ConfigError& error) {
+    return fail(error, ExitCode::usage);
+  } catch (const vitreo::DeviceError& error) {
+    return fail(error, ExitCode::device_missing);
+  } catch (const std::exception& error) {
+    return fail(error, ExitCode::internal);
+  }
+}

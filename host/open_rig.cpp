@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/open_rig.h"
+
+#include "host/rig_settings.h"
+
+#include <filesystem>
+
+namespace vitreo {
+namespace {
+
+/// Members in the order of their birth: the laboratory first, the interlock last, so that they die the other way round.
+class SimulatedRig : public OpenRig {
+ public:
+  SimulatedRig(RigSettings settings, nlohmann::json resolved, Clock& clock, std::uint64_t seed)
+      : resolved_(std::move(resolved)), clock_(clock), laboratory_(settings.laboratory, clock, seed) {
+    rig_.title = settings.title;
+    rig_.model = settings.model;
+    rig_.model.projection =
+        optics::fit_single_viewpoint(rig_.model.eye, rig_.model.microscope, settings.projection_reach);
+    if (settings.exact_projection)
+      rig_.model.exact.emplace(rig_.model.eye, rig_.model.microscope, settings.projection_reach);
+    if (settings.top_camera) rig_.top_camera = &laboratory_.top_camera();
+    if (settings.side_camera) rig_.side_camera = &laboratory_.side_camera();
+    if (settings.lens_mover) rig_.lens_mover = &laboratory_.lens_mover();
+    if (settings.sample) rig_.sample = &laboratory_.sample();
+    if (settings.has_coils) {
+      auto link = memory_hid_link(laboratory_.coil_outputs(), clock, from_seconds(settings.link_latency));
+      coils_ = usb3103::open(std::move(link), settings.coils, clock);
+      interlock_ = std::make_unique<Interlock>(*coils_, settings.limits);
+      rig_.coils = interlock_.get();
+    }
+  }
+  ~SimulatedRig() override { make_safe(); }
+  Rig& rig() override { return rig_; }
+  const nlohmann::json& resolved() const override { return resolved_; }
+  sim::Laboratory* laboratory() override { return &laboratory_; }
+
+  std::vector<std::string> make_safe() override {
+    const StopShield shield(clock_);
+    std::vector<std::string> failures;
+    const auto attempt = [&failures](auto action) {
+      try {
+        action();
+      } catch (const std::exception& error) {
+        failures.emplace_back(error.what());
+      }
+    };
+    if (rig_.coils != nullptr) attempt([&] { rig_.coils->make_safe(); });
+    if (rig_.lens_mover != nullptr) attempt([&] { rig_.lens_mover->make_safe(); });
+    return failures;
+  }
+
+ private:
+  nlohmann::json resolved_;
+  Clock& clock_;
+  sim::Laboratory laboratory_;
+  std::unique_ptr<CoilAmplifier> coils_;
+  std::unique_ptr<Interlock> interlock_;
+  Rig rig_;
+};
+
+}  // namespace
+
+std::vector<std::string> Rig::roles() const {
+  std::vector<std::string> names;
+  if (coils != nullptr) names.emplace_back("coils");
+  if (lens_mover != nullptr) names.emplace_back("lens_mover");
+  if (sample != nullptr) names.emplace_back("sample");
+  if (side_camera != nullptr) names.emplace_back("side_camera");
+  if (top_camera != nullptr) names.emplace_back("top_camera");
+  return names;
+}
+
+std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock, std::uint64_t seed,
+                                  const SimulationShifts& shifts) {
+  ConfigReader reader(description);
+  RigSettings settings = read_rig_settings(reader);
+  // A photograph is named from where the rig file stands.
+  if (std::string& fundus = settings.laboratory.fundus; !fundus.empty())
+    fundus = (std::filesystem::path(description.file).parent_path() / fundus).string();
+  settings.laboratory.truth_shift = shifts.truth;
+  settings.laboratory.drawn_shift = shifts.drawn;
+  try {
+    return std::make_unique<SimulatedRig>(std::move(settings), reader.resolved(), clock, seed);
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(description.file + ": " + problem.what());
+  }
+}
+
+}  // namespace vitreo

@@ -1,0 +1,74 @@
+// A record as text: the canonical export that two runs of one seed share, and the summary that programs read.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/recorder.h"
+#include "host/sha256.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+/// The shortest text that reads back as the same double.
+std::string exact(double value) { return std::isnan(value) ? "nan" : fmt::format("{}", value); }
+
+std::string one_line(const std::string& text) {
+  return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+}
+
+std::string export_stream(const Stream& stream) {
+  std::string out = "stream " + one_line(stream.info.name) + " from " + one_line(stream.info.source) + "\nt_ns";
+  for (const Channel& channel : stream.info.channels) out += "," + one_line(channel.name + " (" + channel.unit + ")");
+  out += '\n';
+  for (std::size_t row = 0; row < stream.times.size(); ++row) {
+    out += fmt::format("{}", stream.times[row].count());
+    for (std::size_t i = 0; i < stream.info.channels.size(); ++i) out += "," + exact(stream.at(row, i));
+    out += '\n';
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string canonical_export(const Recorder& recorder) {
+  std::string out;
+  for (const Stream& stream : recorder.streams()) out += export_stream(stream);
+  for (const Figure& figure : recorder.figures()) {
+    if (figure.name.starts_with("wall_")) continue;
+    out += "figure " + one_line(figure.name) + " " + exact(figure.value) + " " + one_line(figure.unit) + "\n";
+  }
+  for (const Event& event : recorder.events()) {
+    out += fmt::format("event {} {} {}\n", event.time.count(), one_line(event.kind), one_line(event.text));
+  }
+  for (const Picture& picture : recorder.pictures()) {
+    const std::string_view bytes(reinterpret_cast<const char*>(picture.png.data()), picture.png.size());
+    out += "picture " + one_line(picture.name) + " " + sha256(bytes) + "\n";
+  }
+  return out;
+}
+
+nlohmann::json summary(const Recorder& recorder) {
+  nlohmann::json figures = nlohmann::json::object(), units = nlohmann::json::object();
+  for (const Figure& figure : recorder.figures()) {
+    figures[figure.name] = std::isfinite(figure.value) ? nlohmann::json(figure.value) : nlohmann::json();
+    units[figure.name] = figure.unit;
+  }
+  nlohmann::json samples = nlohmann::json::object();
+  for (const Stream& stream : recorder.streams()) samples[stream.info.name] = stream.times.size();
+  const RunEnd* end = recorder.end();
+  return {{"outcome", end ? to_string(end->outcome) : "running"},
+          {"reason", end ? end->reason : ""},
+          {"run", recorder.folder().filename().string()},
+          {"protocol", recorder.start().protocol_file},
+          {"title", recorder.start().protocol_title},
+          {"seed", recorder.start().seed},
+          {"parameters", recorder.start().parameters},
+          {"experiment_time", end ? end->experiment_time : 0},
+          {"wall_time", end ? end->wall_time : 0},
+          {"samples", samples},
+          {"figures", figures},
+          {"figure_units", units}};
+}
+
+}  // namespace vitreo

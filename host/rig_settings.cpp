@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig_settings.h"
+
+namespace vitreo {
+namespace {
+
+constexpr double kMilli = 1e-3;
+
+void read_model(ConfigReader reader, RigSettings& settings) {
+  RigModel& model = settings.model;
+  reader.choice("eye", "model_eye_5_3", {"model_eye_5_3"});
+  model.eye = optics::model_eye_5_3();
+  model.eye_in_world = reader.vector3("eye_in_world", model.eye_in_world, {-20e-3, 20e-3, "m"});
+  reader.choice("robot", "coni_2mm", {"coni_2mm"});
+  model.robot = control::coni_2mm();
+  reader.choice("field", "octomag", {"octomag"});
+  ConfigReader medium = reader.table("medium");
+  model.medium.name = medium.text("name", model.medium.name);
+  model.medium.density = medium.number("density", model.medium.density, {500, 3000, "kg/m^3"});
+  model.medium.kinematic_viscosity =
+      medium.number("kinematic_viscosity", model.medium.kinematic_viscosity, {1e-7, 1, "m^2/s"});
+  medium.finish();
+  reader.finish();
+}
+
+void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixel) {
+  camera.size.width = reader.integer("width_px", camera.size.width, 64, 8192);
+  camera.size.height = reader.integer("height_px", camera.size.height, 64, 8192);
+  camera.frame_rate = reader.number("frame_rate", camera.frame_rate, {0.1, 2000, "Hz"});
+  camera.latency = reader.number("latency", camera.latency, {0, 0.39, "s"});
+  pixel = reader.number("effective_pixel", pixel, {0.5e-6, 200e-6, "m"});
+  ConfigReader sensor = reader.table("sensor");
+  sim::Sensor& s = camera.sensor;
+  s.full_well = sensor.number("full_well", s.full_well, {100, 1e6, ""});
+  s.read_noise = sensor.number("read_noise", s.read_noise, {0, 1000, ""});
+  s.brightness = sensor.number("brightness", s.brightness, {1, 1000, ""});
+  s.vignette = sensor.number("vignette", s.vignette, {0, 0.95, ""});
+  sensor.finish();
+}
+
+void read_top_camera(ConfigReader reader, RigSettings& settings) {
+  settings.top_camera = true;
+  reader.choice("driver", "simulated", {"simulated"});
+  sim::CameraSettings& camera = settings.laboratory.top;
+  optics::ImageScale& image = settings.model.top_image;
+  read_camera(reader, camera, image.pixel);
+  const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
+  image.centre_px = reader.vector2("centre_px", middle, {-8192, 8192, ""});
+  optics::Microscope& microscope = settings.model.microscope;
+  ConfigReader m = reader.table("microscope");
+  microscope.numerical_aperture = m.number("numerical_aperture", microscope.numerical_aperture, {0.002, 0.15, ""});
+  microscope.focus = m.number("focus", microscope.focus, {-50 * kMilli, 100 * kMilli, "m"});
+  if (m.has("pupil_distance"))
+    microscope.pupil_distance = m.number("pupil_distance", 150 * kMilli, {20 * kMilli, 100, "m"});
+  microscope.decentre = m.vector2("decentre", microscope.decentre, {-3 * kMilli, 3 * kMilli, "m"});
+  microscope.tilt = m.vector2("tilt", microscope.tilt, {-0.1, 0.1, "rad"});
+  m.finish();
+  settings.exact_projection = reader.choice("projection", "single_viewpoint", {"single_viewpoint", "exact"}) == "exact";
+  settings.projection_reach =
+      reader.number("projection_reach", settings.projection_reach, {1 * kMilli, 10 * kMilli, "m"});
+  reader.finish();
+}
+
+void read_side_camera(ConfigReader reader, RigSettings& settings) {
+  settings.side_camera = true;
+  reader.choice("driver", "simulated", {"simulated"});
+  sim::CameraSettings& camera = settings.laboratory.side;
+  camera.size = {656, 490};
+  read_camera(reader, camera, settings.model.side_pixel);
+  const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
+  settings.model.side_centre_px = reader.vector2("centre_px", middle, {-8192, 8192, ""});
+  reader.finish();
+}
+
+void read_coils(ConfigReader reader, RigSettings& settings) {
+  settings.has_coils = true;
+  reader.choice("driver", "usb3103", {"usb3103"});
+  reader.choice("address", "emulated", {"emulated"});
+  usb3103::Settings& coils = settings.coils;
+  coils.amperes_per_volt = reader.number("amperes_per_volt", coils.amperes_per_volt, {0.01, 100, ""});
+  coils.current_limit = reader.number("current_limit", coils.current_limit, {0.1, 20, "A"});
+  coils.reply_timeout = reader.number("reply_timeout", coils.reply_timeout, {1e-3, 5, "s"});
+  settings.link_latency = reader.number("link_latency", settings.link_latency, {0, 0.05, "s"});
+  settings.limits.current = reader.number("interlock_current", coils.current_limit, {0.1, 20, "A"});
+  settings.limits.total_current =
+      reader.number("interlock_total_current", settings.limits.total_current, {0.1, 160, "A"});
+  reader.finish();
+}
+
+void read_lens_mover(ConfigReader reader, RigSettings& settings) {
+  settings.lens_mover = true;
+  reader.choice("driver", "simulated", {"simulated"});
+  settings.laboratory.lens_travel = reader.number("travel", settings.laboratory.lens_travel, {0, 50 * kMilli, "m"});
+  settings.laboratory.lens_speed = reader.number("speed", settings.laboratory.lens_speed, {1e-6, 1, "m/s"});
+  reader.finish();
+}
+
+void read_sample(ConfigReader reader, RigSettings& settings) {
+  settings.sample = true;
+  reader.choice("driver", "simulated", {"simulated"});
+  settings.laboratory.world.placement_scatter =
+      reader.number("placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMilli, "m"});
+  reader.finish();
+}
+
+/// What is really there, beyond the instruments: how far it is from the model.
+void read_truth(ConfigReader reader, sim::LaboratorySettings& laboratory) {
+  sim::WorldSettings& world = laboratory.world;
+  world.coil_bandwidth = reader.number("coil_bandwidth", world.coil_bandwidth, {0.1, 10000, "Hz"});
+  world.coil_delay = reader.number("coil_delay", world.coil_delay, {0, 0.3, "s"});
+  world.current_noise = reader.number("current_noise", world.current_noise, {0, 1, "A"});
+  world.friction = reader.number("friction", world.friction, {0, 2, ""});
+  control::FieldPerturbation& field = laboratory.field_perturbation;
+  field.gain = reader.number("coil_gain_sigma", field.gain, {0, 0.5, ""});
+  field.position = reader.number("coil_position_sigma", field.position, {0, 0.02, "m"});
+  field.axis = reader.number("coil_axis_sigma", field.axis, {0, 0.5, "rad"});
+  laboratory.moment_sigma = reader.number("moment_sigma", laboratory.moment_sigma, {0, 0.3, ""});
+  laboratory.dac_offset = reader.number("dac_offset_sigma", laboratory.dac_offset, {0, 200, ""});
+  laboratory.fundus = reader.text("fundus", laboratory.fundus);
+  laboratory.fundus_width = reader.number("fundus_width", laboratory.fundus_width, {1 * kMilli, 0.2, "m"});
+  reader.finish();
+}
+
+/// The laboratory is built as the model says, and then differs by what `truth` says.
+void share_with_laboratory(RigSettings& settings) {
+  sim::LaboratorySettings& laboratory = settings.laboratory;
+  laboratory.eye = settings.model.eye;
+  laboratory.microscope = settings.model.microscope;
+  laboratory.top_image = settings.model.top_image;
+  laboratory.side_pixel = settings.model.side_pixel;
+  laboratory.side_centre_px = settings.model.side_centre_px;
+  laboratory.amperes_per_volt = settings.coils.amperes_per_volt;
+  laboratory.world.field = settings.model.field;
+  laboratory.world.robot = settings.model.robot;
+  laboratory.world.medium = settings.model.medium;
+  laboratory.world.eye_in_world = settings.model.eye_in_world;
+  laboratory.world.retina_radius = settings.model.eye.surfaces.front().radius;
+  laboratory.world.lens_depth = settings.model.eye.vertex(2);
+}
+
+}  // namespace
+
+RigSettings read_rig_settings(ConfigReader& reader) {
+  RigSettings settings;
+  settings.title = reader.text("title", "untitled rig");
+  read_model(reader.table("model"), settings);
+  if (reader.has("top_camera")) read_top_camera(reader.table("top_camera"), settings);
+  if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
+  if (reader.has("coils")) read_coils(reader.table("coils"), settings);
+  if (reader.has("lens_mover")) read_lens_mover(reader.table("lens_mover"), settings);
+  if (reader.has("sample")) read_sample(reader.table("sample"), settings);
+  read_truth(reader.table("truth"), settings.laboratory);
+  reader.finish();
+  share_with_laboratory(settings);
+  return settings;
+}
+
+}  // namespace vitreo

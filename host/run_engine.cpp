@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/run_engine.h"
+
+#include "devices/error.h"
+#include "host/interrupts.h"
+#include "host/observers.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+
+namespace vitreo {
+namespace {
+
+double wall_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+void check_needs(const ProtocolDescription& protocol, const Rig& rig, const std::string& rig_file) {
+  const std::vector<std::string> there = rig.roles();
+  for (const std::string& role : protocol.needs) {
+    if (std::find(there.begin(), there.end(), role) != there.end()) continue;
+    throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file, protocol.name, role,
+                                  fmt::join(there, ", ")));
+  }
+}
+
+nlohmann::json to_json(const std::map<std::string, ArgumentValue>& arguments) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const auto& [name, value] : arguments)
+    std::visit([&json, &key = name](const auto& held) { json[key] = held; }, value);
+  return json;
+}
+
+/// What a body's exception means for the run.
+struct Verdict {
+  Outcome outcome = Outcome::completed;
+  ExitCode exit_code = ExitCode::completed;
+  std::string reason;
+};
+
+Verdict judge(const std::function<void()>& body) {
+  try {
+    body();
+    return {};
+  } catch (const Stopped&) {
+    return {Outcome::stopped, ExitCode::stopped, "stopped by the operator"};
+  } catch (const DeviceError& error) {
+    return {Outcome::aborted, ExitCode::aborted, error.what()};
+  } catch (const ScriptError& error) {
+    return {Outcome::failed, ExitCode::script_error, error.what()};
+  } catch (const std::exception& error) {
+    return {Outcome::failed, ExitCode::internal, error.what()};
+  }
+}
+
+/// Everything that one run owns, in the order of birth; it dies the other way round, and the coils with it.
+struct Stage {
+  std::unique_ptr<Clock> clock;
+  std::unique_ptr<OpenRig> rig;
+  std::unique_ptr<Recorder> recorder;
+};
+
+Stage build_stage(const RunRequest& request, const RigDescription& description) {
+  Stage stage;
+  stage.clock = virtual_clock(request.pace);
+  stage.rig = open_rig(description, *stage.clock, request.seed, request.shifts);
+  return stage;
+}
+
+RunStart start_record(const RunRequest& request, const ProtocolDescription& protocol, nlohmann::json parameters,
+                      const RigDescription& description, const OpenRig& rig) {
+  RunStart start;
+  start.protocol_file = protocol.file;
+  start.protocol_title = protocol.title;
+  start.protocol_text = protocol.text;
+  start.parameters = std::move(parameters);
+  for (const Parameter& parameter : protocol.parameters) start.parameter_units[parameter.name] = parameter.unit;
+  start.rig = {{"file", description.file}, {"text", description.text}, {"resolved", rig.resolved()}};
+  start.versions = versions();
+  start.seed = request.seed;
+  start.operator_name = request.operator_name;
+  return start;
+}
+
+RunResult conduct(Stage& stage, const RunRequest& request, ProgressListener& listener,
+                  const std::function<void(Session&)>& body, const Inspect& inspect) {
+  const double began = wall_seconds();
+  Verdict verdict;
+  {
+    Session session(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.seed);
+    if (sim::Laboratory* laboratory = stage.rig->laboratory();
+        laboratory != nullptr && session.rig.top_camera != nullptr)
+      session.keep(
+          observe_truth(*stage.clock, *laboratory, session.rig.top_camera->info().frame_period, *stage.recorder));
+    verdict = judge([&] { body(session); });
+    for (const std::string& failure : stage.rig->make_safe()) {
+      stage.recorder->event(stage.clock->now(), "unsafe", failure);
+      if (verdict.outcome == Outcome::completed) verdict = {Outcome::aborted, ExitCode::aborted, failure};
+    }
+  }
+  const double experiment_time = to_seconds(stage.clock->now()), wall_time = wall_seconds() - began;
+  stage.recorder->figure({"experiment_time", experiment_time, "s"});
+  stage.recorder->figure({"wall_time", wall_time, "s"});
+  stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time});
+  if (inspect) inspect(*stage.recorder, *stage.rig);
+  return {verdict.outcome, verdict.exit_code, verdict.reason, stage.recorder->folder().string(),
+          stage.recorder->figures()};
+}
+
+}  // namespace
+
+RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
+                       const Inspect& inspect) {
+  const ProtocolDescription protocol = engine.describe(request.protocol_file);
+  const auto arguments = check_arguments(protocol, request.arguments);
+  const RigDescription description = engine.load_rig(request.rig_file);
+  Stage stage = build_stage(request, description);
+  check_needs(protocol, stage.rig->rig(), request.rig_file);
+  stage.recorder = std::make_unique<Recorder>(
+      request.out, start_record(request, protocol, to_json(arguments), description, *stage.rig));
+  const InterruptScope interrupts(*stage.clock, engine);
+  return conduct(
+      stage, request, listener, [&](Session& session) { engine.run(protocol, arguments, session); }, inspect);
+}
+
+RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, std::istream& in,
+                     std::ostream& out, bool interactive) {
+  const RigDescription description = engine.load_rig(request.rig_file);
+  Stage stage = build_stage(request, description);
+  ProtocolDescription prompt;
+  prompt.file = prompt.name = "prompt";
+  prompt.title = "Prompt";
+  stage.recorder = std::make_unique<Recorder>(
+      request.out, start_record(request, prompt, nlohmann::json::object(), description, *stage.rig));
+  const InterruptScope interrupts(*stage.clock, engine);
+  return conduct(
+      stage, request, listener, [&](Session& session) { engine.prompt(session, in, out, interactive); }, nullptr);
+}
+
+nlohmann::json to_json(const RunResult& result) {
+  nlohmann::json figures = nlohmann::json::object();
+  for (const Figure& figure : result.figures) figures[figure.name] = figure.value;
+  nlohmann::json json = {{"outcome", to_string(result.outcome)}, {"run", result.folder}, {"figures", figures}};
+  if (!result.reason.empty()) json["reason"] = result.reason;
+  return json;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/session.h"
+
+#include "host/observers.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo {
+
+vision::Background learn_background(Camera& camera, int frames, Time from) {
+  if (frames < 2 || frames > 1000) throw std::invalid_argument("frames must be in [2, 1000]");
+  vision::Background background;
+  while (background.count() < frames) {
+    const Frame frame = camera.grab(from_seconds(std::max(1.0, 5 * camera.info().frame_period)));
+    if (frame.exposed >= from) background.learn(frame.image);
+  }
+  return background;
+}
+
+vision::Background Session::learn_background(int frames) {
+  if (rig.top_camera == nullptr) throw std::invalid_argument("learn_background needs the role top_camera");
+  vision::Background top = vitreo::learn_background(*rig.top_camera, frames, clock.now());
+  // Once is enough for the side: a second learning during a run keeps the observer that is there.
+  if (rig.side_camera != nullptr && recorder.stream("side_camera") == nullptr)
+    keep(observe_side(clock, rig, vitreo::learn_background(*rig.side_camera, frames, clock.now()), recorder));
+  return top;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,164 @@
+// The command line: what it accepts, how it refuses, and the codes it leaves with.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/program/program.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+namespace vitreo {
+namespace {
+
+const char* const kIdle = R"(
+local units = require "units"
+return {
+  title = "Idle",
+  needs = { "coils" },
+  parameters = {
+    pause = { unit = "s", default = 0.2, min = 0, max = 10, help = "how long to wait" },
+    speed = { unit = "mm/s", default = 1e-3, min = 0, max = 2e-3 },
+    mode = { choices = { "calm", "brisk" }, default = "calm" },
+    times = { default = 1, min = 1, max = 5, integer = true },
+  },
+  run = function(rig, p, run)
+    run:wait(p.pause)
+    run:figure("waited", p.pause, "s")
+    run:figure("speed", p.speed, "m/s")
+  end,
+}
+)";
+
+bool one_line(const std::string& text) { return !text.empty() && text.find('\n') == text.size() - 1; }
+
+/// Refused before anything was opened: the code, one line that has `words`, and no run's folder.
+void expect_refused(const Workplace& place, const std::string& command, const std::vector<std::string>& words) {
+  const Spoken spoken = place.vitreo(command);
+  EXPECT_EQ(spoken.exit_code, 2) << command << "\n" << spoken.err;
+  EXPECT_TRUE(one_line(spoken.err)) << spoken.err;
+  for (const std::string& word : words)
+    EXPECT_NE(spoken.err.find(word), std::string::npos) << word << " in " << spoken.err;
+  EXPECT_EQ(place.runs(), 0) << command;
+}
+
+TEST(CommandLine, AProtocolRunsAndItsFiguresCloseTheJson) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  const Spoken spoken = place.vitreo("run idle.lua pause=500ms speed=0.5mm/s --json");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
+  const auto json = nlohmann::json::parse(spoken.out);
+  EXPECT_EQ(json["outcome"], "completed");
+  EXPECT_DOUBLE_EQ(json["figures"]["waited"], 0.5);
+  EXPECT_DOUBLE_EQ(json["figures"]["speed"], 0.5e-3);
+  EXPECT_GE(json["figures"]["experiment_time"].get<double>(), 0.5);
+  EXPECT_TRUE(std::filesystem::exists(place.folder() / json["run"].get<std::string>() / "report.html"));
+  EXPECT_TRUE(one_line(spoken.out)) << "one object, one line";
+}
+
+TEST(CommandLine, BadArgumentsAreRefusedInOneLineThatNamesThem) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  expect_refused(place, "run idle.lua speed=5um", {"speed"});
+  expect_refused(place, "run idle.lua speed=50mm/s", {"speed", "2 mm/s"});
+  expect_refused(place, "run idle.lua sped=1mm/s", {"sped", "speed"});
+  expect_refused(place, "run idle.lua pause=3", {"pause"});
+  expect_refused(place, "run idle.lua pause=nan", {"pause"});
+  expect_refused(place, "run idle.lua mode=frantic", {"mode", "calm", "brisk"});
+  expect_refused(place, "run idle.lua times=1.5", {"times"});
+  expect_refused(place, "run idle.lua times", {"times"});
+}
+
+TEST(CommandLine, BadFilesAreRefusedInOneLineWithTheirPlace) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  expect_refused(place, "run nowhere.lua", {"nowhere.lua"});
+  place.write("broken.lua", "return {\n  title = \n}\n");
+  expect_refused(place, "run broken.lua", {"broken.lua:3"});
+  place.write("odd.lua", "return { title = 'odd', tilte = 1, needs = {}, run = function() end }");
+  expect_refused(place, "run odd.lua", {"tilte", "title"});
+  place.write("rig.lua", "return {\n  title = 'r',\n  coils = { driver = 'usb3103', curent_limit = 3 },\n}\n");
+  expect_refused(place, "run idle.lua --rig rig.lua", {"rig.lua:3", "curent_limit", "current_limit"});
+  place.write("bounds.lua", "return {\n  coils = { current_limit = 3000 },\n}\n");
+  expect_refused(place, "run idle.lua --rig bounds.lua", {"bounds.lua:2", "current_limit", "20 A"});
+  place.write("bare.lua", "return { title = 'bare' }");
+  expect_refused(place, "run idle.lua --rig bare.lua", {"bare.lua", "coils"});
+  expect_refused(place, "run idle.lua --rig nowhere_rig.lua", {"nowhere_rig.lua"});
+}
+
+TEST(CommandLine, AScriptThatFailsLeavesAnEndRecordWithItsLine) {
+  const Workplace place;
+  place.write("fails.lua",
+              "return { title = 'fails', needs = { 'coils' }, run = function(rig, p, run)\n"
+              "  rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\n"
+              "  error('on purpose')\nend }");
+  const Spoken spoken = place.vitreo("run fails.lua --json");
+  EXPECT_EQ(spoken.exit_code, 1);
+  const auto json = nlohmann::json::parse(spoken.out);
+  EXPECT_EQ(json["outcome"], "failed");
+  EXPECT_NE(json["reason"].get<std::string>().find("fails.lua:3: on purpose"), std::string::npos) << json["reason"];
+  EXPECT_TRUE(std::filesystem::exists(place.folder() / json["run"].get<std::string>() / "report.html"));
+}
+
+TEST(CommandLine, CtrlCStopsALongRunAndSaysSo) {
+  const Workplace place;
+  place.write("endless.lua",
+              "return { title = 'endless', needs = { 'coils' }, run = function(rig, p, run)\n"
+              "  rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\n"
+              "  while true do pcall(function() run:wait(0.05) end) end\nend }");
+  const std::string command = "cd '" + place.folder().string() +
+                              "' && timeout -s INT 1.5 '" VITREO_PROGRAM
+                              "' run endless.lua --real-time --json >out 2>err";
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 124) << "timeout's own code: it did end by itself after the signal";
+  const auto json = nlohmann::json::parse(place.read("out"));
+  EXPECT_EQ(json["outcome"], "stopped");
+}
+
+TEST(CommandLine, AnEndlessLoopWithoutAWaitIsStoppedToo) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP() << "the thread sanitizer keeps signals back until a call that blocks; this loop has none";
+#endif
+  const Workplace place;
+  place.write("busy.lua",
+              "return { title = 'busy', needs = {}, run = function() while true do pcall(error, 'x') end end }");
+  const std::string command =
+      "cd '" + place.folder().string() + "' && timeout -s INT 1 '" VITREO_PROGRAM "' run busy.lua --json >out 2>err";
+  EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), 124);
+  EXPECT_EQ(nlohmann::json::parse(place.read("out"))["outcome"], "stopped");
+}
+
+TEST(CommandLine, HelpListAndDescribeAnswer) {
+  const Workplace place;
+  EXPECT_NE(place.vitreo("--help").out.find("examples"), std::string::npos);
+  const Spoken list = place.vitreo("list --json");
+  bool found = false;
+  for (const auto& row : nlohmann::json::parse(list.out)) {
+    EXPECT_FALSE(row.contains("error")) << row;
+    found = found || row["name"] == "servo_square";
+  }
+  EXPECT_TRUE(found);
+  const auto described = nlohmann::json::parse(place.vitreo("describe servo_square --json").out);
+  EXPECT_EQ(described["name"], "servo_square");
+  EXPECT_FALSE(described["parameters"].empty());
+  EXPECT_EQ(place.vitreo("describe nothing_like_it").exit_code, 2);
+  EXPECT_EQ(place.vitreo("run").exit_code, 2);
+  EXPECT_EQ(place.vitreo("fly").exit_code, 2);
+}
+
+TEST(Prompt, ItAnswersInAPipe) {
+  const Workplace place;
+  const Spoken spoken = place.vitreo("",
+                                     "1 + 1\nfor i = 1, 2 do\n  print(i * 10)\nend\nrig.coils:limit()\nnonsense(\n)\n"
+                                     "print('still here')\n");
+  EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
+  const std::string all = spoken.out + spoken.err;
+  for (const char* word : {"2", "10", "20", "12", "nonsense", "still here"})
+    EXPECT_NE(all.find(word), std::string::npos) << word << " in " << all;
+}
+
+TEST(Prompt, BinaryJunkDoesNotEndIt) {
+  const Workplace place;
+  const Spoken spoken = place.vitreo("", std::string("\x1bLua\0\xff\xfe\n", 8) + "print('still here')\n");
+  EXPECT_NE((spoken.out + spoken.err).find("still here"), std::string::npos) << spoken.err;
+}
+
+}  // namespace
+}  // namespace vitreo

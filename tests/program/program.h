@@ -1,0 +1,62 @@
+// Runs the built program as its users do, and catches what it says.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace vitreo {
+
+struct Spoken {
+  int exit_code = -1;
+  std::string out, err;
+};
+
+/// A new folder with the program's own protocols and scripts in reach; everything in it goes when the test ends.
+class Workplace {
+ public:
+  Workplace() {
+    std::string name = (std::filesystem::temp_directory_path() / "vitreo_program_XXXXXX").string();
+    folder_ = mkdtemp(name.data());
+  }
+  ~Workplace() { std::filesystem::remove_all(folder_); }
+  const std::filesystem::path& folder() const { return folder_; }
+
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return (folder_ / name).string();
+  }
+
+  /// `words` as a shell would take them; run in the work place. `input` is the standard input.
+  Spoken vitreo(const std::string& words, const std::string& input = "") const {
+    write("input", input);
+    const std::string command = "cd '" + folder_.string() + "' && '" VITREO_PROGRAM "' " + words + " <input >out 2>err";
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("out"), read("err")};
+  }
+
+  std::string read(const std::string& name) const {
+    std::ostringstream text;
+    text << std::ifstream(folder_ / name).rdbuf();
+    return text.str();
+  }
+
+  /// Folders of runs below `runs`.
+  int runs() const {
+    if (!std::filesystem::exists(folder_ / "runs")) return 0;
+    int count = 0;
+    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder_ / "runs")) ++count;
+    return count;
+  }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+}  // namespace vitreo
