@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/script_engine.h"
+
 #include <memory>
 #include <string>
 #include <vector>
-
-#include "host/script_engine.h"
 
 namespace vitreo {
 

@@ -1,0 +1,15 @@
+// The handles that every script is given.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/lua/binding.h"
+#include "host/rig.h"
+
+namespace vitreo::lua {
+
+/// The handle with a field for each role that is there.
+void push_rig(lua_State* L, Rig& rig);
+void push_run(lua_State* L);
+int open_servo(Call& call);
+
+}  // namespace vitreo::lua

@@ -1,0 +1,141 @@
+// servo: a script steers the loop and listens to it; the loop itself is C++.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/bind_rig.h"
+#include "host/lua/context.h"
+#include "host/lua/servo_calls.h"
+#include "host/servo.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::lua {
+namespace {
+
+using namespace servo_calls;
+
+std::vector<Argument> travel_options() {
+  const auto number = [](const char* name, const char* unit, double min, double max, const char* help) {
+    return Argument{
+        .name = name, .type = Type::number, .unit = unit, .optional = true, .min = min, .max = max, .help = help};
+  };
+  return {number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
+          number("within", "m", 1e-6, 10e-3, "how near is there (100 um)"),
+          number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
+          number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)")};
+}
+
+std::vector<Argument> follow_options() {
+  std::vector<Argument> keys = travel_options();
+  std::erase_if(keys, [](const Argument& key) { return key.name == "within" || key.name == "settle"; });
+  keys.push_back({.name = "progress_to",
+                  .type = Type::number,
+                  .optional = true,
+                  .min = 0,
+                  .max = 1,
+                  .help = "how far the run is at the path's end (1)"});
+  keys.push_back({.name = "pictures",
+                  .type = Type::integer,
+                  .optional = true,
+                  .min = 0,
+                  .max = 50,
+                  .help = "frames to keep for the report, evenly along the way (0)"});
+  keys.push_back({.name = "label", .type = Type::text, .optional = true, .help = "what the progress line says"});
+  return keys;
+}
+
+ServoSettings settings_of(const Call& call) {
+  ServoSettings settings;
+  const auto take = [&call](const char* name, double& value) { value = call.number_option(name).value_or(value); };
+  take("field", settings.field);
+  take("proportional", settings.gains.proportional);
+  take("derivative", settings.gains.derivative);
+  take("derivative_time", settings.gains.derivative_time);
+  take("max_speed", settings.gains.max_speed);
+  take("lost_timeout", settings.lost_timeout);
+  if (const auto axis = call.vector_option("axis")) {
+    if (!(axis->norm() > 0)) throw std::invalid_argument("axis: wants a direction, got {0, 0, 0}");
+    settings.axis = axis->normalized();
+  }
+  return settings;
+}
+
+std::vector<Binding> listening_rows() {
+  const Argument duration{.name = "duration", .type = Type::number, .unit = "s", .min = 0.01, .max = 30};
+  return {{"position",
+           {},
+           "position in m",
+           "where the robot is, as the loop sees it; an error when it is not seen",
+           position},
+          {"target", {}, "position in m", "where it should be now", target},
+          {"state", {}, "string", "searching, holding, following, released, lost, failed or closed", state},
+          {"status", {}, "table", "state, time, position (nil when unseen), target, progress, headroom", status},
+          {"wait_until_tracked",
+           {{.name = "options",
+             .type = Type::options,
+             .options = {{.name = "timeout",
+                          .type = Type::number,
+                          .unit = "s",
+                          .optional = true,
+                          .min = 0,
+                          .max = 3600,
+                          .help = "how long it may take (10 s)"}}}},
+           "position in m",
+           "waits until the robot is seen",
+           wait_until_tracked},
+          {"mean_correction",
+           {duration},
+           "force in N",
+           "waits, and returns the mean force by which the loop corrected meanwhile",
+           mean_correction},
+          {"snapshot",
+           {{.name = "caption", .type = Type::text}},
+           "",
+           "puts the next frame, as it is tracked, into the record",
+           snapshot}};
+}
+
+std::vector<Binding> steering_rows() {
+  const Argument points{.name = "points", .type = Type::list, .unit = "m", .help = "positions {x, y, z}"};
+  const Argument place{.name = "position", .type = Type::vector, .unit = "m"};
+  const Argument force{.name = "force", .type = Type::vector, .unit = "N", .optional = true};
+  return {{"go_to",
+           {place, {.name = "options", .type = Type::options, .options = travel_options()}},
+           "",
+           "goes straight to a place and waits until it stays there",
+           go_to},
+          {"follow",
+           {points, {.name = "options", .type = Type::options, .options = follow_options()}},
+           "number in s",
+           "goes along straight lines at one speed, waits for the end, returns the time it took",
+           follow},
+          {"hold", {place}, "", "holds a place from now on; does not wait", hold},
+          {"release", {}, "", "keeps field and weight compensation, leaves the place alone", release},
+          {"trim", {force}, "force in N", "sets the constant force added to the weight compensation, returns it", trim},
+          {"close", {}, "", "ends the loop; the coils are at zero", close, true}};
+}
+
+std::vector<Binding> servo_rows() {
+  std::vector<Binding> rows = listening_rows();
+  for (Binding& row : steering_rows()) rows.push_back(std::move(row));
+  return rows;
+}
+
+}  // namespace
+
+int open_servo(Call& call) {
+  Session& session = session_of(call.L);
+  auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder,
+                                       call.handle_option<vision::Background>("background"), settings_of(call));
+  // The session's end closes what the script left open.
+  call.context().closers.push_back([servo] { servo->close(); });
+  push_handle(call.L, servo_class(), servo);
+  return 1;
+}
+
+const Class& servo_class() {
+  static const Class kind{"servo", "the servo loop; make one with rig:servo", servo_rows()};
+  return kind;
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/engine.h"
+
+#include "host/lua/reading.h"
+#include "host/lua/running.h"
+#include "host/session.h"
+
+#include <pthread.h>
+
+namespace vitreo {
+namespace {
+
+class LuaEngine final : public ScriptEngine {
+ public:
+  explicit LuaEngine(const std::vector<std::string>& folders) : folders_(folders) {}
+
+  ProtocolDescription describe(const std::string& file) override { return lua::describe_protocol(file, folders_); }
+  RigDescription load_rig(const std::string& file) override { return lua::read_rig_file(file, folders_); }
+
+  void run(const ProtocolDescription& protocol, const std::map<std::string, ArgumentValue>& arguments,
+           Session& session) override {
+    lua::ScriptRun script(running_, session, folders_);
+    std::exception_ptr failure;
+    try {
+      lua::run_protocol(script, protocol, arguments);
+    } catch (const std::exception&) {
+      failure = std::current_exception();
+    }
+    try {
+      script.clean_up();
+    } catch (const std::exception& error) {
+      if (!failure) throw;
+      session.recorder.event(session.clock.now(), "error", std::string("clean-up: ") + error.what());
+    }
+    if (failure) std::rethrow_exception(failure);
+  }
+
+  void prompt(Session& session, std::istream& in, std::ostream& out, bool interactive) override {
+    lua::ScriptRun script(running_, session, folders_);
+    lua::run_prompt(script, in, out, interactive);
+    script.clean_up();
+  }
+
+  void interrupt() noexcept override {
+    lua::Context* const context = running_.context;
+    if (!context) return;
+    context->interrupted = true;
+    // Only the thread that runs Lua may touch its hook; elsewhere the flag is seen at the next call into the host.
+    if (!pthread_equal(static_cast<pthread_t>(running_.thread.load()), pthread_self())) return;
+    if (lua_State* const L = context->running) lua::arm_stop(L);
+  }
+
+ private:
+  const std::vector<std::string> folders_;
+  lua::Running running_;
+};
+
+}  // namespace
+
+std::unique_ptr<ScriptEngine> make_lua_engine(const std::vector<std::string>& library_folders) {
+  return std::make_unique<LuaEngine>(library_folders);
+}
+
+}  // namespace vitreo

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/errors.h"
+
+#include "devices/error.h"
+#include "host/lua/context.h"
+#include "host/lua/scheduler.h"
+#include "host/lua/values.h"
+#include "host/script_engine.h"
+
+#include <new>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+constexpr const char* kDeviceError = "device error";
+const char kStop = 0;  // its address is the stop object
+
+int device_error_text(lua_State* L) {
+  lua_getfield(L, 1, "where");
+  lua_getfield(L, 1, "message");
+  lua_concat(L, 2);
+  return 1;
+}
+
+void push_device_error(lua_State* L, const DeviceError& error, const std::string& place) {
+  lua_createtable(L, 0, 4);
+  lua_pushstring(L, to_string(error.kind));
+  lua_setfield(L, -2, "kind");
+  lua_pushstring(L, error.device.c_str());
+  lua_setfield(L, -2, "device");
+  lua_pushstring(L, error.what());
+  lua_setfield(L, -2, "message");
+  lua_pushstring(L, place.c_str());
+  lua_setfield(L, -2, "where");
+  lua_pushinteger(L, static_cast<lua_Integer>(error.kind));
+  lua_setfield(L, -2, "code");
+  luaL_setmetatable(L, kDeviceError);
+}
+
+bool is_device_error(lua_State* L, int index) {
+  if (!lua_istable(L, index) || !lua_getmetatable(L, index)) return false;
+  luaL_getmetatable(L, kDeviceError);
+  const bool same = lua_rawequal(L, -1, -2);
+  lua_pop(L, 2);
+  return same;
+}
+
+std::string field_text(lua_State* L, int index, const char* name) {
+  lua_getfield(L, index, name);
+  const char* text = lua_tostring(L, -1);
+  std::string result = text ? text : "";
+  lua_pop(L, 1);
+  return result;
+}
+
+/// DeviceError adds "device: " and " (kind)" to what it is given; what() already holds them.
+std::string bare_message(std::string message, const std::string& device, DeviceErrorKind kind) {
+  const std::string head = device + ": ", tail = std::string(" (") + to_string(kind) + ")";
+  if (message.starts_with(head)) message.erase(0, head.size());
+  if (message.ends_with(tail)) message.erase(message.size() - tail.size());
+  return message;
+}
+
+std::exception_ptr device_exception(lua_State* L, int index) {
+  lua_getfield(L, index, "code");
+  const auto kind = static_cast<DeviceErrorKind>(lua_tointeger(L, -1));
+  lua_pop(L, 1);
+  const std::string device = field_text(L, index, "device");
+  std::string place = field_text(L, index, "where");
+  if (place.size() > 2) place = " at " + place.substr(0, place.size() - 2);
+  const std::string message = bare_message(field_text(L, index, "message"), device, kind);
+  return std::make_exception_ptr(DeviceError(kind, device, message + place));
+}
+
+std::string memory_text(const Context& context) {
+  return (context.where.empty() ? "" : context.where) + "not enough memory: a script may use " +
+         std::to_string(context.memory_limit >> 20) + " MB";
+}
+
+struct Body {
+  const std::function<void()>* run;
+  std::exception_ptr error;
+};
+
+int run_body(lua_State* L) {
+  auto& body = *static_cast<Body*>(lua_touserdata(L, lua_upvalueindex(1)));
+  try {
+    (*body.run)();
+  } catch (const std::exception&) {
+    body.error = std::current_exception();
+    return 0;
+  }
+  return lua_gettop(L);
+}
+
+}  // namespace
+
+std::string where(lua_State* L) {
+  lua_Debug place;
+  for (int level = 0; lua_getstack(L, level, &place); ++level) {
+    lua_getinfo(L, "Sl", &place);
+    if (place.currentline > 0) return std::string(place.short_src) + ":" + std::to_string(place.currentline) + ": ";
+  }
+  return "";
+}
+
+void push_stop(lua_State* L) { lua_pushlightuserdata(L, const_cast<char*>(&kStop)); }
+bool is_stop(lua_State* L, int index) { return lua_touserdata(L, index) == static_cast<const void*>(&kStop); }
+
+void raise_stop(lua_State* L) {
+  Context& context = context_of(L);
+  lua_sethook(L, nullptr, 0, 0);
+  context.interrupted = false;
+  if (context.scheduler && context.scheduler->current()) ++context.scheduler->current()->stops;
+  push_stop(L);
+  lua_error(L);
+  throw Stopped();  // not reached: lua_error does not return
+}
+
+void take_interrupt(Context& context) {
+  context.interrupted = false;
+  if (!context.session) return;
+  try {
+    context.session->clock.sleep_until(context.session->clock.now());
+  } catch (const Stopped&) {
+  }
+}
+
+int guarded(lua_State* L, const std::string& prefix, const std::function<int()>& body) {
+  bool stopped = false;
+  try {
+    return body();
+  } catch (const Stopped&) {
+    stopped = true;
+  } catch (const DeviceError& error) {
+    push_device_error(L, error, where(L));
+  } catch (const ScriptError& error) {  // says its place itself
+    lua_pushstring(L, error.what());
+  } catch (const std::bad_alloc&) {
+    lua_pushstring(L, (where(L) + prefix + "not enough memory").c_str());
+  } catch (const std::exception& error) {
+    lua_pushstring(L, (where(L) + prefix + error.what()).c_str());
+  }
+  if (stopped) raise_stop(L);
+  return lua_error(L);
+}
+
+void in_lua(lua_State* L, int arguments, const std::function<void()>& run) {
+  Body body{&run, nullptr};
+  if (!lua_checkstack(L, 10)) throw std::bad_alloc();
+  lua_pushlightuserdata(L, &body);
+  lua_pushcclosure(L, run_body, 1);  // no error from memory in practice: the state was just made or has just collected
+  lua_insert(L, -1 - arguments);
+  const int status = lua_pcall(L, arguments, LUA_MULTRET, 0);
+  if (body.error) std::rethrow_exception(body.error);
+  if (status != LUA_OK) std::rethrow_exception(to_exception(L, status));
+}
+
+int remember_trace(lua_State* L) {
+  if (is_stop(L, 1)) return 1;
+  Context& context = context_of(L);
+  context.where = where(L);
+  luaL_traceback(L, L, nullptr, 1);
+  context.trace = lua_tostring(L, -1);
+  lua_pop(L, 1);
+  return 1;
+}
+
+std::string error_text(lua_State* L, int index) {
+  if (is_stop(L, index)) return "stopped";
+  return plain_text(L, index);
+}
+
+namespace {
+
+std::exception_ptr exception_of(lua_State* L, int status) {
+  Context& context = context_of(L);
+  if (is_stop(L, -1)) return std::make_exception_ptr(Stopped());
+  // A coroutine's memory error comes out of its body as a plain one.
+  const bool no_memory = status == LUA_ERRMEM || (context.short_of_memory && lua_type(L, -1) == LUA_TSTRING &&
+                                                  std::string(lua_tostring(L, -1)) == "not enough memory");
+  if (no_memory) return std::make_exception_ptr(ScriptError(memory_text(context), context.trace));
+  if (is_device_error(L, -1)) return device_exception(L, lua_gettop(L));
+  std::string text;
+  if (lua_type(L, -1) == LUA_TSTRING) {
+    text = lua_tostring(L, -1);
+  } else {
+    const int index = lua_gettop(L);
+    const std::string said = lua_istable(L, -1) ? field_text(L, index, "message") : "";
+    const std::string shown = plain_text(L, index);
+    text = context.where + (shown == "table" && !said.empty() ? said : "an error that is a " + shown);
+    if (shown != lua_typename(L, lua_type(L, -1)) && said.empty()) text = context.where + shown;
+  }
+  return std::make_exception_ptr(ScriptError(text, context.trace));
+}
+
+struct Conversion {
+  int status;
+  std::exception_ptr made;
+};
+
+int convert(lua_State* L) {
+  auto& conversion = *static_cast<Conversion*>(lua_touserdata(L, 1));
+  lua_remove(L, 1);
+  conversion.made = exception_of(L, conversion.status);
+  return 0;
+}
+
+}  // namespace
+
+std::exception_ptr to_exception(lua_State* L, int status) {
+  Conversion conversion{status, nullptr};
+  lua_checkstack(L, 4);
+  lua_pushcfunction(L, convert);
+  lua_insert(L, -2);
+  lua_pushlightuserdata(L, &conversion);
+  lua_insert(L, -2);
+  if (lua_pcall(L, 2, 0, 0) != LUA_OK) lua_pop(L, 1);
+  if (conversion.made) return conversion.made;
+  return std::make_exception_ptr(ScriptError(context_of(L).where + "an error that cannot be shown"));
+}
+
+void open_errors(lua_State* L) {
+  luaL_newmetatable(L, kDeviceError);
+  lua_pushcfunction(L, device_error_text);
+  lua_setfield(L, -2, "__tostring");
+  lua_pushstring(L, kDeviceError);
+  lua_setfield(L, -2, "__name");
+  lua_pushstring(L, kDeviceError);
+  lua_setfield(L, -2, "__metatable");
+  lua_pop(L, 1);
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,46 @@
+// A state with a scheduler and all handles, and its orderly end.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/lua/scheduler.h"
+#include "host/lua/state.h"
+#include "host/script_engine.h"
+
+#include <atomic>
+#include <iosfwd>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace vitreo::lua {
+
+/// What a signal handler may look at while a script runs.
+struct Running {
+  std::atomic<Context*> context{nullptr};
+  std::atomic<unsigned long> thread{0};  // pthread_t of who runs it
+};
+
+class ScriptRun {
+ public:
+  ScriptRun(Running& running, Session& session, const std::vector<std::string>& folders);
+  ~ScriptRun();
+  ScriptRun(const ScriptRun&) = delete;
+  ScriptRun& operator=(const ScriptRun&) = delete;
+  lua_State* main() const { return state_.main(); }
+  Scheduler& scheduler() { return scheduler_; }
+  Context& context() { return state_.context(); }
+  /// The deferred functions, the last first, then what the script left open. Each on its own: the first error is
+  /// thrown when all are done.
+  void clean_up();
+
+ private:
+  Running& running_;
+  State state_;
+  Scheduler scheduler_;  // dies first: its waits may hold tasks
+};
+
+void run_protocol(ScriptRun& script, const ProtocolDescription& protocol,
+                  const std::map<std::string, ArgumentValue>& arguments);
+void run_prompt(ScriptRun& script, std::istream& in, std::ostream& out, bool interactive);
+
+}  // namespace vitreo::lua

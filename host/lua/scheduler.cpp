@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/scheduler.h"
+
+#include "host/lua/context.h"
+#include "host/lua/errors.h"
+#include "host/lua/state.h"
+#include "host/units.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::lua {
+namespace {
+
+/// The end of a task's body: an error goes on, its <close> variables are closed (and could wait while they were).
+int end_body(lua_State* L, int status, lua_KContext) {
+  if (status != LUA_OK && status != LUA_YIELD) return lua_error(L);
+  return lua_gettop(L) - 1;
+}
+
+int task_body(lua_State* L) {
+  lua_pushcfunction(L, remember_trace);
+  lua_insert(L, 1);
+  return end_body(L, lua_pcallk(L, lua_gettop(L) - 2, LUA_MULTRET, 1, 0, end_body), 0);
+}
+
+struct Job {
+  bool done = false;
+  std::exception_ptr error;
+  Signal finished;
+  std::unique_ptr<Task> task;  // last: it ends before what it uses
+};
+
+void run_job(Job& job, Clock& clock, const std::function<void()>& blocking) {
+  try {
+    blocking();
+  } catch (const Stopped&) {
+    throw;
+  } catch (const std::exception&) {
+    job.error = std::current_exception();
+  }
+  job.done = true;
+  clock.notify(job.finished);
+}
+
+}  // namespace
+
+Wait work(const Call& call, const std::string& name, std::function<void()> blocking, Time timeout,
+          std::function<int(Call&)> finish) {
+  call.check_can_wait();
+  Clock& clock = session_of(call.L).clock;
+  auto job = std::make_shared<Job>();
+  job->task = clock.spawn("script: " + name,
+                          [&clock, job = job.get(), run = std::move(blocking)] { run_job(*job, clock, run); });
+  Wait wait;
+  wait.signal = &job->finished;
+  wait.ready = [job] { return job->done; };
+  wait.deadline = later(clock.now(), timeout);
+  wait.finish = [job, timeout, then = std::move(finish)](Call& done, bool in_time) {
+    if (!in_time) throw std::runtime_error("no answer within " + format_quantity(to_seconds(timeout), "s"));
+    job->task->join();
+    if (job->error) std::rethrow_exception(job->error);
+    return then(done);
+  };
+  return wait;
+}
+
+Scheduler::~Scheduler() {
+  for (const auto& task : tasks_) luaL_unref(context_.main, LUA_REGISTRYINDEX, task->reference);
+}
+
+LuaTask& Scheduler::add(lua_State* L, int arguments) {
+  auto task = std::make_unique<LuaTask>();
+  task->thread = lua_newthread(L);
+  task->reference = luaL_ref(L, LUA_REGISTRYINDEX);
+  task->parent = current_;
+  task->arguments = arguments + 1;
+  luaL_checkstack(task->thread, arguments + 2, "too many arguments");
+  lua_pushcfunction(task->thread, task_body);
+  lua_xmove(L, task->thread, arguments + 1);
+  tasks_.push_back(std::move(task));
+  return *tasks_.back();
+}
+
+void Scheduler::remove(LuaTask& task) {
+  luaL_unref(context_.main, LUA_REGISTRYINDEX, task.reference);
+  std::erase_if(tasks_, [&](const auto& held) { return held.get() == &task; });
+}
+
+int Scheduler::run(int arguments) {
+  lua_State* const L = context_.main;
+  LuaTask* root = nullptr;
+  in_lua(L, arguments + 1, [&] { root = &add(L, arguments); });
+  loop(*root);
+  const int results = root->results, status = root->status;
+  lua_checkstack(L, results + 4);
+  lua_xmove(root->thread, L, results);
+  remove(*root);
+  if (status != LUA_OK) std::rethrow_exception(to_exception(L, status));
+  return results;
+}
+
+void Scheduler::loop(const LuaTask& root) {
+  while (root.state != LuaTask::State::done) {
+    if (LuaTask* const task = ready_task())
+      resume(*task);
+    else
+      wait_for_any();
+  }
+}
+
+LuaTask* Scheduler::ready_task() {
+  for (const auto& task : tasks_)
+    if (task->state == LuaTask::State::ready) return task.get();
+  return nullptr;
+}
+
+void Scheduler::resume(LuaTask& task) {
+  current_ = &task;
+  context_.running = task.thread;
+  if (context_.interrupted) arm_stop(task.thread);
+  int results = 0;
+  const int status = lua_resume(task.thread, context_.main, std::exchange(task.arguments, 0), &results);
+  context_.running = nullptr;
+  current_ = nullptr;
+  if (status == LUA_YIELD) {
+    lua_pop(task.thread, results);
+    task.state = LuaTask::State::waiting;
+    return;
+  }
+  task.state = LuaTask::State::done;
+  task.status = status;
+  task.results = status == LUA_OK ? results : 1;
+}
+
+void Scheduler::look(LuaTask& task) {
+  if (task.state != LuaTask::State::waiting) return;
+  try {
+    const Wait& wait = *task.wait;
+    task.in_time = wait.ready && wait.ready();
+    if (!task.in_time && context_.session->clock.now() < wait.deadline) return;
+  } catch (const std::exception&) {
+    task.error = std::current_exception();
+  }
+  task.state = LuaTask::State::ready;
+}
+
+bool Scheduler::look_at_all() {
+  // By index: a predicate may stop its children, which never adds or removes a task.
+  for (const auto& task : tasks_) look(*task);
+  return ready_task() != nullptr;
+}
+
+void Scheduler::wait_for_any() {
+  if (look_at_all()) return;
+  std::vector<Signal*> signals;
+  Time deadline = kForever;
+  for (const auto& task : tasks_) {
+    if (task->state != LuaTask::State::waiting) continue;
+    deadline = std::min(deadline, task->wait->deadline);
+    Signal* const signal = task->wait->signal;
+    if (signal && std::find(signals.begin(), signals.end(), signal) == signals.end()) signals.push_back(signal);
+  }
+  try {
+    wait_on(signals, deadline);
+  } catch (const Stopped&) {
+    context_.interrupted = false;  // the same key press
+    end_waits(nullptr);
+  } catch (const std::exception&) {  // the clock's: nobody could ever go on
+    end_waits(std::current_exception());
+  }
+}
+
+/// A clock waits for one signal; where there are several, each gets a task that watches it.
+void Scheduler::wait_on(const std::vector<Signal*>& signals, Time deadline) {
+  Clock& clock = context_.session->clock;
+  const auto look = [this] { return look_at_all(); };
+  if (signals.empty()) {
+    clock.sleep_until(deadline);
+    return;
+  }
+  if (signals.size() == 1) {
+    clock.wait(*signals[0], look, deadline);
+    return;
+  }
+  std::vector<std::unique_ptr<Task>> watchers;
+  for (Signal* const signal : signals)
+    watchers.push_back(clock.spawn("script: watch", [this, &clock, signal, look] {
+      clock.wait(*signal, look, kForever);
+      clock.notify(any_);
+    }));
+  clock.wait(
+      any_, [this] { return ready_task() != nullptr; }, deadline);
+}
+
+void Scheduler::end_waits(std::exception_ptr error) {
+  for (const auto& task : tasks_) {
+    if (task->state != LuaTask::State::waiting || task->wait->ends_children) continue;
+    task->stop = !error;
+    task->error = error;
+    task->state = LuaTask::State::ready;
+  }
+}
+
+void Scheduler::stop(LuaTask& task) {
+  if (task.state == LuaTask::State::done) return;
+  if (task.state == LuaTask::State::waiting && task.wait->ends_children) {
+    for (const auto& child : tasks_)
+      if (child->parent == &task) stop(*child);
+    return;
+  }
+  task.stop = true;
+  task.state = LuaTask::State::ready;
+}
+
+bool Scheduler::all_done(const std::vector<LuaTask*>& tasks) const {
+  return std::all_of(tasks.begin(), tasks.end(),
+                     [](const LuaTask* task) { return task->state == LuaTask::State::done; });
+}
+
+int continue_wait(lua_State* L, int, lua_KContext) {
+  const auto& binding = *static_cast<const Binding*>(lua_touserdata(L, lua_upvalueindex(1)));
+  const auto* owner = static_cast<const Class*>(lua_touserdata(L, lua_upvalueindex(2)));
+  const int results = guarded(L, full_name(owner, binding) + ": ", [&] {
+    LuaTask& task = *context_of(L).scheduler->current();
+    if (!task.wait) throw std::logic_error("this coroutine waits on behalf of another task");
+    const auto wait = std::move(task.wait);
+    if (std::exchange(task.stop, false)) throw Stopped();
+    if (task.error) std::rethrow_exception(std::exchange(task.error, nullptr));
+    Call call(L, owner, binding);
+    return wait->finish(call, task.in_time);
+  });
+  if (results != Call::kWaits) return results;
+  return lua_yieldk(L, 0, 0, continue_wait);
+}
+
+}  // namespace vitreo::lua

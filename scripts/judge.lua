@@ -1,0 +1,128 @@
+-- How good was a servoed path? Figures, tables and plots from the recorded streams: by the simulator's truth where there is
+-- one, else by the side camera (x and z only).
+-- SPDX-License-Identifier: Apache-2.0
+local units = require "units"
+local judge = {}
+
+local um = units.um
+
+-- Thesis table 5.4, experiment 1 (robot along x), in m: mean, standard deviation, maximum.
+judge.thesis = { lateral = { 93*um, 49*um, 248*um }, depth = { 249*um, 177*um, 721*um } }
+
+local function in_um(value)
+  return ("%.0f"):format(value / um)
+end
+
+local function mean_and_max(mean, deviation, max)
+  return { in_um(mean) .. " ± " .. in_um(deviation), in_um(max) }
+end
+
+--- Which stream tells where the robot really was, and what to call it.
+function judge.reference(run)
+  if run:has_stream("truth") then return "truth", "simulator's truth" end
+  if run:has_stream("side_camera") then return "side_camera", "side camera" end
+  error("there is neither a truth nor a side camera to judge by", 2)
+end
+
+function judge.figures(run, span)
+  local reference = judge.reference(run)
+  local path = run:errors { of = reference, against = "servo", against_prefix = "target_", from = span.from, to = span.to }
+  run:figure("path_error_rms", path.rms, "m")
+  run:figure("path_error_lateral_rms", path.lateral_rms, "m")
+  run:figure("path_error_depth_rms", path.depth_rms, "m")
+  local localisation = run:errors { of = "servo", against = reference, from = span.from, to = span.to }
+  run:figure("localisation_error_mean", localisation.mean, "m")
+  run:figure("localisation_error_max", localisation.max, "m")
+  return path, localisation
+end
+
+function judge.localisation_table(run, found)
+  local thesis = judge.thesis
+  local function row(name, mean, deviation, max, printed)
+    local cells = { name, table.unpack(mean_and_max(mean, deviation, max)) }
+    for _, cell in ipairs(mean_and_max(table.unpack(printed))) do cells[#cells + 1] = cell end
+    return cells
+  end
+  run:table {
+    title = "Localisation error, beside thesis table 5.4 (experiment 1, robot along x)",
+    header = { "axis", "mean, µm", "max, µm", "thesis mean, µm", "thesis max, µm" },
+    rows = {
+      row("lateral", found.lateral_mean, found.lateral_std, found.lateral_max, thesis.lateral),
+      row("depth", found.depth_mean, found.depth_std, found.depth_max, thesis.depth),
+    },
+  }
+end
+
+-- What a stream holds of the path's time, as x and y of a series; nil where it has not got the channels.
+local function series(run, span, stream, x, y, label, mark)
+  return {
+    label = label, mark = mark,
+    x = (run:samples(stream, x, span)), y = (run:samples(stream, y, span)),
+  }
+end
+
+local function trajectory(run, span, title, axis, shown)
+  local reference, name = judge.reference(run)
+  local all = {}
+  if shown[reference] then all[1] = series(run, span, reference, "x", axis, name) end
+  all[#all + 1] = series(run, span, "servo", "x", axis, "top camera", "points")
+  all[#all + 1] = series(run, span, "servo", "target_x", "target_" .. axis, "target", "dashed")
+  run:plot { title = title, x = { "x", "mm" }, y = { axis, "mm" }, equal_aspect = true, series = all }
+end
+
+-- |reference - servo's channel| at the servo's times; the reference is taken at its nearest sample.
+local function distances(run, span, prefix, axes)
+  local reference = judge.reference(run)
+  local distance, times = {}, nil
+  for _, axis in ipairs(axes) do
+    local truth, truth_times = run:samples(reference, axis, span)
+    local servo, servo_times = run:samples("servo", prefix .. axis, span)
+    times = servo_times
+    local near = 1
+    for i = 1, #servo do
+      while near < #truth and math.abs(truth_times[near + 1] - servo_times[i]) <= math.abs(truth_times[near] - servo_times[i]) do
+        near = near + 1
+      end
+      distance[i] = (distance[i] or 0) + (truth[near] and (truth[near] - servo[i]) ^ 2 or 0)
+    end
+  end
+  for i = 1, #distance do distance[i] = distance[i] ^ 0.5 end
+  return { x = times, y = distance }
+end
+
+local function error_plot(run, span)
+  local axes = judge.reference(run) == "truth" and { "x", "y", "z" } or { "x", "z" }
+  local path = distances(run, span, "target_", axes)
+  local localisation = distances(run, span, "", axes)
+  path.label, localisation.label = "from the path", "of the localisation"
+  localisation.mark = "points"
+  run:plot { title = "Error against time", x = { "time", "s" }, y = { "error", "um" }, series = { path, localisation } }
+end
+
+local function currents_plot(run, span)
+  local all = {}
+  for coil = 1, 8 do
+    local values, times = run:samples("currents", "i" .. coil, span)
+    all[coil] = { label = "coil " .. coil, x = times, y = values }
+  end
+  run:plot { title = "Currents against time", x = { "time", "s" }, y = { "current", "A" }, series = all }
+end
+
+function judge.plots(run, span)
+  trajectory(run, span, "Trajectory from above", "y", { truth = true })
+  trajectory(run, span, "Trajectory in depth", "z", { truth = true, side_camera = true })
+  error_plot(run, span)
+  currents_plot(run, span)
+end
+
+--- Figures, table and plots of the time from `from` to `to`.
+function judge.path(run, options)
+  local span = { from = options.from, to = options.to }
+  local path, localisation = judge.figures(run, span)
+  judge.localisation_table(run, localisation)
+  judge.plots(run, span)
+  run:note(("rms error %.0f µm, sideways %.0f µm, over %d frames"):format(path.rms / um, path.lateral_rms / um, path.count))
+  return path, localisation
+end
+
+return judge

@@ -1,0 +1,42 @@
+-- Paths as lists of waypoints, for servo:follow. Positions are in the world frame, in m: x to the right of the top image,
+-- z up towards the top camera.
+-- SPDX-License-Identifier: Apache-2.0
+local paths = {}
+
+--- The corners of a rectangle in the vertical plane y = centre.y, closed, from the lower left one: right, up, left, down.
+function paths.rectangle(options)
+  local centre = options.centre or vector(0, 0, 0)
+  local half_width, half_depth = options.width / 2, options.depth / 2
+  local corners = {
+    vector(centre[1] - half_width, centre[2], centre[3] - half_depth),
+    vector(centre[1] + half_width, centre[2], centre[3] - half_depth),
+    vector(centre[1] + half_width, centre[2], centre[3] + half_depth),
+    vector(centre[1] - half_width, centre[2], centre[3] + half_depth),
+  }
+  local points = { corners[1] }
+  for _ = 1, options.laps or 1 do
+    for corner = 2, 4 do
+      points[#points + 1] = corners[corner]
+    end
+    points[#points + 1] = corners[1]
+  end
+  return points
+end
+
+--- A rectangle as wide as it is deep.
+function paths.square(options)
+  return paths.rectangle {
+    width = options.side, depth = options.side, centre = options.centre, laps = options.laps,
+  }
+end
+
+--- The length of the way along the points, in m.
+function paths.length(points)
+  local length = 0
+  for i = 2, #points do
+    length = length + (vector(points[i]) - points[i - 1]):norm()
+  end
+  return length
+end
+
+return paths

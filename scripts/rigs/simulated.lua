@@ -1,0 +1,61 @@
+-- The simulated laboratory: an OctoMag round the two-lens model eye of thesis table 5.3, a microscope on its aerial image,
+-- a camera from the side, and a 2 mm CoNi robot in silicone oil. Everything runs without hardware.
+local units = require "units"
+local mm, um, ms, s, Hz, A, cSt = units.mm, units.um, units.ms, units.s, units.Hz, units.A, units.cSt
+local mA, deg = units.mA, units.deg
+
+return {
+  title = "Simulated OctoMag with the model eye of thesis table 5.3",
+
+  model = { -- what the loop believes
+    eye = "model_eye_5_3",
+    eye_in_world = { 0, 0, -5 * mm }, -- the retina's vertex
+    robot = "coni_2mm",
+    field = "octomag",
+    medium = { name = "silicone oil", density = 970, kinematic_viscosity = 500 * cSt },
+  },
+
+  top_camera = {
+    driver = "simulated",
+    width_px = 1384,
+    height_px = 1036,
+    frame_rate = 15 * Hz,
+    latency = 80 * ms, -- with the coils' 50 ms: the 130 ms of the loop
+    effective_pixel = 14.3 * um,
+    projection = "single_viewpoint", -- the thesis' model; "exact" localises by the chain's own chief rays
+    microscope = { numerical_aperture = 0.01, focus = 12.3 * mm, decentre = { 0, 0 }, tilt = { 0, 0 } }, -- telecentric
+    sensor = { full_well = 20000, read_noise = 15, brightness = 255, vignette = 0.3 },
+  },
+
+  side_camera = {
+    driver = "simulated",
+    width_px = 656,
+    height_px = 490,
+    frame_rate = 15 * Hz,
+    latency = 80 * ms,
+    effective_pixel = 20.4 * um,
+  },
+
+  coils = {
+    driver = "usb3103",
+    address = "emulated",
+    amperes_per_volt = 2,
+    current_limit = 12 * A,
+    interlock_total_current = 60 * A,
+  },
+
+  lens_mover = { driver = "simulated", travel = 10 * mm, speed = 5 * mm / s },
+
+  sample = { driver = "simulated", placement_scatter = 0.3 * mm },
+
+  truth = { -- how far the simulated machine is from the model; the draws come from the run's seed
+    coil_bandwidth = 15 * Hz,
+    coil_delay = 50 * ms,
+    current_noise = 10 * mA,
+    coil_gain_sigma = 0.03,
+    coil_position_sigma = 1.2 * mm,
+    coil_axis_sigma = 1.5 * deg,
+    moment_sigma = 0.05,
+    dac_offset_sigma = 2,
+  },
+}

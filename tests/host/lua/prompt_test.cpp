@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/host/lua/lua_bench.h"
+
+namespace vitreo {
+namespace {
+
+using Prompt = LuaBench;
+
+TEST_F(Prompt, ShowsWhatExpressionsAreWorth) {
+  EXPECT_EQ(prompt("1 + 1\n'a', nil\nx = 5\nx * 2\n"), "2\n\"a\"\tnil\n10\n");
+  EXPECT_EQ(prompt("{ 1, 2, a = { b = { c = { d = 1 } } } }\n"), "{1, 2, a = {b = {c = {...}}}}\n");
+  EXPECT_EQ(prompt("vector(1, 2, 3) * 2\nrig\nprint\n"), "{2, 4, 6}\nrig\nfunction\n");
+  EXPECT_EQ(prompt("print('said')\nunits.mm\n\n   \n-- nothing\n"), "said\n0.001\n");
+}
+
+TEST_F(Prompt, ContinuesWhatIsNotComplete) {
+  EXPECT_EQ(prompt("for i = 1, 2 do\nprint(i)\nend\n"), "1\n2\n");
+  EXPECT_EQ(prompt("for i = 1, 2 do\nprint(i)\n", true).substr(0, 8), "> >> >> ");
+  expect_all(prompt("function f(\n"), {"error: ", "near <eof>"});
+}
+
+TEST_F(Prompt, ErrorsDoNotEndIt) {
+  const std::string out = prompt("error('oops')\nrun:wait('x')\nx = = 1\nundefined_thing\nerror({})\n2 + 2\n");
+  expect_all(out, {"oops\n", "run:wait: duration: wants a number in s, got a string",
+                   "error: prompt:1: unexpected symbol", "undefined_thing is not defined", "\n4\n"});
+}
+
+TEST_F(Prompt, KnowsTheRigAndWaits) {
+  EXPECT_EQ(prompt("rig.top_camera:info().width_px\nrun:wait(2)\nrun:now()\nrig.top_camera:grab().number\n"),
+            "10.0\n2.0\n1\n");
+}
+
+TEST_F(Prompt, AStopEndsTheStatementOnly) {
+  const auto finger = clock->spawn("finger", [this] {
+    clock->sleep_until(from_seconds(3));
+    clock->interrupt();
+  });
+  EXPECT_EQ(prompt("run:wait(10)\n1\n"), "stopped\n1\n");
+}
+
+TEST_F(Prompt, HelpComesFromTheBindings) {
+  expect_all(prompt("help()\n"), {"servo: the servo loop", "run: this run", "units.mm"});
+  expect_all(prompt("help('servo')\n"), {"servo:go_to(position, {speed, within, settle, timeout})", "servo:close()"});
+  expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents)"});
+  expect_all(prompt("help('servo:go_to')\n"), {"within: a number in m, may be left out; how near is there"});
+  expect_all(prompt("help('follow')\n"), {"servo:follow(points, "});
+  expect_all(prompt("help('servoo')\n"), {"error: ", "nothing is called servoo; did you mean servo?"});
+}
+
+TEST_F(Prompt, BinaryJunkAndLongLinesAreOnlyErrors) {
+  expect_all(prompt(std::string("\x1bLua\x00junk\n", 10) + "1\n"), {"error: ", "\n1\n"});
+  EXPECT_EQ(prompt("x = '" + std::string(10'000'000, 'y') + "'\n#x\n"), "10000000\n");
+}
+
+TEST_F(Prompt, EveryBindingIsDocumented) {
+  const std::string out =
+      prompt("help('run')\nhelp('rig')\nhelp('camera')\nhelp('lens_mover')\nhelp('sample')\nhelp('background')\n");
+  EXPECT_EQ(out.find("error"), out.find("errors({of")) << out;
+}
+
+}  // namespace
+}  // namespace vitreo
