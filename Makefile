@@ -16,7 +16,8 @@ $(BUILD)/CMakeCache.txt: | setup
 build: setup $(BUILD)/CMakeCache.txt ## configure and build (PRESET=release|dev|asan|tsan)
 	cmake --build --preset $(PRESET)
 
-run: build       ## drive the simulated microrobot round the square of the thesis' figure 6.5
+run: setup $(BUILD)/CMakeCache.txt ## drive the simulated microrobot round the square of the thesis' figure 6.5
+	cmake --build --preset $(PRESET) --target vitreo
 	$(BUILD)/vitreo run protocols/servo_square.lua
 
 test: build      ## build and run every test

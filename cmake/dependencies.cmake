@@ -26,3 +26,7 @@ foreach(part core imgproc imgcodecs)
   find_library(OPENCV_${part} opencv_${part} REQUIRED)
   target_link_libraries(vitreo_opencv INTERFACE ${OPENCV_${part}})
 endforeach()
+
+find_package(CLI11 REQUIRED)
+add_library(vitreo_cli INTERFACE)
+target_link_libraries(vitreo_cli INTERFACE CLI11::CLI11)

@@ -6,8 +6,9 @@ endif()
 
 set(VITREO_SANITIZE "" CACHE STRING "sanitizers, as -fsanitize takes them")
 add_library(vitreo_options INTERFACE)
+# -Wno-restrict: GCC 12 warns wrongly about std::string's operator+ (its bug 105651).
 target_compile_options(vitreo_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
-                       -Wnon-virtual-dtor -Woverloaded-virtual -Werror -ffp-contract=off)
+                       -Wnon-virtual-dtor -Woverloaded-virtual -Wno-restrict -Werror -ffp-contract=off)
 target_include_directories(vitreo_options INTERFACE ${CMAKE_SOURCE_DIR})
 if(VITREO_SANITIZE)
   target_compile_options(vitreo_options INTERFACE -fsanitize=${VITREO_SANITIZE} -fno-omit-frame-pointer
@@ -15,7 +16,8 @@ if(VITREO_SANITIZE)
   target_link_options(vitreo_options INTERFACE -fsanitize=${VITREO_SANITIZE})
 endif()
 
-# vitreo_library(FOLDER [EXCEPT sub...] USES target...): every .cpp of the folder, as vitreo::FOLDER.
+# vitreo_library(FOLDER [EXCEPT sub...] USES target...): every .cpp of the folder, as vitreo::FOLDER. Without precompiled
+# headers: GCC 12 then takes the standard library's code for ours and warns about it.
 function(vitreo_library folder)
   cmake_parse_arguments(ARG "" "" "EXCEPT;USES" ${ARGN})
   string(REPLACE "/" "_" name ${folder})
@@ -27,4 +29,12 @@ function(vitreo_library folder)
   add_library(vitreo::${name} ALIAS vitreo_${name})
   target_link_libraries(vitreo_${name} PUBLIC ${ARG_USES} PRIVATE vitreo_options)
   target_include_directories(vitreo_${name} PUBLIC ${CMAKE_SOURCE_DIR})
+endfunction()
+
+# The program's version and the commit it was configured at, for the records.
+function(vitreo_version source)
+  execute_process(COMMAND git describe --always --dirty WORKING_DIRECTORY ${CMAKE_SOURCE_DIR}
+                  OUTPUT_VARIABLE commit OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+  set_property(SOURCE ${CMAKE_SOURCE_DIR}/${source} APPEND PROPERTY COMPILE_DEFINITIONS
+               VITREO_VERSION="${PROJECT_VERSION}" VITREO_COMMIT="${commit}")
 endfunction()
