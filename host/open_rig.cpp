@@ -11,7 +11,7 @@ namespace {
 /// Members in the order of their birth: the laboratory first, the interlock last, so that they die the other way round.
 class SimulatedRig : public OpenRig {
  public:
-  SimulatedRig(RigSettings settings, nlohmann::json resolved, Clock& clock, std::uint64_t seed)
+  SimulatedRig(const RigSettings& settings, nlohmann::json resolved, Clock& clock, std::uint64_t seed)
       : resolved_(std::move(resolved)), clock_(clock), laboratory_(settings.laboratory, clock, seed) {
     rig_.title = settings.title;
     rig_.model = settings.model;
@@ -81,7 +81,7 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
   try {
-    return std::make_unique<SimulatedRig>(std::move(settings), reader.resolved(), clock, seed);
+    return std::make_unique<SimulatedRig>(settings, reader.resolved(), clock, seed);
   } catch (const std::invalid_argument& problem) {
     throw ConfigError(description.file + ": " + problem.what());
   }

@@ -26,7 +26,9 @@ std::string text_of(const nlohmann::json& value) {
   return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-std::string minus_sign(std::string number) { return number.starts_with('-') ? "\u2212" + number.substr(1) : number; }
+std::string minus_sign(const std::string& number) {
+  return number.starts_with('-') ? "\u2212" + number.substr(1) : number;
+}
 
 /// In the unit it was given with; a bare SI unit gives way to the one of a convenient size.
 Shown shown_value(double value, const std::string& symbol, int digits) {
@@ -267,7 +269,7 @@ void flatten(const nlohmann::json& value, const std::string& path, std::string& 
   }
   for (const auto& [key, inner] : value.items()) {
     if (path.empty() && key == "text") continue;  // the file as it was written stands beside
-    flatten(inner, path.empty() ? key : path + "." + key, out);
+    flatten(inner, path.empty() ? key : fmt::format("{}.{}", path, key), out);
   }
 }
 

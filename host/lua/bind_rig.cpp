@@ -65,7 +65,7 @@ int coils_currents(Call& call) {
   lua_createtable(call.L, static_cast<int>(currents.size()), 0);
   for (std::size_t i = 0; i < currents.size(); ++i) {
     lua_pushnumber(call.L, currents[i]);
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
+    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i) + 1);
   }
   return 1;
 }

@@ -185,6 +185,7 @@ void Scheduler::wait_on(const std::vector<Signal*>& signals, Time deadline) {
     return;
   }
   std::vector<std::unique_ptr<Task>> watchers;
+  watchers.reserve(signals.size());
   for (Signal* const signal : signals)
     watchers.push_back(clock.spawn("script: watch", [this, &clock, signal, look] {
       clock.wait(*signal, look, kForever);
@@ -194,7 +195,7 @@ void Scheduler::wait_on(const std::vector<Signal*>& signals, Time deadline) {
       any_, [this] { return ready_task() != nullptr; }, deadline);
 }
 
-void Scheduler::end_waits(std::exception_ptr error) {
+void Scheduler::end_waits(const std::exception_ptr& error) {
   for (const auto& task : tasks_) {
     if (task->state != LuaTask::State::waiting || task->wait->ends_children) continue;
     task->stop = !error;

@@ -74,7 +74,7 @@ class Scheduler {
   bool look_at_all();
   void look(LuaTask& task);
   void wait_on(const std::vector<Signal*>& signals, Time deadline);
-  void end_waits(std::exception_ptr error);
+  void end_waits(const std::exception_ptr& error);
 
   Context& context_;
   LuaTask* current_ = nullptr;
