@@ -47,6 +47,8 @@ class SimulatedRig : public OpenRig {
     };
     if (rig_.coils != nullptr) attempt([&] { rig_.coils->make_safe(); });
     if (rig_.lens_mover != nullptr) attempt([&] { rig_.lens_mover->make_safe(); });
+    if (rig_.stage != nullptr) attempt([&] { rig_.stage->make_safe(); });
+    if (rig_.rotation_stage != nullptr) attempt([&] { rig_.rotation_stage->make_safe(); });
     return failures;
   }
 
@@ -64,9 +66,12 @@ class SimulatedRig : public OpenRig {
 std::vector<std::string> Rig::roles() const {
   std::vector<std::string> names;
   if (coils != nullptr) names.emplace_back("coils");
+  if (field_probe != nullptr) names.emplace_back("field_probe");
   if (lens_mover != nullptr) names.emplace_back("lens_mover");
+  if (rotation_stage != nullptr) names.emplace_back("rotation_stage");
   if (sample != nullptr) names.emplace_back("sample");
   if (side_camera != nullptr) names.emplace_back("side_camera");
+  if (stage != nullptr) names.emplace_back("stage");
   if (top_camera != nullptr) names.emplace_back("top_camera");
   return names;
 }

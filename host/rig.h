@@ -5,8 +5,11 @@
 #include "control/coil_field.h"
 #include "control/robot.h"
 #include "devices/camera.h"
+#include "devices/field_probe.h"
 #include "devices/lens_mover.h"
+#include "devices/rotation_stage.h"
 #include "devices/sample_handler.h"
+#include "devices/stage.h"
 #include "host/interlock.h"
 #include "optics/observer.h"
 #include "optics/pose.h"
@@ -42,6 +45,9 @@ struct Rig {
   Interlock* coils = nullptr;  // the only way to the coils
   LensMover* lens_mover = nullptr;
   SampleHandler* sample = nullptr;
+  Stage* stage = nullptr;
+  RotationStage* rotation_stage = nullptr;
+  FieldProbe* field_probe = nullptr;
   RigModel model;
   /// The names of the roles that are there, sorted.
   std::vector<std::string> roles() const;

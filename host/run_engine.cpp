@@ -57,14 +57,14 @@ Verdict judge(const std::function<void()>& body) {
 }
 
 /// Everything that one run owns, in the order of birth; it dies the other way round, and the coils with it.
-struct Stage {
+struct RunStage {
   std::unique_ptr<Clock> clock;
   std::unique_ptr<OpenRig> rig;
   std::unique_ptr<Recorder> recorder;
 };
 
-Stage build_stage(const RunRequest& request, const RigDescription& description) {
-  Stage stage;
+RunStage build_stage(const RunRequest& request, const RigDescription& description) {
+  RunStage stage;
   stage.clock = virtual_clock(request.pace);
   stage.rig = open_rig(description, *stage.clock, request.seed, request.shifts);
   return stage;
@@ -85,7 +85,7 @@ RunStart start_record(const RunRequest& request, const ProtocolDescription& prot
   return start;
 }
 
-RunResult conduct(Stage& stage, const RunRequest& request, ProgressListener& listener,
+RunResult conduct(RunStage& stage, const RunRequest& request, ProgressListener& listener,
                   const std::function<void(Session&)>& body, const Inspect& inspect) {
   const double began = wall_seconds();
   Verdict verdict;
@@ -117,7 +117,7 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   const ProtocolDescription protocol = engine.describe(request.protocol_file);
   const auto arguments = check_arguments(protocol, request.arguments);
   const RigDescription description = engine.load_rig(request.rig_file);
-  Stage stage = build_stage(request, description);
+  RunStage stage = build_stage(request, description);
   check_needs(protocol, stage.rig->rig(), request.rig_file);
   stage.recorder = std::make_unique<Recorder>(
       request.out, start_record(request, protocol, to_json(arguments), description, *stage.rig));
@@ -129,7 +129,7 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
 RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, std::istream& in,
                      std::ostream& out, bool interactive) {
   const RigDescription description = engine.load_rig(request.rig_file);
-  Stage stage = build_stage(request, description);
+  RunStage stage = build_stage(request, description);
   ProtocolDescription prompt;
   prompt.file = prompt.name = "prompt";
   prompt.title = "Prompt";
