@@ -30,3 +30,9 @@ endforeach()
 find_package(CLI11 REQUIRED)
 add_library(vitreo_cli INTERFACE)
 target_link_libraries(vitreo_cli INTERFACE CLI11::CLI11)
+
+# The buses of the instruments.
+pkg_check_modules(SERIALPORT REQUIRED libserialport)
+add_library(vitreo_serialport INTERFACE)
+target_include_directories(vitreo_serialport SYSTEM INTERFACE ${SERIALPORT_INCLUDE_DIRS})
+target_link_libraries(vitreo_serialport INTERFACE ${SERIALPORT_LINK_LIBRARIES})

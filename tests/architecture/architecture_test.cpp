@@ -71,6 +71,9 @@ TEST(ArchitectureChecker, KnowsWhereLibrariesBelong) {
     for (const char* path : {"optics/a.h", "vision/a.h", "control/a.h", "devices/a.h", "devices/sim/a.h"})
       expect_bad(path, line);
   }
+  expect_good("devices/serial_port.cpp", "#include <libserialport.h>");
+  for (const char* path : {"devices/serial_link.cpp", "devices/zaber/driver.cpp", "host/open_rig.cpp"})
+    expect_bad(path, "#include <libserialport.h>");
   expect_good("optics/a.cpp", "#include <ceres/ceres.h>");
   expect_bad("devices/sim/a.cpp", "#include <ceres/ceres.h>");
   expect_good("vision/a.cpp", "#include <opencv2/imgproc.hpp>");

@@ -43,6 +43,8 @@ inline const std::vector<Row> kTable{
      {"devices/", "optics/", "control/"},
      {},
      {"Eigen/", "opencv2/core", "opencv2/imgproc", "opencv2/imgcodecs"}},
+    // Each instrument's library in one place.
+    {"devices/serial_port.cpp", {"devices/"}, {"devices/sim/"}, {"libserialport.h"}, true},
     {"devices/", {"devices/"}, {"devices/sim/"}, {"Eigen/", "opencv2/core"}, true},
     {"host/lua/", kEverything, {}, and_lua(kOfHost), true},
     {"host/main.cpp", kEverything, {}, kOfHost, true},
@@ -67,7 +69,8 @@ inline const std::set<std::string> kImpure =
     words("chrono ctime thread mutex condition_variable future filesystem fstream iostream csignal");
 inline const std::set<std::string> kPosix = words(
     "dirent.h dlfcn.h errno.h fcntl.h glob.h netdb.h poll.h pthread.h pty.h pwd.h sched.h signal.h spawn.h "
-    "termios.h time.h unistd.h");
+    "stdlib.h termios.h time.h unistd.h");
+inline const Strings kPosixFolders{"asm/", "linux/", "netinet/", "sys/"};
 
 inline bool begins(std::string_view text, std::string_view with) { return text.substr(0, with.size()) == with; }
 inline bool begins_with_any(std::string_view text, const Strings& with) {
@@ -100,7 +103,7 @@ inline std::string complaint(std::string_view path, char quote, const std::strin
   if (begins_with_any(include, kEverything)) return "is ours and belongs in quotes";
   if (kStd.count(include) != 0)
     return row->pure && kImpure.count(include) != 0 ? "is not pure: time, threads and files are the host's" : "";
-  if (kPosix.count(include) != 0 || begins(include, "sys/") || begins(include, "linux/"))
+  if (kPosix.count(include) != 0 || begins_with_any(include, kPosixFolders))
     return row->posix ? "" : "is POSIX, which is forbidden in " + std::string(row->folder);
   return is_of(include, row->others) ? "" : "is forbidden in " + std::string(row->folder);
 }
