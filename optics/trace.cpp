@@ -21,7 +21,7 @@ void check_ray(const Ray& ray) {
 bool step(const System& system, int number, double z, bool outwards, TraceResult& result) {
   const double before = system.surfaces[number - (outwards ? 2 : 1)].index;
   const double behind = system.surfaces[number - (outwards ? 1 : 2)].index;
-  detail::Crossing crossing{system.surfaces[number - 1], before / behind};
+  detail::Crossing<Surface> crossing{system.surfaces[number - 1], before / behind};
   if (system.stop && system.stop->surface == number) crossing.stop_radius = system.stop->radius;
   Eigen::Vector3d origin = result.ray.origin - Eigen::Vector3d(0, 0, z);
   result.status = detail::cross(crossing, origin, result.ray.direction);

@@ -1,5 +1,6 @@
-// One ray at one surface: intersection, Snell's law, stop. Templated, so that Ceres' Jets pass through the same code.
-// Frame: the eye frame moved so that the surface's vertex is the origin. Lengths in m.
+// One ray at one surface: intersection, Snell's law, stop. Templated, so that Ceres' Jets pass through the same code:
+// as rays, and as surfaces that are being designed (detail/design_surface.h). Frame: the eye frame moved so that the
+// surface's vertex is the origin. Lengths in m.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -21,16 +22,18 @@ struct Profile {
   T slope_over_r;  // (d sag / d r) / r, 1/m: regular on the axis
 };
 
-template <class T>
-Profile<T> profile(const Surface& surface, const T& r2) {
+inline double curvature_of(const Surface& surface) { return 1 / surface.radius; }
+
+template <class AnySurface, class T>
+Profile<T> profile(const AnySurface& surface, const T& r2) {
   using std::sqrt;
-  const double c = 1 / surface.radius;
-  const T q = 1.0 - (1 + surface.conic) * c * c * r2;
+  const auto c = curvature_of(surface);
+  const T q = 1.0 - (1.0 + surface.conic) * c * c * r2;
   if (!(q >= 0.0)) return {T(std::numeric_limits<double>::quiet_NaN()), T(std::numeric_limits<double>::quiet_NaN())};
   const T root = sqrt(q);
   const auto& [a4, a6, a8, a10] = surface.aspheric;
   return {c * r2 / (1.0 + root) + r2 * r2 * (a4 + r2 * (a6 + r2 * (a8 + r2 * a10))),
-          c / root + r2 * (4 * a4 + r2 * (6 * a6 + r2 * (8 * a8 + r2 * (10 * a10))))};
+          c / root + r2 * (4.0 * a4 + r2 * (6.0 * a6 + r2 * (8.0 * a8 + r2 * (10.0 * a10))))};
 }
 
 inline bool is_asphere(const Surface& surface) {
@@ -39,10 +42,11 @@ inline bool is_asphere(const Surface& surface) {
 
 /// `s` such that plane_point + s * d lies on the conic. The form C / (-B + sqrt(B^2 - AC)) has no cancellation where A
 /// -> 0 (near-axial rays on a paraboloid); of the two roots it is the one at the vertex, whichever way the ray goes.
-template <class T>
-TraceStatus meet_conic(const Surface& surface, const Vector3<T>& plane_point, const Vector3<T>& d, T& s) {
+template <class AnySurface, class T>
+TraceStatus meet_conic(const AnySurface& surface, const Vector3<T>& plane_point, const Vector3<T>& d, T& s) {
   using std::sqrt;
-  const double c = 1 / surface.radius, k = surface.conic;
+  const auto c = curvature_of(surface);
+  const auto k = surface.conic;
   const T a = c * (1.0 + k * d.z() * d.z());
   const T b = c * (plane_point.x() * d.x() + plane_point.y() * d.y()) - d.z();
   const T e = c * (plane_point.x() * plane_point.x() + plane_point.y() * plane_point.y());
@@ -53,13 +57,13 @@ TraceStatus meet_conic(const Surface& surface, const Vector3<T>& plane_point, co
   if (denominator == 0.0) return TraceStatus::missed;
   s = e / denominator;
   // (3.1) is the sheet where its square root, 1 - (1+k) c z, is positive.
-  return (1 + k) * c * (s * d.z()) > 1.0 ? TraceStatus::wrong_sheet : TraceStatus::ok;
+  return (1.0 + k) * c * (s * d.z()) > 1.0 ? TraceStatus::wrong_sheet : TraceStatus::ok;
 }
 
 /// Newton from the conic's root, or from the tangent plane where the conic is missed. The step after convergence makes
 /// the derivatives of a Jet exact.
-template <class T>
-TraceStatus meet_asphere(const Surface& surface, const Vector3<T>& plane_point, const Vector3<T>& d, T& s) {
+template <class AnySurface, class T>
+TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_point, const Vector3<T>& d, T& s) {
   constexpr double kConverged = 1e-14;  // m
   constexpr int kMaxSteps = 30;
   if (meet_conic(surface, plane_point, d, s) != TraceStatus::ok) s = T(0);
@@ -76,14 +80,14 @@ TraceStatus meet_asphere(const Surface& surface, const Vector3<T>& plane_point, 
 }
 
 /// The unit normal at a point of the surface, with positive z component.
-template <class T>
-Vector3<T> unit_normal(const Surface& surface, const Vector3<T>& p) {
+template <class AnySurface, class T>
+Vector3<T> unit_normal(const AnySurface& surface, const Vector3<T>& p) {
   if (is_asphere(surface)) {
     const T slope = profile(surface, T(p.x() * p.x() + p.y() * p.y())).slope_over_r;
     return Vector3<T>(-slope * p.x(), -slope * p.y(), T(1)).normalized();
   }
-  const double c = 1 / surface.radius;  // this form stays regular at the equator of a sphere
-  return Vector3<T>(-c * p.x(), -c * p.y(), 1.0 - (1 + surface.conic) * c * p.z()).normalized();
+  const auto c = curvature_of(surface);  // this form stays regular at the equator of a sphere
+  return Vector3<T>(-c * p.x(), -c * p.y(), 1.0 - (1.0 + surface.conic) * c * p.z()).normalized();
 }
 
 /// Snell's law in vector form; false at total reflection. `ratio` = index before / index behind.
@@ -99,15 +103,16 @@ bool refract(double ratio, const Vector3<T>& normal, Vector3<T>& d) {
 }
 
 /// What a ray does at one surface.
+template <class AnySurface>
 struct Crossing {
-  const Surface& surface;
+  const AnySurface& surface;
   double ratio;                                                  // index before / index behind, as the ray goes
   double stop_radius = std::numeric_limits<double>::infinity();  // m, of a hole in the vertex plane
 };
 
 /// Takes the ray from where it is to behind the surface; leaves it alone when it is lost.
-template <class T>
-TraceStatus cross(const Crossing& at, Vector3<T>& origin, Vector3<T>& direction) {
+template <class AnySurface, class T>
+TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>& direction) {
   constexpr double kBackwards = -1e-12;  // m: a path this short is rounding, a longer one means that the surfaces cross
   if (direction.z() == 0.0) return TraceStatus::missed;
   const T to_plane = -origin.z() / direction.z();
