@@ -23,12 +23,7 @@ class SimulatedRig : public OpenRig {
     if (settings.side_camera) rig_.side_camera = &laboratory_.side_camera();
     if (settings.lens_mover) rig_.lens_mover = &laboratory_.lens_mover();
     if (settings.sample) rig_.sample = &laboratory_.sample();
-    if (settings.has_coils) {
-      auto link = memory_hid_link(laboratory_.coil_outputs(), clock, from_seconds(settings.link_latency));
-      coils_ = usb3103::open(std::move(link), settings.coils, clock);
-      interlock_ = std::make_unique<Interlock>(*coils_, settings.limits);
-      rig_.coils = interlock_.get();
-    }
+    open_instruments(settings, {clock, &laboratory_});
   }
   ~SimulatedRig() override { make_safe(); }
   Rig& rig() override { return rig_; }
@@ -53,11 +48,25 @@ class SimulatedRig : public OpenRig {
   }
 
  private:
+  void open_instruments(const RigSettings& settings, const Surroundings& where) {
+    if (settings.coils) {
+      coils_ = settings.coils(where);
+      interlock_ = std::make_unique<Interlock>(*coils_.device, settings.limits);
+      rig_.coils = interlock_.get();
+    }
+    if (settings.stage) rig_.stage = (stage_ = settings.stage(where)).device.get();
+    if (settings.rotation_stage) rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
+    if (settings.field_probe) rig_.field_probe = (field_probe_ = settings.field_probe(where)).device.get();
+  }
+
   nlohmann::json resolved_;
   Clock& clock_;
   sim::Laboratory laboratory_;
-  std::unique_ptr<CoilAmplifier> coils_;
+  Opened<CoilAmplifier> coils_;
   std::unique_ptr<Interlock> interlock_;
+  Opened<Stage> stage_;
+  Opened<RotationStage> rotation_stage_;
+  Opened<FieldProbe> field_probe_;
   Rig rig_;
 };
 

@@ -73,17 +73,21 @@ void read_side_camera(ConfigReader reader, RigSettings& settings) {
 }
 
 void read_coils(ConfigReader reader, RigSettings& settings) {
-  settings.has_coils = true;
-  reader.choice("driver", "usb3103", {"usb3103"});
-  reader.choice("address", "emulated", {"emulated"});
-  usb3103::Settings& coils = settings.coils;
-  coils.amperes_per_volt = reader.number("amperes_per_volt", coils.amperes_per_volt, {0.01, 100, ""});
-  coils.current_limit = reader.number("current_limit", coils.current_limit, {0.1, 20, "A"});
-  coils.reply_timeout = reader.number("reply_timeout", coils.reply_timeout, {1e-3, 5, "s"});
-  settings.link_latency = reader.number("link_latency", settings.link_latency, {0, 0.05, "s"});
-  settings.limits.current = reader.number("interlock_current", coils.current_limit, {0.1, 20, "A"});
+  settings.coils = read_instrument<CoilAmplifier>(reader, "coils", settings.laboratory);
+  const double limit =
+      reader.has("current_limit") ? reader.number("current_limit", 0, {0.1, 20, "A"}) : settings.limits.current;
+  settings.limits.current = reader.number("interlock_current", limit, {0.1, 20, "A"});
   settings.limits.total_current =
       reader.number("interlock_total_current", settings.limits.total_current, {0.1, 160, "A"});
+  reader.finish();
+}
+
+/// A role that has only its driver's settings; nothing where the rig has no such table.
+template <class Role>
+void read_role(ConfigReader& rig, const char* role, RigSettings& settings, Opener<Role>& opener) {
+  if (!rig.has(role)) return;
+  ConfigReader reader = rig.table(role);
+  opener = read_instrument<Role>(reader, role, settings.laboratory);
   reader.finish();
 }
 
@@ -129,7 +133,6 @@ void share_with_laboratory(RigSettings& settings) {
   laboratory.top_image = settings.model.top_image;
   laboratory.side_pixel = settings.model.side_pixel;
   laboratory.side_centre_px = settings.model.side_centre_px;
-  laboratory.amperes_per_volt = settings.coils.amperes_per_volt;
   laboratory.world.field = settings.model.field;
   laboratory.world.robot = settings.model.robot;
   laboratory.world.medium = settings.model.medium;
@@ -149,6 +152,9 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("coils")) read_coils(reader.table("coils"), settings);
   if (reader.has("lens_mover")) read_lens_mover(reader.table("lens_mover"), settings);
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
+  read_role(reader, "stage", settings, settings.stage);
+  read_role(reader, "rotation_stage", settings, settings.rotation_stage);
+  read_role(reader, "field_probe", settings, settings.field_probe);
   read_truth(reader.table("truth"), settings.laboratory);
   reader.finish();
   share_with_laboratory(settings);

@@ -3,9 +3,9 @@
 #pragma once
 
 #include "devices/sim/laboratory.h"
-#include "devices/usb3103/driver.h"
 #include "host/config.h"
 #include "host/interlock.h"
+#include "host/registry.h"
 #include "host/rig.h"
 
 namespace vitreo {
@@ -16,10 +16,13 @@ struct RigSettings {
   double projection_reach = 7e-3;  // m of aerial image for which the projection is fitted
   sim::LaboratorySettings laboratory;
   bool exact_projection = false;  // localise by the exact projection instead
-  usb3103::Settings coils;
-  double link_latency = 0;  // s, of each report to the coils' set-point device
   InterlockLimits limits;
-  bool top_camera = false, side_camera = false, has_coils = false, lens_mover = false, sample = false;
+  bool top_camera = false, side_camera = false, lens_mover = false, sample = false;
+  // Empty where the rig has none.
+  Opener<CoilAmplifier> coils;
+  Opener<Stage> stage;
+  Opener<RotationStage> rotation_stage;
+  Opener<FieldProbe> field_probe;
 };
 
 /// Throws ConfigError with file and line.

@@ -4,6 +4,7 @@
 #include "devices/error.h"
 #include "host/interrupts.h"
 #include "host/observers.h"
+#include "host/registry.h"
 
 #include <fmt/format.h>
 
@@ -65,7 +66,7 @@ struct RunStage {
 
 RunStage build_stage(const RunRequest& request, const RigDescription& description) {
   RunStage stage;
-  stage.clock = virtual_clock(request.pace);
+  stage.clock = virtual_clock(has_real_instruments(description) ? Pace::real_time : request.pace);
   stage.rig = open_rig(description, *stage.clock, request.seed, request.shifts);
   return stage;
 }

@@ -1,0 +1,11 @@
+// What reads each driver's settings from a rig file; one file an instrument. Only the registry calls them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/registry.h"
+
+namespace vitreo {
+
+Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument);
+
+}  // namespace vitreo

@@ -1,0 +1,24 @@
+// The USB-3103 as a rig file describes it.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/usb3103/driver.h"
+#include "host/drivers/drivers.h"
+
+namespace vitreo {
+
+Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  if (!instrument.emulated()) reader.fail("address", "must be \"emulated\"");
+  usb3103::Settings settings;
+  settings.name = instrument.role;
+  settings.amperes_per_volt = reader.number("amperes_per_volt", settings.amperes_per_volt, {0.01, 100, ""});
+  settings.current_limit = reader.number("current_limit", settings.current_limit, {0.1, 20, "A"});
+  settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {1e-3, 5, "s"});
+  const Time latency = from_seconds(reader.number("link_latency", 0, {0, 0.05, "s"}));
+  instrument.laboratory.amperes_per_volt = settings.amperes_per_volt;
+  return [settings, latency](const Surroundings& where) -> Opened<CoilAmplifier> {
+    auto link = memory_hid_link(where.laboratory->coil_outputs(), where.clock, latency);
+    return {nullptr, usb3103::open(std::move(link), settings, where.clock)};
+  };
+}
+
+}  // namespace vitreo

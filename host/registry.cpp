@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/registry.h"
+
+#include "devices/address.h"
+#include "host/drivers/drivers.h"
+
+#include <stdexcept>
+
+namespace vitreo {
+
+template <>
+const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
+  static const std::vector<DriverEntry<CoilAmplifier>> entries{
+      {"usb3103", read_usb3103},
+  };
+  return entries;
+}
+
+template <>
+const std::vector<DriverEntry<Stage>>& drivers() {
+  static const std::vector<DriverEntry<Stage>> entries{};
+  return entries;
+}
+
+template <>
+const std::vector<DriverEntry<RotationStage>>& drivers() {
+  static const std::vector<DriverEntry<RotationStage>> entries{};
+  return entries;
+}
+
+template <>
+const std::vector<DriverEntry<FieldProbe>>& drivers() {
+  static const std::vector<DriverEntry<FieldProbe>> entries{};
+  return entries;
+}
+
+std::string read_address(ConfigReader& reader) {
+  std::string address = reader.text("address", "emulated");
+  try {
+    parse_address(address);
+  } catch (const std::invalid_argument& problem) {
+    reader.fail("address", problem.what());
+  }
+  return address;
+}
+
+bool has_real_instruments(const RigDescription& description) {
+  for (const auto& [role, value] : description.table) {
+    const auto* const table = std::get_if<ConfigTable>(&value.value);
+    if (table == nullptr || !table->contains("address")) continue;
+    const auto* const address = std::get_if<std::string>(&table->at("address").value);
+    if (address != nullptr && *address != "emulated") return true;
+  }
+  return false;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,85 @@
+// The drivers by name: how a rig file's { driver = "zaber", address = "serial:/dev/ttyUSB0", ... } becomes an
+// instrument.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/clock.h"
+#include "devices/coil_amplifier.h"
+#include "devices/field_probe.h"
+#include "devices/rotation_stage.h"
+#include "devices/sim/laboratory.h"
+#include "devices/stage.h"
+#include "host/config.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// What a driver's settings are read from.
+struct InstrumentReader {
+  ConfigReader& reader;                 // the role's table; driver and address are read already
+  std::string role;                     // how errors call the instrument
+  std::string address;                  // "emulated", or as devices/address.h says
+  sim::LaboratorySettings& laboratory;  // what an emulated instrument acts on
+  bool emulated() const { return address == "emulated"; }
+};
+
+/// Where an instrument is opened.
+struct Surroundings {
+  Clock& clock;
+  sim::Laboratory* laboratory;  // null where nothing is simulated
+};
+
+/// An instrument and, when it is emulated, what stands at the far end of its link. They die in the right order.
+template <class Role>
+struct Opened {
+  std::shared_ptr<void> far_end{};  // shared only to forget its type
+  std::unique_ptr<Role> device{};
+};
+
+/// Opens the instrument: throws DeviceError. Nothing has touched it before.
+template <class Role>
+using Opener = std::function<Opened<Role>(const Surroundings&)>;
+
+/// One line of the registry. `read` takes the instrument's own settings with their bounds; it throws ConfigError.
+template <class Role>
+struct DriverEntry {
+  const char* name;
+  Opener<Role> (*read)(const InstrumentReader&);
+};
+
+/// All that can play the role; the first one is taken when a rig file names none.
+template <class Role>
+const std::vector<DriverEntry<Role>>& drivers();
+template <>
+const std::vector<DriverEntry<CoilAmplifier>>& drivers();
+template <>
+const std::vector<DriverEntry<Stage>>& drivers();
+template <>
+const std::vector<DriverEntry<RotationStage>>& drivers();
+template <>
+const std::vector<DriverEntry<FieldProbe>>& drivers();
+
+/// `address` of a role's table, checked; "emulated" when it is not there.
+std::string read_address(ConfigReader& reader);
+
+/// Reads `driver`, `address` and what that driver wants. The caller finishes the reader.
+template <class Role>
+Opener<Role> read_instrument(ConfigReader& reader, const std::string& role, sim::LaboratorySettings& laboratory) {
+  std::vector<std::string> names;
+  for (const auto& entry : drivers<Role>()) names.emplace_back(entry.name);
+  if (names.empty()) reader.fail("driver", "is not known: there is none for this role");
+  const std::string wanted = reader.choice("driver", names.front(), names);
+  const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
+  for (const auto& entry : drivers<Role>())
+    if (entry.name == wanted) return entry.read(instrument);
+  reader.fail("driver", "is not known");
+}
+
+/// Whether any role's address leads out of this program: such a rig runs at the pace of the wall clock.
+bool has_real_instruments(const RigDescription& description);
+
+}  // namespace vitreo

@@ -1,0 +1,74 @@
+// The registry: a rig file's driver and address become an opener, or an error that names what is wrong.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/registry.h"
+
+#include "host/rig_settings.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+
+namespace vitreo {
+namespace {
+
+RigDescription rig_with(const std::string& role, ConfigTable table) {
+  RigDescription description;
+  description.file = "rig.lua";
+  description.table[role] = ConfigValue{std::move(table)};
+  return description;
+}
+ConfigValue text(const char* value) { return {std::string(value)}; }
+
+void expect_error(const RigDescription& description, const std::string& naming) {
+  ConfigReader reader(description);
+  try {
+    read_rig_settings(reader);
+    ADD_FAILURE() << "no error that names " << naming;
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find(naming), std::string::npos) << error.what();
+  }
+}
+
+TEST(Registry, TakesTheFirstDriverAndAnEmulatorWhenTheRigFileNamesNone) {
+  const RigDescription description = rig_with("coils", {});
+  ConfigReader reader(description);
+  const RigSettings settings = read_rig_settings(reader);
+  EXPECT_TRUE(settings.coils);
+  EXPECT_FALSE(settings.stage);
+  EXPECT_EQ(reader.resolved()["coils"]["driver"], "usb3103");
+  EXPECT_EQ(reader.resolved()["coils"]["address"], "emulated");
+}
+
+TEST(Registry, NamesADriverThatItDoesNotKnowAndTheNearestOne) {
+  expect_error(rig_with("coils", {{"driver", text("usb3104")}}), "did you mean usb3103?");
+}
+
+TEST(Registry, NamesAnAddressThatIsNone) {
+  expect_error(rig_with("coils", {{"address", text("/dev/ttyUSB0")}}), "coils.address");
+  expect_error(rig_with("coils", {{"address", text("serial:")}}), "coils.address");
+}
+
+TEST(Registry, NamesASettingThatTheDriverDoesNotKnow) {
+  expect_error(rig_with("coils", {{"amperes_per_vlot", {2.0}}}), "did you mean amperes_per_volt?");
+}
+
+TEST(Registry, HasEachDriverOnceInARole) {
+  const auto expect_unique = [](const auto& entries) {
+    std::set<std::string> names;
+    for (const auto& entry : entries) EXPECT_TRUE(names.insert(entry.name).second) << entry.name;
+  };
+  expect_unique(drivers<CoilAmplifier>());
+  expect_unique(drivers<Stage>());
+  expect_unique(drivers<RotationStage>());
+  expect_unique(drivers<FieldProbe>());
+}
+
+TEST(Registry, KnowsARigWhoseInstrumentsAreReal) {
+  EXPECT_FALSE(has_real_instruments(rig_with("coils", {})));
+  EXPECT_FALSE(has_real_instruments(rig_with("coils", {{"address", text("emulated")}})));
+  EXPECT_TRUE(has_real_instruments(rig_with("stage", {{"address", text("serial:/dev/ttyUSB0")}})));
+}
+
+}  // namespace
+}  // namespace vitreo
