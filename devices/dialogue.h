@@ -51,6 +51,8 @@ class Dialogue {
   /// Whether the link was lost; from then on every exchange throws DeviceError{lost} until reopen().
   bool lost() const { return lost_; }
   void reopen();
+  /// From here on it counts as lost: for an instrument that cannot be used as it is.
+  void abandon() { lost_ = true; }
 
   Clock& clock() const { return clock_; }
   const std::string& device() const { return device_; }

@@ -18,13 +18,17 @@ const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
 
 template <>
 const std::vector<DriverEntry<Stage>>& drivers() {
-  static const std::vector<DriverEntry<Stage>> entries{};
+  static const std::vector<DriverEntry<Stage>> entries{
+      {"zaber", read_zaber},
+  };
   return entries;
 }
 
 template <>
 const std::vector<DriverEntry<RotationStage>>& drivers() {
-  static const std::vector<DriverEntry<RotationStage>> entries{};
+  static const std::vector<DriverEntry<RotationStage>> entries{
+      {"zaber", read_zaber_rotary},
+  };
   return entries;
 }
 

@@ -7,5 +7,7 @@
 namespace vitreo {
 
 Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument);
+Opener<Stage> read_zaber(const InstrumentReader& instrument);
+Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument);
 
 }  // namespace vitreo

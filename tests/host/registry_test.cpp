@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/registry.h"
 
+#include "host/open_rig.h"
 #include "host/rig_settings.h"
 
 #include <gtest/gtest.h>
@@ -62,6 +63,34 @@ TEST(Registry, HasEachDriverOnceInARole) {
   expect_unique(drivers<Stage>());
   expect_unique(drivers<RotationStage>());
   expect_unique(drivers<FieldProbe>());
+}
+
+TEST(Registry, OpensAnEmulatedStageAndRotationStageThroughTheirRealDrivers) {
+  RigDescription description =
+      rig_with("stage", {{"x", {ConfigTable{{"device", {2.0}}}}}, {"z", {ConfigTable{{"device", {1.0}}}}}});
+  description.table["rotation_stage"] = ConfigValue{ConfigTable{{"max_speed", {0.5}}}};
+  const auto clock = virtual_clock();
+  const auto rig = open_rig(description, *clock, 1);
+  ASSERT_NE(rig->rig().stage, nullptr);
+  Stage& stage = *rig->rig().stage;
+  EXPECT_EQ(stage.info().axes.size(), 2U);
+  EXPECT_EQ(stage.info().axes[0].name, "x");
+  EXPECT_NE(stage.info().identity.name.find("Zaber"), std::string::npos);
+  move_to(stage, std::vector<double>{1e-3, 2e-3}, 2e-3, std::chrono::seconds(10), *clock);
+  EXPECT_NEAR(stage.position()[1], 2e-3, 1e-6);
+  EXPECT_EQ(rig->rig().rotation_stage->info().axis.max_speed, 0.5);
+  EXPECT_EQ(rig->rig().roles(), (std::vector<std::string>{"rotation_stage", "stage"}));
+  stage.start(std::vector<double>{10e-3, 2e-3}, 1e-3);
+  EXPECT_TRUE(rig->make_safe().empty());
+  EXPECT_FALSE(stage.moving());
+}
+
+TEST(Registry, NamesAStageWithoutAxesAndSettingsThatDoNotFit) {
+  expect_error(rig_with("stage", {}), "at least one of the tables x, y and z");
+  expect_error(rig_with("stage", {{"x", {ConfigTable{{"travel_min", {0.1}}, {"travel_max", {0.05}}}}}}), "travel_min");
+  expect_error(rig_with("stage", {{"x", {ConfigTable{}}}, {"z", {ConfigTable{{"device", {1.0}}}}}}),
+               "are the same one");
+  expect_error(rig_with("stage", {{"address", text("hid:1234")}, {"x", {ConfigTable{}}}}), "stage.address");
 }
 
 TEST(Registry, KnowsARigWhoseInstrumentsAreReal) {

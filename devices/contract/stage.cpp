@@ -1,0 +1,244 @@
+// The duties of a Stage, one function each; a RotationStage is examined as a stage of one axis.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/stage.h"
+
+#include "devices/error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace vitreo::contract {
+namespace {
+
+using Place = std::vector<double>;
+
+/// A rotation stage in a stage's clothes.
+class AsStage final : public Stage {
+ public:
+  explicit AsStage(RotationStage& stage) : stage_(stage), info_{stage.info().identity, {stage.info().axis}} {}
+  const StageInfo& info() const override { return info_; }
+  Place position() override { return {stage_.angle()}; }
+  void start(std::span<const double> target, double speed) override {
+    // The role takes one number: what only a stage of several axes can be given wrong is not its business.
+    if (target.size() != 1) throw std::invalid_argument("target: one angle is wanted");
+    stage_.start(target.front(), speed);
+  }
+  bool moving() override { return stage_.moving(); }
+  void wait(Time timeout) override { stage_.wait(timeout); }
+  void home(Time timeout) override { stage_.home(timeout); }
+  void stop() override { stage_.stop(); }
+  void make_safe() override { stage_.make_safe(); }
+
+ private:
+  RotationStage& stage_;
+  StageInfo info_;
+};
+
+class Examiner {
+ public:
+  Examiner(Stage& stage, Clock& clock, const StageCheck& how) : stage_(stage), clock_(clock), how_(how) {}
+
+  std::vector<std::string> run() {
+    duty("describe itself", &Examiner::describes_itself);
+    if (!findings_.empty()) return findings_;  // nothing else can be asked of it
+    choose_places();
+    if (how_.home) duty("find home", &Examiner::homes);
+    duty("go where it is told", &Examiner::goes_where_it_is_told);
+    duty("tell that it moves", &Examiner::tells_that_it_moves);
+    duty("refuse a wrong target", &Examiner::refuses_what_is_no_target);
+    duty("refuse what is beyond its limits", &Examiner::refuses_what_is_beyond_its_limits);
+    duty("stop", &Examiner::stops);
+    duty("stop at the deadline", &Examiner::stops_at_the_deadline);
+    duty("make safe", &Examiner::makes_safe);
+    duty("be left standing", &Examiner::makes_safe);
+    return findings_;
+  }
+
+ private:
+  void expect(bool good, const std::string& finding) {
+    if (!good) findings_.push_back(finding);
+  }
+
+  void duty(const std::string& name, void (Examiner::*examine)()) {
+    try {
+      (this->*examine)();
+    } catch (const Stopped&) {
+      stage_.make_safe();
+      throw;
+    } catch (const std::exception& error) {
+      findings_.push_back(name + ": threw " + error.what());
+    }
+  }
+
+  const std::vector<StageAxis>& axes() const { return stage_.info().axes; }
+
+  void choose_places() {
+    near_ = far_ = how_.start;
+    speed_ = how_.speed > 0 ? how_.speed : std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < axes().size(); ++i) {
+      const StageAxis& axis = axes()[i];
+      const bool endless = std::isinf(axis.travel_min) || std::isinf(axis.travel_max);
+      if (how_.start.empty()) near_.push_back(endless ? 0 : (axis.travel_min + axis.travel_max) / 2);
+      const double way = how_.way > 0 ? how_.way : endless ? 0.1 : (axis.travel_max - axis.travel_min) / 100;
+      if (how_.start.empty()) far_.push_back(0);
+      far_[i] = near_[i] + way;
+      if (how_.speed <= 0) speed_ = std::min(speed_, axis.speed);
+    }
+  }
+
+  void expect_place(const Place& wanted, const std::string& when) {
+    expect_near(stage_.position(), wanted, when + ", position() is not the target");
+    if (how_.measured) expect_near(how_.measured(), wanted, when + ", it is really somewhere else");
+  }
+  void expect_near(const Place& place, const Place& wanted, const std::string& finding) {
+    bool good = place.size() == wanted.size();
+    for (std::size_t i = 0; good && i < place.size(); ++i) {
+      const double tolerance = how_.tolerance > 0 ? how_.tolerance : 4 * axes()[i].resolution;
+      good = std::abs(place[i] - wanted[i]) <= tolerance;
+    }
+    expect(good, finding);
+  }
+  void go(const Place& target) { move_to(stage_, target, speed_, how_.timeout, clock_); }
+
+  template <class Error>
+  void expect_refusal(const Place& target, double speed, const std::string& name) {
+    try {
+      stage_.start(target, speed);
+      findings_.push_back(name + " is accepted");
+    } catch (const DeviceError& error) {
+      expect(std::is_same_v<Error, DeviceError> && error.kind == DeviceErrorKind::refused,
+             name + " is refused with another kind of error: " + error.what());
+    } catch (const std::invalid_argument&) {
+      expect(std::is_same_v<Error, std::invalid_argument>, name + " is taken for a mistake of the caller");
+    }
+    expect(!stage_.moving(), "after " + name + ", it moves");
+  }
+
+  void describes_itself() {
+    expect(!stage_.info().identity.name.empty(), "it has no name");
+    expect(!axes().empty(), "it has no axes");
+    for (const StageAxis& axis : axes()) {
+      expect(axis.travel_min < axis.travel_max, "axis " + axis.name + " has no travel");
+      expect(axis.speed > 0 && axis.speed <= axis.max_speed && std::isfinite(axis.max_speed),
+             "axis " + axis.name + " has no speed within its limit");
+      expect(axis.resolution > 0 && std::isfinite(axis.resolution), "axis " + axis.name + " has no resolution");
+    }
+    expect(!stage_.moving(), "it moves before anybody has set it off");
+  }
+  void homes() {
+    stage_.home(how_.timeout);
+    expect(!stage_.moving(), "after home(), it moves");
+  }
+  void goes_where_it_is_told() {
+    for (const Place& target : {near_, far_, near_}) {
+      go(target);
+      expect_place(target, "after a motion");
+    }
+    go(near_);
+    expect_place(near_, "after a motion to where it stands");
+  }
+  void tells_that_it_moves() {
+    stage_.start(far_, speed_);
+    expect(stage_.moving(), "it says that it stands while it moves");
+    expect_busy();
+    stage_.wait(how_.timeout);
+    expect(!stage_.moving(), "it says that it moves when it is there");
+    stage_.wait(how_.timeout);
+    expect_place(far_, "after start() and wait()");
+  }
+  void expect_busy() {
+    try {
+      stage_.start(near_, speed_);
+      findings_.emplace_back("another motion is begun while it moves");
+    } catch (const DeviceError& error) {
+      expect(error.kind == DeviceErrorKind::refused, "while it moves, start() fails with another kind of error");
+    }
+  }
+  void refuses_what_is_no_target() {
+    go(near_);
+    Place fewer = near_, more = near_, nothing = near_;
+    fewer.pop_back();
+    more.push_back(0);
+    nothing.back() = std::numeric_limits<double>::quiet_NaN();
+    expect_refusal<std::invalid_argument>(fewer, speed_, "a target with an axis too few");
+    expect_refusal<std::invalid_argument>(more, speed_, "a target with an axis too many");
+    expect_refusal<std::invalid_argument>(nothing, speed_, "a target that is not a number");
+    expect_refusal<std::invalid_argument>(far_, 0, "a speed of zero");
+    expect_refusal<std::invalid_argument>(far_, std::numeric_limits<double>::quiet_NaN(),
+                                          "a speed that is not a number");
+    expect_place(near_, "after refusals");
+  }
+  void refuses_what_is_beyond_its_limits() {
+    go(near_);
+    for (std::size_t i = 0; i < axes().size(); ++i) {
+      const StageAxis& axis = axes()[i];
+      for (const double edge : {axis.travel_min, axis.travel_max}) {
+        if (std::isinf(edge)) continue;
+        Place beyond = near_;
+        beyond[i] = edge + (edge == axis.travel_min ? -1 : 1) * 10 * axis.resolution;
+        expect_refusal<DeviceError>(beyond, speed_, "a target beyond the travel of axis " + axis.name);
+      }
+      expect_refusal<DeviceError>(far_, 1.01 * axis.max_speed, "a speed above that of axis " + axis.name);
+    }
+    expect_place(near_, "after refusals");
+  }
+  void stops() {
+    go(near_);
+    stage_.start(far_, speed_);
+    stage_.stop();
+    expect(!stage_.moving(), "after stop(), it moves");
+    try {
+      stage_.wait(how_.timeout);
+      findings_.emplace_back("wait() takes a stop for an arrival");
+    } catch (const DeviceError& error) {
+      expect(error.kind == DeviceErrorKind::refused, "after stop(), wait() fails with another kind of error");
+    }
+    stands("after stop()");
+    stage_.stop();
+    go(far_);
+    expect_place(far_, "after a stop and another motion");
+  }
+  void stops_at_the_deadline() {
+    go(near_);
+    stage_.start(far_, speed_);
+    try {
+      stage_.wait(Time::zero());
+      findings_.emplace_back("wait() does not notice its deadline");
+    } catch (const DeviceError& error) {
+      expect(error.kind == DeviceErrorKind::timeout, "at the deadline, wait() fails with another kind of error");
+    }
+    stands("after the deadline");
+  }
+  void makes_safe() {
+    stage_.make_safe();
+    stage_.make_safe();
+    stands("after make_safe()");
+  }
+  void stands(const std::string& when) {
+    const Place before = stage_.position();
+    clock_.sleep_for(std::chrono::milliseconds(30));
+    expect_near(stage_.position(), before, when + ", it still moves");
+  }
+
+  Stage& stage_;
+  Clock& clock_;
+  const StageCheck& how_;
+  std::vector<std::string> findings_;
+  Place near_, far_;
+  double speed_ = 0;
+};
+
+}  // namespace
+
+std::vector<std::string> check(Stage& stage, Clock& clock, const StageCheck& how) {
+  return Examiner(stage, clock, how).run();
+}
+
+std::vector<std::string> check(RotationStage& stage, Clock& clock, const StageCheck& how) {
+  AsStage as_stage(stage);
+  return Examiner(as_stage, clock, how).run();
+}
+
+}  // namespace vitreo::contract

@@ -1,0 +1,37 @@
+// What the rig file's readers of serial instruments share.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/address.h"
+#include "devices/byte_link.h"
+#include "host/registry.h"
+
+#include <memory>
+#include <utility>
+
+namespace vitreo {
+
+/// Where the driver's bytes go: the address, and for a serial port its settings; or an emulator.
+struct SerialPlace {
+  std::string address;
+  SerialSettings serial;
+};
+
+/// Reads `baud_rate` (only of "serial:" addresses) and refuses an address that carries no bytes. `usual` holds what the
+/// instrument's manual says.
+SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual);
+
+/// Opens the link, to `emulator` where the address says so, and `open`s the driver on it.
+template <class Role, class Emulator, class Open>
+Opened<Role> open_on(const SerialPlace& place, std::unique_ptr<Emulator> emulator, Clock& clock, const Open& open) {
+  if (place.address != "emulated") return {nullptr, open(open_byte_link(place.address, place.serial, clock))};
+  const Time per_byte = from_seconds(10.0 / place.serial.baud_rate);
+  auto link = memory_byte_link(*emulator, clock, {Time::zero(), per_byte});
+  // In this order: the driver's end still talks to the emulator.
+  Opened<Role> opened;
+  opened.far_end = std::shared_ptr<Emulator>(std::move(emulator));
+  opened.device = open(std::move(link));
+  return opened;
+}
+
+}  // namespace vitreo
