@@ -136,6 +136,134 @@ TEST(WideAngleMap, OutsideItsValidityItSaysNothing) {
   }
 }
 
+TEST(WideAngleMap, TheBoundaryBelongsToTheMapAndWhatIsBeyondDoesNot) {
+  for (const System& system : {navarro_with_condensing_lens(true), model_eye_5_3()}) {
+    const WideAngleMap map(system);
+    EXPECT_LT(map.edge(), 0.1 * kUm);
+    for (int i = 0; i <= 40; ++i) {
+      const double angle = std::min(30 * kDegree, map.max_angle()) * i / 40, azimuth = 0.7 * i;
+      for (const double depth : {0.0, map.max_depth()}) {
+        const Eigen::Vector3d flat = *point_at_field(system, angle, depth);
+        const Eigen::Vector3d p(flat.x() * std::cos(azimuth), flat.x() * std::sin(azimuth), flat.z());
+        const auto traced = map.traced_image(p), tabulated = map.image(p);
+        ASSERT_TRUE(traced && tabulated) << p.transpose();
+        for (const AerialPoint& aerial : {*traced, *tabulated}) {
+          const auto back = map.point(aerial);
+          ASSERT_TRUE(back) << angle / kDegree << " degrees, " << depth / kMm << " mm";
+          EXPECT_LT((*back - p).norm(), 0.1 * kUm);
+          AerialPoint beyond = aerial;
+          beyond.focus += (depth == 0 ? -1 : 1) * 5 * kUm;
+          EXPECT_FALSE(map.point(beyond)) << angle / kDegree << " degrees, " << depth / kMm << " mm";
+        }
+      }
+    }
+    const Eigen::Vector3d rim = *point_at_field(system, map.max_angle(), 3 * kMm);
+    ASSERT_TRUE(map.image(rim));
+    EXPECT_TRUE(map.point(*map.image(rim)));
+  }
+}
+
+TEST(WideAngleMap, NearAFoldItNeverAnswersWithTheOtherPoint) {
+  WideAngleSettings settings;
+  settings.max_angle = 36 * kDegree;  // beyond 35 degrees and 7 mm this map folds: images of deeper points come back
+  const WideAngleMap map(navarro_with_condensing_lens(true), settings);
+  std::mt19937 generator(3);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  int refused = 0, answered = 0;
+  for (int i = 0; i < 1500; ++i) {
+    const double angle = map.max_angle() * (1 - 0.05 * uniform(generator)),
+                 depth = (8 - 1.5 * uniform(generator)) * kMm;
+    const Eigen::Vector3d p = *point_at_field(map.system(), angle, depth);
+    const auto traced = map.traced_image(p);
+    ASSERT_TRUE(traced);
+    const auto back = map.point(*traced);
+    EXPECT_EQ(back.has_value(), map.image(p).has_value()) << p.transpose();
+    if (!back) {
+      ++refused;
+      continue;
+    }
+    ++answered;
+    EXPECT_LT((*back - p).norm(), 5 * kUm) << p.transpose();
+  }
+  EXPECT_GT(refused, 20);  // else this is no test
+  EXPECT_GT(answered, 500);
+}
+
+struct Look {
+  const char* name;
+  double pupil_distance;
+  Eigen::Vector2d decentre, tilt;
+  bool stop;
+};
+
+TEST(WideAngleMap, TiltedAndDecentredMicroscopesAndChainsWithoutStopHaveMapsToo) {
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  const Look looks[] = {
+      {"tilted, telecentric", kInfinite, {0, 0}, {0.035, -0.01}, true},
+      {"tilted, decentred, pupil at 150 mm, no stop", 0.15, {0.5 * kMm, -0.3 * kMm}, {0.02, 0.02}, false},
+      {"centred, no stop", kInfinite, {0, 0}, {0, 0}, false}};
+  for (const bool navarro : {true, false}) {
+    for (const Look& look : looks) {
+      System system = navarro ? navarro_with_condensing_lens(false) : model_eye_5_3();
+      if (!look.stop) system.stop.reset();
+      WideAngleSettings settings;
+      settings.max_angle = 30 * kDegree;
+      settings.angle_nodes = 14, settings.depth_nodes = 10, settings.rings = 3, settings.arms = 12;
+      settings.microscope = Microscope{};
+      settings.microscope->pupil_distance = look.pupil_distance;
+      settings.microscope->decentre = look.decentre, settings.microscope->tilt = look.tilt;
+      const WideAngleMap map(system, settings);
+      EXPECT_GE(map.max_angle(), 29.9 * kDegree) << look.name;
+      EXPECT_EQ(map.symmetric(), look.tilt.isZero(0));
+      int lost = 0, seen = 0;
+      double worst = 0;
+      for (const Eigen::Vector3d& p : points(map.system(), 30 * kDegree, 60)) {
+        const auto traced = map.traced_image(p);
+        EXPECT_EQ(traced.has_value(), map.image(p).has_value());
+        if (!traced) continue;  // in the iris' shadow
+        ++seen;
+        const auto back = map.point(*traced);
+        back ? worst = std::max(worst, (*back - p).norm()) : ++lost;
+      }
+      std::cout << look.name << ": round trip " << worst / kUm << " um of " << seen << " points\n";
+      EXPECT_GE(seen, 40) << look.name;
+      EXPECT_EQ(lost, 0) << look.name;
+      EXPECT_LT(worst, 5 * kUm) << look.name;
+    }
+  }
+}
+
+TEST(WideAngleMap, ATiltedMicroscopeSeesAlongItsOwnIsopixelLine) {
+  WideAngleSettings settings;
+  settings.max_angle = 25 * kDegree;
+  settings.angle_nodes = 12, settings.depth_nodes = 10, settings.rings = 3, settings.arms = 12;
+  settings.microscope = Microscope{};
+  settings.microscope->pupil_distance = 0.15;
+  settings.microscope->tilt = {0.03, 0.01}, settings.microscope->decentre = {0.4 * kMm, 0};
+  const WideAngleMap map(model_eye_5_3(), settings);
+  const Eigen::Vector3d p(3 * kMm, -2 * kMm, 4 * kMm);
+  const auto aerial = map.image(p);
+  ASSERT_TRUE(aerial);
+  Microscope focused = *settings.microscope;  // moved along z until its plane holds the aerial point
+  const Ray axis = chief_ray_in_air(model_eye_5_3(), focused, {0, 0});
+  focused.focus = aerial->focus + (aerial->m - focused.decentre).dot(axis.direction.head<2>()) / axis.direction.z();
+  const Ray plane = chief_ray_in_air(model_eye_5_3(), focused, {0, 0});
+  const Eigen::Vector3d in_air(aerial->m.x(), aerial->m.y(), model_eye_5_3().vertex(7) + aerial->focus);
+  EXPECT_NEAR((in_air - plane.origin).dot(plane.direction), 0, 1e-12);
+  const auto unit = [&](double x, double y) {
+    return Eigen::Vector3d(chief_ray_in_air(model_eye_5_3(), focused, {x, y}).origin - plane.origin);
+  };
+  const Eigen::Vector2d m(unit(1, 0).dot(in_air - plane.origin), unit(0, 1).dot(in_air - plane.origin));
+  const Ray line = *isopixel_line(model_eye_5_3(), focused, m);
+  const Eigen::Vector3d there = line.origin + line.direction * ((p.z() - line.origin.z()) / line.direction.z());
+  EXPECT_LT((there - p).norm(), 1 * kUm);
+  expect_refused("microscope", [&] { (void)map.at({0.1, 1e-3}); });
+  EXPECT_FALSE(map.image({0, 0, -1 * kMm}));
+  EXPECT_FALSE(map.image(*point_at_field(map.system(), 26 * kDegree, 1 * kMm)));
+  EXPECT_FALSE(map.point({{kNan, 0}, 9 * kMm}));
+  EXPECT_FALSE(map.point({{0, 0}, 5 * kMm}));
+}
+
 TEST(WideAngleMap, InTheShadowOfTheIrisAMicroscopeSeesNothing) {
   WideAngleSettings settings;
   settings.microscope = Microscope{};
@@ -170,9 +298,9 @@ TEST(WideAngleMap, RefusesBadArguments) {
   refused("angle_nodes", [](auto& s) { s.angle_nodes = 33; });
   refused("depth_nodes", [](auto& s) { s.depth_nodes = 3; });
   refused("lens_distance", [](auto& s) { s.lens_distance = -1; });
-  refused("microscope", [](auto& s) {
+  refused("tilt", [](auto& s) {
     s.microscope = Microscope{};
-    s.microscope->tilt = {0.01, 0};
+    s.microscope->tilt = {0.6, 0};
   });
   System blind = system;
   blind.stop.reset();
