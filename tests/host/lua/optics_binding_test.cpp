@@ -169,7 +169,10 @@ TEST_F(OpticsBinding, TheWideAngleMapGoesThereAndBackAndSaysNothingOutside) {
       "local map = eye:wide_angle_map { microscope = { focus = 9*mm }, max_angle = 30*deg }\n"
       "assert(map:image(eye:point_at_field(10*deg, 2*mm)))");
   expect_refused("eye:wide_angle_map { max_angle = 0 }", {"optical_system:wide_angle_map: max_angle: wants"});
-  expect_refused("eye:wide_angle_map { microscope = { decentre = { 1*mm, 0 } } }", {"wide_angle_map: ", "microscope"});
+  expect_fine(
+      "local map = eye:wide_angle_map { microscope = { focus = 9*mm, decentre = { 1*mm, 0 } }, max_angle = 25*deg }\n"
+      "assert(map:point(map:image(eye:point_at_field(10*deg, 2*mm))))");
+  expect_refused("eye:wide_angle_map { microscope = { tilt = { 0.6, 0 } } }", {"wide_angle_map: ", "tilt"});
   expect_refused("eye:wide_angle_map({}):image('x')", {"wide_angle_map:image: point: wants a position {x, y, z} in m"});
 }
 
