@@ -13,10 +13,10 @@ namespace vitreo::contract {
 
 struct StageCheck {
   std::vector<double> start{};  ///< m, where it goes first, one per axis; empty: the middle of the travel
-  double way = 0;             ///< m, how far it is then moved along each axis; 0: a hundredth of the travel
-  double speed = 0;           ///< m/s; 0: the usual one
-  double tolerance = 0;       ///< m, between target and place; 0: four steps of the axis
-  bool home = false;          ///< home it first
+  double way = 0;               ///< m, how far it is then moved along each axis; 0: a hundredth of the travel
+  double speed = 0;             ///< m/s; 0: the usual one
+  double tolerance = 0;         ///< m, between target and place; 0: four steps of the axis
+  bool home = false;            ///< home it first
   Time timeout = std::chrono::seconds(60);  ///< of each motion
   /// Where it really is, in m, where somebody can tell (an emulator, a second instrument); else nothing.
   std::function<std::vector<double>()> measured{};

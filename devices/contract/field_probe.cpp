@@ -1,0 +1,59 @@
+// The duties of a FieldProbe.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/field_probe.h"
+
+#include "devices/error.h"
+
+#include <cmath>
+
+namespace vitreo::contract {
+namespace {
+
+std::vector<std::string> describe(const FieldProbeInfo& info) {
+  std::vector<std::string> findings;
+  if (info.identity.name.empty()) findings.emplace_back("it has no name");
+  if (info.axes != 1 && info.axes != 3) findings.emplace_back("it has neither one axis nor three");
+  if (!(std::isfinite(info.range) && info.range > 0)) findings.emplace_back("it has no range");
+  return findings;
+}
+
+void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how, std::vector<std::string>& findings) {
+  const Time before = clock.now();
+  const FieldReading reading = probe.measure(how.timeout);
+  if (reading.field.size() != static_cast<std::size_t>(probe.info().axes)) {
+    findings.emplace_back("a reading has not one number per axis");
+    return;
+  }
+  if (reading.measured < before || reading.measured > clock.now())
+    findings.emplace_back("a reading was not taken when it was asked for");
+  const std::vector<double> really = how.really ? how.really() : reading.field;
+  for (std::size_t i = 0; i < reading.field.size(); ++i) {
+    if (!(std::abs(reading.field[i]) <= probe.info().range)) findings.emplace_back("a reading is beyond the range");
+    if (!(std::abs(reading.field[i] - really[i]) <= how.tolerance))
+      findings.emplace_back("a reading is not what is really there");
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how) {
+  std::vector<std::string> findings = describe(probe.info());
+  try {
+    for (int i = 0; i < 3 && findings.empty(); ++i) measure(probe, clock, how, findings);
+  } catch (const std::exception& error) {
+    if (dynamic_cast<const Stopped*>(&error) != nullptr) throw;
+    findings.push_back(std::string("measure: threw ") + error.what());
+  }
+  if (!findings.empty()) return findings;
+  try {
+    probe.measure(Time::zero());
+    findings.emplace_back("measure() does not notice its deadline");
+  } catch (const DeviceError& error) {
+    if (error.kind != DeviceErrorKind::timeout)
+      findings.emplace_back("at the deadline, measure() fails with another kind of error");
+  }
+  measure(probe, clock, how, findings);
+  return findings;
+}
+
+}  // namespace vitreo::contract

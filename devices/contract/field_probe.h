@@ -1,0 +1,23 @@
+// What every FieldProbe owes its callers, as a check that runs on emulators and on real instruments alike.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/field_probe.h"
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace vitreo::contract {
+
+struct FieldProbeCheck {
+  Time timeout = std::chrono::seconds(5);  ///< of each measurement
+  /// The field that really is there, in T, where somebody can tell; else nothing.
+  std::function<std::vector<double>()> really{};
+  double tolerance = 10e-6;  ///< T
+};
+
+/// Measures; returns one sentence for each duty that it fails. Lets Stopped pass.
+std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how = {});
+
+}  // namespace vitreo::contract
