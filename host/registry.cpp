@@ -12,6 +12,7 @@ template <>
 const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
   static const std::vector<DriverEntry<CoilAmplifier>> entries{
       {"usb3103", read_usb3103},
+      {"kepco_bop", read_kepco_bop},
   };
   return entries;
 }
@@ -20,6 +21,7 @@ template <>
 const std::vector<DriverEntry<Stage>>& drivers() {
   static const std::vector<DriverEntry<Stage>> entries{
       {"zaber", read_zaber},
+      {"sutter_mp285", read_sutter_mp285},
   };
   return entries;
 }
@@ -34,7 +36,9 @@ const std::vector<DriverEntry<RotationStage>>& drivers() {
 
 template <>
 const std::vector<DriverEntry<FieldProbe>>& drivers() {
-  static const std::vector<DriverEntry<FieldProbe>> entries{};
+  static const std::vector<DriverEntry<FieldProbe>> entries{
+      {"scpi_probe", read_scpi_probe},
+  };
   return entries;
 }
 

@@ -27,10 +27,17 @@ struct InstrumentReader {
   bool emulated() const { return address == "emulated"; }
 };
 
+/// Where emulated stages really are, in m and rad, one number per axis; empty where there is none.
+struct SimulatedPlaces {
+  std::function<std::vector<double>(Time)> stage, rotation_stage;
+};
+
 /// Where an instrument is opened.
 struct Surroundings {
   Clock& clock;
   sim::Laboratory* laboratory;  // null where nothing is simulated
+  /// Shared with the emulators that stand on a stage, which outlive this. Stages are opened before what they carry.
+  std::shared_ptr<SimulatedPlaces> places = std::make_shared<SimulatedPlaces>();
 };
 
 /// An instrument and, when it is emulated, what stands at the far end of its link. They die in the right order.
@@ -71,7 +78,6 @@ template <class Role>
 Opener<Role> read_instrument(ConfigReader& reader, const std::string& role, sim::LaboratorySettings& laboratory) {
   std::vector<std::string> names;
   for (const auto& entry : drivers<Role>()) names.emplace_back(entry.name);
-  if (names.empty()) reader.fail("driver", "is not known: there is none for this role");
   const std::string wanted = reader.choice("driver", names.front(), names);
   const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
   for (const auto& entry : drivers<Role>())

@@ -3,6 +3,7 @@
 
 #include "devices/error.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <stdexcept>
@@ -236,6 +237,21 @@ Camera& Laboratory::side_camera() { return *state_->side; }
 LensMover& Laboratory::lens_mover() { return state_->lens; }
 SampleHandler& Laboratory::sample() { return state_->hands; }
 usb3103::Emulator& Laboratory::coil_outputs() { return *state_->outputs; }
+
+void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
+  control::Currents commands(state_->settings.world.field.coils());
+  if (currents.size() != static_cast<std::size_t>(commands.size()))
+    throw std::invalid_argument("currents: the machine has " + std::to_string(commands.size()) + " coils, not " +
+                                std::to_string(currents.size()));
+  std::copy(currents.begin(), currents.end(), commands.data());
+  state_->world.set_coil_commands(now, commands);
+}
+
+Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& place, Time time) {
+  World& world = state_->world;
+  const control::FieldGradient field = world.settings().field.matrix(place) * world.currents(time);
+  return field.head<3>();
+}
 
 std::optional<Truth> Laboratory::truth(Time time) {
   const BodyState* robot = state_->world.robot(time);

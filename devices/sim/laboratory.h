@@ -16,6 +16,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace vitreo::sim {
 
@@ -64,6 +65,10 @@ class Laboratory {
   LensMover& lens_mover();
   SampleHandler& sample();
   usb3103::Emulator& coil_outputs();
+  /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
+  void drive_coils(Time now, const std::vector<double>& currents);
+  /// T, as it really is at `place` (m, world frame).
+  Eigen::Vector3d field(const Eigen::Vector3d& place, Time time);
   /// Nothing while no robot is in the eye. `time` may lie up to 0.5 s back.
   std::optional<Truth> truth(Time time);
 

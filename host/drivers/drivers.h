@@ -7,7 +7,10 @@
 namespace vitreo {
 
 Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument);
+Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument);
+Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument);
 Opener<Stage> read_zaber(const InstrumentReader& instrument);
 Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument);
+Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument);
 
 }  // namespace vitreo

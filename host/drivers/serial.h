@@ -7,6 +7,8 @@
 #include "host/registry.h"
 
 #include <memory>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
 namespace vitreo {
@@ -15,7 +17,18 @@ namespace vitreo {
 struct SerialPlace {
   std::string address;
   SerialSettings serial;
+  bool emulated() const { return address == "emulated"; }
 };
+
+/// Takes the std::invalid_argument of settings.check() for an error of the rig file.
+template <class Settings>
+void check_settings(const InstrumentReader& instrument, const Settings& settings) {
+  try {
+    settings.check();
+  } catch (const std::invalid_argument& problem) {
+    instrument.reader.fail("driver", std::string("has settings that do not fit: ") + problem.what());
+  }
+}
 
 /// Reads `baud_rate` (only of "serial:" addresses) and refuses an address that carries no bytes. `usual` holds what the
 /// instrument's manual says.
@@ -24,7 +37,7 @@ SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSe
 /// Opens the link, to `emulator` where the address says so, and `open`s the driver on it.
 template <class Role, class Emulator, class Open>
 Opened<Role> open_on(const SerialPlace& place, std::unique_ptr<Emulator> emulator, Clock& clock, const Open& open) {
-  if (place.address != "emulated") return {nullptr, open(open_byte_link(place.address, place.serial, clock))};
+  if (!place.emulated()) return {nullptr, open(open_byte_link(place.address, place.serial, clock))};
   const Time per_byte = from_seconds(10.0 / place.serial.baud_rate);
   auto link = memory_byte_link(*emulator, clock, {Time::zero(), per_byte});
   // In this order: the driver's end still talks to the emulator.

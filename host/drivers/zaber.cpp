@@ -51,12 +51,18 @@ std::unique_ptr<zaber::Emulator> emulator_of(const zaber::Settings& settings, do
   return zaber::make_emulator(chain);
 }
 
-void check(const InstrumentReader& instrument, const zaber::Settings& settings) {
-  try {
-    settings.check();
-  } catch (const std::invalid_argument& problem) {
-    instrument.reader.fail("driver", std::string("has settings that do not fit: ") + problem.what());
+/// Where the axes of `settings` really are, in m or rad.
+std::vector<double> places_of(const zaber::Settings& settings, const zaber::Emulator& emulator, Time now) {
+  std::vector<int> chain;  // the emulator counts devices in the order in which the axes name them
+  std::vector<double> places;
+  for (const zaber::AxisSettings& axis : settings.axes) {
+    auto device = std::find(chain.begin(), chain.end(), axis.device);
+    if (device == chain.end()) device = chain.insert(chain.end(), axis.device);
+    places.push_back(emulator.position(static_cast<std::size_t>(device - chain.begin()),
+                                       static_cast<std::size_t>(axis.axis - 1), now) *
+                     axis.step / zaber::EmulatedAxis{}.resolution);
   }
+  return places;
 }
 
 }  // namespace
@@ -73,10 +79,13 @@ Opener<Stage> read_zaber(const InstrumentReader& instrument) {
     reader.finish();
   }
   if (settings.axes.empty()) instrument.reader.fail("driver", "wants at least one of the tables x, y and z");
-  check(instrument, settings);
+  check_settings(instrument, settings);
   const SerialPlace place = read_serial_place(instrument, kSerial);
   return [settings, place](const Surroundings& where) {
-    return open_on<Stage>(place, emulator_of(settings, 50e-3), where.clock, [&](std::unique_ptr<ByteLink> link) {
+    auto emulator = emulator_of(settings, 50e-3);
+    if (place.emulated())
+      where.places->stage = [settings, at = emulator.get()](Time now) { return places_of(settings, *at, now); };
+    return open_on<Stage>(place, std::move(emulator), where.clock, [&](std::unique_ptr<ByteLink> link) {
       return zaber::open(std::move(link), settings, where.clock);
     });
   };
@@ -88,7 +97,7 @@ Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument) {
   // An X-RSW60A: 76800 microsteps a turn.
   const zaber::AxisSettings usual{.name = "theta", .step = kTurn / 76800 * 64, .max_speed = 0.8, .speed = 0.2};
   settings.axes = {read_axis(instrument.reader, usual, kRotary)};
-  check(instrument, settings);
+  check_settings(instrument, settings);
   const SerialPlace place = read_serial_place(instrument, kSerial);
   return [settings, place](const Surroundings& where) {
     return open_on<RotationStage>(

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 #include <string>
 
@@ -83,6 +84,37 @@ TEST(Registry, OpensAnEmulatedStageAndRotationStageThroughTheirRealDrivers) {
   stage.start(std::vector<double>{10e-3, 2e-3}, 1e-3);
   EXPECT_TRUE(rig->make_safe().empty());
   EXPECT_FALSE(stage.moving());
+}
+
+TEST(Registry, OpensAnMp285ThatTheSimulatedProbeRidesOnThroughTheCoilsField) {
+  RigDescription description = rig_with("stage", {{"driver", text("sutter_mp285")}});
+  description.table["coils"] = ConfigValue{ConfigTable{{"driver", text("kepco_bop")}}};
+  description.table["field_probe"] = ConfigValue{ConfigTable{{"on_stage", {true}}}};
+  const auto clock = virtual_clock();
+  const auto rig = open_rig(description, *clock, 1);
+  Rig& roles = rig->rig();
+  ASSERT_EQ(roles.roles(), (std::vector<std::string>{"coils", "field_probe", "stage"}));
+  EXPECT_EQ(roles.coils->channels(), 8);
+  const auto measured = [&] { return roles.field_probe->measure(std::chrono::seconds(1)).field; };
+  const auto strength = [&] {
+    const auto field = measured();
+    return std::sqrt(field[0] * field[0] + field[1] * field[1] + field[2] * field[2]);
+  };
+  EXPECT_LT(strength(), 2e-3);  // nothing but the noise of the currents
+  std::vector<double> currents(8);
+  currents[0] = 10;
+  roles.coils->set_currents(currents);
+  clock->sleep_for(std::chrono::seconds(1));
+  const Eigen::Vector3d expected = rig->laboratory()->field({0, 0, 0}, clock->now());
+  EXPECT_GT(expected.norm(), 10e-3);
+  EXPECT_NEAR(strength(), expected.norm(), 0.2e-3);  // 10 mA of noise in each coil
+  move_to(*roles.stage, std::vector<double>{5e-3, 5e-3, 5e-3}, 1e-3, std::chrono::seconds(30), *clock);
+  const Eigen::Vector3d there = rig->laboratory()->field({5e-3, 5e-3, 5e-3}, clock->now());
+  EXPECT_GT(std::abs(there.norm() - expected.norm()), 0.5e-3);
+  EXPECT_NEAR(strength(), there.norm(), 0.2e-3);  // 10 mA of noise in each coil
+  EXPECT_TRUE(rig->make_safe().empty());
+  clock->sleep_for(std::chrono::seconds(1));
+  EXPECT_LT(strength(), 2e-3);
 }
 
 TEST(Registry, NamesAStageWithoutAxesAndSettingsThatDoNotFit) {

@@ -1,0 +1,46 @@
+// The MP-285 as a rig file describes it: { driver = "sutter_mp285", address = "serial:/dev/ttyS0", speed = 1 * mm / s
+// }.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sutter_mp285/driver.h"
+#include "devices/sutter_mp285/emulator.h"
+#include "host/drivers/drivers.h"
+#include "host/drivers/serial.h"
+
+#include <algorithm>
+#include <array>
+
+namespace vitreo {
+
+Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  const Bounds travel{-50e-3, 50e-3, "m"}, speed{1e-6, 3e-3, "m/s"};
+  sutter_mp285::Settings settings;
+  settings.name = instrument.role;
+  const auto read_travel = [&](const char* key, std::array<double, 3>& each) {
+    const Eigen::Vector3d read = reader.vector3(key, {each[0], each[1], each[2]}, travel);
+    each = {read.x(), read.y(), read.z()};
+  };
+  read_travel("travel_min", settings.travel_min);
+  read_travel("travel_max", settings.travel_max);
+  settings.max_speed = reader.number("max_speed", settings.max_speed, speed);
+  settings.speed = reader.number("speed", std::min(settings.speed, settings.max_speed), speed);
+  settings.opening_pause = reader.number("opening_pause", settings.opening_pause, {0, 10, "s"});
+  SerialSettings usual;
+  usual.rts_cts = reader.flag("rts_cts", false);
+  const SerialPlace place = read_serial_place(instrument, usual);
+  check_settings(instrument, settings);
+  return [settings, place](const Surroundings& where) {
+    auto emulator = sutter_mp285::make_emulator();
+    if (place.emulated())
+      where.places->stage = [at = emulator.get()](Time now) {
+        const sutter_mp285::Usteps usteps = at->position(now);
+        return std::vector<double>{usteps[0] * sutter_mp285::kUstep, usteps[1] * sutter_mp285::kUstep,
+                                   usteps[2] * sutter_mp285::kUstep};
+      };
+    return open_on<Stage>(place, std::move(emulator), where.clock, [&](std::unique_ptr<ByteLink> link) {
+      return sutter_mp285::open(std::move(link), settings, where.clock);
+    });
+  };
+}
+
+}  // namespace vitreo
