@@ -172,7 +172,11 @@ std::optional<WideAngleMap::Plane> ThesisCurves::point(double focus, double heig
   // On the axis the thesis' cubics have constant terms; they are used as they are. A little outside the first and last
   // curve is still within the pixel that the curve stands for.
   if (!pole.covers(focus) || !(height >= 0 && height <= slope.to)) return std::nullopt;
-  const double R = radius(focus), z0 = pole(focus), a = intercept(height), s = slope(height);
+  return point_beyond(focus, height);
+}
+
+std::optional<WideAngleMap::Plane> ThesisCurves::point_beyond(double focus, double height, double pole_shift) const {
+  const double R = radius(focus), z0 = pole(focus) + pole_shift, a = intercept(height), s = slope(height);
   // (a + s z)^2 = 2 R (z - z0) - (1 + k) (z - z0)^2, with u = z - z0 and r0 = a + s z0
   const double r0 = a + s * z0;
   const double A = s * s + 1 + conic, B = r0 * s - R, C = r0 * r0;

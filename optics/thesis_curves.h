@@ -50,6 +50,9 @@ struct ThesisCurves {
   std::vector<IsopixelCurve> curves;
   /// Where line and surface cross: (r, z). Nothing outside the cubics' ends or when they do not cross.
   std::optional<WideAngleMap::Plane> point(double focus, double height) const;
+  /// The same with the cubics carried on beyond their ends, which is what an eye that is not the believed one makes of
+  /// them (figure 4.2), the pole moved by `pole_shift`. For analyses of errors only.
+  std::optional<WideAngleMap::Plane> point_beyond(double focus, double height, double pole_shift = 0) const;
 };
 
 /// Draws the curves from the map and fits them. A surface or curve with fewer than five points in the map is left out.

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/batch.h"
+#include "optics/field_errors.h"
+#include "optics/lens_design.h"
 #include "optics/pose.h"
 #include "optics/thesis_curves.h"
 
@@ -106,6 +108,49 @@ void map_point(benchmark::State& state) {
   }
 }
 BENCHMARK(map_point)->Name("optics/map_inverse");
+
+/// A bare sensor's, a finite-pupil microscope's, and a tilted and decentred one's.
+void map_of_observer(benchmark::State& state) {
+  WideAngleSettings settings;
+  settings.max_angle = 30 * std::numbers::pi / 180;
+  settings.microscope = Microscope{};
+  settings.microscope->pupil_distance = 0.15;
+  if (state.range(0) != 0) settings.microscope->tilt = {0.03, 0.01}, settings.microscope->decentre = {0.5e-3, 0};
+  const System system = model_eye_5_3();
+  for (auto _ : state) benchmark::DoNotOptimize(WideAngleMap(system, settings));
+}
+BENCHMARK(map_of_observer)->Name("optics/map_of_microscope")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
+/// 24 eyes, each with its own map and curves, and what one who believes in the prescription gets wrong in it.
+void sensitivity_with_maps(benchmark::State& state) {
+  const Prescription eye = prescription("navarro_condensing");
+  auto uncertainties = table_5_1();
+  uncertainties.push_back({"stop.radius", 0.1, "an arbitrary twelfth"});
+  for (auto _ : state) {
+    const EyeError error = field_error(eye);
+    for (const Uncertainty& one : uncertainties) {
+      for (const double sigmas : {-1.0, 1.0}) {
+        const Prescription truth = perturbed(eye, one, sigmas);
+        benchmark::DoNotOptimize(fit_thesis_curves(WideAngleMap(truth.system)));
+        benchmark::DoNotOptimize(error(truth));
+      }
+    }
+  }
+}
+BENCHMARK(sensitivity_with_maps)->Name("optics/sensitivity_24_cases")->Unit(benchmark::kMillisecond);
+
+/// From spheres, six variables, four ways.
+void lens_design(benchmark::State& state) {
+  Prescription start = prescription("navarro_condensing");
+  start.system.surfaces[5].conic = start.system.surfaces[6].conic = 0, start.system.surfaces[5].aspheric = {};
+  LensDesignOptions options;
+  for (const char* shape :
+       {"posterior.conic", "posterior.a4", "posterior.a6", "posterior.a8", "posterior.a10", "anterior.conic"}) {
+    options.variables.push_back({std::string("condensing.") + shape});
+  }
+  for (auto _ : state) benchmark::DoNotOptimize(design_lens(start, options));
+}
+BENCHMARK(lens_design)->Name("optics/lens_design")->Unit(benchmark::kMillisecond);
 
 /// With argument 1 the microscope is askew, and the table a grid.
 void exact_projection(benchmark::State& state) {
