@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose.h"
 
+#include "optics/detail/ellipse_weight.h"
+#include "optics/detail/looker.h"
 #include "optics/detail/silhouette.h"
 
 #include <Eigen/Dense>
@@ -19,11 +21,12 @@ namespace {
 constexpr double kMmPerM = 1e3;  // the solver works in mm, so that steps in depth and across are of a size
 using Jacobian = Eigen::Matrix<double, 5, 3>;
 
-/// The terms of (5.15), in px: model less observation.
+/// The terms of (5.15), in px: model less observation. With a weight, independent terms of unit variance instead.
 class EllipseResidual {
  public:
   EllipseResidual(const PoseSettings& settings, const EllipseVector& observed, const Eigen::Vector3d& axis)
       : settings_(settings), circle_(settings.contour_points), observed_(observed), axis_(axis) {}
+  void weigh(const detail::EllipseWeight* weight) { weight_ = weight; }
 
   template <class T>
   bool operator()(const T* position_mm, T* residuals) const {
@@ -32,6 +35,10 @@ class EllipseResidual {
     if (!detail::project_ellipse(settings_, circle_, position, axis_, shown)) {
       std::fill_n(residuals, 5, T(kOutside));  // TinySolver does not ask whether an evaluation failed
       return false;
+    }
+    if (weight_) {
+      weighted_terms(shown, residuals);
+      return true;
     }
     residuals[0] = shown.centre.x() - observed_[0];
     residuals[1] = shown.centre.y() - observed_[1];
@@ -43,6 +50,20 @@ class EllipseResidual {
 
  private:
   static constexpr double kOutside = 1e6;  // px; any step out there is refused
+
+  template <class T>
+  void weighted_terms(const detail::ImageEllipse<T>& shown, T* residuals) const {
+    const T sum = shown.semi_major + shown.semi_minor;
+    const double half = (observed_[2] - observed_[3]) / 2;
+    const T difference[5] = {shown.centre.x() - observed_[0], shown.centre.y() - observed_[1],
+                             (sum - observed_[2] - observed_[3]) / 2.0,
+                             shown.twice_angle_cos / sum - half * std::cos(2 * observed_[4]),
+                             shown.twice_angle_sin / sum - half * std::sin(2 * observed_[4])};
+    for (int i = 0; i < 5; ++i) {
+      residuals[i] = T(0);
+      for (int j = 0; j < 5; ++j) residuals[i] += difference[j] * weight_->root(i, j);
+    }
+  }
 
   /// Half the model's difference of axes times the angle between model and observation, which is thus modulo pi and in
   /// px, and fades out where the model is a circle and has no angle.
@@ -61,6 +82,7 @@ class EllipseResidual {
   detail::Circle circle_;
   EllipseVector observed_;
   Eigen::Vector3d axis_;
+  const detail::EllipseWeight* weight_ = nullptr;
 };
 
 using AutoDiff = ceres::TinySolverAutoDiffFunction<EllipseResidual, 5, 3>;
@@ -89,29 +111,20 @@ Eigen::Vector3d unit_axis(const Eigen::Vector3d& axis) {
 }
 
 bool inside(const PoseSettings& settings, const Eigen::Vector3d& position) {
-  return settings.exact ? settings.exact->project(position).has_value()
-                        : settings.projection.project(position).has_value();
+  return detail::Looker(settings.projection, settings.exact, settings.image).inside(position);
 }
 
-/// Where the centre of an ellipse may lie; the direction need not be of unit length. Nothing outside the projection.
-std::optional<Ray> line_of_sight(const PoseSettings& settings, const Eigen::Vector2d& m) {
-  if (settings.exact) return settings.exact->line(m);
-  const SingleViewpoint& view = settings.projection;
-  const Eigen::Vector2d from_axis = m - view.axis_m;
-  const double height = from_axis.norm();
-  if (!(height <= view.max_m)) return std::nullopt;
-  const Eigen::Vector2d across =
-      height > 0 ? Eigen::Vector2d(from_axis * (detail::slope_at(view, height) / height)) : Eigen::Vector2d(0, 0);
-  return Ray{{0, 0, view.viewpoint}, {across.x(), across.y(), 1}};
-}
+/// The inverse of the information, m^2, of terms of unit variance.
+Eigen::Matrix3d in_m(const Eigen::Matrix3d& information) { return information.inverse() / (kMmPerM * kMmPerM); }
 
-/// The observation's covariance through the unweighted estimator; nothing when some direction is not observed at all.
+/// The observation's covariance through the estimator; nothing when some direction is not observed at all.
 std::optional<Eigen::Matrix3d> propagate(const PoseSettings& settings, const EllipseVector& shown,
                                          const Jacobian& jacobian, const EllipseCovariance& covariance) {
   constexpr double kUnobserved = 1e-10;  // of the best observed direction's information
   const Eigen::Matrix3d information = jacobian.transpose() * jacobian;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spectrum(information);
   if (!(spectrum.eigenvalues()[0] > kUnobserved * spectrum.eigenvalues()[2])) return std::nullopt;
+  if (settings.weighted) return in_m(information);
   EllipseVector residual_from_observed = EllipseVector::Ones();
   residual_from_observed[4] = settings.angle_weight * (shown[2] - shown[3]) / 2;
   const Eigen::Matrix<double, 3, 5> gain =
@@ -176,7 +189,12 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   check_ellipse(observed);
   check_covariance(covariance);
   if (!start_in_eye.allFinite()) throw std::invalid_argument("start_in_eye: must be finite");
-  const EllipseResidual residual(settings, observed, unit_axis(axis_in_eye));
+  EllipseResidual residual(settings, observed, unit_axis(axis_in_eye));
+  detail::EllipseWeight weight;
+  if (settings.weighted) {
+    weight = detail::ellipse_weight(observed, covariance);
+    residual.weigh(&weight);
+  }
   const AutoDiff function(residual);
   Eigen::Vector3d position_mm = start_in_eye * kMmPerM;
   EllipseVector terms;
@@ -191,6 +209,8 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   if (!inside(settings, estimate.position_in_eye)) return std::nullopt;
   Jacobian jacobian;
   if (!function(position_mm.data(), terms.data(), jacobian.data())) return std::nullopt;
+  residual.weigh(nullptr);
+  if (!residual(position_mm.data(), terms.data())) return std::nullopt;
   estimate.residual_px = std::sqrt(terms.squaredNorm() / 5);
   if (!(estimate.residual_px <= settings.max_residual_px)) return std::nullopt;
   const auto spread = propagate(settings, observed + terms, jacobian, covariance);
@@ -206,7 +226,8 @@ std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings, const E
   settings.check();
   check_ellipse(observed);
   const Eigen::Vector3d axis = unit_axis(axis_in_eye);
-  const auto sight = line_of_sight(settings, settings.image.m_from_pixel(observed.head<2>()));
+  const detail::Looker look(settings.projection, settings.exact, settings.image);
+  const auto sight = look.line_of_sight(observed.head<2>());
   if (!sight) return std::nullopt;
   const auto on_line = [&](double z) -> Eigen::Vector3d {
     return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
@@ -219,7 +240,7 @@ std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings, const E
         if (!detail::project_ellipse(settings, circle, on_line(z), axis, shown)) return 2 * kTolerated;
         return std::sqrt(shown.semi_major * shown.semi_minor) / wanted;
       };
-  double low = 0, high = settings.exact ? settings.exact->max_z() : settings.projection.max_z;
+  double low = 0, high = look.max_z();
   if (excess(low) > kTolerated || excess(high) < 1 / kTolerated) return std::nullopt;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;

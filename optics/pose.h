@@ -33,13 +33,16 @@ struct PoseSettings {
   /// When given, silhouettes are seen along the exact isopixel lines, and `projection` is not used: no error of the
   /// simplification is left.
   std::optional<ExactProjection> exact{};
+  /// Least squares weighted by the observation's covariance in place of (5.15): the most probable place when that is
+  /// right. The angle counts for nothing where the ellipse is round; `angle_weight` is not used.
+  bool weighted = false;
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
 struct PoseEstimate {
   Eigen::Vector3d position_in_eye;  // m
   Eigen::Matrix3d covariance;       // m^2, from the observation's covariance
-  double residual_px = 0;           // rms of the weighted terms of (5.15)
+  double residual_px = 0;           // rms of the terms of (5.15)
   int iterations = 0;
 };
 
@@ -51,9 +54,10 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings, cons
                                               const Eigen::Vector3d& axis_in_eye);
 
 /// Minimises (5.15) over the position, from `start_in_eye`. Nothing when it does not converge, leaves the projection's
-/// validity, or fits badly. `covariance` is that of `observed`; it does not weigh the terms, which are (5.15)'s own,
-/// but is carried through that estimator: (J^T J)^-1 J^T C J (J^T J)^-1. It knows nothing of errors of the model or of
-/// the axis. Throws std::invalid_argument naming a bad argument. Needs no heap.
+/// validity, or fits badly. `covariance` is that of `observed`. Unless `weighted` it does not weigh the terms, which
+/// are (5.15)'s own, but is carried through that estimator: (J^T J)^-1 J^T C J (J^T J)^-1. Weighted: (J^T C^-1 J)^-1,
+/// and C must be positive definite. It knows nothing of errors of the model or of the axis. Throws
+/// std::invalid_argument naming a bad argument. Needs no heap.
 std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
                                    const EllipseCovariance& covariance, const Eigen::Vector3d& axis_in_eye,
                                    const Eigen::Vector3d& start_in_eye);
