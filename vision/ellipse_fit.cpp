@@ -33,13 +33,13 @@ Vector5 row_of(const Normal& n) {
 
 double weight_of(const Normal& n) { return n.weight / (n.variance + kFloor * kFloor); }
 
-Matrix5 information(const std::vector<Normal>& normals, Vector5* right) {
+Matrix5 information(const std::vector<Normal>& normals, double together, Vector5* right) {
   Matrix5 sum = Matrix5::Zero();
   if (right != nullptr) right->setZero();
   for (const Normal& n : normals) {
     if (!n.found || n.weight <= 0) continue;
     const Vector5 row = row_of(n);
-    const double w = weight_of(n);
+    const double w = weight_of(n) / together;
     sum.noalias() += w * row * row.transpose();
     if (right != nullptr) *right += w * n.shift_px * row;
   }
@@ -112,7 +112,7 @@ StepPrior prior_of(const Ellipse& start, const EllipsePrior* prior) {
 }
 
 Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals, const Vector5& step,
-                      const StepPrior& prior) {
+                      const StepPrior& prior, double together) {
   double squares = 0, count = 0;
   for (const Normal& n : normals) {
     if (!n.found || n.weight <= 0) continue;
@@ -121,7 +121,7 @@ Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals
     count += n.weight;
   }
   const double residual = std::max(squares / std::max(count - 5, 1.0), 0.25);
-  const Matrix5 shape = (information(normals, nullptr) / residual + prior.information).inverse();
+  const Matrix5 shape = (information(normals, together, nullptr) / residual + prior.information).inverse();
   const Matrix5 j = axes_from_shape(ellipse, shape);
   Matrix5 result = j * shape * j.transpose();
   for (int k = 0; k < 4; ++k) result(k, k) += kSystematic * kSystematic;
@@ -148,7 +148,8 @@ void place_normals(const Ellipse& ellipse, std::vector<Normal>& normals) {
   }
 }
 
-FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, const EllipsePrior* prior) {
+FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, const EllipsePrior* prior,
+                          double together) {
   FittedEllipse result{start, Matrix5::Zero(), false};
   for (Normal& n : normals) n.weight = n.found ? 1 : 0;
   if (!enough(normals) || normals.size() > kMostNormals) return result;
@@ -157,7 +158,7 @@ FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, co
   for (int k = 0; k < kReweightings; ++k) {
     reweigh(normals, step, k < 3);
     Vector5 right;
-    const Matrix5 seen = information(normals, &right);
+    const Matrix5 seen = information(normals, together, &right);
     const Eigen::LDLT<Matrix5> solver(seen + known.information);
     right += known.right;
     const Vector5 pivots = solver.vectorD();
@@ -168,9 +169,32 @@ FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, co
   shape += (Eigen::Matrix2d() << step[2], step[3], step[3], step[4]).finished();
   result.ellipse = Ellipse::from_shape(start.centre_px + step.head<2>(), shape);
   if (!step.allFinite() || !(result.ellipse.semi_minor_px > 1)) return result;
-  result.covariance = covariance_of(result.ellipse, normals, step, known);
+  result.covariance = covariance_of(result.ellipse, normals, step, known, together);
   result.valid = result.covariance.allFinite();
   return result;
+}
+
+double error_correlation(const std::vector<Normal>& normals) {
+  const std::size_t count = normals.size();
+  double mean = 0, weights = 0;
+  for (const Normal& n : normals)
+    if (n.found) mean += n.weight * n.shift_px, weights += n.weight;
+  if (!(weights > 0)) return 1;
+  mean /= weights;
+  const auto off = [&](std::size_t k) { return normals[k].weight * (normals[k].shift_px - mean); };
+  double sum = 1;
+  for (std::size_t lag = 1; lag <= count / 6; ++lag) {
+    double products = 0, squares = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::size_t next = (k + lag) % count;
+      if (!normals[k].found || !normals[next].found) continue;
+      products += off(k) * off(next);
+      squares += (off(k) * off(k) + off(next) * off(next)) / 2;
+    }
+    if (!(products > 0) || !(squares > 0)) break;
+    sum += 2 * products / squares;
+  }
+  return sum;
 }
 
 }  // namespace vitreo::vision

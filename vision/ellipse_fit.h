@@ -39,7 +39,14 @@ struct EllipsePrior {
 
 /// Iteratively re-weighted least squares (Tukey) on the normals' distances, around `start`; sets the normals' weights.
 /// Not valid when fewer than a third of the normals agree or the result is no ellipse. Without `prior` they alone
-/// count. At most 1024 normals.
-FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, const EllipsePrior* prior = nullptr);
+/// count. At most 1024 normals. `together`: how many neighbouring normals err as one, as error_correlation() says; the
+/// prior then counts for more and the covariance grows as much.
+FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, const EllipsePrior* prior = nullptr,
+                          double together = 1);
+
+/// 1 for normals that scatter each on its own; more where a vessel, a shadow or smoothing moves neighbours together:
+/// the sum of the autocorrelation of what `shift_px` leaves around the rim, of normals that agree (cyclic, at equal
+/// steps).
+double error_correlation(const std::vector<Normal>& normals);
 
 }  // namespace vitreo::vision

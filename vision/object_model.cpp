@@ -6,6 +6,8 @@
 #include "vision/object_view.h"
 
 #include <Eigen/Eigenvalues>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -25,15 +27,45 @@ constexpr std::uint32_t kVersion = 1;
 // Variances no calibration goes below: a few masks can not show less. px^2, and rad^2 for the angle.
 constexpr double kLeastPx2 = 0.0005, kLeastAngle2 = 1e-5;
 
-std::vector<Ellipse> ellipses_of(std::span<const LabelledImage> images) {
-  std::vector<Ellipse> ellipses;
+/// The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
+cv::Mat largest_part(const cv::Mat& mask) {
+  cv::Mat labels, statistics, centroids, part;
+  const int count = cv::connectedComponentsWithStats(mask, labels, statistics, centroids);
+  int best = 1;
+  for (int k = 2; k < count; ++k)
+    if (statistics.at<int>(k, cv::CC_STAT_AREA) > statistics.at<int>(best, cv::CC_STAT_AREA)) best = k;
+  cv::compare(labels, best, part, cv::CMP_EQ);
+  return part;
+}
+
+bool at_edge(const cv::Mat& mask) {
+  const int u = mask.cols - 1, v = mask.rows - 1;
+  return cv::countNonZero(mask.row(0)) + cv::countNonZero(mask.row(v)) + cv::countNonZero(mask.col(0)) +
+             cv::countNonZero(mask.col(u)) >
+         0;
+}
+
+/// An image whose mask is one part, and that part's ellipse.
+struct Whole {
+  LabelledImage labelled;
+  Ellipse truth;
+};
+
+/// Those that show the whole object, for its shape; all, where none does.
+std::vector<Whole> whole_ones(std::span<const LabelledImage> images) {
+  std::vector<Whole> all, whole;
   for (std::size_t k = 0; k < images.size(); ++k) {
     const std::string which = "image " + std::to_string(k + 1) + ": ";
     if (images[k].image.size() != images[0].image.size()) throw std::invalid_argument(which + "has another size");
-    ellipses.push_back(moments_of(images[k].mask).ellipse({0, 0}));
-    if (ellipses.back().semi_minor_px < 2.5) throw std::invalid_argument(which + "its mask is thinner than 5 px");
+    const cv::Mat part = largest_part(images[k].mask);
+    all.push_back({{images[k].image, part}, moments_of(part).ellipse({0, 0})});
+    if (at_edge(part)) continue;
+    if (all.back().truth.semi_minor_px < 2.5) throw std::invalid_argument(which + "its mask is thinner than 5 px");
+    whole.push_back(all.back());
   }
-  return ellipses;
+  if (whole.empty() && all[0].truth.semi_minor_px < 2.5)
+    throw std::invalid_argument("image 1: its mask is thinner than 5 px");
+  return whole.empty() ? all : whole;
 }
 
 // A covariance with its negative directions taken out: the difference of two estimates need not be one.
@@ -56,21 +88,25 @@ Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& said)
   }
   if (count < 5) result.covariance *= 3;  // so few masks tell a variance hardly at all
   result.covariance = clipped(result.covariance - said);
+  // Light moves a rim away from where it comes from; in other images it may come from another side.
+  const double mean = result.covariance.topLeftCorner<2, 2>().trace() / 2;
+  result.covariance.topLeftCorner<2, 2>() = mean * Eigen::Matrix2d::Identity();
+  result.covariance.topRightCorner<2, 3>().setZero();
+  result.covariance.bottomLeftCorner<3, 2>().setZero();
   result.covariance.diagonal().head<4>().array() += kLeastPx2;
   result.covariance(4, 4) += kLeastAngle2;
   return result;
 }
 
-Calibration calibration_of(const ObjectModel& model, std::span<const LabelledImage> images,
-                           const std::vector<Ellipse>& truths, ObjectViewSettings settings, bool refine) {
+Calibration calibration_of(const ObjectModel& model, const std::vector<Whole>& images, ObjectViewSettings settings,
+                           bool refine) {
   settings.refine = refine;
   ObjectView view(model, settings);
   std::vector<Vector5> errors;
   Matrix5 said = Matrix5::Zero();
-  for (std::size_t k = 0; k < images.size(); ++k) {
-    const Ellipse& truth = truths[k];
+  for (const auto& [labelled, truth] : images) {
     const EllipsePrior prior{truth, 5, 2, settings.angle_sigma};
-    const Look look = view.look(images[k].image, truth, settings.gate_px, prior);
+    const Look look = view.look(labelled.image, truth, settings.gate_px, prior);
     if (!look.measured || look.measured->inlier_fraction < 0.5) continue;
     Vector5 error = look.measured->ellipse.vector() - truth.vector();
     error[4] = std::remainder(error[4], std::numbers::pi);
@@ -105,16 +141,16 @@ ObjectModel ObjectModel::train(std::span<const LabelledImage> images, const Colo
   view.check();
   ObjectModel model;
   model.colour = ColourModel::train(images, colour);
-  const std::vector<Ellipse> truths = ellipses_of(images);
+  const std::vector<Whole> whole = whole_ones(images);
   std::vector<cv::Mat> masks;
-  for (const LabelledImage& one : images) masks.push_back(one.mask);
+  for (const Whole& one : whole) masks.push_back(one.labelled.mask);
   model.shape = ShapeModel::train(masks);
   model.image_size = images[0].image.size();
-  for (const Ellipse& e : truths) {
-    model.semi_axes_px += Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) / static_cast<double>(truths.size());
+  for (const auto& [labelled, e] : whole) {
+    model.semi_axes_px += Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) / static_cast<double>(whole.size());
   }
-  model.rim = calibration_of(model, images, truths, view, true);
-  model.segment = calibration_of(model, images, truths, view, false);
+  model.rim = calibration_of(model, whole, view, true);
+  model.segment = calibration_of(model, whole, view, false);
   return model;
 }
 

@@ -41,8 +41,9 @@ struct ObjectModel {
   Eigen::Vector2d semi_axes_px{0, 0};  ///< mean over the masks
   Calibration rim, segment;            ///< of refined and of unrefined measurements, by ObjectViewSettings::refine
 
-  /// Throws std::invalid_argument as ColourModel::train, for images of different sizes, and for masks thinner than 5
-  /// px.
+  /// Colours from all of the masks; shape and calibration from the largest part of each, of those that no edge of the
+  /// image cuts while there is one. Throws std::invalid_argument as ColourModel::train, for images of different sizes,
+  /// and for masks thinner than 5 px.
   static ObjectModel train(std::span<const LabelledImage> images, const ColourModelSettings& colour,
                            const ObjectViewSettings& view);
   std::string save() const;

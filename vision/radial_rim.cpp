@@ -12,6 +12,8 @@ namespace {
 constexpr int kMostSamples = 40;
 constexpr double kVariance = 0.16;  // px^2 of one cut; the fit scales it to the scatter that it sees
 constexpr double kSettled = 0.05;   // px: a further round would change less than the scatter
+constexpr double kTogether = 2;     // neighbouring normals that err as one at least: evidence is smoothed over 3 px
+constexpr double kNear = 0.5;       // px
 constexpr double kMost = 4;         // |F| that counts in full: one sure colour must not outvote its neighbours
 
 void require(bool good, const char* what) {
@@ -65,14 +67,17 @@ std::optional<EllipseMeasurement> RadialRim::measure(const Evidence& evidence, c
                                                      const EllipsePrior& prior) {
   Ellipse ellipse = start;
   FittedEllipse fitted;
+  double together = kTogether;
   for (int round = 0; round < settings_.rounds; ++round) {
     place_normals(ellipse, normals_);
     for (Normal& n : normals_) cut(evidence, n, ellipse.semi_minor_px);
-    fitted = fit_ellipse(ellipse, normals_, &prior);
+    fitted = fit_ellipse(ellipse, normals_, &prior, together);
     if (!fitted.valid) return std::nullopt;
     const double moved =
         (fitted.ellipse.centre_px - ellipse.centre_px).norm() + (fitted.ellipse.shape() - ellipse.shape()).norm();
     ellipse = fitted.ellipse;
+    // What is left around the rim is its error only once the ellipse is nearly there.
+    if (moved < kNear) together = std::max(error_correlation(normals_), kTogether);
     if (moved < kSettled) break;
   }
   EllipseMeasurement result{ellipse, fitted.covariance, 0, 0};

@@ -133,6 +133,18 @@ TEST(ColourTracker, does_not_enter_what_another_object_owns) {
   EXPECT_EQ(tracker.update(frame.image, {owned, 2}).state, TrackState::tracking);
 }
 
+TEST(ObjectModel, is_not_bent_by_a_stray_dot_or_a_body_that_the_edge_cuts) {
+  std::vector<LabelledImage> images = generated::Sequence({.seed = 805}).training(5);
+  const ObjectModel clean = ObjectModel::train(images, {}, {});
+  images[1].mask.at<unsigned char>(2, 630) = 255;
+  generated::Sequence cut({.seed = 805, .path = [](int) { return Ellipse{{4, 200}, 30, 15, 0.3}; }});
+  const generated::Frame half = cut.frame(0);
+  images.push_back({half.image, generated::Sequence::mask_of(half.truth, half.image.size())});
+  const ObjectModel model = ObjectModel::train(images, {}, {});
+  EXPECT_LT((model.semi_axes_px - clean.semi_axes_px).norm(), 0.05);
+  EXPECT_LT((model.rim.covariance - clean.rim.covariance).norm(), 0.01);
+}
+
 TEST(ObjectModel, refuses_damaged_bytes) {
   const std::string bytes = model().save();
   for (std::size_t k = 0; k < bytes.size(); k += bytes.size() / 50) {
