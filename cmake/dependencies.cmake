@@ -27,6 +27,16 @@ foreach(part core imgproc imgcodecs)
   target_link_libraries(vitreo_opencv INTERFACE ${OPENCV_${part}})
 endforeach()
 
+# Background models; of its own, since only vision/ has a use for it.
+add_library(vitreo_opencv_video INTERFACE)
+find_library(OPENCV_video opencv_video REQUIRED)
+target_link_libraries(vitreo_opencv_video INTERFACE vitreo_opencv ${OPENCV_video})
+
+# Reads recorded videos; of its own, since only the host does and ffmpeg comes with it.
+add_library(vitreo_video INTERFACE)
+find_library(OPENCV_videoio opencv_videoio REQUIRED)
+target_link_libraries(vitreo_video INTERFACE vitreo_opencv ${OPENCV_videoio})
+
 find_package(CLI11 REQUIRED)
 add_library(vitreo_cli INTERFACE)
 target_link_libraries(vitreo_cli INTERFACE CLI11::CLI11)

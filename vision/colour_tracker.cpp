@@ -56,7 +56,7 @@ void ColourTrackerSettings::check() const {
   require(candidates >= 1 && candidates <= 8, "candidates: must be 1 to 8");
 }
 
-struct ColourTracker::State {
+struct ColourTracker::State : TrackMemory {
   State(ObjectModel learnt, const ColourTrackerSettings& chosen)
       : model(std::move(learnt)),
         settings(chosen),
@@ -75,12 +75,7 @@ struct ColourTracker::State {
   ColourTrackerSettings settings;
   ObjectView view;
   ObjectSearch search;
-  TrackState state = TrackState::searching;
-  Ellipse last;                       // as measured, not calibrated
-  Eigen::Vector2d velocity_px{0, 0};  // per frame
-  double turn = 0;                    // rad per frame
-  Eigen::Vector2d axes_px{0, 0};      // slow mean of the measured semi-axes
-  int unseen = 0;                     // frames since it was last seen
+  void not_seen();
 };
 
 bool ColourTracker::State::in_image(const Ellipse& e) const {
@@ -215,6 +210,30 @@ void ColourTracker::place(const Ellipse& at) {
   s.state = TrackState::tracking;
 }
 
+TrackState ColourTracker::state() const { return state_->state; }
+const ObjectModel& ColourTracker::model() const { return state_->model; }
+const TrackMemory& ColourTracker::memory() const { return *state_; }
+void ColourTracker::restore(const TrackMemory& memory) { static_cast<TrackMemory&>(*state_) = memory; }
+
+std::optional<Ellipse> ColourTracker::expected() const {
+  if (state_->state == TrackState::searching) return std::nullopt;
+  return state_->expected();
+}
+
+void ColourTracker::State::not_seen() {
+  if (state == TrackState::searching) return;
+  ++unseen;
+  state = unseen > settings.coast_frames ? TrackState::lost : TrackState::coasting;
+}
+
+Track ColourTracker::miss() {
+  Track track;
+  track.expected = expected();
+  state_->not_seen();
+  track.state = state_->state;
+  return track;
+}
+
 Track ColourTracker::update(const cv::Mat& image, const Owned& owned) {
   State& s = *state_;
   require(image.type() == CV_8UC3, "image: must be 8-bit colour (BGR)");
@@ -224,10 +243,7 @@ Track ColourTracker::update(const cv::Mat& image, const Owned& owned) {
   Track track;
   const bool followed = s.state == TrackState::tracking || s.state == TrackState::coasting;
   bool found = followed && s.near_expected(image, owned, track);
-  if (!found && followed) {
-    ++s.unseen;
-    s.state = s.unseen > s.settings.coast_frames ? TrackState::lost : TrackState::coasting;
-  }
+  if (!found && followed) s.not_seen();
   if (!found && (s.state == TrackState::searching || s.state == TrackState::lost))
     found = s.anywhere(image, owned, track);
   track.state = s.state;

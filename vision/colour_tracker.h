@@ -33,6 +33,16 @@ struct ColourTrackerSettings {
   void check() const;         ///< throws std::invalid_argument naming the setting
 };
 
+/// What a tracker knows of its object's motion: enough to take a frame back.
+struct TrackMemory {
+  TrackState state = TrackState::searching;
+  Ellipse last;                       ///< as measured, not calibrated
+  Eigen::Vector2d velocity_px{0, 0};  ///< per frame
+  double turn = 0;                    ///< rad per frame
+  Eigen::Vector2d axes_px{0, 0};      ///< slow mean of the measured semi-axes
+  int unseen = 0;                     ///< frames since it was last seen
+};
+
 struct Track {
   TrackState state = TrackState::searching;
   std::optional<EllipseMeasurement> measured;  ///< only while tracking; calibrated, covariance with the bias term
@@ -54,6 +64,16 @@ class ColourTracker {
   /// Tells it where the object is, as a person points; it is tracked from there. Throws std::invalid_argument for an
   /// ellipse whose centre is not in the image or whose axes are not positive.
   void place(const Ellipse& at);
+
+  TrackState state() const;
+  /// Where it should be in the next frame; nothing while searching.
+  std::optional<Ellipse> expected() const;
+  const ObjectModel& model() const;
+  const TrackMemory& memory() const;
+  /// Goes on from there as though what came later had not been.
+  void restore(const TrackMemory& memory);
+  /// The next frame does not show it, says somebody who knows more: coasting, then lost. The track says the same.
+  Track miss();
 
  private:
   struct State;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/draw.h"
 
+#include <Eigen/Eigenvalues>
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
@@ -65,6 +66,15 @@ void draw_tracked(Pen& pen, const Ellipse& e) {
   pen.line(e.centre_px - v, e.centre_px + v, kTracked);
 }
 
+constexpr double kMagnified = 10, kDeviations95 = 2.4477;  // the root of chi^2 of two at 95 %
+
+void draw_covariance(Pen& pen, const Ellipse& e, const Eigen::Matrix2d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(covariance);
+  const Eigen::Vector2d axes = kMagnified * kDeviations95 * solver.eigenvalues().cwiseMax(0).cwiseSqrt();
+  const Eigen::Vector2d along = solver.eigenvectors().col(1);
+  pen.ellipse({e.centre_px, axes.y(), axes.x(), std::atan2(along.y(), along.x())}, kTrail, false);
+}
+
 void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
   const double edge = 12.0 * pen.weight(), y = size.height - edge - 1, tick = 4.0 * pen.weight();
   const Eigen::Vector2d left(edge, y), right(edge + overlay.scale_bar_px, y), up(0, tick);
@@ -83,10 +93,14 @@ void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
 
 }  // namespace
 
-cv::Mat draw_overlay(const cv::Mat& grey, const Overlay& overlay) {
-  if (grey.empty() || grey.type() != CV_8UC1) throw std::invalid_argument("grey: must be an 8-bit grey image");
+cv::Mat draw_overlay(const cv::Mat& image, const Overlay& overlay) {
+  if (image.empty() || (image.type() != CV_8UC1 && image.type() != CV_8UC3))
+    throw std::invalid_argument("image: must be an 8-bit grey or BGR image");
   cv::Mat canvas;
-  cv::cvtColor(grey, canvas, cv::COLOR_GRAY2BGR);
+  if (image.channels() == 1)
+    cv::cvtColor(image, canvas, cv::COLOR_GRAY2BGR);
+  else
+    canvas = image.clone();
   Pen pen(canvas);
   for (std::size_t k = 1; k < overlay.trail_px.size(); ++k) {
     pen.line(overlay.trail_px[k - 1], overlay.trail_px[k], kTrail);
@@ -96,7 +110,11 @@ cv::Mat draw_overlay(const cv::Mat& grey, const Overlay& overlay) {
     pen.ellipse({*overlay.target_px, radius, radius, 0}, kTarget, false);
   }
   if (overlay.expected) pen.ellipse(*overlay.expected, kExpected, true);
+  for (const auto& contour : overlay.contours_px)
+    for (std::size_t k = 0; k < contour.size(); ++k) pen.line(contour[k], contour[(k + 1) % contour.size()], kTracked);
   if (overlay.tracked) draw_tracked(pen, *overlay.tracked);
+  if (overlay.tracked && overlay.covariance_px2) draw_covariance(pen, *overlay.tracked, *overlay.covariance_px2);
+  if (!overlay.caption.empty()) pen.text(overlay.caption, {8 * pen.weight(), 18 * pen.weight()});
   if (overlay.scale_bar_px > 0) draw_scale_bar(pen, canvas.size(), overlay);
   return canvas;
 }

@@ -39,7 +39,25 @@ TEST(DrawOverlay, takes_what_lies_outside_or_is_no_number) {
   overlay.scale_bar_px = 1000;
   EXPECT_NO_THROW(draw_overlay(grey, overlay));
   EXPECT_THROW(draw_overlay(cv::Mat(), overlay), std::invalid_argument);
-  EXPECT_THROW(draw_overlay(cv::Mat(4, 4, CV_8UC3), overlay), std::invalid_argument);
+  EXPECT_THROW(draw_overlay(cv::Mat(4, 4, CV_16UC3), overlay), std::invalid_argument);
+}
+
+TEST(DrawOverlay, draws_on_colour_without_touching_the_original) {
+  const cv::Mat image(100, 100, CV_8UC3, cv::Scalar(10, 20, 200));
+  Overlay overlay;
+  overlay.tracked = Ellipse{{50, 50}, 30, 15, 0};
+  overlay.covariance_px2 = Eigen::Matrix2d(0.04 * Eigen::Matrix2d::Identity());
+  overlay.contours_px = {{{10, 10}, {20, 10}, {20, 20}}};
+  overlay.caption = "7 tracking";
+  const cv::Mat picture = draw_overlay(image, overlay);
+  EXPECT_EQ(picture.at<cv::Vec3b>(90, 5), cv::Vec3b(10, 20, 200));
+  EXPECT_EQ(image.at<cv::Vec3b>(50, 80), cv::Vec3b(10, 20, 200));
+  EXPECT_NE(picture.at<cv::Vec3b>(50, 80), cv::Vec3b(10, 20, 200)) << "the rim";
+  EXPECT_NE(picture.at<cv::Vec3b>(10, 15), cv::Vec3b(10, 20, 200)) << "the contour";
+  // 0.2 px, times 2.45 for 95 %, times ten: about 5 px from the centre.
+  int circle = 0;
+  for (int u = 52; u < 58; ++u) circle += picture.at<cv::Vec3b>(47, u)[2] != 200;
+  EXPECT_GT(circle, 0);
 }
 
 TEST(CropAround, keeps_its_size_and_moves_inside) {

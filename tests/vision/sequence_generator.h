@@ -13,11 +13,18 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <numbers>
 #include <random>
 #include <vector>
 
 namespace vitreo::vision::generated {
+
+/// Another body in the picture: where it is in frame k, and what its surface does to blue, green and red.
+struct Companion {
+  std::function<Ellipse(int)> path;
+  cv::Vec3f tint{0.98F, 1.0F, 1.03F};  ///< the robot's own: steel
+};
 
 struct SequenceSettings {
   std::uint64_t seed = 1;
@@ -27,12 +34,24 @@ struct SequenceSettings {
   bool dark_vessels = false;  ///< vessels whose colour is near the robot's: r(RG) near the thesis' 1.65
   int hidden_from = -1, half_hidden_from = -1, hidden_frames = 20;
   double noise = 2.5;  ///< grey levels at mid scale
+  /// A fundus as a camera's field stop shows it: bright disc, dark macula, vessels that leave the disc and branch, a
+  /// black rim around.
+  bool fundus = false;
+  double blur_px = 1.3;       ///< mean of the defocus, which varies by a third of it
+  double flicker = 0.02;      ///< of the lamp, either way
+  double motion_blur_px = 0;  ///< length of the smear of robot and ground, along u
+  int jpeg_quality = 0;       ///< 0: not compressed
+  double speed = 1;           ///< of the robot's wandering
+  std::vector<Companion> companions{};
+  std::function<Ellipse(int)> path{};  ///< of the robot, instead of its wandering
+  double shadow = 0.10;                ///< share of the light that the robot's shadow takes
 };
 
 struct Frame {
   cv::Mat image;  ///< CV_8UC3, BGR
   Ellipse truth;
   double visible = 1;  ///< share of the robot
+  std::vector<Ellipse> companions{};
 };
 
 class Sequence {
@@ -40,7 +59,10 @@ class Sequence {
   explicit Sequence(const SequenceSettings& settings) : settings_(settings), random_(settings.seed) {
     std::uniform_real_distribution<double> unit(0, 1);
     for (double& p : phase_) p = 2 * std::numbers::pi * unit(random_);
-    paint_ground();
+    if (settings.fundus)
+      paint_fundus();
+    else
+      paint_ground();
     noise_.create(settings.size.height + 64, settings.size.width + 64, CV_32FC3);
     std::normal_distribution<float> normal;
     for (int v = 0; v < noise_.rows; ++v) {
@@ -50,8 +72,9 @@ class Sequence {
   }
 
   Ellipse truth(int k) const {
+    if (settings_.path) return settings_.path(k);
     // Up to some 6 px and 3 degrees a frame, wherever it goes.
-    const double t = k;
+    const double t = settings_.speed * k;
     const double w = settings_.size.width, h = settings_.size.height;
     return {{w / 2 + 0.33 * w * std::sin(0.021 * t + phase_[0]) + 3 * std::sin(0.31 * t + phase_[4]),
              h / 2 + 0.31 * h * std::sin(0.029 * t + phase_[1]) + 2 * std::sin(0.27 * t + phase_[5])},
@@ -64,22 +87,30 @@ class Sequence {
     Frame out;
     out.truth = truth(k);
     cv::Mat light = view_of_ground(k);
+    for (const Companion& one : settings_.companions) {
+      out.companions.push_back(one.path(k));
+      shade(light, out.companions.back(), k, one.tint);
+    }
     shade(light, out.truth, k);
     out.visible = cover(light, out.truth, k);
     illuminate(light, k);
+    if (settings_.motion_blur_px > 1) cv::blur(light, light, {static_cast<int>(settings_.motion_blur_px), 1});
     out.image = camera(light, k);
+    if (settings_.jpeg_quality > 0) compress(out.image);
     return out;
   }
 
   /// Masks as a person would draw them: the truth's pixels. Frames of another time than those tracked.
-  std::vector<LabelledImage> training(int count, int from = 5000, int step = 37) {
+  /// `who`: the robot, or companion `who` from 0.
+  std::vector<LabelledImage> training(int count, int from = 5000, int step = 37, int who = -1) {
     SequenceSettings plain = settings_;
     plain.hidden_from = plain.half_hidden_from = -1;
     std::swap(settings_, plain);
     std::vector<LabelledImage> images;
     for (int k = 0; k < count; ++k) {
       const Frame one = frame(from + step * k);
-      images.push_back({one.image, mask_of(one.truth, settings_.size)});
+      images.push_back(
+          {one.image, mask_of(who < 0 ? one.truth : one.companions[static_cast<std::size_t>(who)], settings_.size)});
     }
     std::swap(settings_, plain);
     return images;
@@ -101,7 +132,7 @@ class Sequence {
  private:
   static constexpr int kBorder = 200;  // of the ground around the view, for its drift
 
-  void paint_ground() {
+  void paint_mottle() {
     const cv::Size size(settings_.size.width + 2 * kBorder, settings_.size.height + 2 * kBorder);
     ground_.create(size, CV_32FC3);
     ground_.setTo(cv::Scalar(52, 92, 168));  // blue, green, red
@@ -116,6 +147,11 @@ class Sequence {
       cv::merge(std::vector<cv::Mat>{2.5 * mottle, 4 * mottle, 6 * mottle}, tint);
       ground_ += tint;
     }
+  }
+
+  void paint_ground() {
+    paint_mottle();
+    const cv::Size size = ground_.size();
     std::uniform_real_distribution<double> unit(0, 1);
     const int vessels = settings_.dark_vessels ? 60 : 26;
     for (int k = 0; k < vessels; ++k) vessel(unit(random_) * size.width, unit(random_) * size.height, k % 3 == 0);
@@ -128,27 +164,112 @@ class Sequence {
     cv::Mat line = cv::Mat::zeros(ground_.size(), CV_32FC1);
     double heading = 2 * std::numbers::pi * unit(random_);
     const int thickness = static_cast<int>(wide ? 7 + 5 * unit(random_) : 2 + 4 * unit(random_));
+    cv::Rect box;
     for (int k = 0; k < 60; ++k) {
       heading += 0.12 * normal(random_);
       const double to_u = u + 12 * std::cos(heading), to_v = v + 12 * std::sin(heading);
       cv::line(line, cv::Point2d(u, v), cv::Point2d(to_u, to_v), 1.0, thickness, cv::LINE_AA);
+      for (const auto& [x, y] : {std::pair(u, v), std::pair(to_u, to_v)})
+        box |= cv::Rect(static_cast<int>(x) - 24, static_cast<int>(y) - 24, 48, 48);
       u = to_u, v = to_v;
     }
+    box &= cv::Rect({0, 0}, line.size());
+    if (box.empty()) return;
+    line = line(box);
     cv::GaussianBlur(line, line, {0, 0}, 1.5);
     // Dark vessels keep so little red that they come near the robot's grey.
     const cv::Vec3f keep = settings_.dark_vessels ? cv::Vec3f(0.95F, 0.70F, 0.43F) : cv::Vec3f(0.75F, 0.62F, 0.78F);
     for (int y = 0; y < line.rows; ++y) {
       const float* share = line.ptr<float>(y);
-      auto* to = ground_.ptr<cv::Vec3f>(y);
+      auto* to = ground_.ptr<cv::Vec3f>(box.y + y) + box.x;
       for (int x = 0; x < line.cols; ++x) {
         for (int c = 0; c < 3 && share[x] > 0; ++c) to[x][c] *= 1 - share[x] * (1 - keep[c]);
       }
     }
   }
 
-  double blur(int k) const { return 1.3 + 0.45 * std::sin(0.041 * k + phase_[1]); }
+  // A tree of vessels: arteries and veins leave the disc, bend towards the macula, branch and thin.
+  void branch(cv::Mat& veins, cv::Point2d from, double heading, double width, double bend, int depth) {
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> unit(0, 1);
+    const int steps = 14 + static_cast<int>(10 * unit(random_));
+    for (int k = 0; k < steps; ++k) {
+      heading += bend + 0.10 * normal(random_);
+      const cv::Point2d to = from + 9.0 * cv::Point2d(std::cos(heading), std::sin(heading));
+      cv::line(veins, from, to, 1.0, std::max(1, static_cast<int>(std::lround(width))), cv::LINE_AA);
+      from = to;
+      width *= 0.985;
+    }
+    if (depth == 0 || width < 1.2) return;
+    const double fork = 0.35 + 0.3 * unit(random_);
+    branch(veins, from, heading - fork, 0.72 * width, bend, depth - 1);
+    branch(veins, from, heading + fork, 0.82 * width, bend, depth - 1);
+  }
+
+  void paint_fundus() {
+    std::uniform_real_distribution<double> unit(0, 1);
+    paint_mottle();
+    const cv::Size size = ground_.size();
+    const cv::Point2d disc(size.width * (0.35 + 0.1 * unit(random_)), size.height * (0.45 + 0.1 * unit(random_)));
+    const cv::Point2d macula = disc + cv::Point2d(0.26 * size.width, 0.03 * size.height);
+    cv::Mat veins = cv::Mat::zeros(size, CV_32FC1), arteries = veins.clone();
+    for (int k = 0; k < 10; ++k) {
+      const double heading = 2 * std::numbers::pi * (k + 0.5 * unit(random_)) / 10;
+      const double bend = 0.02 * (std::sin(heading) > 0 ? -1 : 1) * (std::cos(heading) > 0 ? 1 : -1);
+      branch(k % 2 == 0 ? veins : arteries, disc, heading, k % 2 == 0 ? 11 : 8, bend, 4);
+    }
+    for (cv::Mat* one : {&veins, &arteries}) cv::GaussianBlur(*one, *one, {0, 0}, 1.2);
+    for (int v = 0; v < size.height; ++v) {
+      auto* to = ground_.ptr<cv::Vec3f>(v);
+      for (int u = 0; u < size.width; ++u) {
+        const double du = u - disc.x, dv = 0.9 * (v - disc.y), r = std::hypot(du, dv);
+        const auto bright = static_cast<float>(1 / (1 + std::exp((r - 42) / 4)));
+        const double dark =
+            0.35 * std::exp(-((u - macula.x) * (u - macula.x) + (v - macula.y) * (v - macula.y)) / (2 * 55.0 * 55.0));
+        to[u] *= static_cast<float>(1 - dark);
+        to[u] = (1 - bright) * to[u] + bright * cv::Vec3f(120, 175, 225);
+        const float vein = veins.at<float>(v, u), artery = arteries.at<float>(v, u);
+        const cv::Vec3f keep_vein(0.80F, 0.42F, 0.58F), keep_artery(0.72F, 0.60F, 0.82F);
+        for (int c = 0; c < 3; ++c) to[u][c] *= (1 - vein * (1 - keep_vein[c])) * (1 - artery * (1 - keep_artery[c]));
+      }
+    }
+  }
+
+  void compress(cv::Mat& image) const {
+    // What JPEG does, without its file: 8 x 8 cosine coefficients of luma and halved chroma, rounded to its tables.
+    cv::Mat ycc;
+    cv::cvtColor(image, ycc, cv::COLOR_BGR2YCrCb);
+    std::vector<cv::Mat> planes;
+    cv::split(ycc, planes);
+    const double scale =
+        settings_.jpeg_quality < 50 ? 50.0 / settings_.jpeg_quality : 2 - settings_.jpeg_quality / 50.0;
+    for (int p = 0; p < 3; ++p) {
+      cv::Mat plane;
+      if (p > 0) cv::resize(planes[p], planes[p], {}, 0.5, 0.5, cv::INTER_AREA);
+      planes[p].convertTo(plane, CV_32F, 1, -128);
+      for (int v = 0; v + 8 <= plane.rows; v += 8) {
+        for (int u = 0; u + 8 <= plane.cols; u += 8) {
+          cv::Mat block = plane(cv::Rect(u, v, 8, 8)), coefficients;
+          cv::dct(block, coefficients);
+          for (int i = 0; i < 64; ++i) {
+            const double step = std::max(1.0, scale * ((p == 0 ? 11 : 15) + (p == 0 ? 7 : 11) * (i / 8 + i % 8)));
+            auto& c = coefficients.at<float>(i / 8, i % 8);
+            c = static_cast<float>(step * std::round(c / step));
+          }
+          cv::idct(coefficients, block);
+        }
+      }
+      plane.convertTo(planes[p], CV_8U, 1, 128);
+      if (p > 0) cv::resize(planes[p], planes[p], image.size(), 0, 0, cv::INTER_LINEAR);
+    }
+    cv::merge(planes, ycc);
+    cv::cvtColor(ycc, image, cv::COLOR_YCrCb2BGR);
+  }
+
+  double blur(int k) const { return settings_.blur_px / 1.3 * (1.3 + 0.45 * std::sin(0.041 * k + phase_[1])); }
 
   cv::Mat view_of_ground(int k) const {
+    if (settings_.drift_px == 0) return ground_(cv::Rect({kBorder, kBorder}, settings_.size)).clone();
     double along = settings_.drift_px * k;
     along = kBorder * 0.9 * std::sin(along / (kBorder * 0.9));  // back and forth, as fast as asked in the middle
     const double across = 0.4 * kBorder * std::sin(settings_.drift_px * k / (0.8 * kBorder));
@@ -159,7 +280,7 @@ class Sequence {
   }
 
   // The robot and its faint shadow, both defocused, into the light.
-  void shade(cv::Mat& light, const Ellipse& e, int k) const {
+  void shade(cv::Mat& light, const Ellipse& e, int k, const cv::Vec3f& tint = {0.98F, 1.0F, 1.03F}) const {
     const int reach = static_cast<int>(e.semi_major_px) + 16;
     const int u0 = static_cast<int>(e.centre_px.x()) - reach, v0 = static_cast<int>(e.centre_px.y()) - reach;
     cv::Mat cover = cv::Mat::zeros(2 * reach + 1, 2 * reach + 1, CV_32FC1), body = cover.clone(),
@@ -188,8 +309,8 @@ class Sequence {
         if (u < 0 || v < 0 || u >= light.cols || v >= light.rows) continue;
         auto& at = light.at<cv::Vec3f>(v, u);
         const float grey = body.at<float>(j, i), rest = 1 - cover.at<float>(j, i);
-        at *= 1 - 0.10F * shadow.at<float>(j, i);
-        at = rest * at + cv::Vec3f(0.98F * grey, 1.0F * grey, 1.03F * grey);
+        at *= 1 - static_cast<float>(settings_.shadow) * shadow.at<float>(j, i);
+        at = rest * at + grey * tint;
       }
     }
   }
@@ -227,7 +348,7 @@ class Sequence {
   }
 
   void illuminate(cv::Mat& light, int k) const {
-    const double flicker = 1 + 0.02 * std::sin(2.1 * k + phase_[0]);
+    const double flicker = 1 + settings_.flicker * std::sin(2.1 * k + phase_[0]);
     const double hot_u = light.cols * (0.5 + 0.25 * std::sin(0.013 * k + phase_[4]));
     const double hot_v = light.rows * (0.5 + 0.25 * std::cos(0.011 * k + phase_[5]));
     const double cu = light.cols / 2.0, cv_ = light.rows / 2.0, far = cu * cu + cv_ * cv_;
@@ -241,6 +362,7 @@ class Sequence {
       for (int u = 0; u < light.cols; ++u) {
         const double away = ((u - cu) * (u - cu) + (v - cv_) * (v - cv_)) / far;
         row[u] *= static_cast<float>(flicker * (1 - 0.22 * away)) + hot * hot_of_column[static_cast<std::size_t>(u)];
+        if (settings_.fundus) row[u] *= static_cast<float>(1 / (1 + std::exp((std::sqrt(away) - 0.97) * 120))) + 0.01F;
       }
     }
   }

@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/multi_tracker.h"
+
+#include "vision/evidence.h"
+
+#include <opencv2/core.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr double kHalo = 2.0;       // px around an ellipse that are its own too: blur is nobody else's
+constexpr double kTouching = 5.0;   // px between rims: nearer ones are measured twice
+constexpr double kSameBody = 0.35;  // share of the smaller ellipse in another: they claim one thing
+constexpr double kAlike = 0.25;     // share of the colours that are for both
+constexpr int kSureF = static_cast<int>(ColourModel::kScale);  // F = 1: for the object, by e to one
+// A lost object is believed where it is this many times nearer to where it should be than any other lost one alike.
+constexpr double kNearer = 2.0;
+
+/// About the distance to the rim, px, negative inside.
+double rim_distance(const Ellipse& e, double c, double s, double u, double v) {
+  const double du = u - e.centre_px.x(), dv = v - e.centre_px.y();
+  const double x = c * du + s * dv, y = c * dv - s * du;
+  const double a2 = e.semi_major_px * e.semi_major_px, b2 = e.semi_minor_px * e.semi_minor_px;
+  const double level = std::sqrt(x * x / a2 + y * y / b2);
+  const double slope = std::sqrt(x * x / (a2 * a2) + y * y / (b2 * b2));
+  return slope > 0 ? (level - 1) * level / slope : -e.semi_minor_px;
+}
+
+/// Share of the smaller one's samples that lie in the other.
+double overlap(const Ellipse& one, const Ellipse& other) {
+  const bool swap = one.semi_major_px * one.semi_minor_px > other.semi_major_px * other.semi_minor_px;
+  const Ellipse &small = swap ? other : one, &large = swap ? one : other;
+  const double c = std::cos(large.angle), s = std::sin(large.angle);
+  int inside = 0;
+  constexpr int kSamples = 64;
+  for (int q = 0; q < kSamples; ++q) {
+    const double r = std::sqrt((q + 0.5) / kSamples);
+    const Eigen::Vector2d p =
+        Ellipse{small.centre_px, r * small.semi_major_px, r * small.semi_minor_px, small.angle}.point(2.399963 * q);
+    inside += rim_distance(large, c, s, p.x(), p.y()) < 0;
+  }
+  return static_cast<double>(inside) / kSamples;
+}
+
+bool touching(const Ellipse& one, const Ellipse& other) {
+  if ((one.centre_px - other.centre_px).norm() > one.semi_major_px + other.semi_major_px + kTouching) return false;
+  const double c = std::cos(other.angle), s = std::sin(other.angle);
+  for (int k = 0; k < 32; ++k) {
+    const Eigen::Vector2d p = one.point(0.19635 * k);
+    if (rim_distance(other, c, s, p.x(), p.y()) < kTouching) return true;
+  }
+  return false;
+}
+
+/// Share of the colours sure for the one with fewer that are sure for the other too.
+double common_colours(const ColourModel& one, const ColourModel& other) {
+  int first = 0, second = 0, both = 0;
+  for (std::size_t i = 0; i < one.table().size(); ++i) {
+    const bool a = one.table()[i] > kSureF, b = other.table()[i] > kSureF;
+    first += a, second += b, both += a && b;
+  }
+  return static_cast<double>(both) / std::max(std::min(first, second), 1);
+}
+
+}  // namespace
+
+struct MultiTracker::State {
+  struct Object {
+    explicit Object(const TrackedObject& from) : tracker(from.model, from.settings) {}
+    ColourTracker tracker;
+    TrackMemory before;            // this frame
+    std::optional<Ellipse> claim;  // what it owns now
+    double confidence = 0;         // of the last frame
+    cv::Rect painted;
+  };
+
+  bool alike(std::size_t i, std::size_t j) const { return alike_[i * objects.size() + j]; }
+  void clear();
+  void paint();
+  void paint_one(std::size_t k);
+  void sort_by_confidence();
+  void measure(std::size_t k, const cv::Mat& image);
+  void measure_touching_again(const cv::Mat& image);
+  bool believable(std::size_t k) const;
+  void part_those_in_one_place();
+  void take_back(std::size_t k);
+
+  std::vector<std::unique_ptr<Object>> objects;
+  std::vector<bool> alike_;
+  std::vector<std::size_t> order;
+  std::vector<Track> tracks;
+  std::vector<bool> again;
+  cv::Mat map;
+};
+
+void MultiTracker::State::clear() {
+  for (auto& object : objects) {
+    if (!object->painted.empty()) map(object->painted).setTo(0);
+    object->painted = {};
+  }
+}
+
+// The pixels within kHalo of the claim and nearer to it than to every other claim.
+void MultiTracker::State::paint_one(std::size_t k) {
+  const Ellipse wide = grown(*objects[k]->claim, kHalo);
+  const int reach = static_cast<int>(wide.semi_major_px) + 2;
+  const cv::Rect box(static_cast<int>(wide.centre_px.x()) - reach, static_cast<int>(wide.centre_px.y()) - reach,
+                     2 * reach + 1, 2 * reach + 1);
+  objects[k]->painted = box & cv::Rect({0, 0}, map.size());
+  std::array<std::size_t, kMostObjects> rivals{};
+  std::size_t count = 0;
+  for (std::size_t j = 0; j < objects.size(); ++j)
+    if (j != k && objects[j]->claim && touching(wide, *objects[j]->claim)) rivals[count++] = j;
+  const Ellipse& own = *objects[k]->claim;
+  const double c = std::cos(own.angle), s = std::sin(own.angle);
+  for (int v = objects[k]->painted.y; v < objects[k]->painted.br().y; ++v) {
+    const RowSpan span = row_of(wide, v);
+    auto* row = map.ptr<unsigned char>(v);
+    for (int u = std::max(span.first, 0); u < std::min(span.end, map.cols); ++u) {
+      const double distance = count > 0 ? rim_distance(own, c, s, u, v) : 0;
+      bool nearest = true;
+      for (std::size_t q = 0; q < count && nearest; ++q) {
+        const Ellipse& other = *objects[rivals[q]]->claim;
+        const double theirs = rim_distance(other, std::cos(other.angle), std::sin(other.angle), u, v);
+        nearest = distance < theirs || (distance == theirs && k < rivals[q]);
+      }
+      if (nearest) row[u] = static_cast<unsigned char>(k + 1);
+    }
+  }
+}
+
+void MultiTracker::State::paint() {
+  clear();
+  for (std::size_t k = 0; k < objects.size(); ++k)
+    if (objects[k]->claim) paint_one(k);
+}
+
+void MultiTracker::State::sort_by_confidence() {
+  for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
+  const auto rank = [this](std::size_t k) {
+    const TrackState state = objects[k]->tracker.state();
+    const double base = state == TrackState::tracking ? 3 : (state == TrackState::coasting ? 2 : 1);
+    return base + 0.5 * objects[k]->confidence;
+  };
+  std::sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
+    const double a = rank(i), b = rank(j);
+    return a > b || (a == b && i < j);
+  });
+}
+
+// Found anew: is it this one, or another that looks the same and is missing too?
+bool MultiTracker::State::believable(std::size_t k) const {
+  const Object& object = *objects[k];
+  const bool anew = object.before.state == TrackState::lost || object.before.state == TrackState::searching;
+  if (!anew || !tracks[k].measured) return true;
+  const Eigen::Vector2d& at = tracks[k].measured->ellipse.centre_px;
+  const bool known = object.before.state == TrackState::lost;
+  for (std::size_t j = 0; j < objects.size(); ++j) {
+    if (j == k || !alike(k, j)) continue;
+    const TrackMemory& other = objects[j]->before;
+    if (other.state == TrackState::searching || other.state == TrackState::tracking) continue;
+    if (!known) return false;  // the missing one has the better right
+    const double own = (at - object.before.last.centre_px).norm(), theirs = (at - other.last.centre_px).norm();
+    if (kNearer * own > theirs) return false;
+  }
+  return true;
+}
+
+void MultiTracker::State::take_back(std::size_t k) {
+  objects[k]->tracker.restore(objects[k]->before);
+  tracks[k] = objects[k]->tracker.miss();
+  objects[k]->claim.reset();
+  objects[k]->confidence = 0;
+}
+
+void MultiTracker::State::measure(std::size_t k, const cv::Mat& image) {
+  Object& object = *objects[k];
+  tracks[k] = object.tracker.update(image, {map, static_cast<unsigned char>(k + 1)});
+  if (!believable(k)) {
+    take_back(k);
+  } else if (tracks[k].measured) {
+    object.claim = object.tracker.memory().last;
+    object.confidence = tracks[k].measured->inlier_fraction;
+  } else {
+    object.claim.reset();
+    object.confidence = 0;
+  }
+  paint();
+}
+
+void MultiTracker::State::measure_touching_again(const cv::Mat& image) {
+  std::fill(again.begin(), again.end(), false);
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (objects[i]->claim && objects[j]->claim && touching(*objects[i]->claim, *objects[j]->claim))
+        again[i] = again[j] = true;
+    }
+  }
+  for (const std::size_t k : order) {
+    if (!again[k]) continue;
+    objects[k]->tracker.restore(objects[k]->before);
+    measure(k, image);
+  }
+}
+
+// Two that claim one thing: of different colours the surer one is right; alike, nobody knows.
+void MultiTracker::State::part_those_in_one_place() {
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!objects[i]->claim || !objects[j]->claim) continue;
+      if (overlap(*objects[i]->claim, *objects[j]->claim) < kSameBody) continue;
+      const bool first_is_surer = objects[i]->confidence > objects[j]->confidence;
+      if (alike(i, j) || !first_is_surer) take_back(i);
+      if (alike(i, j) || first_is_surer) take_back(j);
+    }
+  }
+}
+
+MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects) : state_(std::make_unique<State>()) {
+  if (objects.empty() || objects.size() > kMostObjects)
+    throw std::invalid_argument("objects: must be 1 to " + std::to_string(kMostObjects));
+  State& s = *state_;
+  for (const TrackedObject& one : objects) {
+    if (one.model.image_size != objects[0].model.image_size)
+      throw std::invalid_argument("objects: their models are for images of different sizes");
+    s.objects.push_back(std::make_unique<State::Object>(one));
+  }
+  s.alike_.resize(objects.size() * objects.size());
+  for (std::size_t i = 0; i < objects.size(); ++i)
+    for (std::size_t j = 0; j < objects.size(); ++j)
+      s.alike_[i * objects.size() + j] =
+          i != j && common_colours(objects[i].model.colour, objects[j].model.colour) > kAlike;
+  s.order.resize(objects.size());
+  s.tracks.resize(objects.size());
+  s.again.resize(objects.size());
+}
+
+MultiTracker::~MultiTracker() = default;
+
+const std::vector<Track>& MultiTracker::update(const cv::Mat& image) {
+  State& s = *state_;
+  if (s.map.size() != image.size()) {
+    s.map = cv::Mat::zeros(image.size(), CV_8UC1);
+    for (auto& object : s.objects) object->painted = {};
+  }
+  s.sort_by_confidence();
+  for (auto& object : s.objects) {
+    object->before = object->tracker.memory();
+    object->claim.reset();
+    if (object->before.state == TrackState::tracking) object->claim = object->tracker.expected();
+  }
+  s.paint();
+  for (const std::size_t k : s.order) s.measure(k, image);
+  s.measure_touching_again(image);
+  s.part_those_in_one_place();
+  s.paint();
+  return s.tracks;
+}
+
+void MultiTracker::place(std::size_t object, const Ellipse& at) {
+  if (object >= state_->objects.size()) throw std::out_of_range("object: there is no such one");
+  state_->objects[object]->tracker.place(at);
+}
+
+void MultiTracker::reset() {
+  for (auto& object : state_->objects) object->tracker.reset();
+}
+
+const cv::Mat& MultiTracker::owners() const { return state_->map; }
+
+bool MultiTracker::alike(std::size_t one, std::size_t other) const {
+  if (one >= state_->objects.size() || other >= state_->objects.size())
+    throw std::out_of_range("object: there is no such one");
+  return state_->alike(one, other);
+}
+
+}  // namespace vitreo::vision
