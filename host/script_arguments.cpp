@@ -99,6 +99,9 @@ std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& 
     const auto at = static_cast<std::size_t>(parameter - known.begin());
     values[name] = read_value(protocol.parameters[at], word.substr(equals + 1));
   }
+  for (const Parameter& parameter : protocol.parameters)
+    if (parameter.required && !values.contains(parameter.name))
+      fail(parameter.name, "is missing; it is " + (parameter.help.empty() ? "needed" : parameter.help));
   for (const Parameter& parameter : protocol.parameters) values.try_emplace(parameter.name, parameter.fallback);
   return values;
 }

@@ -28,6 +28,7 @@ struct Parameter {
   ArgumentValue fallback;
   double min = -std::numeric_limits<double>::infinity(), max = std::numeric_limits<double>::infinity();  // SI
   std::vector<std::string> choices;
+  bool required = false;  // a text that people must give: there is no sensible default
 };
 
 struct ProtocolDescription {

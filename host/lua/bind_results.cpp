@@ -1,7 +1,7 @@
 // run: what comes out of it: figures, plots, tables.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config.h"
-#include "host/lua/binding.h"
+#include "host/lua/bind_vision.h"
 #include "host/lua/context.h"
 #include "host/lua/values.h"
 #include "host/units.h"
@@ -126,6 +126,11 @@ int drawing(Call& call) {
   return 0;
 }
 
+int picture(Call& call) {
+  session_of(call.L).recorder.picture(call.text(0), call.has(2) ? call.text(2) : "", call.handle<Image>(1).pixels);
+  return 0;
+}
+
 /// A number as people read it, for notes and tables.
 int show(Call& call) {
   const int digits = call.has(2) ? static_cast<int>(call.number(2)) : 3;
@@ -168,6 +173,11 @@ std::vector<Binding> run_result_rows() {
        "",
        "puts a drawing into the report, such as optical_system:layout makes",
        drawing},
+      {"picture",
+       {text("name"), {.name = "image", .type = Type::handle, .handle = "image"}, text("caption", true)},
+       "",
+       "puts an image into the report",
+       picture},
       {"table",
        {{.name = "options",
          .type = Type::options,

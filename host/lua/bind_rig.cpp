@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/bind_rig.h"
 
+#include "host/lua/bind_vision.h"
 #include "host/lua/context.h"
 #include "host/lua/scheduler.h"
 #include "host/lua/values.h"
@@ -33,7 +34,9 @@ int camera_info(Call& call) {
 }
 
 int push_frame(lua_State* L, const Frame& frame) {
-  lua_createtable(L, 0, 5);
+  lua_createtable(L, 0, 6);
+  push_image(L, frame.image.clone());  // the camera may use its buffer again
+  lua_setfield(L, -2, "image");
   lua_pushinteger(L, static_cast<lua_Integer>(frame.number));
   lua_setfield(L, -2, "number");
   set_number(L, "time", to_seconds(frame.exposed));
@@ -179,7 +182,7 @@ const Class& camera_class() {
        {"grab",
         {options({timeout("5 s")})},
         "table",
-        "waits for the next frame: number, time, received, width_px, height_px",
+        "waits for the next frame: number, time, received, width_px, height_px, image",
         camera_grab}}};
   return kind;
 }

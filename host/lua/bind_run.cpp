@@ -225,9 +225,23 @@ void push_run(lua_State* L) {
 }
 
 const std::vector<const Class*>& all_classes() {
-  static const std::vector<const Class*> classes = {
-      &rig_class(),        &camera_class(), &coils_class(), &lens_mover_class(),     &sample_class(),
-      &background_class(), &servo_class(),  &run_class(),   &optical_system_class(), &wide_angle_map_class()};
+  static const std::vector<const Class*> classes = {&rig_class(),
+                                                    &camera_class(),
+                                                    &coils_class(),
+                                                    &lens_mover_class(),
+                                                    &sample_class(),
+                                                    &background_class(),
+                                                    &servo_class(),
+                                                    &run_class(),
+                                                    &optical_system_class(),
+                                                    &wide_angle_map_class(),
+                                                    &image_class(),
+                                                    &video_class(),
+                                                    &color_model_class(),
+                                                    &tracker_class(),
+                                                    &multi_tracker_class(),
+                                                    &background_tracker_class(),
+                                                    &autofocus_class()};
   return classes;
 }
 

@@ -245,6 +245,8 @@ const Class* handle_class(lua_State* L, int index) {
   return kind;
 }
 
+void* handle_object(lua_State* L, int index) { return handle_at(L, index).object.get(); }
+
 void close_handle(Call& call) { handle_at(call.L, 1).object.reset(); }
 
 }  // namespace vitreo::lua

@@ -124,10 +124,19 @@ const Class& servo_class();
 const Class& run_class();
 const Class& optical_system_class();
 const Class& wide_angle_map_class();
+const Class& image_class();
+const Class& video_class();
+const Class& color_model_class();
+const Class& tracker_class();
+const Class& multi_tracker_class();
+const Class& background_tracker_class();
+const Class& autofocus_class();
 /// help() and such: rows without an object.
 const std::vector<Binding>& global_functions();
 /// "optics.prescription" and such: what the module `optics` holds.
 const std::vector<Binding>& optics_functions();
+const std::vector<Binding>& vision_functions();
+const std::vector<Binding>& files_functions();
 
 /// The rows of run_class, by file.
 std::vector<Binding> run_flow_rows();
@@ -142,6 +151,8 @@ void push_handle(lua_State* L, const Class& kind, std::shared_ptr<void> object);
 void set_field_below(lua_State* L, const char* name);
 /// The class' name of a handle, or null.
 const Class* handle_class(lua_State* L, int index);
+/// What a handle holds; null for a closed one. `index` must be that of a handle.
+void* handle_object(lua_State* L, int index);
 /// Empties the handle of self: closed from here on.
 void close_handle(Call& call);
 

@@ -142,13 +142,19 @@ void read_choice(const Reader& reader, Parameter& parameter) {
 }
 
 Parameter read_parameter(const Reader& reader, const std::string& name) {
-  reader.known({"default", "min", "max", "unit", "choices", "integer", "help"});
+  reader.known({"default", "min", "max", "unit", "choices", "integer", "help", "required"});
   Parameter parameter;
   parameter.name = name;
   parameter.help = reader.text("help", false);
   const int type = reader.push("default");
   lua_pop(reader.L, 1);
-  if (reader.has("choices")) {
+  parameter.required = reader.flag("required");
+  if (parameter.required) {
+    if (type != LUA_TNIL || reader.has("choices"))
+      reader.fail("required", "is for texts that have no default and no choices");
+    parameter.kind = ParameterKind::text;
+    parameter.fallback = std::string();
+  } else if (reader.has("choices")) {
     read_choice(reader, parameter);
   } else if (type == LUA_TNUMBER) {
     read_number(reader, parameter);
@@ -159,8 +165,8 @@ Parameter read_parameter(const Reader& reader, const std::string& name) {
     parameter.kind = ParameterKind::text;
     parameter.fallback = reader.text("default", false);
   } else {
-    reader.fail("default",
-                type == LUA_TNIL ? "is missing: every parameter needs one" : "wants a number, a string, true or false");
+    reader.fail("default", type == LUA_TNIL ? "is missing: every parameter needs one, or required = true"
+                                            : "wants a number, a string, true or false");
   }
   const bool number = parameter.kind == ParameterKind::number || parameter.kind == ParameterKind::integer;
   for (const char* key : {"min", "max", "unit", "integer"})

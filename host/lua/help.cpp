@@ -33,7 +33,7 @@ std::string class_help(const Class& kind) {
 
 std::vector<const Binding*> functions() {
   std::vector<const Binding*> all;
-  for (const auto* rows : {&global_functions(), &optics_functions()})
+  for (const auto* rows : {&global_functions(), &optics_functions(), &vision_functions(), &files_functions()})
     for (const Binding& row : *rows) all.push_back(&row);
   return all;
 }

@@ -81,6 +81,8 @@ State::State(Session* session, const std::vector<std::string>& folders) {
     open_modules(L);
     open_classes(L);
     open_optics(L);
+    open_vision(L);
+    open_files(L);
     open_strictness(L);
     lua_settop(L, 0);
   });

@@ -36,6 +36,8 @@ void open_time(lua_State* L);        // os.*, math.random
 void open_modules(lua_State* L);     // require
 void open_strictness(lua_State* L);  // reading an undefined global is an error
 void open_optics(lua_State* L);      // optics.*
+void open_vision(lua_State* L);      // vision.*
+void open_files(lua_State* L);       // files.*
 void push_units(lua_State* L);
 /// What require(name) gives: [value] -> [].
 void set_module(lua_State* L, const std::string& name);

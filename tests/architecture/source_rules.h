@@ -26,9 +26,18 @@ struct Row {
 };
 
 inline const Strings kEverything{"optics/", "vision/", "control/", "devices/", "host/"};
-inline const Strings kOfHost{"Eigen/",        "opencv2/core", "opencv2/imgproc", "opencv2/imgcodecs",
-                             "fmt/",          "sqlite3.h",    "nlohmann/",       "CLI/",
-                             "ceres/version", "boost/",       "readline/"};
+inline const Strings kOfHost{"Eigen/",
+                             "opencv2/core",
+                             "opencv2/imgproc",
+                             "opencv2/imgcodecs",
+                             "opencv2/videoio",
+                             "fmt/",
+                             "sqlite3.h",
+                             "nlohmann/",
+                             "CLI/",
+                             "ceres/version",
+                             "boost/",
+                             "readline/"};
 inline Strings and_lua(Strings others) {
   others.emplace_back("lua.hpp");
   return others;

@@ -1,0 +1,97 @@
+// protocols/track_sequence.lua as people run it: folders of files in, track.csv and figures out.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/program/program.h"
+#include "tests/vision/sequence_files.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <sstream>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+std::vector<std::vector<std::string>> rows_of(const std::string& csv) {
+  std::vector<std::vector<std::string>> rows;
+  std::istringstream lines(csv);
+  for (std::string line; std::getline(lines, line);) {
+    rows.emplace_back();
+    std::istringstream cells(line);
+    for (std::string cell; std::getline(cells, cell, ',');) rows.back().push_back(cell);
+  }
+  return rows;
+}
+
+std::string track_csv(const Workplace& place, const nlohmann::json& result) {
+  return place.read(result["run"].get<std::string>() + "/track.csv");
+}
+
+TEST(TrackSequence, TracksAFolderOfFramesAndJudgesItself) {
+  const Workplace place;
+  vision::generated::write_sequence({.seed = 61, .hidden_from = 12, .hidden_frames = 8}, 30, 5, place.folder());
+  const Spoken spoken = place.vitreo("run track_sequence --json images=frames training=training truth=truth.csv");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  const auto result = nlohmann::json::parse(spoken.out);
+  const auto& figures = result["figures"];
+  EXPECT_EQ(figures["frames_judged"], 30);
+  EXPECT_EQ(figures["wrong"], 0);
+  EXPECT_LE(figures["lost"], 3) << "found again within three frames";
+  EXPECT_LT(figures["centre_error_mean"], 0.5);
+  EXPECT_LT(figures["major_error_mean"], 2);
+  EXPECT_LT(figures["minor_error_mean"], 2);
+  EXPECT_LT(figures["angle_error_mean"], 0.026) << "1.5 degrees, in rad as all of --json";
+  EXPECT_GT(figures["frames_per_second"], 0);
+  const auto rows = rows_of(track_csv(place, result));
+  ASSERT_EQ(rows.size(), 31u);
+  EXPECT_EQ(rows[0], (std::vector<std::string>{"frame", "state", "x_px", "y_px", "major_px", "minor_px", "angle_deg",
+                                               "covariance", "microseconds"}));
+  EXPECT_EQ(rows[1][1], "tracking");
+  std::istringstream covariance(rows[1][7]);
+  EXPECT_EQ(std::distance(std::istream_iterator<double>(covariance), {}), 25);
+  for (std::size_t k = 13; k <= 20; ++k) {
+    EXPECT_NE(rows[k][1], "tracking") << k;
+    EXPECT_EQ(rows[k][2], "") << "a place that was not seen is not made up";
+  }
+  EXPECT_TRUE(std::filesystem::exists(place.folder() / result["run"].get<std::string>() / "report.html"));
+}
+
+TEST(TrackSequence, TakesATruthThatCountsFromOneAndHasSemiAxes) {
+  const Workplace place;
+  vision::generated::write_sequence({.seed = 62, .size = {320, 240}}, 4, 4, place.folder());
+  auto rows = rows_of(place.read("truth.csv"));
+  std::string text = "frame,cx,cy,A,B,phi_deg,visible\n";
+  for (std::size_t k = 1; k < rows.size(); ++k)
+    text += std::to_string(k) + "," + rows[k][1] + "," + rows[k][2] + "," + std::to_string(std::stod(rows[k][3]) / 2) +
+            "," + std::to_string(std::stod(rows[k][4]) / 2) + "," + rows[k][5] + ",true\n";
+  place.write("semi.csv", text);
+  const Spoken spoken =
+      place.vitreo("run track_sequence --json images=frames training=training truth=semi.csv truth_axes=semi");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  const auto result = nlohmann::json::parse(spoken.out);
+  EXPECT_EQ(result["figures"]["frames_judged"], 4);
+  EXPECT_LT(result["figures"]["centre_error_mean"], 1);
+  EXPECT_LT(result["figures"]["major_error_mean"], 4);
+  EXPECT_EQ(rows_of(track_csv(place, result))[1][0], "1");
+}
+
+TEST(TrackSequence, SaysWhatIsMissingOrDamaged) {
+  const Workplace place;
+  vision::generated::write_sequence({.seed = 63, .size = {320, 240}}, 3, 3, place.folder());
+  const auto refused = [&](const std::string& arguments, int exit_code, const std::string& part) {
+    const Spoken spoken = place.vitreo("run track_sequence " + arguments);
+    EXPECT_EQ(spoken.exit_code, exit_code) << arguments << spoken.out << spoken.err;
+    EXPECT_NE((spoken.out + spoken.err).find(part), std::string::npos) << spoken.out << spoken.err;
+  };
+  refused("images=frames", 2, "training: is missing");
+  refused("images=nowhere training=training", 1, "nowhere: there is no such file or folder");
+  refused("images=truth.csv training=training", 1, "truth.csv: is not a video that can be read");
+  refused("images=frames training=frames", 1, "has no training pair");
+  place.write("bad.csv", "frame,cx\n0,1\n");
+  refused("images=frames training=training truth=bad.csv", 1, "truth: has no column cy");
+  place.write("frames/frame_0001.png", "broken");
+  refused("images=frames training=training", 1, "frame_0001.png: is not an image that can be read");
+}
+
+}  // namespace
+}  // namespace vitreo
