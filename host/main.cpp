@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/error.h"
 #include "host/lua/engine.h"
+#include "host/mask_command.h"
 #include "host/progress_line.h"
 #include "host/run_engine.h"
 #include "host/units.h"
@@ -74,6 +75,7 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
     std::visit([&row](const auto& held) { row["default"] = held; }, p.fallback);
     if (std::isfinite(p.min)) row["min"] = p.min;
     if (std::isfinite(p.max)) row["max"] = p.max;
+    if (p.required) row["required"] = true;
     if (!p.choices.empty()) row["choices"] = p.choices;
     parameters.push_back(row);
   }
@@ -98,7 +100,7 @@ void describe(const ProtocolDescription& protocol, bool json) {
              protocol.about.empty() ? "" : protocol.about + "\n", fmt::join(protocol.needs, ", "));
   for (const Parameter& p : protocol.parameters) {
     const std::string range = range_text(p);
-    fmt::print("  {:<14} {:<12} {}{}{}\n", p.name, value_text(p.fallback, p.unit), p.help,
+    fmt::print("  {:<14} {:<12} {}{}{}\n", p.name, p.required ? "(needed)" : value_text(p.fallback, p.unit), p.help,
                range.empty() || p.help.empty() ? "" : "; ", range);
   }
 }
@@ -165,6 +167,34 @@ int prompt(ScriptEngine& engine, Options& options) {
   return static_cast<int>(result.exit_code);
 }
 
+/// The options of `vitreo mask`.
+CLI::App* add_mask_command(CLI::App& app, MaskRequest& request) {
+  CLI::App* command = app.add_subcommand(
+      "mask",
+      "masks of an object, to train a tracker with: NAME_mask.png, and overlays/NAME.png to look at. The outline is\n"
+      "the object's in the first image; it is looked for in the others. For instance\n"
+      "  vitreo mask frames/*.png --ellipse 320,240,60,30,15 --grab --out training");
+  command->add_option("images", request.images, "of one size")->required();
+  command->add_option("--ellipse", request.ellipses, "cx,cy,A,B,phi: full axes in px, degrees from right to down")
+      ->allow_extra_args(false);
+  command->add_option("--polygon", request.polygons, "x,y,x,y,x,y...: its corners")->allow_extra_args(false);
+  command->add_flag("--grab", request.grab, "the outline is rough: cut by colour around it");
+  command->add_option("--on", request.on, "x,y: surely on the object (with --grab)")->allow_extra_args(false);
+  command->add_option("--off", request.off, "x,y: surely not on it (with --grab)")->allow_extra_args(false);
+  command->add_option("--margin", request.margin_px, "px by which a rough outline may be wrong (6)");
+  command->add_option("--out", request.out, "folder; the images are copied there too, as a training folder");
+  command->add_flag("--force", request.force, "write over masks that are there");
+  return command;
+}
+
+int mask(const MaskRequest& request) {
+  try {
+    return make_masks(request, std::cout) == 0 ? 0 : 1;
+  } catch (const std::invalid_argument& error) {  // all of them name an option or a file of the user's
+    throw ConfigError(std::string("mask: ") + error.what());
+  }
+}
+
 int dispatch(int count, char** words) {
   CLI::App app{
       "Vitreo drives the instruments of a laboratory that steers microrobots inside the eye.\n"
@@ -184,12 +214,15 @@ int dispatch(int count, char** words) {
   CLI::App* describe_command = app.add_subcommand("describe", "what a protocol does and which parameters it takes");
   describe_command->add_option("protocol", options.protocol, "a protocol's file or name")->required();
   describe_command->add_flag("--json", options.json, "as JSON, SI units");
+  MaskRequest wanted_mask;
+  const CLI::App* mask_command = add_mask_command(app, wanted_mask);
   app.set_version_flag("--version", [] { return versions().dump(); });
   try {
     app.parse(count, words);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::usage);
   }
+  if (mask_command->parsed()) return mask(wanted_mask);
   if (options.request.rig_file.empty()) options.request.rig_file = in_data_folder("scripts/rigs/simulated.lua");
   if (options.real_time) options.request.pace = Pace::real_time;
   const auto engine = make_lua_engine({in_data_folder("scripts")});
