@@ -128,7 +128,7 @@ std::vector<Binding> vision_focus_rows() {
       {"vision.focus.peak",
        {numbers("positions", "in any one unit"), numbers("values", "of a focus measure there")},
        "table",
-       "answer (found, at_low_end, at_high_end, no_peak), noise; position, sigma, value when found",
+       "answer (found, at low end, at high end, no peak), noise; position, sigma, value when found",
        peak},
       {"vision.autofocus",
        {{.name = "options",

@@ -163,7 +163,7 @@ TEST_F(VisionBinding, FocusIsMeasuredAndItsPeakSearched) {
       "repeat local next_at, ended = search:next(at, 1 + 50 * math.exp(-(at - 0.371)^2 / 0.01)) done = ended\n"
       "  at = next_at or at until ended\n"
       "assert(done.answer == 'found' and math.abs(done.position - 0.371) < 0.005 and done.readings < 60)\n"
-      "assert(vision.focus.peak({ 1, 2, 3 }, { 1, 1, 1 }).answer == 'no_peak')");
+      "assert(vision.focus.peak({ 1, 2, 3 }, { 1, 1, 1 }).answer == 'no peak')");
   expect_refused("vision.focus.peak({ 1, 2 }, { 1 })", {"vision.focus.peak: values: has 1 numbers, positions has 2"});
   expect_refused("vision.autofocus { low = 1, high = 0, step = 0.1 }", {"vision.autofocus: "});
   expect_refused("vision.focus.measure(vision.load_image 'seq/frames/frame_0000.png', { x = 1 })", {"all four"});
