@@ -85,7 +85,7 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
       depth_nodes_(settings.depth_nodes),
       stop_z_(tracer_.system().vertex(stop_surface(system))),
       stop_radius_(system.stop ? system.stop->radius : std::numeric_limits<double>::infinity()) {
-  const int parts = symmetric_ ? 40 : 10;            // of the angle, one at a time
+  const int parts = symmetric_ ? 160 : 10;           // of the angle, one at a time
   constexpr int kManyAngles = 26, kManyDepths = 18;  // where the nodes asked for are not enough
   const auto largest = [&](int most, auto&& fits) {  // part that fits, found by halving
     int good = parts / 10 - 1, bad = most + 1;
