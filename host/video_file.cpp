@@ -6,12 +6,14 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo {
 
 struct VideoFile::State {
   cv::VideoCapture capture;
   std::filesystem::path file;
+  cv::Mat first;  // read at once: some that are no videos open all the same
 };
 
 VideoFile::VideoFile(const std::filesystem::path& file) : state_(std::make_unique<State>()) {
@@ -22,7 +24,8 @@ VideoFile::VideoFile(const std::filesystem::path& file) : state_(std::make_uniqu
   bool open = false;
   try {
     // Absolute, since a name such as "http:..." means something else to the library.
-    open = state_->capture.open(std::filesystem::absolute(file).string(), cv::CAP_FFMPEG);
+    open = state_->capture.open(std::filesystem::absolute(file).string(), cv::CAP_FFMPEG) &&
+           state_->capture.read(state_->first) && !state_->first.empty();
   } catch (const cv::Exception&) {
     open = false;
   }
@@ -33,7 +36,10 @@ VideoFile::~VideoFile() = default;
 
 cv::Mat VideoFile::read() {
   cv::Mat frame;
-  if (!state_->capture.read(frame) || frame.empty()) return {};
+  if (!state_->first.empty())
+    std::swap(frame, state_->first);
+  else if (!state_->capture.read(frame) || frame.empty())
+    return {};
   if (frame.type() != CV_8UC3) throw std::runtime_error(state_->file.string() + ": its frames are not 8-bit colour");
   return frame.clone();
 }
