@@ -27,6 +27,9 @@ class FieldModel {
   void set_uniform_background(const Eigen::Vector3d& field);
   /// Dipoles are good everywhere but at the coils.
   bool valid_at(const Eigen::Vector3d& position_in_world) const;
+  const CoilField* dipoles() const { return std::get_if<CoilField>(&model_); }               ///< null for multipoles
+  const MultipoleField* multipoles() const { return std::get_if<MultipoleField>(&model_); }  ///< null for dipoles
+  const Eigen::Vector3d& uniform_background() const { return uniform_; }                     ///< T
 
  private:
   std::variant<CoilField, MultipoleField> model_;

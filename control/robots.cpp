@@ -68,6 +68,8 @@ Robot ni_500um() {
   robot.saturation = 4.9e5;
   // From the table's m(20 mT) = 1.1e-6 A m^2, as for CoNi.
   robot.demagnetisation = 0.02 / (kMu0 * robot.saturation * std::atanh(1.1e-6 / (robot.solid_volume * 4.9e5)));
+  const Eigen::Vector3d plate = demagnetising_factors({kAxis, kRadius, kThickness / 2});
+  robot.anisotropy = plate[1] - plate[0];
   return robot;
 }
 
@@ -100,19 +102,50 @@ Robot robot_named(std::string_view name) {
   throw std::invalid_argument("robot: '" + std::string(name) + "' is not one of " + known);
 }
 
+WallFactors faxen(double radius, double distance) {
+  const double x = std::min(radius / distance, 1 / kNearest), cube = x * x * x;
+  return {1 / (1 - 9. / 16 * x + cube / 8), 1 / (1 - 9. / 8 * x + cube / 2)};
+}
+
 Eigen::Matrix3d resistance_near_wall(const Eigen::Matrix3d& free, const Robot& robot, const Eigen::Vector3d& normal,
                                      double distance) {
   robot.check();
   require(std::isfinite(distance) && distance > 0, "wall distance: must be above 0 m");
   require(normal.allFinite() && normal.norm() > 0, "wall normal: must be finite and not zero");
-  const double mean = std::cbrt(robot.semi_axis * robot.semi_radius * robot.semi_radius);
-  const double x = std::min(mean / distance, 1 / kNearest), cube = x * x * x;
-  const double along = 1 / (1 - 9. / 16 * x + cube / 8), towards = 1 / (1 - 9. / 8 * x + cube / 2);
+  const auto [along, towards] = faxen(std::cbrt(robot.semi_axis * robot.semi_radius * robot.semi_radius), distance);
   const Eigen::Vector3d n = normal.normalized();
   // The root on both sides keeps the tensor symmetric where the robot's axis is askew to the wall.
   const Eigen::Matrix3d root =
       std::sqrt(along) * Eigen::Matrix3d::Identity() + (std::sqrt(towards) - std::sqrt(along)) * n * n.transpose();
   return root * free * root;
+}
+
+double rotational_resistance(const Robot& robot, const Medium& medium) {
+  const Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
+  const double along = resistance(robot, medium, axis)(0, 0), a = robot.semi_axis, b = robot.semi_radius;
+  // Perrin's (32/3) pi eta (a^4 - b^4) / ((2a^2 - b^2) S - 2a) by the drag along the axis, which has the same
+  // denominator: nothing vanishes at the sphere, where this is 8 pi eta R^3.
+  return 2. / 3 * (a * a + b * b) * along;
+}
+
+Eigen::Vector3d robot_moment(const Robot& robot, const Eigen::Vector3d& axis, const Eigen::Vector3d& field) {
+  if (robot.hard) return robot.solid_volume * robot.saturation * axis;
+  const double strength = field.norm();
+  if (!(strength > 0)) return Eigen::Vector3d::Zero();
+  // In the plane of axis and field; only the part across the axis has another factor.
+  const Eigen::Vector3d across_field = field - axis.dot(field) * axis;
+  const double across_strength = across_field.norm();
+  const Eigen::Vector3d across = across_strength > 0 ? Eigen::Vector3d(across_field / across_strength) : axis;
+  const SoftBody body{
+      robot.solid_volume,
+      robot.saturation,
+      {robot.demagnetisation, robot.demagnetisation + robot.anisotropy, robot.demagnetisation + robot.anisotropy}};
+  const Eigen::Vector3d in_body(axis.dot(field), across_strength, 0);
+  const Eigen::Vector3d sharp = soft_moment(body, in_body);
+  const Eigen::Vector3d linear = in_body.cwiseQuotient(kMu0 * body.factors);
+  const double knee = linear.norm() / body.saturation;
+  const double smooth = knee > 1e-9 ? std::tanh(knee) / std::min(knee, 1.0) : 1;
+  return smooth * (sharp[0] * axis + sharp[1] * across);
 }
 
 Eigen::Vector3d demagnetising_factors(const Eigen::Vector3d& semi_axes) {
