@@ -13,7 +13,7 @@ namespace vitreo {
 
 /// One image. The first pixel's centre is (0, 0); u goes right, v goes down.
 struct Frame {
-  cv::Mat image;             ///< 8-bit grey; never written to after delivery
+  cv::Mat image;             ///< 8-bit grey, or blue, green, red of a colour camera; never written to after delivery
   std::uint64_t number = 0;  ///< counts exposures, so a gap shows dropped frames
   Time exposed{};            ///< the middle of the exposure
   Time received{};           ///< when the host had it

@@ -125,6 +125,12 @@ const ConfigValue* ConfigReader::find(const std::string& key) {
 
 bool ConfigReader::has(const std::string& key) const { return table_.contains(key); }
 
+std::vector<std::string> ConfigReader::keys() const {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : table_) names.push_back(name);
+  return names;
+}
+
 void ConfigReader::check_bounds(const std::string& key, double value, const Bounds& bounds) const {
   if (!std::isfinite(value)) fail(key, "must be " + number_wanted(bounds) + ", not infinite or undefined");
   if (value >= bounds.min && value <= bounds.max) return;

@@ -57,6 +57,8 @@ class ConfigReader {
   /// A list of numbers of any length.
   std::vector<double> numbers(const std::string& key, const std::vector<double>& fallback, const Bounds& bounds);
   bool has(const std::string& key) const;
+  /// What is in the table, sorted: for tables whose keys are names that the file chooses.
+  std::vector<std::string> keys() const;
   /// A sub-table; empty when it is not there.
   ConfigReader table(const std::string& key);
   /// Throws ConfigError for the first key that nobody read, with the nearest known one.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/open_rig.h"
 
+#include "host/plant_settings.h"
 #include "host/rig_settings.h"
 
 #include <filesystem>
@@ -89,12 +90,15 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
                                   const SimulationShifts& shifts) {
   ConfigReader reader(description);
   RigSettings settings = read_rig_settings(reader);
-  // A photograph is named from where the rig file stands.
-  if (std::string& fundus = settings.laboratory.fundus; !fundus.empty())
-    fundus = (std::filesystem::path(description.file).parent_path() / fundus).string();
+  // Files are named from where the rig file stands.
+  const std::filesystem::path folder = std::filesystem::path(description.file).parent_path();
+  sim::LaboratorySettings& laboratory = settings.laboratory;
+  if (!laboratory.fundus.empty()) laboratory.fundus = (folder / laboratory.fundus).string();
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
   try {
+    if (!settings.calibration.empty())
+      laboratory.world.field = read_calibration(folder / settings.calibration, laboratory.world.field);
     return std::make_unique<SimulatedRig>(settings, reader.resolved(), clock, seed);
   } catch (const std::invalid_argument& problem) {
     throw ConfigError(description.file + ": " + problem.what());

@@ -22,6 +22,7 @@ const std::vector<DriverEntry<Stage>>& drivers() {
   static const std::vector<DriverEntry<Stage>> entries{
       {"zaber", read_zaber},
       {"sutter_mp285", read_sutter_mp285},
+      {"simulated", read_simulated_stage},
   };
   return entries;
 }
@@ -30,6 +31,7 @@ template <>
 const std::vector<DriverEntry<RotationStage>>& drivers() {
   static const std::vector<DriverEntry<RotationStage>> entries{
       {"zaber", read_zaber_rotary},
+      {"simulated", read_simulated_rotation},
   };
   return entries;
 }
@@ -38,6 +40,7 @@ template <>
 const std::vector<DriverEntry<FieldProbe>>& drivers() {
   static const std::vector<DriverEntry<FieldProbe>> entries{
       {"scpi_probe", read_scpi_probe},
+      {"simulated", read_simulated_probe},
   };
   return entries;
 }

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig_settings.h"
 
+#include "control/robots.h"
+#include "host/plant_settings.h"
+
+#include <algorithm>
+
 namespace vitreo {
 namespace {
 
@@ -11,8 +16,9 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   reader.choice("eye", "model_eye_5_3", {"model_eye_5_3"});
   model.eye = optics::model_eye_5_3();
   model.eye_in_world = reader.vector3("eye_in_world", model.eye_in_world, {-20e-3, 20e-3, "m"});
-  reader.choice("robot", "coni_2mm", {"coni_2mm"});
-  model.robot = control::coni_2mm();
+  const auto& robots = control::robot_names();
+  model.robot =
+      control::robot_named(reader.choice("robot", "coni_2mm", std::vector<std::string>(robots.begin(), robots.end())));
   reader.choice("field", "octomag", {"octomag"});
   ConfigReader medium = reader.table("medium");
   model.medium.name = medium.text("name", model.medium.name);
@@ -28,9 +34,14 @@ void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixe
   camera.size.height = reader.integer("height_px", camera.size.height, 64, 8192);
   camera.frame_rate = reader.number("frame_rate", camera.frame_rate, {0.1, 2000, "Hz"});
   camera.latency = reader.number("latency", camera.latency, {0, 0.39, "s"});
+  const double usual = std::min({camera.exposure, 0.5 / camera.frame_rate, 2 * camera.latency});
+  camera.exposure = reader.number("exposure", usual, {0, 0.1, "s"});
+  camera.jitter = reader.number("jitter", camera.jitter, {0, 0.1, "s"});
   pixel = reader.number("effective_pixel", pixel, {0.5e-6, 200e-6, "m"});
   ConfigReader sensor = reader.table("sensor");
   sim::Sensor& s = camera.sensor;
+  s.colour = sensor.choice("colour", "grey", {"grey", "bayer"}) == "bayer" ? sim::SensorColour::bayer
+                                                                           : sim::SensorColour::grey;
   s.full_well = sensor.number("full_well", s.full_well, {100, 1e6, ""});
   s.read_noise = sensor.number("read_noise", s.read_noise, {0, 1000, ""});
   s.brightness = sensor.number("brightness", s.brightness, {1, 1000, ""});
@@ -42,6 +53,12 @@ void read_top_camera(ConfigReader reader, RigSettings& settings) {
   settings.top_camera = true;
   reader.choice("driver", "simulated", {"simulated"});
   sim::CameraSettings& camera = settings.laboratory.top;
+  const std::string view = reader.choice("view", "microscope", {"microscope", "bare_sensor", "plain"});
+  settings.laboratory.top_view = view == "plain"         ? sim::TopView::plain
+                                 : view == "bare_sensor" ? sim::TopView::bare_sensor
+                                                         : sim::TopView::microscope;
+  settings.laboratory.sensor_aperture =
+      reader.number("sensor_aperture", settings.laboratory.sensor_aperture, {0.005, 0.4, ""});
   optics::ImageScale& image = settings.model.top_image;
   read_camera(reader, camera, image.pixel);
   const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
@@ -107,24 +124,6 @@ void read_sample(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
-/// What is really there, beyond the instruments: how far it is from the model.
-void read_truth(ConfigReader reader, sim::LaboratorySettings& laboratory) {
-  sim::WorldSettings& world = laboratory.world;
-  world.coil_bandwidth = reader.number("coil_bandwidth", world.coil_bandwidth, {0.1, 10000, "Hz"});
-  world.coil_delay = reader.number("coil_delay", world.coil_delay, {0, 0.3, "s"});
-  world.current_noise = reader.number("current_noise", world.current_noise, {0, 1, "A"});
-  world.friction = reader.number("friction", world.friction, {0, 2, ""});
-  control::FieldPerturbation& field = laboratory.field_perturbation;
-  field.gain = reader.number("coil_gain_sigma", field.gain, {0, 0.5, ""});
-  field.position = reader.number("coil_position_sigma", field.position, {0, 0.02, "m"});
-  field.axis = reader.number("coil_axis_sigma", field.axis, {0, 0.5, "rad"});
-  laboratory.moment_sigma = reader.number("moment_sigma", laboratory.moment_sigma, {0, 0.3, ""});
-  laboratory.dac_offset = reader.number("dac_offset_sigma", laboratory.dac_offset, {0, 200, ""});
-  laboratory.fundus = reader.text("fundus", laboratory.fundus);
-  laboratory.fundus_width = reader.number("fundus_width", laboratory.fundus_width, {1 * kMilli, 0.2, "m"});
-  reader.finish();
-}
-
 /// The laboratory is built as the model says, and then differs by what `truth` says.
 void share_with_laboratory(RigSettings& settings) {
   sim::LaboratorySettings& laboratory = settings.laboratory;
@@ -133,12 +132,12 @@ void share_with_laboratory(RigSettings& settings) {
   laboratory.top_image = settings.model.top_image;
   laboratory.side_pixel = settings.model.side_pixel;
   laboratory.side_centre_px = settings.model.side_centre_px;
-  laboratory.world.field = settings.model.field;
+  laboratory.world.field = laboratory.believed_field = settings.model.field;
   laboratory.world.robot = settings.model.robot;
   laboratory.world.medium = settings.model.medium;
-  laboratory.world.eye_in_world = settings.model.eye_in_world;
-  laboratory.world.retina_radius = settings.model.eye.surfaces.front().radius;
-  laboratory.world.lens_depth = settings.model.eye.vertex(2);
+  laboratory.world.cavity.vertex = settings.model.eye_in_world;
+  laboratory.world.cavity.radius = settings.model.eye.surfaces.front().radius;
+  laboratory.world.cavity.lens_depth = settings.model.eye.vertex(2);
 }
 
 }  // namespace
@@ -155,9 +154,9 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   read_role(reader, "stage", settings, settings.stage);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);
   read_role(reader, "field_probe", settings, settings.field_probe);
-  read_truth(reader.table("truth"), settings.laboratory);
-  reader.finish();
   share_with_laboratory(settings);
+  read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
+  reader.finish();
   return settings;
 }
 

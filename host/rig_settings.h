@@ -15,6 +15,7 @@ struct RigSettings {
   RigModel model;                  // but for the projection, which is fitted
   double projection_reach = 7e-3;  // m of aerial image for which the projection is fitted
   sim::LaboratorySettings laboratory;
+  std::string calibration;        // file of the plant's field, "" for the model's own dipoles
   bool exact_projection = false;  // localise by the exact projection instead
   InterlockLimits limits;
   bool top_camera = false, side_camera = false, lens_mover = false, sample = false;

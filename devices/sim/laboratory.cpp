@@ -2,59 +2,16 @@
 #include "devices/sim/laboratory.h"
 
 #include "devices/error.h"
+#include "devices/sim/hardware_draw.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <stdexcept>
 
 namespace vitreo::sim {
 namespace {
-
-/// Streams of chance for separate purposes, so that a change in one leaves the others as they were.
-enum class Purpose : std::uint64_t { field = 1, moment, world, fundus, top_noise, side_noise, dac };
-std::uint64_t seed_for(std::uint64_t seed, Purpose purpose) {
-  std::seed_seq mixed{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
-                      static_cast<std::uint32_t>(purpose)};
-  std::uint32_t words[2];
-  mixed.generate(words, words + 2);
-  return (static_cast<std::uint64_t>(words[0]) << 32) | words[1];
-}
-
-/// A camera that exposes at a steady rate whether or not anybody looks; only a frame that is pulled is rendered.
-class SimulatedCamera : public Camera {
- public:
-  using Draw = std::function<cv::Mat(Time exposed, std::uint64_t number)>;
-  SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock, Draw draw)
-      : info_(std::move(info)),
-        clock_(clock),
-        draw_(std::move(draw)),
-        period_(from_seconds(1 / settings.frame_rate)),
-        latency_(from_seconds(settings.latency)) {}
-  const CameraInfo& info() const override { return info_; }
-  Frame grab(Time timeout) override {
-    const Time deadline = timeout == kForever ? kForever : clock_.now() + timeout;
-    // The newest that has arrived, if it was not yet returned; else the next one to arrive.
-    const std::int64_t arrived = clock_.now() < latency_ ? -1 : (clock_.now() - latency_) / period_;
-    const std::int64_t number = std::max(arrived, last_ + 1);
-    const Time arrives = number * period_ + latency_;
-    if (arrives > deadline) {
-      clock_.sleep_until(deadline);
-      throw DeviceError(DeviceErrorKind::timeout, info_.identity, "no frame in time");
-    }
-    clock_.sleep_until(arrives);
-    last_ = number;
-    return {draw_(number * period_, static_cast<std::uint64_t>(number)), static_cast<std::uint64_t>(number),
-            number * period_, arrives};
-  }
-
- private:
-  CameraInfo info_;
-  Clock& clock_;
-  Draw draw_;
-  Time period_, latency_;
-  std::int64_t last_ = -1;
-};
 
 class SimulatedLensMover : public LensMover {
  public:
@@ -104,10 +61,16 @@ class SimulatedHands : public SampleHandler {
 };
 
 WorldSettings drawn_world(const LaboratorySettings& settings, std::uint64_t seed) {
+  const auto stream = [seed](Purpose purpose) { return std::mt19937_64(seed_for(seed, purpose)); };
   WorldSettings world = settings.world;
-  std::mt19937_64 field(seed_for(seed, Purpose::field)), moment(seed_for(seed, Purpose::moment));
-  world.field = world.field.perturbed(settings.field_perturbation, field);
+  auto field = stream(Purpose::field), moment = stream(Purpose::moment), roll = stream(Purpose::roll),
+       tuning = stream(Purpose::tuning);
+  std::normal_distribution<double> normal;
+  world.field = perturbed(world.field, settings.field_perturbation, field);
   world.moment_gain *= 1 + settings.moment_sigma * std::normal_distribution<double>()(moment);
+  world.roll += settings.roll_sigma * normal(roll);
+  if (settings.hand_tuning)
+    world.extra_force += force_left_by_tuning(*settings.hand_tuning, world, settings.believed_field, tuning);
   return world;
 }
 
@@ -117,6 +80,37 @@ usb3103::EmulatorSettings drawn_dac(double offset, std::uint64_t seed) {
   std::normal_distribution<double> normal;
   for (double& channel : dac.offset) channel = offset * normal(random);
   return dac;
+}
+
+/// How thick two crossed elliptical plates of the robot's outline are that have its volume: V = 2 pi a b t - 2 a t^2.
+double plate_thickness(const control::Robot& robot) {
+  const double a = robot.semi_axis, flat = 2 * M_PI * a * robot.semi_radius;
+  const double root = flat * flat - 8 * a * robot.solid_volume;
+  return root > 0 ? (flat - std::sqrt(root)) / (4 * a) : 0;
+}
+
+BodyLook look_of(const LaboratorySettings& settings) {
+  BodyLook look;
+  if (!settings.plates || settings.world.robot.hard) return look;
+  look.plate_thickness = plate_thickness(settings.world.robot);
+  look.specular = 0.05;  // electroplated, not polished; a whole plate would shine at once
+  return look;
+}
+
+BodyLook look_of(const BodySettings& body) {
+  BodyLook look{0.35, 0.55, 0.05, 20, body.colour};
+  if (body.dotted) look.dot_pitch = body.dot_pitch;
+  return look;
+}
+
+constexpr std::array<double, 3> kFundusTint = {1.45, 0.9, 0.25};  // red, green, blue of a retina whose grey is 1
+
+std::vector<StageAxis> probe_axes(const StageAxis& each) {
+  std::vector<StageAxis> axes(3, each);
+  axes[0].name = "x";
+  axes[1].name = "y";
+  axes[2].name = "z";
+  return axes;
 }
 
 /// A backlit chamber: even light, a little brighter below.
@@ -129,12 +123,6 @@ cv::Mat side_ground(int width, int height) {
 
 }  // namespace
 
-void CameraSettings::check() const {
-  if (!(frame_rate > 0 && frame_rate <= 10000)) throw std::invalid_argument("frame_rate must be in (0, 10000] Hz");
-  if (!(latency >= 0 && latency < 0.4)) throw std::invalid_argument("latency must be in [0, 0.4) s");
-  sensor.check();
-}
-
 struct Laboratory::State {
   State(const LaboratorySettings& given, Clock& the_clock, std::uint64_t the_seed)
       : settings(given),
@@ -143,32 +131,64 @@ struct Laboratory::State {
         world(drawn_world(given, the_seed), seed_for(the_seed, Purpose::world)),
         lens(the_clock, given.lens_travel, given.lens_speed),
         hands(world, the_clock),
+        sensor_stage("sensor_stage", {given.sensor_axis}, the_clock),
+        sensor_rotation("sensor_rotation", given.sensor_turn, the_clock),
+        probe_stage("probe_stage", probe_axes(given.probe_axis), the_clock),
+        probe(
+            given.probe, world, [this] { return probes_place(); }, the_clock, seed_for(the_seed, Purpose::probe)),
         fundus(given.fundus.empty()
-                   ? Fundus::drawn(seed_for(the_seed, Purpose::fundus), 1.55 * given.world.retina_radius)
+                   ? Fundus::drawn(seed_for(the_seed, Purpose::fundus), 1.55 * given.world.cavity.radius)
                    : Fundus::photograph(given.fundus, given.fundus_width)) {}
 
-  /// The eye with the condensing lens where the mover has put it; the microscope stays where it is.
-  void look_through(double lens_position) {
+  /// Where the parts that look are at a time: the condensing lens' mover (of now), the bare sensor's stages.
+  struct Pose {
+    double lens = 0, sensor = 0, turn = 0;
+    bool operator==(const Pose&) const = default;
+  };
+  Pose pose(Time time) const {
+    if (settings.top_view == TopView::plain) return {};
+    if (settings.top_view == TopView::microscope) return {lens.position(), 0, 0};
+    return {lens.position(), sensor_stage.at(time)[0], sensor_rotation.at(time)};
+  }
+
+  void look(const Pose& now) {
+    const std::uint64_t noise = seed_for(seed, Purpose::top_noise);
+    const BodyLook robot = look_of(settings);
+    drawn_pose = now;
+    const ImageSize& size = settings.top.size;
+    const optics::ImageScale& image = settings.top_image;
+    if (settings.top_view == TopView::plain) {
+      top_renderer.emplace(
+          plain_view(image.pixel, image.centre_px, size),
+          Aperture{settings.microscope.numerical_aperture, 550e-9, image.pixel},
+          [](const Eigen::Vector2d&, double z) { return z; }, side_ground(size.width, size.height), 0,
+          settings.top.sensor, robot, noise);
+      return;
+    }
+    // The eye with the condensing lens where the mover has put it; who looks stays where it is.
     optics::System eye = settings.eye;
-    eye.surfaces[static_cast<std::size_t>(kBeforeCondensingLens - 1)].thickness += lens_position;
-    optics::Microscope microscope = settings.microscope;
-    microscope.focus -= lens_position;
-    View view = eye_view(eye, microscope, settings.top_image, settings.top.size, settings.world.eye_in_world);
-    const Aperture aperture{microscope.numerical_aperture, 550e-9, settings.top_image.pixel};
-    const auto defocus = eye_defocus(eye, microscope, settings.top_image);
-    cv::Mat ground = retina_ground(view, fundus, settings.world.retina_radius);
+    eye.surfaces[static_cast<std::size_t>(kBeforeCondensingLens - 1)].thickness += now.lens;
+    optics::Microscope observer = settings.microscope;
+    observer.focus += now.sensor - now.lens;
+    if (settings.top_view == TopView::bare_sensor)
+      observer = bare_sensor(eye, observer.focus, settings.sensor_aperture);
+    constexpr int kGridStep = 16;
+    View view = eye_view(eye, observer, image, size, settings.world.cavity.vertex, kGridStep, now.turn);
+    const Aperture aperture{observer.numerical_aperture, 550e-9, image.pixel};
+    const auto defocus = eye_defocus(eye, observer, image);
+    cv::Mat ground = retina_ground(view, fundus, settings.world.cavity.radius);
     // One kernel for the whole ground, that of the retina half-way out to the side.
-    const Eigen::Vector2d half_way = settings.top_image.centre_px + Eigen::Vector2d(settings.top.size.width / 4.0, 0);
+    const Eigen::Vector2d half_way = image.centre_px + Eigen::Vector2d(size.width / 4.0, 0);
     const double ground_defocus = defocus(half_way, 0);
-    top_renderer.emplace(std::move(view), aperture, defocus, ground, ground_defocus, settings.top.sensor, RobotLook{},
-                         seed_for(seed, Purpose::top_noise));
-    drawn_lens_position = lens_position;
+    Sensor sensor = settings.top.sensor;
+    sensor.ground_tint = kFundusTint;
+    top_renderer.emplace(std::move(view), aperture, defocus, ground, ground_defocus, sensor, robot, noise);
   }
 
   cv::Mat draw_top(Time exposed, std::uint64_t number) {
-    const double position = lens.position();
-    if (!top_renderer || position != drawn_lens_position) look_through(position);
-    return draw(*top_renderer, exposed, number);
+    const Pose now = pose(exposed);
+    if (!top_renderer || !(now == drawn_pose)) look(now);
+    return draw(*top_renderer, settings.top, exposed, number);
   }
 
   cv::Mat draw_side(Time exposed, std::uint64_t number) {
@@ -177,18 +197,33 @@ struct Laboratory::State {
       side_renderer.emplace(
           side_view(settings.side_pixel, settings.side_centre_px, settings.side.size), aperture,
           [](const Eigen::Vector2d&, double z) { return z; },
-          side_ground(settings.side.size.width, settings.side.size.height), 0, settings.side.sensor, RobotLook{},
+          side_ground(settings.side.size.width, settings.side.size.height), 0, settings.side.sensor, look_of(settings),
           seed_for(seed, Purpose::side_noise));
     }
-    return draw(*side_renderer, exposed, number);
+    return draw(*side_renderer, settings.side, exposed, number);
   }
 
-  cv::Mat draw(Renderer& renderer, Time exposed, std::uint64_t number) {
-    const BodyState* robot = world.robot(exposed);
-    if (robot == nullptr) return renderer.render(nullptr, number);
-    BodyState drawn = *robot;
-    drawn.position += settings.drawn_shift;
-    return renderer.render(&drawn, number);
+  cv::Mat draw(Renderer& renderer, const CameraSettings& camera, Time exposed, std::uint64_t number) {
+    const Time half = from_seconds(camera.exposure / 2);
+    std::vector<DrawnBody> bodies;
+    const auto shifted = [this](BodyState state) {
+      state.position += settings.drawn_shift;
+      return state;
+    };
+    if (const BodyState* robot = world.robot(exposed - half); robot != nullptr) {
+      const BodyState start = shifted(*robot);
+      const BodyState* later = world.robot(exposed + half);
+      bodies.push_back({start, later != nullptr ? shifted(*later) : start, look_of(settings)});
+    }
+    const std::vector<BodyState> others = world.bodies(exposed);
+    for (std::size_t k = 0; k < others.size(); ++k)
+      bodies.push_back({others[k], others[k], look_of(settings.world.bodies[k])});
+    return renderer.render(bodies, number);
+  }
+
+  Eigen::Vector3d probes_place() const {
+    const std::vector<double> at = probe_stage.at(clock.now());
+    return {at[0], at[1], at[2]};
   }
 
   static constexpr int kBeforeCondensingLens = 5;  // the surface whose thickness is the air before the lens
@@ -198,9 +233,13 @@ struct Laboratory::State {
   World world;
   SimulatedLensMover lens;
   SimulatedHands hands;
+  SimulatedStage sensor_stage;
+  SimulatedRotationStage sensor_rotation;
+  SimulatedStage probe_stage;
+  SimulatedProbe probe;
   Fundus fundus;
   std::optional<Renderer> top_renderer, side_renderer;
-  double drawn_lens_position = 0;
+  Pose drawn_pose;
   std::unique_ptr<SimulatedCamera> top, side;
   std::unique_ptr<usb3103::Emulator> outputs;
 };
@@ -209,6 +248,8 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
   settings.top.check();
   settings.side.check();
   settings.eye.check();
+  if (!(settings.sensor_aperture > 0 && settings.sensor_aperture < 1))
+    throw std::invalid_argument("sensor_aperture must be in (0, 1)");
   if (settings.eye.size() <= State::kBeforeCondensingLens)
     throw std::invalid_argument("eye: a system with a condensing lens before surface 6 is wanted");
   state_ = std::make_unique<State>(settings, clock, seed);
@@ -218,10 +259,12 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
   state.top = std::make_unique<SimulatedCamera>(
       CameraInfo{"simulated microscope camera", top.size.width, top.size.height, 1 / top.frame_rate,
                  settings.top_image.pixel},
-      top, clock, [&state](Time exposed, std::uint64_t number) { return state.draw_top(exposed, number); });
+      top, clock, seed_for(seed, Purpose::top_jitter),
+      [&state](Time exposed, std::uint64_t number) { return state.draw_top(exposed, number); });
   state.side = std::make_unique<SimulatedCamera>(
       CameraInfo{"simulated side camera", side.size.width, side.size.height, 1 / side.frame_rate, settings.side_pixel},
-      side, clock, [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); });
+      side, clock, seed_for(seed, Purpose::side_jitter),
+      [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); });
   state.outputs =
       usb3103::make_emulator(drawn_dac(settings.dac_offset, seed), [&state](const usb3103::Voltages& volts) {
         control::Currents commands(state.settings.world.field.coils());
@@ -236,6 +279,10 @@ Camera& Laboratory::top_camera() { return *state_->top; }
 Camera& Laboratory::side_camera() { return *state_->side; }
 LensMover& Laboratory::lens_mover() { return state_->lens; }
 SampleHandler& Laboratory::sample() { return state_->hands; }
+Stage& Laboratory::sensor_stage() { return state_->sensor_stage; }
+RotationStage& Laboratory::sensor_rotation() { return state_->sensor_rotation; }
+Stage& Laboratory::probe_stage() { return state_->probe_stage; }
+FieldProbe& Laboratory::field_probe() { return state_->probe; }
 usb3103::Emulator& Laboratory::coil_outputs() { return *state_->outputs; }
 
 void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
@@ -248,15 +295,15 @@ void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
 }
 
 Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& place, Time time) {
-  World& world = state_->world;
-  const control::FieldGradient field = world.settings().field.matrix(place) * world.currents(time);
-  return field.head<3>();
+  return state_->world.field(time, place).head<3>();
 }
 
 std::optional<Truth> Laboratory::truth(Time time) {
   const BodyState* robot = state_->world.robot(time);
   if (robot == nullptr) return std::nullopt;
-  return Truth{robot->position + state_->settings.truth_shift, robot->axis, state_->world.currents(time)};
+  World& world = state_->world;
+  return Truth{robot->position + state_->settings.truth_shift, robot->axis, world.currents(time),
+               world.coil_temperatures(time), !world.settings().field.valid_at(robot->position)};
 }
 
 }  // namespace vitreo::sim

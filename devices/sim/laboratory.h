@@ -7,12 +7,16 @@
 #include "devices/camera.h"
 #include "devices/lens_mover.h"
 #include "devices/sample_handler.h"
+#include "devices/sim/hardware_draw.h"
 #include "devices/sim/renderer.h"
+#include "devices/sim/simulated_camera.h"
+#include "devices/sim/stages.h"
 #include "devices/sim/world.h"
 #include "devices/usb3103/emulator.h"
 #include "optics/observer.h"
 #include "optics/single_viewpoint.h"
 
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,22 +24,28 @@
 
 namespace vitreo::sim {
 
-struct CameraSettings {
-  ImageSize size;
-  double frame_rate = 15;  // Hz
-  double latency = 80e-3;  // s, from the middle of the exposure until the host has the frame
-  Sensor sensor;
-  void check() const;  // throws std::invalid_argument naming the parameter
-};
+/// What the top camera is: a microscope on the aerial image, a bare sensor in it (thesis chapter 4; turned about the
+/// axis by the rotation stage, appendix A), or a microscope without an eye below it.
+enum class TopView { microscope, bare_sensor, plain };
 
 struct LaboratorySettings {
   WorldSettings world;
   control::FieldPerturbation field_perturbation;  // of world.field, drawn from the seed
   double moment_sigma = 0.05;                     // relative, of the robot's true moment, drawn from the seed
+  double roll_sigma = 0;                          // rad, about world.roll, drawn from the seed
+  std::optional<HandTuning> hand_tuning;          // before the run; nothing: untrimmed
+  control::FieldModel believed_field = control::CoilField::octomag();  // with which the operator tuned
   optics::System eye = optics::model_eye_5_3();
   optics::Microscope microscope;
   optics::ImageScale top_image;
   CameraSettings top, side;
+  TopView top_view = TopView::microscope;
+  double sensor_aperture = 0.159;  // numerical, of the eye's pupil seen from a bare sensor (thesis 4.1)
+  bool plates = true;  // soft robots are drawn as the crossed plates they are; the localiser's are ellipsoids
+  StageAxis sensor_axis{"z", -15e-3, 15e-3, 20e-3, 5e-3, 1e-6};  // carries the bare sensor; 0 is the microscope's focus
+  StageAxis sensor_turn{"turn", -INFINITY, INFINITY, 3, 1, 1e-4};
+  StageAxis probe_axis{"", -20e-3, 20e-3, 20e-3, 10e-3, 5e-6};  // each of the three that carry the field probe
+  ProbeSettings probe;
   double side_pixel = 20.4e-6;               // m per pixel
   Eigen::Vector2d side_centre_px{328, 245};  // where the world's origin shows
   std::string fundus;                        // file of a photograph; empty: drawn
@@ -52,7 +62,9 @@ struct LaboratorySettings {
 /// What really is, for the record and the tests. No type of the loop knows it.
 struct Truth {
   Eigen::Vector3d position, axis;
-  control::Currents currents;  // A, as they flow
+  control::Currents currents;           // A, as they flow
+  control::Currents coil_temperatures;  // K
+  bool beyond_calibration = false;      // the robot is outside the region of the plant's calibration: World says how
 };
 
 class Laboratory {
@@ -64,12 +76,16 @@ class Laboratory {
   Camera& side_camera();
   LensMover& lens_mover();
   SampleHandler& sample();
+  Stage& sensor_stage();
+  RotationStage& sensor_rotation();
+  Stage& probe_stage();
+  FieldProbe& field_probe();
   usb3103::Emulator& coil_outputs();
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);
   /// T, as it really is at `place` (m, world frame).
   Eigen::Vector3d field(const Eigen::Vector3d& place, Time time);
-  /// Nothing while no robot is in the eye. `time` may lie up to 0.5 s back.
+  /// Nothing while no robot is in the eye. `time` may lie up to a second back.
   std::optional<Truth> truth(Time time);
 
  private:

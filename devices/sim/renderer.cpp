@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/renderer.h"
 
+#include "devices/sim/figure.h"
+#include "devices/sim/hardware_draw.h"
 #include "optics/trace.h"
 
 #include <Eigen/Geometry>
+#include <opencv2/imgproc.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -15,15 +18,7 @@ namespace vitreo::sim {
 namespace {
 
 constexpr int kNormalSamples = 1 << 18;
-constexpr double kWellOutside = 1.3;  // squared distance, in units of the robot, beyond which no pixel is touched
-
-/// A number that depends on all three and looks random (the finaliser of SplitMix64).
-std::uint64_t mix(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
-  std::uint64_t x = a + 0x9E3779B97F4A7C15U * (b + 1) + 0xD1B54A32D192ED03U * (c + 1);
-  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9U;
-  x = (x ^ (x >> 27)) * 0x94D049BB133111EBU;
-  return x ^ (x >> 31);
-}
+constexpr int kMostSmears = 9;  // instants of an exposure that are drawn at most
 
 cv::Mat vignette_of(int width, int height, double missing) {
   cv::Mat map(height, width, CV_32F);
@@ -32,6 +27,14 @@ cv::Mat vignette_of(int width, int height, double missing) {
     for (int u = 0; u < width; ++u)
       map.at<float>(v, u) = static_cast<float>(1 - missing * ((u - u0) * (u - u0) + (v - v0) * (v - v0)) / corner);
   return map;
+}
+
+/// The steepness of the distance at a pixel, from its neighbours; in a valley between two rims (a thin figure) that of
+/// the steeper side.
+float steepness(float before, float here, float after, bool inside) {
+  const float rise = after - here, fall = here - before;
+  if (inside && rise * fall < 0) return std::max(std::abs(rise), std::abs(fall));
+  return inside ? (after - before) / 2 : after - before;
 }
 
 }  // namespace
@@ -44,7 +47,7 @@ void Sensor::check() const {
 }
 
 Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground, double ground_defocus,
-                   const Sensor& sensor, const RobotLook& look, std::uint64_t seed)
+                   const Sensor& sensor, const BodyLook& look, std::uint64_t seed)
     : view_(std::move(view)), blur_(aperture), defocus_(std::move(defocus)), sensor_(sensor), look_(look), seed_(seed) {
   sensor_.check();
   if (ground.cols != view_.width || ground.rows != view_.height || ground.type() != CV_32F)
@@ -66,7 +69,8 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
   ground_sigma_.create(view_.height, view_.width, CV_16U);
   for (int v = 0; v < view_.height; ++v) {
     for (int u = 0; u < view_.width; ++u) {
-      const double level = sensor_.brightness * ground.at<float>(v, u) * vignette_.at<float>(v, u);
+      const double level =
+          sensor_.brightness * ground.at<float>(v, u) * vignette_.at<float>(v, u) * factor(sensor_.ground_tint, u, v);
       const auto mean = static_cast<std::uint16_t>(std::clamp(level * 256, 0.0, 65280.0));
       ground_.at<std::uint16_t>(v, u) = mean;
       ground_sigma_.at<std::uint16_t>(v, u) = sigma_of_level_[mean >> 8];
@@ -76,28 +80,55 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
   scene_sigma_ = ground_sigma_.clone();
 }
 
+double Renderer::factor(const std::array<double, 3>& colour, int u, int v) const {
+  if (sensor_.colour == SensorColour::grey) return 0.3 * colour[0] + 0.6 * colour[1] + 0.1 * colour[2];
+  return colour[static_cast<std::size_t>((u & 1) + (v & 1))];  // RG over GB
+}
+
 cv::Mat Renderer::render(const BodyState* robot, std::uint64_t frame) {
+  std::vector<DrawnBody> bodies;
+  if (robot != nullptr) bodies.push_back({*robot, *robot, look_});
+  return render(bodies, frame);
+}
+
+cv::Mat Renderer::render(const std::vector<DrawnBody>& bodies, std::uint64_t frame) {
   restore_ground();
-  if (robot != nullptr) draw_robot(*robot);
-  return add_noise(frame);
+  std::vector<const DrawnBody*> from_far;
+  from_far.reserve(bodies.size());
+  for (const DrawnBody& body : bodies) from_far.push_back(&body);
+  const auto height = [this](const DrawnBody* body) { return view_.point_in_view(body->start.position).z(); };
+  std::stable_sort(from_far.begin(), from_far.end(),
+                   [&](const DrawnBody* one, const DrawnBody* other) { return height(one) < height(other); });
+  for (const DrawnBody* body : from_far) draw(*body);
+  cv::Mat image = add_noise(frame);
+  if (sensor_.colour == SensorColour::grey) return image;
+  cv::Mat colours;
+  cv::cvtColor(image, colours, cv::COLOR_BayerBG2BGR);  // OpenCV names the pattern by its second row and column
+  return colours;
 }
 
 void Renderer::restore_ground() {
-  if (drawn_.empty()) return;
-  ground_(drawn_).copyTo(scene_(drawn_));
-  ground_sigma_(drawn_).copyTo(scene_sigma_(drawn_));
-  drawn_ = cv::Rect();
+  for (const cv::Rect& window : drawn_) {
+    ground_(window).copyTo(scene_(window));
+    ground_sigma_(window).copyTo(scene_sigma_(window));
+  }
+  drawn_.clear();
 }
 
-/// The pixels that the robot can touch, blur included; `extent`: how far it reaches from its centre along x and y, m.
+/// m per px at a depth of the view.
+double Renderer::scale_at(const Eigen::Vector2d& pixel, double z) const {
+  const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
+  const int v = std::clamp(static_cast<int>(pixel.y()), 1, view_.height - 2);
+  const PixelLine &left = view_.at(u - 1, v), &right = view_.at(u + 1, v);
+  return std::hypot(right.x - left.x + z * (right.dx - left.dx), right.y - left.y + z * (right.dy - left.dy)) / 2;
+}
+
+/// The pixels that a body can touch, blur included; `extent`: how far it reaches from its centre along x and y, m.
 cv::Rect Renderer::window_of(const Eigen::Vector3d& centre, const Eigen::Vector2d& extent, const Eigen::Vector2d& pixel,
                              double defocus) {
   const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
   const int v = std::clamp(static_cast<int>(pixel.y()), 1, view_.height - 2);
-  const PixelLine &left = view_.at(u - 1, v), &right = view_.at(u + 1, v);
-  const double scale = std::hypot(right.x - left.x + centre.z() * (right.dx - left.dx),
-                                  right.y - left.y + centre.z() * (right.dy - left.dy)) /
-                       2;  // m per px at this depth
+  const double scale = scale_at(pixel, centre.z());
   // A quarter more than the size at the centre: magnification grows towards the lens and towards the rim.
   const int margin = blur_.reach(defocus) + 2;
   const int half_u = static_cast<int>(std::ceil(1.25 * extent.x() / scale)) + margin;
@@ -105,7 +136,8 @@ cv::Rect Renderer::window_of(const Eigen::Vector3d& centre, const Eigen::Vector2
   return cv::Rect(u - half_u, v - half_v, 2 * half_u + 1, 2 * half_v + 1) & cv::Rect(0, 0, view_.width, view_.height);
 }
 
-void Renderer::draw_robot(const BodyState& robot) {
+void Renderer::draw(const DrawnBody& body) {
+  const BodyState& robot = body.start;
   const Eigen::Vector3d centre = view_.point_in_view(robot.position);
   const auto pixel = view_.pixel_of(centre);
   if (!pixel) return;  // outside the image
@@ -114,65 +146,102 @@ void Renderer::draw_robot(const BodyState& robot) {
   const auto reach = [&](double along) {
     return std::hypot(robot.semi_axis * along, robot.semi_radius * std::sqrt(std::max(1 - along * along, 0.0)));
   };
-  const cv::Rect window = window_of(centre, {reach(axis.x()), reach(axis.y())}, *pixel, defocus);
+  cv::Rect window = window_of(centre, {reach(axis.x()), reach(axis.y())}, *pixel, defocus);
+  int smears = 1;
+  if (const auto last = view_.pixel_of(view_.point_in_view(body.end.position)); last) {
+    const Eigen::Vector2d gone = *last - *pixel;
+    const double turned = (body.end.axis - robot.axis).norm() * robot.semi_axis / scale_at(*pixel, centre.z());
+    smears = std::clamp(static_cast<int>(std::ceil(2 * (gone.norm() + turned))), 1, kMostSmears);
+    const cv::Point shift(static_cast<int>(std::lround(gone.x())), static_cast<int>(std::lround(gone.y())));
+    if (smears > 1) window = (window | (window + shift)) & cv::Rect(0, 0, view_.width, view_.height);
+  }
+  if (window.empty()) return;
   cv::Mat coverage, light;
-  shade(centre, axis, robot, window, coverage, light);
+  for (int smear = 0; smear < smears; ++smear) {
+    BodyState at = robot;
+    const double part = (smear + 0.5) / smears;
+    if (smears > 1) {
+      at.position += part * (body.end.position - robot.position);
+      at.axis = (robot.axis + part * (body.end.axis - robot.axis)).normalized();
+    }
+    cv::Mat one, lit;
+    shade(at, body.look, window, one, lit);
+    if (smear == 0) {
+      coverage = one;
+      light = lit;
+    } else {
+      coverage += one;
+      light += lit;
+    }
+  }
+  if (smears > 1) {
+    coverage /= smears;
+    light /= smears;
+  }
   blur_.apply(coverage, defocus);
   blur_.apply(light, defocus);
+  compose(coverage, light, body.look, window);
+  drawn_.push_back(window);
+}
+
+void Renderer::compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look, const cv::Rect& window) {
   for (int v = 0; v < window.height; ++v) {
     const float* covered = coverage.ptr<float>(v);
     const float* lit = light.ptr<float>(v);
     const float* vignette = vignette_.ptr<float>(window.y + v) + window.x;
     std::uint16_t* mean = scene_.ptr<std::uint16_t>(window.y + v) + window.x;
     std::uint16_t* sigma = scene_sigma_.ptr<std::uint16_t>(window.y + v) + window.x;
-    const auto full = static_cast<float>(sensor_.brightness * 256);
+    const auto even = static_cast<float>(sensor_.brightness * 256 * factor(look.colour, window.x, window.y + v));
+    const auto odd = static_cast<float>(sensor_.brightness * 256 * factor(look.colour, window.x + 1, window.y + v));
     for (int u = 0; u < window.width; ++u) {
+      const float full = (u & 1) == 0 ? even : odd;
       const float level = (1 - covered[u]) * mean[u] + full * lit[u] * vignette[u];
       mean[u] = static_cast<std::uint16_t>(std::clamp(level, 0.0F, 65280.0F));
       sigma[u] = sigma_of_level_[mean[u] >> 8];
     }
   }
-  drawn_ = window;
 }
 
-/// For each pixel of the window: how much of it the robot covers, and the light from there (times the coverage).
-void Renderer::shade(const Eigen::Vector3d& centre, const Eigen::Vector3d& axis, const BodyState& robot,
-                     const cv::Rect& window, cv::Mat& coverage, cv::Mat& light) {
-  const double a2 = 1 / (robot.semi_axis * robot.semi_axis), b2 = 1 / (robot.semi_radius * robot.semi_radius);
-  // |p|^2 in the space where the robot is the unit sphere
-  const Eigen::Matrix3d shape = b2 * Eigen::Matrix3d::Identity() + (a2 - b2) * axis * axis.transpose();
+/// For each pixel of the window: how much of it the body covers, and the light from there (times the coverage).
+void Renderer::shade(const BodyState& body, const BodyLook& look, const cv::Rect& window, cv::Mat& coverage,
+                     cv::Mat& light) const {
+  const Figure figure = figure_of(view_, body, look);
   const Eigen::Vector3d lamp = Eigen::Vector3d(0.25, 0.15, 1).normalized();
   const Eigen::Vector3d half_way = (lamp + Eigen::Vector3d::UnitZ()).normalized();
-  cv::Mat distance(window.size(), CV_32F);  // of the pixel's line from the centre, in that space: 1 at the rim
+  cv::Mat distance(window.size(), CV_32F);  // of the pixel's line from the figure's middle, 1 at the rim
   coverage.create(window.size(), CV_32F);
   light.create(window.size(), CV_32F);
   for (int v = 0; v < window.height; ++v) {
+    float* const far = distance.ptr<float>(v);
+    float* const lit = light.ptr<float>(v);
     for (int u = 0; u < window.width; ++u) {
-      const PixelLine& line = view_.at(window.x + u, window.y + v);
-      const Eigen::Vector3d o = Eigen::Vector3d(line.x, line.y, 0) - centre, d(line.dx, line.dy, 1);
-      const Eigen::Vector3d so = shape * o, sd = shape * d;
-      const double dd = d.dot(sd), od = o.dot(sd), closest = o.dot(so) - od * od / dd;
-      const bool sees = std::isfinite(closest);  // not so where the optics let no ray through
-      distance.at<float>(v, u) = sees ? static_cast<float>(std::sqrt(std::max(closest, 0.0))) : 9;
-      light.at<float>(v, u) = 0;
-      if (!sees || closest > kWellOutside) continue;
-      const double t = (-od + std::sqrt(dd * std::max(1 - closest, 0.0))) / dd;  // where the line leaves towards us
-      const Eigen::Vector3d normal = (so + t * sd).normalized();
-      light.at<float>(v, u) =
-          static_cast<float>(look_.ambient + look_.diffuse * std::max(normal.dot(lamp), 0.0) +
-                             look_.specular * std::pow(std::max(normal.dot(half_way), 0.0), look_.shininess));
+      const Hit here = hit(figure, view_.at(window.x + u, window.y + v));
+      far[u] = static_cast<float>(std::sqrt(here.closest));
+      lit[u] = 0;
+      if (here.closest > kWellOutside) continue;
+      const double shine = std::max(here.normal.dot(half_way), 0.0);
+      double level = look.ambient + look.diffuse * std::max(here.normal.dot(lamp), 0.0);
+      if (look.specular > 0 && shine > 0.8) level += look.specular * std::pow(shine, look.shininess);
+      if (look.dot_pitch > 0) {
+        const double x = here.place.dot(figure.side) / look.dot_pitch,
+                     y = here.place.dot(figure.across) / look.dot_pitch;
+        if (std::hypot(x - std::round(x), y - std::round(y)) < 0.25) level *= 0.15;
+      }
+      lit[u] = static_cast<float>(level);
     }
   }
   for (int v = 0; v < window.height; ++v) {
+    const float* const row = distance.ptr<float>(v);
+    const float* const above = distance.ptr<float>(std::max(v - 1, 0));
+    const float* const below = distance.ptr<float>(std::min(v + 1, window.height - 1));
+    const bool between_rows = v > 0 && v + 1 < window.height;
     for (int u = 0; u < window.width; ++u) {
-      const float here = distance.at<float>(v, u);
-      const float du =
-          distance.at<float>(v, std::min(u + 1, window.width - 1)) - distance.at<float>(v, std::max(u - 1, 0));
-      const float dv =
-          distance.at<float>(std::min(v + 1, window.height - 1), u) - distance.at<float>(std::max(v - 1, 0), u);
+      const bool between = u > 0 && u + 1 < window.width;
+      const float du = steepness(row[std::max(u - 1, 0)], row[u], row[std::min(u + 1, window.width - 1)], between);
+      const float dv = steepness(above[u], row[u], below[u], between_rows);
       // the rim's distance in pixels, by the slope: a straight edge's share of the pixel
-      const float slope = std::max(std::hypot(du, dv) / 2, 1e-6F);
-      const float part = std::clamp((1 - here) / slope + 0.5F, 0.0F, 1.0F);
+      const float slope = std::max(std::hypot(du, dv), 1e-6F);
+      const float part = std::clamp((1 - row[u]) / slope + 0.5F, 0.0F, 1.0F);
       coverage.at<float>(v, u) = part;
       light.at<float>(v, u) *= part;
     }

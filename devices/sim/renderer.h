@@ -1,5 +1,5 @@
-// Draws what a simulated camera sees: the robot by its pixel lines over a ground that is drawn once, then blur and
-// noise.
+// Draws what a simulated camera sees: the bodies by their pixel lines over a ground that is drawn once, the nearer over
+// the farther, then blur and noise.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,24 +10,41 @@
 
 #include <opencv2/core/mat.hpp>
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
 
 namespace vitreo::sim {
 
+/// Grey, or red, green and blue filters in the order of Bayer (RG over GB), demosaiced.
+enum class SensorColour { grey, bayer };
+
 /// An 8-bit sensor: its noise is that of the counted electrons and of the read-out.
 struct Sensor {
-  double full_well = 20000;  // electrons at grey level 255
-  double read_noise = 15;    // electrons, standard deviation
-  double brightness = 255;   // grey level of reflectance 1 in the middle of the image
-  double vignette = 0.3;     // part of the light that is missing in the corners
-  void check() const;        // throws std::invalid_argument naming the parameter
+  SensorColour colour = SensorColour::grey;
+  std::array<double, 3> ground_tint{1, 1, 1};  // what the ground's grey is in red, green, blue
+  double full_well = 20000;                    // electrons at grey level 255
+  double read_noise = 15;                      // electrons, standard deviation
+  double brightness = 255;                     // grey level of reflectance 1 in the middle of the image
+  double vignette = 0.3;                       // part of the light that is missing in the corners
+  void check() const;                          // throws std::invalid_argument naming the parameter
 };
 
-/// How the robot's surface reflects light that comes with the observer's view, a little from one side.
-struct RobotLook {
+/// How a body's surface reflects light that comes with the observer's view, a little from one side.
+struct BodyLook {
   double ambient = 0.06, diffuse = 0.16, specular = 0.35, shininess = 30;
+  std::array<double, 3> colour{1, 1, 1};  // red, green, blue; of all that it reflects
+  /// As the thesis' soft robots are: two elliptical plates that cross along the axis, in the planes of the body's side
+  /// and across it. 0: the whole spheroid.
+  double plate_thickness = 0;  // m
+  double dot_pitch = 0;        // m: dark dots on a grid across the axis; 0: none
+};
+
+/// A body as it goes through one exposure.
+struct DrawnBody {
+  BodyState start, end;
+  BodyLook look;
 };
 
 class Renderer {
@@ -38,17 +55,22 @@ class Renderer {
 
   /// `ground`: sharp reflectance of the empty scene, CV_32F, of the view's size; `ground_defocus` in m.
   Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground, double ground_defocus,
-           const Sensor& sensor, const RobotLook& look, std::uint64_t seed);
+           const Sensor& sensor, const BodyLook& look, std::uint64_t seed);
   /// The image number `frame` with the robot there, or without. Same arguments, same image.
   cv::Mat render(const BodyState* robot, std::uint64_t frame);
+  /// With any bodies, smeared by how far they go; CV_8UC1, or CV_8UC3 (blue, green, red) of a colour sensor.
+  cv::Mat render(const std::vector<DrawnBody>& bodies, std::uint64_t frame);
   const View& view() const { return view_; }
 
  private:
   cv::Rect window_of(const Eigen::Vector3d& centre, const Eigen::Vector2d& extent, const Eigen::Vector2d& pixel,
                      double defocus);
-  void draw_robot(const BodyState& robot);
-  void shade(const Eigen::Vector3d& centre, const Eigen::Vector3d& axis, const BodyState& robot, const cv::Rect& window,
-             cv::Mat& coverage, cv::Mat& light);
+  double scale_at(const Eigen::Vector2d& pixel, double z) const;
+  void draw(const DrawnBody& body);
+  void shade(const BodyState& body, const BodyLook& look, const cv::Rect& window, cv::Mat& coverage,
+             cv::Mat& light) const;
+  void compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look, const cv::Rect& window);
+  double factor(const std::array<double, 3>& colour, int u, int v) const;
   void restore_ground();
   cv::Mat add_noise(std::uint64_t frame) const;
 
@@ -56,12 +78,12 @@ class Renderer {
   Blur blur_;
   DefocusOf defocus_;
   Sensor sensor_;
-  RobotLook look_;
+  BodyLook look_;
   std::uint64_t seed_;
   cv::Mat vignette_;                           // CV_32F, 1 in the middle
   cv::Mat ground_, scene_;                     // CV_16U: mean grey level * 256, empty and with the robot
   cv::Mat ground_sigma_, scene_sigma_;         // CV_16U: noise * 256
-  cv::Rect drawn_;                             // where scene_ differs from ground_
+  std::vector<cv::Rect> drawn_;                // where scene_ differs from ground_
   std::vector<std::uint16_t> sigma_of_level_;  // noise * 256 at each grey level
   std::vector<std::int16_t> normal_;           // standard normal samples * 1024
 };

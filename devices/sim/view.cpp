@@ -2,10 +2,12 @@
 #include "devices/sim/view.h"
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace vitreo::sim {
@@ -36,12 +38,13 @@ struct Grid {
 };
 
 Grid trace_grid(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
-                const ImageSize& size, int step) {
+                const ImageSize& size, int step, const Eigen::Matrix2d& turned) {
   Grid grid{step, (size.width + step - 1) / step + 4, (size.height + step - 1) / step + 4, {}};
   grid.nodes.reserve(static_cast<std::size_t>(grid.columns) * grid.rows);
   for (int row = 0; row < grid.rows; ++row)
     for (int column = 0; column < grid.columns; ++column)
-      grid.nodes.push_back(traced_line(eye, microscope, scale.m_from_pixel({(column - 1) * step, (row - 1) * step})));
+      grid.nodes.push_back(
+          traced_line(eye, microscope, turned * scale.m_from_pixel({(column - 1) * step, (row - 1) * step})));
   return grid;
 }
 
@@ -88,12 +91,14 @@ std::optional<Eigen::Vector2d> View::pixel_of(const Eigen::Vector3d& point) cons
 }
 
 View eye_view(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
-              const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step) {
+              const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step, double turn) {
   if (size.width < 32 || size.height < 32) throw std::invalid_argument("size: an image of at least 32x32 is wanted");
   if (grid_step < 1) throw std::invalid_argument("grid_step must be at least 1");
   eye.check();
   microscope.check();
-  const Grid grid = trace_grid(eye, microscope, scale, size, grid_step);
+  if (!std::isfinite(turn)) throw std::invalid_argument("turn is not finite");
+  const Eigen::Matrix2d turned = Eigen::Rotation2Dd(turn).toRotationMatrix();
+  const Grid grid = trace_grid(eye, microscope, scale, size, grid_step, turned);
   View view;
   view.width = size.width;
   view.height = size.height;
@@ -105,10 +110,44 @@ View eye_view(const optics::System& eye, const optics::Microscope& microscope, c
     for (int u = 0; u < size.width; ++u) {
       Line line = interpolate(grid, weights[u % grid_step], u / grid_step, weights[v % grid_step], v / grid_step);
       // At the edge of what the optics let through, a neighbour on the grid is lost: trace these pixels themselves.
-      if (!line.allFinite()) line = traced_line(eye, microscope, scale.m_from_pixel({u, v}));
+      if (!line.allFinite()) line = traced_line(eye, microscope, turned * scale.m_from_pixel({u, v}));
       view.lines.push_back(to_float(line));
     }
   }
+  return view;
+}
+
+optics::Microscope bare_sensor(const optics::System& eye, double focus, double numerical_aperture) {
+  optics::Microscope sensor;
+  sensor.focus = focus;
+  sensor.numerical_aperture = numerical_aperture;
+  // Where a ray near the axis crosses the plane of the lens' vertex is linear in its slope 1/d behind the eye: two rays
+  // tell the d for which it crosses on the axis.
+  constexpr double kNear = 10e-6;  // m off the axis
+  const auto crossing = [&](double per_metre) {
+    sensor.pupil_distance = per_metre == 0 ? std::numeric_limits<double>::infinity() : 1 / per_metre;
+    const auto ray = optics::isopixel_line(eye, sensor, {kNear, 0});
+    if (!ray) throw std::invalid_argument("bare_sensor: no light reaches the sensor on the axis");
+    return ray->origin.x();
+  };
+  constexpr double kTrial = -1.0;  // 1/m
+  const double straight = crossing(0), tried = crossing(kTrial);
+  if (!(std::abs(tried - straight) > 0)) throw std::invalid_argument("bare_sensor: the eye has no pupil behind it");
+  const double per_metre = kTrial * straight / (straight - tried);
+  if (per_metre == 0)
+    throw std::invalid_argument("bare_sensor: the sensor lies where the pupil's image is at infinity");
+  sensor.pupil_distance = 1 / per_metre;
+  return sensor;
+}
+
+View plain_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size) {
+  if (!(pixel > 0)) throw std::invalid_argument("pixel must be above zero");
+  View view;
+  view.width = size.width;
+  view.height = size.height;
+  for (int v = 0; v < size.height; ++v)
+    for (int u = 0; u < size.width; ++u)
+      view.lines.push_back(to_float({(u - centre_px.x()) * pixel, (centre_px.y() - v) * pixel, 0, 0}));
   return view;
 }
 

@@ -38,9 +38,17 @@ struct ImageSize {
 
 /// Looks at the aerial image through a microscope: the isopixel lines, traced through the prescription. Traced on a
 /// grid of `grid_step` pixels and interpolated by cubics in between, which changes a line by less than 100 nm (tests
-/// hold it).
+/// hold it). `turn`: rad, of a camera that stands turned about the axis of its object plane.
 View eye_view(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
-              const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step = 16);
+              const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step = 16, double turn = 0);
+
+/// A bare sensor in the aerial image instead (thesis 4.1): nothing but the eye's own pupil, in the plane of the lens'
+/// vertex above the cavity (surface 2), bounds the light. Returns the microscope whose chief rays are the same: its
+/// pupil lies on the eye's side of the focus plane. `focus`: m, from the last vertex to the sensor.
+optics::Microscope bare_sensor(const optics::System& eye, double focus, double numerical_aperture);
+
+/// Looks down along -z without an eye, orthographic: u along world x, v against world y.
+View plain_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size);
 
 /// Looks from the side along +y, orthographic: u along world x, v against world z; `pixel` in m.
 View side_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size);

@@ -1,165 +1,230 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/world.h"
 
-#include <Eigen/LU>
+#include "devices/sim/checks.h"
+
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <string>
 
 namespace vitreo::sim {
 namespace {
 
 constexpr Time kStep = std::chrono::milliseconds(1);
 constexpr double kStepSeconds = 1e-3;
-constexpr std::size_t kHistory = 500;   // steps
-constexpr double kWeakestField = 1e-6;  // T; below, nothing turns the robot
+constexpr std::int64_t kHistory = 1000;  // steps
 
-/// How far a spheroid reaches from its centre along a unit vector.
-double support(const BodyState& body, const Eigen::Vector3d& direction) {
-  const double along = body.axis.dot(direction);
-  const double a = body.semi_axis * along, b = body.semi_radius;
-  return std::sqrt(a * a + b * b * (1 - along * along));
+Eigen::Vector3d any_across(const Eigen::Vector3d& axis) {
+  const Eigen::Vector3d other = std::abs(axis.y()) < 0.9 ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ();
+  return (other - other.dot(axis) * axis).normalized();
+}
+
+BodyState between(const BodyState& before, const BodyState& after, double part) {
+  BodyState state = before;
+  state.position += part * (after.position - before.position);
+  state.axis = (before.axis + part * (after.axis - before.axis)).normalized();
+  const Eigen::Vector3d side = before.side + part * (after.side - before.side);
+  state.side = (side - side.dot(state.axis) * state.axis).normalized();
+  return state;
 }
 
 }  // namespace
 
 void WorldSettings::check() const {
-  const auto positive = [](double value, const char* name) {
-    if (!(value > 0) || !std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be above zero");
-  };
-  const auto not_negative = [](double value, const char* name) {
-    if (!(value >= 0) || !std::isfinite(value))
-      throw std::invalid_argument(std::string(name) + " must not be negative");
-  };
   robot.check();
   medium.check();
-  positive(coil_bandwidth, "coil_bandwidth");
-  not_negative(coil_delay, "coil_delay");
-  not_negative(current_noise, "current_noise");
-  positive(moment_gain, "moment_gain");
-  positive(retina_radius, "retina_radius");
-  positive(lens_depth, "lens_depth");
-  not_negative(friction, "friction");
-  not_negative(placement_scatter, "placement_scatter");
+  if (gel) gel->check();
+  coils.check(field.coils());
+  cavity.check();
+  require_positive(moment_gain, "moment_gain");
+  require_not_negative(friction, "friction");
+  require_not_negative(placement_scatter, "placement_scatter");
+  if (!std::isfinite(roll)) throw std::invalid_argument("roll is not finite");
+  if (!flow.allFinite()) throw std::invalid_argument("flow is not finite");
+  if (!extra_force.allFinite()) throw std::invalid_argument("extra_force is not finite");
+  for (const BodySettings& body : bodies) {
+    body.check();
+    if (gel && !body.fixed)
+      throw std::invalid_argument("body '" + body.name + "': in a gel only fixed bodies are simulated");
+  }
 }
 
-World::World(const WorldSettings& settings, std::uint64_t seed) : settings_(settings), random_(seed) {
+World::World(const WorldSettings& settings, std::uint64_t seed)
+    : settings_(settings),
+      random_(seed),
+      coils_(settings.coils, settings.field.coils()),
+      motion_(settings.robot, settings.medium, settings.gel, settings.moment_gain) {
   settings_.check();
-  target_ = control::Currents::Zero(settings_.field.coils());
-  currents_ = target_;
-  body_ = {settings_.eye_in_world, Eigen::Vector3d::UnitX(), settings_.robot.semi_axis, settings_.robot.semi_radius};
-  history_.push_back({present_, body_});
+  now_.robot = {settings_.cavity.vertex, Eigen::Vector3d::UnitX(), settings_.robot.semi_axis,
+                settings_.robot.semi_radius};
+  for (const BodySettings& body : settings_.bodies) {
+    const Eigen::Vector3d axis = body.axis.normalized();
+    now_.others.push_back({body.position, axis, body.semi_axis, body.semi_radius, any_across(axis)});
+    const SpheroidDrag drag = spheroid_drag(settings_.medium.dynamic_viscosity(), body.semi_axis, body.semi_radius);
+    const double weight = volume_of(body) * (body.density - settings_.medium.density) * control::kGravity;
+    mobility_.push_back(body.fixed ? 0 : 3 / (drag.along + 2 * drag.across));
+    sinking_.push_back(weight * mobility_.back());
+  }
+  now_.present = false;
+  before_ = now_;
+  answers_ = now_.others;
+  history_.assign(kHistory, now_);
 }
 
-void World::set_coil_commands(Time time, const control::Currents& commands) {
-  if (commands.size() != target_.size()) throw std::invalid_argument("commands: one for each coil is wanted");
-  const Time acts_from = time + from_seconds(settings_.coil_delay);
-  if (!commands_.empty() && acts_from < commands_.back().acts_from) throw std::invalid_argument("time runs backwards");
-  commands_.push_back({acts_from, commands});
-}
+void World::set_coil_commands(Time time, const control::Currents& commands) { coils_.command(time, commands); }
 
 void World::insert_robot(Time time, const Eigen::Vector3d& near) {
   advance_to(time);
   const double scatter = settings_.placement_scatter;
   const double x = normal_(random_), y = normal_(random_), z = normal_(random_);  // one statement each: a fixed order
-  body_.position = near + scatter * Eigen::Vector3d(x, y, z);
-  Eigen::Vector3d none = Eigen::Vector3d::Zero();
-  keep_inside(none);
-  present_ = true;
-  history_.back() = {present_, body_};
+  now_.robot.position = near + scatter * Eigen::Vector3d(x, y, z);
+  now_.robot.side = Eigen::AngleAxisd(settings_.roll, now_.robot.axis) * any_across(now_.robot.axis);
+  before_ = now_;
+  motion_.relax();
+  keep_inside(settings_.cavity, Shape::spheroid, 0, now_.robot.position, Eigen::Vector3d::Zero(), now_.robot);
+  now_.present = true;
+  remember();
 }
 
 void World::remove_robot(Time time) {
   advance_to(time);
-  present_ = false;
-  history_.back() = {present_, body_};
+  now_.present = false;
+  remember();
+}
+
+void World::remember() { history_[static_cast<std::size_t>(steps_ % kHistory)] = now_; }
+
+std::pair<const World::Moment*, const World::Moment*> World::moments_about(Time time) {
+  advance_to(time);
+  const std::int64_t step = std::min(std::max<std::int64_t>(time / kStep, 0), steps_);
+  if (steps_ - step >= kHistory) throw std::out_of_range("the simulated world keeps only the last second");
+  const Moment* at = &history_[static_cast<std::size_t>(step % kHistory)];
+  return {at, step < steps_ ? &history_[static_cast<std::size_t>((step + 1) % kHistory)] : nullptr};
 }
 
 const BodyState* World::robot(Time time) {
-  advance_to(time);
-  const std::int64_t wanted = time / kStep;
-  const std::int64_t back = steps_ - wanted;
-  if (back >= static_cast<std::int64_t>(history_.size()))
-    throw std::out_of_range("the simulated world keeps only the last 0.5 s");
-  const auto& before = history_[history_.size() - 1 - static_cast<std::size_t>(std::max<std::int64_t>(back, 0))];
-  if (!before.present) return nullptr;
-  answer_ = before.body;
-  if (back >= 1) {  // between two steps: straight on
-    const auto& after = history_[history_.size() - static_cast<std::size_t>(back)];
-    const double part = static_cast<double>((time % kStep).count()) / static_cast<double>(kStep.count());
-    if (after.present) answer_.position += part * (after.body.position - before.body.position);
-  }
+  const auto [at, next] = moments_about(time);
+  if (!at->present) return nullptr;
+  const double part = static_cast<double>((time % kStep).count()) / static_cast<double>(kStep.count());
+  answer_ = next != nullptr && next->present && part > 0 ? between(at->robot, next->robot, part) : at->robot;
   return &answer_;
+}
+
+const std::vector<BodyState>& World::bodies(Time time) {
+  answers_ = moments_about(time).first->others;
+  return answers_;
 }
 
 const control::Currents& World::currents(Time time) {
   advance_to(time);
-  return currents_;
+  return coils_.currents();
+}
+
+const control::Currents& World::coil_temperatures(Time time) {
+  advance_to(time);
+  return coils_.temperatures();
+}
+
+control::FieldGradient World::field(Time time, const Eigen::Vector3d& place) {
+  advance_to(time);
+  return field_at(place, coils_.currents());
+}
+
+control::FieldGradient World::field_at(const Eigen::Vector3d& place, const control::Currents& currents) {
+  const control::FieldModel& model = settings_.field;
+  beyond_calibration_ = !model.valid_at(place);
+  if (!beyond_calibration_) return model.matrix(place) * currents + model.background(place);
+  const control::Region& region = model.multipoles()->region();
+  const Eigen::Vector3d nearest = place.cwiseMax(region.low).cwiseMin(region.high);
+  control::FieldGradient field = model.matrix(nearest) * currents + model.background(nearest);
+  field.head<3>() += control::gradient_matrix(field) * (place - nearest);
+  return field;
 }
 
 void World::advance_to(Time time) {
-  // One step beyond, so that robot() can interpolate; it must not pass the present, where a command may still come: a
-  // command acts no earlier than the step that starts at or after it.
+  // It must not pass the present, where a command may still come: a command acts no earlier than the step that starts
+  // at or after it.
   while (Time(kStep * (steps_ + 1)) <= time) step();
 }
 
 void World::step() {
-  const Time start = kStep * steps_;
-  while (!commands_.empty() && commands_.front().acts_from <= start) {
-    target_ = commands_.front().currents;
-    commands_.pop_front();
+  coils_.step(kStep * steps_);
+  before_ = now_;
+  turned_.setZero();
+  if (now_.present) move_robot();
+  if (!now_.others.empty()) {
+    move_others();
+    push_apart();
   }
-  const double keep = std::exp(-2 * M_PI * settings_.coil_bandwidth * kStepSeconds);
-  currents_ = target_ + keep * (currents_ - target_);
-  if (present_) move_robot();
+  keep_all_inside();
   ++steps_;
-  history_.push_back({present_, body_});
-  if (history_.size() > kHistory) history_.pop_front();
+  remember();
 }
 
 void World::move_robot() {
-  control::Currents flowing = currents_;
-  for (double& current : flowing) current += settings_.current_noise * normal_(random_);
-  const control::FieldGradient field = settings_.field.matrix(body_.position) * flowing;
-  const Eigen::Vector3d b = field.head<3>();
-  const double strength = b.norm();
-  Eigen::Vector3d force(0, 0, -settings_.robot.net_weight(settings_.medium));
-  if (strength > kWeakestField) {
-    // It turns within milliseconds (facts/magnetics 3.1): the axis is the field's, at whichever end is nearer.
-    const Eigen::Vector3d along = b / strength;
-    body_.axis = along.dot(body_.axis) < 0 ? Eigen::Vector3d(-along) : along;
-    const Eigen::Vector3d moment = settings_.moment_gain * settings_.robot.moment(strength) * along;
-    force += control::force_from_field(moment) * field;
-  }
-  const Eigen::Matrix3d drag = control::resistance(settings_.robot, settings_.medium, body_.axis);
-  Eigen::Vector3d moved = drag.inverse() * force * kStepSeconds;
-  const Eigen::Vector3d before = body_.position;
-  body_.position += moved;
-  moved = body_.position - before;
-  keep_inside(moved);
+  const control::FieldGradient field = field_at(now_.robot.position, coils_.noisy(random_));
+  const Cavity* walls = settings_.wall_drag ? &settings_.cavity : nullptr;
+  turned_ = motion_.step(now_.robot, field, settings_.extra_force, walls, kStepSeconds).turned;
+  if (!settings_.gel) now_.robot.position += kStepSeconds * settings_.flow;
 }
 
-/// Pushes the robot back inside the retina, the walls and below the lens; where it touches, friction eats the sliding.
-void World::keep_inside(Eigen::Vector3d& moved) {
-  const Eigen::Vector3d centre = settings_.eye_in_world + Eigen::Vector3d(0, 0, settings_.retina_radius);
-  const auto contact = [&](const Eigen::Vector3d& outward, double depth) {
-    if (depth <= 0) return;
-    body_.position -= depth * outward;
-    const Eigen::Vector3d sliding = moved - moved.dot(outward) * outward;
-    const double slid = sliding.norm(), held = settings_.friction * depth;
-    if (slid > 0) body_.position -= sliding * std::min(1.0, held / slid);
-  };
-  Eigen::Vector3d from_centre = body_.position - centre;
-  if (from_centre.z() > 0) from_centre.z() = 0;  // above the retina's equator the wall is a cylinder
-  const double distance = from_centre.norm();
-  if (distance > 0) {
-    const Eigen::Vector3d outward = from_centre / distance;
-    contact(outward, distance + support(body_, outward) - settings_.retina_radius);
+void World::move_others() {
+  for (std::size_t k = 0; k < now_.others.size(); ++k) {
+    if (settings_.bodies[k].fixed) continue;
+    now_.others[k].position += kStepSeconds * (settings_.flow - Eigen::Vector3d(0, 0, sinking_[k]));
   }
-  const double lens = settings_.eye_in_world.z() + settings_.lens_depth;
-  contact(Eigen::Vector3d::UnitZ(), body_.position.z() + support(body_, Eigen::Vector3d::UnitZ()) - lens);
+}
+
+/// Bodies that overlap are moved apart, each by its mobility; Coulomb's friction between them takes their sliding.
+void World::push_apart() {
+  const double robots_mobility =
+      1 / spheroid_drag(settings_.medium.dynamic_viscosity(), settings_.robot.semi_axis, settings_.robot.semi_radius)
+              .across;
+  const auto separate = [this](Shape shape_a, BodyState& a, const BodyState& a_before, double mobility_a, Shape shape_b,
+                               BodyState& b, const BodyState& b_before, double mobility_b) {
+    if (!(mobility_a + mobility_b > 0)) return;
+    const Overlap contact = overlap(shape_a, a, shape_b, b);
+    if (!(contact.depth > 0)) return;
+    const double part = mobility_a / (mobility_a + mobility_b);
+    a.position -= part * contact.depth * contact.normal;
+    b.position += (1 - part) * contact.depth * contact.normal;
+    Eigen::Vector3d sliding = (a.position - a_before.position) - (b.position - b_before.position);
+    sliding -= sliding.dot(contact.normal) * contact.normal;
+    const double slid = sliding.norm();
+    if (!(slid > 0)) return;
+    const Eigen::Vector3d taken = sliding * std::min(1.0, settings_.friction * contact.depth / slid);
+    a.position -= part * taken;
+    b.position += (1 - part) * taken;
+  };
+  for (std::size_t k = 0; k < now_.others.size(); ++k) {
+    const Shape shape = settings_.bodies[k].shape;
+    if (now_.present)
+      separate(Shape::spheroid, now_.robot, before_.robot, robots_mobility, shape, now_.others[k], before_.others[k],
+               mobility_[k]);
+    for (std::size_t j = k + 1; j < now_.others.size(); ++j)
+      separate(shape, now_.others[k], before_.others[k], mobility_[k], settings_.bodies[j].shape, now_.others[j],
+               before_.others[j], mobility_[j]);
+  }
+}
+
+void World::keep_all_inside() {
+  const Cavity& cavity = settings_.cavity;
+  if (now_.present)
+    keep_inside(cavity, Shape::spheroid, settings_.friction, before_.robot.position, turned_, now_.robot);
+  for (std::size_t k = 0; k < now_.others.size(); ++k) {
+    const BodySettings& body = settings_.bodies[k];
+    if (body.fixed) continue;
+    BodyState& state = now_.others[k];
+    const bool touches =
+        keep_inside(cavity, body.shape, settings_.friction, before_.others[k].position, Eigen::Vector3d::Zero(), state);
+    if (!touches || body.shape != Shape::disc) continue;
+    // A disc that lies on the retina lies flat: it settles a hundredth of the way each step.
+    const Eigen::Vector3d up = cavity.retina(state.position).normal;
+    const Eigen::Vector3d flat = state.axis.dot(up) < 0 ? Eigen::Vector3d(-up) : up;
+    turn_body(state, 0.01 * state.axis.cross(flat));
+  }
 }
 
 }  // namespace vitreo::sim

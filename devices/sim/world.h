@@ -1,15 +1,20 @@
-// The plant of the simulated laboratory: coils that lag, a robot that drifts, sinks and touches, in the fluid of the
-// eye. It integrates lazily, in steps of 1 ms, up to the latest time that anybody has asked about. World frame, SI.
+// The plant of the simulated laboratory: coils that lag and warm, a robot that turns, drifts, sinks and touches, and
+// other bodies that it can push, in the fluid or gel of the eye. It integrates lazily, in steps of 1 ms, up to the
+// latest time that anybody has asked about. World frame, SI.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "control/coil_field.h"
-#include "control/robot.h"
+#include "control/field_model.h"
+#include "control/robots.h"
+#include "control/vitreous.h"
 #include "devices/clock.h"
+#include "devices/sim/body.h"
+#include "devices/sim/coil_bank.h"
+#include "devices/sim/robot_motion.h"
 
 #include <Eigen/Core>
 
-#include <deque>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -17,26 +22,21 @@ namespace vitreo::sim {
 
 /// What is really there; every number may differ from what the controller believes.
 struct WorldSettings {
-  control::CoilField field = control::CoilField::octomag();
+  control::FieldModel field = control::CoilField::octomag();
   control::Robot robot = control::coni_2mm();
   double moment_gain = 1;  // true moment / the robot's nominal moment
   control::Medium medium;
-  double coil_bandwidth = 15;                 // Hz, first order (facts/magnetics 1.1)
-  double coil_delay = 50e-3;                  // s, from a new set-point to the first change of current
-  double current_noise = 10e-3;               // A, standard deviation per coil and step
-  Eigen::Vector3d eye_in_world{0, 0, -5e-3};  // m: the retina's vertex
-  double retina_radius = 11.5e-3;             // m
-  double lens_depth = 15.5e-3;                // m, from the retina's vertex to the lens above the cavity
-  double friction = 0.3;                      // on the retina and the walls
-  double placement_scatter = 0.3e-3;          // m, of the hand that inserts the robot, per axis
-  void check() const;                         // throws std::invalid_argument naming the parameter
-};
-
-/// Where a body is and how it lies.
-struct BodyState {
-  Eigen::Vector3d position;       // m, world
-  Eigen::Vector3d axis;           // unit
-  double semi_axis, semi_radius;  // m
+  std::optional<control::Gel> gel;  // in the medium's place
+  CoilBankSettings coils;
+  Cavity cavity;
+  bool wall_drag = true;                 // Faxen's factors near retina and lens
+  double friction = 0.3;                 // on the retina and the walls, and between bodies
+  double placement_scatter = 0.3e-3;     // m, of the hand that inserts the robot, per axis
+  double roll = 0;                       // rad, of the inserted robot's plates about its axis
+  Eigen::Vector3d flow{0, 0, 0};         // m/s: convection of the fluid, which carries the bodies
+  Eigen::Vector3d extra_force{0, 0, 0};  // N, on the robot: what is left of hand tuning, see Laboratory
+  std::vector<BodySettings> bodies;      // besides the robot
+  void check() const;                    // throws std::invalid_argument naming the parameter
 };
 
 class World {
@@ -46,36 +46,49 @@ class World {
   void set_coil_commands(Time time, const control::Currents& commands);
   void insert_robot(Time time, const Eigen::Vector3d& near);
   void remove_robot(Time time);
-  /// Null when no robot is in the eye. Throws std::out_of_range for times before the history (0.5 s) that is kept.
+  /// Null when no robot is in the eye. Throws std::out_of_range for times before the history (1 s) that is kept.
   const BodyState* robot(Time time);
-  /// A, as they flow.
+  /// The other bodies, in the settings' order. Throws as robot().
+  const std::vector<BodyState>& bodies(Time time);
+  /// A, as they flow; K, the coils.
   const control::Currents& currents(Time time);
+  const control::Currents& coil_temperatures(Time time);
+  /// T and T/m, of the coils at the currents that flow, and the background.
+  control::FieldGradient field(Time time, const Eigen::Vector3d& place);
+  /// Whether the field was last asked for outside the region for which a calibration holds; there it goes on from the
+  /// nearest place inside with the gradient of that place.
+  bool beyond_calibration() const { return beyond_calibration_; }
   const WorldSettings& settings() const { return settings_; }
 
  private:
-  struct Command {
-    Time acts_from;
-    control::Currents currents;
-  };
   struct Moment {  // the state at the end of one step
     bool present;
-    BodyState body;
+    BodyState robot;
+    std::vector<BodyState> others;
   };
   void advance_to(Time time);
   void step();
   void move_robot();
-  void keep_inside(Eigen::Vector3d& velocity_step);
+  void move_others();
+  void push_apart();
+  void keep_all_inside();
+  void remember();
+  control::FieldGradient field_at(const Eigen::Vector3d& place, const control::Currents& currents);
+  std::pair<const Moment*, const Moment*> moments_about(Time time);
 
   WorldSettings settings_;
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;
+  CoilBank coils_;
+  RobotMotion motion_;
   std::int64_t steps_ = 0;  // of 1 ms, done
-  std::deque<Command> commands_;
-  control::Currents target_, currents_;
-  bool present_ = false;
-  BodyState body_;
-  std::deque<Moment> history_;  // the last entry is the state now
+  bool present_ = false, beyond_calibration_ = false;
+  Moment now_, before_;  // the state, and as it was at the step's start
+  Eigen::Vector3d turned_{0, 0, 0};
+  std::vector<double> sinking_, mobility_;  // of the other bodies: m/s, m/(N s)
+  std::vector<Moment> history_;             // a ring: step k at k modulo its size
   BodyState answer_;
+  std::vector<BodyState> answers_;
 };
 
 }  // namespace vitreo::sim

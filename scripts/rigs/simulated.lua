@@ -52,7 +52,8 @@ return {
     coil_bandwidth = 15 * Hz,
     coil_delay = 50 * ms,
     current_noise = 10 * mA,
-    coil_gain_sigma = 0.03,
+    -- calibration = "FILE.yaml", -- a measured machine in the plant's place, as ETH's software writes it
+    coil_gain_sigma = 0.03, -- with a calibration: leave these three away
     coil_position_sigma = 1.2 * mm,
     coil_axis_sigma = 1.5 * deg,
     moment_sigma = 0.05,

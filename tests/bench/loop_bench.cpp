@@ -81,5 +81,29 @@ BENCHMARK_CAPTURE(render, 640x480, sim::ImageSize{640, 480})->Name("sim/render_6
 BENCHMARK_CAPTURE(render, 1384x1036, sim::ImageSize{1384, 1036})
     ->Name("sim/render_1384x1036")
     ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(render, 128x128, sim::ImageSize{128, 128})->Name("sim/render_128x128")->Unit(benchmark::kMicrosecond);
+
+/// Steps of 1 ms of the plant, without images. `discs`: of them on the retina besides the robot.
+void world_step(benchmark::State& state, bool gel, int discs) {
+  sim::WorldSettings settings;
+  if (gel) {
+    settings.robot = control::ndfeb_cylinder_1mm();
+    settings.gel = control::artificial_vitreous(1);
+  }
+  for (int k = 0; k < discs; ++k) {
+    sim::BodySettings disc;
+    disc.name = "disc";
+    disc.position = {(2.0 * k - 1) * 1e-3, 0, -4.7e-3};
+    settings.bodies.push_back(disc);
+  }
+  sim::World world(settings, 1);
+  world.insert_robot(Time(0), {0, 0, 0});
+  world.set_coil_commands(Time(0), control::Currents::Constant(8, 1.5));
+  std::int64_t step = 0;
+  for (auto _ : state) benchmark::DoNotOptimize(world.robot(std::chrono::milliseconds(++step)));
+}
+BENCHMARK_CAPTURE(world_step, oil, false, 0)->Name("sim/world_step")->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(world_step, gel, true, 0)->Name("sim/world_step_gel")->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(world_step, two_discs, false, 2)->Name("sim/world_step_two_discs")->Unit(benchmark::kMicrosecond);
 
 }  // namespace

@@ -1,0 +1,79 @@
+// The bodies in the simulated eye: what they are, where they lie, how they touch each other and the walls.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include <array>
+#include <string>
+
+namespace vitreo::sim {
+
+/// Where a body is and how it lies; `axis` is the axis of symmetry, along which the semi-axis is measured.
+struct BodyState {
+  Eigen::Vector3d position;       // m, world
+  Eigen::Vector3d axis;           // unit
+  double semi_axis, semi_radius;  // m
+  Eigen::Vector3d side{0, 1, 0};  // unit, across the axis: turns with the body
+};
+
+/// Turns a body by the rotation vector `turn` (rad, world).
+void turn_body(BodyState& body, const Eigen::Vector3d& turn);
+
+enum class Shape { spheroid, disc, rod };  // disc and rod have round edges and ends
+
+/// Something in the eye besides the robot.
+struct BodySettings {
+  std::string name;
+  Shape shape = Shape::disc;
+  double semi_axis = 0.1e-3, semi_radius = 0.5e-3;  // m; of a disc: half its thickness, its radius
+  Eigen::Vector3d position{0, 0, 0};                // m, world
+  Eigen::Vector3d axis{0, 0, 1};
+  double density = 1200;                         // kg/m^3
+  bool fixed = false;                            // held from outside: a needle, a calibration target
+  std::array<double, 3> colour{0.8, 0.3, 0.25};  // reflectance in red, green and blue
+  bool dotted = false;                           // a calibration target: dark dots on a grid across its axis
+  double dot_pitch = 0.5e-3;                     // m, of that grid; the dots have half of it for their diameter
+  void check() const;                            // throws std::invalid_argument naming body and parameter
+};
+
+double volume_of(const BodySettings& body);  // m^3
+
+/// Force per velocity, N s/m, along and across the axis, of a prolate or oblate spheroid (Perrin) with these semi-axes.
+struct SpheroidDrag {
+  double along, across;
+};
+SpheroidDrag spheroid_drag(double viscosity, double semi_axis, double semi_radius);
+
+/// The point of the body farthest along a unit vector, from the body's centre, m.
+Eigen::Vector3d support(Shape shape, const BodyState& body, const Eigen::Vector3d& direction);
+
+/// Overlap of two bodies.
+struct Overlap {
+  Eigen::Vector3d normal{0, 0, 1};  // unit, from the first to the second
+  double depth = 0;                 // m; 0: they do not touch
+};
+Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape, const BodyState& second);
+
+/// The cavity: a sphere of retina, a cylinder above its equator, and the lens as a lid. World frame, m.
+struct Cavity {
+  Eigen::Vector3d vertex{0, 0, -5e-3};  // of the retina
+  double radius = 11.5e-3;
+  double lens_depth = 15.5e-3;  // from the vertex to the lens
+  void check() const;           // throws std::invalid_argument naming the parameter
+  /// From the wall at the side or below towards a point: unit; and the point's distance from it.
+  struct Wall {
+    Eigen::Vector3d normal;
+    double distance;
+  };
+  Wall retina(const Eigen::Vector3d& point) const;
+  double below_lens(const Eigen::Vector3d& point) const { return vertex.z() + lens_depth - point.z(); }
+};
+
+/// Puts a body back inside; where it touches, friction eats the sliding of the point that touches, turning included.
+/// `before`: where the body was at the step's start; `turned`: rad, how it turned since. Returns whether it touches the
+/// retina.
+bool keep_inside(const Cavity& cavity, Shape shape, double friction, const Eigen::Vector3d& before,
+                 const Eigen::Vector3d& turned, BodyState& body);
+
+}  // namespace vitreo::sim

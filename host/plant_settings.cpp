@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/plant_settings.h"
+
+#include "control/field_calibration_file.h"
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+constexpr double kMilli = 1e-3;
+
+void read_heat(ConfigReader reader, sim::CoilBankSettings& coils) {
+  coils.resistance = reader.number("resistance", coils.resistance, {1e-3, 1000, ""});
+  coils.temperature_coefficient = reader.number("temperature_coefficient", coils.temperature_coefficient, {0, 0.1, ""});
+  coils.heat_capacity = reader.number("heat_capacity", coils.heat_capacity, {1e-3, 1e6, ""});
+  coils.thermal_resistance = reader.number("thermal_resistance", coils.thermal_resistance, {1e-4, 1000, ""});
+  coils.ambient = reader.number("ambient", coils.ambient, {200, 400, ""});
+  coils.supply_voltage = reader.number("supply_voltage", coils.supply_voltage, {0.1, 10000, ""});
+  reader.finish();
+}
+
+void read_coils(ConfigReader& reader, sim::CoilBankSettings& coils) {
+  coils.bandwidth = reader.number("coil_bandwidth", coils.bandwidth, {0.1, 10000, "Hz"});
+  coils.delay = reader.number("coil_delay", coils.delay, {0, 0.3, "s"});
+  coils.noise = reader.number("current_noise", coils.noise, {0, 1, "A"});
+  for (const double coil : reader.numbers("dead_coils", {}, {1, control::kMaxCoils, ""})) {
+    if (coil != std::floor(coil)) reader.fail("dead_coils", "must be whole numbers: coils count from 1");
+    coils.dead.push_back(static_cast<int>(coil));
+  }
+  read_heat(reader.table("heat"), coils);
+}
+
+void read_field(ConfigReader& reader, sim::LaboratorySettings& laboratory, std::string& calibration) {
+  calibration = reader.text("calibration", "");
+  control::FieldPerturbation& field = laboratory.field_perturbation;
+  if (!calibration.empty()) field = {0, 0, 0};
+  field.gain = reader.number("coil_gain_sigma", field.gain, {0, 0.5, ""});
+  field.position = reader.number("coil_position_sigma", field.position, {0, 0.02, "m"});
+  field.axis = reader.number("coil_axis_sigma", field.axis, {0, 0.5, "rad"});
+  laboratory.world.field.set_uniform_background(
+      reader.vector3("background", {0, 0, 0}, {-10 * kMilli, 10 * kMilli, "T"}));
+}
+
+void read_gel(ConfigReader reader, std::optional<control::Gel>& gel) {
+  gel = control::gel_named(reader.choice("name", "gel_1", control::gel_names()));
+  gel->storage_modulus = reader.number("storage_modulus", gel->storage_modulus, {1e-3, 1e5, ""});
+  gel->yield_strain = reader.number("yield_strain", gel->yield_strain, {1e-3, 100, ""});
+  gel->solvent_viscosity = reader.number("solvent_viscosity", gel->solvent_viscosity, {1e-4, 1000, ""});
+  gel->plastic_viscosity = reader.number("plastic_viscosity", gel->plastic_viscosity, {1e-4, 1000, ""});
+  gel->density = reader.number("density", gel->density, {500, 3000, "kg/m^3"});
+  reader.finish();
+}
+
+void read_tuning(ConfigReader reader, std::optional<sim::HandTuning>& tuning) {
+  tuning.emplace();
+  tuning->tolerance = reader.number("tolerance", tuning->tolerance, {0, 10 * kMilli, "m/s"});
+  tuning->field = reader.number("field", tuning->field, {1 * kMilli, 0.1, "T"});
+  tuning->axis = reader.vector3("axis", tuning->axis, {-1, 1, ""});
+  if (!(tuning->axis.norm() > 1e-6)) reader.fail("axis", "must be a direction");
+  reader.finish();
+}
+
+sim::BodySettings read_body(ConfigReader reader, const std::string& name) {
+  sim::BodySettings body;
+  body.name = name;
+  const std::string shape = reader.choice("shape", "disc", {"disc", "rod", "spheroid"});
+  body.shape = shape == "rod" ? sim::Shape::rod : shape == "disc" ? sim::Shape::disc : sim::Shape::spheroid;
+  body.semi_axis = reader.number("semi_axis", body.semi_axis, {1e-6, 50 * kMilli, "m"});
+  body.semi_radius = reader.number("semi_radius", body.semi_radius, {1e-6, 50 * kMilli, "m"});
+  body.position = reader.vector3("position", body.position, {-20 * kMilli, 20 * kMilli, "m"});
+  body.axis = reader.vector3("axis", body.axis, {-1, 1, ""});
+  body.density = reader.number("density", body.density, {500, 30000, "kg/m^3"});
+  body.fixed = reader.flag("fixed", body.fixed);
+  const Eigen::Vector3d colour = reader.vector3("colour", {body.colour[0], body.colour[1], body.colour[2]}, {0, 1, ""});
+  body.colour = {colour[0], colour[1], colour[2]};
+  body.dotted = reader.flag("dotted", body.dotted);
+  body.dot_pitch = reader.number("dot_pitch", body.dot_pitch, {10e-6, 10 * kMilli, "m"});
+  reader.finish();
+  return body;
+}
+
+}  // namespace
+
+void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, std::string& calibration) {
+  sim::WorldSettings& world = laboratory.world;
+  read_field(reader, laboratory, calibration);
+  read_coils(reader, world.coils);
+  laboratory.moment_sigma = reader.number("moment_sigma", laboratory.moment_sigma, {0, 0.3, ""});
+  laboratory.dac_offset = reader.number("dac_offset_sigma", laboratory.dac_offset, {0, 200, ""});
+  world.roll = reader.number("roll", world.roll, {-M_PI, M_PI, "rad"});
+  laboratory.plates = reader.choice("drawn_as", "plates", {"plates", "ellipsoid"}) == "plates";
+  laboratory.roll_sigma = reader.number("roll_sigma", laboratory.roll_sigma, {0, M_PI, "rad"});
+  if (reader.has("hand_tuning")) read_tuning(reader.table("hand_tuning"), laboratory.hand_tuning);
+  if (reader.has("gel")) read_gel(reader.table("gel"), world.gel);
+  world.friction = reader.number("friction", world.friction, {0, 2, ""});
+  world.wall_drag = reader.flag("wall_drag", false);  // the servo believes the free drag, and would lag by it
+  world.flow = reader.vector3("flow", world.flow, {-10 * kMilli, 10 * kMilli, "m/s"});
+  ConfigReader bodies = reader.table("bodies");
+  for (const std::string& name : bodies.keys()) world.bodies.push_back(read_body(bodies.table(name), name));
+  bodies.finish();
+  laboratory.fundus = reader.text("fundus", laboratory.fundus);
+  laboratory.fundus_width = reader.number("fundus_width", laboratory.fundus_width, {1 * kMilli, 0.2, "m"});
+  reader.finish();
+}
+
+control::FieldModel read_calibration(const std::filesystem::path& file, const control::FieldModel& before) {
+  const auto wrong = [&file](const std::string& what) -> std::invalid_argument {
+    return std::invalid_argument("truth.calibration: " + file.string() + ": " + what);
+  };
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) throw wrong("cannot be read");
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  try {
+    control::FieldModel model = control::parse_field_calibration(text).field;
+    if (model.coils() != before.coils())
+      throw std::invalid_argument("it has " + std::to_string(model.coils()) + " coils, the rig's model " +
+                                  std::to_string(before.coils()));
+    if (!model.valid_at(Eigen::Vector3d::Zero()))
+      throw std::invalid_argument("Workspace_Dimensions do not hold the workspace's centre");
+    model.set_uniform_background(before.uniform_background());
+    return model;
+  } catch (const std::invalid_argument& problem) {
+    throw wrong(problem.what());
+  }
+}
+
+}  // namespace vitreo

@@ -1,0 +1,229 @@
+// What the cameras show of several bodies, of plates, of motion and of colour; and the arrangements of the top camera.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/laboratory.h"
+
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace vitreo::sim {
+namespace {
+
+constexpr Time kMs = std::chrono::milliseconds(1);
+const Eigen::Vector3d kX = Eigen::Vector3d::UnitX(), kZ = Eigen::Vector3d::UnitZ();
+
+Sensor clean() {
+  Sensor sensor;
+  sensor.read_noise = 0;
+  sensor.full_well = 1e9;
+  sensor.vignette = 0;
+  return sensor;
+}
+
+Renderer from_above(const Sensor& sensor) {
+  const ImageSize size{200, 160};
+  return Renderer(
+      plain_view(20e-6, {99.5, 79.5}, size), {0.02, 550e-9, 20e-6}, [](const Eigen::Vector2d&, double) { return 0.0; },
+      cv::Mat(size.height, size.width, CV_32F, cv::Scalar(0.6)), 0, sensor, {}, 9);
+}
+
+BodyLook dull(double plates = 0) {
+  BodyLook look{0.1, 0, 0, 1};
+  look.plate_thickness = plates;
+  return look;
+}
+
+DrawnBody still(const BodyState& state, const BodyLook& look) { return {state, state, look}; }
+
+TEST(Pictures, TheNearerHidesTheFarther) {
+  Renderer renderer = from_above(clean());
+  BodyLook bright{0.9, 0, 0, 1};
+  const BodyState low{{0, 0, -2e-3}, kZ, 0.1e-3, 0.8e-3}, high{{0.5e-3, 0, 1e-3}, kX, 0.5e-3, 0.25e-3};
+  for (const bool robot_first : {true, false}) {
+    std::vector<DrawnBody> bodies{still(high, dull()), still(low, bright)};
+    if (!robot_first) std::swap(bodies[0], bodies[1]);
+    const cv::Mat image = renderer.render(bodies, 0);
+    EXPECT_NEAR(image.at<std::uint8_t>(80, 124), 0.1 * 255, 2) << "the robot, over the disc";
+    EXPECT_NEAR(image.at<std::uint8_t>(80, 80), 0.9 * 255, 2) << "the disc beside it";
+  }
+}
+
+TEST(Plates, SeenFromTheirEndTheyAreACross) {
+  Renderer renderer = from_above(clean());
+  const BodyState robot{{0, 0, 0}, kZ, 1e-3, 0.5e-3};
+  const cv::Mat cross = renderer.render({still(robot, dull(60e-6))}, 0);
+  EXPECT_LT(cross.at<std::uint8_t>(80, 115), 80) << "on an arm, 0.3 mm out";
+  EXPECT_LT(cross.at<std::uint8_t>(95, 100), 80);
+  EXPECT_GT(cross.at<std::uint8_t>(91, 111), 140) << "between the arms";
+  const cv::Mat whole = renderer.render({still(robot, dull())}, 0);
+  EXPECT_LT(whole.at<std::uint8_t>(91, 111), 40);
+}
+
+TEST(Plates, SeenFromTheSideTheirOutlineIsTheEllipsoids) {
+  Renderer renderer = from_above(clean());
+  const BodyState robot{{0, 0, 0}, kX, 1e-3, 0.5e-3};
+  const cv::Mat plates = renderer.render({still(robot, dull(42e-6))}, 0);
+  const cv::Mat whole = renderer.render({still(robot, dull())}, 0);
+  const double area = cv::countNonZero(plates < 90);
+  EXPECT_NEAR(area, cv::countNonZero(whole < 90), 0.01 * area);
+  EXPECT_NEAR(area, M_PI * 50 * 25, 0.03 * area);
+}
+
+TEST(Exposure, MotionSmearsWithoutTakingLight) {
+  Renderer renderer = from_above(clean());
+  const BodyState start{{-0.1e-3, 0, 0}, kX, 0.3e-3, 0.3e-3};
+  BodyState end = start;
+  end.position.x() = 0.1e-3;  // ten pixels
+  const cv::Mat sharp = renderer.render({still(start, dull())}, 0),
+                smeared = renderer.render({{start, end, dull()}}, 0);
+  const double missing = 0.6 * 255 * 200 * 160 - cv::sum(sharp)[0];
+  EXPECT_NEAR(0.6 * 255 * 200 * 160 - cv::sum(smeared)[0], missing, 0.03 * missing);
+  cv::Mat slopes[2];
+  cv::Sobel(sharp, slopes[0], CV_32F, 1, 0);
+  cv::Sobel(smeared, slopes[1], CV_32F, 1, 0);
+  EXPECT_LT(cv::norm(slopes[1], cv::NORM_INF), 0.4 * cv::norm(slopes[0], cv::NORM_INF));
+}
+
+TEST(Colour, ARedDiscIsRedAndTheGroundKeepsItsTint) {
+  Sensor sensor = clean();
+  sensor.colour = SensorColour::bayer;
+  sensor.ground_tint = {1, 0.5, 0.25};
+  Renderer renderer = from_above(sensor);
+  BodyLook red{1, 0, 0, 1};
+  red.colour = {0.8, 0.2, 0.1};
+  const cv::Mat image = renderer.render({still({{0, 0, 0}, kZ, 0.1e-3, 0.6e-3}, red)}, 0);
+  ASSERT_EQ(image.type(), CV_8UC3);
+  const auto disc = image.at<cv::Vec3b>(80, 100), ground = image.at<cv::Vec3b>(20, 20);
+  EXPECT_NEAR(disc[2], 0.8 * 255, 2);
+  EXPECT_NEAR(disc[1], 0.2 * 255, 2);
+  EXPECT_NEAR(disc[0], 0.1 * 255, 2);
+  EXPECT_NEAR(ground[2], 0.6 * 255, 2);
+  EXPECT_NEAR(ground[0], 0.15 * 255, 2);
+}
+
+LaboratorySettings small() {
+  LaboratorySettings settings;
+  settings.top.size = {320, 240};
+  settings.top_image.centre_px = {159.5, 119.5};
+  settings.side.size = {160, 120};
+  settings.side_centre_px = {79.5, 59.5};
+  settings.world.placement_scatter = 0;
+  return settings;
+}
+
+TEST(Jitter, FramesAreLateByChanceButInOrderAndTheSameForOneSeed) {
+  LaboratorySettings settings = small();
+  settings.side.jitter = 20e-3;
+  const auto lateness = [&](std::uint64_t seed) {
+    const auto clock = virtual_clock();
+    Laboratory laboratory(settings, *clock, seed);
+    std::vector<double> late;
+    Time last{-1};
+    for (int k = 0; k < 12; ++k) {
+      const Frame frame = laboratory.side_camera().grab(kForever);
+      EXPECT_EQ(frame.number, static_cast<std::uint64_t>(k));
+      EXPECT_GT(frame.received, last);
+      last = frame.received;
+      late.push_back(to_seconds(frame.received - frame.exposed) - settings.side.latency);
+    }
+    return late;
+  };
+  const std::vector<double> first = lateness(3);
+  EXPECT_EQ(first, lateness(3));
+  EXPECT_NE(first, lateness(4));
+  EXPECT_GE(*std::min_element(first.begin(), first.end()), 0);
+  EXPECT_GT(*std::max_element(first.begin(), first.end()), 10e-3);
+}
+
+/// The steepest edge in the picture's middle with the bare sensor there: that of the dark body over the retina.
+double sharpness(Laboratory& laboratory, Clock& clock, double z) {
+  move_to(laboratory.sensor_stage(), std::array{z}, 20e-3, kForever, clock);
+  clock.sleep_for(200 * kMs);
+  cv::Mat picture = laboratory.top_camera().grab(kForever).image, slope;
+  cv::Sobel(picture, slope, CV_32F, 1, 0);
+  return cv::norm(slope(cv::Rect(110, 70, 100, 100)), cv::NORM_INF);
+}
+
+TEST(BareSensor, ItIsSharpWhereTheAerialImageIsAndBlursBothWays) {
+  LaboratorySettings settings = small();
+  settings.top_view = TopView::bare_sensor;
+  settings.top_image.pixel = 40e-6;
+  settings.sensor_aperture = 0.08;
+  settings.top.sensor = clean();
+  const auto clock = virtual_clock();
+  BodySettings ball;
+  ball.name = "ball";
+  ball.shape = Shape::spheroid;
+  ball.semi_axis = ball.semi_radius = 0.5e-3;
+  ball.colour = {0, 0, 0};
+  ball.fixed = true;
+  settings.world.bodies = {ball};
+  Laboratory laboratory(settings, *clock, 1);
+  // the aerial image of the centre lies 11.832 mm behind the last vertex (facts/optics 2), the sensor's 0 at 12.3 mm
+  const double at = sharpness(laboratory, *clock, -0.47e-3), before = sharpness(laboratory, *clock, -3.5e-3),
+               behind = sharpness(laboratory, *clock, 3e-3);
+  EXPECT_GT(at, 1.5 * before);
+  EXPECT_GT(at, 1.5 * behind);
+}
+
+TEST(RotatingSensor, HalfATurnTurnsThePictureRound) {
+  LaboratorySettings settings = small();
+  settings.top_view = TopView::bare_sensor;
+  settings.sensor_aperture = 0.02;
+  settings.top.sensor = clean();
+  const auto clock = virtual_clock();
+  Laboratory laboratory(settings, *clock, 1);
+  const cv::Mat upright = laboratory.top_camera().grab(kForever).image;
+  turn_to(laboratory.sensor_rotation(), M_PI, 3, kForever, *clock);
+  clock->sleep_for(200 * kMs);
+  cv::Mat turned = laboratory.top_camera().grab(kForever).image;
+  cv::rotate(turned, turned, cv::ROTATE_180);
+  // the stage's resolution of 0.1 mrad is a fiftieth of a pixel at the corner
+  EXPECT_LT(cv::norm(upright, turned, cv::NORM_L1) / static_cast<double>(upright.total()), 1);
+}
+
+TEST(BareSensor, ItsLightComesThroughTheMiddleOfTheLens) {
+  const optics::System eye = optics::model_eye_5_3();
+  const optics::Microscope sensor = bare_sensor(eye, 12.3e-3, 0.159);
+  for (const double m : {10e-6, 0.5e-3, 2e-3}) {
+    const auto ray = optics::isopixel_line(eye, sensor, {m, 0});
+    ASSERT_TRUE(ray);
+    EXPECT_LT(std::abs(ray->origin.x()), 0.1 * m) << "the pupil's own aberration grows with m";
+  }
+}
+
+TEST(PlainView, ThereIsNoEyeInIt) {
+  LaboratorySettings settings = small();
+  settings.top_view = TopView::plain;
+  const auto clock = virtual_clock();
+  Laboratory laboratory(settings, *clock, 1);
+  laboratory.sample().insert_robot({0.5e-3, 0, 0});
+  clock->sleep_for(150 * kMs);
+  const cv::Mat image = laboratory.top_camera().grab(kForever).image;
+  const cv::Moments dark = cv::moments(image < 100, true);
+  EXPECT_NEAR(dark.m10 / dark.m00, 159.5 + 0.5e-3 / 14.3e-6, 1);
+  EXPECT_NEAR(dark.m00, M_PI * 70 * 35, 0.1 * M_PI * 70 * 35);
+}
+
+TEST(Pictures, ABodyShowsInTheSideView) {
+  LaboratorySettings settings = small();
+  BodySettings disc;
+  disc.name = "disc";
+  disc.fixed = true;
+  disc.semi_radius = 0.8e-3;
+  disc.colour = {0, 0, 0};
+  settings.world.bodies = {disc};
+  const auto clock = virtual_clock();
+  Laboratory with(settings, *clock, 1), without(small(), *clock, 1);
+  cv::Mat difference;
+  cv::absdiff(with.side_camera().grab(kForever).image, without.side_camera().grab(kForever).image, difference);
+  const double area = cv::countNonZero(difference > 60), expected = M_PI * (0.8e-3 / 20.4e-6) * (0.1e-3 / 20.4e-6);
+  EXPECT_NEAR(area, expected, 0.2 * expected);
+}
+
+}  // namespace
+}  // namespace vitreo::sim
