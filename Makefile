@@ -3,7 +3,7 @@ PRESET ?= release
 BUILD  := build/$(PRESET)
 SUDO   := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: help setup build run test bench asan tsan format format-check tidy clean
+.PHONY: help setup build run test bench asan tsan fuzz format format-check tidy clean
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
 
@@ -31,6 +31,12 @@ asan:            ## every test under the address and undefined-behaviour sanitiz
 
 tsan:            ## every test under the thread sanitizer
 	$(MAKE) test PRESET=tsan
+
+SECONDS ?= 30
+fuzz: setup      ## feed every parser of outside bytes with random ones (SECONDS=30 each; clang)
+	cmake --preset fuzz
+	cmake --build build/fuzz --target fuzzers
+	sh tests/fuzz/run.sh build/fuzz/tests/fuzz $(SECONDS)
 
 SOURCES = $(shell git ls-files -co --exclude-standard '*.cpp' '*.h')
 format:          ## lay out the C++ sources

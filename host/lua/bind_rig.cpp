@@ -152,25 +152,27 @@ void add_role(lua_State* L, const Class& kind, T* device, const char* name) {
 }  // namespace
 
 const Class& rig_class() {
-  static const Class kind{"rig",
-                          "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, rig.sample",
-                          {{"learn_background",
-                            {options({{.name = "frames",
-                                       .type = Type::integer,
-                                       .optional = true,
-                                       .min = 2,
-                                       .max = 1000,
-                                       .help = "how many (15)"},
-                                      timeout("60 s")})},
-                            "background",
-                            "learns what the empty scene looks like to the top camera",
-                            learn},
-                           {"servo",
-                            {options(servo_options())},
-                            "servo",
-                            "starts the servo loop; end it with <close> or servo:close(), the coils are at zero then",
-                            open_servo}},
-                          {"top_camera", "side_camera", "coils", "lens_mover", "sample"}};
+  static const Class kind{
+      "rig",
+      "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, rig.sample, rig.stage, "
+      "rig.rotation_stage, rig.field_probe",
+      {{"learn_background",
+        {options({{.name = "frames",
+                   .type = Type::integer,
+                   .optional = true,
+                   .min = 2,
+                   .max = 1000,
+                   .help = "how many (15)"},
+                  timeout("60 s")})},
+        "background",
+        "learns what the empty scene looks like to the top camera",
+        learn},
+       {"servo",
+        {options(servo_options())},
+        "servo",
+        "starts the servo loop; end it with <close> or servo:close(), the coils are at zero then",
+        open_servo}},
+      {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage", "field_probe"}};
   return kind;
 }
 
@@ -239,6 +241,9 @@ void push_rig(lua_State* L, Rig& rig) {
   add_role<CoilAmplifier>(L, coils_class(), rig.coils, "coils");
   add_role(L, lens_mover_class(), rig.lens_mover, "lens_mover");
   add_role(L, sample_class(), rig.sample, "sample");
+  add_role(L, stage_class(), rig.stage, "stage");
+  add_role(L, rotation_stage_class(), rig.rotation_stage, "rotation_stage");
+  add_role(L, field_probe_class(), rig.field_probe, "field_probe");
 }
 
 }  // namespace vitreo::lua
