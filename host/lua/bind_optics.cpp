@@ -118,6 +118,47 @@ void push_system(lua_State* L, optics::Prescription prescription) {
 
 optics::Prescription& eye_of(const Call& call) { return call.self<optics::Prescription>(); }
 
+int OptionTable::get(const char* name) const {
+  if (lua_istable(L_, index_)) return lua_getfield(L_, index_, name);
+  lua_pushnil(L_);
+  return LUA_TNIL;
+}
+
+std::optional<double> OptionTable::number(const char* name) const {
+  std::optional<double> value;
+  if (get(name) == LUA_TNUMBER) value = lua_tonumber(L_, -1);
+  lua_pop(L_, 1);
+  return value;
+}
+
+std::optional<std::string> OptionTable::text(const char* name) const {
+  std::optional<std::string> value;
+  if (get(name) == LUA_TSTRING) value = lua_tostring(L_, -1);
+  lua_pop(L_, 1);
+  return value;
+}
+
+std::optional<std::vector<double>> OptionTable::numbers(const char* name) const {
+  get(name);
+  auto value = to_numbers(L_, -1);
+  lua_pop(L_, 1);
+  return value;
+}
+
+std::optional<Eigen::Vector3d> OptionTable::vector(const char* name) const {
+  get(name);
+  auto value = to_vector(L_, -1);
+  lua_pop(L_, 1);
+  return value;
+}
+
+bool OptionTable::flag(const char* name) const {
+  get(name);
+  const bool value = lua_toboolean(L_, -1);
+  lua_pop(L_, 1);
+  return value;
+}
+
 Argument length_option(const char* name, double min, double max, const char* help) {
   return {.name = name, .type = Type::number, .unit = "m", .optional = true, .min = min, .max = max, .help = help};
 }
@@ -175,20 +216,24 @@ const std::vector<Binding>& optics_functions() {
                                           .type = Type::text,
                                           .optional = true,
                                           .help = "\"object_is_retina\" (as it is), or \"image_is_retina\""}});
-  static const std::vector<Binding> functions = {
-      {"optics.prescriptions", {}, "list of names", "the eyes and lenses that are known", prescriptions},
-      {"optics.prescription", {text("name", "one of them")}, "optical_system", "one of them", prescription},
-      {"optics.system",
-       {{.name = "description", .type = Type::table, .help = "as optical_system:rows() gives it"}},
-       "optical_system",
-       "an eye of one's own",
-       system},
-      {"optics.zemax", {text("text", "of a .zmx file"), direction}, "optical_system", "reads a Zemax design", zemax},
-      {"optics.load_zemax",
-       {text("path", "of a .zmx file below the current folder or those of scripts"), direction},
-       "optical_system",
-       "reads a Zemax design from a file",
-       load_zemax}};
+  static const std::vector<Binding> functions = [&] {
+    std::vector<Binding> made = {
+        {"optics.prescriptions", {}, "list of names", "the eyes and lenses that are known", prescriptions},
+        {"optics.prescription", {text("name", "one of them")}, "optical_system", "one of them", prescription},
+        {"optics.system",
+         {{.name = "description", .type = Type::table, .help = "as optical_system:rows() gives it"}},
+         "optical_system",
+         "an eye of one's own",
+         system},
+        {"optics.zemax", {text("text", "of a .zmx file"), direction}, "optical_system", "reads a Zemax design", zemax},
+        {"optics.load_zemax",
+         {text("path", "of a .zmx file below the current folder or those of scripts"), direction},
+         "optical_system",
+         "reads a Zemax design from a file",
+         load_zemax}};
+    for (Binding& row : calibration_functions()) made.push_back(std::move(row));
+    return made;
+  }();
   return functions;
 }
 
@@ -211,7 +256,7 @@ const Class& optical_system_class() {
   static const Class kind = [] {
     Class made{"optical_system", "an eye with what stands before it; make one with optics.prescription", {}, {}};
     for (auto rows : {system_table_rows(), system_first_order_rows(), system_ray_rows(), system_map_rows(),
-                      system_tolerance_rows()})
+                      system_tolerance_rows(), system_pose_rows(), system_calibration_rows(), system_design_rows()})
       for (Binding& row : rows) made.methods.push_back(std::move(row));
     return made;
   }();

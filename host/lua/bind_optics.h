@@ -23,6 +23,24 @@ void push_system(lua_State* L, optics::Prescription prescription);
 /// The handle's prescription.
 optics::Prescription& eye_of(const Call& call);
 
+/// An options table by itself, where a call has several, or an entry of a list. Checked options have the right types;
+/// of an entry, a field of another type counts as absent.
+class OptionTable {
+ public:
+  OptionTable(lua_State* state, int index) : L_(state), index_(index) {}
+  OptionTable(const Call& call, std::size_t argument) : OptionTable(call.L, call.index(argument)) {}
+  std::optional<double> number(const char* name) const;
+  std::optional<std::string> text(const char* name) const;
+  std::optional<std::vector<double>> numbers(const char* name) const;
+  std::optional<Eigen::Vector3d> vector(const char* name) const;
+  bool flag(const char* name) const;
+
+ private:
+  int get(const char* name) const;  // pushes the field, or nil
+  lua_State* L_;
+  int index_;
+};
+
 Argument length_option(const char* name, double min, double max, const char* help);
 Argument options_of(std::vector<Argument> options);
 /// The option `microscope`, and what it says; nothing: a bare sensor.
@@ -39,5 +57,10 @@ std::vector<Binding> system_first_order_rows();
 std::vector<Binding> system_ray_rows();
 std::vector<Binding> system_map_rows();
 std::vector<Binding> system_tolerance_rows();
+std::vector<Binding> system_pose_rows();
+std::vector<Binding> system_calibration_rows();
+std::vector<Binding> system_design_rows();
+/// And of the module.
+std::vector<Binding> calibration_functions();
 
 }  // namespace vitreo::lua

@@ -1,6 +1,7 @@
 // wide_angle_map: where an intraocular point is imaged sharply, and back; isofocus surfaces and isopixel curves.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/bind_optics.h"
+#include "host/lua/calculate.h"
 #include "host/lua/values.h"
 #include "optics/thesis_curves.h"
 #include "optics/wide_angle_map.h"
@@ -19,8 +20,15 @@ int make_map(Call& call) {
   settings.lens_distance = call.number_option("lens_distance");
   settings.max_angle = call.number_option("max_angle").value_or(settings.max_angle);
   settings.max_depth = call.number_option("max_depth").value_or(settings.max_depth);
-  push_handle(call.L, wide_angle_map_class(), std::make_shared<WideAngleMap>(eye_of(call).system, settings));
-  return 1;
+  return calculate(
+      call, "wide-angle map",
+      [settings, system = eye_of(call).system](const Breath&) {
+        return std::make_shared<WideAngleMap>(system, settings);
+      },
+      [](Call& done, const std::shared_ptr<WideAngleMap>& map) {
+        push_handle(done.L, wide_angle_map_class(), map);
+        return 1;
+      });
 }
 
 const WideAngleMap& map_of(const Call& call) { return call.self<WideAngleMap>(); }
@@ -38,6 +46,40 @@ int point(Call& call) {
   const auto found = map_of(call).point({aerial.head<2>(), aerial.z()});
   if (!found) return 0;
   return call.result(*found);
+}
+
+/// Localisation by focus (figure 4.1): the isopixel curve meets the isofocus surface. Its covariance by differences of
+/// the map's inverse.
+int locate(Call& call) {
+  const WideAngleMap& map = map_of(call);
+  const Eigen::Vector3d aerial = call.vector(0);
+  const double sideways = call.number_option("image_sigma").value_or(10e-6);
+  const Eigen::Vector3d sigmas(sideways, sideways, call.number_option("focus_sigma").value_or(50e-6));
+  const auto at = [&](const Eigen::Vector3d& place) { return map.point({place.head<2>(), place.z()}); };
+  const auto found = at(aerial);
+  if (!found) return 0;
+  Eigen::Matrix3d root;
+  for (int i = 0; i < 3; ++i) {
+    constexpr double kStep = 1e-6;  // m
+    const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(i);
+    const auto more = at(aerial + step), less = at(aerial - step);
+    if (!more && !less) return 0;
+    const double width = (more ? kStep : 0) + (less ? kStep : 0);  // one-sided on the map's edge
+    root.col(i) = (more.value_or(*found) - less.value_or(*found)) * (sigmas[i] / width);
+  }
+  const Eigen::Matrix3d covariance = root * root.transpose();
+  push_fields(call.L, {});
+  push_vector(call.L, *found);
+  lua_setfield(call.L, -2, "position");
+  push_vector(call.L, covariance.diagonal().cwiseSqrt());
+  lua_setfield(call.L, -2, "sigma");
+  lua_newtable(call.L);
+  for (int i = 0; i < 3; ++i) {
+    push_numbers(call.L, {covariance(i, 0), covariance(i, 1), covariance(i, 2)});
+    lua_rawseti(call.L, -2, i + 1);
+  }
+  lua_setfield(call.L, -2, "covariance");
+  return 1;
 }
 
 int limits(Call& call) {
@@ -184,6 +226,13 @@ const Class& wide_angle_map_class() {
                  "position in m, or nil outside",
                  "the point that is imaged there",
                  point},
+                {"locate",
+                 {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
+                  options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
+                              length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
+                 "table: position, sigma, covariance, in m; nil outside",
+                 "localises by focus: as point, with its covariance",
+                 locate},
                 {"traced_image",
                  {inside},
                  "position in m, or nil outside",

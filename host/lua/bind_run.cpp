@@ -244,7 +244,9 @@ const std::vector<const Class*>& all_classes() {
                                                     &tracker_class(),
                                                     &multi_tracker_class(),
                                                     &background_tracker_class(),
-                                                    &autofocus_class()};
+                                                    &autofocus_class(),
+                                                    &localiser_class(),
+                                                    &axis_law_class()};
   return classes;
 }
 

@@ -134,6 +134,8 @@ const Class& tracker_class();
 const Class& multi_tracker_class();
 const Class& background_tracker_class();
 const Class& autofocus_class();
+const Class& localiser_class();
+const Class& axis_law_class();
 /// help() and such: rows without an object.
 const std::vector<Binding>& global_functions();
 /// "optics.prescription" and such: what the module `optics` holds.

@@ -1,0 +1,284 @@
+// localiser: where a body of known shape is, from the ellipse it shows or from points on it.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/bind_optics.h"
+#include "host/lua/calculate.h"
+#include "host/lua/localiser_calls.h"
+#include "host/lua/values.h"
+#include "optics/camera_calibration.h"
+
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::lua {
+namespace {
+
+using namespace localiser_calls;
+
+Localiser& localiser_of(const Call& call) { return call.self<Localiser>(); }
+
+int locate(Call& call) {
+  const Localiser& localiser = localiser_of(call);
+  const OptionTable how(call, 2);
+  auto settings = settings_at(how, localiser);
+  settings.object = body_at(OptionTable(call, 0));
+  const SeenEllipse seen = seen_at(OptionTable(call, 1));
+  const optics::PoseStart start = start_at(how, localiser);
+  return calculate(
+      call, "locate",
+      [settings, seen, start](const Breath&) {
+        return optics::locate_object(settings, seen.ellipse, seen.covariance, start);
+      },
+      [offset = localiser.offset](Call& done, const optics::ObjectPose& pose) {
+        return push_pose(done, pose, offset);
+      });
+}
+
+int locate_points(Call& call) {
+  const Localiser& localiser = localiser_of(call);
+  const OptionTable how(call, 1);
+  const auto settings = settings_at(how, localiser);
+  const auto points = points_at(call, 0);
+  const optics::PoseStart start = start_at(how, localiser);
+  return calculate(
+      call, "locate points",
+      [settings, points, start](const Breath&) { return optics::locate_points(settings, points, start); },
+      [offset = localiser.offset](Call& done, const optics::ObjectPose& pose) {
+        return push_pose(done, pose, offset);
+      });
+}
+
+int ellipse(Call& call) {
+  const Localiser& localiser = localiser_of(call);
+  optics::ObjectPoseSettings settings = localiser.settings;
+  settings.object = body_at(OptionTable(call, 0));
+  const OptionTable how(call, 1);
+  const optics::PoseStart start = start_at(how, localiser);
+  if (!start.orientation) throw std::invalid_argument("axis: is missing; wants axis or orientation");
+  const auto shown =
+      optics::project_object(settings, {*start.position_in_eye, *start.orientation}, how.number("scale").value_or(1));
+  if (!shown) return 0;
+  push_fields(call.L, {{"u", (*shown)[0]},
+                       {"v", (*shown)[1]},
+                       {"semi_major", (*shown)[2]},
+                       {"semi_minor", (*shown)[3]},
+                       {"angle", (*shown)[4]}});
+  return 1;
+}
+
+int pixel(Call& call) {
+  const Localiser& localiser = localiser_of(call);
+  const Eigen::Vector3d point = call.vector(0) - localiser.offset;
+  const auto& exact = localiser.settings.exact;
+  const auto m = exact ? exact->project(point) : localiser.settings.projection.project(point);
+  if (!m) return 0;
+  const Eigen::Vector2d at = localiser.settings.image.pixel_from_m(*m);
+  lua_pushnumber(call.L, at.x());
+  lua_pushnumber(call.L, at.y());
+  return 2;
+}
+
+int limits(Call& call) {
+  const optics::ObjectPoseSettings& settings = localiser_of(call).settings;
+  if (settings.exact) {
+    push_fields(call.L, {{"max_m", settings.exact->max_m()},
+                         {"max_z", settings.exact->max_z()},
+                         {"max_residual", settings.exact->max_residual()}});
+  } else {
+    push_fields(call.L, {{"max_m", settings.projection.max_m},
+                         {"max_z", settings.projection.max_z},
+                         {"viewpoint", settings.projection.viewpoint}});
+  }
+  push_fields(call.L, {{"pixel", settings.image.pixel}});
+  lua_getfield(call.L, -1, "pixel");
+  lua_setfield(call.L, -3, "pixel");
+  lua_pop(call.L, 1);
+  return 1;
+}
+
+/// One look at a spheroid where its height is known: on the retina.
+int calibrated(Call& call) {
+  const Localiser before = localiser_of(call);
+  const optics::ObjectModel body = body_at(OptionTable(call, 0));
+  const OptionTable how(call, 2);
+  if (!(body.ellipsoid() && body.round_about_z())) throw std::invalid_argument("shape: wants a spheroid");
+  optics::PoseSettings settings;
+  settings.projection = before.settings.projection;
+  settings.image = before.settings.image;
+  settings.exact = before.settings.exact;
+  settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
+  const std::string correction = how.text("correction").value_or("image_scale");
+  if (correction != "image_scale" && correction != "additive_offset")
+    throw std::invalid_argument("correction: wants image_scale or additive_offset, got " + correction);
+  const auto made = optics::calibrate_pose(
+      settings, seen_at(OptionTable(call, 1)).ellipse, *how.vector("axis"), *how.number("known_z"),
+      correction == "image_scale" ? optics::PoseCorrection::image_scale : optics::PoseCorrection::additive_offset);
+  auto after = std::make_shared<Localiser>(before);
+  after->settings.image.pixel *= made.image_scale;
+  after->offset += made.offset;
+  push_handle(call.L, localiser_class(), after);
+  push_fields(call.L, {{"image_scale", made.image_scale}, {"residual", made.residual}});
+  set_vector(call.L, "offset", made.offset);
+  return 2;
+}
+
+int make_localiser(Call& call) {
+  const auto microscope = microscope_option(call).value_or(optics::Microscope{});
+  const bool single = call.flag_option("single_viewpoint");
+  const double max_m = call.number_option("max_m").value_or(single ? 7e-3 : 8e-3);
+  optics::ImageScale image;
+  image.pixel = call.number_option("pixel").value_or(image.pixel);
+  if (call.push_option("centre")) {
+    const auto centre = *to_numbers(call.L, -1);
+    if (centre.size() != 2) throw std::invalid_argument("centre: wants two numbers {u, v}");
+    image.centre_px = {centre[0], centre[1]};
+  }
+  lua_pop(call.L, 1);
+  const optics::System system = eye_of(call).system;
+  return calculate(
+      call, "projection",
+      [=](const Breath&) {
+        Localiser made;
+        made.settings.image = image;
+        if (single) {
+          made.settings.projection = optics::fit_single_viewpoint(system, microscope, max_m);
+        } else {
+          made.settings.exact.emplace(system, microscope, max_m);
+        }
+        return made;
+      },
+      [](Call& done, const Localiser& made) {
+        push_handle(done.L, localiser_class(), std::make_shared<Localiser>(made));
+        return 1;
+      });
+}
+
+Argument number_of(const char* name, const char* unit, bool optional, const char* help, double min, double max) {
+  return {.name = name, .type = Type::number, .unit = unit, .optional = optional, .min = min, .max = max, .help = help};
+}
+
+Argument body_argument() {
+  return {.name = "body",
+          .type = Type::options,
+          .help = "its shape and size, z along its axis",
+          .options = {{.name = "shape", .type = Type::text, .help = "spheroid, ellipsoid, cylinder or superquadric"},
+                      length_option("half_length", 1e-7, 0.1, "of a spheroid or cylinder, along its axis"),
+                      length_option("radius", 1e-7, 0.1, "of a spheroid or cylinder"),
+                      {.name = "semi_axes", .type = Type::numbers, .unit = "m", .optional = true, .help = "{a, b, c}"},
+                      number_of("exponent_along", "", true, "of a superquadric: 0 flat ends, 1 round", 0, 1.9),
+                      number_of("exponent_across", "", true, "of its section: 0 square, 1 round", 0, 1.9)}};
+}
+
+Argument seen_argument() {
+  constexpr double kLargest = 1e6;
+  return {.name = "seen",
+          .type = Type::options,
+          .help = "the tracker's ellipse",
+          .options = {number_of("u", "", false, "centre, px", -kLargest, kLargest),
+                      number_of("v", "", false, "centre, px", -kLargest, kLargest),
+                      number_of("semi_major", "", false, "px", 1e-6, kLargest),
+                      number_of("semi_minor", "", false, "px", 1e-6, kLargest),
+                      number_of("angle", "rad", false, "from +u towards +v", -kLargest, kLargest),
+                      number_of("sigma", "", true, "of centre and axes, px (0.2)", 1e-6, kLargest),
+                      {.name = "covariance",
+                       .type = Type::numbers,
+                       .optional = true,
+                       .help = "25 numbers, row by row, instead of sigma"}}};
+}
+
+Argument how_argument(bool position_needed) {
+  const auto flag = [](const char* name, const char* help) {
+    return Argument{.name = name, .type = Type::flag, .optional = true, .help = help};
+  };
+  std::vector<Argument> options = {
+      {.name = "position", .type = Type::vector, .unit = "m", .optional = !position_needed, .help = "where to start"},
+      {.name = "axis", .type = Type::vector, .optional = true, .help = "direction of the body's z"},
+      {.name = "orientation", .type = Type::numbers, .optional = true, .help = "nine numbers, eye from body"}};
+  if (position_needed) {
+    options.push_back(number_of("scale", "", true, "of the body's size (1)", 1e-3, 1e3));
+  } else {
+    options.insert(options.end(),
+                   {flag("rotate", "six degrees of freedom (false)"),
+                    number_of("orientation_sigma", "rad", true, "how well the orientation is known before", 1e-9, 10),
+                    number_of("scale_sigma", "", true, "how well the size is known, relative (0)", 0, 10),
+                    flag("unknown_size", "it is not known at all (false)"),
+                    number_of("max_residual_px", "", true, "above it: misfit (8)", 1e-9, 1e6)});
+  }
+  return options_of(options);
+}
+
+std::vector<Binding> locating_rows() {
+  const char* const pose =
+      "table: status, candidates {position, axis, orientation, scale, covariance, sigma, unobservable, chi2, "
+      "residual_px}";
+  return {{"locate",
+           {body_argument(), seen_argument(), how_argument(false)},
+           pose,
+           "weighted by the tracker's covariance; status is found, ambiguous, misfit, not_converged or outside; "
+           "position and sigma too when found",
+           locate},
+          {"locate_points",
+           {{.name = "points", .type = Type::list, .help = "{{body = {x, y, z}, u = , v = , sigma = 0.2}, ...}, px"},
+            how_argument(false)},
+           pose,
+           "the same from points known on the body",
+           locate_points},
+          {"calibrated",
+           {body_argument(), seen_argument(),
+            options_of({{.name = "axis", .type = Type::vector, .help = "direction of the body's z"},
+                        number_of("known_z", "m", false, "height of its centre over the retina's vertex", -1, 1),
+                        {.name = "correction",
+                         .type = Type::text,
+                         .optional = true,
+                         .help = "image_scale (default) or additive_offset"}})},
+           "localiser, table: image_scale, offset, residual",
+           "put right by one look at a spheroid on the known retina",
+           calibrated}};
+}
+
+}  // namespace
+
+std::vector<Binding> system_pose_rows() {
+  return {{"localiser",
+           {options_of({microscope_argument(),
+                        {.name = "single_viewpoint",
+                         .type = Type::flag,
+                         .optional = true,
+                         .help = "the thesis' projection (5.2) to (5.11) instead of the exact one"},
+                        length_option("max_m", 1e-4, 1, "of the aerial image (8 mm; 7 mm by a single viewpoint)"),
+                        length_option("pixel", 1e-9, 1e-3, "of aerial image (14.3 um)"),
+                        {.name = "centre",
+                         .type = Type::numbers,
+                         .optional = true,
+                         .help = "{u, v} of the image's axis, px ({0, 0})"}})},
+           "localiser",
+           "finds bodies by the ellipse or the points they show (5.3)",
+           make_localiser}};
+}
+
+const Class& localiser_class() {
+  static const Class kind = [] {
+    Class made{"localiser",
+               "pose through the eye's optics (5.3); make one with optical_system:localiser",
+               {{"pixel",
+                 {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"}},
+                 "u, v in px, or nil outside",
+                 "where the chain's chief ray shows a point",
+                 pixel},
+                {"ellipse",
+                 {body_argument(), how_argument(true)},
+                 "table: u, v, semi_major, semi_minor, angle; nil outside",
+                 "what a tracker would fit to the body's silhouette",
+                 ellipse},
+                {"limits",
+                 {},
+                 "table in m",
+                 "max_m, max_z, pixel; max_residual of the exact projection, or viewpoint",
+                 limits}},
+               {}};
+    for (Binding& row : locating_rows()) made.methods.push_back(std::move(row));
+    return made;
+  }();
+  return kind;
+}
+
+}  // namespace vitreo::lua
