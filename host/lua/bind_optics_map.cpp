@@ -85,6 +85,8 @@ int locate(Call& call) {
 int limits(Call& call) {
   const WideAngleMap& map = map_of(call);
   push_fields(call.L, {{"max_angle", map.max_angle()}, {"max_depth", map.max_depth()}, {"tail", map.tail()}});
+  lua_pushboolean(call.L, map.symmetric());
+  lua_setfield(call.L, -2, "symmetric");
   return 1;
 }
 
@@ -217,29 +219,30 @@ std::vector<Binding> system_map_rows() {
 const Class& wide_angle_map_class() {
   static const Class kind = [] {
     const Argument inside{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"};
-    Class made{"wide_angle_map",
-               "image formation (3.2); make one with optical_system:wide_angle_map. An image place is {x, y, d_ls}: x, "
-               "y of the eye frame, d_ls from the last vertex",
-               {{"image", {inside}, "position in m, or nil outside", "where a point is imaged sharply", image},
-                {"point",
-                 {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"}},
-                 "position in m, or nil outside",
-                 "the point that is imaged there",
-                 point},
-                {"locate",
-                 {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
-                  options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
-                              length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
-                 "table: position, sigma, covariance, in m; nil outside",
-                 "localises by focus: as point, with its covariance",
-                 locate},
-                {"traced_image",
-                 {inside},
-                 "position in m, or nil outside",
-                 "as image, by tracing the bundle instead of the table",
-                 traced_image},
-                {"limits", {}, "table", "max_angle in rad, max_depth and tail (the table's error) in m", limits}},
-               {}};
+    Class made{
+        "wide_angle_map",
+        "image formation (3.2); make one with optical_system:wide_angle_map. An image place is {x, y, d_ls}: x, "
+        "y of the eye frame, d_ls from the last vertex",
+        {{"image", {inside}, "position in m, or nil outside", "where a point is imaged sharply", image},
+         {"point",
+          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"}},
+          "position in m, or nil outside",
+          "the point that is imaged there",
+          point},
+         {"locate",
+          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
+           options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
+                       length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
+          "table: position, sigma, covariance, in m; nil outside",
+          "localises by focus: as point, with its covariance",
+          locate},
+         {"traced_image",
+          {inside},
+          "position in m, or nil outside",
+          "as image, by tracing the bundle instead of the table",
+          traced_image},
+         {"limits", {}, "table", "max_angle in rad, max_depth and tail (the table's error) in m; symmetric", limits}},
+        {}};
     for (Binding& row : curve_rows()) made.methods.push_back(std::move(row));
     return made;
   }();

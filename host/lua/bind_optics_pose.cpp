@@ -156,18 +156,6 @@ Argument number_of(const char* name, const char* unit, bool optional, const char
   return {.name = name, .type = Type::number, .unit = unit, .optional = optional, .min = min, .max = max, .help = help};
 }
 
-Argument body_argument() {
-  return {.name = "body",
-          .type = Type::options,
-          .help = "its shape and size, z along its axis",
-          .options = {{.name = "shape", .type = Type::text, .help = "spheroid, ellipsoid, cylinder or superquadric"},
-                      length_option("half_length", 1e-7, 0.1, "of a spheroid or cylinder, along its axis"),
-                      length_option("radius", 1e-7, 0.1, "of a spheroid or cylinder"),
-                      {.name = "semi_axes", .type = Type::numbers, .unit = "m", .optional = true, .help = "{a, b, c}"},
-                      number_of("exponent_along", "", true, "of a superquadric: 0 flat ends, 1 round", 0, 1.9),
-                      number_of("exponent_across", "", true, "of its section: 0 square, 1 round", 0, 1.9)}};
-}
-
 Argument seen_argument() {
   constexpr double kLargest = 1e6;
   return {.name = "seen",

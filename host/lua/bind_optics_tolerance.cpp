@@ -2,13 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/bind_optics.h"
 #include "host/lua/calculate.h"
+#include "host/lua/error_calls.h"
+#include "host/lua/values.h"
 #include "optics/calibration.h"
 #include "optics/error_analysis.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 namespace vitreo::lua {
 namespace {
+
+using error_calls::Method;
 
 int depth_from_focus(Call& call) {
   const optics::System& system = eye_of(call).system;
@@ -21,14 +26,6 @@ int depth_from_focus(Call& call) {
   return call.result(*object + vitreous);
 }
 
-optics::AxisErrorOptions error_options(const Call& call) {
-  optics::AxisErrorOptions options;
-  options.calibrated = call.flag_option("calibrated");
-  options.retinal_depth_error = call.number_option("retinal_depth_error").value_or(0);
-  options.depth_to = call.number_option("depth_to").value_or(options.depth_to);
-  return options;
-}
-
 constexpr int kChunk = 200;  // eyes drawn between two breaths
 
 /// Others get their turn before each eye, and a stop its way.
@@ -37,6 +34,28 @@ optics::EyeError breathing(optics::EyeError error, const Breath& breath) {
     breath();
     return error(truth);
   };
+}
+
+/// What is uncertain: table 5.1, or { ["lens.index"] = 0.04 } as the option says, relative.
+std::vector<optics::Uncertainty> uncertainties_of(const Call& call, const optics::Prescription& eye) {
+  std::vector<optics::Uncertainty> uncertainties;
+  if (!call.push_option("uncertainties")) {
+    uncertainties = optics::applicable(optics::table_5_1(), eye);
+  } else {
+    const int table = lua_gettop(call.L);
+    for (const std::string& name : text_keys(call.L, table)) {
+      lua_getfield(call.L, table, name.c_str());
+      const double relative = lua_type(call.L, -1) == LUA_TNUMBER ? lua_tonumber(call.L, -1) : -1;
+      if (!(relative > 0 && relative <= 1))
+        throw std::invalid_argument("uncertainties: " + name + ": wants a number up to 1, relative to its value");
+      lua_pop(call.L, 1);
+      uncertainties.push_back({name, relative, "the script"});
+      static_cast<void>(optics::perturbed(eye, uncertainties.back(), 0));  // throws where the eye has no such parameter
+    }
+    if (uncertainties.empty()) throw std::invalid_argument("uncertainties: wants names of parameters");
+  }
+  lua_pop(call.L, 1);
+  return uncertainties;
 }
 
 int push_sensitivity(Call& call, const std::vector<optics::Sensitivity>& found) {
@@ -56,11 +75,21 @@ int sensitivity(Call& call) {
   const optics::Prescription eye = eye_of(call);
   return calculate(
       call, "sensitivity",
-      [eye, options = error_options(call)](const Breath& breath) {
-        return optics::one_at_a_time(eye, optics::applicable(optics::table_5_1(), eye),
-                                     breathing(optics::axis_error(eye, optics::traced_focus(), options), breath));
+      [eye, uncertainties = uncertainties_of(call, eye),
+       make_error = error_calls::error_of(call, error_calls::chosen_method(call))](const Breath& breath) {
+        return optics::one_at_a_time(eye, uncertainties, breathing(make_error(eye), breath));
       },
       push_sensitivity);
+}
+
+/// The error of one who believes in this eye when the other is true.
+template <Method kMethod>
+int error_between(Call& call) {
+  return calculate(
+      call, "localisation error",
+      [believed = eye_of(call), truth = call.handle<optics::Prescription>(0),
+       make_error = error_calls::error_of(call, kMethod)](const Breath&) { return make_error(believed)(truth); },
+      [](Call& done, const std::optional<double>& error) { return error ? done.result(*error) : 0; });
 }
 
 void push_statistics(lua_State* L, const optics::ErrorStatistics& s) {
@@ -78,16 +107,16 @@ int monte_carlo(Call& call) {
   const int count = static_cast<int>(call.number_option("count").value_or(200));
   return calculate(
       call, "monte carlo",
-      [eye, count, seed = call.context().seed, options = error_options(call)](const Breath& breath) {
+      [eye, count, seed = call.context().seed, uncertainties = uncertainties_of(call, eye),
+       make_error = error_calls::error_of(call, error_calls::chosen_method(call))](const Breath& breath) {
         std::mt19937_64 random(seed);
-        const auto uncertainties = optics::applicable(optics::table_5_1(), eye);
         std::vector<optics::PerturbedEye> eyes;
         for (int done = 0; done < count; done += kChunk) {  // the generator alone decides: chunks draw the same eyes
           breath();
           for (auto& one : optics::monte_carlo(eye, uncertainties, std::min(kChunk, count - done), random))
             eyes.push_back(std::move(one));
         }
-        return optics::statistics(eyes, breathing(optics::axis_error(eye, optics::traced_focus(), options), breath));
+        return optics::statistics(eyes, breathing(make_error(eye), breath));
       },
       [](Call& done, const optics::ErrorStatistics& found) {
         push_statistics(done.L, found);
@@ -112,49 +141,72 @@ int worth_measuring(Call& call) {
   const int count = static_cast<int>(call.number_option("count").value_or(200));
   return calculate(
       call, "worth measuring",
-      [eye, count, seed = call.context().seed, options = error_options(call)](const Breath& breath) {
+      [eye, count, seed = call.context().seed, uncertainties = uncertainties_of(call, eye),
+       make_error = error_calls::error_of(call, error_calls::chosen_method(call))](const Breath& breath) {
         std::mt19937_64 random(seed);
-        const auto make_error = [&](const optics::Prescription& believed) {
-          return breathing(optics::axis_error(believed, optics::traced_focus(), options), breath);
+        const auto breathing_error = [&](const optics::Prescription& believed) {
+          breath();
+          return breathing(make_error(believed), breath);
         };
-        return optics::worth_measuring(eye, optics::applicable(optics::table_5_1(), eye), make_error, count, random);
+        return optics::worth_measuring(eye, uncertainties, breathing_error, count, random);
       },
       push_values);
+}
+
+Binding error_row(const char* name, Method method, int (*function)(Call&), const char* doc) {
+  const Argument truth{.name = "truth", .type = Type::handle, .help = "the eye as it is", .handle = "optical_system"};
+  return {name,
+          {truth, options_of(error_calls::options_of_method(method))},
+          "number in m, or nil without an answer",
+          doc,
+          function};
+}
+
+std::vector<Binding> analysis_rows() {
+  std::vector<Argument> options = error_calls::options_of_all();
+  options.push_back({.name = "uncertainties",
+                     .type = Type::table,
+                     .optional = true,
+                     .help = "{[parameter] = one sigma, relative to its value} (table 5.1)"});
+  std::vector<Argument> drawn = options;
+  drawn.push_back(
+      {.name = "count", .type = Type::integer, .optional = true, .min = 1, .max = 100000, .help = "of eyes (200)"});
+  return {{"sensitivity",
+           {options_of(options)},
+           "list of tables",
+           "error of localisation when one parameter is off by its sigma, the worst first: parameter, minus, plus in m",
+           sensitivity},
+          {"monte_carlo",
+           {options_of(drawn)},
+           "table",
+           "the same error with all parameters off at once: count, failed, mean, rms, median, percentile_95, max",
+           monte_carlo},
+          {"worth_measuring",
+           {options_of(drawn)},
+           "list of tables",
+           "the same when one parameter of the patient is known, the best first: parameter, reduction (of the rms), "
+           "and as monte_carlo",
+           worth_measuring}};
 }
 
 }  // namespace
 
 std::vector<Binding> system_tolerance_rows() {
-  const std::vector<Argument> options = {
-      {.name = "calibrated", .type = Type::flag, .optional = true, .help = "on the eye's own retina (false)"},
-      length_option("retinal_depth_error", 0, 0.1, "of that calibration (0)"),
-      length_option("depth_to", 1e-4, 1, "depths from the retina to here (8 mm)")};
-  std::vector<Argument> drawn = options;
-  drawn.push_back(
-      {.name = "count", .type = Type::integer, .optional = true, .min = 1, .max = 100000, .help = "of eyes (200)"});
-  return {
+  std::vector<Binding> rows = {
       {"depth_from_focus",
        {{.name = "distance", .type = Type::number, .unit = "m", .help = "d_ls, where the object was sharp"},
         options_of({length_option("retina_at", -10, 10, "d_ls at which the retina was sharp: calibrates")})},
        "number in m, or nil outside of the vitreous",
        "how far before the retina an object on the axis is, by (4.10) to (4.12)",
        depth_from_focus},
-      {"sensitivity",
-       {options_of(options)},
-       "list of tables",
-       "largest error of depth on the axis when one parameter of table 5.1 is off by its sigma: minus, plus in m",
-       sensitivity},
-      {"monte_carlo",
-       {options_of(drawn)},
-       "table",
-       "the same error with all parameters off at once: count, failed, mean, rms, median, percentile_95, max",
-       monte_carlo},
-      {"worth_measuring",
-       {options_of(drawn)},
-       "list of tables",
-       "the same when one parameter of the patient is known, the best first: parameter, reduction (of the rms), and "
-       "as monte_carlo",
-       worth_measuring}};
+      error_row("axis_error", Method::axis, error_between<Method::axis>,
+                "largest error of depth by focus on the axis of one who believes in this eye"),
+      error_row("field_error", Method::field, error_between<Method::field>,
+                "error of localisation by focus over the whole field of one who believes in this eye"),
+      error_row("pose_error", Method::pose, error_between<Method::pose>,
+                "error of localisation by pose over the whole field of one who believes in this eye")};
+  for (Binding& row : analysis_rows()) rows.push_back(std::move(row));
+  return rows;
 }
 
 }  // namespace vitreo::lua

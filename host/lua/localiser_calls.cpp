@@ -48,6 +48,21 @@ void set_vector(lua_State* L, const char* name, const Eigen::Vector3d& vector) {
   lua_setfield(L, -2, name);
 }
 
+Argument body_argument() {
+  const auto exponent = [](const char* name, const char* help) {
+    return Argument{.name = name, .type = Type::number, .optional = true, .min = 0, .max = 1.9, .help = help};
+  };
+  return {.name = "body",
+          .type = Type::options,
+          .help = "its shape and size, z along its axis",
+          .options = {{.name = "shape", .type = Type::text, .help = "spheroid, ellipsoid, cylinder or superquadric"},
+                      length_option("half_length", 1e-7, 0.1, "of a spheroid or cylinder, along its axis"),
+                      length_option("radius", 1e-7, 0.1, "of a spheroid or cylinder"),
+                      {.name = "semi_axes", .type = Type::numbers, .unit = "m", .optional = true, .help = "{a, b, c}"},
+                      exponent("exponent_along", "of a superquadric: 0 flat ends, 1 round"),
+                      exponent("exponent_across", "of its section: 0 square, 1 round")}};
+}
+
 optics::ObjectModel body_at(const OptionTable& table) {
   const std::string shape = *table.text("shape");
   const auto needed = [&](const char* name) {

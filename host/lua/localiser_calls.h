@@ -17,7 +17,8 @@ struct SeenEllipse {
   optics::EllipseCovariance covariance;
 };
 
-/// Throws std::invalid_argument naming the field that is missing or wrong.
+/// A body's fields, and what they say. Throws std::invalid_argument naming the one that is missing or wrong.
+Argument body_argument();
 optics::ObjectModel body_at(const OptionTable& table);
 /// Without a covariance 0.2 px, or `sigma`, in centre and axes, and the angle that goes with it.
 SeenEllipse seen_at(const OptionTable& table);

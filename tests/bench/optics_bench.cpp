@@ -2,6 +2,7 @@
 #include "optics/batch.h"
 #include "optics/field_errors.h"
 #include "optics/lens_design.h"
+#include "optics/object_pose.h"
 #include "optics/pose.h"
 #include "optics/thesis_curves.h"
 
@@ -172,11 +173,12 @@ void exact_projection(benchmark::State& state) {
 }
 BENCHMARK(exact_projection)->Name("optics/exact_projection")->Arg(0)->Arg(1);
 
-/// With argument 1 by the exact projection, with 0 by the thesis' single viewpoint.
+/// With argument 0 by the thesis' single viewpoint, with 1 by the exact projection, with 2 by that and weighted.
 void locate_robot(benchmark::State& state) {
   PoseSettings settings;
   settings.projection = fit_single_viewpoint(model_eye_5_3(), Microscope{}, 7e-3);
-  if (state.range(0) == 1) settings.exact.emplace(model_eye_5_3(), Microscope{}, 8e-3);
+  settings.weighted = state.range(0) == 2;
+  if (state.range(0) > 0) settings.exact.emplace(model_eye_5_3(), Microscope{}, 8e-3);
   const Eigen::Vector3d place(2e-3, 1e-3, 5e-3), axis = Eigen::Vector3d(1, 0.2, 0.3).normalized();
   EllipseVector seen = *project_spheroid(settings, place, axis);
   seen[2] += 0.2, seen[0] -= 0.1;  // px, as a tracker would
@@ -187,6 +189,27 @@ void locate_robot(benchmark::State& state) {
     benchmark::DoNotOptimize(locate(settings, seen, covariance, axis, start));
   }
 }
-BENCHMARK(locate_robot)->Name("optics/locate")->Arg(0)->Arg(1);
+BENCHMARK(locate_robot)->Name("optics/locate")->Arg(0)->Arg(1)->Arg(2);
+
+/// Bodies of all shapes by the exact projection, from the last frame's place; with argument 1 with its uncertain
+/// orientation.
+void locate_body(benchmark::State& state, const ObjectModel& body) {
+  ObjectPoseSettings settings;
+  settings.exact.emplace(model_eye_5_3(), Microscope{}, 8e-3);
+  settings.object = body;
+  if (state.range(0) == 1) settings.orientation_sigma = 0.03;
+  const BodyPose pose{{2e-3, 1e-3, 5e-3}, orientation_along({1, 0.2, 0.3})};
+  EllipseVector seen = *project_object(settings, pose);
+  seen[2] += 0.2, seen[0] -= 0.1;  // px, as a tracker would
+  EllipseCovariance covariance = EllipseCovariance::Identity() * 0.04;
+  covariance(4, 4) = 1e-5;
+  const PoseStart start{pose.position_in_eye + Eigen::Vector3d(5e-5, -5e-5, 1e-4), pose.orientation};
+  for (auto _ : state) benchmark::DoNotOptimize(locate_object(settings, seen, covariance, start));
+}
+BENCHMARK_CAPTURE(locate_body, ellipsoid, ellipsoid({0.5e-3, 0.5e-3, 1e-3}))
+    ->Name("optics/locate_ellipsoid")
+    ->Arg(0)
+    ->Arg(1);
+BENCHMARK_CAPTURE(locate_body, cylinder, cylinder(1e-3, 0.25e-3))->Name("optics/locate_cylinder")->Arg(0)->Arg(1);
 
 }  // namespace
