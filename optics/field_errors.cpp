@@ -13,6 +13,7 @@ namespace vitreo::optics {
 namespace {
 
 constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
+constexpr double kReach = 3;           // vitreous lengths; the cubics beyond their ends cross anywhere
 
 void require(bool good, const char* why) {
   if (!good) throw std::invalid_argument(why);
@@ -81,6 +82,7 @@ std::optional<SeenField> see(const System& system, const FieldErrorOptions& opti
 struct Believed {
   ThesisCurves curves;
   OnAxisLaw law;
+  double reach;  // m, from the retina's vertex: what lies farther is no place in or about the eye
 };
 
 Believed believe(const Prescription& believed, const FieldErrorOptions& options) {
@@ -97,7 +99,7 @@ Believed believe(const Prescription& believed, const FieldErrorOptions& options)
   ThesisSettings fit;
   fit.conic = believed.system.surfaces.front().conic;
   return {fit_thesis_curves(WideAngleMap(believed.system, settings), fit),
-          fit_on_axis(on_axis_law(believed.system), own).law};
+          fit_on_axis(on_axis_law(believed.system), own).law, kReach * believed.system.surfaces.front().thickness};
 }
 
 /// Errors with the sensor off by `shift` and, when given, a calibrated law in place of the believed one.
@@ -114,7 +116,8 @@ std::optional<double> error_of(const Believed& believed, const SeenField& seen, 
     }
     const auto found = pole_shift ? believed.curves.point_beyond(focus, one.height, *pole_shift)
                                   : std::optional<WideAngleMap::Plane>();
-    errors.add(found ? std::optional(std::hypot(found->r - one.point.x(), found->z - one.point.z())) : std::nullopt);
+    const bool there = found && std::hypot(found->r, found->z) < believed.reach;
+    errors.add(there ? std::optional(std::hypot(found->r - one.point.x(), found->z - one.point.z())) : std::nullopt);
   }
   return errors.summary(measure);
 }

@@ -29,8 +29,9 @@ struct FieldErrorOptions {
 /// Distance (m) between points of the field and where one finds them who believes in `believed`: images of traced
 /// bundles of the true eye, taken back along the believed thesis' curves, their cubics carried on beyond their ends.
 /// Calibration moves the isofocus surfaces along the axis by what it changes in the on-axis law (4.10) to (4.12).
-/// Points whose bundles are lost, or whose curves do not cross, do not count; when they are more than a quarter, there
-/// is no answer. Throws std::invalid_argument for bad options, or when the believed eye has no map.
+/// Points whose bundles are lost, or whose curves do not cross within three vitreous lengths of the retina, do not
+/// count; when they are more than a quarter, there is no answer. Throws std::invalid_argument for bad options, or when
+/// the believed eye has no map.
 EyeError field_error(const Prescription& believed, const FieldErrorOptions& options = {});
 
 struct PoseErrorOptions {

@@ -182,7 +182,8 @@ std::optional<WideAngleMap::Plane> ThesisCurves::point_beyond(double focus, doub
   const double A = s * s + 1 + conic, B = r0 * s - R, C = r0 * r0;
   const double discriminant = B * B - A * C;
   if (!(discriminant >= 0)) return std::nullopt;
-  const double u = C / (-B + std::sqrt(discriminant));  // the crossing near the pole, without cancellation
+  // The crossing near the pole, without cancellation, also where the surface is curved away from the eye's front.
+  const double u = C / (-B + std::copysign(std::sqrt(discriminant), -B));
   return WideAngleMap::Plane{r0 + s * u, z0 + u};
 }
 

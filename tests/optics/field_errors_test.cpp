@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/field_errors.h"
 
+#include "optics/thesis_curves.h"
 #include "tests/optics/support.h"
 
 #include <gtest/gtest.h>
@@ -129,6 +130,30 @@ TEST(FieldErrors, TheyPlugIntoStatisticsAndIntoWhatToMeasure) {
   ASSERT_EQ(list.size(), 2u);
   EXPECT_EQ(list[0].parameter, "lens.index");
   EXPECT_GT(list[0].reduction, 0.8);
+}
+
+// The isofocus surfaces of table 5.3 flatten with depth until they bend the other way: the crossing near the pole
+// counts there too, not the one on the far side of the sphere, tens of millimetres away.
+TEST(FieldErrors, SurfacesThatBendTheOtherWayAreCrossedNearTheirPole) {
+  const Prescription eye = prescription("model_eye_5_3");
+  FieldErrorOptions options;
+  options.max_angle = 15 * kDegree;
+  const EyeError error = field_error(eye, options);
+  EXPECT_LT(error(eye).value(), 0.2 * kMm);
+  for (const Uncertainty& one : applicable(table_5_1(), eye)) {
+    for (const double sigmas : {-1.0, 1.0}) {
+      const auto off = error(perturbed(eye, one, sigmas));
+      ASSERT_TRUE(off.has_value()) << one.parameter;
+      EXPECT_LT(*off, 3 * kMm) << one.parameter;  // the refraction that all of them change by a sigma is worth 2.3 mm
+    }
+  }
+  ThesisCurves bent;
+  bent.radius.c = {-50 * kMm, 0, 0, 0}, bent.pole.c = {5 * kMm, 0, 0, 0};
+  bent.intercept.c = {2 * kMm, 0, 0, 0}, bent.slope.c = {-0.1, 0, 0, 0};
+  const auto crossing = bent.point_beyond(10 * kMm, 1 * kMm);
+  ASSERT_TRUE(crossing.has_value());
+  EXPECT_NEAR(crossing->z, 5 * kMm - crossing->r * crossing->r / (2 * 50 * kMm), 1e-7);  // the sphere's sag
+  EXPECT_NEAR(crossing->r, 2 * kMm - 0.1 * crossing->z, 1e-12);
 }
 
 TEST(FieldErrors, AnEyeThatShowsTooLittleHasNoAnswer) {
