@@ -18,6 +18,8 @@ FreeParameters free_parameters(const ObjectPoseSettings& settings) {
   return free;
 }
 
+constexpr double kTilt = 0.35;  // rad, of starts away from what was found
+
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& rotation) {
   const Eigen::AngleAxisd turn(rotation);
   return turn.angle() * turn.axis();
@@ -161,7 +163,6 @@ std::optional<BodyState> Search::mirrored(const BodyState& state) const {
 
 /// Away from where the body lies across the line of sight, where its image does not change with the tilt.
 std::vector<BodyState> Search::tilted(const BodyState& state) const {
-  constexpr double kTilt = 0.35;  // rad
   const auto viewpoint = look_.viewpoint(state.position);
   if (!viewpoint) return {};
   const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
@@ -252,15 +253,18 @@ PoseCandidate Search::candidate(const Minimum& minimum) const {
 
 ObjectPose Search::run() {
   constexpr std::size_t kMost = 12;
+  constexpr double kFarOff = 5;  // sigma of what is known of the orientation: a tilted start would end where it is
+  const bool tilts = rotates_ && !(settings_.orientation_sigma * kFarOff < kTilt);
   for (const BodyState& start : starts()) {
     follow(start);
-    if (!rotates_ || !start_.orientation) continue;
+    if (!tilts || !start_.orientation) continue;
     for (const BodyState& other : tilted(start)) follow(other);
   }
   // By index: what is found this way is looked at in its turn. A short cylinder has four poses with the same ellipse.
   for (std::size_t i = 0; rotates_ && i < std::min(minima_.size(), kMost); ++i) {
     const BodyState found = minima_[i].state;
     if (const auto other = mirrored(found)) follow(*other);
+    if (!tilts) continue;
     for (const BodyState& other : tilted(found)) follow(other);
   }
   ObjectPose pose;

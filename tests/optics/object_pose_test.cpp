@@ -189,6 +189,28 @@ TEST(ObjectPose, AnUncertainOrientationAndAnUncertainSizeAreInTheCovariance) {
   expect_honest(sum, kTrials);
 }
 
+TEST(ObjectPose, ACylinderInSixDegreesHasAnHonestCovarianceOfAllSix) {
+  constexpr int kTrials = 40;
+  Tracker tracker;
+  ObjectPoseSettings settings = settings_of(kRod);
+  settings.orientation_sigma = 0.03;
+  const BodyPose truth{kPlace, orientation_along(kOblique)};
+  const EllipseVector shown = *project_object(settings, truth);
+  double sum = 0;
+  for (int i = 0; i < kTrials; ++i) {
+    const auto seen = tracker.look(shown);
+    const Eigen::Matrix3d believed = truth.orientation * turned(tracker.turn(0.03));
+    const ObjectPose found = locate_object(settings, seen.ellipse, seen.covariance, {kPlace, believed});
+    ASSERT_FALSE(found.candidates.empty());
+    const PoseCandidate& best = found.candidates[0];
+    const Eigen::AngleAxisd turn(Eigen::Matrix3d(best.pose.orientation.transpose() * truth.orientation));
+    Eigen::Matrix<double, 6, 1> off;
+    off << kPlace - best.pose.position_in_eye, turn.angle() * turn.axis();
+    sum += off.dot(best.covariance.topLeftCorner<6, 6>().ldlt().solve(off));
+  }
+  EXPECT_NEAR(sum / kTrials, 6, 3.9 * std::sqrt(12.0 / kTrials));  // of six degrees of freedom
+}
+
 TEST(ObjectPose, ATiltedBodyHasTwoPosesAndBothAreReturned) {
   ObjectPoseSettings settings = settings_of(kSpheroid);
   settings.rotate = true;
