@@ -54,7 +54,9 @@ std::vector<Uncertainty> applicable(const std::vector<Uncertainty>& uncertaintie
   const auto known = parameters(prescription);
   std::vector<Uncertainty> those;
   for (const Uncertainty& one : uncertainties) {
-    const auto is_it = [&](const Parameter& its) { return its.name == one.parameter; };
+    const auto is_it = [&](const Parameter& its) {
+      return its.name == one.parameter && !(its.value == 1 && its.name.ends_with(".index"));  // air is certain
+    };
     if (std::any_of(known.begin(), known.end(), is_it)) those.push_back(one);
   }
   return those;

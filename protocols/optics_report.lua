@@ -109,7 +109,7 @@ local function spot_diagrams(run, eye, p)
 end
 
 local function modulation(run, eye, p)
-  local per_mm, all = range(0, 100, 26), {}
+  local per_mm, all = range(0, 50, 26), {}
   for _, angle in ipairs(range(0, p.field, 3)) do
     local spots = {}
     for i, frequency in ipairs(per_mm) do spots[i] = eye:spot { angle = angle, frequency = frequency / mm } end

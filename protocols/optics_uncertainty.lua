@@ -21,7 +21,16 @@ local function attempt(run, what, f, ...)
   run:note(("no %s: %s"):format(what, tostring(results[2])))
 end
 
-local function worst_of(one) return one and one.minus and one.plus and math.max(one.minus, one.plus) or false end
+-- The worse of both signs, or of the one that has an answer.
+local function worst_of(one)
+  if not (one and (one.minus or one.plus)) then return false end
+  return math.max(one.minus or one.plus, one.plus or one.minus)
+end
+
+local function bar_chart(run, title, options)
+  options.title = title
+  run:drawing(title, bars.svg(options))
+end
 
 -- Figures 4.2, 4.5 and table 5.2: by each method, as the eye is believed, and calibrated on its retina.
 local methods = {
@@ -49,8 +58,9 @@ local function sensitivity(run, eye, p)
       rows[i] = { name = one.parameter, values = { worst_of(one), worst_of(after[one.parameter]) } }
     end
     if #rows > 0 then
+      table.sort(rows, function(a, b) return (a.values[1] or -1) > (b.values[1] or -1) end)
       if rows[1].values[1] then run:figure("worst_error_" .. method.name, rows[1].values[1], "m") end
-      run:drawing(method.title .. ", one parameter off by one sigma", bars.svg {
+      bar_chart(run, method.title .. ", one parameter off by one sigma", {
         rows = rows, labels = { "as prescribed", "calibrated on the retina" }, unit = "mm", divisor = mm })
     end
   end
@@ -86,7 +96,7 @@ local function worth_measuring(run, eye, p)
   for i, one in ipairs(before) do
     rows[i] = { name = one.parameter, values = { math.max(one.reduction, 0), math.max(after[one.parameter] or 0, 0) } }
   end
-  run:drawing("Which measurement of the patient helps depth by focus", bars.svg { rows = rows,
+  bar_chart(run, "Which measurement of the patient helps depth by focus", { rows = rows,
     labels = { "as prescribed", "calibrated on the retina" }, unit = "% less rms error", divisor = 0.01 })
 end
 
@@ -127,7 +137,7 @@ local function calibration(run, eye, p)
   end
   table.sort(rows, function(a, b) return a.values[1] > b.values[1] end)
   if #rows > 0 then
-    run:drawing("What five foci on the axis, of 20 µm, tell of the eye", bars.svg { rows = rows, labels = {
+    bar_chart(run, "What five foci on the axis, of 20 µm, tell of the eye", { rows = rows, labels = {
       "part of the doubt that is resolved", "sigma afterwards over sigma before" } })
   end
 end

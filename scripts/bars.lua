@@ -33,18 +33,24 @@ local function bar(out, x, y, width, colour, shown)
 end
 
 --- `rows` is a list of { name =, values = { ... } } in SI, none negative; a value that is missing (false, or not finite)
---- is shown as a dash. `labels` says what the values are, `unit` and `divisor` (one unit in SI) how they are shown.
+--- is shown as a dash. `labels` says what the values are, `unit` and `divisor` (one unit in SI) how they are shown, `title`
+--- what stands above.
 function bars.svg(options)
   local rows, labels, divisor = options.rows, options.labels, options.divisor or 1
   local left, across, tall = 190, 440, 10 * #labels + 8
-  local top = 14 + 14 * #labels
+  local first = options.title and 22 or 0
+  local top = first + 14 + 14 * #labels
   local bottom = top + tall * #rows
   local out = { ('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 %d %d" width="%d" height="%d" '
     .. 'font-family="sans-serif" font-size="10"><rect width="100%%" height="100%%" fill="white"/>'):format(
     left + across + 70, bottom + 34, left + across + 70, bottom + 34) }
+  if options.title then
+    out[#out + 1] = ('<text x="6" y="16" font-size="12" font-weight="bold">%s</text>'):format(escaped(options.title))
+  end
   for i, label in ipairs(labels) do
-    out[#out + 1] = ('<rect x="%d" y="%d" width="10" height="9" fill="%s"/>'):format(left, 14 * i - 6, colours[i])
-    line_of_text(out, left + 16, 14 * i + 2.5, label)
+    local y = first + 14 * i
+    out[#out + 1] = ('<rect x="%d" y="%d" width="10" height="9" fill="%s"/>'):format(left, y - 6, colours[i])
+    line_of_text(out, left + 16, y + 2.5, label)
   end
   local largest, step = scale(rows, divisor)
   for k = 0, math.floor(largest / step + 1e-9) do
