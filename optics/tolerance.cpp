@@ -55,7 +55,9 @@ std::vector<Uncertainty> applicable(const std::vector<Uncertainty>& uncertaintie
   std::vector<Uncertainty> those;
   for (const Uncertainty& one : uncertainties) {
     const auto is_it = [&](const Parameter& its) {
-      return its.name == one.parameter && !(its.value == 1 && its.name.ends_with(".index"));  // air is certain
+      const bool air = its.value == 1 && its.name.ends_with(".index");
+      const bool flat = its.value == 0 || !std::isfinite(its.value);  // no fraction of it is uncertain
+      return its.name == one.parameter && !air && !flat;
     };
     if (std::any_of(known.begin(), known.end(), is_it)) those.push_back(one);
   }

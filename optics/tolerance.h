@@ -23,8 +23,8 @@ struct Uncertainty {
 /// condensing lens counts as exact (4.2).
 std::vector<Uncertainty> table_5_1();
 
-/// Those of them that the prescription has: an eye without a cornea has no uncertain cornea, one in air no uncertain
-/// index there.
+/// Those of them that the prescription has: an eye without a cornea has no uncertain cornea, air no uncertain index, a
+/// flat surface no uncertain radius.
 std::vector<Uncertainty> applicable(const std::vector<Uncertainty>& uncertainties, const Prescription& prescription);
 
 /// The prescription with one parameter off by `sigmas` times its uncertainty. Throws std::invalid_argument naming the
