@@ -37,6 +37,7 @@ void EstimatorSettings::check() const {
   require(not_negative(position_walk), "position_walk: must be at least 0 m per sqrt(s)");
   require(positive(initial_disturbance), "initial_disturbance: must be above 0 m/s");
   require(positive(max_disturbance), "max_disturbance: must be above 0 m/s");
+  require(not_negative(command_error), "command_error: must be at least 0");
   require(positive(max_age), "max_age: must be above 0 s");
   require(not_negative(gate), "gate: must be at least 0 standard deviations");
 }
@@ -91,7 +92,10 @@ bool PositionEstimator::measure(const PositionMeasurement& measurement) {
   const double span = measurement.time - time_;
   const CommandHistory::Motion motion = commands_.advance(commanded_, time_, measurement.time);
   const Eigen::Vector3d predicted = state_.head<3>() + motion.moved + span * state_.tail<3>();
-  const Matrix6 covariance = grown(span);
+  Matrix6 covariance = grown(span);
+  // What the model gets wrong about a force grows with the force: a change of the command changes the disturbance.
+  covariance.bottomRightCorner<3, 3>().diagonal().array() +=
+      std::pow(settings_.command_error, 2) * (motion.velocity - commanded_).squaredNorm();
   time_ = measurement.time;
   commanded_ = motion.velocity;
   commands_.forget_before(time_);
@@ -112,7 +116,10 @@ bool PositionEstimator::update(const PositionMeasurement& measurement, const Eig
     state_.head<3>() = predicted;
     covariance_ = covariance;
     if (++passed_over_ <= kPassedOverAtMost) return false;
-    start_at(measurement, covariance.bottomRightCorner<3, 3>());
+    // The model was wrong about what pushes it, not only about where it is: were that kept, the next would be passed
+    // over too, and so on for ever.
+    const Eigen::Matrix3d first = std::pow(settings_.initial_disturbance, 2) * Eigen::Matrix3d::Identity();
+    start_at(measurement, covariance.bottomRightCorner<3, 3>() + first);
     return true;
   }
   passed_over_ = 0;

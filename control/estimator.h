@@ -14,6 +14,7 @@ struct EstimatorSettings {
   double command_delay = 0.05;        // s, from a command to the first of its effect
   double command_lag = 0.0106;        // s, of the coils: 15 Hz
   double disturbance_walk = 60e-6;    // m/s per sqrt(s): how fast the model's error changes
+  double command_error = 0.2;         // relative: how wrong the answer to a change of the command may be
   double position_walk = 1e-6;        // m per sqrt(s): what the model knows nothing of
   double initial_disturbance = 3e-4;  // m/s, standard deviation before anything was measured
   double max_disturbance = 2e-3;      // m/s: held below, so that a robot held fast winds nothing up

@@ -2,14 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_fit.h"
 
-#include <Eigen/QR>
 #include <ceres/cost_function.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
 #include <cmath>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
 namespace vitreo::control {
@@ -74,53 +71,11 @@ class Residuals final : public ceres::CostFunction {
   int coils_;
 };
 
-void check(const CoilField& start, const std::vector<ProbeReading>& readings) {
-  const int coils = start.coils();
-  Eigen::MatrixXd currents(static_cast<Eigen::Index>(readings.size()), coils + 1);
-  for (std::size_t n = 0; n < readings.size(); ++n) {
-    const ProbeReading& reading = readings[n];
-    const std::string name = "reading " + std::to_string(n);
-    if (!reading.position.allFinite()) throw std::invalid_argument(name + ": position is not finite");
-    if (!reading.field.allFinite()) throw std::invalid_argument(name + ": field is not finite");
-    if (reading.currents.size() != coils) throw std::invalid_argument(name + ": one current a coil is needed");
-    if (!reading.currents.allFinite()) throw std::invalid_argument(name + ": a current is not finite");
-    currents.row(static_cast<Eigen::Index>(n)) << reading.currents.transpose(), 1;
-  }
-  if (readings.size() < static_cast<std::size_t>(2 * coils + 1)) {
-    throw std::invalid_argument("readings: " + std::to_string(readings.size()) + " given, at least " +
-                                std::to_string(2 * coils + 1) + " needed");
-  }
-  for (int k = 0; k < coils; ++k) {
-    if (!(currents.col(k).norm() > 0)) {
-      throw std::invalid_argument("readings: coil " + std::to_string(k) + " never had a current");
-    }
-    currents.col(k) /= currents.col(k).norm();
-  }
-  currents.col(coils).normalize();
-  if (Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(currents).setThreshold(1e-6).rank() <= coils) {
-    throw std::invalid_argument("readings: the currents never vary independently");
-  }
-}
-
-void report(DipoleFit& fit, const std::vector<ProbeReading>& readings) {
-  double misses = 0, size = 0;
-  for (std::size_t n = 0; n < readings.size(); ++n) {
-    const ProbeReading& reading = readings[n];
-    const Eigen::Vector3d made = fit.field.matrix(reading.position).topRows<3>() * reading.currents;
-    const double miss = (made + fit.background - reading.field).norm();
-    misses += miss * miss;
-    size += reading.field.squaredNorm();
-    if (miss > fit.residual_largest) fit.residual_largest = miss, fit.worst_reading = n;
-  }
-  fit.residual_rms = std::sqrt(misses / (3 * static_cast<double>(readings.size())));
-  fit.residual_relative = size > 0 ? std::sqrt(misses / size) : 0;
-}
-
 }  // namespace
 
 DipoleFit fit_dipoles(const CoilField& start, const std::vector<ProbeReading>& readings) {
-  check(start, readings);
   const int coils = start.coils();
+  check_readings(readings, coils, static_cast<std::size_t>(2 * coils + 1));
   Parameters x;
   for (const Dipole& dipole : start.dipoles()) {
     x.insert(x.end(), dipole.position.begin(), dipole.position.end());
@@ -142,7 +97,13 @@ DipoleFit fit_dipoles(const CoilField& start, const std::vector<ProbeReading>& r
   const double* background = x.data() + 6 * coils;
   DipoleFit fit{field_of(x.data(), coils), kFieldUnit * Eigen::Vector3d(background[0], background[1], background[2])};
   fit.converged = summary.termination_type == ceres::CONVERGENCE;
-  report(fit, readings);
+  const ResidualReport residual = residual_report(readings, [&fit](const ProbeReading& reading) {
+    return Eigen::Vector3d(fit.field.matrix(reading.position).topRows<3>() * reading.currents + fit.background);
+  });
+  fit.residual_rms = residual.rms;
+  fit.residual_largest = residual.largest;
+  fit.worst_reading = residual.worst;
+  fit.residual_relative = residual.relative;
   return fit;
 }
 

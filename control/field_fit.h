@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "control/coil_field.h"
+#include "control/probe_readings.h"
 
 #include <Eigen/Core>
 
@@ -10,13 +10,6 @@
 #include <vector>
 
 namespace vitreo::control {
-
-/// What a field probe showed.
-struct ProbeReading {
-  Eigen::Vector3d position{0, 0, 0};  // m, world
-  Currents currents;                  // A
-  Eigen::Vector3d field{0, 0, 0};     // T
-};
 
 struct DipoleFit {
   CoilField field;
@@ -29,9 +22,7 @@ struct DipoleFit {
 };
 
 /// Least squares over positions and moments of all dipoles and a uniform background (Ceres), from the model `start`
-/// (CoilField::octomag() for an OctoMag). Throws std::invalid_argument naming the reading that is not finite or has not
-/// one current a coil, for fewer readings than unknowns, and for a coil that never had a current of its own: its column
-/// in the readings' currents is a mixture of the others'.
+/// (CoilField::octomag() for an OctoMag). Throws as check_readings; at least as many numbers as unknowns are needed.
 DipoleFit fit_dipoles(const CoilField& start, const std::vector<ProbeReading>& readings);
 
 }  // namespace vitreo::control

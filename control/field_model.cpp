@@ -31,4 +31,10 @@ bool FieldModel::valid_at(const Eigen::Vector3d& position_in_world) const {
   return position_in_world.allFinite() && (!multipoles || multipoles->region().contains(position_in_world));
 }
 
+Eigen::Vector3d FieldModel::nearest_valid(const Eigen::Vector3d& position_in_world) const {
+  const auto* multipoles = std::get_if<MultipoleField>(&model_);
+  if (!multipoles) return position_in_world;
+  return position_in_world.cwiseMax(multipoles->region().low).cwiseMin(multipoles->region().high);
+}
+
 }  // namespace vitreo::control

@@ -30,6 +30,8 @@ class FieldModel {
   const CoilField* dipoles() const { return std::get_if<CoilField>(&model_); }               ///< null for multipoles
   const MultipoleField* multipoles() const { return std::get_if<MultipoleField>(&model_); }  ///< null for dipoles
   const Eigen::Vector3d& uniform_background() const { return uniform_; }                     ///< T
+  /// The place of the model's region that is nearest: where to ask in place of one outside.
+  Eigen::Vector3d nearest_valid(const Eigen::Vector3d& position_in_world) const;
 
  private:
   std::variant<CoilField, MultipoleField> model_;

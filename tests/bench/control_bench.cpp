@@ -3,7 +3,6 @@
 #include "control/allocation.h"
 #include "control/box_allocation.h"
 #include "control/multipole_field.h"
-#include "control/path.h"
 #include "control/pd.h"
 #include "control/robot.h"
 #include "control/servo_law.h"
@@ -47,7 +46,7 @@ BENCHMARK(allocation)->Name("control/allocate_at_limit")->Arg(50);
 
 void pd_update(benchmark::State& state) {
   PdController control({});
-  const Path path({{-4e-3, 0, -3e-3}, {4e-3, 0, -3e-3}, {4e-3, 0, 3e-3}, {-4e-3, 0, 3e-3}, {-4e-3, 0, -3e-3}}, 5e-4);
+  const Trajectory path = Trajectory::rectangle({-4e-3, 0, -3e-3}, {8e-3, 0, 0}, {0, 0, 6e-3}, {});
   double time = 0;
   Eigen::Vector3d p(0, 0, 0);
   for (auto _ : state) {
@@ -56,7 +55,7 @@ void pd_update(benchmark::State& state) {
     benchmark::DoNotOptimize(control.update(time, p, path.at(time)));
   }
 }
-BENCHMARK(pd_update)->Name("control/path_and_pd");
+BENCHMARK(pd_update)->Name("control/trajectory_and_pd");
 
 void multipole_matrix(benchmark::State& state) {
   std::vector<MultipoleField::Sources> coils;

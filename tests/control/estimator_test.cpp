@@ -192,5 +192,23 @@ TEST(PositionEstimator, names_what_is_wrong) {
   EXPECT_EQ(complaint([&] { PositionEstimator x(bad); }), "disturbance_walk: must be above 0 m/s per sqrt(s)");
 }
 
+TEST(PositionEstimator, recovers_from_a_leap_of_what_pushes_however_sharp_it_thought_itself) {
+  EstimatorSettings settings;
+  settings.disturbance_walk = 1e-5;  // hardly any
+  PositionEstimator estimator(settings);
+  const Eigen::Matrix3d sharp = 1e-14 * Eigen::Matrix3d::Identity();  // 0.1 um
+  double place = 0, passed = 0;
+  for (int n = 0; n < 150; ++n) {
+    estimator.measure({n / 15.0, {place, 0, 0}, sharp});
+    place += (n < 75 ? 0 : 1e-3) / 15.0;  // then 1 mm/s that nobody commanded
+  }
+  for (int n = 150; n < 180; ++n) {
+    passed += estimator.measure({n / 15.0, {place, 0, 0}, sharp}) ? 0 : 1;
+    place += 1e-3 / 15.0;
+  }
+  EXPECT_EQ(passed, 0);
+  EXPECT_NEAR(estimator.at(179 / 15.0)->disturbance.x(), 1e-3, 1e-6);
+}
+
 }  // namespace
 }  // namespace vitreo::control

@@ -80,15 +80,14 @@ TEST(Tune, asks_for_less_gain_where_the_loop_is_later_and_for_less_speed_where_t
 TEST(ClosedLoop, holds_within_six_micrometres_at_fifteen_frames_where_the_thesis_law_needs_a_hundred) {
   const auto pd = over_machines("15 fps, hold, PD", {}, [](auto& loop) { return held(loop, false); });
   const auto full = over_machines("15 fps, hold, estimator", {}, [](auto& loop) { return held(loop, true); });
-  EXPECT_LT(full.worst, 6e-6);              // the goal; measured: 4.0, worst 4.2
+  EXPECT_LT(full.worst, 6e-6);              // the goal; measured: 4.3, worst 4.6
   EXPECT_LT(full.median, 0.2 * pd.median);  // measured: a twenty-fifth
 }
 
 TEST(ClosedLoop, follows_the_square_within_fifteen_micrometres) {
   const auto pd = over_machines("15 fps, square at 0.5 mm/s, PD", {}, [](auto& loop) { return around(loop, false); });
   const auto full = over_machines("15 fps, square, estimator", {}, [](auto& loop) { return around(loop, true); });
-  EXPECT_LT(full.median, 15e-6);  // the goal; measured: 8; the worst machine is off by a fifth in its forces
-  EXPECT_LT(full.worst, 30e-6);
+  EXPECT_LT(full.worst, 15e-6);  // the goal, of every machine; measured: 10.4, and 5.6 in the median
   EXPECT_LT(full.median, pd.median);
 }
 
@@ -96,7 +95,7 @@ TEST(ClosedLoop, holds_within_a_micrometre_at_two_hundred_frames) {
   const LoopSetting fast{200, 0.008, 0, 1 / (2 * std::numbers::pi * 50), 0.1 * 5e-6};
   const auto pd = over_machines("200 fps, hold, PD", fast, [](auto& loop) { return held(loop, false); });
   const auto full = over_machines("200 fps, hold, estimator", fast, [](auto& loop) { return held(loop, true); });
-  EXPECT_LT(full.worst, 1e-6);  // the goal; measured: 0.27
+  EXPECT_LT(full.worst, 1e-6);  // the goal; measured: 0.31
   EXPECT_LT(full.median, pd.median);
 }
 
@@ -106,6 +105,16 @@ TEST(ClosedLoop, holds_with_a_third_of_the_measurements_missing) {
   const auto full =
       over_machines("15 fps, 30 % missing, hold, estimator", setting, [](auto& loop) { return held(loop, true); });
   EXPECT_LT(full.worst, 10e-6);  // a fifth more noise than with all of them, and room
+}
+
+TEST(ClosedLoop, knows_that_a_wrong_model_pushes_differently_when_the_command_changes) {
+  const auto run = [](double error) {
+    return over_machines("15 fps, square, command error as said", {}, [error](auto& loop) {
+      loop.command_error = error;
+      return around(loop, true);
+    });
+  };
+  EXPECT_LT(run(0.2).worst, 0.8 * run(0).worst);  // measured: 10.4 against 16.2
 }
 
 TEST(ClosedLoop, is_not_upset_by_a_wrongly_identified_latency) {

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <deque>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -20,7 +21,7 @@ namespace vitreo::control {
 
 struct LoopSetting {
   double frame_rate = 15;                             // 1/s
-  double latency = 0.13;                              // s, exposure to measurement
+  double latency = 0.08;                              // s, exposure to measurement: 0.13 with the coils
   double coil_delay = 0.05;                           // s
   double coil_lag = 1 / (2 * std::numbers::pi * 15);  // s
   double noise = 0.3 * 14.3e-6;                       // m, each axis
@@ -50,7 +51,9 @@ class SimulatedLoop {
   /// The error after `settle` seconds.
   LoopError run(const Trajectory& path, bool estimate, double settle, double end) {
     const ServoTuning tuning = tune(identity_);
-    PositionEstimator estimator(tuning.estimator);
+    EstimatorSettings estimation = tuning.estimator;
+    if (command_error) estimation.command_error = *command_error;
+    PositionEstimator estimator(estimation);
     PdController pd(tuning.pd);
     position_ = path.at(0).position;
     double next_frame = 0, sum = 0;
@@ -86,6 +89,7 @@ class SimulatedLoop {
   }
 
   LoopIdentity& identity() { return identity_; }
+  std::optional<double> command_error;  // in place of the tuned one
 
  private:
   static constexpr double kStep = 1e-3;

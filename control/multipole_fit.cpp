@@ -1,0 +1,229 @@
+// Coefficients enter linearly, a source's position by its field's gradient; only the axis is differenced. Coefficients
+// are scaled by the distance at which they act, so that all unknowns are of one size.
+// SPDX-License-Identifier: Apache-2.0
+#include "control/multipole_fit.h"
+
+#include <Eigen/Geometry>
+#include <ceres/cost_function.h>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace vitreo::control {
+namespace {
+
+constexpr double kFieldUnit = 1e-3;   // T: residuals of about one
+constexpr double kLengthUnit = 0.01;  // m: of a source's place
+constexpr double kTurn = 1e-5;        // rad, to difference by the axis
+constexpr double kFar = 1e9;          // m: the fit's own models are valid everywhere
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// One source and where its unknowns begin: place (3), tangent of the axis (2), regular, irregular coefficients.
+struct Slot {
+  std::size_t coil = 0;
+  MultipoleSource start;
+  double distance = 1;  // m, from the readings' middle
+  int first = 0;
+  int size() const { return 5 + static_cast<int>(start.regular.size() + start.irregular.size()); }
+
+  /// What a coefficient must be to make kFieldUnit per ampere at the distance.
+  double regular_unit(std::size_t k) const { return kFieldUnit * std::pow(distance, -static_cast<double>(k)); }
+  double irregular_unit(std::size_t k) const { return kFieldUnit * std::pow(distance, static_cast<double>(k) + 3); }
+
+  MultipoleSource source(const double* x) const {
+    MultipoleSource made = start;
+    x += first;
+    made.position = kLengthUnit * Eigen::Map<const Eigen::Vector3d>(x);
+    const Eigen::Vector3d u = start.axis.unitOrthogonal(), v = start.axis.cross(u);
+    made.axis = (start.axis + x[3] * u + x[4] * v).normalized();
+    x += 5;
+    for (std::size_t k = 0; k < made.regular.size(); ++k) made.regular[k] = *x++ * regular_unit(k);
+    for (std::size_t k = 0; k < made.irregular.size(); ++k) made.irregular[k] = *x++ * irregular_unit(k);
+    return made;
+  }
+
+  void unknowns(double* x) const {
+    x += first;
+    Eigen::Map<Eigen::Vector3d>(x, 3) = start.position / kLengthUnit;
+    x[3] = x[4] = 0;
+    x += 5;
+    for (std::size_t k = 0; k < start.regular.size(); ++k) *x++ = start.regular[k] / regular_unit(k);
+    for (std::size_t k = 0; k < start.irregular.size(); ++k) *x++ = start.irregular[k] / irregular_unit(k);
+  }
+};
+
+const Region kEverywhere{Eigen::Vector3d::Constant(-kFar), Eigen::Vector3d::Constant(kFar)};
+
+MultipoleField only(const MultipoleSource& source) { return {{{source}}, {}, kEverywhere}; }
+
+class Residuals final : public ceres::CostFunction {
+ public:
+  Residuals(const std::vector<ProbeReading>& readings, const std::vector<Slot>& slots, int unknowns,
+            std::vector<Eigen::Vector3d> known)
+      : readings_(readings), slots_(slots), unknowns_(unknowns), known_(std::move(known)) {
+    set_num_residuals(static_cast<int>(3 * readings.size()));
+    mutable_parameter_block_sizes()->push_back(unknowns);
+  }
+
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    const double* x = parameters[0];
+    for (int i = 0; i < unknowns_; ++i)
+      if (!std::isfinite(x[i])) return false;
+    const bool derive = jacobians && jacobians[0];
+    Eigen::Map<RowMajor> jacobian(derive ? jacobians[0] : nullptr, derive ? num_residuals() : 0, unknowns_);
+    const Eigen::Map<const Eigen::Vector3d> background(x + unknowns_ - 3);
+    for (std::size_t n = 0; n < readings_.size(); ++n) {
+      Eigen::Map<Eigen::Vector3d>(residuals + 3 * n) = (known_[n] - readings_[n].field) / kFieldUnit + background;
+      if (derive) jacobian.block<3, 3>(static_cast<Eigen::Index>(3 * n), unknowns_ - 3).setIdentity();
+    }
+    try {
+      for (const Slot& slot : slots_) add(slot, x, residuals, derive ? &jacobian : nullptr);
+    } catch (const std::invalid_argument&) {
+      return false;  // a source has wandered onto a reading's own place: the step was too long
+    }
+    return true;
+  }
+
+ private:
+  void add(const Slot& slot, const double* x, double* residuals, Eigen::Map<RowMajor>* jacobian) const {
+    const MultipoleSource source = slot.source(x);
+    const MultipoleField field = only(source);
+    for (std::size_t n = 0; n < readings_.size(); ++n) {
+      const double current = readings_[n].currents[static_cast<Eigen::Index>(slot.coil)] / kFieldUnit;
+      if (current == 0) continue;
+      const FieldGradient made = field.matrix(readings_[n].position);
+      Eigen::Map<Eigen::Vector3d>(residuals + 3 * n) += current * made.head<3>();
+      if (jacobian)
+        jacobian->block<3, 3>(static_cast<Eigen::Index>(3 * n), slot.first) =
+            -current * kLengthUnit * gradient_matrix(made);
+    }
+    if (!jacobian) return;
+    std::vector<double> moved(x, x + unknowns_);
+    for (int turn = 3; turn < 5; ++turn) {
+      const auto at = static_cast<std::size_t>(slot.first + turn);
+      moved[at] = x[at] + kTurn;
+      const MultipoleField ahead = only(slot.source(moved.data()));
+      moved[at] = x[at] - kTurn;
+      const MultipoleField behind = only(slot.source(moved.data()));
+      moved[at] = x[at];
+      column(slot, slot.first + turn, *jacobian, [&](const Eigen::Vector3d& p) {
+        return Eigen::Vector3d((ahead.matrix(p) - behind.matrix(p)).topRows<3>() / (2 * kTurn));
+      });
+    }
+    coefficients(slot, source, *jacobian);
+  }
+
+  void coefficients(const Slot& slot, const MultipoleSource& source, Eigen::Map<RowMajor>& jacobian) const {
+    MultipoleSource unit = source;
+    std::fill(unit.regular.begin(), unit.regular.end(), 0);
+    std::fill(unit.irregular.begin(), unit.irregular.end(), 0);
+    int at = slot.first + 5;
+    const auto one = [&](double& coefficient, double size) {
+      coefficient = size;
+      const MultipoleField field = only(unit);
+      column(slot, at++, jacobian,
+             [&](const Eigen::Vector3d& p) { return Eigen::Vector3d(field.matrix(p).topRows<3>()); });
+      coefficient = 0;
+    };
+    for (std::size_t k = 0; k < unit.regular.size(); ++k) one(unit.regular[k], slot.regular_unit(k));
+    for (std::size_t k = 0; k < unit.irregular.size(); ++k) one(unit.irregular[k], slot.irregular_unit(k));
+  }
+
+  template <class Field>
+  void column(const Slot& slot, int at, Eigen::Map<RowMajor>& jacobian, const Field& field) const {
+    for (std::size_t n = 0; n < readings_.size(); ++n) {
+      const double current = readings_[n].currents[static_cast<Eigen::Index>(slot.coil)] / kFieldUnit;
+      if (current == 0) continue;
+      jacobian.block<3, 1>(static_cast<Eigen::Index>(3 * n), at) = current * field(readings_[n].position);
+    }
+  }
+
+  const std::vector<ProbeReading>& readings_;
+  const std::vector<Slot>& slots_;
+  int unknowns_;
+  std::vector<Eigen::Vector3d> known_;  // T, of the start's own background sources
+};
+
+std::vector<Slot> slots_of(const MultipoleField& start, const Eigen::Vector3d& middle, int& unknowns) {
+  std::vector<Slot> slots;
+  unknowns = 0;
+  for (std::size_t k = 0; k < start.sources().size(); ++k) {
+    for (const MultipoleSource& source : start.sources()[k]) {
+      Slot slot{k, source, std::max((source.position - middle).norm(), kLengthUnit), unknowns};
+      if (slot.size() == 5) throw std::invalid_argument("start: coil " + std::to_string(k) + " has an empty source");
+      unknowns += slot.size();
+      slots.push_back(std::move(slot));
+    }
+  }
+  unknowns += 3;
+  return slots;
+}
+
+Region spanned(const std::vector<ProbeReading>& readings) {
+  Region region{readings.front().position, readings.front().position};
+  for (const ProbeReading& reading : readings) {
+    region.low = region.low.cwiseMin(reading.position);
+    region.high = region.high.cwiseMax(reading.position);
+  }
+  if (!((region.high - region.low).minCoeff() > 0))
+    throw std::invalid_argument("readings: all in one plane, they span no box");
+  return region;
+}
+
+}  // namespace
+
+MultipoleField multipoles_like(const CoilField& dipoles, int order, const Region& region) {
+  if (order < 1 || order > kMaxMultipoleOrder) throw std::invalid_argument("order: must be 1 to 12");
+  std::vector<MultipoleField::Sources> coils;
+  for (const Dipole& dipole : dipoles.dipoles()) {
+    const double size = dipole.moment_per_ampere.norm();
+    if (!(size > 0)) throw std::invalid_argument("dipoles: one has no moment");
+    std::vector<double> irregular(static_cast<std::size_t>(order), 0.0);
+    irregular.front() = 1e-7 * size;  // mu0 m / 4 pi = -B_1 axis
+    coils.push_back({{dipole.position, -dipole.moment_per_ampere / size, {}, std::move(irregular)}});
+  }
+  return {std::move(coils), {}, region};
+}
+
+MultipoleFit fit_multipoles(const MultipoleField& start, const std::vector<ProbeReading>& readings) {
+  int unknowns = 0;
+  check_readings(readings, start.coils(), 1);
+  const Region region = spanned(readings);
+  const std::vector<Slot> slots = slots_of(start, (region.low + region.high) / 2, unknowns);
+  check_readings(readings, start.coils(), static_cast<std::size_t>((unknowns + 2) / 3));
+  const MultipoleField everywhere(start.sources(), start.background_sources(), kEverywhere);
+  std::vector<Eigen::Vector3d> known;
+  for (const ProbeReading& reading : readings) known.push_back(everywhere.background(reading.position).head<3>());
+  std::vector<double> x(static_cast<std::size_t>(unknowns), 0.0);
+  for (const Slot& slot : slots) slot.unknowns(x.data());
+  ceres::Problem problem;
+  problem.AddResidualBlock(new Residuals(readings, slots, unknowns, known), nullptr, x.data());  // the problem owns it
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 200;
+  options.function_tolerance = 1e-12;
+  options.parameter_tolerance = 1e-12;
+  options.gradient_tolerance = 1e-14;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  std::vector<MultipoleField::Sources> coils(start.sources().size());
+  for (const Slot& slot : slots) coils[slot.coil].push_back(slot.source(x.data()));
+  MultipoleFit fit{MultipoleField(std::move(coils), start.background_sources(), region),
+                   kFieldUnit * Eigen::Map<const Eigen::Vector3d>(x.data() + unknowns - 3),
+                   {},
+                   summary.termination_type == ceres::CONVERGENCE};
+  fit.residual = residual_report(readings, [&](const ProbeReading& reading) {
+    return Eigen::Vector3d(fit.field.matrix(reading.position).topRows<3>() * reading.currents +
+                           fit.field.background(reading.position).head<3>() + fit.background);
+  });
+  return fit;
+}
+
+}  // namespace vitreo::control

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "control/probe_readings.h"
+
+#include <Eigen/QR>
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::control {
+
+void check_readings(const std::vector<ProbeReading>& readings, int coils, std::size_t needed) {
+  Eigen::MatrixXd currents(static_cast<Eigen::Index>(readings.size()), coils + 1);
+  for (std::size_t n = 0; n < readings.size(); ++n) {
+    const ProbeReading& reading = readings[n];
+    const std::string name = "reading " + std::to_string(n);
+    if (!reading.position.allFinite()) throw std::invalid_argument(name + ": position is not finite");
+    if (!reading.field.allFinite()) throw std::invalid_argument(name + ": field is not finite");
+    if (reading.currents.size() != coils) throw std::invalid_argument(name + ": one current a coil is needed");
+    if (!reading.currents.allFinite()) throw std::invalid_argument(name + ": a current is not finite");
+    currents.row(static_cast<Eigen::Index>(n)) << reading.currents.transpose(), 1;
+  }
+  if (readings.size() < needed) {
+    throw std::invalid_argument("readings: " + std::to_string(readings.size()) + " given, at least " +
+                                std::to_string(needed) + " needed");
+  }
+  for (int k = 0; k < coils; ++k) {
+    if (!(currents.col(k).norm() > 0)) {
+      throw std::invalid_argument("readings: coil " + std::to_string(k) + " never had a current");
+    }
+    currents.col(k) /= currents.col(k).norm();
+  }
+  currents.col(coils).normalize();
+  if (Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(currents).setThreshold(1e-6).rank() <= coils) {
+    throw std::invalid_argument("readings: the currents never vary independently");
+  }
+}
+
+ResidualReport residual_report(const std::vector<ProbeReading>& readings,
+                               const std::function<Eigen::Vector3d(const ProbeReading&)>& model) {
+  ResidualReport report;
+  double misses = 0, size = 0;
+  for (std::size_t n = 0; n < readings.size(); ++n) {
+    const double miss = (model(readings[n]) - readings[n].field).norm();
+    misses += miss * miss;
+    size += readings[n].field.squaredNorm();
+    if (miss > report.largest) report.largest = miss, report.worst = n;
+  }
+  report.rms = std::sqrt(misses / (3 * static_cast<double>(readings.size())));
+  report.relative = size > 0 ? std::sqrt(misses / size) : 0;
+  return report;
+}
+
+}  // namespace vitreo::control

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "control/stability.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include <stdexcept>
+
+namespace vitreo::control {
+
+Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medium& medium, const Currents& currents,
+                         const Eigen::Vector3d& position) {
+  if (currents.size() != field.coils()) throw std::invalid_argument("currents: one a coil is wanted");
+  const FieldGradient made = field.matrix(position) * currents + field.background(position);
+  const double strength = made.head<3>().norm();
+  const Eigen::Vector3d weight(0, 0, -robot.net_weight(medium));
+  if (!(strength > 0)) return weight;
+  const Eigen::Vector3d moment = robot.moment(strength) / strength * made.head<3>();
+  return weight + force_from_field(moment) * made;
+}
+
+double instability(const FieldModel& field, const Robot& robot, const Medium& medium, const Currents& currents,
+                   const Eigen::Vector3d& position) {
+  constexpr double kStep = 0.1e-3;  // m: the field varies by 2 % a millimetre
+  Eigen::Matrix3d stiffness;        // dF_i/dp_j
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(axis);
+    stiffness.col(axis) = (force_at(field, robot, medium, currents, position + step) -
+                           force_at(field, robot, medium, currents, position - step)) /
+                          (2 * kStep);
+  }
+  if (currents.isZero()) return 0;
+  const Eigen::Vector3d along = (field.matrix(position) * currents + field.background(position)).head<3>().normalized();
+  const Eigen::Matrix3d rate = resistance(robot, medium, along).inverse() * stiffness;
+  return Eigen::EigenSolver<Eigen::Matrix3d>(rate, false).eigenvalues().real().maxCoeff();
+}
+
+}  // namespace vitreo::control
