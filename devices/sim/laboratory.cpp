@@ -298,6 +298,10 @@ Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& place, Time time) {
   return state_->world.field(time, place).head<3>();
 }
 
+void Laboratory::redraw(std::uint64_t seed) {
+  state_->world = World(drawn_world(state_->settings, seed), seed_for(seed, Purpose::world));
+}
+
 std::optional<Truth> Laboratory::truth(Time time) {
   const BodyState* robot = state_->world.robot(time);
   if (robot == nullptr) return std::nullopt;

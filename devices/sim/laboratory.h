@@ -85,6 +85,9 @@ class Laboratory {
   void drive_coils(Time now, const std::vector<double>& currents);
   /// T, as it really is at `place` (m, world frame).
   Eigen::Vector3d field(const Eigen::Vector3d& place, Time time);
+  /// Another machine of the same kind, as `seed` draws its field and the robot's moment; without a robot, its currents
+  /// zero until the next set-point.
+  void redraw(std::uint64_t seed);
   /// Nothing while no robot is in the eye. `time` may lie up to a second back.
   std::optional<Truth> truth(Time time);
 

@@ -1,0 +1,27 @@
+// A pose sensor that knows the truth, late and noisy: for judging control without optics. The only way by which truth
+// may reach a loop, and only into one that asks for it by name (feedback "pose_sensor").
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/pose_sensor.h"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+namespace vitreo::sim {
+
+struct PoseSensorSettings {
+  double frame_rate = 15;        // Hz
+  double latency = 80e-3;        // s: with the coils' 50 ms the 130 ms of the loop
+  double noise = 0.3 * 14.3e-6;  // m, of each coordinate, white: 0.3 px
+  void check() const;            // throws std::invalid_argument naming the parameter
+};
+
+/// Where the robot is at a time that lies up to 0.5 s back; nothing without a robot.
+using TruePlace = std::function<std::optional<Eigen::Vector3d>(Time)>;
+
+std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock,
+                                             std::uint64_t seed);
+
+}  // namespace vitreo::sim
