@@ -22,6 +22,7 @@ class Interlock : public CoilAmplifier {
   std::string identity() const override { return amplifier_.identity(); }
   int channels() const override { return amplifier_.channels(); }
   double current_limit() const override;
+  double total_limit() const { return limits_.total_current; }  // A, sum of magnitudes
   void set_currents(std::span<const double> currents) override;
   std::vector<double> currents() const override { return amplifier_.currents(); }
   void make_safe() override;

@@ -1,103 +1,212 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/loop.h"
 
-#include "control/allocation.h"
-#include "optics/pose.h"
+#include "control/stability.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 namespace vitreo {
 namespace {
 
-constexpr int kFieldCuts = 4;  // each finds a smaller field; they converge fast
+constexpr int kCuts = 8;            // each finds a smaller field; they converge fast
+constexpr double kMaxSpeed = 2e-3;  // m/s that the estimator's law asks for at most
+constexpr double kFloor = 0.2e-6;   // m: no measurement is better, whatever its covariance says
 
-/// The tracker is told about how blurred the microscope's image is at the ends of the workspace; it finds the rest
-/// itself, from 0.4 to 2.5 times this.
-vision::BlobTrackerSettings tracker_settings(const RigModel& model) {
-  constexpr double kWavelength = 550e-9;       // m
-  constexpr double kGreatestDefocus = 3.5e-3;  // m of aerial image, over a workspace focused at its middle
-  const double aperture = model.microscope.numerical_aperture, pixel = model.top_image.pixel;
-  const double diffraction = 0.21 * kWavelength / aperture;  // the Airy pattern's nearest Gaussian
-  const double disc = aperture * kGreatestDefocus / 2;       // of a disc: half its radius
-  vision::BlobTrackerSettings settings;
-  settings.blur_sigma_px = 0.8 * std::sqrt(diffraction * diffraction + disc * disc + pixel * pixel / 12) / pixel;
-  return settings;
+void require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(what);
 }
+
+double total(const control::Currents& currents) { return currents.cwiseAbs().sum(); }
 
 }  // namespace
 
-FrameToCurrents::FrameToCurrents(const RigModel& model, vision::Background background, const LoopSettings& settings,
-                                 double current_limit)
-    : model_(model),
-      settings_(settings),
-      current_limit_(current_limit),
-      tracker_(std::move(background), tracker_settings(model)),
-      controller_(settings.gains),
-      drag_(control::resistance(model.robot, model.medium, settings.axis)) {
-  pose_.projection = model_.projection;
-  pose_.exact = model_.exact;
-  pose_.image = model_.top_image;
-  pose_.robot = {model_.robot.semi_axis, model_.robot.semi_radius};
+const char* to_string(ControlLaw law) {
+  constexpr const char* kNames[] = {"pd", "estimator", "velocity"};
+  return kNames[static_cast<std::size_t>(law)];
 }
 
-LoopStep FrameToCurrents::step(const cv::Mat& image, double time, const control::Reference& reference,
-                               bool servo_position) {
+ControlLaw control_law_named(const std::string& name) {
+  for (const ControlLaw law : {ControlLaw::pd, ControlLaw::estimator, ControlLaw::velocity})
+    if (name == to_string(law)) return law;
+  throw std::invalid_argument("law: wants \"pd\", \"estimator\" or \"velocity\", got \"" + name + "\"");
+}
+
+PlaceToCurrents::PlaceToCurrents(const RigModel& model, const LoopSettings& settings)
+    : model_(model),
+      settings_(settings),
+      drag_(control::resistance(model.robot, model.medium, settings.axis)),
+      mobility_(drag_.inverse()),
+      pd_(settings.gains),
+      velocity_(settings.velocity) {
+  require(settings.limits.size() == model.field.coils(), "limits: one a coil is wanted");
+  require(settings.limits.allFinite() && settings.limits.minCoeff() >= 0, "limits: must be at least 0 A");
+  require(settings.limits.maxCoeff() > 0, "limits: every coil is dead");
+  require(settings.total_limit > 0, "total_limit: must be above 0 A");
+  require(settings.period > 0, "period: must be above 0 s");
+}
+
+LoopStep PlaceToCurrents::step(double now, const std::optional<control::PositionMeasurement>& measured,
+                               const Course& course, Aim aim) {
+  require(aim != Aim::cancel || settings_.law == ControlLaw::estimator, "cancelling needs the law \"estimator\"");
   LoopStep step;
-  step.ellipse = tracker_.update(image);
-  if (step.ellipse) localise(step);
-  if (!step.position) return step;
-  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();
-  if (servo_position) {
-    velocity = controller_.update(time, *step.position, reference);
-    step.correction = velocity - reference.velocity;
-  } else {
-    controller_.reset();
-  }
-  allocate(step, velocity);
+  const bool taken = measured && take(now, *measured);
+  step.passed_over = measured && !taken;
+  if (settings_.law == ControlLaw::estimator)
+    predict(step, now, course, aim);
+  else if (taken)
+    steer(step, *measured, course, aim);
+  if (aim == Aim::constant) allocate(step, trim_place_, trim_);
   return step;
 }
 
-void FrameToCurrents::localise(LoopStep& step) {
-  const optics::EllipseVector observed = step.ellipse->ellipse.vector();
-  // The axes of eye and world are parallel.
-  const Eigen::Vector3d axis = settings_.axis;
-  if (!last_in_eye_) last_in_eye_ = optics::first_guess(pose_, observed, axis);
-  if (!last_in_eye_) return;
-  const auto pose = optics::locate(pose_, observed, step.ellipse->covariance, axis, *last_in_eye_);
-  if (!pose) {
-    last_in_eye_.reset();  // the next frame starts afresh
-    return;
-  }
-  last_in_eye_ = pose->position_in_eye;
-  step.position = pose->position_in_eye + model_.eye_in_world;
-  step.covariance = pose->covariance;
-  step.residual_px = pose->residual_px;
+/// False for one that says nothing: better a gap than a wild current.
+bool PlaceToCurrents::take(double now, const control::PositionMeasurement& measured) {
+  if (!measured.position.allFinite() || !std::isfinite(measured.time) || measured.time > now) return false;
+  if (measured.time <= last_measured_) return false;
+  last_measured_ = measured.time;
+  if (settings_.law != ControlLaw::estimator) return true;
+  control::PositionMeasurement sound = measured;
+  sound.covariance += kFloor * kFloor * Eigen::Matrix3d::Identity();
+  if (Eigen::LLT<Eigen::Matrix3d>(sound.covariance).info() != Eigen::Success) return false;
+  if (!estimator_) tune(now, sound);
+  return estimator_->measure(sound);
 }
 
-void FrameToCurrents::allocate(LoopStep& step, const Eigen::Vector3d& velocity) {
-  const control::FieldMatrix matrix = model_.field.matrix(*step.position);
-  const Eigen::Vector3d levitation = Eigen::Vector3d(0, 0, model_.robot.net_weight(model_.medium)) + trim_;
-  control::Allocation allocation;
+void PlaceToCurrents::tune(double now, const control::PositionMeasurement& first) {
+  control::LoopIdentity loop;
+  loop.measurement_latency = now - first.time;
+  loop.command_delay = model_.command_delay;
+  loop.command_lag = 1 / (2 * M_PI * model_.command_bandwidth);
+  loop.period = settings_.period;
+  loop.noise = std::sqrt(first.covariance.trace() / 3);
+  loop.drag = drag_.diagonal().minCoeff();
+  loop.force_limit = kMaxSpeed * loop.drag;
+  // How the robot runs away at the centre, as the model has it, in the currents that hold it there.
+  LoopStep held;
+  allocate(held, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+  const Eigen::Vector3d centre = model_.field.nearest_valid(Eigen::Vector3d::Zero());
+  loop.instability =
+      std::max(0.0, control::instability(model_.field, model_.robot, model_.medium, held.currents, centre));
+  tuning_ = control::tune(loop);
+  control::ServoGains& gains = tuning_->gains;
+  gains.proportional = settings_.proportional.value_or(gains.proportional);
+  gains.max_speed = settings_.max_speed.value_or(gains.max_speed);
+  gains.check();
+  estimator_.emplace(tuning_->estimator);
+}
+
+/// The estimator's law. All is taken where and when the currents will flow.
+void PlaceToCurrents::predict(LoopStep& step, double now, const Course& course, Aim aim) {
+  if (!estimator_) return;
+  step.estimate = estimator_->at(now);
+  const double then = now + tuning_->horizon;
+  const auto ahead = estimator_->at(then);
+  if (!step.estimate || !ahead) return;
+  const Eigen::Vector3d trimmed = mobility_ * trim_;
+  Eigen::Vector3d velocity = trimmed;
+  if (aim == Aim::follow) {
+    const control::Reference reference = control::held_reference(course, then, settings_.period);
+    velocity = control::servo_velocity(tuning_->gains, reference, *ahead);
+    step.correction = velocity - reference.velocity - trimmed;
+  } else if (aim == Aim::cancel) {
+    velocity = -ahead->disturbance;
+  }
+  // What the limits left is what the robot was told: nothing winds up.
+  estimator_->command(now, mobility_ * allocate(step, ahead->position, drag_ * velocity));
+}
+
+/// The laws without prediction: on the last place measured, against the reference of that moment.
+void PlaceToCurrents::steer(LoopStep& step, const control::PositionMeasurement& measured, const Course& course,
+                            Aim aim) {
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();
+  const control::Reference reference = course.at(measured.time);
+  if (aim != Aim::follow) {
+    pd_.reset();
+    velocity_.reset();
+  } else if (settings_.law == ControlLaw::pd) {
+    const Eigen::Vector3d velocity = pd_.update(measured.time, measured.position, reference);
+    step.correction = velocity - reference.velocity;
+    force = drag_ * velocity;
+  } else {
+    force = velocity_.update(measured.time, measured.position, reference);
+    step.correction = mobility_ * force - reference.velocity;
+  }
+  const Eigen::Vector3d made = allocate(step, measured.position, trim_ + force);
+  if (aim == Aim::follow && settings_.law == ControlLaw::velocity) velocity_.limited_to(made - trim_);
+}
+
+/// Currents for the weight and `force` besides; returns what of `force` the limits left.
+Eigen::Vector3d PlaceToCurrents::allocate(LoopStep& step, const Eigen::Vector3d& place,
+                                          const Eigen::Vector3d& force) const {
+  const Eigen::Vector3d known = model_.field.nearest_valid(place);
+  step.outside = known != place;
+  const control::FieldMatrix matrix = model_.field.matrix(known);
+  const control::FieldGradient background = model_.field.background(known);
+  const control::BoxAllocation found = within(matrix, background, force);
+  step.currents = found.currents;
+  step.headroom = found.headroom;
+  step.limited = found.limited || found.vertical_cut;
+  return found.force - Eigen::Vector3d(0, 0, model_.robot.net_weight(model_.medium));
+}
+
+/// field and force of the result are those that the robot feels, the background's share included.
+control::BoxAllocation PlaceToCurrents::within(const control::FieldMatrix& matrix,
+                                               const control::FieldGradient& background,
+                                               const Eigen::Vector3d& force) const {
+  const Eigen::Vector3d levitation(0, 0, model_.robot.net_weight(model_.medium));
+  control::BoxAllocation found;
   double field = settings_.field;
+  Eigen::Vector3d asked = force;
+  bool cut = false;
   // A soft robot's moment falls with its field: where a limit cuts the field, ask again with what is left of the
-  // moment.
-  for (int attempt = 0; attempt < kFieldCuts; ++attempt) {
+  // moment. Where the sum of currents is too much, ask for less force, in the end for none but the levitation.
+  for (int attempt = 0; attempt < kCuts; ++attempt) {
     const Eigen::Vector3d moment = model_.robot.moment(field) * settings_.axis;
-    allocation =
-        control::allocate(matrix, moment, {field * settings_.axis, levitation, drag_ * velocity}, current_limit_);
-    if (allocation.field_scale >= 1) break;
-    field *= allocation.field_scale;
+    const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
+    found = control::allocate_within(
+        matrix, moment, {settings_.field * settings_.axis - background.head<3>(), levitation - pulled, asked},
+        settings_.limits);
+    found.field += background.head<3>();
+    found.force += pulled;
+    if (total(found.currents) > settings_.total_limit) {
+      cut = true;
+      asked = attempt + 3 < kCuts ? Eigen::Vector3d(asked / 2) : Eigen::Vector3d::Zero();
+      continue;
+    }
+    const double made = found.field.dot(settings_.axis);
+    if (!found.limited || made > (1 - 1e-3) * field || !(made > 0)) break;
+    field = made;
   }
-  step.currents = allocation.currents;
-  step.force_scale = allocation.force_scale;
+  if (total(found.currents) > settings_.total_limit)
+    throw std::domain_error("holding the robot against its weight is beyond the limit of the sum of currents here");
+  found.limited = found.limited || cut;
+  return found;
 }
 
-control::Currents FrameToCurrents::orienting_currents() const {
+void PlaceToCurrents::reset() {
+  pd_.reset();
+  velocity_.reset();
+  estimator_.reset();
+  last_measured_ = -1e9;
+}
+
+control::Currents PlaceToCurrents::orienting_currents() const {
+  const Eigen::Vector3d centre = model_.field.nearest_valid(Eigen::Vector3d::Zero());
   const Eigen::Vector3d moment = model_.robot.moment(settings_.field) * settings_.axis;
   const Eigen::Vector3d none = Eigen::Vector3d::Zero();
-  return control::allocate(model_.field.matrix(none), moment, {settings_.field * settings_.axis, none, none},
-                           current_limit_)
-      .currents;
+  const Eigen::Vector3d field = settings_.field * settings_.axis - model_.field.background(centre).head<3>();
+  return control::allocate_within(model_.field.matrix(centre), moment, {field, none, none}, settings_.limits).currents;
+}
+
+void PlaceToCurrents::set_trim(const Eigen::Vector3d& force, const Eigen::Vector3d& place) {
+  require(force.allFinite(), "trim: a force that is a number is wanted");
+  trim_ = force;
+  trim_place_ = place;
 }
 
 }  // namespace vitreo

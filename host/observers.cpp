@@ -3,10 +3,39 @@
 
 #include "vision/blob_tracker.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
 namespace vitreo {
+namespace {
+
+constexpr std::size_t kKept = 64;  // frames
+
+SideSighting side_sighting(const RigModel& model, Time exposed, const vision::EllipseMeasurement& seen) {
+  const Eigen::Vector2d away = seen.ellipse.centre_px - model.side_centre_px;
+  Eigen::Matrix2d to_world;  // x to the right, z up
+  to_world << model.side_pixel, 0, 0, -model.side_pixel;
+  // As of the top camera: a tenth of a pixel that no covariance knows of.
+  const Eigen::Matrix2d image = seen.covariance.topLeftCorner<2, 2>() + 0.1 * 0.1 * Eigen::Matrix2d::Identity();
+  return {exposed, to_world * away, to_world * image * to_world.transpose()};
+}
+
+}  // namespace
+
+void SideWatch::add(const Frame& frame, std::optional<SideSighting> seen) {
+  lately_.push_back({frame.exposed, seen});
+  if (lately_.size() > kKept) lately_.pop_front();
+  clock_.notify(added_);
+}
+
+std::optional<SideSighting> SideWatch::at(Time exposed, Time deadline) {
+  const auto there = [&] { return !lately_.empty() && lately_.back().exposed >= exposed; };
+  if (!clock_.wait(added_, there, deadline)) return std::nullopt;
+  const auto found =
+      std::find_if(lately_.begin(), lately_.end(), [&](const Entry& entry) { return entry.exposed == exposed; });
+  return found == lately_.end() ? std::nullopt : found->seen;
+}
 
 std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period, Recorder& recorder) {
   const int stream =
@@ -25,21 +54,25 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
   });
 }
 
-std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background, Recorder& recorder) {
+std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background, Recorder& recorder,
+                                   SideWatch& watch) {
   const int stream = recorder.add_stream({"side_camera",
                                           "the side camera's view, orthographic",
                                           {{"x", "m"}, {"z", "m"}, {"semi_major_px", ""}, {"semi_minor_px", ""}}});
-  return clock.spawn("side camera", [&rig, &recorder, stream, learnt = std::move(background)] {
+  return clock.spawn("side camera", [&rig, &recorder, &watch, stream, learnt = std::move(background)] {
     vision::BlobTracker tracker(learnt, {});
-    const RigModel& model = rig.model;
     while (true) {
       const Frame frame = rig.side_camera->grab(from_seconds(5));
       const auto seen = tracker.update(frame.image);
-      if (!seen) continue;
-      const Eigen::Vector2d away = seen->ellipse.centre_px - model.side_centre_px;
-      recorder.sample(stream, frame.exposed,
-                      std::array{away.x() * model.side_pixel, -away.y() * model.side_pixel, seen->ellipse.semi_major_px,
-                                 seen->ellipse.semi_minor_px});
+      if (!seen) {
+        watch.add(frame, std::nullopt);
+        continue;
+      }
+      const SideSighting side = side_sighting(rig.model, frame.exposed, *seen);
+      watch.add(frame, side);
+      recorder.sample(
+          stream, frame.exposed,
+          std::array{side.place.x(), side.place.y(), seen->ellipse.semi_major_px, seen->ellipse.semi_minor_px});
     }
   });
 }

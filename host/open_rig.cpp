@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/open_rig.h"
 
+#include "control/field_calibration_file.h"
 #include "host/plant_settings.h"
 #include "host/rig_settings.h"
 
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 
 namespace vitreo {
 namespace {
 
 /// Members in the order of their birth: the laboratory first, the interlock last, so that they die the other way round.
-class SimulatedRig : public OpenRig {
+class SimulatedRig : public OpenRig, public Simulation {
  public:
   SimulatedRig(const RigSettings& settings, nlohmann::json resolved, Clock& clock, std::uint64_t seed)
-      : resolved_(std::move(resolved)), clock_(clock), laboratory_(settings.laboratory, clock, seed) {
+      : resolved_(std::move(resolved)), clock_(clock), seed_(seed), laboratory_(settings.laboratory, clock, seed) {
+    rig_.simulation = this;
     rig_.title = settings.title;
     rig_.model = settings.model;
     rig_.model.projection =
@@ -24,9 +28,21 @@ class SimulatedRig : public OpenRig {
     if (settings.side_camera) rig_.side_camera = &laboratory_.side_camera();
     if (settings.lens_mover) rig_.lens_mover = &laboratory_.lens_mover();
     if (settings.sample) rig_.sample = &laboratory_.sample();
+    if (settings.pose_sensor) {
+      const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
+        const auto known = laboratory_.truth(time);
+        return known ? std::optional(known->position) : std::nullopt;
+      };
+      pose_sensor_ = sim::make_pose_sensor(*settings.pose_sensor, truth, clock, seed);
+      rig_.pose_sensor = pose_sensor_.get();
+    }
     open_instruments(settings, {clock, &laboratory_});
   }
   ~SimulatedRig() override { make_safe(); }
+  void draw_machine(std::uint64_t number) override {
+    constexpr std::uint64_t kFar = 0x9E3779B97F4A7C15U;  // so that the machines of neighbouring seeds are others
+    laboratory_.redraw(seed_ + number * kFar);
+  }
   Rig& rig() override { return rig_; }
   const nlohmann::json& resolved() const override { return resolved_; }
   sim::Laboratory* laboratory() override { return &laboratory_; }
@@ -62,7 +78,9 @@ class SimulatedRig : public OpenRig {
 
   nlohmann::json resolved_;
   Clock& clock_;
+  std::uint64_t seed_;
   sim::Laboratory laboratory_;
+  std::unique_ptr<PoseSensor> pose_sensor_;
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<Interlock> interlock_;
   Opened<Stage> stage_;
@@ -71,6 +89,22 @@ class SimulatedRig : public OpenRig {
   Rig rig_;
 };
 
+std::string beside(const std::string& rig_file, const std::string& name) {
+  return (std::filesystem::path(rig_file).parent_path() / name).string();
+}
+
+control::MultipoleField model_calibration(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  if (!stream) throw ConfigError(file + ": the field's calibration cannot be read");
+  try {
+    return control::parse_field_calibration(text.str()).field;
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(file + ": " + problem.what());
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> Rig::roles() const {
@@ -78,6 +112,7 @@ std::vector<std::string> Rig::roles() const {
   if (coils != nullptr) names.emplace_back("coils");
   if (field_probe != nullptr) names.emplace_back("field_probe");
   if (lens_mover != nullptr) names.emplace_back("lens_mover");
+  if (pose_sensor != nullptr) names.emplace_back("pose_sensor");
   if (rotation_stage != nullptr) names.emplace_back("rotation_stage");
   if (sample != nullptr) names.emplace_back("sample");
   if (side_camera != nullptr) names.emplace_back("side_camera");
@@ -94,8 +129,15 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   const std::filesystem::path folder = std::filesystem::path(description.file).parent_path();
   sim::LaboratorySettings& laboratory = settings.laboratory;
   if (!laboratory.fundus.empty()) laboratory.fundus = (folder / laboratory.fundus).string();
+  if (!settings.field_calibration.empty())
+    settings.model.field = laboratory.believed_field =
+        model_calibration(beside(description.file, settings.field_calibration));
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
+  if (settings.pose_sensor && has_real_instruments(description))
+    throw ConfigError(description.file +
+                      ": pose_sensor: it knows the truth, so only a rig that is simulated throughout " +
+                      "may have one");
   try {
     if (!settings.calibration.empty())
       laboratory.world.field = read_calibration(folder / settings.calibration, laboratory.world.field);

@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "control/coil_field.h"
+#include "control/field_model.h"
 #include "control/robot.h"
 #include "devices/camera.h"
 #include "devices/field_probe.h"
 #include "devices/lens_mover.h"
+#include "devices/pose_sensor.h"
 #include "devices/rotation_stage.h"
 #include "devices/sample_handler.h"
 #include "devices/stage.h"
@@ -16,6 +17,7 @@
 
 #include <Eigen/Core>
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -32,9 +34,21 @@ struct RigModel {
   Eigen::Vector3d eye_in_world{0, 0, -5e-3};     // m: the retina's vertex; the axes are parallel
   double side_pixel = 20.4e-6;                   // m per pixel of the side view, orthographic along +y
   Eigen::Vector2d side_centre_px{0, 0};          // where the world's origin shows in the side view
-  control::CoilField field = control::CoilField::octomag();
+  control::FieldModel field = control::CoilField::octomag();  // dipoles, or a measured calibration
+  double command_delay = 50e-3;                               // s, from a new set-point to the first change of current
+  double command_bandwidth = 15;                              // Hz, first order, of the coils
+  std::vector<int> dead_coils;                                // channels from 1 that must stay without current
   control::Robot robot;
   control::Medium medium;
+};
+
+/// What only a simulated rig can be told. Nothing can be learnt from it.
+class Simulation {
+ public:
+  virtual ~Simulation() = default;
+  /// From now on the machine is another of the same kind: number 0 is the one that the run's seed drew. The robot is
+  /// taken out; what is beyond the draw (cameras, eye) stays.
+  virtual void draw_machine(std::uint64_t number) = 0;
 };
 
 /// Borrowed instruments; null where the rig has none.
@@ -48,6 +62,8 @@ struct Rig {
   Stage* stage = nullptr;
   RotationStage* rotation_stage = nullptr;
   FieldProbe* field_probe = nullptr;
+  PoseSensor* pose_sensor = nullptr;  // simulated rigs only: the one role behind which the truth stands
+  Simulation* simulation = nullptr;   // null on a laboratory rig
   RigModel model;
   /// The names of the roles that are there, sorted.
   std::vector<std::string> roles() const;

@@ -5,6 +5,7 @@
 #include "host/plant_settings.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace vitreo {
 namespace {
@@ -20,6 +21,9 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   model.robot =
       control::robot_named(reader.choice("robot", "coni_2mm", std::vector<std::string>(robots.begin(), robots.end())));
   reader.choice("field", "octomag", {"octomag"});
+  settings.field_calibration = reader.text("calibration", "");
+  model.command_delay = reader.number("coil_delay", model.command_delay, {0, 0.3, "s"});
+  model.command_bandwidth = reader.number("coil_bandwidth", model.command_bandwidth, {0.1, 10000, "Hz"});
   ConfigReader medium = reader.table("medium");
   model.medium.name = medium.text("name", model.medium.name);
   model.medium.density = medium.number("density", model.medium.density, {500, 3000, "kg/m^3"});
@@ -94,6 +98,10 @@ void read_coils(ConfigReader reader, RigSettings& settings) {
   const double limit =
       reader.has("current_limit") ? reader.number("current_limit", 0, {0.1, 20, "A"}) : settings.limits.current;
   settings.limits.current = reader.number("interlock_current", limit, {0.1, 20, "A"});
+  for (const double channel : reader.numbers("dead", {}, {1, control::kMaxCoils, ""})) {
+    if (channel != std::floor(channel)) reader.fail("dead", "wants the numbers of channels, from 1");
+    settings.model.dead_coils.push_back(static_cast<int>(channel));
+  }
   settings.limits.total_current =
       reader.number("interlock_total_current", settings.limits.total_current, {0.1, 160, "A"});
   reader.finish();
@@ -113,6 +121,15 @@ void read_lens_mover(ConfigReader reader, RigSettings& settings) {
   reader.choice("driver", "simulated", {"simulated"});
   settings.laboratory.lens_travel = reader.number("travel", settings.laboratory.lens_travel, {0, 50 * kMilli, "m"});
   settings.laboratory.lens_speed = reader.number("speed", settings.laboratory.lens_speed, {1e-6, 1, "m/s"});
+  reader.finish();
+}
+
+void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
+  reader.choice("driver", "simulated", {"simulated"});
+  sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
+  sensor.frame_rate = reader.number("frame_rate", sensor.frame_rate, {0.1, 2000, "Hz"});
+  sensor.latency = reader.number("latency", sensor.latency, {0, 0.39, "s"});
+  sensor.noise = reader.number("noise", sensor.noise, {1e-9, 1e-3, "m"});
   reader.finish();
 }
 
@@ -150,6 +167,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
   if (reader.has("coils")) read_coils(reader.table("coils"), settings);
   if (reader.has("lens_mover")) read_lens_mover(reader.table("lens_mover"), settings);
+  if (reader.has("pose_sensor")) read_pose_sensor(reader.table("pose_sensor"), settings);
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
   read_role(reader, "stage", settings, settings.stage);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);

@@ -3,10 +3,14 @@
 #pragma once
 
 #include "devices/sim/laboratory.h"
+#include "devices/sim/pose_sensor.h"
 #include "host/config.h"
 #include "host/interlock.h"
 #include "host/registry.h"
 #include "host/rig.h"
+
+#include <optional>
+#include <string>
 
 namespace vitreo {
 
@@ -18,6 +22,8 @@ struct RigSettings {
   std::string calibration;        // file of the plant's field, "" for the model's own dipoles
   bool exact_projection = false;  // localise by the exact projection instead
   InterlockLimits limits;
+  std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
+  std::optional<sim::PoseSensorSettings> pose_sensor;
   bool top_camera = false, side_camera = false, lens_mover = false, sample = false;
   // Empty where the rig has none.
   Opener<CoilAmplifier> coils;

@@ -86,16 +86,21 @@ RunStart start_record(const RunRequest& request, const ProtocolDescription& prot
   return start;
 }
 
+/// s, between the moments at which the truth is of use: those of what looks. 0 where nothing does.
+double watch_period(const Rig& rig) {
+  if (rig.top_camera != nullptr) return rig.top_camera->info().frame_period;
+  return rig.pose_sensor != nullptr ? rig.pose_sensor->period() : 0;
+}
+
 RunResult conduct(RunStage& stage, const RunRequest& request, ProgressListener& listener,
                   const std::function<void(Session&)>& body, const Inspect& inspect) {
   const double began = wall_seconds();
   Verdict verdict;
   {
     Session session(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.seed);
-    if (sim::Laboratory* laboratory = stage.rig->laboratory();
-        laboratory != nullptr && session.rig.top_camera != nullptr)
-      session.keep(
-          observe_truth(*stage.clock, *laboratory, session.rig.top_camera->info().frame_period, *stage.recorder));
+    const double period = watch_period(session.rig);
+    if (sim::Laboratory* laboratory = stage.rig->laboratory(); laboratory != nullptr && period > 0)
+      session.keep(observe_truth(*stage.clock, *laboratory, period, *stage.recorder));
     verdict = judge([&] { body(session); });
     for (const std::string& failure : stage.rig->make_safe()) {
       stage.recorder->event(stage.clock->now(), "unsafe", failure);

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo.h"
 
-#include "control/allocation.h"
-#include "host/loop.h"
-#include "vision/draw.h"
+#include "host/localiser.h"
+#include "host/servo_record.h"
 
-#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <deque>
 #include <stdexcept>
@@ -20,40 +17,82 @@ namespace {
 
 constexpr double kKeptCorrections = 30;  // s
 
-StreamInfo servo_stream() {
-  return {"servo",
-          "top camera through the eye, and the loop's own numbers",
-          {{"x", "m"},
-           {"y", "m"},
-           {"z", "m"},
-           {"target_x", "m"},
-           {"target_y", "m"},
-           {"target_z", "m"},
-           {"u_px", ""},
-           {"v_px", ""},
-           {"semi_major_px", ""},
-           {"semi_minor_px", ""},
-           {"angle", "rad"},
-           {"residual_px", ""},
-           {"sigma_x", "m"},
-           {"sigma_y", "m"},
-           {"sigma_z", "m"},
-           {"force_scale", ""}}};
+control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
+  control::CurrentLimits limits = control::CurrentLimits::Constant(rig.model.field.coils(), rig.coils->current_limit());
+  for (const std::vector<int>& list : {rig.model.dead_coils, dead}) {
+    for (const int channel : list) {
+      if (channel < 1 || channel > limits.size())
+        throw std::invalid_argument(fmt::format("dead_coils: there is no coil {}", channel));
+      limits[channel - 1] = 0;
+    }
+  }
+  return limits;
 }
 
-StreamInfo current_stream(int coils) {
-  StreamInfo info{"currents", "set-points of the coil amplifiers", {}};
-  for (int coil = 1; coil <= coils; ++coil) info.channels.push_back({"i" + std::to_string(coil), "A"});
-  return info;
+double period_of(const Rig& rig, Feedback feedback) {
+  return feedback == Feedback::pose_sensor ? rig.pose_sensor->period() : rig.top_camera->info().frame_period;
 }
 
-int stream_of(Recorder& recorder, const StreamInfo& info) {
-  for (std::size_t i = 0; i < recorder.streams().size(); ++i)
-    if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
-  return recorder.add_stream(info);
+LoopSettings loop_settings(const Rig& rig, const ServoSettings& given) {
+  LoopSettings loop;
+  loop.field = given.field;
+  loop.axis = given.axis;
+  loop.law = given.law;
+  loop.gains = given.gains;
+  loop.proportional = given.proportional;
+  loop.max_speed = given.max_speed;
+  loop.velocity = given.velocity;
+  loop.limits = limits_of(rig, given.dead_coils);
+  loop.total_limit = rig.coils->total_limit();
+  loop.period = period_of(rig, given.feedback);
+  return loop;
+}
+
+const char* source_of(Feedback feedback) {
+  switch (feedback) {
+    case Feedback::none:
+      return "top camera through the eye (no feedback: an operator's eye)";
+    case Feedback::one_camera:
+      return "top camera through the eye";
+    case Feedback::two_cameras:
+      return "top camera through the eye and side camera";
+    case Feedback::pose_sensor:
+      return "pose sensor: the simulator's truth, late and noisy";
+  }
+  return "?";
+}
+
+void check_eyes(const Rig& rig, const ServoEyes& eyes, Feedback feedback) {
+  const auto require = [feedback](bool good, const char* what) {
+    if (!good) throw std::invalid_argument(std::string("feedback \"") + to_string(feedback) + "\" needs " + what);
+  };
+  if (rig.coils == nullptr) throw std::invalid_argument("the servo needs the role coils");
+  if (rig.coils->channels() != rig.model.field.coils())
+    throw std::invalid_argument(fmt::format("the field's model has {} coils, the amplifiers have {} channels",
+                                            rig.model.field.coils(), rig.coils->channels()));
+  if (feedback == Feedback::pose_sensor) {
+    require(rig.pose_sensor != nullptr, "the role pose_sensor, which only a simulated rig can have");
+    return;
+  }
+  require(rig.top_camera != nullptr, "the role top_camera");
+  require(eyes.top.has_value(), "a background of the empty scene");
+  if (feedback == Feedback::two_cameras)
+    require(eyes.side != nullptr, "the role side_camera, and a background learnt with it");
 }
 
 }  // namespace
+
+const char* to_string(Feedback feedback) {
+  constexpr const char* kNames[] = {"none", "one_camera", "two_cameras", "pose_sensor"};
+  return kNames[static_cast<std::size_t>(feedback)];
+}
+
+Feedback feedback_named(const std::string& name) {
+  for (const Feedback feedback : {Feedback::none, Feedback::one_camera, Feedback::two_cameras, Feedback::pose_sensor})
+    if (name == to_string(feedback)) return feedback;
+  throw std::invalid_argument("feedback: wants \"none\", \"one_camera\", \"two_cameras\" or \"pose_sensor\", got \"" +
+                              name + "\"");
+}
 
 const char* to_string(ServoState state) {
   switch (state) {
@@ -80,19 +119,49 @@ void ServoSettings::check() const {
   if (!(std::abs(axis.norm() - 1) < 1e-6)) throw std::invalid_argument("axis must be a unit vector");
   if (!(lost_timeout > 0 && lost_timeout <= 10)) throw std::invalid_argument("lost_timeout must be in (0, 10] s");
   gains.check();
+  if (proportional && !(*proportional >= 0)) throw std::invalid_argument("proportional: must be at least 0 1/s");
+  if (max_speed && !(*max_speed > 0)) throw std::invalid_argument("max_speed: must be above 0 m/s");
+  velocity.check();
+  for (const int channel : dead_coils)
+    if (channel < 1) throw std::invalid_argument("dead_coils: channels count from 1");
+}
+
+void check_reach(const RigModel& model, const control::Trajectory& path) {
+  constexpr int kAsked = 200;  // places along the way
+  const double radius = model.eye.surfaces.front().radius, lens = model.eye.vertex(2);
+  for (int i = 0; i <= kAsked; ++i) {
+    const Eigen::Vector3d place = path.at(path.duration() * i / kAsked).position;
+    const auto refuse = [&place](const char* where) {
+      throw std::invalid_argument(fmt::format("({:.2f}, {:.2f}, {:.2f}) mm is out of reach: {}", place.x() * 1e3,
+                                              place.y() * 1e3, place.z() * 1e3, where));
+    };
+    if (!place.allFinite()) refuse("it is not a place");
+    if (!model.field.valid_at(place)) refuse("outside the region of the field's model");
+    // As the retina's sphere stands, and above its equator the wall.
+    Eigen::Vector3d from_centre = place - model.eye_in_world - Eigen::Vector3d(0, 0, radius);
+    if (place.z() - model.eye_in_world.z() > lens) refuse("behind the lens");
+    from_centre.z() = std::min(from_centre.z(), 0.0);
+    if (from_centre.norm() > radius) refuse("outside the retina");
+  }
 }
 
 struct Servo::Loop {
-  Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder, vision::Background background,
-       const ServoSettings& given)
+  enum class Mode { holding, following, released };
+
+  Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder, ServoEyes given_eyes, const ServoSettings& given)
       : clock(the_clock),
         rig(the_rig),
         recorder(the_recorder),
         settings(given),
-        chain(the_rig.model, std::move(background), {given.field, given.axis, given.gains},
-              the_rig.coils->current_limit()),
-        samples(stream_of(the_recorder, servo_stream())),
-        currents(stream_of(the_recorder, current_stream(the_rig.coils->channels()))) {}
+        side(given_eyes.side),
+        chain(the_rig.model, loop_settings(the_rig, given)),
+        archive(the_recorder, the_rig, source_of(given.feedback), given.law == ControlLaw::estimator) {
+    if (given.feedback != Feedback::pose_sensor)
+      localiser.emplace(the_rig.model, std::move(*given_eyes.top), given.axis);
+    recorder.event(clock.now(), "servo",
+                   fmt::format("law {}, feedback {} ({})", to_string(given.law), to_string(given.feedback),
+                               source_of(given.feedback)));
+  }
 
   void run() {
     try {
@@ -105,43 +174,98 @@ struct Servo::Loop {
     }
   }
 
+  /// One frame, or one reading of the pose sensor, which has no image.
+  struct Look {
+    Frame frame;
+    Sighting sighting;
+  };
+
+  Look look() {
+    const double period = period_of(rig, settings.feedback);
+    const Time patience = from_seconds(std::max(1.0, 5 * period));
+    if (settings.feedback == Feedback::pose_sensor) {
+      const PoseReading reading = rig.pose_sensor->read(patience);
+      return {{{}, reading.number, reading.exposed, reading.received}, {{}, reading.position, reading.covariance, 0}};
+    }
+    Look found{rig.top_camera->grab(patience), {}};
+    found.sighting = localiser->look(found.frame.image);
+    if (settings.feedback == Feedback::two_cameras && found.sighting.position) {
+      // Its frame may come a little later; without it this tick has one camera.
+      const auto view = side->at(found.frame.exposed, clock.now() + from_seconds(period / 2));
+      if (view) join_side(found.sighting, *view);
+    }
+    return found;
+  }
+
   void tick() {
-    const Frame frame = rig.top_camera->grab(from_seconds(std::max(1.0, 5 * rig.top_camera->info().frame_period)));
-    const control::Reference reference = reference_at(frame.exposed);
-    const LoopStep step = chain.step(frame.image, to_seconds(frame.exposed), reference, mode != Mode::released);
-    if (step.position) {
+    const auto [frame, sighting] = look();
+    const double now = to_seconds(clock.now());
+    begin(now);
+    note_sight(frame, sighting);
+    const LoopStep step = drive(frame, now, sighting);
+    const control::Reference target = course.at(to_seconds(frame.exposed));
+    publish(frame, target, sighting, step);
+    archive.sample(frame.exposed, clock.now(), sighting, target, step);
+    if (mode == Mode::following && status.progress * (pictures + 1) >= pictures_taken + 1 && pictures_taken < pictures)
+      wanted_picture = fmt::format("at {:.0f} % of the path", 100.0 * ++pictures_taken / (pictures + 1));
+    if (!wanted_picture.empty() && !frame.image.empty())
+      archive.picture(frame, sighting, target, std::exchange(wanted_picture, {}));
+    if (mode == Mode::following && status.progress >= 1) mode = Mode::holding;
+    clock.notify(ticked);
+  }
+
+  void begin(double now) {
+    if (!starting) return;
+    course.begin = now;
+    starting = false;
+  }
+
+  void note_sight(const Frame& frame, const Sighting& sighting) {
+    if (sighting.position) {
       last_seen = frame.exposed;
       seen = true;
-      remember(to_seconds(frame.exposed), step.correction);
-      // What was let go is not taken up again until somebody says where to.
-      if (!let_go) send(step.currents);
-    } else if (!seen) {
-      send(chain.orienting_currents());
-    } else if (!let_go && to_seconds(frame.exposed - last_seen) > settings.lost_timeout) {
+    } else if (seen && !let_go && to_seconds(frame.exposed - last_seen) > settings.lost_timeout) {
       let_go = true;  // better let it sink than drive it blind
       switch_off();
       recorder.event(clock.now(), "lost", "the robot was not seen for the time allowed; the coils are at zero");
     }
-    publish(frame, reference, step);
-    record(frame, reference, step);
-    if (mode == Mode::following && status.progress * (pictures + 1) >= pictures_taken + 1 && pictures_taken < pictures)
-      wanted_picture = fmt::format("at {:.0f} % of the path", 100.0 * ++pictures_taken / (pictures + 1));
-    if (!wanted_picture.empty()) take_picture(frame, step, reference);
-    clock.notify(ticked);
   }
 
-  control::Reference reference_at(Time time) {
-    if (mode != Mode::following) return {goal, {0, 0, 0}};
-    if (starting) {
-      path_start = time;
-      starting = false;
+  LoopStep drive(const Frame& frame, double now, const Sighting& sighting) {
+    // What was let go is not taken up again until somebody says where to.
+    if (let_go) {
+      chain.reset();
+      return {};
     }
-    const double since = to_seconds(time - path_start);
-    if (since >= path->duration()) {
-      goal = path->waypoints().back();
-      mode = Mode::holding;
-    }
-    return path->at(since);
+    std::optional<control::PositionMeasurement> measured;
+    if (sighting.position)
+      measured = control::PositionMeasurement{to_seconds(frame.exposed), *sighting.position, sighting.covariance};
+    LoopStep step = chain.step(now, measured, course, aim());
+    if (sighting.position) remember(to_seconds(frame.exposed), step.correction);
+    if (!seen && aim() != Aim::constant)
+      send(chain.orienting_currents());
+    else if (step.currents.size() > 0)
+      send(step.currents);
+    tell_limits(step);
+    return step;
+  }
+
+  Aim aim() const {
+    if (mode != Mode::released) return Aim::follow;
+    if (settings.feedback == Feedback::none) return Aim::constant;
+    return cancelling ? Aim::cancel : Aim::leave;
+  }
+
+  /// Degraded, and says so: once for each time that it begins.
+  void tell_limits(const LoopStep& step) {
+    const auto tell = [this](bool is, bool& was, const char* what) {
+      if (is && !was) recorder.event(clock.now(), "degraded", what);
+      was = is;
+    };
+    tell(step.limited, was_limited, "a current limit cuts field or lateral force; the vertical force comes first");
+    tell(step.outside, was_outside,
+         "the robot is outside the region of the field's model: the field of the nearest place in it is used");
+    tell(step.passed_over, was_passed_over, "a measurement was passed over: not a number, out of order, or a leap");
   }
 
   void send(const control::Currents& wanted) {
@@ -153,15 +277,21 @@ struct Servo::Loop {
   }
 
   void remember(double time, const Eigen::Vector3d& correction) {
-    corrections.push_back({time, correction});
+    corrections.emplace_back(time, correction);
     while (corrections.front().first < time - kKeptCorrections) corrections.pop_front();
   }
 
-  void publish(const Frame& frame, const control::Reference& reference, const LoopStep& step) {
+  void publish(const Frame& frame, const control::Reference& target, const Sighting& sighting, const LoopStep& step) {
     status.time = frame.exposed;
-    status.position = step.position;
-    status.target = reference.position;
+    status.position = sighting.position;
+    status.disturbance.reset();
+    if (step.estimate) status.disturbance = step.estimate->disturbance;
+    status.target = target.position;
+    status.headroom = step.headroom;
+    status.limited = step.limited;
     status.progress = 1;
+    const double since = to_seconds(frame.exposed) - course.begin;
+    if (mode == Mode::following) status.progress = std::clamp(since / std::max(course.path.duration(), 1e-9), 0.0, 1.0);
     if (!seen)
       status.state = ServoState::searching;
     else if (let_go)
@@ -169,44 +299,19 @@ struct Servo::Loop {
     else if (mode == Mode::released)
       status.state = ServoState::released;
     else
-      status.state = mode == Mode::following ? ServoState::following : ServoState::holding;
-    if (mode == Mode::following)
-      status.progress = std::clamp(to_seconds(frame.exposed - path_start) / std::max(path->duration(), 1e-9), 0.0, 1.0);
-    double largest = 0;
-    for (const double current : rig.coils->currents()) largest = std::max(largest, std::abs(current));
-    status.headroom = 1 - largest / rig.coils->current_limit();
+      status.state = mode == Mode::following && status.progress < 1 ? ServoState::following : ServoState::holding;
   }
 
-  void record(const Frame& frame, const control::Reference& reference, const LoopStep& step) {
-    const Eigen::Vector3d nowhere = Eigen::Vector3d::Constant(std::nan(""));
-    const Eigen::Vector3d p = step.position.value_or(nowhere), t = reference.position;
-    const vision::Ellipse e =
-        step.ellipse ? step.ellipse->ellipse : vision::Ellipse{nowhere.head<2>(), p.x(), p.x(), p.x()};
-    const Eigen::Vector3d sigma = step.position ? step.covariance.diagonal().cwiseSqrt().eval() : nowhere;
-    const std::array<double, 16> row{p.x(),           p.y(),           p.z(),           t.x(),
-                                     t.y(),           t.z(),           e.centre_px.x(), e.centre_px.y(),
-                                     e.semi_major_px, e.semi_minor_px, e.angle,         step.residual_px,
-                                     sigma.x(),       sigma.y(),       sigma.z(),       step.force_scale};
-    recorder.sample(samples, frame.exposed, row);
-    recorder.sample(currents, clock.now(), rig.coils->currents());
-    if (step.ellipse) {
-      trail.push_back(e.centre_px);
-      if (trail.size() > 150) trail.pop_front();  // 10 s at 15 fps
-    }
-  }
-
-  void take_picture(const Frame& frame, const LoopStep& step, const control::Reference& reference) {
-    vision::Overlay overlay;
-    if (step.ellipse) overlay.tracked = step.ellipse->ellipse;
-    overlay.trail_px.assign(trail.begin(), trail.end());
-    const Eigen::Vector3d target_in_eye = reference.position - rig.model.eye_in_world;
-    if (const auto m = rig.model.projection.project(target_in_eye))
-      overlay.target_px = rig.model.top_image.pixel_from_m(*m);
-    overlay.scale_bar_px = 1e-3 / rig.model.top_image.pixel;
-    overlay.scale_bar_label = "1 mm of aerial image";
-    recorder.picture("frame_" + std::to_string(frame.number), wanted_picture,
-                     vision::draw_overlay(frame.image, overlay));
-    wanted_picture.clear();
+  void aim_at(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
+    check_reach(rig.model, path);
+    course = {path, course.begin};
+    starting = true;
+    goal = path.at(path.duration()).position;
+    pictures = wanted_pictures;
+    pictures_taken = 0;
+    mode = wanted;
+    let_go = false;
+    corrections.clear();
   }
 
   void shut(ServoState state, const std::string& failure) {
@@ -226,32 +331,32 @@ struct Servo::Loop {
     clock.notify(ticked);
   }
 
-  enum class Mode { holding, following, released };
   Clock& clock;
   Rig& rig;
   Recorder& recorder;
   const ServoSettings settings;
-  FrameToCurrents chain;
-  const int samples, currents;
+  std::optional<Localiser> localiser;  // of the feedbacks that look
+  SideWatch* side;
+  PlaceToCurrents chain;
+  ServoRecord archive;
   Mode mode = Mode::holding;
-  Eigen::Vector3d goal{0, 0, 0};
-  std::optional<control::Path> path;
-  bool starting = false, seen = false, let_go = false;
-  Time path_start{}, last_seen{};
+  Course course;
+  Eigen::Vector3d goal{0, 0, 0};  // the end of the course
+  bool starting = false, seen = false, let_go = false, cancelling = false;
+  bool was_limited = false, was_outside = false, was_passed_over = false;
+  Time last_seen{};
   ServoStatus status;
   Signal ticked;
   std::deque<std::pair<double, Eigen::Vector3d>> corrections;  // s, m/s
-  std::deque<Eigen::Vector2d> trail;
   std::string wanted_picture;
   int pictures = 0, pictures_taken = 0;  // along the path that is being followed
   std::unique_ptr<Task> task;            // last: it ends before what it uses
 };
 
-Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, vision::Background background, const ServoSettings& settings) {
+Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoEyes eyes, const ServoSettings& settings) {
   settings.check();
-  if (rig.top_camera == nullptr) throw std::invalid_argument("the servo needs the role top_camera");
-  if (rig.coils == nullptr) throw std::invalid_argument("the servo needs the role coils");
-  loop_ = std::make_unique<Loop>(clock, rig, recorder, std::move(background), settings);
+  check_eyes(rig, eyes, settings.feedback);
+  loop_ = std::make_unique<Loop>(clock, rig, recorder, std::move(eyes), settings);
   loop_->task = clock.spawn("servo", [loop = loop_.get()] { loop->run(); });
 }
 
@@ -259,38 +364,34 @@ Servo::~Servo() { close(); }
 
 ServoStatus Servo::status() const { return loop_->status; }
 Signal& Servo::changed() { return loop_->ticked; }
+const ServoSettings& Servo::settings() const { return loop_->settings; }
 
-void Servo::follow(const control::Path& path, int pictures) {
-  loop_->path = path;
-  loop_->pictures = pictures;
-  loop_->pictures_taken = 0;
-  loop_->starting = true;
-  loop_->let_go = false;
-  loop_->mode = Loop::Mode::following;
+void Servo::follow(const control::Trajectory& path, int pictures) {
+  loop_->aim_at(Loop::Mode::following, path, pictures);
   loop_->status.progress = 0;
-  loop_->corrections.clear();
 }
 
 void Servo::hold(const Eigen::Vector3d& position) {
-  loop_->goal = position;
-  loop_->mode = Loop::Mode::holding;
-  loop_->let_go = false;
-  loop_->corrections.clear();
+  loop_->aim_at(Loop::Mode::holding, control::Trajectory::hold_at(position), 0);
 }
 
-void Servo::release() {
+void Servo::release(bool cancel) {
+  if (cancel && loop_->settings.law != ControlLaw::estimator)
+    throw std::invalid_argument("cancel: only the law \"estimator\" knows what pushes the robot");
+  loop_->cancelling = cancel;
   loop_->mode = Loop::Mode::released;
   loop_->let_go = false;
   loop_->corrections.clear();
 }
 
 void Servo::set_trim(const Eigen::Vector3d& force) {
-  if (!force.allFinite()) throw std::invalid_argument("trim: a force that is a number is wanted");
-  loop_->chain.set_trim(force);
+  loop_->chain.set_trim(force, loop_->goal);
   loop_->corrections.clear();
 }
 
 Eigen::Vector3d Servo::trim() const { return loop_->chain.trim(); }
+
+Eigen::Vector3d Servo::force_for(const Eigen::Vector3d& velocity) const { return loop_->chain.force_of(velocity); }
 
 Eigen::Vector3d Servo::mean_correction(double duration) const {
   const auto& corrections = loop_->corrections;

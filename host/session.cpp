@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session.h"
 
-#include "host/observers.h"
-
 #include <algorithm>
 #include <stdexcept>
 #include <string>
@@ -23,8 +21,11 @@ vision::Background Session::learn_background(int frames) {
   if (rig.top_camera == nullptr) throw std::invalid_argument("learn_background needs the role top_camera");
   vision::Background top = vitreo::learn_background(*rig.top_camera, frames, clock.now());
   // Once is enough for the side: a second learning during a run keeps the observer that is there.
-  if (rig.side_camera != nullptr && recorder.stream("side_camera") == nullptr)
-    keep(observe_side(clock, rig, vitreo::learn_background(*rig.side_camera, frames, clock.now()), recorder));
+  if (rig.side_camera != nullptr && !side_watch_) {
+    vision::Background side = vitreo::learn_background(*rig.side_camera, frames, clock.now());
+    side_watch_ = std::make_unique<SideWatch>(clock);
+    keep(observe_side(clock, rig, std::move(side), recorder, *side_watch_));
+  }
   return top;
 }
 

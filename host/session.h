@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/clock.h"
+#include "host/observers.h"
 #include "host/recorder.h"
 #include "host/rig.h"
 #include "vision/background.h"
@@ -60,8 +61,11 @@ class Session {
   vision::Background learn_background(int frames);
   /// Keeps a task that watches the run until the session ends.
   void keep(std::unique_ptr<Task> observer) { observers_.push_back(std::move(observer)); }
+  /// What the side camera sees; null before a background was learnt, and without a side camera.
+  SideWatch* side_watch() { return side_watch_.get(); }
 
  private:
+  std::unique_ptr<SideWatch> side_watch_;  // before the observers that use it
   std::vector<std::unique_ptr<Task>> observers_;
 };
 

@@ -110,6 +110,11 @@ int learn(Call& call) {
       }));
 }
 
+int draw_machine(Call& call) {
+  call.self<Simulation>().draw_machine(static_cast<std::uint64_t>(call.number(0)));
+  return 0;
+}
+
 int background_count(Call& call) { return call.result(call.self<vision::Background>().count()); }
 
 Argument timeout(const std::string& fallback) {
@@ -131,13 +136,26 @@ std::vector<Argument> servo_options() {
     return Argument{
         .name = name, .type = Type::number, .unit = unit, .optional = true, .min = min, .max = max, .help = help};
   };
-  return {{.name = "background", .type = Type::handle, .help = "of the empty scene", .handle = "background"},
+  const auto text = [](const char* name, const char* help) {
+    return Argument{.name = name, .type = Type::text, .optional = true, .help = help};
+  };
+  return {{.name = "background",
+           .type = Type::handle,
+           .optional = true,
+           .help = "of the empty scene; needed by every feedback that looks",
+           .handle = "background"},
+          text("feedback", "none, one_camera, two_cameras or pose_sensor (one_camera)"),
+          text("law", "pd, estimator or velocity (pd)"),
           number("field", "T", 1e-3, 40e-3, "magnitude of the field (10 mT)"),
           {.name = "axis", .type = Type::vector, .optional = true, .help = "where the robot's axis points ({1, 0, 0})"},
           number("proportional", "Hz", 0, 100, "gain: speed asked per distance"),
-          number("derivative", "", 0, 10, "gain: speed asked per speed error"),
-          number("derivative_time", "s", 0, 10, "low-pass of the measured speed"),
+          number("derivative", "", 0, 10, "gain of pd: speed asked per speed error"),
+          number("derivative_time", "s", 0, 10, "of pd: low-pass of the measured speed"),
           number("max_speed", "m/s", 0, 0.1, "largest speed asked"),
+          number("integral", "N/m", 0, 100, "gain of velocity: force per distance stayed behind"),
+          number("velocity_time", "s", 0, 10, "of velocity: low-pass of the measured speed"),
+          number("max_force", "N", 0, 1, "of velocity: largest force asked"),
+          {.name = "dead_coils", .type = Type::numbers, .optional = true, .help = "coils that stay without current"},
           number("lost_timeout", "s", 0, 10, "how long the robot may be unseen before the coils go to zero (1 s)")};
 }
 
@@ -155,7 +173,7 @@ const Class& rig_class() {
   static const Class kind{
       "rig",
       "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, rig.sample, rig.stage, "
-      "rig.rotation_stage, rig.field_probe",
+      "rig.rotation_stage, rig.field_probe, rig.simulation",
       {{"learn_background",
         {options({{.name = "frames",
                    .type = Type::integer,
@@ -172,7 +190,8 @@ const Class& rig_class() {
         "servo",
         "starts the servo loop; end it with <close> or servo:close(), the coils are at zero then",
         open_servo}},
-      {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage", "field_probe"}};
+      {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage", "field_probe",
+       "simulation"}};
   return kind;
 }
 
@@ -227,6 +246,21 @@ const Class& sample_class() {
   return kind;
 }
 
+const Class& simulation_class() {
+  static const Class kind{"simulation",
+                          "what only a simulated rig can be told",
+                          {{"draw_machine",
+                            {{.name = "number",
+                              .type = Type::integer,
+                              .min = 0,
+                              .max = 1e9,
+                              .help = "0: the one that the run's seed drew"}},
+                            "",
+                            "makes it another machine of the same kind, without a robot in it",
+                            draw_machine}}};
+  return kind;
+}
+
 const Class& background_class() {
   static const Class kind{"background",
                           "what the empty scene looks like",
@@ -244,6 +278,7 @@ void push_rig(lua_State* L, Rig& rig) {
   add_role(L, stage_class(), rig.stage, "stage");
   add_role(L, rotation_stage_class(), rig.rotation_stage, "rotation_stage");
   add_role(L, field_probe_class(), rig.field_probe, "field_probe");
+  add_role(L, simulation_class(), rig.simulation, "simulation");
 }
 
 }  // namespace vitreo::lua

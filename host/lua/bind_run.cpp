@@ -1,5 +1,6 @@
 // run: its flow (waiting, progress, checkpoints, tasks side by side).
 // SPDX-License-Identifier: Apache-2.0
+#include "host/lua/bind_control.h"
 #include "host/lua/bind_rig.h"
 #include "host/lua/context.h"
 #include "host/lua/errors.h"
@@ -233,6 +234,7 @@ const std::vector<const Class*>& all_classes() {
                                                     &stage_class(),
                                                     &rotation_stage_class(),
                                                     &field_probe_class(),
+                                                    &simulation_class(),
                                                     &background_class(),
                                                     &servo_class(),
                                                     &run_class(),
@@ -247,6 +249,8 @@ const std::vector<const Class*>& all_classes() {
                                                     &autofocus_class(),
                                                     &localiser_class(),
                                                     &axis_law_class()};
+                                                    &trajectory_class(),
+                                                    &field_model_class()};
   return classes;
 }
 

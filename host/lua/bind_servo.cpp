@@ -6,6 +6,8 @@
 #include "host/servo.h"
 
 #include <algorithm>
+#include <cmath>
+#include <initializer_list>
 #include <stdexcept>
 #include <utility>
 
@@ -20,6 +22,7 @@ std::vector<Argument> travel_options() {
         .name = name, .type = Type::number, .unit = unit, .optional = true, .min = min, .max = max, .help = help};
   };
   return {number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
+          number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)"),
           number("within", "m", 1e-6, 10e-3, "how near is there (100 um)"),
           number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
           number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)")};
@@ -44,15 +47,51 @@ std::vector<Argument> follow_options() {
   return keys;
 }
 
+int channel_of(double number) {
+  if (!(number >= 1 && number <= control::kMaxCoils && number == std::floor(number)))
+    throw std::invalid_argument("dead_coils: wants numbers of coils, from 1");
+  return static_cast<int>(number);
+}
+
+/// Each law has its own gains; what is not given stays as it is by default, or tuned.
+void take_gains(const Call& call, ServoSettings& settings) {
+  const auto take = [&call](const char* name, double& value) { value = call.number_option(name).value_or(value); };
+  const auto refuse = [&](std::initializer_list<const char*> names) {
+    for (const char* name : names)
+      if (call.number_option(name))
+        throw std::invalid_argument(std::string(name) + ": the law \"" + to_string(settings.law) +
+                                    "\" has no such gain");
+  };
+  switch (settings.law) {
+    case ControlLaw::pd:
+      take("proportional", settings.gains.proportional);
+      take("derivative", settings.gains.derivative);
+      take("derivative_time", settings.gains.derivative_time);
+      take("max_speed", settings.gains.max_speed);
+      return refuse({"integral", "velocity_time", "max_force"});
+    case ControlLaw::estimator:
+      settings.proportional = call.number_option("proportional");
+      settings.max_speed = call.number_option("max_speed");
+      return refuse({"derivative", "derivative_time", "integral", "velocity_time", "max_force"});
+    case ControlLaw::velocity:
+      take("proportional", settings.velocity.proportional);
+      take("max_speed", settings.velocity.max_speed);
+      take("integral", settings.velocity.integral);
+      take("velocity_time", settings.velocity.velocity_time);
+      take("max_force", settings.velocity.max_force);
+      return refuse({"derivative", "derivative_time"});
+  }
+}
+
 ServoSettings settings_of(const Call& call) {
   ServoSettings settings;
-  const auto take = [&call](const char* name, double& value) { value = call.number_option(name).value_or(value); };
-  take("field", settings.field);
-  take("proportional", settings.gains.proportional);
-  take("derivative", settings.gains.derivative);
-  take("derivative_time", settings.gains.derivative_time);
-  take("max_speed", settings.gains.max_speed);
-  take("lost_timeout", settings.lost_timeout);
+  if (const auto law = call.text_option("law")) settings.law = control_law_named(*law);
+  if (const auto feedback = call.text_option("feedback")) settings.feedback = feedback_named(*feedback);
+  settings.field = call.number_option("field").value_or(settings.field);
+  settings.lost_timeout = call.number_option("lost_timeout").value_or(settings.lost_timeout);
+  take_gains(call, settings);
+  for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
+    settings.dead_coils.push_back(channel_of(channel));
   if (const auto axis = call.vector_option("axis")) {
     if (!(axis->norm() > 0)) throw std::invalid_argument("axis: wants a direction, got {0, 0, 0}");
     settings.axis = axis->normalized();
@@ -69,7 +108,11 @@ std::vector<Binding> listening_rows() {
            position},
           {"target", {}, "position in m", "where it should be now", target},
           {"state", {}, "string", "searching, holding, following, released, lost, failed or closed", state},
-          {"status", {}, "table", "state, time, position (nil when unseen), target, progress, headroom", status},
+          {"status",
+           {},
+           "table",
+           "state, time, position (nil when unseen), disturbance (law estimator), target, progress, headroom, limited",
+           status},
           {"wait_until_tracked",
            {{.name = "options",
              .type = Type::options,
@@ -88,6 +131,11 @@ std::vector<Binding> listening_rows() {
            "force in N",
            "waits, and returns the mean force by which the loop corrected meanwhile",
            mean_correction},
+          {"force_for",
+           {{.name = "velocity", .type = Type::vector, .unit = "m/s"}},
+           "force in N",
+           "the force that moves the robot through the medium at a velocity, by its drag",
+           force_for},
           {"snapshot",
            {{.name = "caption", .type = Type::text}},
            "",
@@ -96,7 +144,7 @@ std::vector<Binding> listening_rows() {
 }
 
 std::vector<Binding> steering_rows() {
-  const Argument points{.name = "points", .type = Type::list, .unit = "m", .help = "positions {x, y, z}"};
+  const Argument path{.name = "path", .help = "a trajectory, or a list of positions {x, y, z} in m"};
   const Argument place{.name = "position", .type = Type::vector, .unit = "m"};
   const Argument force{.name = "force", .type = Type::vector, .unit = "N", .optional = true};
   return {{"go_to",
@@ -105,12 +153,22 @@ std::vector<Binding> steering_rows() {
            "goes straight to a place and waits until it stays there",
            go_to},
           {"follow",
-           {points, {.name = "options", .type = Type::options, .options = follow_options()}},
+           {path, {.name = "options", .type = Type::options, .options = follow_options()}},
            "number in s",
-           "goes along straight lines at one speed, waits for the end, returns the time it took",
+           "goes along a trajectory, or straight lines with rest at each point; waits for the end, returns the time it "
+           "took",
            follow},
           {"hold", {place}, "", "holds a place from now on; does not wait", hold},
-          {"release", {}, "", "keeps field and weight compensation, leaves the place alone", release},
+          {"release",
+           {{.name = "options",
+             .type = Type::options,
+             .options = {{.name = "cancel",
+                          .type = Type::flag,
+                          .optional = true,
+                          .help = "go on cancelling what pushes the robot (law estimator)"}}}},
+           "",
+           "keeps field and weight compensation, leaves the place alone",
+           release},
           {"trim", {force}, "force in N", "sets the constant force added to the weight compensation, returns it", trim},
           {"close", {}, "", "ends the loop; the coils are at zero", close, true}};
 }
@@ -125,8 +183,11 @@ std::vector<Binding> servo_rows() {
 
 int open_servo(Call& call) {
   Session& session = session_of(call.L);
-  auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder,
-                                       call.handle_option<vision::Background>("background"), settings_of(call));
+  ServoEyes eyes{{}, session.side_watch()};
+  if (call.push_option("background")) eyes.top = call.handle_option<vision::Background>("background");
+  lua_pop(call.L, 1);
+  auto servo =
+      std::make_shared<Servo>(session.clock, session.rig, session.recorder, std::move(eyes), settings_of(call));
   // The session's end closes what the script left open.
   call.context().closers.push_back([servo] { servo->close(); });
   push_handle(call.L, servo_class(), servo);

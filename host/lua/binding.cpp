@@ -165,6 +165,13 @@ std::optional<Eigen::Vector3d> Call::vector_option(const std::string& name) cons
   return value;
 }
 
+std::optional<std::vector<double>> Call::numbers_option(const std::string& name) const {
+  std::optional<std::vector<double>> value;
+  if (push_option(name)) value = to_numbers(L, -1);
+  lua_pop(L, 1);
+  return value;
+}
+
 bool Call::flag_option(const std::string& name) const {
   push_option(name);
   const bool value = lua_toboolean(L, -1);

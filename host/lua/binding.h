@@ -89,6 +89,7 @@ class Call {
   std::optional<double> number_option(const std::string& name) const;
   std::optional<std::string> text_option(const std::string& name) const;
   std::optional<Eigen::Vector3d> vector_option(const std::string& name) const;
+  std::optional<std::vector<double>> numbers_option(const std::string& name) const;
   bool flag_option(const std::string& name) const;
 
   /// Waits: `return call.wait(...)`. The script goes on when the wait has ended, with what its `finish` pushed.
@@ -122,6 +123,7 @@ const Class& sample_class();
 const Class& stage_class();
 const Class& rotation_stage_class();
 const Class& field_probe_class();
+const Class& simulation_class();
 const Class& background_class();
 const Class& servo_class();
 const Class& run_class();

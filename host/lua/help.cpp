@@ -1,6 +1,7 @@
 // help(): printed from the rows of the bindings.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config.h"
+#include "host/lua/bind_control.h"
 #include "host/lua/binding.h"
 #include "host/lua/context.h"
 #include "host/lua/values.h"
@@ -33,7 +34,8 @@ std::string class_help(const Class& kind) {
 
 std::vector<const Binding*> functions() {
   std::vector<const Binding*> all;
-  for (const auto* rows : {&global_functions(), &optics_functions(), &vision_functions(), &files_functions()})
+  for (const auto* rows :
+       {&global_functions(), &optics_functions(), &control_functions(), &vision_functions(), &files_functions()})
     for (const Binding& row : *rows) all.push_back(&row);
   return all;
 }

@@ -63,7 +63,7 @@ std::string find_module(const Context& context, const std::string& name) {
 }
 
 [[noreturn]] void refuse_module(const Context& context, const std::string& name) {
-  std::vector<std::string> known{"units", "optics", "vision", "files"};
+  std::vector<std::string> known{"units", "optics", "control", "vision", "files"};
   for (const std::string& folder : context.folders)
     if (std::filesystem::is_directory(folder))
       for (const auto& entry : std::filesystem::directory_iterator(folder))

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/servo_calls.h"
 
+#include "host/lua/bind_control.h"
 #include "host/lua/context.h"
 #include "host/lua/progress.h"
 #include "host/lua/scheduler.h"
@@ -18,7 +19,6 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr double kSpeed = 0.5e-3;   // m/s
 constexpr double kWithin = 100e-6;  // m
 constexpr double kSettle = 0.5;     // s
 
@@ -89,18 +89,17 @@ std::string not_there(const ServoStatus& now, const Arrival& arrival, double tim
          " for " + format_quantity(arrival.settle, "s") + " after " + format_quantity(timeout, "s") + ": " + last;
 }
 
-std::vector<Eigen::Vector3d> points_at(Call& call, std::size_t argument) {
-  std::vector<Eigen::Vector3d> points;
-  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(argument)));
-  for (lua_Integer i = 1; i <= count; ++i) {
-    lua_rawgeti(call.L, call.index(argument), i);
-    const auto point = to_vector(call.L, -1);
-    if (!point) throw std::invalid_argument(fmt::format("points: number {} is not a position {{x, y, z}}", i));
-    points.push_back(*point);
-    lua_pop(call.L, 1);
+/// A trajectory of the script's own, or straight lines through its points.
+control::Trajectory way_of(Call& call) {
+  const int at = call.index(0);
+  if (handle_class(call.L, at) == &trajectory_class()) {
+    for (const char* name : {"speed", "acceleration"})
+      if (call.number_option(name)) throw std::invalid_argument(std::string(name) + ": the trajectory has its own");
+    return call.handle<control::Trajectory>(0);
   }
-  if (points.empty()) throw std::invalid_argument("points: the list is empty");
-  return points;
+  if (!lua_istable(call.L, at))
+    throw std::invalid_argument("path: wants a trajectory or a list of positions, got " + kind_of(call.L, at));
+  return control::Trajectory::waypoints(points_at(call.L, at, "points"), motion_limits(call));
 }
 
 }  // namespace
@@ -117,10 +116,12 @@ int servo_calls::trim(Call& call) {
   return call.result(servo.trim());
 }
 
+int servo_calls::force_for(Call& call) { return call.result(call.self<Servo>().force_for(call.vector(0))); }
+
 int servo_calls::status(Call& call) {
   const ServoStatus now = call.self<Servo>().status();
   lua_State* const L = call.L;
-  lua_createtable(L, 0, 7);
+  lua_createtable(L, 0, 9);
   const auto set = [L](const char* name, double value) {
     lua_pushnumber(L, value);
     lua_setfield(L, -2, name);
@@ -128,6 +129,12 @@ int servo_calls::status(Call& call) {
   set("time", to_seconds(now.time));
   set("progress", now.progress);
   set("headroom", now.headroom);
+  lua_pushboolean(L, now.limited);
+  lua_setfield(L, -2, "limited");
+  if (now.disturbance) {
+    push_vector(L, *now.disturbance);
+    lua_setfield(L, -2, "disturbance");
+  }
   lua_pushstring(L, to_string(now.state));
   lua_setfield(L, -2, "state");
   push_vector(L, now.target);
@@ -160,7 +167,8 @@ int servo_calls::go_to(Call& call) {
   const auto servo = servo_of(call);
   const Arrival arrival{call.vector(0), call.number_option("within").value_or(kWithin),
                         call.number_option("settle").value_or(kSettle)};
-  const control::Path path({tracked_position(*servo), arrival.goal}, call.number_option("speed").value_or(kSpeed));
+  const control::Trajectory path =
+      control::Trajectory::waypoints({tracked_position(*servo), arrival.goal}, motion_limits(call));
   const double timeout = call.number_option("timeout").value_or(2 * path.duration() + 20);
   call.check_can_wait();
   servo->follow(path);
@@ -177,7 +185,7 @@ int servo_calls::go_to(Call& call) {
 int servo_calls::follow(Call& call) {
   const auto servo = servo_of(call);
   throw_if_troubled(*servo);
-  const control::Path path(points_at(call, 0), call.number_option("speed").value_or(kSpeed));
+  const control::Trajectory path = way_of(call);
   const double timeout = call.number_option("timeout").value_or(2 * path.duration() + 20);
   call.check_can_wait();
   servo->follow(path, static_cast<int>(call.number_option("pictures").value_or(0)));
@@ -208,7 +216,7 @@ int servo_calls::hold(Call& call) {
 
 int servo_calls::release(Call& call) {
   throw_if_troubled(call.self<Servo>());
-  call.self<Servo>().release();
+  call.self<Servo>().release(call.flag_option("cancel"));
   return 0;
 }
 

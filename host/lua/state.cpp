@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/state.h"
 
+#include "host/lua/bind_control.h"
 #include "host/lua/binding.h"
 #include "host/lua/errors.h"
 #include "host/lua/values.h"
@@ -81,6 +82,7 @@ State::State(Session* session, const std::vector<std::string>& folders) {
     open_modules(L);
     open_classes(L);
     open_optics(L);
+    open_control(L);
     open_vision(L);
     open_files(L);
     open_strictness(L);

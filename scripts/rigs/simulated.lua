@@ -11,7 +11,9 @@ return {
     eye = "model_eye_5_3",
     eye_in_world = { 0, 0, -5 * mm }, -- the retina's vertex
     robot = "coni_2mm",
-    field = "octomag",
+    field = "octomag", -- dipoles; calibration = "FILE.yaml" in its place: what ETH's software measured
+    coil_delay = 50 * ms,
+    coil_bandwidth = 15 * Hz,
     medium = { name = "silicone oil", density = 970, kinematic_viscosity = 500 * cSt },
   },
 
@@ -45,6 +47,9 @@ return {
   },
 
   lens_mover = { driver = "simulated", travel = 10 * mm, speed = 5 * mm / s },
+
+  -- For judging control without optics: feeds the truth, late and noisy, to a loop that asks for it by name.
+  pose_sensor = { driver = "simulated", frame_rate = 15 * Hz, latency = 80 * ms, noise = 0.3 * 14.3 * um },
 
   sample = { driver = "simulated", placement_scatter = 0.3 * mm },
 

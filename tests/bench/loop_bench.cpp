@@ -1,5 +1,6 @@
 // The chain frame -> currents and the simulator's rendering, as one run of the program does them, without the clock.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/localiser.h"
 #include "host/loop.h"
 #include "host/open_rig.h"
 #include "host/session.h"
@@ -45,13 +46,19 @@ double quantile(std::vector<double> values, double part) {
 
 void frame_to_currents(benchmark::State& state) {
   const Footage footage = record_footage(60);
-  FrameToCurrents chain(footage.rig->rig().model, footage.background, {}, 12);
+  Localiser localiser(footage.rig->rig().model, footage.background, Eigen::Vector3d::UnitX());
+  LoopSettings settings;
+  settings.law = ControlLaw::estimator;
+  PlaceToCurrents chain(footage.rig->rig().model, settings);
   std::vector<double> microseconds;
   double time = 0;
   std::size_t next = 0;
   for (auto _ : state) {
     const auto start = std::chrono::steady_clock::now();
-    benchmark::DoNotOptimize(chain.step(footage.frames[next].image, time, {}, true));
+    const Sighting seen = localiser.look(footage.frames[next].image);
+    std::optional<control::PositionMeasurement> measured;
+    if (seen.position) measured = control::PositionMeasurement{time, *seen.position, seen.covariance};
+    benchmark::DoNotOptimize(chain.step(time + 0.08, measured, {}, Aim::follow));
     microseconds.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
     next = (next + 1) % footage.frames.size();
     time += 1 / 15.0;

@@ -24,7 +24,7 @@ class SilentListener : public ProgressListener {
 inline RigDescription whole_rig() {
   RigDescription description;
   description.file = "test rig";
-  for (const char* role : {"top_camera", "side_camera", "coils", "lens_mover", "sample"})
+  for (const char* role : {"top_camera", "side_camera", "coils", "lens_mover", "pose_sensor", "sample"})
     description.table[role] = ConfigValue{ConfigTable{}};
   return description;
 }
@@ -54,9 +54,10 @@ inline RunStart start_of_test(std::uint64_t seed) {
 
 /// Clock, rig, record and session, as the run engine would have them.
 struct TestBench {
-  explicit TestBench(std::uint64_t seed = 1, const SimulationShifts& shifts = {})
+  explicit TestBench(std::uint64_t seed = 1, const SimulationShifts& shifts = {},
+                     const RigDescription& description = whole_rig())
       : clock(virtual_clock()),
-        rig(open_rig(whole_rig(), *clock, seed, shifts)),
+        rig(open_rig(description, *clock, seed, shifts)),
         recorder(std::make_unique<Recorder>(folder.path(), start_of_test(seed))),
         session(std::make_unique<Session>(*clock, rig->rig(), *recorder, listener, seed)) {
     session->keep(observe_truth(*clock, *rig->laboratory(), 1 / 15.0, *recorder));
@@ -64,10 +65,15 @@ struct TestBench {
   ~TestBench() { session.reset(); }
   Rig& roles() { return rig->rig(); }
 
+  ServoEyes eyes() {
+    vision::Background top = session->learn_background(4);
+    return {std::move(top), session->side_watch()};
+  }
+
   /// The robot in, held at the centre for `seconds`.
   std::unique_ptr<Servo> held(double seconds, const ServoSettings& settings = {}) {
     rig->rig().sample->remove_robot();
-    auto servo = std::make_unique<Servo>(*clock, rig->rig(), *recorder, session->learn_background(4), settings);
+    auto servo = std::make_unique<Servo>(*clock, rig->rig(), *recorder, eyes(), settings);
     servo->hold({0, 0, 0});
     rig->rig().sample->insert_robot({0, 0, 0});
     clock->sleep_for(from_seconds(seconds));

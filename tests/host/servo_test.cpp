@@ -39,7 +39,7 @@ TEST(Servo, ItHoldsTheRobotThroughTheEye) {
 TEST(Servo, ItFollowsAPathAndHoldsItsEnd) {
   TestBench bench;
   const auto servo = bench.held(3);
-  servo->follow(control::Path({{0, 0, 0}, {1e-3, 0, 1e-3}}, 1e-3));
+  servo->follow(control::Trajectory::line({0, 0, 0}, {1e-3, 0, 1e-3}, {1e-3, 0.1}));
   EXPECT_EQ(servo->status().progress, 0);
   bench.clock->sleep_for(from_seconds(0.8));
   EXPECT_EQ(servo->status().state, ServoState::following);
@@ -57,6 +57,88 @@ TEST(Servo, TrimmingTakesTheStandingErrorAway) {
   servo->set_trim(servo->trim() + servo->mean_correction(2));
   bench.clock->sleep_for(from_seconds(4));
   EXPECT_LT(servo->status().position->norm(), 0.4 * before);
+}
+
+double rms_error(const TestBench& bench, double from, double to) {
+  return error_statistics(*bench.recorder, "truth", "", "servo", "target_", from_seconds(from), from_seconds(to)).rms;
+}
+
+ServoSettings with(ControlLaw law, Feedback feedback) {
+  ServoSettings settings;
+  settings.law = law;
+  settings.feedback = feedback;
+  return settings;
+}
+
+TEST(Servo, TheEstimatorHoldsTheUntrimmedRobotWhereThePdDoesNot) {
+  TestBench bench(3);
+  const auto servo = bench.held(8, with(ControlLaw::estimator, Feedback::pose_sensor));
+  EXPECT_LT(rms_error(bench, 4, 9), 10e-6);
+  EXPECT_GT(servo->status().disturbance->norm(), 20e-6) << "m/s: what the model lacks is known";
+}
+
+TEST(Servo, WithTwoCamerasTheDepthIsKnownBetterThanWithOne) {
+  const auto depth_error = [](Feedback feedback) {
+    TestBench bench(2);
+    const auto servo = bench.held(5, with(ControlLaw::estimator, feedback));
+    return error_statistics(*bench.recorder, "servo", "", "truth", "", from_seconds(3), from_seconds(6)).depth_rms;
+  };
+  EXPECT_LT(depth_error(Feedback::two_cameras), 8e-6);
+  EXPECT_GT(depth_error(Feedback::one_camera), 10e-6);
+}
+
+TEST(Servo, WithoutFeedbackAReleasedRobotHasConstantCurrents) {
+  TestBench bench;
+  const auto servo = bench.held(2, with(ControlLaw::pd, Feedback::none));
+  servo->release();
+  bench.clock->sleep_for(from_seconds(0.3));
+  const std::vector<double> before = bench.roles().coils->currents();
+  bench.clock->sleep_for(from_seconds(1));
+  EXPECT_EQ(bench.roles().coils->currents(), before);
+  EXPECT_EQ(servo->status().state, ServoState::released);
+  EXPECT_TRUE(servo->status().position) << "it is still watched";
+}
+
+TEST(Servo, ADeadCoilStaysWithoutCurrentAndTheRobotIsHeldByTheOthers) {
+  TestBench bench(3);
+  ServoSettings settings = with(ControlLaw::estimator, Feedback::pose_sensor);
+  settings.dead_coils = {4};
+  const auto servo = bench.held(6, settings);
+  EXPECT_EQ(bench.roles().coils->currents()[3], 0);
+  EXPECT_LT(rms_error(bench, 4, 7), 10e-6);
+  EXPECT_GT(servo->status().headroom, 0.3);
+  settings.dead_coils = {9};
+  servo->close();
+  EXPECT_THROW(Servo(*bench.clock, bench.roles(), *bench.recorder, bench.eyes(), settings), std::invalid_argument);
+}
+
+TEST(Servo, APlaceOutOfReachIsRefusedAndTheOldOneHeld) {
+  TestBench bench;
+  const auto servo = bench.held(1);
+  EXPECT_THROW(servo->hold({0.1, 0, 0}), std::invalid_argument);
+  EXPECT_THROW(servo->hold({0, 0, 11e-3}), std::invalid_argument) << "behind the lens";
+  EXPECT_THROW(servo->follow(control::Trajectory::line({0, 0, 0}, {0, 0, -9e-3}, {})), std::invalid_argument);
+  EXPECT_EQ(servo->status().state, ServoState::holding);
+  EXPECT_EQ(servo->status().target, Eigen::Vector3d(0, 0, 0));
+}
+
+TEST(Servo, AFeedbackIsRefusedWithoutWhatItNeeds) {
+  RigDescription poor = whole_rig();
+  poor.table.erase("pose_sensor");
+  poor.table.erase("side_camera");
+  TestBench bench(1, {}, poor);
+  const auto opening = [&](Feedback feedback) {
+    try {
+      Servo servo(*bench.clock, bench.roles(), *bench.recorder, bench.eyes(), with(ControlLaw::pd, feedback));
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string("opened");
+  };
+  EXPECT_NE(opening(Feedback::pose_sensor).find("pose_sensor, which only a simulated rig"), std::string::npos);
+  EXPECT_NE(opening(Feedback::two_cameras).find("side_camera"), std::string::npos);
+  EXPECT_EQ(opening(Feedback::one_camera), "opened");
+  EXPECT_THROW(feedback_named("both"), std::invalid_argument);
 }
 
 Stream recorded(const TestBench& bench, const std::string& name) { return *bench.recorder->stream(name); }
@@ -80,6 +162,25 @@ TEST(LoopAndTruth, ShiftingTheDrawnRobotChangesTheCurrents) {
   for (std::size_t i = 0; i < currents.values.size(); ++i)
     difference = std::max(difference, std::abs(currents.values[i] - other.values[i]));
   EXPECT_GT(difference, 0.05) << "A";
+}
+
+TEST(LoopAndTruth, OnlyTheLoopThatAsksForThePoseSensorSeesTheTruthAndTheRecordSaysSo) {
+  const ServoSettings asking = with(ControlLaw::pd, Feedback::pose_sensor);
+  TestBench honest(7), shifted(7, {{0.5e-3, 0, 0}, {0, 0, 0}});
+  const auto first = honest.held(2, asking), second = shifted.held(2, asking);
+  EXPECT_NE(recorded(honest, "currents").values, recorded(shifted, "currents").values);
+  EXPECT_NE(recorded(honest, "servo").info.source.find("simulator's truth"), std::string::npos);
+  ASSERT_FALSE(honest.recorder->events().empty());
+  EXPECT_NE(honest.recorder->events().front().text.find("pose_sensor"), std::string::npos);
+}
+
+TEST(LoopAndTruth, EveryFeedbackThatLooksIsBlindToTheReportedTruth) {
+  for (const Feedback feedback : {Feedback::none, Feedback::two_cameras}) {
+    TestBench honest(7), shifted(7, {{0.5e-3, 0, 0}, {0, 0, 0}});
+    const auto first = honest.held(1, with(ControlLaw::estimator, feedback)),
+               second = shifted.held(1, with(ControlLaw::estimator, feedback));
+    EXPECT_EQ(recorded(honest, "currents").values, recorded(shifted, "currents").values) << to_string(feedback);
+  }
 }
 
 TEST(Determinism, TheSameSeedGivesTheSameBytes) {
@@ -130,7 +231,7 @@ TEST(Servo, ARobotThatIsGoneIsLostAndTheCoilsGoToZero) {
 
 TEST(Servo, BeforeTheRobotIsInItOnlyKeepsTheField) {
   TestBench bench;
-  Servo servo(*bench.clock, bench.roles(), *bench.recorder, bench.session->learn_background(4), {});
+  Servo servo(*bench.clock, bench.roles(), *bench.recorder, bench.eyes(), {});
   bench.clock->sleep_for(from_seconds(0.5));
   EXPECT_EQ(servo.status().state, ServoState::searching);
   EXPECT_FALSE(servo.status().position);
