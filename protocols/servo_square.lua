@@ -25,6 +25,7 @@ return {
     depth = { unit = "mm", default = 6*mm, min = 1*mm, max = 7*mm, help = "along the eye's axis" },
     speed = { unit = "mm/s", default = 0.5*mm/s, min = 0.05*mm/s, max = 2*mm/s, help = "along the path" },
     field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
+    law = { choices = { "pd", "estimator" }, default = "pd", help = "pd is the thesis'" },
     laps = { default = 1, min = 1, max = 20, integer = true, help = "times round" },
   },
   run = function(rig, p, run)
@@ -35,7 +36,7 @@ return {
     local background = rig:learn_background { frames = 15 }
 
     run:progress(0.02, "bringing the robot in")
-    local servo <close> = rig:servo { background = background, field = p.field, axis = { 1, 0, 0 } }
+    local servo <close> = rig:servo { background = background, law = p.law, field = p.field, axis = { 1, 0, 0 } }
     servo:hold(centre)
     rig.sample:insert_robot(centre)
     servo:wait_until_tracked { timeout = 10*s }

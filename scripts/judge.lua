@@ -90,10 +90,17 @@ local function distances(run, span, prefix, axes)
   return { x = times, y = distance }
 end
 
-local function error_plot(run, span)
+--- Distances of the robot's place from the servo's ("") or from its target ("target_") in a span {from, to}: a series of
+--- times x and values y.
+function judge.distances(run, options, prefix)
+  local span = { from = options.from, to = options.to }
   local axes = judge.reference(run) == "truth" and { "x", "y", "z" } or { "x", "z" }
-  local path = distances(run, span, "target_", axes)
-  local localisation = distances(run, span, "", axes)
+  return distances(run, span, prefix, axes)
+end
+
+local function error_plot(run, span)
+  local path = judge.distances(run, span, "target_")
+  local localisation = judge.distances(run, span, "")
   path.label, localisation.label = "from the path", "of the localisation"
   localisation.mark = "points"
   run:plot { title = "Error against time", x = { "time", "s" }, y = { "error", "um" }, series = { path, localisation } }

@@ -15,11 +15,19 @@ bool needs_arguments(const Workplace& place, const std::string& protocol) {
   return false;
 }
 
-TEST(Protocols, EachRunsWithItsDefaults) {
+// What makes a long protocol short; the others run with their defaults.
+std::string shortened(const std::string& protocol) {
+  if (protocol == "drift_test") return " feedback=one_camera machines=1 hold=0.5s settle=1s";
+  if (protocol == "hold") return " compare=false settle=2s hold=2s width=0.5mm depth=0.5mm";
+  return "";
+}
+
+TEST(Protocols, EachRunsWithItsDefaultsOrShortened) {
   const Workplace place;
   for (const auto& entry : std::filesystem::directory_iterator(VITREO_SOURCE_DIR "/protocols")) {
     if (needs_arguments(place, entry.path().string())) continue;  // those have tests of their own
-    const Spoken spoken = place.vitreo("run '" + entry.path().string() + "' --json");
+    const std::string words = "run '" + entry.path().string() + "' --json" + shortened(entry.path().stem().string());
+    const Spoken spoken = place.vitreo(words);
     ASSERT_EQ(spoken.exit_code, 0) << entry.path() << "\n" << spoken.out << spoken.err;
     EXPECT_EQ(nlohmann::json::parse(spoken.out)["outcome"], "completed") << entry.path();
   }
@@ -76,6 +84,46 @@ TEST(ServoSquare, TheSameSeedGivesTheSameFiguresToTheBit) {
   const auto first = figures(5);
   EXPECT_EQ(first, figures(5));
   EXPECT_NE(first, figures(6));
+}
+
+nlohmann::json figures_of(const Workplace& place, const std::string& words) {
+  const Spoken spoken = place.vitreo("run " + words + " --json");
+  EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
+  return spoken.exit_code == 0 ? nlohmann::json::parse(spoken.out)["figures"] : nlohmann::json::object();
+}
+
+TEST(Hold, TheEstimatorMeetsItsFiguresOnThePoseSensorAndTheReportNamesIt) {
+  const Workplace place;
+  for (int seed = 1; seed <= 3; ++seed) {
+    const auto figures = figures_of(place, "hold feedback=pose_sensor --seed " + std::to_string(seed));
+    EXPECT_LT(figures["hold_error_rms"], 6e-6) << seed;
+    EXPECT_LT(figures["square_error_rms"], 15e-6) << seed;
+    EXPECT_GT(figures["hold_error_rms"], 1e-6) << "four micrometres of noise go in: look for the leak";
+    EXPECT_GT(figures["hold_error_rms_pd"], figures["hold_error_rms"]) << seed;
+  }
+  std::string report;
+  for (const auto& entry : std::filesystem::directory_iterator(place.folder() / "runs"))
+    report = place.read((entry.path() / "report.html").lexically_relative(place.folder()).string());
+  EXPECT_NE(report.find("simulator's truth"), std::string::npos);
+  EXPECT_NE(report.find("pose_sensor"), std::string::npos);
+}
+
+TEST(Hold, AFastLoopHoldsWithinAMicrometre) {
+  const Workplace place;
+  const auto figures = figures_of(
+      place, "hold feedback=pose_sensor compare=false hold=5s settle=3s width=1mm depth=1mm --rig '" VITREO_SOURCE_DIR
+             "/scripts/rigs/fast.lua'");
+  EXPECT_LT(figures["hold_error_rms"], 1e-6);
+}
+
+TEST(Hold, OnARigWithOneRealInstrumentThereIsNoPoseSensor) {
+  const Workplace place;
+  place.write("rig.lua",
+              "return { coils = {}, sample = {}, pose_sensor = {},\n"
+              "  stage = { address = 'serial:/dev/ttyUSB0' } }");
+  const Spoken spoken = place.vitreo("run hold feedback=pose_sensor --rig rig.lua");
+  EXPECT_EQ(spoken.exit_code, 2);
+  EXPECT_NE(spoken.err.find("pose_sensor: it knows the truth"), std::string::npos) << spoken.err;
 }
 
 }  // namespace

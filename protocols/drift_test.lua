@@ -1,0 +1,118 @@
+-- How fast the robot drifts when it is left alone for three seconds at six places: with constant currents, with the field
+-- computed where one camera, or two, see it (thesis 6.1, table 6.1); and what a loop that also holds its place leaves of
+-- that. On a simulated rig medians over several machines, drawn as the machine itself is (facts of the drift study).
+-- SPDX-License-Identifier: Apache-2.0
+local units = require "units"
+local places = require "places"
+local drift = require "drift"
+local mm, um, s, mT = units.mm, units.um, units.s, units.mT
+
+local kinds = { "none", "one_camera", "two_cameras" }
+local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
+local centre = vector(0, 0, 0)
+local hand_speed = 1.5 * mm / s
+
+-- The thesis' hand trim at the centre. What the loop has to add all the time is what the model lacks; an operator leaves a
+-- drift of about the tolerance, in any direction.
+local function trim(servo, tolerance)
+  for _ = 1, 2 do
+    servo:go_to(centre, { speed = hand_speed, within = 0.5 * mm, settle = 1 * s })
+    servo:trim(vector(servo:trim()) + servo:mean_correction(1 * s))
+  end
+  local left = drift.any_direction() * (tolerance * math.abs(drift.normal()))
+  servo:trim(vector(servo:trim()) + servo:force_for(left))
+  return servo:trim()
+end
+
+-- An operator brings it near the place, not to it.
+local function bring(run, rig, servo, place, scatter)
+  if not servo:status().position then -- it drifted out of sight: put it in anew
+    servo:hold(centre)
+    rig.sample:insert_robot(centre)
+    servo:wait_until_tracked()
+  end
+  local near
+  repeat
+    near = place.position + vector(drift.normal(), drift.normal(), drift.normal()) * scatter
+  until places.in_sight(near)
+  servo:follow({ servo:position(), near }, { speed = hand_speed, acceleration = 10 * mm / s ^ 2, label = place.name })
+  run:wait(0.7 * s)
+end
+
+-- Drift of a robot that is left alone, as `let_go` has it, over `time`: m/s.
+local function watch(run, servo, let_go, time)
+  let_go()
+  run:wait(0.25 * s) -- until what held it has gone through coils and latency
+  return drift.velocity(run, servo, time)
+end
+
+-- The runs of one kind of feedback at all places; the median of a machine's mean drift is what counts.
+local function leave_alone(run, rig, p, background, kind, found)
+  local servo <close> = rig:servo { background = background, feedback = kind, field = p.field, lost_timeout = 5 * s }
+  servo:hold(centre)
+  rig.sample:insert_robot(centre)
+  servo:wait_until_tracked()
+  found.trim = found.trim or trim(servo, p.tolerance)
+  servo:trim(found.trim)
+  for place in run:each(places.six, names[kind]) do
+    run:checkpoint("before " .. place.name)
+    local speeds = {}
+    for repetition = 1, p.repetitions do
+      bring(run, rig, servo, place, kind == "none" and p.scatter_open or p.scatter)
+      local velocity = watch(run, servo, function() servo:release() end, p.hold)
+      speeds[repetition] = velocity:norm()
+      run:record("drift", { machine = found.machine, feedback = drift.index(kinds, kind), velocity = velocity },
+        { velocity = "m/s" })
+    end
+    drift.add(found, kind, place.name, (drift.mean(speeds)))
+  end
+  rig.sample:remove_robot()
+end
+
+-- The estimator: with its place held, and with what pushes it cancelled but its place left alone.
+local function hold_on(run, rig, p, background, found)
+  local servo <close> = rig:servo { background = background, feedback = "one_camera", law = "estimator", field = p.field }
+  servo:hold(centre)
+  rig.sample:insert_robot(centre)
+  servo:wait_until_tracked()
+  for place in run:each(places.six, "estimator") do
+    servo:go_to(place.position, { speed = hand_speed, within = 0.5 * mm, settle = 0 })
+    run:wait(p.settle)
+    drift.add(found, "hold", place.name, drift.velocity(run, servo, p.hold):norm())
+    local function cancel() servo:release { cancel = true } end
+    drift.add(found, "cancel", place.name, watch(run, servo, cancel, p.hold):norm())
+  end
+  rig.sample:remove_robot()
+end
+
+return {
+  title = "Magnetic drift",
+  needs = { "top_camera", "coils", "sample" },
+  parameters = {
+    feedback = { choices = { "all", "none", "one_camera", "two_cameras" }, default = "all", help = "what the field follows" },
+    machines = { default = 8, min = 1, max = 100, integer = true, help = "drawn, on a simulated rig; the first is the rig's" },
+    repetitions = { default = 1, min = 1, max = 100, integer = true, help = "runs at each place" },
+    hold = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "how long it is left alone" },
+    settle = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "of the estimator, before its hold" },
+    tolerance = {
+      unit = "um/s", default = 100 * um / s, min = 0, max = 1000 * um / s, help = "drift that the trim leaves at the centre",
+    },
+    scatter_open = { unit = "mm", default = 1 * mm, min = 0, max = 2 * mm, help = "of the placement, with constant currents" },
+    scatter = { unit = "mm", default = 0.3 * mm, min = 0, max = 2 * mm, help = "of the placement, with feedback" },
+    field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
+  },
+  run = function(rig, p, run)
+    local asked = p.feedback == "all" and kinds or { p.feedback }
+    local machines = rig.simulation and p.machines or 1
+    rig.sample:remove_robot()
+    local background = rig:learn_background { frames = 15 }
+    local found = {}
+    for machine in run:each(machines, "machine") do
+      if rig.simulation then rig.simulation:draw_machine(machine - 1) end
+      found.trim, found.machine = nil, machine
+      for kind in run:each(asked, "feedback") do leave_alone(run, rig, p, background, kind, found) end
+      hold_on(run, rig, p, background, found)
+    end
+    drift.report(run, found, asked, { machines = machines, repetitions = p.repetitions })
+  end,
+}

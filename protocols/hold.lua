@@ -1,0 +1,113 @@
+-- How still the robot is held at a place, and how closely it goes round a square, by the simulator's truth: the figures of
+-- the controller, with the thesis' PD beside it. With feedback = "pose_sensor" of control alone, without optics (a simulated
+-- sensor of the truth, late and noisy); else through camera, eye and tracker.
+-- SPDX-License-Identifier: Apache-2.0
+local units = require "units"
+local paths = require "paths"
+local judge = require "judge"
+local mm, um, s, mT = units.mm, units.um, units.s, units.mT
+
+-- Away from the centre, where the model is worse; and not on the way of the square.
+local place = vector(2 * mm, 0, 1 * mm)
+
+local function name_of(kind, law, main)
+  return law == main and kind .. "_error_rms" or kind .. "_error_rms_" .. law
+end
+
+-- Errors of the robot's true place, in the frames from `from` on.
+local function errors(run, from)
+  local reference = judge.reference(run)
+  return run:errors { of = reference, against = "servo", against_prefix = "target_", from = from, to = run:now() }
+end
+
+local function error_plot(run, title, spans)
+  local all = {}
+  for _, span in ipairs(spans) do
+    local distance = judge.distances(run, span, "target_")
+    local x = {}
+    for i, time in ipairs(distance.x) do x[i] = time - span.from end
+    all[#all + 1] = { label = span.law, x = x, y = distance.y }
+  end
+  run:plot { title = title, x = { "time", "s" }, y = { "error in 3-D", "um" }, series = all }
+end
+
+local function hold(run, servo, p)
+  servo:go_to(place, { within = 1 * mm, settle = 0 })
+  run:wait(p.settle)
+  local span = { from = run:now() }
+  run:wait(p.hold)
+  span.to = run:now()
+  span.found = errors(run, span.from)
+  return span
+end
+
+local function square(run, servo, p)
+  local corners = paths.rectangle { width = p.width, depth = p.depth }
+  servo:go_to(corners[1], { within = 1 * mm, settle = 0, timeout = 60 * s })
+  run:wait(p.settle)
+  local span = { from = run:now() }
+  servo:follow(corners, { speed = p.speed, label = "round the square", pictures = p.feedback ~= "pose_sensor" and 1 or 0 })
+  span.to = run:now()
+  span.found = errors(run, span.from)
+  return span
+end
+
+return {
+  title = "Hold and square",
+  needs = { "coils", "sample" },
+  parameters = {
+    feedback = {
+      choices = { "one_camera", "two_cameras", "pose_sensor" }, default = "one_camera",
+      help = "pose_sensor: the simulator's truth, late and noisy; simulated rigs only",
+    },
+    law = { choices = { "estimator", "pd" }, default = "estimator", help = "whose figures are the main ones" },
+    compare = { default = true, help = "the thesis' PD too" },
+    settle = { unit = "s", default = 10 * s, min = 0.5 * s, max = 60 * s, help = "before each measurement" },
+    hold = { unit = "s", default = 30 * s, min = 1 * s, max = 600 * s, help = "how long the place is held" },
+    width = { unit = "mm", default = 8 * mm, min = 0.1 * mm, max = 9 * mm, help = "of the square, along x" },
+    depth = { unit = "mm", default = 6 * mm, min = 0.1 * mm, max = 7 * mm, help = "of the square, along the eye's axis" },
+    speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "round the square" },
+    field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
+  },
+  run = function(rig, p, run)
+    local background
+    rig.sample:remove_robot()
+    if p.feedback == "pose_sensor" then
+      run:note("feedback pose_sensor: the loop is fed by the simulator's truth, late and noisy; no camera")
+    else
+      background = rig:learn_background { frames = 15 }
+    end
+    local laws = p.compare and p.law ~= "pd" and { p.law, "pd" } or { p.law }
+    local rows, holds, squares = {}, {}, {}
+    for law in run:each(laws, "law") do
+      local servo <close> = rig:servo { background = background, feedback = p.feedback, law = law, field = p.field }
+      servo:hold(place)
+      rig.sample:insert_robot(place)
+      servo:wait_until_tracked { timeout = 10 * s }
+      run:checkpoint("before the hold, " .. law)
+      local held = hold(run, servo, p)
+      run:checkpoint("before the square, " .. law)
+      local went = square(run, servo, p)
+      held.law, went.law = law, law
+      holds[#holds + 1], squares[#squares + 1] = held, went
+      run:figure(name_of("hold", law, p.law), held.found.rms, "m")
+      run:figure(name_of("square", law, p.law), went.found.rms, "m")
+      for _, part in ipairs { { "hold", held }, { "square", went } } do
+        local e = part[2].found
+        rows[#rows + 1] = {
+          part[1], law, ("%.2f"):format(e.rms / um), ("%.2f"):format(e.max / um), ("%.2f"):format(e.lateral_rms / um),
+          ("%.2f"):format(e.depth_rms / um), tostring(e.count // 1 | 0),
+        }
+      end
+      rig.sample:remove_robot()
+    end
+    local _, reference = judge.reference(run)
+    run:table {
+      title = "Distance from the target, by the " .. reference .. "; feedback " .. p.feedback,
+      header = { "what", "law", "rms, µm", "largest, µm", "lateral rms, µm", "depth rms, µm", "frames" },
+      rows = rows,
+    }
+    error_plot(run, "Holding a place: error against time", holds)
+    error_plot(run, "Round the square: error against time", squares)
+  end,
+}

@@ -1,0 +1,160 @@
+-- What protocols/drift_test needs besides its course of events: chance, statistics, and the report beside thesis table 6.1.
+-- SPDX-License-Identifier: Apache-2.0
+local units = require "units"
+local places = require "places"
+local um, s = units.um, units.s
+local drift = {}
+
+local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
+
+--- A number of the standard normal distribution, from the run's seed.
+function drift.normal()
+  return (-2 * math.log(1 - math.random())) ^ 0.5 * math.cos(2 * math.pi * math.random())
+end
+
+--- A unit vector, all directions alike.
+function drift.any_direction()
+  local direction
+  repeat
+    direction = vector(drift.normal(), drift.normal(), drift.normal())
+  until direction:norm() > 1e-3
+  return direction / direction:norm()
+end
+
+function drift.index(list, wanted)
+  for i, one in ipairs(list) do
+    if one == wanted then return i end
+  end
+end
+
+function drift.median(values)
+  local sorted = table.move(values, 1, #values, 1, {})
+  table.sort(sorted)
+  local middle = (#sorted + 1) // 2
+  return #sorted % 2 == 1 and sorted[middle] or (sorted[middle] + sorted[middle + 1]) / 2
+end
+
+--- Mean and standard deviation of a sample (0 of a single one).
+function drift.mean(values)
+  local sum, squares = 0, 0
+  for _, value in ipairs(values) do sum = sum + value end
+  local mean = sum / #values
+  for _, value in ipairs(values) do squares = squares + (value - mean) ^ 2 end
+  return mean, #values > 1 and (squares / (#values - 1)) ^ 0.5 or 0
+end
+
+--- found[kind][place] is a list.
+function drift.add(found, kind, place, value)
+  found[kind] = found[kind] or {}
+  found[kind][place] = found[kind][place] or {}
+  table.insert(found[kind][place], value)
+end
+
+-- Where a stream had the robot last, and when.
+local function latest(run, stream, since)
+  local x, times = run:samples(stream, "x", { from = since, to = run:now() })
+  local y, z = run:samples(stream, "y", { from = since, to = run:now() }), run:samples(stream, "z", { from = since, to = run:now() })
+  for i = #times, 1, -1 do
+    if x[i] == x[i] then return vector(x[i], y[i], z[i]), times[i] end
+  end
+  error("the robot was not seen lately", 0)
+end
+
+--- Mean velocity over `time`, in m/s: of the simulator's truth where there is one, else as the top camera sees it.
+function drift.velocity(run, servo, time)
+  local stream = run:has_stream("truth") and "truth" or "servo"
+  local from, started = latest(run, stream, run:now() - 0.5 * s)
+  run:wait(time)
+  local to, ended = latest(run, stream, run:now() - 0.5 * s)
+  return (to - from) / (ended - started)
+end
+
+local function in_um(value, digits)
+  return ("%." .. (digits or 0) .. "f"):format(value / um)
+end
+
+local function rows_of(found, asked)
+  local rows = {}
+  for i, place in ipairs(places.six) do
+    local row, thesis = { place.name }, places.table_6_1[place.name]
+    for _, kind in ipairs(asked) do
+      row[#row + 1] = in_um(drift.median(found[kind][place.name]))
+      row[#row + 1] = tostring(thesis[kind])
+    end
+    row[#row + 1] = in_um(drift.median(found.cancel[place.name]), 1)
+    row[#row + 1] = in_um(drift.median(found.hold[place.name]), 1)
+    rows[i] = row
+  end
+  return rows
+end
+
+local function header_of(asked)
+  local header = { "place" }
+  for _, kind in ipairs(asked) do
+    header[#header + 1] = names[kind]
+    header[#header + 1] = "thesis"
+  end
+  header[#header + 1] = "disturbance cancelled"
+  header[#header + 1] = "place held"
+  return header
+end
+
+-- The largest over the places (`only`: those for which it holds) of the machines' median.
+local function largest(found, kind, only)
+  local most = 0
+  for _, place in ipairs(places.six) do
+    if not only or only(place) then most = math.max(most, drift.median(found[kind][place.name])) end
+  end
+  return most
+end
+
+local function figures(run, found, asked)
+  for _, kind in ipairs(asked) do run:figure("drift_" .. kind .. "_max", largest(found, kind), "um/s") end
+  if #asked == 3 then
+    local ratio, apart = 0, 0
+    for _, place in ipairs(places.six) do
+      local function of(kind) return drift.median(found[kind][place.name]) end
+      if place.edge then ratio = math.max(ratio, math.max(of "one_camera", of "two_cameras") / of "none") end
+      apart = math.max(apart, math.abs(of "one_camera" - of "two_cameras"))
+    end
+    run:figure("drift_ratio_at_edge_max", ratio, "")
+    run:figure("drift_one_two_cameras_apart", apart, "um/s")
+  end
+  run:figure("drift_cancel_max", largest(found, "cancel"), "um/s")
+  run:figure("drift_hold_max", largest(found, "hold"), "um/s")
+  local worst = 0
+  for _, speeds in pairs(found.hold) do
+    for _, speed in ipairs(speeds) do worst = math.max(worst, speed) end
+  end
+  run:figure("drift_hold_worst_machine", worst, "um/s")
+end
+
+local function plot(run, found, asked)
+  local series, marks = {}, {}
+  for _, kind in ipairs(asked) do
+    local x, y, printed = {}, {}, {}
+    for i, place in ipairs(places.six) do
+      x[i], y[i], printed[i] = i, drift.median(found[kind][place.name]), places.table_6_1[place.name][kind] * um
+    end
+    series[#series + 1] = { label = names[kind], x = x, y = y }
+    marks[#marks + 1] = { label = "thesis, " .. names[kind], x = x, y = printed, mark = "dashed" }
+  end
+  table.move(marks, 1, #marks, #series + 1, series)
+  run:plot {
+    title = "Drift at the six places, in the table's order", x = { "place", "" }, y = { "drift", "um/s" }, series = series,
+  }
+end
+
+--- Table, plot and figures: medians over the machines of the mean over the repetitions.
+function drift.report(run, found, asked, counts)
+  run:table {
+    title = ("Drift in µm/s: medians over %d machine(s), %d run(s) each, beside thesis table 6.1"):format(
+      counts.machines, counts.repetitions),
+    header = header_of(asked),
+    rows = rows_of(found, asked),
+  }
+  plot(run, found, asked)
+  figures(run, found, asked)
+end
+
+return drift
