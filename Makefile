@@ -3,7 +3,7 @@ PRESET ?= release
 BUILD  := build/$(PRESET)
 SUDO   := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: help setup build run test bench asan tsan fuzz format format-check tidy clean
+.PHONY: help setup build run test test-long bench asan tsan fuzz format format-check tidy clean
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
 
@@ -22,6 +22,9 @@ run: setup $(BUILD)/CMakeCache.txt ## drive the simulated microrobot round the s
 
 test: build      ## build and run every test
 	ctest --preset $(PRESET)
+
+test-long: build ## the long forms: 200 kills, thousands of broken files; prints distributions
+	ctest --test-dir $(BUILD) -C long -L long --verbose
 
 bench: build     ## print the figures of the loop and of its parts
 	sh tests/bench/run.sh $(BUILD)

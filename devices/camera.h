@@ -7,6 +7,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace vitreo {
@@ -17,6 +18,8 @@ struct Frame {
   std::uint64_t number = 0;  ///< counts exposures, so a gap shows dropped frames
   Time exposed{};            ///< the middle of the exposure
   Time received{};           ///< when the host had it
+  /// The instrument's own clock at the middle of the exposure, where it has one; `exposed` is its image on the host's.
+  std::optional<Time> device{};
 };
 
 struct CameraInfo {

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record_file.h"
 
+#include "host/record_json.h"
+#include "host/record_schema.h"
 #include "host/run_folder.h"
 #include "host/sha256.h"
 
 #include <exception>
+#include <set>
 
 namespace vitreo {
 namespace {
@@ -12,41 +15,31 @@ namespace {
 constexpr auto kCommitAfter = std::chrono::milliseconds(100);
 constexpr int kCommitRows = 1000;
 
-std::string text_of(const nlohmann::json& json) {
-  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
+std::int64_t whole(std::size_t number) { return static_cast<std::int64_t>(number); }
 
-std::string rig_hash(const nlohmann::json& rig) { return sha256(text_of(rig)); }
+/// What a power cut must not take: for these a commit waits for the disk.
+bool is_grave(const std::string& kind) {
+  static const std::set<std::string> kGrave = {"alarm", "interlock", "unsafe", "lost", "servo failed", "error"};
+  return kGrave.count(kind) > 0;
+}
 
 }  // namespace
 
 RecordFile::RecordFile(const std::filesystem::path& file, const RunStart& start)
     : database_(file.string(), Database::Mode::create) {
+  database_.execute("PRAGMA busy_timeout=5000");  // ms: somebody who writes into it by hand for a moment ends no run
   database_.execute("PRAGMA journal_mode=WAL");
   database_.execute("PRAGMA synchronous=FULL");
   begin();
-  create_tables();
+  database_.execute(kRecordSchema);
   write_start(start);
   commit();
   database_.execute("PRAGMA synchronous=NORMAL");
 }
 
-void RecordFile::create_tables() {
-  database_.execute(R"(
-    CREATE TABLE run(uid TEXT, time TEXT, protocol TEXT, title TEXT, script TEXT, script_hash TEXT, operator TEXT,
-                     parameters TEXT, parameter_units TEXT, seed TEXT, versions TEXT, rig TEXT, rig_hash TEXT);
-    CREATE TABLE stream(id INTEGER PRIMARY KEY, name TEXT UNIQUE, source TEXT, sample_table TEXT);
-    CREATE TABLE channel(stream INTEGER REFERENCES stream(id), position INTEGER, name TEXT, unit TEXT);
-    CREATE TABLE event(seq INTEGER PRIMARY KEY, t_ns INTEGER, kind TEXT, text TEXT);
-    CREATE TABLE figure(name TEXT PRIMARY KEY, value REAL, unit TEXT);
-    CREATE TABLE picture(seq INTEGER PRIMARY KEY, name TEXT, caption TEXT, file TEXT);
-    CREATE TABLE result_table(seq INTEGER PRIMARY KEY, title TEXT, header TEXT, rows TEXT);
-    CREATE TABLE stop(time TEXT, exit_status TEXT, reason TEXT, experiment_time REAL, wall_time REAL, counts TEXT);
-  )");
-}
-
 void RecordFile::write_start(const RunStart& start) {
-  database_.prepare("INSERT INTO run VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)")
+  database_.execute("PRAGMA user_version=" + std::to_string(kRecordVersion));
+  database_.prepare("INSERT INTO run VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
       .bind(1, random_hex(32))
       .bind(2, wall_time_text())
       .bind(3, start.protocol_file)
@@ -54,12 +47,14 @@ void RecordFile::write_start(const RunStart& start) {
       .bind(5, start.protocol_text)
       .bind(6, sha256(start.protocol_text))
       .bind(7, start.operator_name)
-      .bind(8, text_of(start.parameters))
-      .bind(9, text_of(start.parameter_units))
+      .bind(8, dumped(start.parameters))
+      .bind(9, dumped(start.parameter_units))
       .bind(10, std::to_string(start.seed))  // text: SQLite's integers end at 2^63
-      .bind(11, text_of(start.versions))
-      .bind(12, text_of(start.rig))
-      .bind(13, rig_hash(start.rig))
+      .bind(11, dumped(start.versions))
+      .bind(12, dumped(start.rig))
+      .bind(13, sha256(dumped(start.rig)))
+      .bind(14, dumped(start.devices))
+      .bind(15, dumped(start.files))
       .run();
 }
 
@@ -72,7 +67,7 @@ void RecordFile::add_stream(const StreamInfo& info) {
   }
   begin();
   database_.execute("CREATE TABLE " + table + "(" + columns + ")");
-  const auto id = static_cast<std::int64_t>(inserts_.size());
+  const auto id = whole(inserts_.size());
   database_.prepare("INSERT INTO stream VALUES(?,?,?,?)")
       .bind(1, id)
       .bind(2, info.name)
@@ -81,106 +76,220 @@ void RecordFile::add_stream(const StreamInfo& info) {
       .run();
   Statement insert = database_.prepare("INSERT INTO channel VALUES(?,?,?,?)");
   for (std::size_t i = 0; i < info.channels.size(); ++i) {
-    insert.bind(1, id).bind(2, static_cast<std::int64_t>(i)).bind(3, info.channels[i].name);
-    insert.bind(4, info.channels[i].unit).run();
+    insert.bind(1, id).bind(2, whole(i)).bind(3, info.channels[i].name).bind(4, info.channels[i].unit).run();
   }
   commit();
   // A row that is there already is the same row: see write_again().
   inserts_.push_back(database_.prepare("INSERT OR IGNORE INTO " + table + " VALUES(" + places + ")"));
 }
 
-void RecordFile::sample(std::size_t stream, std::size_t row, Time time, std::span<const double> values) {
-  Statement& insert = inserts_.at(stream);
-  begin();
-  insert.bind(1, static_cast<std::int64_t>(row) + 1).bind(2, std::int64_t{time.count()});
-  int index = 3;
-  for (double value : values) insert.bind(index++, value);
+/// `row` runs one statement within the transaction; an error takes all of the transaction along.
+template <class Row>
+void RecordFile::write(Row row) {
   try {
-    insert.run();
+    begin();
+    row();
   } catch (const std::exception&) {
     abandon();
     throw;
   }
+}
+
+void RecordFile::sample(std::size_t stream, std::size_t row, Time time, std::span<const double> values) {
+  Statement& insert = inserts_.at(stream);
+  write([&] {
+    insert.bind(1, whole(row) + 1).bind(2, std::int64_t{time.count()});
+    int index = 3;
+    for (double value : values) insert.bind(index++, value);
+    insert.run();
+  });
+  bytes_ += 8 + 9 * values.size();  // about: SQLite keeps a byte of type beside each number
   row_written();
 }
 
-void RecordFile::event(const Event& event) {
-  begin();
-  database_.prepare("INSERT INTO event(t_ns, kind, text) VALUES(?,?,?)")
-      .bind(1, std::int64_t{event.time.count()})
-      .bind(2, event.kind)
-      .bind(3, event.text)
-      .run();
+void RecordFile::event(std::size_t number, const Event& event) {
+  const bool grave = is_grave(event.kind);
+  if (grave) {
+    commit();
+    database_.execute("PRAGMA synchronous=FULL");
+  }
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO event VALUES(?,?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, std::int64_t{event.time.count()})
+        .bind(3, event.kind)
+        .bind(4, event.text)
+        .run();
+  });
   commit();
+  if (grave) database_.execute("PRAGMA synchronous=NORMAL");
 }
 
 void RecordFile::figure(const Figure& figure) {
-  begin();
-  database_
-      .prepare(
-          "INSERT INTO figure VALUES(?,?,?) ON CONFLICT(name) DO UPDATE SET value=excluded.value, unit=excluded.unit")
-      .bind(1, figure.name)
-      .bind(2, figure.value)
-      .bind(3, figure.unit)
-      .run();
+  write([&] {
+    database_
+        .prepare(
+            "INSERT INTO figure VALUES(?,?,?) ON CONFLICT(name) DO UPDATE SET value=excluded.value, "
+            "unit=excluded.unit")
+        .bind(1, figure.name)
+        .bind(2, figure.value)
+        .bind(3, figure.unit)
+        .run();
+  });
   row_written();
 }
 
-void RecordFile::table(const Table& table) {
-  begin();
-  database_.prepare("INSERT INTO result_table(title, header, rows) VALUES(?,?,?)")
-      .bind(1, table.title)
-      .bind(2, text_of(table.header))
-      .bind(3, text_of(table.rows))
-      .run();
+void RecordFile::plot(std::size_t number, const Plot& plot) {
+  write([&] {
+    const std::string text = dumped(plot_json(plot));
+    bytes_ += text.size();
+    database_.prepare("INSERT OR IGNORE INTO plot VALUES(?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, plot.title)
+        .bind(3, text)
+        .run();
+  });
   row_written();
 }
 
-void RecordFile::picture(const Picture& picture, const std::string& file) {
-  begin();
-  database_.prepare("INSERT INTO picture(name, caption, file) VALUES(?,?,?)")
-      .bind(1, picture.name)
-      .bind(2, picture.caption)
-      .bind(3, file)
-      .run();
+void RecordFile::drawing(std::size_t number, const SvgDrawing& drawing) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO drawing VALUES(?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, drawing.title)
+        .bind(3, drawing.svg)
+        .run();
+  });
   row_written();
 }
 
-void RecordFile::end(const RunEnd& end, const std::vector<Stream>& streams) {
+void RecordFile::table(std::size_t number, const Table& table) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO result_table VALUES(?,?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, table.title)
+        .bind(3, dumped(table.header))
+        .bind(4, dumped(table.rows))
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::picture(std::size_t number, const Picture& picture) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO picture VALUES(?,?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, picture.name)
+        .bind(3, picture.caption)
+        .bind(4, picture.file)
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::module(const Module& module) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO module VALUES(?,?,?,?)")
+        .bind(1, module.name)
+        .bind(2, module.file)
+        .bind(3, sha256(module.text))
+        .bind(4, module.text)
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::camera(const RecordedCameraInfo& info) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO camera VALUES(?,?,?,?,?)")
+        .bind(1, info.camera)
+        .bind(2, info.identity)
+        .bind(3, std::int64_t{info.every})
+        .bind(4, info.frame_period)
+        .bind(5, info.effective_pixel)
+        .run();
+  });
+  commit();
+}
+
+void RecordFile::frame(std::size_t number, const FrameRow& row) {
+  write([&] {
+    Statement insert = database_.prepare("INSERT OR IGNORE INTO frame VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+    insert.bind(1, whole(number) + 1).bind(2, row.camera).bind(3, static_cast<std::int64_t>(row.number));
+    insert.bind(4, std::int64_t{row.exposed.count()}).bind(5, std::int64_t{row.received.count()});
+    if (row.device) insert.bind(6, std::int64_t{row.device->count()});
+    insert.bind(7, row.file).bind(8, whole(row.offset)).bind(9, whole(row.bytes));
+    insert.bind(10, std::int64_t{row.width_px}).bind(11, std::int64_t{row.height_px});
+    insert.bind(12, std::int64_t{row.pixel_type}).bind(13, std::int64_t{row.crc32});
+    insert.bind(14, whole(row.dropped_before)).run();
+  });
+  row_written();
+}
+
+void RecordFile::end(const RunEnd& end, const RunData& data, const std::vector<FrameRow>& frames, bool all_there) {
   std::exception_ptr trouble;
-  try {
-    if (lost_rows_) write_again(streams);
-    commit();
-  } catch (const std::exception&) {
-    trouble = std::current_exception();
-    abandon();
+  const auto guarded = [&](auto action) {
+    try {
+      action();
+      return true;
+    } catch (const std::exception&) {
+      if (!trouble) trouble = std::current_exception();
+      abandon();
+      return false;
+    }
+  };
+  guarded([&] { commit(); });
+  if (!all_there || lost_rows_) {
+    // What the WAL holds moves into the file proper, and its room is free for what follows.
+    guarded([&] { database_.execute("PRAGMA wal_checkpoint(TRUNCATE)"); });
+    trouble = nullptr;  // all is tried again
+    guarded([&] { write_again(data, frames); });
   }
-  write_end(end, streams);
+  write_end(end, data);
   if (trouble) std::rethrow_exception(trouble);
 }
 
-void RecordFile::write_again(const std::vector<Stream>& streams) {
-  for (std::size_t i = 0; i < inserts_.size() && i < streams.size(); ++i) {
-    const std::size_t width = streams[i].info.channels.size();
-    for (std::size_t row = 0; row < streams[i].times.size(); ++row) {
-      sample(i, row, streams[i].times[row], {streams[i].values.data() + row * width, width});
-    }
-  }
+void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& frames) {
   lost_rows_ = false;
+  for (std::size_t i = inserts_.size(); i < data.streams.size(); ++i) add_stream(data.streams[i].info);
+  for (std::size_t i = 0; i < data.streams.size(); ++i) {
+    const Stream& stream = data.streams[i];
+    const std::size_t width = stream.info.channels.size();
+    for (std::size_t row = 0; row < stream.times.size(); ++row)
+      sample(i, row, stream.times[row], {stream.values.data() + row * width, width});
+  }
+  const auto each = [](const auto& list, auto one) {
+    for (std::size_t i = 0; i < list.size(); ++i) one(i, list[i]);
+  };
+  each(data.events, [&](std::size_t i, const Event& one) { event(i, one); });
+  each(data.figures, [&](std::size_t, const Figure& one) { figure(one); });
+  each(data.plots, [&](std::size_t i, const Plot& one) { plot(i, one); });
+  each(data.drawings, [&](std::size_t i, const SvgDrawing& one) { drawing(i, one); });
+  each(data.tables, [&](std::size_t i, const Table& one) { table(i, one); });
+  each(data.pictures, [&](std::size_t i, const Picture& one) { picture(i, one); });
+  each(data.modules, [&](std::size_t, const Module& one) { module(one); });
+  each(data.cameras, [&](std::size_t, const RecordedCameraInfo& one) { camera(one); });
+  each(frames, [&](std::size_t i, const FrameRow& one) { frame(i, one); });
+  commit();
 }
 
-void RecordFile::write_end(const RunEnd& end, const std::vector<Stream>& streams) {
-  nlohmann::json counts = nlohmann::json::object();
-  for (const Stream& stream : streams) counts[stream.info.name] = stream.times.size();
+void RecordFile::write_end(const RunEnd& end, const RunData& data) {
+  nlohmann::json counts = nlohmann::json::object(), dropped = nlohmann::json::object();
+  for (const Stream& stream : data.streams) counts[stream.info.name] = stream.times.size();
+  for (std::size_t i = 0; i < data.cameras.size() && i < data.dropped.size(); ++i)
+    dropped[data.cameras[i].camera] = data.dropped[i];
   database_.execute("PRAGMA synchronous=FULL");
   begin();
-  database_.prepare("INSERT INTO stop VALUES(?,?,?,?,?,?)")
+  database_.prepare("INSERT INTO stop VALUES(?,?,?,?,?,?,?,?,?)")
       .bind(1, wall_time_text())
       .bind(2, std::string_view(to_string(end.outcome)))
       .bind(3, end.reason)
-      .bind(4, end.experiment_time)
-      .bind(5, end.wall_time)
-      .bind(6, text_of(counts))
+      .bind(4, script_line(end.reason))
+      .bind(5, end.experiment_time)
+      .bind(6, end.wall_time)
+      .bind(7, dumped(counts))
+      .bind(8, dumped(dropped))
+      .bind(9, data.held)
       .run();
   commit();
 }
@@ -189,6 +298,7 @@ void RecordFile::close() {
   commit();
   inserts_.clear();
   try {
+    database_.execute("PRAGMA busy_timeout=250");
     database_.execute("PRAGMA wal_checkpoint(TRUNCATE)");
     database_.execute("PRAGMA journal_mode=DELETE");
   } catch (const std::exception&) {
@@ -206,7 +316,11 @@ void RecordFile::begin() {
 }
 
 void RecordFile::row_written() {
-  if (++pending_ >= kCommitRows || std::chrono::steady_clock::now() - begun_ >= kCommitAfter) commit();
+  if (++pending_ >= kCommitRows) commit();
+}
+
+void RecordFile::commit_if_due() {
+  if (in_transaction_ && std::chrono::steady_clock::now() - begun_ >= kCommitAfter) commit();
 }
 
 void RecordFile::commit() {

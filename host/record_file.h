@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/recorder.h"
+#include "host/run_data.h"
 #include "host/sqlite.h"
 
 #include <chrono>
@@ -14,8 +14,8 @@
 
 namespace vitreo {
 
-/// Errors throw std::runtime_error naming the file. What was given is committed after 100 ms or 1000 rows, at the next
-/// call then; events, start and end at once.
+/// Errors throw std::runtime_error naming the file. What was given is committed after 1000 rows, or 100 ms where
+/// commit_if_due() is called; events, start and end at once.
 class RecordFile {
  public:
   /// Creates the file with the start record, on the disk when this returns.
@@ -24,29 +24,42 @@ class RecordFile {
   void add_stream(const StreamInfo& info);
   /// `row` counts from 0; the table's seq is one more.
   void sample(std::size_t stream, std::size_t row, Time time, std::span<const double> values);
-  void event(const Event& event);
+  // Everything below counts from 0 too, and what is there already under that number stays.
+  void event(std::size_t number, const Event& event);  // committed at once; an alarm is on the disk when this returns
   void figure(const Figure& figure);
-  void table(const Table& table);
-  void picture(const Picture& picture, const std::string& file);
-  /// The end record, on the disk when this returns. Rows that a failed commit took along are written again from
-  /// `streams`; where that fails too the end record still stands, and the error is thrown after.
-  void end(const RunEnd& end, const std::vector<Stream>& streams);
+  void plot(std::size_t number, const Plot& plot);
+  void drawing(std::size_t number, const SvgDrawing& drawing);
+  void table(std::size_t number, const Table& table);
+  void picture(std::size_t number, const Picture& picture);
+  void module(const Module& module);
+  void camera(const RecordedCameraInfo& info);
+  void frame(std::size_t number, const FrameRow& row);
+  /// Commits what has waited for 100 ms.
+  void commit_if_due();
+  void commit();
+  /// The end record, on the disk when this returns. Unless all is `whole`, what a failed commit took along is written
+  /// again from `data` and `frames`; where that fails too the end record still stands, and the error is thrown after.
+  void end(const RunEnd& end, const RunData& data, const std::vector<FrameRow>& frames, bool whole);
+  /// Leaves one file, unless somebody reads it right now: then a later opening does.
   void close();
+  std::uint64_t bytes() const { return bytes_; }  // written so far, about
 
  private:
   void create_tables();
   void write_start(const RunStart& start);
-  void write_again(const std::vector<Stream>& streams);
-  void write_end(const RunEnd& end, const std::vector<Stream>& streams);
+  void write_again(const RunData& data, const std::vector<FrameRow>& frames);
+  void write_end(const RunEnd& end, const RunData& data);
   void begin();
+  template <class Row>
+  void write(Row row);
   void row_written();
-  void commit();
   void abandon();
 
   Database database_;
   std::vector<Statement> inserts_;  // one a stream
   bool in_transaction_ = false, lost_rows_ = false;
   int pending_ = 0;
+  std::uint64_t bytes_ = 0;
   std::chrono::steady_clock::time_point begun_;
 };
 

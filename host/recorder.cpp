@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/recorder.h"
 
+#include "host/manifest.h"
 #include "host/plot_layout.h"
-#include "host/record_file.h"
+#include "host/posix_file.h"
 #include "host/report.h"
 #include "host/run_folder.h"
+#include "host/run_lock.h"
 
 #include <fmt/format.h>
 #include <opencv2/imgcodecs.hpp>
@@ -67,42 +69,34 @@ std::string_view as_text(const std::vector<unsigned char>& bytes) {
 
 }  // namespace
 
-const char* to_string(Outcome outcome) {
-  constexpr const char* kNames[] = {"completed", "failed", "stopped", "aborted"};
-  return kNames[static_cast<std::size_t>(outcome)];
-}
-
 struct Recorder::State {
-  State(std::filesystem::path where, const RunStart& what)
-      : folder(std::move(where)), start(what), file(folder / "run.sqlite", what) {
+  State(const std::filesystem::path& folder, const RunStart& start, const RecordLimits& limits)
+      : lock(folder), writer(folder, start, limits) {
+    data.folder = folder;
+    data.start = start;
     keep_scripts(folder, start);
   }
 
   void must_be_open() const {
-    if (end) throw std::logic_error("the run has ended: its record is closed");
+    if (data.end) throw std::logic_error("the run has ended: its record is closed");
   }
   void write_outputs();
+  void take_alarms(Time time);
+  void add_event(const Event& event);
   template <class Action>
   void try_to(const char* what, Action action);
 
-  std::filesystem::path folder;
-  RunStart start;
-  RecordFile file;
-  std::vector<Stream> streams;
-  std::vector<Figure> figures;
-  std::vector<Plot> plots;
-  std::vector<SvgDrawing> drawings;
-  std::vector<Table> tables;
-  std::vector<Picture> pictures;
-  std::vector<Event> events;
-  std::optional<RunEnd> end;
+  RunLock lock;
+  RecordWriter writer;
+  RunData data;
 };
 
-Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start) {
+Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start, const RecordLimits& limits) {
   const std::filesystem::path stem = std::filesystem::path(start.protocol_file).stem();
   const std::filesystem::path folder = make_run_folder(parent, stem.string());
   try {
-    state_ = std::make_unique<State>(folder, start);
+    DiskWatch(folder, limits.disk).check_start();
+    state_ = std::make_unique<State>(folder, start, limits);
   } catch (...) {  // a folder without a start record is nobody's; it was made a moment ago by this very call
     std::error_code ignored;
     std::filesystem::remove_all(folder, ignored);
@@ -117,63 +111,75 @@ Recorder::~Recorder() {
   }
 }
 
-const std::filesystem::path& Recorder::folder() const { return state_->folder; }
-const RunStart& Recorder::start() const { return state_->start; }
-const std::vector<Stream>& Recorder::streams() const { return state_->streams; }
-const std::vector<Figure>& Recorder::figures() const { return state_->figures; }
-const std::vector<Plot>& Recorder::plots() const { return state_->plots; }
-const std::vector<SvgDrawing>& Recorder::drawings() const { return state_->drawings; }
-const std::vector<Table>& Recorder::tables() const { return state_->tables; }
-const std::vector<Picture>& Recorder::pictures() const { return state_->pictures; }
-const std::vector<Event>& Recorder::events() const { return state_->events; }
-const RunEnd* Recorder::end() const { return state_->end ? &*state_->end : nullptr; }
+const std::filesystem::path& Recorder::folder() const { return state_->data.folder; }
+const RunStart& Recorder::start() const { return state_->data.start; }
+const std::vector<Stream>& Recorder::streams() const { return state_->data.streams; }
+const std::vector<Figure>& Recorder::figures() const { return state_->data.figures; }
+const std::vector<Plot>& Recorder::plots() const { return state_->data.plots; }
+const std::vector<SvgDrawing>& Recorder::drawings() const { return state_->data.drawings; }
+const std::vector<Table>& Recorder::tables() const { return state_->data.tables; }
+const std::vector<Picture>& Recorder::pictures() const { return state_->data.pictures; }
+const std::vector<Event>& Recorder::events() const { return state_->data.events; }
+const RunEnd* Recorder::end() const { return state_->data.end ? &*state_->data.end : nullptr; }
+const RunData& Recorder::data() const { return state_->data; }
+const Stream* Recorder::stream(const std::string& name) const { return state_->data.stream(name); }
+std::string Recorder::trouble() const { return state_->writer.trouble(); }
+void Recorder::on_trouble(std::function<void()> call) { state_->writer.on_trouble(std::move(call)); }
 
-const Stream* Recorder::stream(const std::string& name) const {
-  const auto& streams = state_->streams;
-  const auto found =
-      std::find_if(streams.begin(), streams.end(), [&](const auto& one) { return one.info.name == name; });
-  return found == streams.end() ? nullptr : &*found;
+std::vector<FrameRow> Recorder::frames() const {
+  return state_->data.end ? state_->data.frames : state_->writer.frames();
 }
 
 int Recorder::add_stream(const StreamInfo& info) {
   state_->must_be_open();
   quoted_identifier(info.name);
-  for (const Stream& one : state_->streams) {
+  for (const Stream& one : state_->data.streams) {
     if (folded(one.info.name) == folded(info.name)) {
       throw std::invalid_argument("stream \"" + info.name + "\" is there already");
     }
   }
   check_channels(info);
-  state_->file.add_stream(info);
-  state_->streams.push_back({info, {}, {}});
-  return static_cast<int>(state_->streams.size()) - 1;
+  state_->data.streams.push_back({info, {}, {}});
+  state_->writer.post([info](RecordFile& file) { file.add_stream(info); }, true);
+  return static_cast<int>(state_->data.streams.size()) - 1;
 }
 
 void Recorder::sample(int stream, Time time, std::span<const double> values) {
   state_->must_be_open();
-  if (stream < 0 || static_cast<std::size_t>(stream) >= state_->streams.size()) {
+  if (stream < 0 || static_cast<std::size_t>(stream) >= state_->data.streams.size()) {
     throw std::invalid_argument(fmt::format("stream {} is not known", stream));
   }
   const auto index = static_cast<std::size_t>(stream);
-  Stream& target = state_->streams[index];
+  Stream& target = state_->data.streams[index];
   if (values.size() != target.info.channels.size()) {
     throw std::invalid_argument(fmt::format("stream \"{}\" has {} channels, not {}", target.info.name,
                                             target.info.channels.size(), values.size()));
   }
   target.times.push_back(time);
   target.values.insert(target.values.end(), values.begin(), values.end());
-  state_->file.sample(index, target.times.size() - 1, time, values);
+  state_->writer.sample(index, target.times.size() - 1, time, values);
+  state_->take_alarms(time);
+}
+
+void Recorder::State::add_event(const Event& event) {
+  data.events.push_back(event);
+  writer.post([event, number = data.events.size() - 1](RecordFile& file) { file.event(number, event); }, true);
+}
+
+/// What the writer has to say becomes part of the record.
+void Recorder::State::take_alarms(Time time) {
+  for (const std::string& alarm : writer.take_alarms()) add_event({time, "alarm", alarm});
 }
 
 void Recorder::event(Time time, const std::string& kind, const std::string& text) {
   state_->must_be_open();
-  state_->events.push_back({time, kind, text});
-  state_->file.event(state_->events.back());
+  state_->add_event({time, kind, text});
+  state_->take_alarms(time);
 }
 
 void Recorder::figure(const Figure& figure) {
   state_->must_be_open();
-  auto& figures = state_->figures;
+  auto& figures = state_->data.figures;
   const auto found =
       std::find_if(figures.begin(), figures.end(), [&](const auto& one) { return one.name == figure.name; });
   if (found == figures.end()) {
@@ -181,36 +187,80 @@ void Recorder::figure(const Figure& figure) {
   } else {
     *found = figure;
   }
-  state_->file.figure(figure);
+  state_->writer.post([figure](RecordFile& file) { file.figure(figure); }, false);
 }
 
 void Recorder::plot(const Plot& plot) {
   state_->must_be_open();
   lay_out_plot(plot, 640, 360);  // throws here, where the script's line is known, and not in the report
-  state_->plots.push_back(plot);
+  state_->data.plots.push_back(plot);
+  state_->writer.post([plot, number = state_->data.plots.size() - 1](RecordFile& file) { file.plot(number, plot); },
+                      false);
 }
 
 void Recorder::drawing(const std::string& title, const std::string& svg) {
   state_->must_be_open();
   if (!svg.starts_with("<svg xmlns=") || svg.find("</svg>") == std::string::npos)
     throw std::invalid_argument("svg: wants a whole SVG document, from <svg xmlns= to </svg>");
-  state_->drawings.push_back({title, svg});
+  auto& drawings = state_->data.drawings;
+  drawings.push_back({title, svg});
+  state_->writer.post(
+      [one = drawings.back(), number = drawings.size() - 1](RecordFile& file) { file.drawing(number, one); }, false);
 }
 
 void Recorder::table(const Table& table) {
   state_->must_be_open();
-  state_->tables.push_back(table);
-  state_->file.table(table);
+  auto& tables = state_->data.tables;
+  tables.push_back(table);
+  state_->writer.post([table, number = tables.size() - 1](RecordFile& file) { file.table(number, table); }, false);
 }
 
 void Recorder::picture(const std::string& name, const std::string& caption, const cv::Mat& image) {
   state_->must_be_open();
-  Picture picture{name, caption, png_of(name, image)};
-  std::filesystem::create_directory(state_->folder / "frames");
-  const std::string file = fmt::format("frames/{:03}_{}.png", state_->pictures.size() + 1, slug(name, "picture"));
-  write_file(state_->folder / file, as_text(picture.png));
-  state_->file.picture(picture, file);
-  state_->pictures.push_back(std::move(picture));
+  auto& pictures = state_->data.pictures;
+  Picture picture{name, caption, "", png_of(name, image)};
+  picture.file = fmt::format("pictures/{:03}_{}.png", pictures.size() + 1, slug(name, "picture"));
+  pictures.push_back(picture);
+  const auto write = [picture, number = pictures.size() - 1, &folder = state_->data.folder](RecordFile& file) {
+    std::filesystem::create_directory(folder / "pictures");
+    write_file(folder / picture.file, as_text(picture.png));
+    file.picture(number, picture);
+  };
+  state_->writer.post(write, false);
+}
+
+void Recorder::module(const Module& module) {
+  state_->must_be_open();
+  auto& modules = state_->data.modules;
+  const auto same = [&](const Module& one) { return one.name == module.name; };
+  if (std::any_of(modules.begin(), modules.end(), same)) return;
+  modules.push_back(module);
+  const auto keep = [module, &folder = state_->data.folder](RecordFile& file) {
+    std::filesystem::create_directories(folder / "script" / "modules");
+    write_file(folder / "script" / "modules" / (slug(module.name, "module") + ".lua"), module.text);
+    file.module(module);
+  };
+  state_->writer.post(keep, false);
+}
+
+int Recorder::add_camera(const RecordedCameraInfo& info) {
+  state_->must_be_open();
+  auto& cameras = state_->data.cameras;
+  const auto same = [&](const auto& one) { return one.camera == info.camera; };
+  if (info.every < 1) throw std::invalid_argument("every must be 1 or more");
+  if (std::any_of(cameras.begin(), cameras.end(), same))
+    throw std::invalid_argument("the frames of " + info.camera + " are recorded already");
+  cameras.push_back(info);
+  state_->writer.add_camera(info);
+  return static_cast<int>(cameras.size()) - 1;
+}
+
+void Recorder::frame(int camera, const Frame& frame) {
+  state_->must_be_open();
+  if (camera < 0 || static_cast<std::size_t>(camera) >= state_->data.cameras.size())
+    throw std::invalid_argument(fmt::format("camera {} is not known", camera));
+  state_->writer.frame(static_cast<std::size_t>(camera), frame);
+  state_->take_alarms(frame.received);
 }
 
 /// A failed output is an event of the run; the others are still made.
@@ -219,12 +269,9 @@ void Recorder::State::try_to(const char* what, Action action) {
   try {
     action();
   } catch (const std::exception& error) {
-    events.push_back({streams.empty() || streams[0].times.empty() ? Time{} : streams[0].times.back(), "error",
-                      std::string(what) + ": " + error.what()});
-    try {
-      file.event(events.back());
-    } catch (const std::exception&) {  // the end record is on the disk already
-    }
+    const Time time = data.streams.empty() || data.streams[0].times.empty() ? Time{} : data.streams[0].times.back();
+    data.events.push_back({time, "error", std::string(what) + ": " + error.what()});
+    writer.late_event(data.events.size() - 1, data.events.back());
   }
 }
 
@@ -233,18 +280,30 @@ void Recorder::State::write_outputs() {
   std::size_t number = 0;
   const auto write = [&](const std::string& title, const auto& svg) {
     try_to("plot", [&] {
-      std::filesystem::create_directory(folder / "plots");
+      std::filesystem::create_directory(data.folder / "plots");
       const std::string name = fmt::format("{:02}_{}.svg", ++number, slug(title, "plot"));
-      write_file(folder / "plots" / name, svg());
+      write_file(data.folder / "plots" / name, svg());
     });
   };
-  for (const SvgDrawing& one : drawings) write(one.title, [&] { return one.svg; });
-  for (const Plot& one : plots) write(one.title, [&] { return to_svg(one); });
+  for (const SvgDrawing& one : data.drawings) write(one.title, [&] { return one.svg; });
+  for (const Plot& one : data.plots) write(one.title, [&] { return to_svg(one); });
+  for (const Picture& one : data.pictures) {
+    if (std::filesystem::exists(data.folder / one.file)) continue;  // a full disk had no room for it
+    try_to("picture", [&] {
+      std::filesystem::create_directory(data.folder / "pictures");
+      write_file(data.folder / one.file, as_text(one.png));
+    });
+  }
+  try_to("report", [&] { write_file(data.folder / "report.html", report_html(data)); });
+  try_to("summary", [&] {
+    write_file(data.folder / "summary.json",
+               summary(data).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  });
 }
 
 void Recorder::finish(const RunEnd& end) {
-  if (state_->end) return;
-  state_->end = end;
+  RunData& data = state_->data;
+  if (data.end) return;
   std::exception_ptr trouble;
   const auto guarded = [&](auto action) {
     try {
@@ -253,14 +312,22 @@ void Recorder::finish(const RunEnd& end) {
       if (!trouble) trouble = std::current_exception();
     }
   };
-  guarded([&] { state_->file.end(end, state_->streams); });
+  const Time last = data.events.empty() ? Time{} : data.events.back().time;
+  guarded([&] { state_->writer.stop(); });
+  for (const std::string& alarm : state_->writer.take_alarms()) {
+    data.events.push_back({last, "alarm", alarm});
+    state_->writer.late_event(data.events.size() - 1, data.events.back());
+  }
+  data.end = end;
+  data.frames = state_->writer.frames();
+  data.dropped = state_->writer.dropped();
+  data.held = state_->writer.held();
+  guarded([&] { state_->writer.finish(end, data); });
   state_->write_outputs();
-  state_->try_to("report", [&] { write_file(folder() / "report.html", report_html(*this)); });
-  state_->try_to("summary", [&] {
-    write_file(folder() / "summary.json",
-               summary(*this).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-  });
-  guarded([&] { state_->file.close(); });
+  guarded([&] { state_->writer.close(); });
+  guarded([&] { write_manifest(data.folder); });
+  guarded([&] { sync_folder(data.folder); });
+  state_->lock.release();
   if (trouble) std::rethrow_exception(trouble);
 }
 

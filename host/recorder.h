@@ -2,14 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/camera.h"
 #include "devices/clock.h"
-#include "host/plot.h"
+#include "host/record_writer.h"
+#include "host/run_data.h"
 
 #include <nlohmann/json.hpp>
 #include <opencv2/core/mat.hpp>
 
-#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -17,78 +19,15 @@
 
 namespace vitreo {
 
-/// What was asked.
-struct RunStart {
-  std::string protocol_file, protocol_title, protocol_text;
-  nlohmann::json parameters;       // name: SI value
-  nlohmann::json parameter_units;  // name: unit as the protocol declares it, "mm/s"; missing ones are plain numbers
-  nlohmann::json rig;              // as resolved, with "file" and "text"
-  nlohmann::json versions;         // of the program, of its libraries
-  std::uint64_t seed = 0;
-  std::string operator_name;
-};
-
-enum class Outcome { completed, failed, stopped, aborted };
-const char* to_string(Outcome outcome);
-
-struct RunEnd {
-  Outcome outcome = Outcome::completed;
-  std::string reason;                         // one line; empty when completed
-  double experiment_time = 0, wall_time = 0;  // s
-};
-
-struct Channel {
-  std::string name, unit;  // unit: SI, "" for plain numbers
-};
-
-struct StreamInfo {
-  std::string name;    // "servo", "truth"
-  std::string source;  // "simulator truth (never seen by the loop)", "top camera"
-  std::vector<Channel> channels;
-};
-
-struct Figure {
-  std::string name;
-  double value;      // SI
-  std::string unit;  // SI: shown in people's unit of that size; or a unit such as "um": shown in just that one
-};
-
-struct Picture {
-  std::string name, caption;
-  std::vector<unsigned char> png;
-};
-
-struct Table {
-  std::string title;
-  std::vector<std::string> header;             // with units
-  std::vector<std::vector<std::string>> rows;  // as shown
-};
-
-/// A drawing that is no plot, such as a layout of lenses.
-struct SvgDrawing {
-  std::string title, svg;
-};
-
-struct Event {
-  Time time{};
-  std::string kind, text;
-};
-
-/// A stream as it stands in memory: row-major samples.
-struct Stream {
-  StreamInfo info;
-  std::vector<Time> times;
-  std::vector<double> values;  // times.size() * channels
-  double at(std::size_t row, std::size_t channel) const { return values[row * info.channels.size() + channel]; }
-};
-
-/// Not thread-safe: under the virtual clock the baton guards it. Errors of the disk throw std::runtime_error naming the
-/// file; what is recorded after finish() throws std::logic_error.
+/// Not thread-safe: under the virtual clock the baton guards it. A thread of its own writes (host/record_writer.h), so
+/// an error of the disk is thrown, as std::runtime_error naming the file, by the calls that follow it; what is recorded
+/// after finish() throws std::logic_error. Samples are never dropped: when the disk is behind, sample() waits, and an
+/// event "alarm" says for how long.
 class Recorder {
  public:
-  /// Makes the folder `parent/NAME`, new and unique, and writes run.sqlite with the start record. `name_time` is the
-  /// wall clock as shown in the folder's name.
-  Recorder(const std::filesystem::path& parent, const RunStart& start);
+  /// Makes the folder `parent/NAME`, new and unique, and writes run.sqlite with the start record. Throws
+  /// std::runtime_error naming the place, also where the disk is too full to begin.
+  Recorder(const std::filesystem::path& parent, const RunStart& start, const RecordLimits& limits = {});
   /// Writes the end record "failed: never finished" when finish() was not called.
   ~Recorder();
   const std::filesystem::path& folder() const;
@@ -106,6 +45,14 @@ class Recorder {
   void table(const Table& table);
   void picture(const std::string& name, const std::string& caption, const cv::Mat& image);  // stored as PNG
 
+  /// A Lua file that the scripts required; once a name.
+  void module(const Module& module);
+  /// States a camera whose frames follow; returns its number. std::invalid_argument when it is there already.
+  int add_camera(const RecordedCameraInfo& info);
+  /// The pixels are shared, not copied. Where the disk is behind: waits, or (RecordLimits::drop_frames) drops, counts
+  /// and raises an alarm; never silently.
+  void frame(int camera, const Frame& frame);
+
   const std::vector<Stream>& streams() const;
   const Stream* stream(const std::string& name) const;
   const std::vector<Figure>& figures() const;
@@ -114,6 +61,13 @@ class Recorder {
   const std::vector<Table>& tables() const;
   const std::vector<Picture>& pictures() const;
   const std::vector<Event>& events() const;
+  std::vector<FrameRow> frames() const;  // waits until they are written
+  /// All of it; frames and dropped only after finish().
+  const RunData& data() const;
+
+  /// What is wrong with the disk, "" while all is well. `call`: told once, from another thread, when it begins.
+  std::string trouble() const;
+  void on_trouble(std::function<void()> call);
 
   /// Writes the end record, then report.html, plots/*.svg and summary.json, and closes the file. Idempotent. An error
   /// of the report is recorded as an event, not thrown; one of run.sqlite is thrown when all else is done.
@@ -125,12 +79,13 @@ class Recorder {
   std::unique_ptr<State> state_;
 };
 
-/// All streams, figures, events and pictures (hashed) as text: the bytes that two runs of one seed must share. No run
-/// id, no wall-clock fields: figures named wall_... are left out.
+/// All streams, frames, figures, events and pictures (hashed) as text: the bytes that two runs of one seed must share.
+/// No run id, no wall-clock fields: figures named wall_... are left out, and alarms of the disk.
+std::string canonical_export(const RunData& data);
 std::string canonical_export(const Recorder& recorder);
 
 /// What summary.json says: {"outcome", "reason", "run", "figures": {name: SI}, ...}; the object that `--json` ends
 /// with.
-nlohmann::json summary(const Recorder& recorder);
+nlohmann::json summary(const RunData& data);
 
 }  // namespace vitreo

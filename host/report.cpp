@@ -60,7 +60,7 @@ std::string row_of(const std::string& name, const std::string& value) {
 
 std::string badge(const RunEnd* end) {
   if (!end) return "<span class=\"badge running\">running</span>";
-  constexpr const char* kSigns[] = {"\u2713", "\u2715", "\u25a0", "\u25a0"};  // told apart without colour too
+  constexpr const char* kSigns[] = {"\u2713", "\u2715", "\u25a0", "\u25a0", "?"};  // told apart without colour too
   const std::string name = to_string(end->outcome);
   return "<span class=\"badge " + name + "\">" + kSigns[static_cast<std::size_t>(end->outcome)] + " " + name +
          "</span>";
@@ -72,9 +72,9 @@ std::string when(const std::string& folder) {
   return folder.substr(0, 10) + " " + folder.substr(11, 2) + ":" + folder.substr(13, 2);
 }
 
-std::string head_section(const Recorder& recorder) {
-  const RunStart& start = recorder.start();
-  const RunEnd* end = recorder.end();
+std::string head_section(const RunData& data) {
+  const RunStart& start = data.start;
+  const RunEnd* end = data.end ? &*data.end : nullptr;
   const std::string title = start.protocol_title.empty() ? start.protocol_file : start.protocol_title;
   std::string out = "<header><h1>" + escape_markup(title) + "</h1>" + badge(end);
   if (end && !end->reason.empty()) out += "<p class=\"reason\">" + escape_markup(end->reason) + "</p>";
@@ -82,7 +82,7 @@ std::string head_section(const Recorder& recorder) {
   const auto fact = [&](const char* name, const std::string& value) {
     if (!value.empty()) out += fmt::format("<span>{} <b>{}</b></span>", name, escape_markup(value));
   };
-  const std::string folder = recorder.folder().filename().string();
+  const std::string folder = data.folder.filename().string();
   fact("When", when(folder));
   fact("Operator", start.operator_name);
   fact("Protocol", start.protocol_file);
@@ -94,9 +94,9 @@ std::string head_section(const Recorder& recorder) {
   return out + "</div>\n";
 }
 
-std::string figure_tiles(const Recorder& recorder) {
+std::string figure_tiles(const RunData& data) {
   std::string out;
-  for (const Figure& figure : recorder.figures()) {
+  for (const Figure& figure : data.figures) {
     const Shown shown = shown_value(figure.value, figure.unit, 3);
     const std::string size = count_characters(shown.number) > 8 ? "value long" : "value";
     out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(figure.name)) + "</div><div class=\"" +
@@ -125,10 +125,10 @@ int height_of(const Plot& plot) {
 }
 
 /// Two of a kind stand side by side; a lonely plot against time takes the whole width, a lonely view half of it.
-std::string plot_grid(const Recorder& recorder) {
-  const std::vector<Plot>& plots = recorder.plots();
+std::string plot_grid(const RunData& data) {
+  const std::vector<Plot>& plots = data.plots;
   std::string out;
-  for (const SvgDrawing& drawing : recorder.drawings()) out += one_drawing(drawing);
+  for (const SvgDrawing& drawing : data.drawings) out += one_drawing(drawing);
   for (std::size_t i = 0; i < plots.size();) {
     const bool paired = i + 1 < plots.size() && plots[i].equal_aspect == plots[i + 1].equal_aspect;
     const int height = std::max(height_of(plots[i]), paired ? height_of(plots[i + 1]) : 0);
@@ -144,7 +144,9 @@ std::string plot_grid(const Recorder& recorder) {
 std::vector<unsigned char> small_jpeg(const std::vector<unsigned char>& png) {
   constexpr int kWidest = 1000;  // px
   constexpr int kQuality = 88;
+  if (png.empty()) return {};
   cv::Mat image = cv::imdecode(png, cv::IMREAD_COLOR);
+  if (image.empty()) return {};  // a damaged one: the report is still made
   if (image.cols > kWidest)
     cv::resize(image, image, cv::Size(kWidest, image.rows * kWidest / image.cols), 0, 0, cv::INTER_AREA);
   std::vector<unsigned char> jpeg;
@@ -152,9 +154,9 @@ std::vector<unsigned char> small_jpeg(const std::vector<unsigned char>& png) {
   return jpeg;
 }
 
-std::string picture_grid(const Recorder& recorder) {
+std::string picture_grid(const RunData& data) {
   std::string out;
-  for (const Picture& picture : recorder.pictures()) {
+  for (const Picture& picture : data.pictures) {
     const std::string caption = picture.caption.empty() ? picture.name : picture.caption;
     out += "<figure><img alt=\"" + escape_markup(picture.name) + "\" src=\"data:image/jpeg;base64," +
            base64(small_jpeg(picture.png)) + "\"><figcaption>" + escape_markup(caption) + "</figcaption></figure>\n";
@@ -191,14 +193,14 @@ std::string one_table(const Table& table) {
   return out + "</tbody></table></div>\n";
 }
 
-std::string table_section(const Recorder& recorder) {
+std::string table_section(const RunData& data) {
   std::string out;
-  for (const Table& table : recorder.tables()) out += one_table(table);
+  for (const Table& table : data.tables) out += one_table(table);
   return section("Results", out);
 }
 
-std::string parameter_section(const Recorder& recorder) {
-  const RunStart& start = recorder.start();
+std::string parameter_section(const RunData& data) {
+  const RunStart& start = data.start;
   std::string out;
   if (!start.parameters.is_object()) return "";
   for (const auto& [name, value] : start.parameters.items()) {
@@ -213,8 +215,8 @@ std::string parameter_section(const Recorder& recorder) {
   return section("Parameters", out.empty() ? "" : "<table>" + out + "</table>\n");
 }
 
-std::string version_section(const Recorder& recorder) {
-  const RunStart& start = recorder.start();
+std::string version_section(const RunData& data) {
+  const RunStart& start = data.start;
   std::string out = row_of("seed", std::to_string(start.seed));
   if (start.versions.is_object()) {
     for (const auto& [name, value] : start.versions.items()) out += row_of(name, escape_markup(text_of(value)));
@@ -235,8 +237,8 @@ std::string event_rows(const std::vector<Event>& events, std::size_t from, std::
   return out;
 }
 
-std::string event_section(const Recorder& recorder) {
-  const std::vector<Event>& events = recorder.events();
+std::string event_section(const RunData& data) {
+  const std::vector<Event>& events = data.events;
   if (events.empty()) return "";
   const std::size_t shown = std::min(events.size(), kEventsShown);
   std::string out = "<table class=\"events\">" + event_rows(events, 0, shown) + "</table>\n";
@@ -247,10 +249,10 @@ std::string event_section(const Recorder& recorder) {
   return section("What happened", out);
 }
 
-std::string stream_section(const Recorder& recorder) {
-  if (recorder.streams().empty()) return "";
+std::string stream_section(const RunData& data) {
+  if (data.streams.empty()) return "";
   Table table{"", {"stream", "samples", "source", "channels"}, {}};
-  for (const Stream& stream : recorder.streams()) {
+  for (const Stream& stream : data.streams) {
     std::string channels;
     for (const Channel& channel : stream.info.channels) {
       channels += (channels.empty() ? "" : ", ") + channel.name +
@@ -278,8 +280,8 @@ std::string fold(const std::string& title, const std::string& text) {
   return "<details><summary>" + escape_markup(title) + "</summary><pre>" + escape_markup(text) + "</pre></details>\n";
 }
 
-std::string source_section(const Recorder& recorder) {
-  const RunStart& start = recorder.start();
+std::string source_section(const RunData& data) {
+  const RunStart& start = data.start;
   std::string resolved, file;
   if (start.rig.is_object()) {
     flatten(start.rig, "", resolved);
@@ -291,8 +293,8 @@ std::string source_section(const Recorder& recorder) {
 
 }  // namespace
 
-std::string report_html(const Recorder& recorder) {
-  const RunStart& start = recorder.start();
+std::string report_html(const RunData& data) {
+  const RunStart& start = data.start;
   // The policy makes the promise hold even for what a script managed to smuggle in: nothing is loaded, nothing runs.
   std::string out =
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
@@ -300,11 +302,11 @@ std::string report_html(const Recorder& recorder) {
       "'unsafe-inline'\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>";
   out += escape_markup(start.protocol_title.empty() ? start.protocol_file : start.protocol_title);
   out += "</title>\n<style>" + std::string(kReportStyle) + "</style></head>\n<body><main>\n";
-  out += head_section(recorder) + figure_tiles(recorder) + plot_grid(recorder) + picture_grid(recorder);
-  out += table_section(recorder);
-  out += "<div class=\"columns\">" + parameter_section(recorder) + version_section(recorder) + "</div>\n";
-  out += event_section(recorder) + stream_section(recorder) + source_section(recorder);
-  out += "<footer>" + escape_markup(recorder.folder().filename().string()) + "</footer>\n</main></body></html>\n";
+  out += head_section(data) + figure_tiles(data) + plot_grid(data) + picture_grid(data);
+  out += table_section(data);
+  out += "<div class=\"columns\">" + parameter_section(data) + version_section(data) + "</div>\n";
+  out += event_section(data) + stream_section(data) + source_section(data);
+  out += "<footer>" + escape_markup(data.folder.filename().string()) + "</footer>\n</main></body></html>\n";
   return out;
 }
 

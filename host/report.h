@@ -8,6 +8,7 @@
 
 namespace vitreo {
 
-std::string report_html(const Recorder& recorder);
+std::string report_html(const RunData& data);
+inline std::string report_html(const Recorder& recorder) { return report_html(recorder.data()); }
 
 }  // namespace vitreo

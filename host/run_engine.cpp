@@ -2,6 +2,7 @@
 #include "host/run_engine.h"
 
 #include "devices/error.h"
+#include "host/identities.h"
 #include "host/interrupts.h"
 #include "host/observers.h"
 #include "host/registry.h"
@@ -26,6 +27,17 @@ void check_needs(const ProtocolDescription& protocol, const Rig& rig, const std:
     throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file, protocol.name, role,
                                   fmt::join(there, ", ")));
   }
+}
+
+std::vector<FramePolicy> frame_policies(const RunRequest& request, const Rig& rig) {
+  std::vector<FramePolicy> policies;
+  for (const std::string& word : request.frames) {
+    policies.push_back(parse_frame_policy(word));
+    const std::string& camera = policies.back().camera;
+    if ((camera == "top_camera" && rig.top_camera) || (camera == "side_camera" && rig.side_camera)) continue;
+    throw ConfigError("frames: " + word + ": this rig has no camera of that role");
+  }
+  return policies;
 }
 
 nlohmann::json to_json(const std::map<std::string, ArgumentValue>& arguments) {
@@ -72,7 +84,7 @@ RunStage build_stage(const RunRequest& request, const RigDescription& descriptio
 }
 
 RunStart start_record(const RunRequest& request, const ProtocolDescription& protocol, nlohmann::json parameters,
-                      const RigDescription& description, const OpenRig& rig) {
+                      const RigDescription& description, OpenRig& rig) {
   RunStart start;
   start.protocol_file = protocol.file;
   start.protocol_title = protocol.title;
@@ -83,6 +95,8 @@ RunStart start_record(const RunRequest& request, const ProtocolDescription& prot
   start.versions = versions();
   start.seed = request.seed;
   start.operator_name = request.operator_name;
+  start.devices = identities(rig.rig());
+  start.files = hashes_of_files(start.rig);
   return start;
 }
 
@@ -92,16 +106,36 @@ double watch_period(const Rig& rig) {
   return rig.pose_sensor != nullptr ? rig.pose_sensor->period() : 0;
 }
 
+/// Under the virtual clock the recorder takes what it is given; in real time it must not hold up a camera.
+RecordLimits record_limits(const RunRequest& request, const RigDescription& description) {
+  RecordLimits limits;
+  limits.drop_frames = request.pace == Pace::real_time || has_real_instruments(description);
+  return limits;
+}
+
+/// The disk's trouble ends the run as a lost device would, whatever the script made of it.
+void judge_record(const Recorder& recorder, Verdict& verdict) {
+  const std::string trouble = recorder.trouble();
+  if (!trouble.empty()) verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + trouble};
+}
+
 RunResult conduct(RunStage& stage, const RunRequest& request, ProgressListener& listener,
                   const std::function<void(Session&)>& body, const Inspect& inspect) {
   const double began = wall_seconds();
   Verdict verdict;
+  const std::vector<FramePolicy> policies = frame_policies(request, stage.rig->rig());
+  stage.recorder->on_trouble([clock = stage.clock.get()] { clock->interrupt(); });
   {
     Session session(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.seed);
     const double period = watch_period(session.rig);
     if (sim::Laboratory* laboratory = stage.rig->laboratory(); laboratory != nullptr && period > 0)
       session.keep(observe_truth(*stage.clock, *laboratory, period, *stage.recorder));
-    verdict = judge([&] { body(session); });
+    verdict = judge([&] {
+      for (const FramePolicy& policy : policies) session.frames.start(policy);
+      body(session);
+    });
+    stage.recorder->on_trouble({});
+    judge_record(*stage.recorder, verdict);
     for (const std::string& failure : stage.rig->make_safe()) {
       stage.recorder->event(stage.clock->now(), "unsafe", failure);
       if (verdict.outcome == Outcome::completed) verdict = {Outcome::aborted, ExitCode::aborted, failure};
@@ -110,7 +144,12 @@ RunResult conduct(RunStage& stage, const RunRequest& request, ProgressListener& 
   const double experiment_time = to_seconds(stage.clock->now()), wall_time = wall_seconds() - began;
   stage.recorder->figure({"experiment_time", experiment_time, "s"});
   stage.recorder->figure({"wall_time", wall_time, "s"});
-  stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time});
+  try {
+    stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time});
+  } catch (const std::exception& error) {  // of the disk: the outputs are safe, and what could be saved was
+    if (verdict.exit_code != ExitCode::aborted)
+      verdict = {Outcome::aborted, ExitCode::aborted, std::string("recording failed: ") + error.what()};
+  }
   if (inspect) inspect(*stage.recorder, *stage.rig);
   return {verdict.outcome, verdict.exit_code, verdict.reason, stage.recorder->folder().string(),
           stage.recorder->figures()};
@@ -125,8 +164,10 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   const RigDescription description = engine.load_rig(request.rig_file);
   RunStage stage = build_stage(request, description);
   check_needs(protocol, stage.rig->rig(), request.rig_file);
+  frame_policies(request, stage.rig->rig());  // throws before there is a folder
   stage.recorder = std::make_unique<Recorder>(
-      request.out, start_record(request, protocol, to_json(arguments), description, *stage.rig));
+      request.out, start_record(request, protocol, to_json(arguments), description, *stage.rig),
+      record_limits(request, description));
   const InterruptScope interrupts(*stage.clock, engine);
   return conduct(
       stage, request, listener, [&](Session& session) { engine.run(protocol, arguments, session); }, inspect);
@@ -140,7 +181,8 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
   prompt.file = prompt.name = "prompt";
   prompt.title = "Prompt";
   stage.recorder = std::make_unique<Recorder>(
-      request.out, start_record(request, prompt, nlohmann::json::object(), description, *stage.rig));
+      request.out, start_record(request, prompt, nlohmann::json::object(), description, *stage.rig),
+      record_limits(request, description));
   const InterruptScope interrupts(*stage.clock, engine);
   return conduct(
       stage, request, listener, [&](Session& session) { engine.prompt(session, in, out, interactive); }, nullptr);

@@ -33,7 +33,8 @@ struct RunRequest {
   std::string out = "runs";  // the folder in which the run's folder is made
   Pace pace = Pace::as_fast_as_possible;
   std::string operator_name;
-  SimulationShifts shifts;  // tests only
+  std::vector<std::string> frames;  // cameras whose frames are recorded: "top_camera", "side_camera/5"
+  SimulationShifts shifts;          // tests only
 };
 
 struct RunResult {

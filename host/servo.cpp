@@ -357,6 +357,9 @@ Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoEyes eyes, const S
   settings.check();
   check_eyes(rig, eyes, settings.feedback);
   loop_ = std::make_unique<Loop>(clock, rig, recorder, std::move(eyes), settings);
+  const Eigen::Vector3d& axis = settings.axis;  // a replay of the frames needs it
+  recorder.event(clock.now(), "servo",
+                 nlohmann::json{{"axis", {axis.x(), axis.y(), axis.z()}}, {"field", settings.field}}.dump());
   loop_->task = clock.spawn("servo", [loop = loop_.get()] { loop->run(); });
 }
 

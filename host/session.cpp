@@ -17,12 +17,16 @@ vision::Background learn_background(Camera& camera, int frames, Time from) {
   return background;
 }
 
-vision::Background Session::learn_background(int frames) {
+vision::Background Session::learn_background(int count) {
   if (rig.top_camera == nullptr) throw std::invalid_argument("learn_background needs the role top_camera");
-  vision::Background top = vitreo::learn_background(*rig.top_camera, frames, clock.now());
+  const Time from = clock.now();
+  vision::Background top = vitreo::learn_background(*rig.top_camera, count, from);
+  // For a replay: which of the recorded frames they were.
+  recorder.event(clock.now(), "background",
+                 nlohmann::json{{"camera", "top_camera"}, {"from_ns", from.count()}, {"count", count}}.dump());
   // Once is enough for the side: a second learning during a run keeps the observer that is there.
   if (rig.side_camera != nullptr && !side_watch_) {
-    vision::Background side = vitreo::learn_background(*rig.side_camera, frames, clock.now());
+    vision::Background side = vitreo::learn_background(*rig.side_camera, count, clock.now());
     side_watch_ = std::make_unique<SideWatch>(clock);
     keep(observe_side(clock, rig, std::move(side), recorder, *side_watch_));
   }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/clock.h"
+#include "host/frame_recording.h"
 #include "host/observers.h"
 #include "host/recorder.h"
 #include "host/rig.h"
@@ -49,16 +50,22 @@ vision::Background learn_background(Camera& camera, int frames, Time from);
 class Session {
  public:
   Session(Clock& a_clock, Rig& a_rig, Recorder& a_recorder, ProgressListener& a_listener, std::uint64_t a_seed)
-      : clock(a_clock), rig(a_rig), recorder(a_recorder), listener(a_listener), seed(a_seed) {}
+      : clock(a_clock),
+        rig(a_rig),
+        recorder(a_recorder),
+        listener(a_listener),
+        seed(a_seed),
+        frames(a_clock, a_rig, a_recorder) {}
   Clock& clock;
   Rig& rig;
   Recorder& recorder;
   ProgressListener& listener;
   const std::uint64_t seed;
+  FrameRecording frames;  // the observers, which use its cameras, end before it
 
   /// Learns what the empty scene looks like, for the top camera (returned) and, when there is one, for the side camera,
   /// whose estimate is recorded from then on. Blocks on the clock. Throws DeviceError, std::invalid_argument.
-  vision::Background learn_background(int frames);
+  vision::Background learn_background(int count);
   /// Keeps a task that watches the run until the session ends.
   void keep(std::unique_ptr<Task> observer) { observers_.push_back(std::move(observer)); }
   /// What the side camera sees; null before a background was learnt, and without a side camera.

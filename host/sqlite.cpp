@@ -73,7 +73,8 @@ std::string Statement::text(int column) const {
 }
 
 Database::Database(const std::string& file, Mode mode) {
-  const int flags = mode == Mode::create ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY;
+  constexpr int kFlags[] = {SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, SQLITE_OPEN_READWRITE, SQLITE_OPEN_READONLY};
+  const int flags = kFlags[static_cast<std::size_t>(mode)];
   sqlite3* database = nullptr;
   const int result = sqlite3_open_v2(file.c_str(), &database, flags | SQLITE_OPEN_PRIVATECACHE, nullptr);
   handle_.reset(database);

@@ -39,7 +39,7 @@ class Statement {
 
 class Database {
  public:
-  enum class Mode { create, read_only };
+  enum class Mode { create, read_write, read_only };
   Database(const std::string& file, Mode mode);
   void execute(const std::string& sql);
   Statement prepare(const std::string& sql) { return {handle_.get(), sql}; }

@@ -87,6 +87,12 @@ int record(Call& call) {
   return 0;
 }
 
+int record_frames(Call& call) {
+  const int every = static_cast<int>(call.number_option("every").value_or(1));
+  session_of(call.L).frames.start({call.text(0), every});
+  return 0;
+}
+
 int has_stream(Call& call) {
   lua_pushboolean(call.L, session_of(call.L).recorder.stream(call.text(0)) != nullptr);
   return 1;
@@ -177,6 +183,19 @@ std::vector<Binding> run_record_rows() {
        "",
        "records one sample; the first decides the channels",
        record},
+      {"record_frames",
+       {text("camera", false, "its role: top_camera or side_camera"),
+        {.name = "options",
+         .type = Type::options,
+         .options = {{.name = "every",
+                      .type = Type::integer,
+                      .optional = true,
+                      .min = 1,
+                      .max = 1000000,
+                      .help = "keeps one frame of so many"}}}},
+       "",
+       "records a camera's frames from now on",
+       record_frames},
       {"has_stream", {stream}, "true or false", "whether the record has a stream", has_stream},
       {"samples",
        {stream, text("channel", false, "its name"), span},

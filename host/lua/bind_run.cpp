@@ -248,7 +248,7 @@ const std::vector<const Class*>& all_classes() {
                                                     &background_tracker_class(),
                                                     &autofocus_class(),
                                                     &localiser_class(),
-                                                    &axis_law_class()};
+                                                    &axis_law_class(),
                                                     &trajectory_class(),
                                                     &field_model_class()};
   return classes;

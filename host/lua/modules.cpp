@@ -76,7 +76,9 @@ std::string find_module(const Context& context, const std::string& name) {
 void load_module(lua_State* L, const std::string& name) {
   const std::string file = find_module(context_of(L), name);
   if (file.empty()) refuse_module(context_of(L), name);
-  load_text(L, read_text_file(file), file);
+  const std::string text = read_text_file(file);
+  load_text(L, text, file);
+  if (Session* const session = context_of(L).session) session->recorder.module({name, file, text});
   lua_pushstring(L, kLoading);
   set_module(L, name);
   lua_pushstring(L, name.c_str());
