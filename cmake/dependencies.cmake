@@ -46,3 +46,7 @@ pkg_check_modules(SERIALPORT REQUIRED libserialport)
 add_library(vitreo_serialport INTERFACE)
 target_include_directories(vitreo_serialport SYSTEM INTERFACE ${SERIALPORT_INCLUDE_DIRS})
 target_link_libraries(vitreo_serialport INTERFACE ${SERIALPORT_LINK_LIBRARIES})
+
+# The serial C library of HDF5, for `vitreo export --hdf5` alone. OpenCV's image formats load it anyway.
+pkg_check_modules(HDF5 REQUIRED hdf5-serial)
+find_library(HDF5_LIBRARY hdf5 HINTS ${HDF5_LIBRARY_DIRS} REQUIRED)

@@ -1,10 +1,12 @@
 // The program: its command line joins the host and Lua.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/error.h"
+#include "host/commands.h"
 #include "host/lua/engine.h"
 #include "host/mask_command.h"
 #include "host/progress_line.h"
 #include "host/run_engine.h"
+#include "host/run_reader.h"
 #include "host/units.h"
 
 #include <CLI/CLI.hpp>
@@ -12,9 +14,11 @@
 #include <opencv2/core/utility.hpp>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <unistd.h>
 
 namespace vitreo {
@@ -147,6 +151,66 @@ void add_run_options(CLI::App& app, Options& options) {
   app.add_option("--out", options.request.out, "folder for the run's folder (default: runs)");
   app.add_option("--operator", options.request.operator_name, "who runs it, for the record");
   app.add_flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
+  app.add_option("--frames", options.request.frames,
+                 "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth)")
+      ->delimiter(',');
+}
+
+/// The commands about recorded runs; docs/records.md tells what they are for.
+struct RecordCommands {
+  CLI::App *runs = nullptr, *show = nullptr, *verify = nullptr, *recover = nullptr, *report = nullptr,
+           *export_ = nullptr, *replay = nullptr;
+  std::string run = "last", parent = "runs", into, format, csv;
+  RunFilter filter;
+  bool json = false;
+
+  CLI::App* add(CLI::App& app, const std::string& name, const std::string& help) {
+    CLI::App* command = app.add_subcommand(name, help);
+    command->add_option("--runs", parent, "the folder in which the runs are (default: runs)");
+    command->add_flag("--json", json, "one JSON document, SI units");
+    return command;
+  }
+  CLI::App* add_one(CLI::App& app, const std::string& name, const std::string& help) {
+    CLI::App* command = add(app, name, help);
+    command->add_option("run", run, "a run's folder, its name or the beginning of it, or last")->required();
+    return command;
+  }
+  void add_to(CLI::App& app);
+  std::optional<int> dispatch(ScriptEngine& engine, std::ostream& out) const;
+};
+
+void RecordCommands::add_to(CLI::App& app) {
+  runs = add(app, "runs", "the recorded runs, newest last");
+  runs->add_option("--protocol", filter.protocol, "only those with this in protocol or title");
+  runs->add_option("--operator", filter.operator_name, "only those with this in the operator's name");
+  runs->add_option("--outcome", filter.state, "only completed, failed, stopped, aborted, lost, running or unreadable");
+  runs->add_option("--since", filter.since, "only from this time on: 2026-11-21, 2026-11-21T14:30");
+  runs->add_option("--newest", filter.newest, "only so many")->check(CLI::Range(1, 1000000));
+  show = add_one(app, "show", "what a run was asked, what came out, what is recorded");
+  verify = add_one(app, "verify", "whether a run's record is whole: hashes, counts, every frame");
+  recover = add_one(app, "recover", "ends the record of a run whose program died");
+  report = add_one(app, "report", "makes a run's report anew from its record");
+  export_ = add_one(app, "export", "a run in the format of other programs");
+  replay = add_one(app, "replay", "the recorded frames through today's tracker and localiser");
+  replay->add_option("--csv", csv, "a file for the differences frame by frame");
+  export_->add_option("--into", into, "a folder (default: export/ in the run's own)");
+  CLI::Option_group* formats = export_->add_option_group("format");
+  for (const std::string name : {"csv", "mcap", "tiff", "mkv", "hdf5"})
+    formats->add_flag_function(
+        "--" + name, [this, name](std::int64_t) { format = name; }, "as " + name);
+  formats->require_option(1);
+}
+
+std::optional<int> RecordCommands::dispatch(ScriptEngine& engine, std::ostream& out) const {
+  if (runs->parsed()) return list_runs(parent, filter, json, out);
+  const auto folder = [this] { return find_run(run, parent); };
+  if (show->parsed()) return show_run(folder(), json, out);
+  if (verify->parsed()) return verify_command(folder(), json, out);
+  if (recover->parsed()) return recover_command(folder(), json, out);
+  if (report->parsed()) return report_command(folder(), json, out);
+  if (export_->parsed()) return export_command(folder(), format, into, json, out);
+  if (replay->parsed()) return replay_command(engine, folder(), csv, json, out);
+  return {};
 }
 
 int run(ScriptEngine& engine, Options& options) {
@@ -216,6 +280,8 @@ int dispatch(int count, char** words) {
   describe_command->add_flag("--json", options.json, "as JSON, SI units");
   MaskRequest wanted_mask;
   const CLI::App* mask_command = add_mask_command(app, wanted_mask);
+  RecordCommands records;
+  records.add_to(app);
   app.set_version_flag("--version", [] { return versions().dump(); });
   try {
     app.parse(count, words);
@@ -226,6 +292,7 @@ int dispatch(int count, char** words) {
   if (options.request.rig_file.empty()) options.request.rig_file = in_data_folder("scripts/rigs/simulated.lua");
   if (options.real_time) options.request.pace = Pace::real_time;
   const auto engine = make_lua_engine({in_data_folder("scripts")});
+  if (const auto code = records.dispatch(*engine, std::cout)) return *code;
   if (run_command->parsed()) return run(*engine, options);
   if (list_command->parsed()) return list(*engine, options.json), 0;
   if (describe_command->parsed()) return describe(engine->describe(protocol_file(options.protocol)), options.json), 0;
@@ -237,7 +304,8 @@ int dispatch(int count, char** words) {
 
 int main(int count, char** words) {
   using vitreo::ExitCode;
-  cv::setNumThreads(1);  // the same bytes on every run; and the loop owns its core
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error that can be told
+  cv::setNumThreads(1);           // the same bytes on every run; and the loop owns its core
   const auto fail = [](const std::exception& error, ExitCode code) {
     std::cerr << "vitreo: " << error.what() << "\n";
     return static_cast<int>(code);
@@ -247,6 +315,8 @@ int main(int count, char** words) {
   } catch (const vitreo::ScriptError& error) {
     return fail(error, ExitCode::usage);
   } catch (const vitreo::ConfigError& error) {
+    return fail(error, ExitCode::usage);
+  } catch (const vitreo::RecordError& error) {
     return fail(error, ExitCode::usage);
   } catch (const vitreo::DeviceError& error) {
     return fail(error, ExitCode::device_missing);

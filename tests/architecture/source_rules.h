@@ -37,7 +37,8 @@ inline const Strings kOfHost{"Eigen/",
                              "CLI/",
                              "ceres/version",
                              "boost/",
-                             "readline/"};
+                             "readline/",
+                             "hdf5.h"};
 inline Strings and_lua(Strings others) {
   others.emplace_back("lua.hpp");
   return others;
