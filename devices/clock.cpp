@@ -68,6 +68,10 @@ class VirtualClock final : public Clock {
   void interrupt() noexcept override { interrupted_ = true; }
   bool set_deaf(bool deaf) override { return std::exchange(running().deaf, deaf); }
 
+  bool break_in(Time patience) override;
+  void leave() override;
+  bool displaced() override { return displaced_ != nullptr; }
+
   void run(Entry& entry, std::function<void()>& body);
   void start(Entry& entry, std::thread& thread, std::function<void()> body);
   void request_stop(Entry& entry);
@@ -75,12 +79,13 @@ class VirtualClock final : public Clock {
 
  private:
   Entry& running();
+  void come_back();
   void throw_if_stopped(Entry& self);
   void hand_over(Entry& self, Time due);
   void pass_baton();
   Entry* choose();
   Entry* deadlocked();
-  bool main_is_called() const { return interrupted_ && !main_.deaf; }
+  bool main_is_called() const { return interrupted_ && !main_.deaf && displaced_ != &main_; }
   bool pace_to(Time due);
 
   const Pace pace_;
@@ -91,7 +96,9 @@ class VirtualClock final : public Clock {
 
   std::mutex mutex_;  // held while the baton changes hands; what a task does with the baton needs no lock
   std::atomic<Entry*> current_;
-  Entry main_;
+  Entry main_, intruder_;
+  std::atomic<bool> intruder_waits_{false};
+  std::atomic<Entry*> displaced_{nullptr};  // whom the baton was taken from, until it has had a new turn
   std::vector<Entry*> entries_;  // all that have not ended; few, so a scan beats any heap
   std::uint64_t births_ = 0;
   std::string deadlock_;
@@ -122,10 +129,46 @@ class VirtualTask final : public Task {
 };
 
 Entry& VirtualClock::running() {
-  Entry* const entry = current_;
-  if (entry->thread != std::this_thread::get_id())
+  if (current_.load()->thread != std::this_thread::get_id()) come_back();
+  return *current_;
+}
+
+/// A displaced task waits for a new turn; any other thread has no business here.
+void VirtualClock::come_back() {
+  std::unique_lock lock(mutex_);
+  Entry* const self = displaced_;
+  if (!self || self->thread != std::this_thread::get_id())
     throw std::logic_error("virtual clock: called by a thread that does not hold the baton");
-  return *entry;
+  self->due = now();
+  self->turn.wait(lock, [&] { return current_ == self; });
+  displaced_ = nullptr;
+}
+
+bool VirtualClock::break_in(Time patience) {
+  intruder_.name = "watchdog";
+  intruder_.thread = std::this_thread::get_id();
+  intruder_.due = now();
+  intruder_.deaf = true;
+  intruder_waits_ = true;
+  std::unique_lock lock(mutex_);
+  const bool in_turn = intruder_.turn.wait_for(lock, patience, [this] { return current_ == &intruder_; });
+  intruder_waits_ = false;
+  if (!in_turn) {
+    Entry* const holder = current_;
+    holder->due = kForever;
+    displaced_ = holder;
+    current_ = &intruder_;
+  }
+  intruder_.number = ++births_;
+  entries_.push_back(&intruder_);
+  return !in_turn;
+}
+
+void VirtualClock::leave() {
+  running();
+  const std::lock_guard lock(mutex_);
+  std::erase(entries_, &intruder_);
+  pass_baton();
 }
 
 void VirtualClock::throw_if_stopped(Entry& self) {
@@ -204,10 +247,11 @@ void VirtualClock::pass_baton() {
 }
 
 Entry* VirtualClock::choose() {
+  if (intruder_waits_) return &intruder_;
   if (main_is_called()) return &main_;
   Entry* const next = *std::min_element(entries_.begin(), entries_.end(), goes_before);
   if (next->due == kForever) return deadlocked();
-  if (pace_ == Pace::real_time && !pace_to(next->due)) return &main_;
+  if (pace_ == Pace::real_time && !pace_to(next->due)) return intruder_waits_ ? &intruder_ : &main_;
   now_ = std::max(now(), next->due).count();
   return next;
 }
@@ -218,14 +262,15 @@ Entry* VirtualClock::deadlocked() {
   std::sort(names.begin(), names.end());
   deadlock_ = "no task can ever go on; all wait without a deadline for each other: ";
   for (const std::string& name : names) deadlock_ += (&name == &names.front() ? "" : ", ") + name;
-  return &main_;
+  return displaced_ == &main_ ? &intruder_ : &main_;
 }
 
-/// Sleeps until the wall clock has come to `due`. False when the main task was interrupted meanwhile.
+/// Sleeps until the wall clock has come to `due`. False when the main task was interrupted, or a watchdog came,
+/// meanwhile.
 bool VirtualClock::pace_to(Time due) {
   const auto wall = [this] { return std::chrono::duration_cast<Time>(std::chrono::steady_clock::now() - origin_); };
   while (wall() < due) {
-    if (main_is_called()) {
+    if (main_is_called() || intruder_waits_) {
       now_ = std::max(now(), wall()).count();
       return false;
     }

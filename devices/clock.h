@@ -61,6 +61,14 @@ class Clock {
   /// what was set before. Use StopShield.
   virtual bool set_deaf(bool deaf) = 0;
 
+  /// For a watchdog's own thread, which belongs to no task: waits its turn for `patience` of wall time, then takes it
+  /// from the task that did not give it back, which stands still at its next call. Returns whether it had to take it.
+  /// From then on until leave() the thread is a task like any other. One thread at a time.
+  virtual bool break_in(Time patience) = 0;
+  /// Whether the task that break_in() took the turn from has not come back yet.
+  virtual bool displaced() = 0;
+  virtual void leave() = 0;
+
   void sleep_for(Time duration) { sleep_until(now() + duration); }
 };
 
