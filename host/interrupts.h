@@ -1,17 +1,14 @@
-// Ctrl-C and SIGTERM: the first asks the run to stop, which unwinds the script and makes the devices safe.
+// Ctrl-C and SIGTERM: once stops the run, twice aborts it, thrice ends the process.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/clock.h"
-#include "host/script_engine.h"
-
 namespace vitreo {
 
-/// While it lives, SIGINT, SIGTERM and SIGHUP stop the run: its current wait, or its script where that does not wait. A
-/// third one ends the process at once. One at a time.
+/// While it lives, SIGINT, SIGTERM and SIGHUP are requests to the attached RunControl: stop, then abort; one more ends
+/// the process at once.
 class InterruptScope {
  public:
-  InterruptScope(Clock& clock, ScriptEngine& engine);
+  InterruptScope();
   ~InterruptScope();
   InterruptScope(const InterruptScope&) = delete;
   InterruptScope& operator=(const InterruptScope&) = delete;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/error.h"
 #include "host/commands.h"
+#include "host/control_socket.h"
 #include "host/lua/engine.h"
 #include "host/mask_command.h"
 #include "host/progress_line.h"
@@ -143,6 +144,7 @@ struct Options {
   RunRequest request;
   std::string protocol;
   bool json = false, real_time = false;
+  std::string word, text, run_name;  // of the control command
 };
 
 void add_run_options(CLI::App& app, Options& options) {
@@ -222,6 +224,20 @@ int run(ScriptEngine& engine, Options& options) {
   return static_cast<int>(result.exit_code);
 }
 
+int control(const Options& options) {
+  nlohmann::json request = {{"do", options.word}};
+  if (options.word == "answer") request["text"] = options.text;
+  if (options.word == "pause" && !options.text.empty()) request["at"] = options.text;
+  const nlohmann::json reply = control_run(options.run_name, request);
+  if (options.json)
+    std::cout << reply.dump() << "\n";
+  else if (reply["ok"])
+    fmt::print("{}\n", reply["status"]["text"].get<std::string>());
+  else
+    fmt::print(stderr, "vitreo: {}\n", reply["error"].get<std::string>());
+  return reply["ok"] ? 0 : static_cast<int>(ExitCode::usage);
+}
+
 int prompt(ScriptEngine& engine, Options& options) {
   const bool interactive = isatty(STDIN_FILENO) != 0;
   if (interactive) options.request.pace = Pace::real_time;
@@ -273,6 +289,15 @@ int dispatch(int count, char** words) {
   run_command->add_option("protocol", options.protocol, "a protocol's file or name")->required();
   run_command->add_option("arguments", options.request.arguments, "name=value, with units: speed=0.5mm/s");
   run_command->add_flag("--json", options.json, "one JSON object on the standard output at the end, SI units");
+  run_command->add_option("--answer", options.request.answers,
+                          "answers a question of the script in advance: name=value, or value in their order");
+  CLI::App* control_command = app.add_subcommand("control", "speaks to a run that is going on");
+  control_command->add_option("word", options.word, "status, pause, resume, stop, abort, emergency or answer")
+      ->required();
+  control_command->add_option("text", options.text, "the answer, or the checkpoint at which to pause");
+  control_command->add_option("--run", options.run_name,
+                              "the run's name, or its beginning, where several are going on");
+  control_command->add_flag("--json", options.json, "the reply as JSON");
   CLI::App* list_command = app.add_subcommand("list", "the protocols there are");
   list_command->add_flag("--json", options.json, "as JSON");
   CLI::App* describe_command = app.add_subcommand("describe", "what a protocol does and which parameters it takes");
@@ -289,6 +314,8 @@ int dispatch(int count, char** words) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::usage);
   }
   if (mask_command->parsed()) return mask(wanted_mask);
+  if (control_command->parsed()) return control(options);
+  options.request.control_socket = true;
   if (options.request.rig_file.empty()) options.request.rig_file = in_data_folder("scripts/rigs/simulated.lua");
   if (options.real_time) options.request.pace = Pace::real_time;
   const auto engine = make_lua_engine({in_data_folder("scripts")});

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <ostream>
+#include <iostream>
+#include <poll.h>
+#include <unistd.h>
 
 namespace vitreo {
 namespace {
@@ -59,6 +61,20 @@ void ProgressLine::progress(double fraction, const std::string& label) {
 void ProgressLine::message(const std::string& line) {
   clear();
   out_ << line << std::endl;
+}
+
+void ProgressLine::question(const Question& asked) {
+  clear();
+  out_ << shown(asked) << ": " << std::flush;
+  if (!isatty(STDIN_FILENO)) out_ << "\n(answer with: vitreo control answer TEXT)" << std::endl;
+}
+
+std::optional<std::string> ProgressLine::typed() {
+  pollfd input{STDIN_FILENO, POLLIN, 0};
+  if (!isatty(STDIN_FILENO) || poll(&input, 1, 0) <= 0) return std::nullopt;
+  std::string line;
+  if (!std::getline(std::cin, line)) return std::nullopt;
+  return line;
 }
 
 void ProgressLine::clear() {

@@ -16,7 +16,9 @@ class ProgressLine : public ProgressListener {
   ~ProgressLine() override;
   void progress(double fraction, const std::string& label) override;
   void message(const std::string& line) override;
-  void clear();  // takes the line away
+  void question(const Question& asked) override;
+  std::optional<std::string> typed() override;  // from the standard input, where that is a terminal
+  void clear();                                 // takes the line away
 
  private:
   std::string text(double fraction, const std::string& label) const;

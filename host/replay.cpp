@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/replay.h"
 
-#include "host/loop.h"
+#include "host/localiser.h"
 #include "host/run_reader.h"
 
 #include <algorithm>
@@ -12,8 +12,6 @@
 
 namespace vitreo {
 namespace {
-
-constexpr double kAnyLimit = 1e3;  // A: currents are computed with, not sent
 
 struct Learning {
   Time from{};
@@ -87,9 +85,9 @@ class Player {
   void take(const FrameRow& row) {
     if (next_ < learnings_.size() && row.exposed >= learnings_[next_].from) return learn(row);
     const auto then = seen_.find(row.exposed);
-    if (!chain_ || then == seen_.end()) return;
-    const LoopStep step = chain_->step(read_frame(data_, row), to_seconds(row.exposed), {{0, 0, 0}, {0, 0, 0}}, false);
-    result_.frames.push_back({row.number, row.exposed, then->second, step.position});
+    if (!localiser_ || then == seen_.end()) return;
+    const Sighting sighting = localiser_->look(read_frame(data_, row));
+    result_.frames.push_back({row.number, row.exposed, then->second, sighting.position});
   }
 
   void learn(const FrameRow& row) {
@@ -97,9 +95,7 @@ class Player {
     ++result_.background_frames;
     if (background_.count() < learnings_[next_].count) return;
     ++next_;
-    LoopSettings settings;
-    settings.axis = result_.axis;
-    chain_.emplace(model_, std::exchange(background_, {}), settings, kAnyLimit);
+    localiser_.emplace(model_, std::exchange(background_, {}), result_.axis);
   }
 
   const RunData& data_;
@@ -108,7 +104,7 @@ class Player {
   const std::map<Time, std::optional<Eigen::Vector3d>> seen_;
   std::size_t next_ = 0;  // of the learnings
   vision::Background background_;
-  std::optional<FrameToCurrents> chain_;
+  std::optional<Localiser> localiser_;
   Replay result_;
 };
 

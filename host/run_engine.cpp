@@ -2,6 +2,7 @@
 #include "host/run_engine.h"
 
 #include "devices/error.h"
+#include "host/control_socket.h"
 #include "host/identities.h"
 #include "host/interrupts.h"
 #include "host/observers.h"
@@ -11,10 +12,14 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iostream>
 #include <optional>
+#include <unistd.h>
 
 namespace vitreo {
 namespace {
+
+namespace fs = std::filesystem;
 
 double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -54,12 +59,16 @@ struct Verdict {
   std::string reason;
 };
 
-Verdict judge(const std::function<void()>& body) {
+Verdict judge(const std::function<void()>& body, const RunControl& control) {
   try {
     body();
     return {};
   } catch (const Stopped&) {
-    return {Outcome::stopped, ExitCode::stopped, "stopped by the operator"};
+    if (control.tier() >= StopTier::abort) {
+      const std::string how = control.tier() == StopTier::emergency ? "emergency stop " : "aborted ";
+      return {Outcome::aborted, ExitCode::aborted, how + control.reason()};
+    }
+    return {Outcome::stopped, ExitCode::stopped, "stopped " + control.reason()};
   } catch (const DeviceError& error) {
     return {Outcome::aborted, ExitCode::aborted, error.what()};
   } catch (const ScriptError& error) {
@@ -71,6 +80,7 @@ Verdict judge(const std::function<void()>& body) {
 
 /// Everything that one run owns, in the order of birth; it dies the other way round, and the coils with it.
 struct RunStage {
+  Pace pace = Pace::as_fast_as_possible;
   std::unique_ptr<Clock> clock;
   std::unique_ptr<OpenRig> rig;
   std::unique_ptr<Recorder> recorder;
@@ -78,7 +88,8 @@ struct RunStage {
 
 RunStage build_stage(const RunRequest& request, const RigDescription& description) {
   RunStage stage;
-  stage.clock = virtual_clock(has_real_instruments(description) ? Pace::real_time : request.pace);
+  stage.pace = has_real_instruments(description) ? Pace::real_time : request.pace;
+  stage.clock = virtual_clock(stage.pace);
   stage.rig = open_rig(description, *stage.clock, request.seed, request.shifts);
   return stage;
 }
@@ -119,23 +130,71 @@ void judge_record(const Recorder& recorder, Verdict& verdict) {
   if (!trouble.empty()) verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + trouble};
 }
 
-RunResult conduct(RunStage& stage, const RunRequest& request, ProgressListener& listener,
+/// The last words of a run whose script never came back: the record is closed and the process left, whatever hangs.
+void give_up(RunStage& stage, const RunControl& control, double began) {
+  const std::string reason = "not responding: the script was stuck" +
+                             (control.status().waiting_for.empty() ? "" : " in " + control.status().waiting_for) +
+                             "; the devices are safe";
+  for (const std::string& failure : control.failures()) stage.recorder->event(stage.clock->now(), "unsafe", failure);
+  try {
+    stage.recorder->finish({Outcome::aborted, reason, to_seconds(stage.clock->now()), wall_seconds() - began});
+  } catch (const std::exception& error) {
+    std::cerr << "vitreo: " << error.what() << "\n";
+  }
+  std::cerr << "vitreo: " << reason << "; run: " << stage.recorder->folder().string() << std::endl;
+  _exit(static_cast<int>(ExitCode::not_responding));
+}
+
+/// A run goes on without one where it cannot be had, and says so.
+std::unique_ptr<ControlSocket> open_control(const RunRequest& request, Session& session, const fs::path& folder) {
+  if (!request.control_socket) return nullptr;
+  try {
+    return std::make_unique<ControlSocket>(control_socket_path(folder.filename().string()), session.control,
+                                           session.questions);
+  } catch (const std::exception& error) {
+    session.recorder.event(session.clock.now(), "error", std::string("no control socket: ") + error.what());
+    return nullptr;
+  }
+}
+
+RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                   const std::function<void(Session&)>& body, const Inspect& inspect) {
   const double began = wall_seconds();
   Verdict verdict;
   const std::vector<FramePolicy> policies = frame_policies(request, stage.rig->rig());
-  stage.recorder->on_trouble([clock = stage.clock.get()] { clock->interrupt(); });
   {
     Session session(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.seed);
+    session.real_time = stage.pace == Pace::real_time;
+    session.questions.prepare(request.answers);
+    session.control.attach({[&] {
+                              engine.interrupt();
+                              stage.clock->interrupt();
+                            },
+                            [&] { return stage.rig->make_safe(); }});
+    const InterruptScope interrupts;
+    const auto socket = open_control(request, session, stage.recorder->folder());
+    stage.recorder->on_trouble([&control = session.control] {
+      control.set_reason("because recording failed");
+      control.request(StopTier::stop);
+    });
     const double period = watch_period(session.rig);
     if (sim::Laboratory* laboratory = stage.rig->laboratory(); laboratory != nullptr && period > 0)
       session.keep(observe_truth(*stage.clock, *laboratory, period, *stage.recorder));
-    verdict = judge([&] {
-      for (const FramePolicy& policy : policies) session.frames.start(policy);
-      body(session);
-    });
+    {
+      const Watchdog watchdog(session.control, *stage.clock, request.watchdog,
+                              [&] { give_up(stage, session.control, began); });
+      const auto whole = [&] {
+        for (const FramePolicy& policy : policies) session.frames.start(policy);
+        body(session);
+      };
+      verdict = judge(whole, session.control);
+    }
     stage.recorder->on_trouble({});
     judge_record(*stage.recorder, verdict);
+    session.control.detach();
+    session.control.set_phase(RunPhase::ended);
+    for (const std::string& failure : session.control.failures())
+      stage.recorder->event(stage.clock->now(), "unsafe", failure);
     for (const std::string& failure : stage.rig->make_safe()) {
       stage.recorder->event(stage.clock->now(), "unsafe", failure);
       if (verdict.outcome == Outcome::completed) verdict = {Outcome::aborted, ExitCode::aborted, failure};
@@ -168,9 +227,8 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   stage.recorder = std::make_unique<Recorder>(
       request.out, start_record(request, protocol, to_json(arguments), description, *stage.rig),
       record_limits(request, description));
-  const InterruptScope interrupts(*stage.clock, engine);
   return conduct(
-      stage, request, listener, [&](Session& session) { engine.run(protocol, arguments, session); }, inspect);
+      stage, engine, request, listener, [&](Session& session) { engine.run(protocol, arguments, session); }, inspect);
 }
 
 RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, std::istream& in,
@@ -183,9 +241,9 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
   stage.recorder = std::make_unique<Recorder>(
       request.out, start_record(request, prompt, nlohmann::json::object(), description, *stage.rig),
       record_limits(request, description));
-  const InterruptScope interrupts(*stage.clock, engine);
   return conduct(
-      stage, request, listener, [&](Session& session) { engine.prompt(session, in, out, interactive); }, nullptr);
+      stage, engine, request, listener, [&](Session& session) { engine.prompt(session, in, out, interactive); },
+      nullptr);
 }
 
 nlohmann::json to_json(const RunResult& result) {

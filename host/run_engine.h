@@ -6,6 +6,7 @@
 #include "host/open_rig.h"
 #include "host/script_engine.h"
 #include "host/session.h"
+#include "host/watchdog.h"
 
 #include <cstdint>
 #include <functional>
@@ -23,6 +24,7 @@ enum class ExitCode {
   stopped = 3,
   aborted = 4,
   internal = 5,
+  not_responding = 6,
   device_missing = 7
 };
 
@@ -33,8 +35,11 @@ struct RunRequest {
   std::string out = "runs";  // the folder in which the run's folder is made
   Pace pace = Pace::as_fast_as_possible;
   std::string operator_name;
-  std::vector<std::string> frames;  // cameras whose frames are recorded: "top_camera", "side_camera/5"
-  SimulationShifts shifts;          // tests only
+  std::vector<std::string> frames;   // cameras whose frames are recorded: "top_camera", "side_camera/5"
+  std::vector<std::string> answers;  // to the questions of the script: "name=value", or "value" in their order
+  WatchdogLimits watchdog;
+  bool control_socket = false;  // offer one: see host/control_socket.h
+  SimulationShifts shifts;      // tests only
 };
 
 struct RunResult {

@@ -61,7 +61,9 @@ bool read_flag(const Parameter& parameter, const std::string& text) {
   fail(parameter.name, "wants true or false; got '" + text + "'");
 }
 
-ArgumentValue read_value(const Parameter& parameter, const std::string& text) {
+}  // namespace
+
+ArgumentValue read_argument(const Parameter& parameter, const std::string& text) {
   switch (parameter.kind) {
     case ParameterKind::number:
     case ParameterKind::integer:
@@ -79,8 +81,6 @@ ArgumentValue read_value(const Parameter& parameter, const std::string& text) {
   return text;
 }
 
-}  // namespace
-
 std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
                                                      const std::vector<std::string>& words) {
   std::vector<std::string> known;
@@ -97,7 +97,7 @@ std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& 
                      (known.empty() ? "; it has none" : "; it has " + listed(known)));
     if (values.contains(name)) fail(name, "is given twice");
     const auto at = static_cast<std::size_t>(parameter - known.begin());
-    values[name] = read_value(protocol.parameters[at], word.substr(equals + 1));
+    values[name] = read_argument(protocol.parameters[at], word.substr(equals + 1));
   }
   for (const Parameter& parameter : protocol.parameters)
     if (parameter.required && !values.contains(parameter.name))

@@ -54,6 +54,9 @@ class ScriptError : public std::runtime_error {
 std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
                                                      const std::vector<std::string>& words);
 
+/// One value as people write it, "5um"; throws ConfigError naming the parameter and what it wants.
+ArgumentValue read_argument(const Parameter& parameter, const std::string& text);
+
 class ScriptEngine {
  public:
   virtual ~ScriptEngine() = default;

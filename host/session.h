@@ -6,13 +6,16 @@
 #include "devices/clock.h"
 #include "host/frame_recording.h"
 #include "host/observers.h"
+#include "host/questions.h"
 #include "host/recorder.h"
 #include "host/rig.h"
+#include "host/run_control.h"
 #include "vision/background.h"
 
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,6 +29,9 @@ class ProgressListener {
   /// `fraction` of the whole in [0, 1]; `label` says what is being done.
   virtual void progress(double fraction, const std::string& label) = 0;
   virtual void message(const std::string& line) = 0;  // print() and run:note()
+  /// Shows a question; then, again and again, what the operator has typed meanwhile, a line at most.
+  virtual void question(const Question& asked) { message(shown(asked)); }
+  virtual std::optional<std::string> typed() { return std::nullopt; }
 };
 
 /// Statistics of one recorded stream against another, both holding x, y, z in m; sampled where both have the same time.
@@ -61,6 +67,9 @@ class Session {
   Recorder& recorder;
   ProgressListener& listener;
   const std::uint64_t seed;
+  bool real_time = false;  // the clock keeps the wall clock's pace; else it stands still while people are waited for
+  RunControl control;
+  Questions questions;
   FrameRecording frames;  // the observers, which use its cameras, end before it
 
   /// Learns what the empty scene looks like, for the top camera (returned) and, when there is one, for the side camera,

@@ -33,16 +33,6 @@ int note(Call& call) {
   return 0;
 }
 
-/// The place at which a pause will take effect; a stop does already.
-int checkpoint(Call& call) {
-  Session& session = session_of(call.L);
-  session.recorder.event(session.clock.now(), "checkpoint", call.text(0));
-  Wait wait;
-  wait.deadline = session.clock.now();
-  wait.finish = [](Call&, bool) { return 0; };
-  return call.wait(std::move(wait));
-}
-
 int progress(Call& call) {
   tell_progress(call.context(), call.number(0), call.has(1) ? call.text(1) : "");
   return 0;
@@ -201,7 +191,6 @@ std::vector<Binding> run_flow_rows() {
            "",
            "tells how far the run (inside run:each: this turn) is",
            progress},
-          {"checkpoint", {text("name")}, "", "a place where a pause takes effect", checkpoint},
           {"note", {text("text")}, "", "shows a line and keeps it in the record", note},
           {"defer",
            {{.name = "clean_up", .type = Type::function}},
@@ -214,7 +203,7 @@ std::vector<Binding> run_flow_rows() {
 const Class& run_class() {
   static const Class kind = [] {
     Class made{"run", "this run: its flow, its record, its results", run_flow_rows(), {}};
-    for (auto rows : {run_record_rows(), run_result_rows()})
+    for (auto rows : {run_control_rows(), run_record_rows(), run_result_rows()})
       for (Binding& row : rows) made.methods.push_back(std::move(row));
     return made;
   }();
@@ -238,6 +227,7 @@ const std::vector<const Class*>& all_classes() {
                                                     &background_class(),
                                                     &servo_class(),
                                                     &run_class(),
+                                                    &reminder_class(),
                                                     &optical_system_class(),
                                                     &wide_angle_map_class(),
                                                     &image_class(),

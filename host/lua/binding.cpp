@@ -125,7 +125,8 @@ void open_class(lua_State* L, const Class& kind) {
 
 }  // namespace
 
-Call::Call(lua_State* state, const Class* owner, const Binding& row) : L(state), binding(row), first_(owner ? 2 : 1) {}
+Call::Call(lua_State* state, const Class* owner, const Binding& row)
+    : L(state), binding(row), owner_(owner), first_(owner ? 2 : 1) {}
 
 Context& Call::context() const { return context_of(L); }
 const std::shared_ptr<void>& Call::self_pointer() const { return pointer_at(1); }
@@ -195,6 +196,7 @@ void Call::check_can_wait() const {
 
 int Call::wait(Wait wait) const {
   check_can_wait();
+  if (wait.what.empty()) wait.what = full_name(owner_, binding);
   context().scheduler->current()->wait = std::make_unique<Wait>(std::move(wait));
   return kWaits;
 }

@@ -101,6 +101,7 @@ class Call {
 
  private:
   const std::shared_ptr<void>& pointer_at(int at) const;
+  const Class* owner_;
   int first_;
 };
 
@@ -127,6 +128,7 @@ const Class& simulation_class();
 const Class& background_class();
 const Class& servo_class();
 const Class& run_class();
+const Class& reminder_class();
 const Class& optical_system_class();
 const Class& wide_angle_map_class();
 const Class& image_class();
@@ -147,6 +149,7 @@ const std::vector<Binding>& files_functions();
 
 /// The rows of run_class, by file.
 std::vector<Binding> run_flow_rows();
+std::vector<Binding> run_control_rows();
 std::vector<Binding> run_record_rows();
 std::vector<Binding> run_result_rows();
 

@@ -53,6 +53,14 @@ struct Context {
     std::vector<std::string> channels;
   };
   std::map<std::string, Script> script_streams;  // of run:record
+  struct Suspender {
+    std::string reason;
+    int condition = 0;  // reference of its function
+    bool resumes = false;
+    double timeout = 0;  // s
+    Time give_up_at{};
+  };
+  std::vector<Suspender> suspenders;
 };
 
 Context& context_of(lua_State* L);

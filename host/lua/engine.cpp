@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/engine.h"
 
+#include "host/lua/errors.h"
 #include "host/lua/reading.h"
 #include "host/lua/running.h"
 #include "host/session.h"
@@ -25,6 +26,7 @@ class LuaEngine final : public ScriptEngine {
       lua::run_protocol(script, protocol, arguments);
     } catch (const std::exception&) {
       failure = std::current_exception();
+      lua::limit_clean_up(script.context());
     }
     try {
       script.clean_up();

@@ -14,6 +14,7 @@ namespace vitreo::lua {
 namespace {
 
 constexpr const char* kDeviceError = "device error";
+constexpr Time kCleanUp = std::chrono::seconds(5), kShortCleanUp = std::chrono::seconds(1);  // of waits, in all
 const char kStop = 0;  // its address is the stop object
 
 int device_error_text(lua_State* L) {
@@ -119,12 +120,20 @@ void raise_stop(lua_State* L) {
 }
 
 void take_interrupt(Context& context) {
-  context.interrupted = false;
-  if (!context.session) return;
-  try {
-    context.session->clock.sleep_until(context.session->clock.now());
+  if (!context.interrupted.exchange(false) || !context.session) return;
+  Session& session = *context.session;
+  try {  // where a watchdog has taken the baton, this stands still until it is given back
+    session.clock.sleep_until(session.clock.now());
   } catch (const Stopped&) {
   }
+  session.control.begin_stopping();
+  limit_clean_up(context);
+}
+
+void limit_clean_up(Context& context) {
+  const StopTier tier = context.session->control.tier();
+  const Time budget = tier == StopTier::emergency ? Time(0) : tier == StopTier::abort ? kShortCleanUp : kCleanUp;
+  if (context.scheduler) context.scheduler->limit_waits(later(context.session->clock.now(), budget));
 }
 
 int guarded(lua_State* L, const std::string& prefix, const std::function<int()>& body) {
@@ -142,7 +151,10 @@ int guarded(lua_State* L, const std::string& prefix, const std::function<int()>&
   } catch (const std::exception& error) {
     lua_pushstring(L, (where(L) + prefix + error.what()).c_str());
   }
-  if (stopped) raise_stop(L);
+  if (stopped) {
+    take_interrupt(context_of(L));
+    raise_stop(L);
+  }
   return lua_error(L);
 }
 

@@ -33,13 +33,18 @@ void show_results(lua_State* L, int count, std::ostream& out) {
 }
 
 void execute(ScriptRun& script, std::ostream& out) {
+  RunControl& control = script.context().session->control;
+  control.set_idle(false);
   try {
     show_results(script.main(), script.scheduler().run(0), out);
   } catch (const Stopped&) {
-    out << "stopped\n";
+    out << (control.tier() >= StopTier::abort ? "aborted; the devices are safe\n" : "stopped\n");
   } catch (const std::exception& error) {
     out << "error: " << error.what() << '\n';
   }
+  control.set_idle(true);
+  script.scheduler().unlimit_waits();
+  script.context().interrupted = false;
   script.context().laps.clear();
   script.context().trace.clear();
   out.flush();
@@ -81,6 +86,7 @@ void run_prompt(ScriptRun& script, std::istream& in, std::ostream& out, bool int
     lua_settop(L, 0);
   });
   std::string chunk, line;
+  script.context().session->control.set_idle(true);
   const auto ask = [&] {
     if (interactive) out << (chunk.empty() ? "> " : ">> ") << std::flush;
     return static_cast<bool>(std::getline(in, line));
@@ -92,6 +98,7 @@ void run_prompt(ScriptRun& script, std::istream& in, std::ostream& out, bool int
     lua_settop(L, 0);
   }
   if (interactive) out << '\n';
+  script.context().session->control.set_idle(false);
 }
 
 }  // namespace vitreo::lua

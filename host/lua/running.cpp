@@ -67,6 +67,13 @@ void ScriptRun::clean_up() {
     }
   };
   context().laps.clear();
+  Session& session = *context().session;
+  if (session.control.tier() == StopTier::emergency && !context().deferred.empty()) {
+    session.recorder.event(session.clock.now(), "error",
+                           "emergency stop: " + std::to_string(context().deferred.size()) +
+                               " deferred function(s) of the script were not called");
+    context().deferred.clear();
+  }
   while (!context().deferred.empty()) {
     const int reference = context().deferred.back();
     context().deferred.pop_back();

@@ -139,7 +139,11 @@ void Scheduler::look(LuaTask& task) {
   try {
     const Wait& wait = *task.wait;
     task.in_time = wait.ready && wait.ready();
-    if (!task.in_time && context_.session->clock.now() < wait.deadline) return;
+    const Time now = context_.session->clock.now();
+    if (!task.in_time && now >= limit_ && !wait.ends_children)
+      task.stop = true;
+    else if (!task.in_time && now < wait.deadline)
+      return;
   } catch (const std::exception&) {
     task.error = std::current_exception();
   }
@@ -156,20 +160,27 @@ void Scheduler::wait_for_any() {
   if (look_at_all()) return;
   std::vector<Signal*> signals;
   Time deadline = kForever;
+  std::string what;
   for (const auto& task : tasks_) {
     if (task->state != LuaTask::State::waiting) continue;
+    if (!task->wait->ends_children) {
+      what += (what.empty() ? "" : ", ") + task->wait->what;
+      deadline = std::min(deadline, limit_);
+    }
     deadline = std::min(deadline, task->wait->deadline);
     Signal* const signal = task->wait->signal;
     if (signal && std::find(signals.begin(), signals.end(), signal) == signals.end()) signals.push_back(signal);
   }
+  context_.session->control.set_waiting_for(what);
   try {
     wait_on(signals, deadline);
   } catch (const Stopped&) {
-    context_.interrupted = false;  // the same key press
+    take_interrupt(context_);
     end_waits(nullptr);
   } catch (const std::exception&) {  // the clock's: nobody could ever go on
     end_waits(std::current_exception());
   }
+  context_.session->control.set_waiting_for("");
 }
 
 /// A clock waits for one signal; where there are several, each gets a task that watches it.
@@ -194,6 +205,8 @@ void Scheduler::wait_on(const std::vector<Signal*>& signals, Time deadline) {
   clock.wait(
       any_, [this] { return ready_task() != nullptr; }, deadline);
 }
+
+void Scheduler::limit_waits(Time until) { limit_ = std::min(limit_, until); }
 
 void Scheduler::end_waits(const std::exception_ptr& error) {
   for (const auto& task : tasks_) {

@@ -23,6 +23,7 @@ struct Wait {
   Time deadline = kForever;
   std::function<int(Call&, bool in_time)> finish;
   bool ends_children = false;  // run:together: a stop goes to the children, not to this wait
+  std::string what{};          // as the status shows it; Call::wait fills in the call's name
 };
 
 /// A wait for a blocking call that runs as a task of the clock. Past `timeout` it is stopped and std::runtime_error
@@ -66,6 +67,10 @@ class Scheduler {
   void stop(LuaTask& task);
   bool all_done(const std::vector<LuaTask*>& tasks) const;
 
+  /// From `until` on every wait ends with a stop: the budget of a clean-up. A later time than before changes nothing.
+  void limit_waits(Time until);
+  void unlimit_waits() { limit_ = kForever; }
+
  private:
   void loop(const LuaTask& root);
   LuaTask* ready_task();
@@ -80,6 +85,7 @@ class Scheduler {
   LuaTask* current_ = nullptr;
   std::vector<std::unique_ptr<LuaTask>> tasks_;
   Signal any_;  // a watcher saw what it waited for
+  Time limit_ = kForever;
 };
 
 /// Waited-for calls go on here after the task was resumed.

@@ -1,0 +1,64 @@
+// The control socket: what one more program on this machine may ask of a running run. A Unix socket, JSON lines.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/questions.h"
+#include "host/run_control.h"
+
+#include <nlohmann/json.hpp>
+
+#include <atomic>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace vitreo {
+
+/// Where a run's socket is: in a folder that only this user can enter. Throws std::runtime_error when it cannot be
+/// made.
+std::filesystem::path control_socket_path(const std::string& run_name);
+/// The names of the runs that have a socket now, sorted.
+std::vector<std::string> controllable_runs();
+
+/// Answers one request of a client: {"do": "status"}, "pause" ("at": a checkpoint), "resume", "stop", "abort",
+/// "emergency", "answer" ("text"). The reply has "ok", and "status" or "error". Never throws.
+nlohmann::json answer_request(const std::string& line, RunControl& control, Questions& questions);
+
+/// Serves while it lives. `{"do": "watch"}` makes a client get each change of the status. A client that sends lines
+/// longer than 64 KiB, or does not read, is dropped: nothing here waits for a client.
+class ControlSocket {
+ public:
+  /// Throws std::runtime_error naming the file when it cannot listen there.
+  ControlSocket(const std::filesystem::path& path, RunControl& control, Questions& questions);
+  ~ControlSocket();
+  ControlSocket(const ControlSocket&) = delete;
+  ControlSocket& operator=(const ControlSocket&) = delete;
+
+ private:
+  struct Client {
+    int socket = -1;
+    std::string received;
+    bool watches = false;
+  };
+  void serve();
+  void accept_client();
+  bool take(Client& client);
+  bool send(const Client& client, const nlohmann::json& message);
+  void tell_watchers();
+
+  const std::filesystem::path path_;
+  RunControl& control_;
+  Questions& questions_;
+  int listener_ = -1;
+  std::vector<Client> clients_;
+  unsigned long told_ = 0;
+  std::atomic<bool> done_{false};
+  std::thread thread_;
+};
+
+/// Sends one request to a run and returns its reply. `run` is a run's name or the beginning of one; empty: the only one
+/// there is. Throws std::runtime_error saying what there is to choose from, or that nobody answered within 5 s.
+nlohmann::json control_run(const std::string& run, const nlohmann::json& request);
+
+}  // namespace vitreo

@@ -1,0 +1,55 @@
+// Questions to the operator: asked by the script, answered at the terminal, through the control socket, or in advance.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/script_engine.h"
+
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace vitreo {
+
+struct Question {
+  int number = 0;            // of this run, from 1
+  std::string text;          // "Is the eye fixed?"
+  Parameter answer;          // name, kind, unit, range, choices; a flag is yes or no
+  bool has_default = false;  // answer.fallback is taken for an empty line
+};
+
+/// As a person reads it: "Is the eye fixed? (yes or no)".
+std::string shown(const Question& question);
+
+/// One open question at a time. Any thread.
+class Questions {
+ public:
+  /// "name=value" for the question of that name, or just "value", taken in their order by questions that have no answer
+  /// by name.
+  void prepare(const std::vector<std::string>& answers);
+  /// Opens a question; its number. An answer prepared for it is taken at once.
+  int ask(Question question);
+  std::optional<Question> open() const;
+  /// Throws ConfigError saying what is wanted; std::invalid_argument when no question is open.
+  void answer(const std::string& text, const std::string& by);
+  struct Answer {
+    ArgumentValue value;
+    std::string text, by;  // "operator at the terminal"
+  };
+  bool answered() const;
+  /// The answer, once; the question is closed by it.
+  std::optional<Answer> take();
+  void withdraw();
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<std::pair<std::string, std::string>> by_name_;
+  std::deque<std::string> in_order_;
+  std::optional<Question> open_;
+  std::optional<Answer> answer_;
+  int asked_ = 0;
+};
+
+}  // namespace vitreo

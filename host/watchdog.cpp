@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/watchdog.h"
+
+#include <signal.h>
+
+namespace vitreo {
+namespace {
+
+constexpr std::chrono::milliseconds kLook{20};      // while something is being ended
+constexpr std::chrono::milliseconds kIdle{60'000};  // a request wakes it
+
+}  // namespace
+
+Watchdog::Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limits, std::function<void()> give_up)
+    : control_(control), clock_(clock), limits_(limits), give_up_(std::move(give_up)) {
+  sigset_t all, before;  // signals are for the script's thread
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  thread_ = std::thread([this] { watch(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+Watchdog::~Watchdog() {
+  done_ = true;
+  control_.wake_watchdog();
+  thread_.join();
+}
+
+void Watchdog::watch() {
+  while (!done_) {
+    control_.wait_for_request(control_.tier() == StopTier::none ? kIdle : kLook);
+    if (!done_) look();
+  }
+}
+
+void Watchdog::look() {
+  const auto stopping = control_.since(StopTier::stop), aborting = control_.since(StopTier::abort);
+  if (!stopping) return;
+  if (!aborting && *stopping > limits_.clean_up) {
+    control_.set_reason(control_.reason() + "; its clean-up took too long after the stop");
+    control_.request(StopTier::abort);
+    return;
+  }
+  if (!aborting) return;
+  const auto patience = control_.tier() == StopTier::emergency ? std::chrono::milliseconds(0) : limits_.safe;
+  if ((*aborting > patience && !control_.safe()) || *aborting > limits_.grace) take_over();
+}
+
+/// The script's thread has not come to make the devices safe. Whatever holds the baton loses it until this is done.
+void Watchdog::take_over() {
+  clock_.break_in(std::chrono::milliseconds(5));
+  control_.make_safe();
+  while (!done_) {
+    if (control_.since(StopTier::abort).value_or(limits_.grace) >= limits_.grace) {
+      control_.set_phase(RunPhase::not_responding);
+      return give_up_();
+    }
+    if (!clock_.displaced()) break;
+    std::this_thread::sleep_for(kLook);
+    clock_.sleep_for(std::chrono::milliseconds(1));  // whoever comes back gets a turn
+  }
+  clock_.leave();
+}
+
+}  // namespace vitreo

@@ -1,0 +1,256 @@
+// Runs that are paused, stopped, aborted, asked for answers, and that hang: from Lua, through the control socket's
+// words, and by force.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/error.h"
+#include "host/control_socket.h"
+#include "host/lua/engine.h"
+#include "host/run_engine.h"
+#include "tests/host/fake_rig.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <functional>
+#include <sstream>
+#include <thread>
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double kZeroVolts = 2e-4;  // half a count of the converter
+
+/// Hears what the script prints; the test acts on it.
+struct Ear : SilentListener {
+  void message(const std::string& line) override {
+    said += line + ";";
+    if (on_message) on_message(line);
+  }
+  std::optional<std::string> typed() override {
+    if (lines.empty()) return std::nullopt;
+    const std::string line = lines.front();
+    lines.erase(lines.begin());
+    return line;
+  }
+  std::string said;
+  std::function<void(const std::string&)> on_message;
+  std::vector<std::string> lines;
+};
+
+struct RunControlTest : testing::Test {
+  RunResult run(const std::string& body) {
+    const std::string file = (folder.path() / "protocol.lua").string();
+    std::ofstream(file) << "local units = require 'units'\nlocal s, mm = units.s, units.mm\n"
+                           "return { title = 'test', needs = { 'coils' }, run = function(rig, p, run)\n"
+                        << body << "\nend }";
+    request.protocol_file = file;
+    request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+    request.out = (folder.path() / "runs").string();
+    return run_protocol(*engine, request, ear, [&](const Recorder& recorder, OpenRig& rig) {
+      for (const double volts : rig.laboratory()->coil_outputs().outputs()) EXPECT_NEAR(volts, 0, kZeroVolts);
+      std::ostringstream text;
+      for (const Event& event : recorder.events()) text << event.kind << ":" << event.text << ";";
+      events = text.str();
+      experiment_time = recorder.end()->experiment_time;
+    });
+  }
+  /// The words of the control socket, said from another thread while the script runs.
+  void say(const std::string& word, const std::string& more = "") {
+    const std::string line = "{\"do\": \"" + word + "\"" + (more.empty() ? "" : ", " + more) + "}";
+    reply = answer_request(line, *attached_control(), questions);
+  }
+
+  TemporaryFolder folder;
+  Ear ear;
+  RunRequest request;
+  Questions questions;
+  nlohmann::json reply;
+  std::string events;
+  double experiment_time = 0;
+  std::unique_ptr<ScriptEngine> engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+};
+
+constexpr const char* kEnergised = "rig.coils:set_currents { 2, 2, 2, 2, 2, 2, 2, 2 }\n";
+
+TEST_F(RunControlTest, AScriptThatStopsItselfIsStoppedWithItsReason) {
+  const RunResult result = run(std::string(kEnergised) +
+                               "run:defer(function() run:wait(1*s) print('cleaned') end)\n"
+                               "pcall(function() run:stop('enough') end)\nprint('not reached')");
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(result.reason, "stopped by the script: enough");
+  EXPECT_EQ(ear.said, "cleaned;");
+}
+
+TEST_F(RunControlTest, AnAbortMakesTheCoilsSafeBeforeTheScriptsCleanUpAndRefusesThemInIt) {
+  const RunResult result = run(std::string(kEnergised) +
+                               "run:defer(function()\n"
+                               "  print(rig.coils:currents()[1])\n"
+                               "  print(pcall(function() rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 } end))\n"
+                               "end)\nrun:abort()");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(result.exit_code, ExitCode::aborted);
+  EXPECT_TRUE(ear.said.starts_with("0.0;false")) << ear.said;
+}
+
+TEST_F(RunControlTest, TheCleanUpAfterAStopHasABudgetOfFiveSeconds) {
+  const RunResult result =
+      run("run:defer(function() print('second') run:wait(1*s) print('not reached') end)\n"
+          "run:defer(function() print('first') run:wait(100*s) print('not reached') end)\nrun:stop()");
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(ear.said, "first;second;");
+  EXPECT_NEAR(experiment_time, 5, 0.5) << "s";
+}
+
+TEST_F(RunControlTest, AnAbortOfTheCleanUpCutsItShort) {
+  ear.on_message = [](const std::string& line) {
+    if (line == "clean") attached_control()->request(StopTier::abort);
+  };
+  const RunResult result =
+      run("run:defer(function() print('clean') run:wait(4*s) print('not reached') end)\nrun:stop()");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(ear.said, "clean;");
+  EXPECT_LT(experiment_time, 1.5);
+}
+
+TEST_F(RunControlTest, AnEmergencyStopRunsNoCleanUpAndSaysSo) {
+  ear.on_message = [](const std::string&) { attached_control()->request(StopTier::emergency); };
+  const RunResult result =
+      run(std::string(kEnergised) + "run:defer(function() print('cleaned') end)\nprint('now')\nrun:wait(100*s)");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(ear.said, "now;");
+  EXPECT_NE(events.find("1 deferred function(s) of the script were not called"), std::string::npos) << events;
+}
+
+TEST_F(RunControlTest, ARequestFromAnotherThreadEndsAnEndlessLoopOfPlainLua) {
+  std::thread other;
+  ear.on_message = [&](const std::string&) {
+    if (!other.joinable()) other = std::thread([this] { say("stop"); });
+  };
+  const RunResult result = run("print('now')\nwhile true do pcall(function() while true do end end) end");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(reply["status"]["phase"], "stop requested") << "requested is not stopped";
+}
+
+TEST_F(RunControlTest, PausesAtTheCheckpointThatWasNamedAndResumes) {
+  std::thread other;
+  ear.on_message = [&](const std::string& line) {
+    if (line == "start") say("pause", "\"at\": \"b\"");
+    if (line.starts_with("paused"))
+      other = std::thread([this] {
+        say("status");
+        std::this_thread::sleep_for(20ms);
+        attached_control()->resume();
+      });
+  };
+  const RunResult result =
+      run("print('start')\nrun:checkpoint('a')\nprint('after a')\nrun:checkpoint('b')\nprint('after b')");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_EQ(ear.said, "start;after a;paused at the checkpoint 'b';after b;");
+  EXPECT_EQ(reply["status"]["phase"], "paused");
+  EXPECT_EQ(reply["status"]["note"], "b");
+  EXPECT_NE(events.find("paused:b;resumed:;"), std::string::npos) << events;
+}
+
+TEST_F(RunControlTest, AStopEndsAPausedRun) {
+  std::thread other;
+  ear.on_message = [&](const std::string& line) {
+    if (line.starts_with("paused")) other = std::thread([this] { say("stop"); });
+  };
+  const RunResult result = run("run:pause()\nrun:checkpoint('a')\nprint('not reached')");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(ear.said, "paused at the checkpoint 'a';");
+}
+
+TEST_F(RunControlTest, AConditionSuspendsAtCheckpointsAndResumesWhereThatIsDeclared) {
+  const RunResult result =
+      run("local warm = true\n"
+          "run:suspend_when('coils too warm', function() return run:now() < 3*s end, { resume = true })\n"
+          "run:checkpoint('a')\nprint(run:now() >= 3*s)");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_EQ(ear.said, "suspended: coils too warm;true;");
+  EXPECT_NE(events.find("suspended:coils too warm;condition ended:"), std::string::npos) << events;
+}
+
+TEST_F(RunControlTest, AConditionThatNeverEndsBecomesAnErrorAfterItsTimeout) {
+  const RunResult result = run(
+      "run:suspend_when('dark', function() return true end, { resume = true, timeout = 20*s })\nrun:checkpoint('a')");
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_NE(result.reason.find("suspended for longer than allowed: dark"), std::string::npos) << result.reason;
+}
+
+TEST_F(RunControlTest, QuestionsTakeAnswersGivenInAdvanceByNameAndInTheirOrder) {
+  request.answers = {"depth=3mm", "yes", "2"};
+  const RunResult result =
+      run("print(run:confirm('ready?'))\n"
+          "print(run:ask('how deep?', { name = 'depth', unit = 'mm', min = 0, max = 8*mm }))\n"
+          "print(run:ask('which?', { type = 'integer' }))");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_NE(ear.said.find("true;"), std::string::npos) << ear.said;
+  EXPECT_NE(ear.said.find("0.003;"), std::string::npos) << ear.said;
+  EXPECT_NE(ear.said.find(";2;"), std::string::npos) << ear.said;
+  EXPECT_NE(events.find("answer:3mm (given in advance)"), std::string::npos) << events;
+}
+
+TEST_F(RunControlTest, AnAnswerThatDoesNotDoIsSaidWhyAndTheQuestionStaysOpen) {
+  ear.lines = {"3", "12mm", "4mm"};
+  const RunResult result = run("print(run:ask('how deep?', { name = 'depth', unit = 'mm', min = 0, max = 8*mm }))");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_NE(ear.said.find("depth: wants a length"), std::string::npos) << ear.said;
+  EXPECT_NE(ear.said.find("0 mm to 8 mm; got 12mm"), std::string::npos) << ear.said;
+  EXPECT_NE(ear.said.find("0.004;"), std::string::npos) << ear.said;
+}
+
+TEST_F(RunControlTest, AWrongAnswerGivenInAdvanceFailsTheRunNamingTheQuestion) {
+  request.answers = {"depth=deep"};
+  const RunResult result = run("run:ask('how deep?', { name = 'depth', unit = 'mm' })");
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_NE(result.reason.find("depth: wants a length"), std::string::npos) << result.reason;
+}
+
+TEST_F(RunControlTest, RemindersComeBackUntilTheyAreClosed) {
+  run("do local r <close> = run:remind('drops', { every = 10*s })\nrun:wait(35*s) end\nrun:wait(60*s)");
+  EXPECT_EQ(ear.said, "reminder: drops;reminder: drops;reminder: drops;");
+}
+
+TEST_F(RunControlTest, RequestsThatMakeNoSenseAreRefusedByName) {
+  RunControl control;
+  EXPECT_FALSE(answer_request("{\"do\": \"dance\"}", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("junk \xff", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("[]", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("{\"do\": 7}", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("{\"do\": \"answer\", \"text\": \"x\"}", control, questions)["ok"]) << "none is open";
+  EXPECT_EQ(control.tier(), StopTier::none);
+}
+
+/// A C call of Lua that no hook reaches and that takes minutes.
+constexpr const char* kStuck = "string.find(('a'):rep(400), '.-.-.-.-.-b$')";
+
+TEST_F(RunControlTest, AScriptStuckInACallOfCLosesTheCoilsAndThenTheProcess) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  request.watchdog = {100ms, 50ms, 400ms};
+  EXPECT_EXIT(
+      {
+        ear.on_message = [](const std::string&) { attached_control()->request(StopTier::stop); };
+        run(std::string(kEnergised) + "run:defer(function() " + kStuck + " end)\nprint('now')\n" + kStuck);
+      },
+      testing::ExitedWithCode(static_cast<int>(ExitCode::not_responding)), "not responding: the script was stuck");
+}
+
+TEST_F(RunControlTest, AScriptThatComesBackWithinTheGraceEndsInOrderWithTheCoilsAlreadySafe) {
+  request.watchdog = {10ms, 10ms, 60s};
+  ear.on_message = [](const std::string& line) {
+    if (line == "now") attached_control()->request(StopTier::abort);
+  };
+  const RunResult result = run(std::string(kEnergised) +
+                               "run:defer(function() print(rig.coils:currents()[1]) "
+                               "end)\nprint('now')\nstring.find(('a'):rep(60), '.-.-.-.-.-b$')");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(ear.said, "now;0.0;");
+}
+
+}  // namespace
+}  // namespace vitreo
