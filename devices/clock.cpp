@@ -58,6 +58,7 @@ class VirtualClock final : public Clock {
     main_.thread = std::this_thread::get_id();
     entries_.push_back(&main_);
     current_ = &main_;
+    moved();
   }
 
   Time now() const override { return Time(now_.load()); }
@@ -70,6 +71,7 @@ class VirtualClock final : public Clock {
 
   bool break_in(Time patience) override;
   void leave() override;
+  Time stuck_for() const noexcept override;
   bool displaced() override { return displaced_ != nullptr; }
 
   void run(Entry& entry, std::function<void()>& body);
@@ -83,6 +85,7 @@ class VirtualClock final : public Clock {
   void throw_if_stopped(Entry& self);
   void hand_over(Entry& self, Time due);
   void pass_baton();
+  void moved() noexcept;
   Entry* choose();
   Entry* deadlocked();
   bool main_is_called() const { return interrupted_ && !main_.deaf && displaced_ != &main_; }
@@ -98,6 +101,7 @@ class VirtualClock final : public Clock {
   std::atomic<Entry*> current_;
   Entry main_, intruder_;
   std::atomic<bool> intruder_waits_{false};
+  std::atomic<std::int64_t> moved_at_{0};   // ns since origin_'s epoch; only under Pace::real_time
   std::atomic<Entry*> displaced_{nullptr};  // whom the baton was taken from, until it has had a new turn
   std::vector<Entry*> entries_;  // all that have not ended; few, so a scan beats any heap
   std::uint64_t births_ = 0;
@@ -136,6 +140,7 @@ Entry& VirtualClock::running() {
 /// A displaced task waits for a new turn; any other thread has no business here.
 void VirtualClock::come_back() {
   std::unique_lock lock(mutex_);
+  if (current_.load()->thread == std::this_thread::get_id()) return;  // given back meanwhile
   Entry* const self = displaced_;
   if (!self || self->thread != std::this_thread::get_id())
     throw std::logic_error("virtual clock: called by a thread that does not hold the baton");
@@ -164,10 +169,25 @@ bool VirtualClock::break_in(Time patience) {
   return !in_turn;
 }
 
+void VirtualClock::moved() noexcept {
+  if (pace_ == Pace::real_time) moved_at_ = std::chrono::steady_clock::now().time_since_epoch().count();
+}
+
+Time VirtualClock::stuck_for() const noexcept {
+  if (pace_ != Pace::real_time) return Time(0);
+  return std::chrono::steady_clock::now().time_since_epoch() - std::chrono::steady_clock::duration(moved_at_.load());
+}
+
 void VirtualClock::leave() {
   running();
   const std::lock_guard lock(mutex_);
   std::erase(entries_, &intruder_);
+  if (Entry* const stuck = displaced_.exchange(nullptr)) {  // it has the baton back before it knew of its loss
+    stuck->due = now();
+    current_ = stuck;
+    stuck->turn.notify_one();
+    return;
+  }
   pass_baton();
 }
 
@@ -240,6 +260,7 @@ void VirtualClock::hand_over(Entry& self, Time due) {
 
 /// Under the lock; every task that has not ended waits, and somebody always goes on.
 void VirtualClock::pass_baton() {
+  moved();
   Entry* const next = choose();
   if (next == current_) return;
   current_ = next;
@@ -275,6 +296,7 @@ bool VirtualClock::pace_to(Time due) {
       return false;
     }
     std::this_thread::sleep_for(std::min(kSlice, due - wall()));
+    moved();
   }
   // Somebody thought at the prompt, or the machine is too slow: go on from here at the right pace.
   if (const Time lag = wall() - due; lag > kForgetLag) origin_ += lag;

@@ -68,6 +68,9 @@ class Clock {
   /// Whether the task that break_in() took the turn from has not come back yet.
   virtual bool displaced() = 0;
   virtual void leave() = 0;
+  /// Wall time since the baton last changed hands, or since the clock last looked while all waited: at the pace of the
+  /// wall clock, how long the program has been stuck. Zero at any other pace. Any thread.
+  virtual Time stuck_for() const noexcept = 0;
 
   void sleep_for(Time duration) { sleep_until(now() + duration); }
 };

@@ -8,26 +8,52 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo {
+namespace {
+
+constexpr Time kLook = std::chrono::milliseconds(50);  // how often the watch looks while the coils are energised
+constexpr double kShortest = 1e-3;                     // s: set-points closer than this are one
+constexpr Time kRamp = std::chrono::milliseconds(500), kRampStep = std::chrono::milliseconds(20);
+constexpr double kZero = 0.05;  // A, of a reading: noise and offsets of amplifiers are below
+
+bool is_zero(std::span<const double> currents) {
+  return std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
+}
+
+}  // namespace
 
 void InterlockLimits::check() const {
   if (!(current > 0)) throw std::invalid_argument("current limit must be above zero");
   if (!(total_current > 0)) throw std::invalid_argument("total_current limit must be above zero");
+  if (!(slew > 0)) throw std::invalid_argument("slew limit must be above zero");
+  if (!(dead_man >= 0.05 && dead_man <= 5)) throw std::invalid_argument("dead_man must be in [0.05, 5] s");
+  heat.check();
 }
 
-Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits) : amplifier_(amplifier), limits_(limits) {
+Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Clock* clock)
+    : amplifier_(amplifier),
+      limits_(limits),
+      clock_(clock),
+      temperature_(limits.heat, amplifier.channels()),
+      sent_(static_cast<std::size_t>(amplifier.channels()), 0.0) {
   limits_.check();
+  if (clock_ == nullptr) return;
+  sent_at_ = warmed_at_ = clock_->now();
+  watch_ = clock_->spawn("interlock", [this] { watch(); });
 }
+
+Interlock::~Interlock() = default;
 
 double Interlock::current_limit() const { return std::min(limits_.current, amplifier_.current_limit()); }
 
-void Interlock::set_currents(std::span<const double> currents) {
-  const auto refuse = [&](const std::string& why) {
-    make_safe();
-    throw DeviceError(DeviceErrorKind::refused, "coils", why + "; the coils are at zero");
-  };
-  if (!enabled_) throw DeviceError(DeviceErrorKind::refused, "coils", "the interlock is open; enable it first");
+void Interlock::refuse(const std::string& why) {
+  trip(why);
+  throw DeviceError(DeviceErrorKind::refused, "coils", why + "; the coils are at zero");
+}
+
+void Interlock::check(std::span<const double> currents) {
   double total = 0;
   for (std::size_t channel = 0; channel < currents.size(); ++channel) {
     const double magnitude = std::abs(currents[channel]);
@@ -39,12 +65,142 @@ void Interlock::set_currents(std::span<const double> currents) {
   }
   if (total > limits_.total_current)
     refuse(fmt::format("{:.3g} A in all are beyond the limit of {:.3g} A", total, limits_.total_current));
+  if (clock_ != nullptr && currents.size() == sent_.size()) check_slew(currents);
+}
+
+void Interlock::check_slew(std::span<const double> currents) {
+  const double since = std::max(to_seconds(clock_->now() - sent_at_), kShortest);
+  for (std::size_t channel = 0; channel < currents.size(); ++channel) {
+    const double slew = std::abs(currents[channel] - sent_[channel]) / since;
+    // Towards zero may be as fast as it likes.
+    if (slew > limits_.slew && std::abs(currents[channel]) > std::abs(sent_[channel]))
+      refuse(fmt::format("coil {}: from {:.3g} A to {:.3g} A within {:.3g} ms is beyond the limit of {:.3g} A/s",
+                         channel + 1, sent_[channel], currents[channel], since * 1e3, limits_.slew));
+  }
+}
+
+void Interlock::set_currents(std::span<const double> currents) {
+  if (!enabled_)
+    throw DeviceError(DeviceErrorKind::refused, "coils",
+                      "the interlock is open" + (tripped_.empty() ? "" : " (" + tripped_ + ")") + "; enable it first");
+  check(currents);
+  if (!paused_) send(currents);
+}
+
+void Interlock::send(std::span<const double> currents) {
+  warm_up();
+  energised_ = energised_ || !is_zero(currents);
   amplifier_.set_currents(currents);
+  sent_.assign(currents.begin(), currents.end());
+  energised_ = !is_zero(currents);
+  if (clock_ == nullptr) return;
+  sent_at_ = clock_->now();
+  if (energised_) clock_->notify(energised_changed_);
+}
+
+/// The currents since the last time have warmed the coils.
+void Interlock::warm_up() {
+  if (clock_ == nullptr) return;
+  temperature_.advance(to_seconds(clock_->now() - warmed_at_), sent_);
+  warmed_at_ = clock_->now();
+}
+
+std::vector<double> Interlock::temperatures() {
+  if (clock_ == nullptr) return {};
+  warm_up();
+  return temperature_.temperatures();
 }
 
 void Interlock::make_safe() {
   enabled_ = false;
+  warm_up();
   amplifier_.make_safe();
+  std::fill(sent_.begin(), sent_.end(), 0.0);
+  energised_ = false;
+}
+
+void Interlock::enable() {
+  enabled_ = true;
+  tripped_.clear();
+  for (Heart* heart : hearts_) heart->beat();
+}
+
+void Interlock::trip(const std::string& why) {
+  const std::string before = std::exchange(tripped_, why);
+  std::exception_ptr failure;
+  try {
+    make_safe();
+  } catch (const DeviceError& error) {
+    tripped_ += std::string("; and the amplifier does not answer: ") + error.what();
+    failure = std::current_exception();
+  }
+  if (on_trip_ && tripped_ != before) on_trip_(tripped_);
+  if (failure) std::rethrow_exception(failure);
+}
+
+void Interlock::pause(PausePolicy policy) {
+  if (policy == PausePolicy::hold) return;
+  paused_ = true;
+  if (policy == PausePolicy::ramp && clock_ != nullptr) {
+    const std::vector<double> from = sent_;
+    const Time began = clock_->now();
+    while (enabled_ && clock_->now() - began < kRamp) {
+      clock_->sleep_for(kRampStep);
+      const double left = 1 - std::min(1.0, to_seconds(clock_->now() - began) / to_seconds(kRamp));
+      std::vector<double> now = from;
+      for (double& current : now) current *= left;
+      if (enabled_) send(now);
+    }
+  }
+  if (enabled_) send(std::vector<double>(sent_.size(), 0.0));
+}
+
+void Interlock::resume() {
+  if (!paused_) return;
+  const std::vector<double> read = amplifier_.currents();
+  for (std::size_t channel = 0; channel < read.size(); ++channel)
+    if (std::abs(read[channel]) > kZero)
+      refuse(fmt::format("coil {} carries {:.3g} A after a pause at zero", channel + 1, read[channel]));
+  paused_ = false;
+}
+
+void Interlock::watch() {
+  while (true) {
+    clock_->wait(
+        energised_changed_, [this] { return energised_.load(); }, kForever);
+    clock_->sleep_for(kLook);
+    warm_up();
+    if (!energised_) continue;
+    try {
+      if (temperature_.hottest() > limits_.heat.limit)
+        trip(fmt::format("a coil is at {:.0f} degC by the estimate from its currents, beyond the limit of {:.0f} degC",
+                         temperature_.hottest() - 273.15, limits_.heat.limit - 273.15));
+      else
+        look_at_hearts();
+    } catch (const DeviceError&) {  // told by trip(); the next look tries again
+    }
+  }
+}
+
+void Interlock::look_at_hearts() {
+  for (const Heart* heart : hearts_) {
+    const double since = to_seconds(clock_->now() - heart->last_);
+    if (since <= limits_.dead_man) continue;
+    trip(fmt::format("dead-man: {} has not moved for {:.0f} ms", heart->name_, since * 1e3));
+    return;
+  }
+}
+
+Interlock::Heart::Heart(Interlock& interlock, std::string name)
+    : interlock_(interlock), name_(std::move(name)), last_{} {
+  beat();
+  interlock_.hearts_.push_back(this);
+}
+
+Interlock::Heart::~Heart() { std::erase(interlock_.hearts_, this); }
+
+void Interlock::Heart::beat() {
+  if (interlock_.clock_ != nullptr) last_ = interlock_.clock_->now();
 }
 
 }  // namespace vitreo

@@ -2,23 +2,37 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/clock.h"
 #include "devices/coil_amplifier.h"
+#include "host/coil_temperature.h"
 
+#include <atomic>
+#include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 namespace vitreo {
 
 struct InterlockLimits {
   double current = 12;        // A, per channel
   double total_current = 60;  // A, sum of magnitudes
-  void check() const;         // throws std::invalid_argument naming the limit
+  double slew = 2000;         // A/s: largest change of a channel since the last set-point, over the time between
+  double dead_man = 0.25;     // s, within which every heart must beat while the coils are energised
+  CoilHeat heat{};
+  void check() const;  // throws std::invalid_argument naming the limit
 };
 
-/// Refuses (DeviceError{refused}, the outputs go to zero) what is beyond a limit or not a number. After make_safe() it
-/// stays at zero, and refuses, until enable().
+/// What the coils may do while the field is paused.
+enum class PausePolicy { hold, ramp, zero };
+
+/// Refuses (DeviceError{refused}, the outputs go to zero) what is beyond a limit or not a number. After make_safe(), or
+/// a trip, it stays at zero, and refuses, until enable(). Without a clock the rules of time (slew, heat, dead-man)
+/// rest.
 class Interlock : public CoilAmplifier {
  public:
-  Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits);
+  Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Clock* clock = nullptr);
+  ~Interlock() override;
   std::string identity() const override { return amplifier_.identity(); }
   int channels() const override { return amplifier_.channels(); }
   double current_limit() const override;
@@ -28,12 +42,60 @@ class Interlock : public CoilAmplifier {
   void make_safe() override;
   bool enabled() const { return enabled_; }
   /// Lets set-points through again; the outputs stay at zero until one comes.
-  void enable() { enabled_ = true; }
+  void enable();
+
+  /// A loop that must stay alive for the coils to stay energised: it beats at each turn. It lives as long as the loop.
+  class Heart {
+   public:
+    Heart(Interlock& interlock, std::string name);
+    ~Heart();
+    Heart(const Heart&) = delete;
+    Heart& operator=(const Heart&) = delete;
+    void beat();
+
+   private:
+    friend class Interlock;
+    Interlock& interlock_;
+    const std::string name_;
+    Time last_;
+  };
+
+  /// Opens at once, the coils at zero, and says why: to `on_trip` and in each refusal until it is enabled again.
+  void trip(const std::string& why);
+  void on_trip(std::function<void(const std::string&)> listener) { on_trip_ = std::move(listener); }
+  /// Why it is open; empty when it is not, or when it was asked to.
+  const std::string& tripped() const { return tripped_; }
+  /// Any thread: whether a current may flow.
+  bool energised() const noexcept { return energised_; }
+  std::vector<double> temperatures();  // K, estimated; empty without a clock
+
+  /// The coils go to zero (zero: at once; ramp: within 0.5 s); set-points are dropped, not queued, until resume().
+  void pause(PausePolicy policy);
+  /// Throws DeviceError when the amplifier does not read back zero, so that nobody goes on on a wrong belief.
+  void resume();
 
  private:
+  void check(std::span<const double> currents);
+  void check_slew(std::span<const double> currents);
+  [[noreturn]] void refuse(const std::string& why);
+  void send(std::span<const double> currents);
+  void warm_up();
+  void watch();
+  void look_at_hearts();
+
   CoilAmplifier& amplifier_;
-  InterlockLimits limits_;
-  bool enabled_ = true;
+  const InterlockLimits limits_;
+  Clock* const clock_;
+  bool enabled_ = true, paused_ = false;
+  std::atomic<bool> energised_{false};
+  std::string tripped_;
+  std::function<void(const std::string&)> on_trip_;
+  CoilTemperature temperature_;
+  std::vector<double> sent_;  // A
+  Time sent_at_{}, warmed_at_{};
+  std::vector<Heart*> hearts_;
+  Signal energised_changed_;
+  std::unique_ptr<Task> watch_;
 };
 
 }  // namespace vitreo

@@ -181,8 +181,11 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
     if (sim::Laboratory* laboratory = stage.rig->laboratory(); laboratory != nullptr && period > 0)
       session.keep(observe_truth(*stage.clock, *laboratory, period, *stage.recorder));
     {
+      Interlock* const coils = session.rig.coils;
       const Watchdog watchdog(session.control, *stage.clock, request.watchdog,
-                              [&] { give_up(stage, session.control, began); });
+                              {[&] { give_up(stage, session.control, began); },
+                               [coils] { return coils != nullptr && coils->energised(); },
+                               [coils](const std::string& why) { coils->trip(why); }});
       const auto whole = [&] {
         for (const FramePolicy& policy : policies) session.frames.start(policy);
         body(session);

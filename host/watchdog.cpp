@@ -7,12 +7,12 @@ namespace vitreo {
 namespace {
 
 constexpr std::chrono::milliseconds kLook{20};      // while something is being ended
-constexpr std::chrono::milliseconds kIdle{60'000};  // a request wakes it
+constexpr std::chrono::milliseconds kIdle{50};  // else; a request wakes it
 
 }  // namespace
 
-Watchdog::Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limits, std::function<void()> give_up)
-    : control_(control), clock_(clock), limits_(limits), give_up_(std::move(give_up)) {
+Watchdog::Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limits, WatchdogActions actions)
+    : control_(control), clock_(clock), limits_(limits), actions_(std::move(actions)) {
   sigset_t all, before;  // signals are for the script's thread
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
@@ -29,8 +29,24 @@ Watchdog::~Watchdog() {
 void Watchdog::watch() {
   while (!done_) {
     control_.wait_for_request(control_.tier() == StopTier::none ? kIdle : kLook);
-    if (!done_) look();
+    if (done_) return;
+    look_at_pace();
+    look();
   }
+}
+
+/// The dead-man of the whole host: on the virtual clock time stands still while anything computes, so only a run at the
+/// pace of the wall clock can be late.
+void Watchdog::look_at_pace() {
+  const Time stuck = clock_.stuck_for();
+  if (stuck <= limits_.dead_man || !actions_.energised()) return;
+  clock_.break_in(std::chrono::milliseconds(0));
+  try {
+    actions_.trip("dead-man: the host has not moved for " +
+                  std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(stuck).count()) + " ms");
+  } catch (const std::exception&) {  // told by the interlock, which tries again
+  }
+  clock_.leave();
 }
 
 void Watchdog::look() {
@@ -53,7 +69,7 @@ void Watchdog::take_over() {
   while (!done_) {
     if (control_.since(StopTier::abort).value_or(limits_.grace) >= limits_.grace) {
       control_.set_phase(RunPhase::not_responding);
-      return give_up_();
+      return actions_.give_up();
     }
     if (!clock_.displaced()) break;
     std::this_thread::sleep_for(kLook);

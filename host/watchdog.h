@@ -1,5 +1,6 @@
-// Sees that a run that was told to end does end: devices safe within 250 ms of an abort even when the script is stuck
-// in a call that nothing can interrupt, and the process gone when it stays stuck.
+// Sees that a run that was told to end does end: devices safe within 250 ms of an abort even when the script is stuck in
+// a call that nothing can interrupt, and the process gone when it stays stuck. And that the coils of a program that does
+// not move go to zero.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,6 +10,7 @@
 #include <atomic>
 #include <chrono>
 #include <functional>
+#include <string>
 #include <thread>
 
 namespace vitreo {
@@ -18,14 +20,23 @@ struct WatchdogLimits {
   std::chrono::milliseconds clean_up{6000};  // after a stop; then it is an abort
   std::chrono::milliseconds safe{250};       // after an abort, until the devices are made safe by force
   std::chrono::milliseconds grace{5000};     // after an abort, until the run is given up
+  std::chrono::milliseconds dead_man{250};   // of a program at the pace of the wall clock that does not move
+};
+
+/// What the watchdog does, with the clock's baton in hand.
+struct WatchdogActions {
+  /// Writes the end record of a run that does not respond, and leaves the process.
+  std::function<void()> give_up;
+  /// Whether anything is energised; called from the watchdog's thread at any time.
+  std::function<bool()> energised;
+  /// The coils to zero, and why.
+  std::function<void(const std::string&)> trip;
 };
 
 /// Lives as long as the script runs. A thread of its own, which takes the clock's baton by force when it must.
 class Watchdog {
  public:
-  /// `give_up` writes the end record of a run that does not respond, and leaves the process; it is called with the
-  /// clock's baton in hand.
-  Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limits, std::function<void()> give_up);
+  Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limits, WatchdogActions actions);
   ~Watchdog();
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
@@ -34,11 +45,12 @@ class Watchdog {
   void watch();
   void look();
   void take_over();
+  void look_at_pace();
 
   RunControl& control_;
   Clock& clock_;
   const WatchdogLimits limits_;
-  const std::function<void()> give_up_;
+  const WatchdogActions actions_;
   std::atomic<bool> done_{false};
   std::thread thread_;
 };

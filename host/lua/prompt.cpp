@@ -8,6 +8,8 @@
 
 #include <istream>
 #include <ostream>
+#include <poll.h>
+#include <unistd.h>
 
 namespace vitreo::lua {
 namespace {
@@ -71,6 +73,12 @@ void take_line(ScriptRun& script, std::string& chunk, const std::string& line, s
   chunk.clear();
 }
 
+/// While somebody thinks, the loop goes on holding the robot.
+void wait_for_line(Clock& clock, std::istream& in) {
+  pollfd input{STDIN_FILENO, POLLIN, 0};
+  while (in.rdbuf()->in_avail() <= 0 && poll(&input, 1, 0) == 0) clock.sleep_for(std::chrono::milliseconds(20));
+}
+
 }  // namespace
 
 void run_prompt(ScriptRun& script, std::istream& in, std::ostream& out, bool interactive) {
@@ -89,6 +97,7 @@ void run_prompt(ScriptRun& script, std::istream& in, std::ostream& out, bool int
   script.context().session->control.set_idle(true);
   const auto ask = [&] {
     if (interactive) out << (chunk.empty() ? "> " : ">> ") << std::flush;
+    if (interactive && script.context().session->real_time) wait_for_line(script.context().session->clock, in);
     return static_cast<bool>(std::getline(in, line));
   };
   while (ask()) take_line(script, chunk, line, out);

@@ -7,6 +7,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
+#include <string>
 
 namespace vitreo {
 namespace {
@@ -69,6 +71,111 @@ TEST_F(InterlockTest, TheSmallerLimitHolds) {
   EXPECT_EQ(interlock.current_limit(), 5);
   Interlock wide(amplifier, {50, 100});
   EXPECT_EQ(wide.current_limit(), 10);
+}
+
+/// With a clock, the rules of time hold as well.
+struct TimedInterlockTest : testing::Test {
+  static InterlockLimits limits() {
+    InterlockLimits limits{10, 30};
+    limits.slew = 100;
+    return limits;
+  }
+  std::unique_ptr<Clock> clock = virtual_clock();
+  FakeAmplifier amplifier;
+  std::string told;
+  Interlock interlock{amplifier, limits(), clock.get()};
+  void SetUp() override {
+    interlock.on_trip([this](const std::string& why) { told += why + ";"; });
+    clock->sleep_for(from_seconds(1));
+  }
+};
+
+TEST_F(TimedInterlockTest, AChangeThatIsTooFastMeansZeroButTowardsZeroNoneIs) {
+  interlock.set_currents(std::vector<double>{5, 0, 0});
+  clock->sleep_for(from_seconds(0.01));
+  interlock.set_currents(std::vector<double>{0, 0, 0});
+  clock->sleep_for(from_seconds(0.01));
+  interlock.set_currents(std::vector<double>{0, 0.9, 0});
+  clock->sleep_for(from_seconds(0.01));
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{0, 3, 0}), DeviceError);
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_EQ(told, "coil 2: from 0.9 A to 3 A within 10 ms is beyond the limit of 100 A/s;");
+}
+
+TEST_F(TimedInterlockTest, AHeartThatStopsBeatingMeansZeroWithinTheDeadMansTime) {
+  {
+    Interlock::Heart heart(interlock, "the loop");
+    interlock.set_currents(std::vector<double>{5, 0, 0});
+    for (int i = 0; i < 20; ++i) {
+      clock->sleep_for(from_seconds(0.1));
+      heart.beat();
+    }
+    EXPECT_EQ(amplifier.set[0], 5) << "it beats";
+    clock->sleep_for(from_seconds(0.24));
+    EXPECT_EQ(amplifier.set[0], 5);
+    clock->sleep_for(from_seconds(0.07));
+    EXPECT_EQ(amplifier.set[0], 0);
+  }
+  EXPECT_EQ(told, "dead-man: the loop has not moved for 300 ms;") << told;
+  try {
+    interlock.set_currents(std::vector<double>{1, 0, 0});
+    FAIL() << "taken";
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("dead-man"), std::string::npos) << error.what();
+  }
+  interlock.enable();
+  interlock.set_currents(std::vector<double>{1, 0, 0});
+  EXPECT_EQ(amplifier.set[0], 1);
+}
+
+TEST_F(TimedInterlockTest, AHeartMattersOnlyWhileTheCoilsAreEnergised) {
+  const Interlock::Heart heart(interlock, "the loop");
+  clock->sleep_for(from_seconds(10));
+  EXPECT_TRUE(interlock.enabled());
+  EXPECT_EQ(told, "");
+}
+
+TEST_F(TimedInterlockTest, ACoilThatGetsTooHotMeansZeroAtTheTimeThatTheClosedFormSays) {
+  // At constant resistance: T - T_a = R I^2 R_th (1 - exp(-t / tau)); alpha = 0 here.
+  InterlockLimits hot = limits();
+  hot.heat.temperature_coefficient = 0;
+  hot.heat.limit = hot.heat.ambient + 30;
+  Interlock own(amplifier, hot, clock.get());
+  clock->sleep_for(from_seconds(1));
+  const double began = to_seconds(clock->now());
+  own.set_currents(std::vector<double>{0, 10, 0});
+  while (own.enabled() && to_seconds(clock->now()) < 2000) clock->sleep_for(from_seconds(0.1));
+  const double rise = 1.0 * 100 * 0.5, tau = 770 * 0.5;
+  EXPECT_NEAR(to_seconds(clock->now()) - began, -tau * std::log(1 - 30 / rise), 0.3) << "s";
+  EXPECT_NEAR(own.temperatures()[1], hot.heat.limit, 0.05) << "K";
+  EXPECT_NEAR(own.temperatures()[0], hot.heat.ambient, 1e-9);
+}
+
+TEST_F(TimedInterlockTest, APauseAtZeroDropsSetPointsAndTheResumeEnergisesNothing) {
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  interlock.pause(PausePolicy::ramp);
+  EXPECT_EQ(amplifier.set[0], 0);
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  EXPECT_EQ(amplifier.set[0], 0) << "dropped, not queued";
+  interlock.resume();
+  EXPECT_EQ(amplifier.set[0], 0);
+  clock->sleep_for(from_seconds(0.1));
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  EXPECT_EQ(amplifier.set[0], 4);
+}
+
+TEST_F(TimedInterlockTest, AResumeIsRefusedWhereTheAmplifierReadsSomethingElse) {
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  interlock.pause(PausePolicy::zero);
+  amplifier.set[0] = 4;  // somebody turned a knob
+  EXPECT_THROW(interlock.resume(), DeviceError);
+  EXPECT_EQ(amplifier.set[0], 0);
+  EXPECT_FALSE(interlock.enabled());
+}
+
+TEST_F(TimedInterlockTest, NoSetPointOfAPausedLoopIsBeyondTheLimitsUnnoticed) {
+  interlock.pause(PausePolicy::zero);
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{99, 0, 0}), DeviceError);
 }
 
 TEST(InterlockLimits, LimitsOfNothingAreRefused) {
