@@ -50,3 +50,6 @@ target_link_libraries(vitreo_serialport INTERFACE ${SERIALPORT_LINK_LIBRARIES})
 # The serial C library of HDF5, for `vitreo export --hdf5` alone. OpenCV's image formats load it anyway.
 pkg_check_modules(HDF5 REQUIRED hdf5-serial)
 find_library(HDF5_LIBRARY hdf5 HINTS ${HDF5_LIBRARY_DIRS} REQUIRED)
+pkg_check_modules(HIDAPI REQUIRED IMPORTED_TARGET hidapi-hidraw)  # its other back end has the same symbols: never both
+pkg_check_modules(LIBUSB REQUIRED IMPORTED_TARGET libusb-1.0)
+pkg_check_modules(UMOCKDEV IMPORTED_TARGET umockdev-1.0)          # optional: emulated instruments on the system's own path

@@ -10,6 +10,8 @@ add_library(vitreo_options INTERFACE)
 target_compile_options(vitreo_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
                        -Wnon-virtual-dtor -Woverloaded-virtual -Wno-restrict -Werror -ffp-contract=off)
 target_include_directories(vitreo_options INTERFACE ${CMAKE_SOURCE_DIR})
+# A program loads only the libraries that it calls: most tests want no buses.
+target_link_options(vitreo_options INTERFACE -Wl,--as-needed)
 if(VITREO_SANITIZE)
   target_compile_options(vitreo_options INTERFACE -fsanitize=${VITREO_SANITIZE} -fno-omit-frame-pointer
                          -fno-sanitize-recover=all)

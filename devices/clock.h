@@ -52,6 +52,9 @@ class Clock {
   /// after each notify(signal). Throws Stopped.
   virtual bool wait(Signal& signal, const std::function<bool()>& ready, Time deadline) = 0;
   virtual void notify(Signal& signal) = 0;
+  /// Runs `work`, which blocks in a library or in the kernel, and must itself end within a finite time. Under the wall
+  /// clock the other tasks go on meanwhile, so `work` touches nothing of theirs. Not a wait: it does not throw Stopped.
+  virtual void outside(const std::function<void()>& work) { work(); }
   /// Starts a task; among tasks due at the same time the alphabetical order of the names decides.
   virtual std::unique_ptr<Task> spawn(std::string name, std::function<void()> body) = 0;
   /// The constructing thread's task: its current or next wait throws Stopped, once. Async-signal-safe.
@@ -95,5 +98,10 @@ enum class Pace { as_fast_as_possible, real_time };
 /// be the main task and destroy it there, after every Task. Throws std::logic_error out of a wait when no task could
 /// ever go on.
 std::unique_ptr<Clock> virtual_clock(Pace pace = Pace::as_fast_as_possible);
+
+/// The clock of real instruments: the time is the machine's monotonic clock, counted from the construction. One baton
+/// here too, so what is right under the virtual clock is right here; whoever waits, or is outside(), puts it down.
+/// Construct and destroy it on the main task's thread. now() and nothing else may be called by any thread.
+std::unique_ptr<Clock> wall_clock();
 
 }  // namespace vitreo

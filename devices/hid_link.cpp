@@ -13,7 +13,11 @@ class MemoryHidLink final : public HidLink {
  public:
   MemoryHidLink(HidPeer& peer, Clock& clock, Time latency) : peer_(peer), clock_(clock), latency_(latency) {
     if (latency < Time::zero()) throw std::invalid_argument("latency: must not be negative");
+    peer_.connect([this](std::vector<std::uint8_t> report) { put(std::move(report)); });
   }
+  MemoryHidLink(const MemoryHidLink&) = delete;
+  MemoryHidLink& operator=(const MemoryHidLink&) = delete;
+  ~MemoryHidLink() override { peer_.connect(nullptr); }
 
   void write(std::span<const std::uint8_t> report) override {
     try {
@@ -48,7 +52,10 @@ class MemoryHidLink final : public HidLink {
   };
 
   void deliver(std::span<const std::uint8_t> report) {
-    for (auto& reply : peer_.receive(report)) replies_.push_back({later(clock_.now(), latency_), std::move(reply)});
+    for (auto& reply : peer_.receive(report)) put(std::move(reply));
+  }
+  void put(std::vector<std::uint8_t> report) {
+    replies_.push_back({later(clock_.now(), latency_), std::move(report)});
     clock_.notify(arrival_);
   }
 

@@ -3,8 +3,10 @@
 #pragma once
 
 #include "devices/clock.h"
+#include "devices/usb_address.h"
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -29,11 +31,20 @@ class HidPeer {
   virtual ~HidPeer() = default;
   /// Takes one output report and returns the input reports that answer it.
   virtual std::vector<std::vector<std::uint8_t>> receive(std::span<const std::uint8_t> report) = 0;
+  /// For instruments that speak unasked: `send` puts an input report on the wire. Null when the link goes.
+  using Send = std::function<void(std::vector<std::uint8_t>)>;
+  virtual void connect(Send /*send*/) {}
 };
 
 /// A link in memory. Each report takes `latency` on its way, either way, spent on the clock by the caller; replies wait
 /// in a queue.
 /// `peer` must outlive the link.
 std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time latency);
+
+/// The device with this address, by hidapi and the kernel's hidraw. Throws DeviceError{not_found} (none, or several and
+/// no serial number to choose by), {refused} without the right to open it.
+std::unique_ptr<HidLink> open_hid_link(const UsbAddress& address, Clock& clock);
+/// What is plugged in, whether or not it may be opened; a device with several interfaces comes several times.
+std::vector<UsbIdentity> list_hid_devices();
 
 }  // namespace vitreo

@@ -26,7 +26,6 @@ class SimulatedRig : public OpenRig, public Simulation {
       rig_.model.exact.emplace(rig_.model.eye, rig_.model.microscope, settings.projection_reach);
     if (settings.top_camera) rig_.top_camera = &laboratory_.top_camera();
     if (settings.side_camera) rig_.side_camera = &laboratory_.side_camera();
-    if (settings.lens_mover) rig_.lens_mover = &laboratory_.lens_mover();
     if (settings.sample) rig_.sample = &laboratory_.sample();
     if (settings.pose_sensor) {
       const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
@@ -71,6 +70,7 @@ class SimulatedRig : public OpenRig, public Simulation {
       interlock_ = std::make_unique<Interlock>(*coils_.device, settings.limits);
       rig_.coils = interlock_.get();
     }
+    if (settings.lens_mover) rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
     if (settings.stage) rig_.stage = (stage_ = settings.stage(where)).device.get();
     if (settings.rotation_stage) rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
     if (settings.field_probe) rig_.field_probe = (field_probe_ = settings.field_probe(where)).device.get();
@@ -83,6 +83,7 @@ class SimulatedRig : public OpenRig, public Simulation {
   std::unique_ptr<PoseSensor> pose_sensor_;
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<Interlock> interlock_;
+  Opened<LensMover> lens_mover_;
   Opened<Stage> stage_;
   Opened<RotationStage> rotation_stage_;
   Opened<FieldProbe> field_probe_;

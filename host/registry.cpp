@@ -18,6 +18,16 @@ const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
 }
 
 template <>
+const std::vector<DriverEntry<LensMover>>& drivers() {
+  // "simulated" is what rig files said when there was no driver yet; it means the same motor.
+  static const std::vector<DriverEntry<LensMover>> entries{
+      {"pololu_tic", read_pololu_tic},
+      {"simulated", read_pololu_tic},
+  };
+  return entries;
+}
+
+template <>
 const std::vector<DriverEntry<Stage>>& drivers() {
   static const std::vector<DriverEntry<Stage>> entries{
       {"zaber", read_zaber},
@@ -53,6 +63,14 @@ std::string read_address(ConfigReader& reader) {
     reader.fail("address", problem.what());
   }
   return address;
+}
+
+UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme) {
+  try {
+    return parse_usb_address(scheme, instrument.address);
+  } catch (const std::invalid_argument& problem) {
+    instrument.reader.fail("address", problem.what());
+  }
 }
 
 bool has_real_instruments(const RigDescription& description) {

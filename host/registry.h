@@ -6,9 +6,11 @@
 #include "devices/clock.h"
 #include "devices/coil_amplifier.h"
 #include "devices/field_probe.h"
+#include "devices/lens_mover.h"
 #include "devices/rotation_stage.h"
 #include "devices/sim/laboratory.h"
 #include "devices/stage.h"
+#include "devices/usb_address.h"
 #include "host/config.h"
 
 #include <functional>
@@ -64,6 +66,8 @@ const std::vector<DriverEntry<Role>>& drivers();
 template <>
 const std::vector<DriverEntry<CoilAmplifier>>& drivers();
 template <>
+const std::vector<DriverEntry<LensMover>>& drivers();
+template <>
 const std::vector<DriverEntry<Stage>>& drivers();
 template <>
 const std::vector<DriverEntry<RotationStage>>& drivers();
@@ -72,6 +76,9 @@ const std::vector<DriverEntry<FieldProbe>>& drivers();
 
 /// `address` of a role's table, checked; "emulated" when it is not there.
 std::string read_address(ConfigReader& reader);
+
+/// The address of a USB or HID instrument; `scheme` is "usb" or "hid". Throws ConfigError.
+UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme);
 
 /// Reads `driver`, `address` and what that driver wants. The caller finishes the reader.
 template <class Role>

@@ -116,14 +116,6 @@ void read_role(ConfigReader& rig, const char* role, RigSettings& settings, Opene
   reader.finish();
 }
 
-void read_lens_mover(ConfigReader reader, RigSettings& settings) {
-  settings.lens_mover = true;
-  reader.choice("driver", "simulated", {"simulated"});
-  settings.laboratory.lens_travel = reader.number("travel", settings.laboratory.lens_travel, {0, 50 * kMilli, "m"});
-  settings.laboratory.lens_speed = reader.number("speed", settings.laboratory.lens_speed, {1e-6, 1, "m/s"});
-  reader.finish();
-}
-
 void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   reader.choice("driver", "simulated", {"simulated"});
   sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
@@ -166,9 +158,9 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("top_camera")) read_top_camera(reader.table("top_camera"), settings);
   if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
   if (reader.has("coils")) read_coils(reader.table("coils"), settings);
-  if (reader.has("lens_mover")) read_lens_mover(reader.table("lens_mover"), settings);
   if (reader.has("pose_sensor")) read_pose_sensor(reader.table("pose_sensor"), settings);
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
+  read_role(reader, "lens_mover", settings, settings.lens_mover);
   read_role(reader, "stage", settings, settings.stage);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);
   read_role(reader, "field_probe", settings, settings.field_probe);

@@ -24,9 +24,10 @@ struct RigSettings {
   InterlockLimits limits;
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
-  bool top_camera = false, side_camera = false, lens_mover = false, sample = false;
+  bool top_camera = false, side_camera = false, sample = false;
   // Empty where the rig has none.
   Opener<CoilAmplifier> coils;
+  Opener<LensMover> lens_mover;
   Opener<Stage> stage;
   Opener<RotationStage> rotation_stage;
   Opener<FieldProbe> field_probe;

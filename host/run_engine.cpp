@@ -89,7 +89,7 @@ struct RunStage {
 RunStage build_stage(const RunRequest& request, const RigDescription& description) {
   RunStage stage;
   stage.pace = has_real_instruments(description) ? Pace::real_time : request.pace;
-  stage.clock = virtual_clock(stage.pace);
+  stage.clock = has_real_instruments(description) ? wall_clock() : virtual_clock(stage.pace);
   stage.rig = open_rig(description, *stage.clock, request.seed, request.shifts);
   return stage;
 }

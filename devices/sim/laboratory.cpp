@@ -13,41 +13,6 @@
 namespace vitreo::sim {
 namespace {
 
-class SimulatedLensMover : public LensMover {
- public:
-  SimulatedLensMover(Clock& clock, double travel, double speed) : clock_(clock), travel_(travel), speed_(speed) {}
-  std::string identity() const override { return "simulated BIOM mover"; }
-  double position() const override {
-    const double gone = to_seconds(clock_.now() - started_) * speed_, way = target_ - start_;
-    return gone >= std::abs(way) ? target_ : start_ + std::copysign(gone, way);
-  }
-  void move_to(double target, Time timeout) override {
-    if (!(target >= travel_min() && target <= travel_max()))
-      throw DeviceError(DeviceErrorKind::refused, "lens_mover", "the target is outside the travel");
-    start_ = position();
-    started_ = clock_.now();
-    target_ = target;
-    const Time needed = from_seconds(std::abs(target_ - start_) / speed_);
-    if (needed > timeout) {
-      clock_.sleep_for(timeout);
-      make_safe();
-      throw DeviceError(DeviceErrorKind::timeout, "lens_mover", "not there in time");
-    }
-    clock_.sleep_for(needed);
-  }
-  double travel_min() const override { return -travel_; }
-  double travel_max() const override { return travel_; }
-  void make_safe() override {
-    start_ = target_ = position();
-    started_ = clock_.now();
-  }
-
- private:
-  Clock& clock_;
-  double travel_, speed_, start_ = 0, target_ = 0;
-  Time started_{};
-};
-
 class SimulatedHands : public SampleHandler {
  public:
   SimulatedHands(World& world, Clock& clock) : world_(world), clock_(clock) {}
@@ -113,6 +78,18 @@ std::vector<StageAxis> probe_axes(const StageAxis& each) {
   return axes;
 }
 
+/// m of lens travel per microstep.
+double ustep(const pololu_tic::Settings& lens) { return lens.step_length / lens.usteps_per_step; }
+
+pololu_tic::EmulatorSettings homed_motor(const pololu_tic::Settings& lens) {
+  pololu_tic::EmulatorSettings motor;
+  motor.position_known = true;
+  motor.position = static_cast<std::int32_t>(std::lround(-lens.home_position / ustep(lens)));
+  motor.home_usteps = -motor.position;
+  motor.step_mode = static_cast<std::uint8_t>(std::lround(std::log2(lens.usteps_per_step)));
+  return motor;
+}
+
 /// A backlit chamber: even light, a little brighter below.
 cv::Mat side_ground(int width, int height) {
   cv::Mat ground(height, width, CV_32F);
@@ -129,7 +106,7 @@ struct Laboratory::State {
         clock(the_clock),
         seed(the_seed),
         world(drawn_world(given, the_seed), seed_for(the_seed, Purpose::world)),
-        lens(the_clock, given.lens_travel, given.lens_speed),
+        lens(pololu_tic::make_emulator(homed_motor(given.lens), the_clock)),
         hands(world, the_clock),
         sensor_stage("sensor_stage", {given.sensor_axis}, the_clock),
         sensor_rotation("sensor_rotation", given.sensor_turn, the_clock),
@@ -145,10 +122,11 @@ struct Laboratory::State {
     double lens = 0, sensor = 0, turn = 0;
     bool operator==(const Pose&) const = default;
   };
+  double lens_position() const { return lens->motor_usteps() * ustep(settings.lens); }
   Pose pose(Time time) const {
     if (settings.top_view == TopView::plain) return {};
-    if (settings.top_view == TopView::microscope) return {lens.position(), 0, 0};
-    return {lens.position(), sensor_stage.at(time)[0], sensor_rotation.at(time)};
+    if (settings.top_view == TopView::microscope) return {lens_position(), 0, 0};
+    return {lens_position(), sensor_stage.at(time)[0], sensor_rotation.at(time)};
   }
 
   void look(const Pose& now) {
@@ -231,7 +209,7 @@ struct Laboratory::State {
   Clock& clock;
   std::uint64_t seed;
   World world;
-  SimulatedLensMover lens;
+  std::unique_ptr<pololu_tic::Emulator> lens;
   SimulatedHands hands;
   SimulatedStage sensor_stage;
   SimulatedRotationStage sensor_rotation;
@@ -250,6 +228,7 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
   settings.eye.check();
   if (!(settings.sensor_aperture > 0 && settings.sensor_aperture < 1))
     throw std::invalid_argument("sensor_aperture must be in (0, 1)");
+  settings.lens.check();
   if (settings.eye.size() <= State::kBeforeCondensingLens)
     throw std::invalid_argument("eye: a system with a condensing lens before surface 6 is wanted");
   state_ = std::make_unique<State>(settings, clock, seed);
@@ -277,7 +256,7 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
 Laboratory::~Laboratory() = default;
 Camera& Laboratory::top_camera() { return *state_->top; }
 Camera& Laboratory::side_camera() { return *state_->side; }
-LensMover& Laboratory::lens_mover() { return state_->lens; }
+pololu_tic::Emulator& Laboratory::lens_motor() { return *state_->lens; }
 SampleHandler& Laboratory::sample() { return state_->hands; }
 Stage& Laboratory::sensor_stage() { return state_->sensor_stage; }
 RotationStage& Laboratory::sensor_rotation() { return state_->sensor_rotation; }

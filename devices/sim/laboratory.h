@@ -5,7 +5,8 @@
 #pragma once
 
 #include "devices/camera.h"
-#include "devices/lens_mover.h"
+#include "devices/pololu_tic/driver.h"
+#include "devices/pololu_tic/emulator.h"
 #include "devices/sample_handler.h"
 #include "devices/sim/hardware_draw.h"
 #include "devices/sim/renderer.h"
@@ -52,8 +53,7 @@ struct LaboratorySettings {
   double fundus_width = 30e-3;               // m of retina that the photograph spans
   double amperes_per_volt = 2;               // of the amplifiers behind the USB-3103
   double dac_offset = 2;                     // counts, standard deviation of the outputs' calibration, from the seed
-  double lens_travel = 10e-3;                // m, of the BIOM mover, either way
-  double lens_speed = 5e-3;                  // m/s
+  pololu_tic::Settings lens;                 // of the BIOM's motor: how far a step of it moves the lens
   // Imperfections of the observation itself, for tests of what the loop can and cannot see; world frame, m.
   Eigen::Vector3d truth_shift{0, 0, 0};  // added to the reported truth
   Eigen::Vector3d drawn_shift{0, 0, 0};  // added to where the cameras draw the robot
@@ -74,7 +74,8 @@ class Laboratory {
   ~Laboratory();
   Camera& top_camera();
   Camera& side_camera();
-  LensMover& lens_mover();
+  /// The BIOM's motor, homed before the run; the lens stands at its nominal place.
+  pololu_tic::Emulator& lens_motor();
   SampleHandler& sample();
   Stage& sensor_stage();
   RotationStage& sensor_rotation();

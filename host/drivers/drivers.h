@@ -15,5 +15,6 @@ Opener<FieldProbe> read_simulated_probe(const InstrumentReader& instrument);
 Opener<Stage> read_zaber(const InstrumentReader& instrument);
 Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument);
 Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument);
+Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument);
 
 }  // namespace vitreo

@@ -7,7 +7,6 @@ namespace vitreo {
 
 Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
-  if (!instrument.emulated()) reader.fail("address", "must be \"emulated\"");
   usb3103::Settings settings;
   settings.name = instrument.role;
   settings.amperes_per_volt = reader.number("amperes_per_volt", settings.amperes_per_volt, {0.01, 100, ""});
@@ -15,6 +14,10 @@ Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
   settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {1e-3, 5, "s"});
   const Time latency = from_seconds(reader.number("link_latency", 0, {0, 0.05, "s"}));
   instrument.laboratory.amperes_per_volt = settings.amperes_per_volt;
+  if (!instrument.emulated())
+    return [settings, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
+      return Opened<CoilAmplifier>{nullptr, usb3103::open(open_hid_link(address, where.clock), settings, where.clock)};
+    };
   return [settings, latency](const Surroundings& where) -> Opened<CoilAmplifier> {
     auto link = memory_hid_link(where.laboratory->coil_outputs(), where.clock, latency);
     return {nullptr, usb3103::open(std::move(link), settings, where.clock)};

@@ -84,6 +84,18 @@ int lens_move(Call& call) {
       [](Call&) { return 0; }));
 }
 
+int lens_homed(Call& call) {
+  lua_pushboolean(call.L, call.self<LensMover>().homed() ? 1 : 0);
+  return 1;
+}
+
+int lens_home(Call& call) {
+  LensMover* const mover = &call.self<LensMover>();
+  const Time timeout = from_seconds(call.number_option("timeout").value_or(60));
+  return call.wait(work(
+      call, "lens mover", [=] { mover->home(timeout); }, 2 * timeout, [](Call&) { return 0; }));
+}
+
 int insert_robot(Call& call) {
   SampleHandler* const sample = &call.self<SampleHandler>();
   return call.wait(work(
@@ -230,7 +242,9 @@ const Class& lens_mover_class() {
         "",
         "moves, and waits until it is there",
         lens_move},
-       {"position", {}, "number in m", "from the lens' nominal place, away from the eye", lens_position}}};
+       {"position", {}, "number in m", "from the lens' nominal place, away from the eye", lens_position},
+       {"homed", {}, "boolean", "whether its position can be believed", lens_homed},
+       {"home", {options({timeout("60 s")})}, "", "finds its place by its switch, and waits for it", lens_home}}};
   return kind;
 }
 

@@ -46,7 +46,7 @@ return {
     interlock_total_current = 60 * A,
   },
 
-  lens_mover = { driver = "simulated", travel = 10 * mm, speed = 5 * mm / s },
+  lens_mover = { driver = "pololu_tic", address = "emulated", travel = 10 * mm, speed = 5 * mm / s },
 
   -- For judging control without optics: feeds the truth, late and noisy, to a loop that asks for it by name.
   pose_sensor = { driver = "simulated", frame_rate = 15 * Hz, latency = 80 * ms, noise = 0.3 * 14.3 * um },

@@ -80,6 +80,8 @@ class SlowLens : public LensMover {
   }
   double travel_min() const override { return -5e-3; }
   double travel_max() const override { return 5e-3; }
+  bool homed() const override { return true; }
+  void home(Time) override { position_ = 0; }
   void make_safe() override {}
 
  private:

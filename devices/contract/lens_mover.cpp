@@ -1,0 +1,118 @@
+// The duties of a LensMover, one function each.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/lens_mover.h"
+
+#include "devices/error.h"
+
+#include <cmath>
+#include <limits>
+
+namespace vitreo::contract {
+namespace {
+
+struct Examiner {
+  LensMover& mover;
+  const LensMoverCheck& how;
+  std::vector<std::string> findings{};
+
+  void expect(bool good, const std::string& finding) {
+    if (!good) findings.push_back(finding);
+  }
+  void duty(const std::string& name, void (Examiner::*examine)()) {
+    try {
+      (this->*examine)();
+    } catch (const Stopped&) {
+      mover.make_safe();
+      throw;
+    } catch (const std::exception& error) {
+      findings.push_back(name + ": threw " + error.what());
+    }
+  }
+
+  double middle() const { return (mover.travel_min() + mover.travel_max()) / 2; }
+  double reach() const { return how.fraction * (mover.travel_max() - mover.travel_min()); }
+  void expect_at(double wanted, const std::string& when) {
+    expect(std::abs(mover.position() - wanted) <= how.tolerance, when + ", position() is not where it was sent");
+    if (how.measured) expect(std::abs(how.measured() - wanted) <= how.tolerance, when + ", the lens is not there");
+  }
+  template <class Work>
+  void expect_error(DeviceErrorKind kind, const std::string& name, Work work) {
+    try {
+      work();
+      findings.push_back(name + " is accepted");
+    } catch (const DeviceError& error) {
+      expect(error.kind == kind, name + " ends in an error of another kind: " + error.what());
+    }
+  }
+
+  void describes_itself() {
+    expect(!mover.identity().empty(), "identity() is empty");
+    expect(mover.travel_min() < mover.travel_max(), "its travel is empty");
+    expect(how.fraction > 0 && how.fraction < 0.5, "fraction must be in (0, 0.5)");
+  }
+  void knows_its_place() {
+    if (!mover.homed()) {
+      expect_error(DeviceErrorKind::refused, "a move before it was homed",
+                   [this] { mover.move_to(middle(), how.timeout); });
+      mover.home(how.timeout);
+    }
+    expect(mover.homed(), "it is not homed after home()");
+    expect(std::isfinite(mover.position()), "position() is not a number");
+  }
+  void moves() {
+    for (const double target : {middle(), middle() + reach(), middle() - reach()}) {
+      mover.move_to(target, how.timeout);
+      expect_at(target, "after a move");
+    }
+    const double there = mover.position();
+    mover.move_to(there, how.timeout);
+    expect_at(there, "after a move of no length");
+  }
+  void refuses_what_is_outside_the_travel() {
+    const double before = mover.position();
+    const double beyond = 0.01 * (mover.travel_max() - mover.travel_min());
+    for (const double target : {mover.travel_max() + beyond, mover.travel_min() - beyond,
+                                std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+      expect_error(DeviceErrorKind::refused, "a move to " + std::to_string(target),
+                   [&] { mover.move_to(target, how.timeout); });
+    expect(mover.position() == before, "a refused move moves it");
+  }
+  void stops_at_the_deadline() {
+    mover.move_to(middle() - reach(), how.timeout);
+    expect_error(DeviceErrorKind::timeout, "a move without time",
+                 [this] { mover.move_to(middle() + reach(), Time::zero()); });
+    const double there = mover.position();
+    expect(mover.position() == there, "it still moves after the deadline of a move");
+    expect(mover.homed(), "it forgets its place at the deadline of a move");
+  }
+  void makes_safe() {
+    mover.make_safe();
+    const double there = mover.position();
+    mover.make_safe();
+    expect(mover.position() == there, "it moves by make_safe()");
+  }
+  void works_after_make_safe() {
+    mover.make_safe();
+    mover.move_to(middle(), how.timeout);
+    expect_at(middle(), "moved after make_safe");
+  }
+  void is_left_safe() { mover.make_safe(); }
+};
+
+}  // namespace
+
+std::vector<std::string> check(LensMover& mover, const LensMoverCheck& how) {
+  Examiner examiner{mover, how};
+  examiner.duty("describe itself", &Examiner::describes_itself);
+  examiner.duty("know its place", &Examiner::knows_its_place);
+  if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
+  examiner.duty("move", &Examiner::moves);
+  examiner.duty("refuse what is outside the travel", &Examiner::refuses_what_is_outside_the_travel);
+  examiner.duty("stop at the deadline", &Examiner::stops_at_the_deadline);
+  examiner.duty("make safe", &Examiner::makes_safe);
+  examiner.duty("work after make safe", &Examiner::works_after_make_safe);
+  examiner.duty("be left safe", &Examiner::is_left_safe);
+  return examiner.findings;
+}
+
+}  // namespace vitreo::contract

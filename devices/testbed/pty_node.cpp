@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/testbed/pty_node.h"
+
+#include "devices/error.h"
+
+#include <fcntl.h>
+#include <pty.h>
+#include <termios.h>
+#include <unistd.h>
+#include <utility>
+
+namespace vitreo {
+
+PtyNode::PtyNode() {
+  char name[64] = {};
+  termios raw{};
+  cfmakeraw(&raw);
+  raw.c_cflag |= CREAD | CLOCAL;
+  if (openpty(&far_, &near_, name, &raw, nullptr) != 0)
+    throw DeviceError(DeviceErrorKind::refused, "testbed", "the system has no pseudo-terminal left");
+  path_ = name;
+  for (const int end : {near_, far_}) fcntl(end, F_SETFD, FD_CLOEXEC);
+  fcntl(near_, F_SETFL, O_NONBLOCK);
+}
+
+PtyNode::~PtyNode() {
+  close_far_end();
+  ::close(near_);
+}
+
+void PtyNode::block_output() { tcflow(near_, TCOOFF); }
+void PtyNode::allow_output() { tcflow(near_, TCOON); }
+
+void PtyNode::put_byte() {
+  const char byte = 1;
+  if (far_ >= 0 && ::write(far_, &byte, 1) != 1)
+    throw DeviceError(DeviceErrorKind::refused, "testbed", "a report queue is full");
+}
+
+void PtyNode::take_byte() {
+  char byte = 0;
+  if (::read(near_, &byte, 1) != 1) return;  // hung up meanwhile: nobody waits for it any more
+}
+
+void PtyNode::close_far_end() {
+  if (const int end = std::exchange(far_, -1); end >= 0) ::close(end);
+}
+
+}  // namespace vitreo

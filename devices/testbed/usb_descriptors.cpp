@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/testbed/usb_descriptors.h"
+
+#include <cstdio>
+
+namespace vitreo {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+constexpr std::uint8_t kManufacturer = 1, kProduct = 2, kSerial = 3;  // of the string descriptors
+
+std::string format(const char* pattern, int a, int b = 0, int c = 0) {
+  char text[64];
+  std::snprintf(text, sizeof text, pattern, a, b, c);
+  return text;
+}
+std::string in_hex(const Bytes& bytes) {
+  std::string text;
+  for (const std::uint8_t byte : bytes) text += format("%02X", byte);
+  return text;
+}
+std::uint8_t low(int value) { return static_cast<std::uint8_t>(value & 0xFF); }
+std::uint8_t high(int value) { return static_cast<std::uint8_t>(value >> 8 & 0xFF); }
+
+Bytes device_descriptor(const UsbIdentity& d) {
+  return {18,
+          1,
+          0x00,
+          0x02,
+          0,
+          0,
+          0,
+          8,
+          low(d.vendor),
+          high(d.vendor),
+          low(d.product),
+          high(d.product),
+          low(d.release),
+          high(d.release),
+          kManufacturer,
+          kProduct,
+          kSerial,
+          1};
+}
+/// One configuration, one interface, no endpoint but 0.
+Bytes configuration_descriptor(std::uint8_t interface_class) {
+  return {9, 2, 18, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 0, interface_class, 0, 0, 0};
+}
+Bytes string_descriptor(const std::string& text) {
+  Bytes bytes{low(static_cast<int>(2 + 2 * text.size())), 3};
+  for (const char letter : text) {
+    bytes.push_back(static_cast<std::uint8_t>(letter));
+    bytes.push_back(0);
+  }
+  return bytes;
+}
+
+}  // namespace
+
+UsbPlace::UsbPlace(int number)
+    : device(number + 1),
+      devpath(format("/devices/pci0000:00/0000:00:14.0/usb1/1-%d", number)),
+      name(format("1-%d", number)),
+      node(format("/dev/bus/usb/001/%03d", number + 1)) {}
+
+HidPlace::HidPlace(const UsbPlace& usb, const UsbIdentity& identity)
+    : interface_devpath(usb.devpath + "/" + usb.name + ":1.0"),
+      hid_devpath(interface_devpath + "/" + format("0003:%04X:%04X", identity.vendor, identity.product) +
+                  format(".%04X", usb.device)),
+      raw_devpath(hid_devpath + "/hidraw/hidraw" + std::to_string(usb.device)),
+      node("/dev/hidraw" + std::to_string(usb.device)) {}
+
+std::string describe_usb(const UsbPlace& place, const UsbIdentity& d, std::uint8_t interface_class) {
+  Bytes descriptors = device_descriptor(d);
+  const Bytes configuration = configuration_descriptor(interface_class);
+  descriptors.insert(descriptors.end(), configuration.begin(), configuration.end());
+  const std::string device = std::to_string(place.device);
+  return "P: " + place.devpath + "\nN: " + place.node.substr(5) +
+         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=" + place.node +
+         "\nE: BUSNUM=001\nE: DEVNUM=" + format("%03d", place.device) + "\nA: busnum=1\nA: devnum=" + device +
+         "\nA: speed=12\nA: bConfigurationValue=1\nA: idVendor=" + format("%04x", d.vendor) +
+         "\nA: idProduct=" + format("%04x", d.product) + "\nA: bcdDevice=" + format("%04x", d.release) +
+         "\nA: manufacturer=" + d.manufacturer + "\nA: product=" + d.name + "\nA: serial=" + d.serial +
+         "\nH: descriptors=" + in_hex(descriptors) + "\n\n";
+}
+
+std::string describe_hid(const UsbPlace&, const HidPlace& hid, const UsbIdentity& d, const Bytes& report_descriptor) {
+  return "P: " + hid.interface_devpath +
+         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\nA: bInterfaceNumber=00\n\nP: " + hid.hid_devpath +
+         "\nE: SUBSYSTEM=hid\nE: HID_ID=" + format("0003:%08X:%08X", d.vendor, d.product) +
+         "\nE: HID_NAME=" + d.manufacturer + " " + d.name + "\nE: HID_UNIQ=" + d.serial +
+         "\nH: report_descriptor=" + in_hex(report_descriptor) + "\n\nP: " + hid.raw_devpath +
+         "\nN: " + hid.node.substr(5) + "\nE: SUBSYSTEM=hidraw\nE: DEVNAME=" + hid.node +
+         "\nE: MAJOR=241\nE: MINOR=0\n\n";
+}
+
+Bytes report_descriptor(int usage_page, int usage) {
+  return {0x06,
+          low(usage_page),
+          high(usage_page),
+          0x0A,
+          low(usage),
+          high(usage),
+          0xA1,
+          0x01,  // collection
+          0x85,
+          0x01,
+          0x15,
+          0x00,
+          0x26,
+          0xFF,
+          0x00,
+          0x75,
+          0x08,
+          0x95,
+          0x3F,  // 63 bytes, report 1
+          0x09,
+          0x01,
+          0x81,
+          0x02,
+          0x09,
+          0x01,
+          0x91,
+          0x02,
+          0xC0};  // in, out
+}
+
+std::optional<Bytes> standard_answer(const UsbIdentity& identity, const UsbSetup& setup) {
+  constexpr std::uint8_t kGetDescriptor = 6, kString = 3, kDevice = 1, kConfiguration = 2;
+  if (setup.type != 0x80) return std::nullopt;
+  if (setup.request != kGetDescriptor) return Bytes{};
+  switch (setup.value >> 8) {
+    case kDevice:
+      return device_descriptor(identity);
+    case kConfiguration:
+      return configuration_descriptor(0xFF);
+    case kString:
+      switch (setup.value & 0xFF) {
+        case 0:
+          return Bytes{4, 3, 0x09, 0x04};  // English
+        case kManufacturer:
+          return string_descriptor(identity.manufacturer);
+        case kProduct:
+          return string_descriptor(identity.name);
+        case kSerial:
+          return string_descriptor(identity.serial);
+        default:
+          return std::nullopt;
+      }
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace vitreo

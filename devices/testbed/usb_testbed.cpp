@@ -1,0 +1,357 @@
+// The testbed by umockdev. The only file that knows umockdev and the kernel's usbfs and hidraw from inside.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/testbed/usb_testbed.h"
+
+#include "devices/error.h"
+
+#ifndef VITREO_HAVE_UMOCKDEV
+
+namespace vitreo {
+
+std::string why_no_usb_testbed() { return "this program was built without umockdev"; }
+std::unique_ptr<UsbTestbed> make_usb_testbed() {
+  throw DeviceError(DeviceErrorKind::not_found, "testbed", why_no_usb_testbed());
+}
+
+}  // namespace vitreo
+
+#else
+
+#include "devices/testbed/pty_node.h"
+#include "devices/testbed/usb_descriptors.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <deque>
+#include <errno.h>
+#include <filesystem>
+#include <linux/hidraw.h>
+#include <linux/usbdevice_fs.h>
+#include <map>
+#include <mutex>
+#include <sys/ioctl.h>
+#include <umockdev.h>
+#include <utility>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+using Bytes = std::vector<std::uint8_t>;
+using Data = std::unique_ptr<UMockdevIoctlData, decltype(&g_object_unref)>;
+
+Data resolve(UMockdevIoctlData* from, std::size_t offset, std::size_t size) {
+  return {umockdev_ioctl_data_resolve(from, offset, size, nullptr), g_object_unref};
+}
+
+gboolean done(UMockdevIoctlClient* client, long result, int error = 0) {
+  umockdev_ioctl_client_complete(client, result, error);
+  return TRUE;
+}
+
+/// One device that is plugged in. Its handlers run on the testbed's thread, under the testbed's lock.
+class Plugged {
+ public:
+  Plugged(std::mutex& mutex, std::string node, std::string sysfs)
+      : mutex_(mutex), node_(std::move(node)), sysfs_(std::move(sysfs)), handler_(umockdev_ioctl_base_new()) {
+    g_signal_connect(handler_, "handle-ioctl", G_CALLBACK(on_ioctl), this);
+    g_signal_connect(handler_, "handle-read", G_CALLBACK(on_read), this);
+    g_signal_connect(handler_, "handle-write", G_CALLBACK(on_write), this);
+  }
+  Plugged(const Plugged&) = delete;
+  Plugged& operator=(const Plugged&) = delete;
+  virtual ~Plugged() {
+    g_signal_handlers_disconnect_by_data(handler_, this);
+    g_object_unref(handler_);
+  }
+  /// Announces it: the handler before the device, or a fast client would find a node that nobody answers.
+  void add(UMockdevTestbed* testbed, const std::string& description) {
+    umockdev_testbed_attach_ioctl(testbed, node_.c_str(), handler_, nullptr);
+    GError* error = nullptr;
+    if (umockdev_testbed_add_from_string(testbed, description.c_str(), &error) == FALSE) {
+      const std::string why = error->message;
+      g_error_free(error);
+      throw DeviceError(DeviceErrorKind::refused, "testbed", why);
+    }
+  }
+  virtual void remove(UMockdevTestbed* testbed) {
+    {
+      const std::lock_guard lock(mutex_);
+      gone_ = true;
+      pty_.close_far_end();
+    }
+    umockdev_testbed_uevent(testbed, sysfs_.c_str(), "remove");
+    umockdev_testbed_remove_device(testbed, sysfs_.c_str());
+    umockdev_testbed_detach_ioctl(testbed, node_.c_str(), nullptr);
+  }
+  void set_fault(UsbFault fault) { fault_ = fault; }
+  const PtyNode& pty() const { return pty_; }
+
+ protected:
+  virtual gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) = 0;
+  virtual gboolean read(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
+  virtual gboolean write(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
+
+  std::mutex& mutex_;
+  const std::string node_, sysfs_;
+  PtyNode pty_;  // what poll() sees
+  bool gone_ = false;
+  UsbFault fault_ = UsbFault::none;
+
+ private:
+  static gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
+    return static_cast<Plugged*>(self)->serve(client, [&](Plugged& me) {
+      return me.ioctl(client, umockdev_ioctl_client_get_request(client), umockdev_ioctl_client_get_arg(client));
+    });
+  }
+  static gboolean on_read(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
+    return static_cast<Plugged*>(self)->serve(
+        client, [&](Plugged& me) { return me.read(client, umockdev_ioctl_client_get_arg(client)); });
+  }
+  static gboolean on_write(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
+    return static_cast<Plugged*>(self)->serve(
+        client, [&](Plugged& me) { return me.write(client, umockdev_ioctl_client_get_arg(client)); });
+  }
+  template <class Work>
+  gboolean serve(UMockdevIoctlClient* client, Work work) {
+    const std::lock_guard lock(mutex_);
+    return gone_ ? done(client, -1, ENODEV) : work(*this);
+  }
+
+  UMockdevIoctlBase* const handler_;
+};
+
+/// usbfs: control transfers come as URBs that are submitted and later reaped.
+class PluggedUsb final : public Plugged {
+ public:
+  PluggedUsb(std::mutex& mutex, const std::string& node, const std::string& sysfs, UsbPeer& peer)
+      : Plugged(mutex, node, sysfs), peer_(peer) {
+    pty_.block_output();  // libusb takes a writable node for a URB that can be reaped
+  }
+
+ private:
+  gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) override {
+    switch (request) {
+      case USBDEVFS_GET_CAPABILITIES: {
+        const Data capabilities = resolve(arg, 0, sizeof(std::uint32_t));
+        const std::uint32_t none = 0;
+        std::memcpy(capabilities->data, &none, sizeof none);
+        return done(client, 0);
+      }
+      case USBDEVFS_GETDRIVER:
+      case USBDEVFS_IOCTL:
+      case USBDEVFS_DISCONNECT:
+        return done(client, -1, ENODATA);  // no kernel driver holds it
+      case USBDEVFS_SUBMITURB:
+        return submit(client, arg);
+      case USBDEVFS_REAPURB:
+      case USBDEVFS_REAPURBNDELAY:
+        return reap(client, arg);
+      case USBDEVFS_DISCARDURB:
+        return discard(client, arg);
+      default:  // claims, releases, resets
+        return done(client, 0);
+    }
+  }
+
+  gboolean submit(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
+    Data urb_data = resolve(arg, 0, sizeof(usbdevfs_urb));
+    auto* urb = reinterpret_cast<usbdevfs_urb*>(urb_data->data);
+    const int length = urb->buffer_length;
+    const Data buffer = resolve(urb_data.get(), offsetof(usbdevfs_urb, buffer), static_cast<std::size_t>(length));
+    if (urb->type != USBDEVFS_URB_TYPE_CONTROL || length < 8) return done(client, -1, EINVAL);
+    if (fault_ == UsbFault::silent)
+      pending_.push_back(std::move(urb_data));
+    else {
+      transfer(*urb, buffer->data);
+      finish(std::move(urb_data));
+    }
+    return done(client, 0);
+  }
+
+  void transfer(usbdevfs_urb& urb, std::uint8_t* bytes) {
+    const auto word = [bytes](int at) { return static_cast<std::uint16_t>(bytes[at] | bytes[at + 1] << 8); };
+    const UsbSetup setup{bytes[0], bytes[1], word(2), word(4)};
+    const auto length = static_cast<std::uint16_t>(std::min<int>(word(6), urb.buffer_length - 8));
+    const bool in = (setup.type & 0x80) != 0;
+    const auto standard = standard_answer(peer_.identity(), setup);
+    auto answer =
+        standard ? standard : peer_.control(setup, {bytes + 8, in ? std::size_t{0} : length}, in ? length : 0);
+    urb.status = answer ? 0 : -EPIPE;
+    urb.actual_length = 0;
+    if (!answer) return;
+    if (!in) {
+      urb.actual_length = length;
+      return;
+    }
+    urb.actual_length = static_cast<int>(std::min<std::size_t>(answer->size(), length));
+    std::copy_n(answer->begin(), urb.actual_length, bytes + 8);
+  }
+
+  void finish(Data urb) {
+    finished_.push_back(std::move(urb));
+    pty_.allow_output();
+  }
+
+  gboolean reap(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
+    if (finished_.empty()) {
+      pty_.block_output();
+      return done(client, -1, EAGAIN);
+    }
+    const Data pointer = resolve(arg, 0, sizeof(void*));
+    const Data urb = std::move(finished_.front());
+    finished_.pop_front();
+    umockdev_ioctl_data_set_ptr(pointer.get(), 0, urb.get());
+    return done(client, 0);
+  }
+
+  gboolean discard(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
+    unsigned long address = 0;
+    std::memcpy(&address, arg->data, sizeof address);
+    const auto urb = std::find_if(pending_.begin(), pending_.end(),
+                                  [address](const Data& one) { return one->client_addr == address; });
+    if (urb == pending_.end()) return done(client, -1, EINVAL);
+    reinterpret_cast<usbdevfs_urb*>((*urb)->data)->status = -ENOENT;
+    finish(std::move(*urb));
+    pending_.erase(urb);
+    return done(client, 0);
+  }
+
+  UsbPeer& peer_;
+  std::deque<Data> pending_, finished_;
+};
+
+/// hidraw: reports are written and read whole; one byte waits in the pty for each report that can be read.
+class PluggedHid final : public Plugged {
+ public:
+  PluggedHid(std::mutex& mutex, const std::string& node, const std::string& sysfs, HidPeer& peer, Bytes descriptor)
+      : Plugged(mutex, node, sysfs), peer_(peer), descriptor_(std::move(descriptor)) {
+    peer_.connect([this](Bytes report) { put(std::move(report)); });
+  }
+  ~PluggedHid() override { peer_.connect(nullptr); }
+
+ private:
+  gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) override {
+    if (request == HIDIOCGRDESCSIZE) {
+      const Data size = resolve(arg, 0, sizeof(int));
+      const int bytes = static_cast<int>(descriptor_.size());
+      std::memcpy(size->data, &bytes, sizeof bytes);
+      return done(client, 0);
+    }
+    if (request == HIDIOCGRDESC) {
+      const Data all = resolve(arg, 0, sizeof(hidraw_report_descriptor));
+      std::memcpy(all->data + offsetof(hidraw_report_descriptor, value), descriptor_.data(), descriptor_.size());
+      return done(client, 0);
+    }
+    return done(client, -1, ENOTTY);
+  }
+
+  gboolean write(UMockdevIoctlClient* client, UMockdevIoctlData* arg) override {
+    const Bytes report(arg->data, arg->data + arg->data_len);
+    if (fault_ == UsbFault::none)
+      for (Bytes& reply : peer_.receive(report)) put(std::move(reply));
+    return done(client, arg->data_len);
+  }
+
+  gboolean read(UMockdevIoctlClient* client, UMockdevIoctlData* arg) override {
+    if (reports_.empty()) return done(client, -1, EAGAIN);
+    const Bytes report = std::move(reports_.front());
+    reports_.pop_front();
+    pty_.take_byte();
+    const auto size = std::min<std::size_t>(report.size(), static_cast<std::size_t>(arg->data_len));
+    Bytes all(arg->data, arg->data + arg->data_len);
+    std::copy_n(report.begin(), size, all.begin());
+    umockdev_ioctl_data_update(arg, 0, all.data(), static_cast<int>(size));
+    return done(client, static_cast<long>(size));
+  }
+
+  void put(Bytes report) {
+    if (fault_ == UsbFault::silent || gone_) return;
+    reports_.push_back(std::move(report));
+    pty_.put_byte();
+  }
+
+  HidPeer& peer_;
+  const Bytes descriptor_;
+  std::deque<Bytes> reports_;
+};
+
+class Umockdev final : public UsbTestbed {
+ public:
+  Umockdev() : testbed_(umockdev_testbed_new()) {}
+  Umockdev(const Umockdev&) = delete;
+  Umockdev& operator=(const Umockdev&) = delete;
+  ~Umockdev() override {
+    while (!plugged_.empty()) unplug(plugged_.begin()->first);
+    g_object_unref(testbed_);
+  }
+
+  int plug(UsbPeer& peer) override {
+    const int number = next_++;
+    const UsbPlace place(number);
+    add(number, place.node, std::make_unique<PluggedUsb>(mutex_, place.node, place.sysfs(), peer),
+        describe_usb(place, peer.identity(), 0xFF));
+    return number;
+  }
+  int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page, int usage) override {
+    const int number = next_++;
+    const UsbPlace place(number);
+    const Bytes descriptor = report_descriptor(usage_page, usage);
+    const HidPlace hid(place, identity);
+    add(number, hid.node, std::make_unique<PluggedHid>(mutex_, hid.node, place.sysfs(), peer, descriptor),
+        describe_usb(place, identity, 0x03) + describe_hid(place, hid, identity, descriptor));
+    return number;
+  }
+  void unplug(int plug) override {
+    const auto found = plugged_.find(plug);
+    if (found == plugged_.end()) return;
+    found->second->remove(testbed_);
+    plugged_.erase(found);
+  }
+  void set_fault(int plug, UsbFault fault) override {
+    const std::lock_guard lock(mutex_);
+    plugged_.at(plug)->set_fault(fault);
+  }
+  void with_emulators(const std::function<void()>& work) override {
+    const std::lock_guard lock(mutex_);
+    work();
+  }
+
+ private:
+  void add(int number, const std::string& node, std::unique_ptr<Plugged> device, const std::string& description) {
+    // A link that is there first: umockdev then leaves the node alone.
+    gchar* const root = umockdev_testbed_get_root_dir(testbed_);
+    const fs::path path = std::string(root) + node;
+    g_free(root);
+    fs::create_directories(path.parent_path());
+    device->add(testbed_, description);
+    fs::remove(path);
+    fs::create_symlink(device->pty().path(), path);
+    plugged_.emplace(number, std::move(device));
+  }
+
+  UMockdevTestbed* const testbed_;
+  std::mutex mutex_;
+  std::map<int, std::unique_ptr<Plugged> > plugged_;
+  int next_ = 1;
+};
+
+}  // namespace
+
+std::string why_no_usb_testbed() {
+  const char* const preloaded = std::getenv("LD_PRELOAD");
+  if (preloaded != nullptr && std::string(preloaded).find("libumockdev-preload") != std::string::npos) return "";
+  return "this process was not started by umockdev-wrapper";
+}
+
+std::unique_ptr<UsbTestbed> make_usb_testbed() {
+  if (const std::string why = why_no_usb_testbed(); !why.empty())
+    throw DeviceError(DeviceErrorKind::not_found, "testbed", why);
+  return std::make_unique<Umockdev>();
+}
+
+}  // namespace vitreo
+
+#endif

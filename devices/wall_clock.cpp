@@ -1,0 +1,233 @@
+// The wall clock: tasks are threads that share one baton, a mutex, which whoever waits puts down.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/clock.h"
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <signal.h>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+using Steady = std::chrono::steady_clock;
+constexpr Time kSlice = std::chrono::milliseconds(10);  // how long the main task may be deaf to interrupt()
+
+/// What the clock knows of one task. Touched only with the baton in hand.
+struct Entry {
+  std::thread::id thread;
+  std::unique_lock<std::mutex> baton;
+  std::condition_variable turn;
+  const Signal* signal = nullptr;  // what it waits for, if anything
+  bool notified = false;
+  bool deaf = false;  // its waits must not be broken off: it is cleaning up
+  bool stop = false;
+  bool done = false;
+  Signal ended;
+  std::exception_ptr error;
+};
+
+class WallClock final : public Clock {
+ public:
+  WallClock() {
+    main_.thread = std::this_thread::get_id();
+    main_.baton = std::unique_lock(mutex_);
+    entries_.push_back(&main_);
+    current_ = &main_;
+  }
+
+  Time now() const override { return std::chrono::duration_cast<Time>(Steady::now() - origin_); }
+  void sleep_until(Time due) override;
+  bool wait(Signal& signal, const std::function<bool()>& ready, Time deadline) override;
+  void notify(Signal& signal) override;
+  void outside(const std::function<void()>& work) override;
+  std::unique_ptr<Task> spawn(std::string name, std::function<void()> body) override;
+  void interrupt() noexcept override { interrupted_ = true; }
+  bool set_deaf(bool deaf) override { return std::exchange(running().deaf, deaf); }
+
+  void start(Entry& entry, std::thread& thread, std::function<void()> body);
+  void request_stop(Entry& entry);
+  void join(Entry& entry, bool deaf);
+
+ private:
+  Entry& running();
+  void throw_if_stopped(Entry& self);
+  bool is_stopped(const Entry& self) const {
+    return !self.deaf && (self.stop || (&self == &main_ && interrupted_.load()));
+  }
+  void rest(Entry& self, Time due);
+  void run(Entry& entry, std::function<void()>& body);
+
+  const Steady::time_point origin_ = Steady::now();
+  std::atomic<bool> interrupted_{false};
+  static_assert(std::atomic<bool>::is_always_lock_free, "interrupt() must be async-signal-safe");
+  std::mutex mutex_;             // the baton
+  std::atomic<Entry*> current_;  // who holds it
+  std::vector<Entry*> entries_;  // all that have not ended
+  Entry main_;
+};
+
+class WallTask final : public Task {
+ public:
+  explicit WallTask(WallClock& clock) : clock_(clock) {}
+  ~WallTask() override {
+    if (!thread_.joinable()) return;
+    clock_.request_stop(entry_);
+    clock_.join(entry_, true);
+    clock_.outside([this] { thread_.join(); });
+  }
+  void start(std::function<void()> body) { clock_.start(entry_, thread_, std::move(body)); }
+  void request_stop() override { clock_.request_stop(entry_); }
+  void join() override {
+    clock_.join(entry_, false);
+    if (thread_.joinable()) clock_.outside([this] { thread_.join(); });
+    if (entry_.error) std::rethrow_exception(std::exchange(entry_.error, nullptr));
+  }
+  bool done() const override { return entry_.done; }
+
+ private:
+  WallClock& clock_;
+  Entry entry_;
+  std::thread thread_;
+};
+
+Entry& WallClock::running() {
+  Entry* const entry = current_;
+  if (entry == nullptr || entry->thread != std::this_thread::get_id())
+    throw std::logic_error("wall clock: called by a thread that does not hold the baton");
+  return *entry;
+}
+
+void WallClock::throw_if_stopped(Entry& self) {
+  if (self.deaf) return;
+  if (&self == &main_ && interrupted_.exchange(false)) throw Stopped();
+  if (self.stop) throw Stopped();
+}
+
+/// Puts the baton down until somebody calls or `due` has come; the main task looks up now and then for interrupt(),
+/// which may not touch a condition variable.
+void WallClock::rest(Entry& self, Time due) {
+  const Time until = &self == &main_ ? std::min(due, later(now(), kSlice)) : due;
+  current_ = nullptr;
+  // kForever would overflow the time point: a day, and then another.
+  self.turn.wait_until(self.baton, origin_ + std::min(until, later(now(), std::chrono::hours(24))));
+  current_ = &self;
+}
+
+void WallClock::sleep_until(Time due) {
+  Entry& self = running();
+  throw_if_stopped(self);
+  if (now() >= due) outside([] { std::this_thread::yield(); });
+  while (now() < due && !is_stopped(self)) rest(self, due);
+  throw_if_stopped(self);
+}
+
+bool WallClock::wait(Signal& signal, const std::function<bool()>& ready, Time deadline) {
+  Entry& self = running();
+  throw_if_stopped(self);
+  while (!ready()) {
+    self.signal = &signal;
+    self.notified = false;
+    while (!self.notified && now() < deadline && !is_stopped(self)) rest(self, deadline);
+    self.signal = nullptr;
+    throw_if_stopped(self);
+    if (!self.notified) return ready();
+  }
+  return true;
+}
+
+void WallClock::notify(Signal& signal) {
+  running();
+  for (Entry* entry : entries_)
+    if (entry->signal == &signal) {
+      entry->notified = true;
+      entry->turn.notify_one();
+    }
+}
+
+void WallClock::outside(const std::function<void()>& work) {
+  Entry& self = running();
+  struct Return {
+    WallClock& clock;
+    Entry& self;
+    ~Return() {
+      self.baton.lock();
+      clock.current_ = &self;
+    }
+  } const back{*this, self};
+  current_ = nullptr;
+  self.baton.unlock();
+  work();
+}
+
+void WallClock::request_stop(Entry& entry) {
+  running();
+  entry.stop = true;
+  entry.turn.notify_one();
+}
+
+void WallClock::join(Entry& entry, bool deaf) {
+  Entry& self = running();
+  const bool was_deaf = std::exchange(self.deaf, self.deaf || deaf);
+  try {
+    wait(
+        entry.ended, [&entry] { return entry.done; }, kForever);
+  } catch (...) {
+    self.deaf = was_deaf;
+    throw;
+  }
+  self.deaf = was_deaf;
+}
+
+std::unique_ptr<Task> WallClock::spawn(std::string, std::function<void()> body) {
+  running();
+  auto task = std::make_unique<WallTask>(*this);
+  task->start(std::move(body));
+  return task;
+}
+
+void WallClock::start(Entry& entry, std::thread& thread, std::function<void()> body) {
+  entries_.reserve(entries_.size() + 1);  // nothing may throw once the thread runs
+  // Signals are for the main task: it is the one that can be interrupted, and a new thread inherits the mask.
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  try {
+    thread = std::thread([this, &entry, own = std::move(body)]() mutable { run(entry, own); });
+  } catch (...) {
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+    throw;
+  }
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  entry.thread = thread.get_id();
+  entries_.push_back(&entry);
+}
+
+/// The top of a task's thread.
+void WallClock::run(Entry& entry, std::function<void()>& body) {
+  entry.baton = std::unique_lock(mutex_);
+  current_ = &entry;
+  try {
+    body();
+  } catch (const Stopped&) {
+  } catch (...) {
+    entry.error = std::current_exception();
+  }
+  body = nullptr;  // what it holds dies with the baton in hand
+  entry.done = true;
+  notify(entry.ended);
+  std::erase(entries_, &entry);
+  current_ = nullptr;
+  entry.baton.unlock();
+}
+
+}  // namespace
+
+std::unique_ptr<Clock> wall_clock() { return std::make_unique<WallClock>(); }
+
+}  // namespace vitreo
