@@ -29,12 +29,22 @@ struct CameraInfo {
   double effective_pixel = 0;  ///< m of the observed plane (the aerial image for a microscope on the eye) per pixel
 };
 
+/// What became of the frames since the camera was opened.
+struct CameraStatistics {
+  std::uint64_t delivered = 0;  ///< came whole, whether or not somebody grabbed them
+  std::uint64_t lost = 0;       ///< exposed, by their numbers, but never came
+  std::uint64_t torn = 0;       ///< came in part, and were dropped
+};
+
 class Camera {
  public:
   virtual ~Camera() = default;
   virtual const CameraInfo& info() const = 0;
-  /// Waits for the newest frame that was not yet returned. Throws DeviceError{timeout} after `timeout`, Stopped.
+  /// Waits for the newest frame that was not yet returned. Throws DeviceError{timeout} after `timeout`, {lost};
+  /// Stopped.
   virtual Frame grab(Time timeout) = 0;
+  /// All zero where frames cannot get lost.
+  virtual CameraStatistics statistics() const { return {}; }
 };
 
 }  // namespace vitreo

@@ -3,6 +3,8 @@
 #include "devices/error.h"
 #include "host/commands.h"
 #include "host/control_socket.h"
+#include "host/emulate.h"
+#include "host/instruments.h"
 #include "host/lua/engine.h"
 #include "host/mask_command.h"
 #include "host/progress_line.h"
@@ -275,6 +277,24 @@ int mask(const MaskRequest& request) {
   }
 }
 
+struct DevicesOptions {
+  std::string rig, test;
+  std::vector<std::string> command;
+  bool json = false;
+};
+
+int devices(ScriptEngine& engine, const DevicesOptions& options) {
+  if (!options.test.empty()) {
+    const std::vector<std::string> findings = test_instrument(engine.load_rig(options.rig), options.test);
+    for (const std::string& finding : findings) fmt::print("{}: {}\n", options.test, finding);
+    if (findings.empty()) fmt::print("{}: keeps its contract\n", options.test);
+    return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
+  }
+  const nlohmann::json rows = options.rig.empty() ? find_instruments() : examine_rig(engine.load_rig(options.rig));
+  fmt::print("{}", options.json ? rows.dump() + "\n" : to_text(rows));
+  return 0;
+}
+
 int dispatch(int count, char** words) {
   CLI::App app{
       "Vitreo drives the instruments of a laboratory that steers microrobots inside the eye.\n"
@@ -307,6 +327,16 @@ int dispatch(int count, char** words) {
   const CLI::App* mask_command = add_mask_command(app, wanted_mask);
   RecordCommands records;
   records.add_to(app);
+  DevicesOptions instruments;
+  CLI::App* devices_command = app.add_subcommand("devices", "what is plugged in, and which driver would take it");
+  devices_command->add_option("--rig", instruments.rig, "open this rig file instead, and show each role");
+  devices_command
+      ->add_option("--test", instruments.test, "a role: run its contract suite (it moves, it drives currents!)")
+      ->needs("--rig");
+  devices_command->add_flag("--json", instruments.json, "as JSON, SI units");
+  CLI::App* emulate_command = app.add_subcommand("emulate", "run a command among a rig's emulated instruments");
+  emulate_command->add_option("rig", instruments.rig, "rig file")->required();
+  emulate_command->add_option("command", instruments.command, "after --: the command and its arguments");
   app.set_version_flag("--version", [] { return versions().dump(); });
   try {
     app.parse(count, words);
@@ -323,6 +353,11 @@ int dispatch(int count, char** words) {
   if (run_command->parsed()) return run(*engine, options);
   if (list_command->parsed()) return list(*engine, options.json), 0;
   if (describe_command->parsed()) return describe(engine->describe(protocol_file(options.protocol)), options.json), 0;
+  if (devices_command->parsed()) return devices(*engine, instruments);
+  if (emulate_command->parsed()) {
+    restart_in_testbed(words);
+    return emulate(engine->load_rig(instruments.rig), instruments.command);
+  }
   return prompt(*engine, options);
 }
 

@@ -70,6 +70,10 @@ class SimulatedRig : public OpenRig, public Simulation {
       interlock_ = std::make_unique<Interlock>(*coils_.device, settings.limits);
       rig_.coils = interlock_.get();
     }
+    if (settings.top) rig_.top_camera = (top_ = settings.top(where)).device.get();
+    if (settings.side) rig_.side_camera = (side_ = settings.side(where)).device.get();
+    if (settings.joystick) rig_.joystick = (joystick_ = settings.joystick(where)).device.get();
+    if (settings.pedal) rig_.pedal = (pedal_ = settings.pedal(where)).device.get();
     if (settings.lens_mover) rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
     if (settings.stage) rig_.stage = (stage_ = settings.stage(where)).device.get();
     if (settings.rotation_stage) rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
@@ -81,6 +85,8 @@ class SimulatedRig : public OpenRig, public Simulation {
   std::uint64_t seed_;
   sim::Laboratory laboratory_;
   std::unique_ptr<PoseSensor> pose_sensor_;
+  Opened<Camera> top_, side_;
+  Opened<OperatorInput> joystick_, pedal_;
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<Interlock> interlock_;
   Opened<LensMover> lens_mover_;
@@ -112,7 +118,9 @@ std::vector<std::string> Rig::roles() const {
   std::vector<std::string> names;
   if (coils != nullptr) names.emplace_back("coils");
   if (field_probe != nullptr) names.emplace_back("field_probe");
+  if (joystick != nullptr) names.emplace_back("joystick");
   if (lens_mover != nullptr) names.emplace_back("lens_mover");
+  if (pedal != nullptr) names.emplace_back("pedal");
   if (pose_sensor != nullptr) names.emplace_back("pose_sensor");
   if (rotation_stage != nullptr) names.emplace_back("rotation_stage");
   if (sample != nullptr) names.emplace_back("sample");

@@ -28,6 +28,25 @@ const std::vector<DriverEntry<LensMover>>& drivers() {
 }
 
 template <>
+const std::vector<DriverEntry<OperatorInput>>& drivers() {
+  static const std::vector<DriverEntry<OperatorInput>> entries{
+      {"spacemouse", read_spacemouse},
+      {"foot_pedal", read_foot_pedal},
+  };
+  return entries;
+}
+
+template <>
+const std::vector<DriverEntry<Camera>>& drivers() {
+  static const std::vector<DriverEntry<Camera>> entries{
+      {"genicam", read_genicam},
+      {"image_sequence", read_image_sequence},
+      {"opencv_camera", read_opencv_camera},
+  };
+  return entries;
+}
+
+template <>
 const std::vector<DriverEntry<Stage>>& drivers() {
   static const std::vector<DriverEntry<Stage>> entries{
       {"zaber", read_zaber},

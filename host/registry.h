@@ -3,10 +3,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/camera.h"
 #include "devices/clock.h"
 #include "devices/coil_amplifier.h"
 #include "devices/field_probe.h"
 #include "devices/lens_mover.h"
+#include "devices/operator_input.h"
 #include "devices/rotation_stage.h"
 #include "devices/sim/laboratory.h"
 #include "devices/stage.h"
@@ -67,6 +69,11 @@ template <>
 const std::vector<DriverEntry<CoilAmplifier>>& drivers();
 template <>
 const std::vector<DriverEntry<LensMover>>& drivers();
+template <>
+const std::vector<DriverEntry<OperatorInput>>& drivers();
+/// Of real cameras; the simulated one is the laboratory's own.
+template <>
+const std::vector<DriverEntry<Camera>>& drivers();
 template <>
 const std::vector<DriverEntry<Stage>>& drivers();
 template <>

@@ -7,6 +7,7 @@
 #include "devices/camera.h"
 #include "devices/field_probe.h"
 #include "devices/lens_mover.h"
+#include "devices/operator_input.h"
 #include "devices/pose_sensor.h"
 #include "devices/rotation_stage.h"
 #include "devices/sample_handler.h"
@@ -58,6 +59,8 @@ struct Rig {
   Camera* side_camera = nullptr;
   Interlock* coils = nullptr;  // the only way to the coils
   LensMover* lens_mover = nullptr;
+  OperatorInput* joystick = nullptr;
+  OperatorInput* pedal = nullptr;
   SampleHandler* sample = nullptr;
   Stage* stage = nullptr;
   RotationStage* rotation_stage = nullptr;

@@ -53,9 +53,29 @@ void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixe
   sensor.finish();
 }
 
+/// A simulated camera, or an opener of a real one; both tell the model how large a pixel is.
+Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role, sim::LaboratorySettings& laboratory,
+                               sim::CameraSettings& camera, double& pixel) {
+  std::vector<std::string> names{"simulated"};
+  for (const auto& entry : drivers<Camera>()) names.emplace_back(entry.name);
+  const std::string driver = reader.choice("driver", "simulated", names);
+  if (driver == "simulated") {
+    read_camera(reader, camera, pixel);
+    return nullptr;
+  }
+  for (const char* key : {"width_px", "height_px", "effective_pixel"})
+    if (!reader.has(key)) reader.fail(key, "must be given for a real camera: the model of the view is made with it");
+  const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
+  pixel = reader.number("effective_pixel", pixel, {0.5e-6, 200e-6, "m"});
+  camera.size.width = reader.integer("width_px", camera.size.width, 1, 1 << 16);
+  camera.size.height = reader.integer("height_px", camera.size.height, 1, 1 << 16);
+  for (const auto& entry : drivers<Camera>())
+    if (entry.name == driver) return entry.read(instrument);
+  reader.fail("driver", "is not known");
+}
+
 void read_top_camera(ConfigReader reader, RigSettings& settings) {
   settings.top_camera = true;
-  reader.choice("driver", "simulated", {"simulated"});
   sim::CameraSettings& camera = settings.laboratory.top;
   const std::string view = reader.choice("view", "microscope", {"microscope", "bare_sensor", "plain"});
   settings.laboratory.top_view = view == "plain"         ? sim::TopView::plain
@@ -64,7 +84,7 @@ void read_top_camera(ConfigReader reader, RigSettings& settings) {
   settings.laboratory.sensor_aperture =
       reader.number("sensor_aperture", settings.laboratory.sensor_aperture, {0.005, 0.4, ""});
   optics::ImageScale& image = settings.model.top_image;
-  read_camera(reader, camera, image.pixel);
+  settings.top = read_any_camera(reader, "top_camera", settings.laboratory, camera, image.pixel);
   const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
   image.centre_px = reader.vector2("centre_px", middle, {-8192, 8192, ""});
   optics::Microscope& microscope = settings.model.microscope;
@@ -84,10 +104,9 @@ void read_top_camera(ConfigReader reader, RigSettings& settings) {
 
 void read_side_camera(ConfigReader reader, RigSettings& settings) {
   settings.side_camera = true;
-  reader.choice("driver", "simulated", {"simulated"});
   sim::CameraSettings& camera = settings.laboratory.side;
   camera.size = {656, 490};
-  read_camera(reader, camera, settings.model.side_pixel);
+  settings.side = read_any_camera(reader, "side_camera", settings.laboratory, camera, settings.model.side_pixel);
   const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
   settings.model.side_centre_px = reader.vector2("centre_px", middle, {-8192, 8192, ""});
   reader.finish();
@@ -160,6 +179,8 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("coils")) read_coils(reader.table("coils"), settings);
   if (reader.has("pose_sensor")) read_pose_sensor(reader.table("pose_sensor"), settings);
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
+  read_role(reader, "joystick", settings, settings.joystick);
+  read_role(reader, "pedal", settings, settings.pedal);
   read_role(reader, "lens_mover", settings, settings.lens_mover);
   read_role(reader, "stage", settings, settings.stage);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);

@@ -25,7 +25,9 @@ struct RigSettings {
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
   bool top_camera = false, side_camera = false, sample = false;
-  // Empty where the rig has none.
+  // Empty where the rig has none, or, for cameras, the simulated one.
+  Opener<Camera> top, side;
+  Opener<OperatorInput> joystick, pedal;
   Opener<CoilAmplifier> coils;
   Opener<LensMover> lens_mover;
   Opener<Stage> stage;

@@ -280,6 +280,7 @@ Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& place, Time time) {
 void Laboratory::redraw(std::uint64_t seed) {
   state_->world = World(drawn_world(state_->settings, seed), seed_for(seed, Purpose::world));
 }
+cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) { return state_->draw_top(exposed, number); }
 
 std::optional<Truth> Laboratory::truth(Time time) {
   const BodyState* robot = state_->world.robot(time);

@@ -89,6 +89,9 @@ class Laboratory {
   /// Another machine of the same kind, as `seed` draws its field and the robot's moment; without a robot, its currents
   /// zero until the next set-point.
   void redraw(std::uint64_t seed);
+  /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`; asks the clock for
+  /// the time only, so a camera server may draw from a thread of its own, if it is the only one here meanwhile.
+  cv::Mat top_image(Time exposed, std::uint64_t number);
   /// Nothing while no robot is in the eye. `time` may lie up to a second back.
   std::optional<Truth> truth(Time time);
 

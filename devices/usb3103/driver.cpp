@@ -36,6 +36,10 @@ class Usb3103 final : public CoilAmplifier {
     // First of all, for it may still hold what a host that died asked of it: this sets every output to 0 V.
     for (int channel = 0; channel < kChannels; ++channel)
       send(AnalogOutConfig{static_cast<std::uint8_t>(channel), Range::plus_minus_10_v});
+    if (settings_.enable_line) {
+      set_enabled(false);
+      send(DigitalConfig{static_cast<std::uint8_t>(*settings_.enable_line), false});
+    }
     become_master();
     read_calibration();
     make_safe();
@@ -64,6 +68,7 @@ class Usb3103 final : public CoilAmplifier {
   std::uint16_t counts(int channel, double current) const {
     return counts_from_volts(current / settings_.amperes_per_volt, calibration_[channel]);
   }
+  void set_enabled(bool enabled);
   void send(const Command& command);
   Report ask(const Command& command);
   std::optional<Report> read(Time timeout);
@@ -77,6 +82,7 @@ class Usb3103 final : public CoilAmplifier {
   Clock& clock_;
   std::array<Calibration, kChannels> calibration_{};
   std::array<double, kChannels> currents_{};  // A
+  bool enabled_ = false;
 };
 
 void Usb3103::send(const Command& command) {
@@ -158,8 +164,16 @@ void Usb3103::check(std::span<const double> currents) const {
                                          " is beyond the limit of " + in_short(settings_.current_limit) + " A");
 }
 
+void Usb3103::set_enabled(bool enabled) {
+  if (!settings_.enable_line) return;
+  enabled_ = enabled_ || enabled;  // from here on it may be
+  send(DigitalOut{static_cast<std::uint8_t>(*settings_.enable_line), enabled});
+  enabled_ = enabled;
+}
+
 void Usb3103::set_currents(std::span<const double> currents) {
   check(currents);
+  if (!enabled_) set_enabled(true);  // at zero, before the step
   for (int channel = 0; channel < kChannels; ++channel)
     send(AnalogOut{static_cast<std::uint8_t>(channel), counts(channel, currents[channel]), true});
   std::copy(currents.begin(), currents.end(), currents_.begin());  // from here on they may be out
@@ -186,6 +200,15 @@ void Usb3103::make_safe() {
       }
     }
   }
+  // Whatever became of the zeros: without the amplifiers they do not matter.
+  try {
+    set_enabled(false);
+  } catch (const Stopped&) {
+    stopped = std::current_exception();
+    enabled_ = false;
+  } catch (...) {
+    failure = std::current_exception();
+  }
   if (failure) std::rethrow_exception(failure);
   currents_.fill(0);
   if (stopped) std::rethrow_exception(stopped);
@@ -202,6 +225,8 @@ void Settings::check() const {
   if (current_limit > kFullScale * amperes_per_volt)
     throw std::invalid_argument("current_limit: " + in_short(current_limit) + " A is more than +-10 V can ask for");
   if (!positive(reply_timeout)) throw std::invalid_argument("reply_timeout: must be positive");
+  if (enable_line && (*enable_line < 0 || *enable_line >= kDigitalLines))
+    throw std::invalid_argument("enable_line: must be 0 to 7");
 }
 
 std::unique_ptr<CoilAmplifier> open(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock) {

@@ -8,6 +8,7 @@
 #include "devices/hid_link.h"
 
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace vitreo::usb3103 {
@@ -17,11 +18,15 @@ struct Settings {
   double amperes_per_volt = 2.0;  ///< gain of the amplifiers behind it
   double current_limit = 12.0;    ///< A, per channel
   double reply_timeout = 0.1;     ///< s
-  void check() const;             ///< throws std::invalid_argument naming the setting
+  /// The digital line that enables the amplifiers when it is high, 0 to 7; none: they are always on. Since the device
+  /// has no watchdog, this line is what an emergency stop or a relay can cut.
+  std::optional<int> enable_line{};
+  void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
-/// Opens and configures the device: +-10 V on all channels, calibration read and validated, every output at zero.
-/// Throws DeviceError. Destruction leaves the outputs at zero.
+/// Opens and configures the device: +-10 V on all channels, calibration read and validated, every output at zero,
+/// the amplifiers disabled until currents are set. Throws DeviceError. Destruction leaves the outputs at zero and
+/// the amplifiers disabled.
 std::unique_ptr<CoilAmplifier> open(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock);
 
 }  // namespace vitreo::usb3103

@@ -40,6 +40,7 @@ class EmulatedUsb3103 final : public Emulator {
     return std::visit([this](const auto& what) { return handle(what); }, *command);
   }
   const Voltages& outputs() const override { return outputs_; }
+  bool line_is_high(int line) const override { return (directions_out_ & levels_ & 1U << line) != 0; }
 
  private:
   std::vector<Report> handle(const AnalogOut& command) {
@@ -81,6 +82,16 @@ class EmulatedUsb3103 final : public Emulator {
   }
   std::vector<Report> handle(const GetStatus&) { return {encode_status({master_})}; }
 
+  std::vector<Report> handle(const DigitalConfig& command) {
+    set_bit(directions_out_, command.line, !command.input);
+    return {};
+  }
+  std::vector<Report> handle(const DigitalOut& command) {
+    set_bit(levels_, command.line, command.high);
+    return {};
+  }
+
+  static void set_bit(unsigned& bits, int bit, bool on) { bits = on ? bits | 1U << bit : bits & ~(1U << bit); }
   static double volts(const Channel& channel, std::uint16_t counts) {
     return volts_from_counts(counts, channel.range, channel.calibration);
   }
@@ -95,6 +106,7 @@ class EmulatedUsb3103 final : public Emulator {
   std::array<Channel, kChannels> channels_;
   std::array<std::uint8_t, 0x300> memory_{};
   Voltages outputs_{};
+  unsigned directions_out_ = 0, levels_ = 0;
 };
 
 }  // namespace

@@ -26,6 +26,8 @@ struct EmulatorSettings {
 class Emulator : public HidPeer {
  public:
   virtual const Voltages& outputs() const = 0;
+  /// What a digital line puts out; a line that is an input, as all are after power-up, puts out nothing, which is low.
+  virtual bool line_is_high(int line) const = 0;
 };
 std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings,
                                         std::function<void(const Voltages&)> on_output);

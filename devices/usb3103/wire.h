@@ -17,14 +17,15 @@ namespace vitreo::usb3103 {
 using Bytes = std::span<const std::uint8_t>;
 using Report = std::vector<std::uint8_t>;
 
-constexpr std::uint8_t kAnalogOut = 0x14, kAnalogOutSync = 0x15, kAnalogOutConfig = 0x1C, kMemoryRead = 0x30,
-                       kSetSync = 0x43, kGetStatus = 0x44;
+constexpr std::uint8_t kDigitalConfig = 0x02, kDigitalOut = 0x06, kAnalogOut = 0x14, kAnalogOutSync = 0x15,
+                       kAnalogOutConfig = 0x1C, kMemoryRead = 0x30, kSetSync = 0x43, kGetStatus = 0x44;
 constexpr int kChannels = 8;
+constexpr int kDigitalLines = 8;
 constexpr int kMaxRead = 62;  // bytes of memory in one report, which always has room for all of them
 
 enum class Range : std::uint8_t { zero_to_10_v = 0, plus_minus_10_v = 1 };
 
-/// What the host can say. No command but the last two is answered.
+/// What the host can say. Only MemoryRead and GetStatus are answered.
 struct AnalogOut {
   std::uint8_t channel = 0;
   std::uint16_t counts = 0;
@@ -43,7 +44,16 @@ struct MemoryRead {
   std::uint8_t count = 0;
 };
 struct GetStatus {};
-using Command = std::variant<AnalogOut, AnalogOutSync, AnalogOutConfig, SetSync, MemoryRead, GetStatus>;
+struct DigitalConfig {  ///< the direction of one digital line
+  std::uint8_t line = 0;
+  bool input = false;
+};
+struct DigitalOut {
+  std::uint8_t line = 0;
+  bool high = false;
+};
+using Command =
+    std::variant<AnalogOut, AnalogOutSync, AnalogOutConfig, SetSync, MemoryRead, GetStatus, DigitalConfig, DigitalOut>;
 
 namespace detail {
 inline std::uint8_t low(std::uint16_t value) { return static_cast<std::uint8_t>(value & 0xFF); }
@@ -64,6 +74,8 @@ struct Encoder {
   Report operator()(const SetSync& c) const { return {kSetSync, static_cast<std::uint8_t>(c.master ? 0 : 1)}; }
   Report operator()(const MemoryRead& c) const { return {kMemoryRead, low(c.address), high(c.address), 0, c.count}; }
   Report operator()(const GetStatus&) const { return {kGetStatus}; }
+  Report operator()(const DigitalConfig& c) const { return {kDigitalConfig, c.line, std::uint8_t{c.input}}; }
+  Report operator()(const DigitalOut& c) const { return {kDigitalOut, c.line, std::uint8_t{c.high}}; }
 };
 }  // namespace detail
 
@@ -79,6 +91,8 @@ inline std::optional<Command> decode_command(Bytes b) {
   if (is(kSetSync, 2) && b[1] <= 1) return SetSync{b[1] == 0};
   if (is(kMemoryRead, 5) && b[4] <= kMaxRead) return MemoryRead{detail::word(b, 1), b[4]};
   if (is(kGetStatus, 1)) return GetStatus{};
+  if (is(kDigitalConfig, 3) && b[1] < kDigitalLines && b[2] <= 1) return DigitalConfig{b[1], b[2] == 1};
+  if (is(kDigitalOut, 3) && b[1] < kDigitalLines && b[2] <= 1) return DigitalOut{b[1], b[2] == 1};
   return std::nullopt;
 }
 

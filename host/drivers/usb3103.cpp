@@ -12,6 +12,7 @@ Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
   settings.amperes_per_volt = reader.number("amperes_per_volt", settings.amperes_per_volt, {0.01, 100, ""});
   settings.current_limit = reader.number("current_limit", settings.current_limit, {0.1, 20, "A"});
   settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {1e-3, 5, "s"});
+  if (reader.has("enable_line")) settings.enable_line = reader.integer("enable_line", 0, 0, 7);
   const Time latency = from_seconds(reader.number("link_latency", 0, {0, 0.05, "s"}));
   instrument.laboratory.amperes_per_volt = settings.amperes_per_volt;
   if (!instrument.emulated())

@@ -55,6 +55,9 @@ inline const std::vector<Row> kTable{
      {"Eigen/", "opencv2/core", "opencv2/imgproc", "opencv2/imgcodecs"}},
     // Each instrument's library in one place.
     {"devices/serial_port.cpp", {"devices/"}, {"devices/sim/"}, {"libserialport.h"}, true},
+    {"devices/genicam/", {"devices/"}, {"devices/sim/"}, {"opencv2/core", "arv.h"}, true},
+    {"devices/image_sequence/", {"devices/"}, {"devices/sim/"}, {"opencv2/core", "opencv2/imgcodecs"}},
+    {"devices/opencv_camera/", {"devices/"}, {"devices/sim/"}, {"opencv2/core", "opencv2/videoio"}},
     {"devices/hidapi_link.cpp", {"devices/"}, {"devices/sim/"}, {"hidapi.h"}},
     {"devices/libusb_link.cpp", {"devices/"}, {"devices/sim/"}, {"libusb.h"}},
     {"devices/testbed/", {"devices/"}, {"devices/sim/"}, {"umockdev.h"}, true},

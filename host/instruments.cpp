@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/instruments.h"
+
+#include "devices/contract/camera.h"
+#include "devices/contract/coil_amplifier.h"
+#include "devices/contract/lens_mover.h"
+#include "devices/error.h"
+#include "devices/genicam/driver.h"
+#include "devices/pololu_tic/wire.h"
+#include "host/rig_settings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <map>
+
+namespace vitreo {
+namespace {
+
+using Json = nlohmann::json;
+
+/// Adds what `find` finds, or why it cannot look.
+void look(Json& rows, const std::string& bus, const std::function<void()>& find) {
+  try {
+    find();
+  } catch (const std::exception& problem) {
+    rows.push_back({{"bus", bus}, {"problem", problem.what()}});
+  }
+}
+
+Json row_of(const std::string& bus, const UsbIdentity& found) {
+  return {{"bus", bus},
+          {"address", to_string(bus, {found.vendor, found.product, found.serial})},
+          {"name", found.manufacturer + (found.manufacturer.empty() ? "" : " ") + found.name},
+          {"place", found.place},
+          {"driver", driver_for(found.vendor, found.product)}};
+}
+
+/// Ports that the system knows to be serial: those with a device behind them.
+void find_ports(Json& rows) {
+  std::error_code none;
+  for (std::filesystem::directory_iterator port("/sys/class/tty", none), end; !none && port != end;
+       port.increment(none)) {
+    if (!std::filesystem::exists(port->path() / "device/driver", none)) continue;
+    const std::string node = "/dev/" + port->path().filename().string();
+    rows.push_back({{"bus", "serial"}, {"address", "serial:" + node}, {"name", ""}, {"place", node}, {"driver", ""}});
+  }
+}
+
+Json text_of(const ConfigValue& table, const char* key, const char* fallback) {
+  const auto& keys = std::get<ConfigTable>(table.value);
+  const auto found = keys.find(key);
+  const auto* const text = found == keys.end() ? nullptr : std::get_if<std::string>(&found->second.value);
+  return text == nullptr ? fallback : *text;
+}
+
+void describe(Json& row, Camera& camera) {
+  const CameraInfo& info = camera.info();
+  row["identity"] = info.identity;
+  row["state"] = "streaming";
+  row["limits"] = {{"width_px", info.width_px}, {"height_px", info.height_px}, {"frame_rate", 1 / info.frame_period}};
+}
+void describe(Json& row, CoilAmplifier& coils) {
+  row["identity"] = coils.identity();
+  row["state"] = "at zero";
+  row["limits"] = {{"channels", coils.channels()}, {"current", coils.current_limit()}};
+}
+void describe(Json& row, LensMover& lens) {
+  row["identity"] = lens.identity();
+  row["state"] = lens.homed() ? "homed" : "not homed";
+  row["position"] = lens.position();
+  row["limits"] = {{"travel_min", lens.travel_min()}, {"travel_max", lens.travel_max()}};
+}
+void describe(Json& row, OperatorInput& input) {
+  row["identity"] = input.identity();
+  row["state"] = fmt::format("pressed: {:#x}", input.state().pressed);
+}
+void describe(Json& row, Stage& stage) { row["identity"] = stage.identity(); }
+void describe(Json& row, RotationStage& stage) { row["identity"] = stage.identity(); }
+void describe(Json& row, FieldProbe& probe) { row["identity"] = probe.identity(); }
+
+/// The rig's roles, each opened by a call of its own.
+class Opening {
+ public:
+  explicit Opening(const RigDescription& description)
+      : clock_(has_real_instruments(description) ? wall_clock() : virtual_clock()),
+        reader_(description),
+        settings_(read_rig_settings(reader_)),
+        laboratory_(settings_.laboratory, *clock_, 1) {}
+  Clock& clock() { return *clock_; }
+
+  /// Calls `visit(device)` with the opened role; throws DeviceError, ConfigError for a role that is not in the rig.
+  template <class Visit>
+  void with(const std::string& role, Visit visit) {
+    const Surroundings where{*clock_, &laboratory_};
+    if (role == "top_camera" && settings_.top_camera && !settings_.top) return visit(laboratory_.top_camera());
+    if (role == "side_camera" && settings_.side_camera && !settings_.side) return visit(laboratory_.side_camera());
+    const bool found =
+        open(role, "top_camera", settings_.top, where, visit) ||
+        open(role, "side_camera", settings_.side, where, visit) || open(role, "coils", settings_.coils, where, visit) ||
+        open(role, "lens_mover", settings_.lens_mover, where, visit) ||
+        open(role, "joystick", settings_.joystick, where, visit) ||
+        open(role, "pedal", settings_.pedal, where, visit) || open(role, "stage", settings_.stage, where, visit) ||
+        open(role, "rotation_stage", settings_.rotation_stage, where, visit) ||
+        open(role, "field_probe", settings_.field_probe, where, visit);
+    if (!found) throw ConfigError("the rig has no instrument for the role '" + role + "'");
+  }
+
+ private:
+  template <class Role, class Visit>
+  static bool open(const std::string& wanted, const char* role, const Opener<Role>& opener, const Surroundings& where,
+                   Visit& visit) {
+    if (wanted != role || !opener) return false;
+    const Opened<Role> opened = opener(where);
+    visit(*opened.device);
+    return true;
+  }
+
+  std::unique_ptr<Clock> clock_;
+  ConfigReader reader_;
+  RigSettings settings_;
+  sim::Laboratory laboratory_;
+};
+
+struct Tester {
+  Clock& clock;
+  std::vector<std::string>& findings;
+  void operator()(Camera& camera) const { findings = contract::check(camera, clock); }
+  void operator()(CoilAmplifier& coils) const { findings = contract::check(coils); }
+  void operator()(LensMover& lens) const { findings = contract::check(lens); }
+  template <class Role>
+  void operator()(Role&) const {
+    throw ConfigError("there is no contract suite for this role yet");
+  }
+};
+
+}  // namespace
+
+std::string driver_for(int vendor, int product) {
+  const auto is = [product](std::initializer_list<int> ids) {
+    return std::find(ids.begin(), ids.end(), product) != ids.end();
+  };
+  if (vendor == 0x09DB && product == 0x009C) return "usb3103";
+  const auto& tics = pololu_tic::kProducts;
+  if (vendor == pololu_tic::kVendor && std::find(tics.begin(), tics.end(), product) != tics.end()) return "pololu_tic";
+  if (vendor == 0x046D && is({0xC603, 0xC605, 0xC606, 0xC621, 0xC623, 0xC625, 0xC626, 0xC627, 0xC628, 0xC629, 0xC62B}))
+    return "spacemouse";
+  if (vendor == 0x256F && is({0xC62E, 0xC62F, 0xC631, 0xC632, 0xC633, 0xC635, 0xC636, 0xC638, 0xC63A, 0xC652}))
+    return "spacemouse";
+  if (vendor == 0x05F3 && is({0x0268, 0x00FF})) return "foot_pedal";
+  return "";
+}
+
+Json find_instruments() {
+  Json rows = Json::array();
+  look(rows, "serial", [&] { find_ports(rows); });
+  look(rows, "usb", [&] {
+    for (const UsbIdentity& found : list_usb_devices()) rows.push_back(row_of("usb", found));
+  });
+  look(rows, "hid", [&] {
+    for (const UsbIdentity& found : list_hid_devices()) rows.push_back(row_of("hid", found));
+  });
+  look(rows, "genicam", [&] {
+    for (const genicam::Found& found : genicam::list_cameras())
+      rows.push_back({{"bus", "genicam"},
+                      {"address", "genicam:" + found.identity},
+                      {"name", found.vendor + " " + found.model},
+                      {"place", found.protocol + " " + found.address},
+                      {"driver", "genicam"}});
+  });
+  // The same device as a USB and as a HID one: the driver takes it by one of them.
+  for (Json& row : rows)
+    if (row.value("bus", "") == "usb" && row["driver"] != "pololu_tic") row["driver"] = "";
+  return rows;
+}
+
+Json examine_rig(const RigDescription& description) {
+  Opening opening(description);
+  Json rows = Json::array();
+  static const std::map<std::string, const char*> kRoles{
+      {"top_camera", "simulated"}, {"side_camera", "simulated"}, {"coils", "usb3103"}, {"lens_mover", "pololu_tic"},
+      {"joystick", "spacemouse"},  {"pedal", "foot_pedal"},      {"stage", ""},        {"rotation_stage", ""},
+      {"field_probe", ""}};
+  for (const auto& [role, value] : description.table) {
+    const auto known = kRoles.find(role);
+    if (known == kRoles.end()) continue;
+    Json row = {{"role", role},
+                {"driver", text_of(value, "driver", known->second)},
+                {"link", text_of(value, "address", "emulated")},
+                {"present", false}};
+    try {
+      opening.with(role, [&row](auto& device) { describe(row, device); });
+      row["present"] = true;
+    } catch (const DeviceError& error) {
+      row["state"] = to_string(error.kind);
+      row["why"] = error.what();
+    }
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+std::vector<std::string> test_instrument(const RigDescription& description, const std::string& name) {
+  Opening opening(description);
+  std::vector<std::string> findings;
+  opening.with(name, Tester{opening.clock(), findings});
+  return findings;
+}
+
+std::string to_text(const Json& rows) {
+  std::string text;
+  for (const Json& row : rows) {
+    const auto of = [&row](const char* key) { return row.contains(key) ? row[key].get<std::string>() : std::string(); };
+    if (row.contains("problem"))
+      text += fmt::format("{:<8} cannot be looked at: {}\n", of("bus"), of("problem"));
+    else if (row.contains("role"))
+      text += fmt::format("{:<14} {:<16} {:<28} {}\n", of("role"), of("driver"), of("link"),
+                          row["present"].get<bool>() ? of("identity") + (of("state").empty() ? "" : "; " + of("state"))
+                                                     : "missing: " + of("why"));
+    else
+      text += fmt::format("{:<36} {:<36} {:<24} {}\n", of("address"), of("name"), of("place"),
+                          of("driver").empty() ? "no driver" : "driver " + of("driver"));
+  }
+  return text.empty() ? "nothing is plugged in\n" : text;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,136 @@
+// The GenICam driver against a GigE Vision camera on 127.0.0.1: real packets, real time, so these tests wait for real.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/camera.h"
+#include "devices/error.h"
+#include "devices/genicam/camera_server.h"
+#include "devices/genicam/driver.h"
+
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+
+#include <fcntl.h>
+#include <functional>
+#include <stdexcept>
+#include <sys/file.h>
+#include <unistd.h>
+
+namespace vitreo::genicam {
+namespace {
+
+using namespace std::chrono_literals;
+using Findings = std::vector<std::string>;
+
+/// The number of the exposure in the first four pixels, and in every row's last pixel its low byte: a torn image shows.
+void draw(const Exposure& exposure, cv::Mat& image) {
+  const auto number = static_cast<std::uint32_t>(exposure.number);
+  image.setTo(number % 200);
+  image.col(image.cols - 1).setTo(number & 0xFFU);
+  for (int i = 0; i < 4; ++i) image.at<unsigned char>(0, i) = static_cast<unsigned char>(number >> 8 * i);
+}
+std::string wrong_with(const cv::Mat& image) {
+  std::uint32_t number = 0;
+  for (int i = 0; i < 4; ++i) number |= std::uint32_t{image.at<unsigned char>(0, i)} << 8 * i;
+  for (int v = 1; v < image.rows; ++v)
+    if (image.at<unsigned char>(v, image.cols - 1) != (number & 0xFFU) || image.at<unsigned char>(v, 0) != number % 200)
+      return "rows of different exposures";
+  return "";
+}
+
+struct GigeCamera : ::testing::Test {
+  // The port is fixed and tests run side by side: one at a time.
+  GigeCamera() : lock(::open("/tmp/vitreo_gige_test.lock", O_CREAT | O_RDWR | O_CLOEXEC, 0666)) {
+    flock(lock, LOCK_EX);
+  }
+  ~GigeCamera() override { ::close(lock); }
+  Settings camera_settings() const {
+    Settings settings;
+    settings.camera = "127.0.0.1";
+    settings.width_px = 320;
+    settings.height_px = 240;
+    settings.frame_rate = 50;
+    return settings;
+  }
+  DeviceErrorKind kind_of(const std::function<void()>& work) {
+    try {
+      work();
+    } catch (const DeviceError& error) {
+      EXPECT_EQ(error.device, "camera");
+      return error.kind;
+    }
+    ADD_FAILURE() << "no error";
+    return DeviceErrorKind::protocol;
+  }
+  int lock;
+  std::unique_ptr<Clock> clock = wall_clock();
+};
+
+TEST_F(GigeCamera, KeepsTheContractOfACamera) {
+  const auto server = serve_camera({}, draw);
+  const auto camera = open(camera_settings(), *clock);
+  EXPECT_NE(camera->info().identity.find("VITREO01"), std::string::npos) << camera->info().identity;
+  contract::CameraCheck how;
+  how.content = [](const Frame& frame) { return wrong_with(frame.image); };
+  EXPECT_EQ(contract::check(*camera, *clock, how), Findings{});
+  EXPECT_GT(server->exposures(), 12U);
+}
+
+TEST_F(GigeCamera, CountsFramesThatLostAPacketAndDeliversNoneOfThem) {
+  ServerSettings lossy;
+  lossy.lost_packets = 0.01;  // an image has 56 packets: about four in ten are torn
+  const auto server = serve_camera(lossy, draw);
+  const auto camera = open(camera_settings(), *clock);
+  for (int i = 0; i < 15; ++i) EXPECT_EQ(wrong_with(camera->grab(5s).image), "");
+  const CameraStatistics statistics = camera->statistics();
+  EXPECT_GE(statistics.delivered, 15U);
+  EXPECT_GT(statistics.torn + statistics.lost, 0U);
+}
+
+TEST_F(GigeCamera, IsLostWhenItIsKilledAndOpensAgainWhenItIsBack) {
+  auto server = serve_camera({}, draw);
+  auto camera = open(camera_settings(), *clock);
+  camera->grab(5s);
+  server.reset();
+  const Time start = clock->now();
+  EXPECT_EQ(kind_of([&] {
+              for (;;) camera->grab(5s);
+            }),
+            DeviceErrorKind::lost);
+  EXPECT_LT(clock->now() - start, 4s);  // of the five that a grab may take; the figure of 0.5 s is the bench's
+  server = serve_camera({}, draw);
+  camera.reset();
+  camera = open(camera_settings(), *clock);
+  EXPECT_EQ(wrong_with(camera->grab(5s).image), "");
+}
+
+TEST_F(GigeCamera, IsNotThereWithoutAServer) {
+  Settings nobody = camera_settings();
+  EXPECT_EQ(kind_of([&] { open(nobody, *clock); }), DeviceErrorKind::not_found);
+}
+
+TEST_F(GigeCamera, RefusesASizeThatTheCameraHasNot) {
+  const auto server = serve_camera({}, draw);
+  Settings large = camera_settings();
+  large.width_px = 5000;
+  EXPECT_EQ(kind_of([&] { open(large, *clock); }), DeviceErrorKind::refused);
+}
+
+TEST(GenicamSettings, AreCheckedByName) {
+  const auto complaint = [](Settings settings) -> std::string {
+    try {
+      settings.check();
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what()).substr(0, std::string(error.what()).find(':'));
+    }
+    return "";
+  };
+  EXPECT_EQ(complaint({}), "");
+  EXPECT_EQ(complaint({.width_px = 0}), "width_px");
+  EXPECT_EQ(complaint({.frame_rate = 0}), "frame_rate");
+  EXPECT_EQ(complaint({.exposure = -1}), "exposure");
+  EXPECT_EQ(complaint({.packet_size = 100}), "packet_size");
+  EXPECT_EQ(complaint({.socket_buffer = 0}), "socket_buffer");
+  EXPECT_THROW(ServerSettings{.lost_packets = 2}.check(), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace vitreo::genicam

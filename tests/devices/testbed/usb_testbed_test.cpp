@@ -1,0 +1,205 @@
+// The drivers over the operating system's own path: unmodified libusb and hidapi, emulated devices behind the kernel's
+// interface. ctest starts this program under umockdev-wrapper; these tests wait for real, a few milliseconds each.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/testbed/usb_testbed.h"
+
+#include "devices/contract/coil_amplifier.h"
+#include "devices/contract/lens_mover.h"
+#include "devices/error.h"
+#include "devices/pololu_tic/driver.h"
+#include "devices/pololu_tic/emulator.h"
+#include "devices/usb3103/driver.h"
+#include "devices/usb3103/emulator.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+using Findings = std::vector<std::string>;
+const UsbIdentity kUsb3103{0x09DB, 0x009C, 0x0100, "01A2B3C4", "Measurement Computing Corp", "USB-3103", ""};
+
+struct UsbTestbedTest : ::testing::Test {
+  DeviceErrorKind kind_of(const std::function<void()>& work) {
+    try {
+      work();
+    } catch (const DeviceError& error) {
+      return error.kind;
+    }
+    ADD_FAILURE() << "no error";
+    return DeviceErrorKind::refused;
+  }
+  std::unique_ptr<Clock> clock = wall_clock();
+  std::unique_ptr<UsbTestbed> testbed = make_usb_testbed();
+};
+
+struct TicOverLibusb : UsbTestbedTest {
+  ~TicOverLibusb() override { testbed.reset(); }  // before the emulator that is plugged in
+  static pololu_tic::EmulatorSettings near_home() {
+    pololu_tic::EmulatorSettings settings;
+    settings.home_usteps = -160;  // 0.1 mm below: the tests wait for real
+    return settings;
+  }
+  static pololu_tic::Settings small() {
+    pololu_tic::Settings settings;
+    settings.travel_max = 0.1e-3;
+    settings.travel_min = settings.home_position = -0.1e-3;
+    settings.acceleration = 0.5;
+    return settings;
+  }
+  std::unique_ptr<LensMover> open() {
+    return pololu_tic::open(open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3"), *clock), small(), *clock);
+  }
+  std::unique_ptr<pololu_tic::Emulator> emulator = pololu_tic::make_emulator(near_home(), *clock);
+  int plug = testbed->plug(*emulator);
+};
+
+TEST_F(TicOverLibusb, IsListedWithItsStrings) {
+  const auto found = list_usb_devices();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].vendor, 0x1FFB);
+  EXPECT_EQ(found[0].serial, "00123456");
+  EXPECT_EQ(found[0].name, "Tic");
+}
+
+TEST_F(TicOverLibusb, KeepsTheContractOfALensMover) {
+  const auto lens_mover = open();
+  EXPECT_EQ(lens_mover->identity(), "Pololu Tic T825, firmware 1.06, serial 00123456");
+  contract::LensMoverCheck how;
+  how.measured = [this] {
+    double usteps = 0;
+    testbed->with_emulators([&] { usteps = emulator->motor_usteps(); });
+    return usteps * 5e-6 / 8;
+  };
+  EXPECT_EQ(contract::check(*lens_mover, how), Findings{});
+}
+
+TEST_F(TicOverLibusb, IsNotThereUnderAnotherSerialNumber) {
+  const auto other = [&] { open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3:99"), *clock); };
+  EXPECT_EQ(kind_of(other), DeviceErrorKind::not_found);
+}
+
+TEST_F(TicOverLibusb, MustBeNamedByItsSerialNumberWhenThereAreTwo) {
+  auto settings = near_home();
+  settings.serial = "2";
+  const auto second = pololu_tic::make_emulator(settings, *clock);
+  const int other = testbed->plug(*second);
+  EXPECT_EQ(kind_of([&] { open(); }), DeviceErrorKind::not_found);
+  EXPECT_EQ(open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3:2"), *clock)->identity().serial, "2");
+  testbed->unplug(other);
+}
+
+TEST_F(TicOverLibusb, ReportsAStalledTransferAsARefusal) {
+  const auto link = open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3"), *clock);
+  EXPECT_EQ(kind_of([&] { link->write({0x40, 0x77, 0, 0}, {}, 1s); }), DeviceErrorKind::refused);
+}
+
+TEST_F(TicOverLibusb, GivesUpOnASilentDeviceAtTheDeadline) {
+  const auto lens_mover = open();
+  testbed->set_fault(plug, UsbFault::silent);
+  const Time start = clock->now();
+  EXPECT_EQ(kind_of([&] { lens_mover->position(); }), DeviceErrorKind::timeout);
+  EXPECT_GE(clock->now() - start, 90ms);
+  testbed->set_fault(plug, UsbFault::none);
+  EXPECT_NO_THROW(lens_mover->position());
+}
+
+TEST_F(TicOverLibusb, NoticesAnUnplugInsideATransfer) {
+  const auto link = open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3"), *clock);
+  testbed->set_fault(plug, UsbFault::silent);
+  const auto hand = clock->spawn("hand", [&] {
+    clock->sleep_for(20ms);
+    clock->outside([&] { testbed->unplug(plug); });
+  });
+  const Time start = clock->now();
+  EXPECT_EQ(kind_of([&] { link->read({0xC0, 0xA1, 0, 0}, 4, 10s); }), DeviceErrorKind::lost);
+  EXPECT_LT(clock->now() - start, 5s);  // of ten; the figure of 0.5 s is the bench's
+}
+
+TEST_F(TicOverLibusb, OpensAgainAfterAReplugWithoutMoving) {
+  auto lens_mover = open();
+  lens_mover->home(10s);
+  testbed->unplug(plug);
+  EXPECT_EQ(kind_of([&] { lens_mover->move_to(0, 10s); }), DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { open(); }), DeviceErrorKind::not_found);
+  lens_mover.reset();
+  testbed->plug(*emulator);
+  lens_mover = open();
+  EXPECT_TRUE(lens_mover->homed());
+  EXPECT_DOUBLE_EQ(lens_mover->position(), -0.1e-3);
+}
+
+struct Usb3103OverHidraw : UsbTestbedTest {
+  ~Usb3103OverHidraw() override { testbed.reset(); }
+  std::unique_ptr<CoilAmplifier> open() {
+    return usb3103::open(open_hid_link(parse_usb_address("hid", "hid:09db:009c"), *clock), {}, *clock);
+  }
+  usb3103::Voltages outputs() {
+    usb3103::Voltages volts{};
+    testbed->with_emulators([&] { volts = emulator->outputs(); });
+    return volts;
+  }
+  std::unique_ptr<usb3103::Emulator> emulator = usb3103::make_emulator({}, nullptr);
+  int plug = testbed->plug(*emulator, kUsb3103);
+};
+
+TEST_F(Usb3103OverHidraw, IsListedWithItsStrings) {
+  const auto found = list_hid_devices();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].product, 0x009C);
+  EXPECT_EQ(found[0].serial, "01A2B3C4");
+  EXPECT_EQ(found[0].name, "USB-3103");
+}
+
+TEST_F(Usb3103OverHidraw, KeepsTheContractOfACoilAmplifier) {
+  const auto coils = open();
+  contract::CoilAmplifierCheck how;
+  how.measured = [this] {
+    const usb3103::Voltages volts = outputs();
+    std::vector<double> amperes(volts.begin(), volts.end());
+    for (double& current : amperes) current *= 2;
+    return amperes;
+  };
+  EXPECT_EQ(contract::check(*coils, how), Findings{});
+}
+
+TEST_F(Usb3103OverHidraw, IsNotThereUnderAnotherSerialNumber) {
+  EXPECT_EQ(kind_of([&] { open_hid_link(parse_usb_address("hid", "hid:09db:009c:7"), *clock); }),
+            DeviceErrorKind::not_found);
+}
+
+TEST_F(Usb3103OverHidraw, GivesUpOnASilentDeviceAtTheDeadline) {
+  const auto coils = open();
+  testbed->set_fault(plug, UsbFault::silent);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 1)); }), DeviceErrorKind::timeout);
+  testbed->set_fault(plug, UsbFault::none);
+  coils->make_safe();
+  EXPECT_EQ(outputs(), usb3103::Voltages{});
+}
+
+TEST_F(Usb3103OverHidraw, NoticesAnUnplugInsideAReadAndComesBackAtZero) {
+  auto coils = open();
+  coils->set_currents(std::vector<double>(8, 1));
+  const auto link = open_hid_link(parse_usb_address("hid", "hid:09db:009c"), *clock);
+  const auto hand = clock->spawn("hand", [&] {
+    clock->sleep_for(20ms);
+    clock->outside([&] { testbed->unplug(plug); });
+  });
+  const Time start = clock->now();
+  EXPECT_EQ(kind_of([&] { link->read(10s); }), DeviceErrorKind::lost);
+  EXPECT_LT(clock->now() - start, 5s);
+  hand->join();
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  coils.reset();
+  EXPECT_NE(outputs(), usb3103::Voltages{});  // no watchdog: it holds what it was told last
+  testbed->plug(*emulator, kUsb3103);
+  coils = open();
+  EXPECT_EQ(outputs(), usb3103::Voltages{});
+}
+
+}  // namespace
+}  // namespace vitreo
