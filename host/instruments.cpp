@@ -4,6 +4,7 @@
 #include "devices/contract/camera.h"
 #include "devices/contract/coil_amplifier.h"
 #include "devices/contract/lens_mover.h"
+#include "devices/contract/stage.h"
 #include "devices/error.h"
 #include "devices/genicam/driver.h"
 #include "devices/pololu_tic/wire.h"
@@ -12,6 +13,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -77,9 +79,32 @@ void describe(Json& row, OperatorInput& input) {
   row["identity"] = input.identity();
   row["state"] = fmt::format("pressed: {:#x}", input.state().pressed);
 }
-void describe(Json& row, Stage& stage) { row["identity"] = stage.identity(); }
-void describe(Json& row, RotationStage& stage) { row["identity"] = stage.identity(); }
-void describe(Json& row, FieldProbe& probe) { row["identity"] = probe.identity(); }
+/// An infinite travel is no JSON number.
+Json limits_of(const StageAxis& axis) {
+  Json limits = {{"name", axis.name}, {"max_speed", axis.max_speed}};
+  if (std::isfinite(axis.travel_min)) limits["travel_min"] = axis.travel_min;
+  if (std::isfinite(axis.travel_max)) limits["travel_max"] = axis.travel_max;
+  return limits;
+}
+void describe(Json& row, Stage& stage) {
+  row["identity"] = to_string(stage.info().identity);
+  row["firmware"] = stage.info().identity.firmware;
+  row["state"] = stage.moving() ? "moving" : "standing";
+  row["position"] = stage.position();
+  for (const StageAxis& axis : stage.info().axes) row["limits"].push_back(limits_of(axis));
+}
+void describe(Json& row, RotationStage& stage) {
+  row["identity"] = to_string(stage.info().identity);
+  row["firmware"] = stage.info().identity.firmware;
+  row["state"] = stage.moving() ? "moving" : "standing";
+  row["position"] = stage.angle();
+  row["limits"] = limits_of(stage.info().axis);
+}
+void describe(Json& row, FieldProbe& probe) {
+  row["identity"] = to_string(probe.info().identity);
+  row["firmware"] = probe.info().identity.firmware;
+  row["limits"] = {{"axes", probe.info().axes}, {"range", probe.info().range}};
+}
 
 /// The rig's roles, each opened by a call of its own.
 class Opening {
@@ -130,6 +155,8 @@ struct Tester {
   void operator()(Camera& camera) const { findings = contract::check(camera, clock); }
   void operator()(CoilAmplifier& coils) const { findings = contract::check(coils); }
   void operator()(LensMover& lens) const { findings = contract::check(lens); }
+  void operator()(Stage& stage) const { findings = contract::check(stage, clock); }
+  void operator()(RotationStage& stage) const { findings = contract::check(stage, clock); }
   template <class Role>
   void operator()(Role&) const {
     throw ConfigError("there is no contract suite for this role yet");

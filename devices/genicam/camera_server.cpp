@@ -34,10 +34,10 @@ class FakeCameraServer final : public CameraServer {
   }
   void fill(ArvBuffer* buffer, double exposure, ArvPixelFormat format) {
     const int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
-    std::size_t size = 0;
-    void* const pixels = const_cast<void*>(arv_buffer_get_data(buffer, &size));
+    // The size that comes with the data is that of what was received, which here is nothing yet.
+    void* const pixels = const_cast<void*>(arv_buffer_get_data(buffer, nullptr));
     // Another format than the one that this server has an image for: the client gets what was there.
-    if (format != ARV_PIXEL_FORMAT_MONO_8 || size < std::size_t(width) * std::size_t(height)) return;
+    if (format != ARV_PIXEL_FORMAT_MONO_8 || width < 1 || height < 1) return;
     cv::Mat image(height, width, CV_8U, pixels);
     draw_({exposures_++, exposure}, image);
   }

@@ -13,7 +13,7 @@ namespace vitreo::genicam {
 
 struct Settings {
   std::string name = "camera";  ///< how errors call it
-  std::string camera;           ///< its identity as list_cameras() shows it, or its IP address; empty: the first found
+  std::string camera{};         ///< its identity as list_cameras() shows it, or its IP address; empty: the first found
   int width_px = 640, height_px = 480;
   double frame_rate = 60;          ///< Hz
   double exposure = 5e-3;          ///< s
