@@ -53,5 +53,4 @@ find_library(HDF5_LIBRARY hdf5 HINTS ${HDF5_LIBRARY_DIRS} REQUIRED)
 pkg_check_modules(HIDAPI REQUIRED IMPORTED_TARGET hidapi-hidraw)  # its other back end has the same symbols: never both
 pkg_check_modules(LIBUSB REQUIRED IMPORTED_TARGET libusb-1.0)
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
-find_library(OPENCV_videoio opencv_videoio REQUIRED)
 pkg_check_modules(UMOCKDEV IMPORTED_TARGET umockdev-1.0)          # optional: emulated instruments on the system's own path
