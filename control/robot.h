@@ -27,8 +27,8 @@ struct Robot {
   double solid_density = 0;     // kg/m^3
   double saturation = 0;        // A/m: saturation magnetisation (soft) or remanence/mu0 (hard)
   double demagnetisation = 0;   // along the easy axis; 0 with `hard`
-  double anisotropy = 0;        // of a soft magnet: the factor across the axis less the one along it
   bool hard = false;            // a permanent magnet
+  double anisotropy = 0;        // of a soft magnet: the factor across the axis less the one along it
   void check() const;           // throws std::invalid_argument naming the parameter
   /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).
   double moment(double field) const;

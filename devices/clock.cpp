@@ -103,7 +103,7 @@ class VirtualClock final : public Clock {
   std::atomic<bool> intruder_waits_{false};
   std::atomic<std::int64_t> moved_at_{0};   // ns since origin_'s epoch; only under Pace::real_time
   std::atomic<Entry*> displaced_{nullptr};  // whom the baton was taken from, until it has had a new turn
-  std::vector<Entry*> entries_;  // all that have not ended; few, so a scan beats any heap
+  std::vector<Entry*> entries_;             // all that have not ended; few, so a scan beats any heap
   std::uint64_t births_ = 0;
   std::string deadlock_;
 };

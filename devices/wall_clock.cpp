@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
+#include <cstdint>
 #include <mutex>
 #include <signal.h>
 #include <stdexcept>
@@ -18,11 +19,44 @@ namespace {
 using Steady = std::chrono::steady_clock;
 constexpr Time kSlice = std::chrono::milliseconds(10);  // how long the main task may be deaf to interrupt()
 
+/// A mutex that can be taken from a holder who does not give it back, and that knows for how long it has been held.
+class Baton {
+ public:
+  void lock() {
+    std::unique_lock lock(mutex_);
+    free_.wait(lock, [this] { return taken_at_ == 0; });
+    take();
+  }
+  bool try_lock_for(Time patience) {
+    std::unique_lock lock(mutex_);
+    if (!free_.wait_for(lock, patience, [this] { return taken_at_ == 0; })) return false;
+    take();
+    return true;
+  }
+  void unlock() {
+    const std::lock_guard lock(mutex_);
+    taken_at_ = 0;
+    free_.notify_one();
+  }
+  /// The holder has it no longer, the caller has.
+  void seize() { take(); }
+  Time held_for() const noexcept {
+    const std::int64_t since = taken_at_;
+    return since == 0 ? Time(0) : Time(Steady::now().time_since_epoch().count() - since);
+  }
+
+ private:
+  void take() { taken_at_ = Steady::now().time_since_epoch().count(); }
+  std::mutex mutex_;
+  std::condition_variable free_;
+  std::atomic<std::int64_t> taken_at_{0};  // ns of the steady clock; 0: nobody holds it
+};
+
 /// What the clock knows of one task. Touched only with the baton in hand.
 struct Entry {
   std::thread::id thread;
-  std::unique_lock<std::mutex> baton;
-  std::condition_variable turn;
+  std::unique_lock<Baton> baton;
+  std::condition_variable_any turn;
   const Signal* signal = nullptr;  // what it waits for, if anything
   bool notified = false;
   bool deaf = false;  // its waits must not be broken off: it is cleaning up
@@ -36,7 +70,7 @@ class WallClock final : public Clock {
  public:
   WallClock() {
     main_.thread = std::this_thread::get_id();
-    main_.baton = std::unique_lock(mutex_);
+    main_.baton = std::unique_lock(baton_);
     entries_.push_back(&main_);
     current_ = &main_;
   }
@@ -49,6 +83,10 @@ class WallClock final : public Clock {
   std::unique_ptr<Task> spawn(std::string name, std::function<void()> body) override;
   void interrupt() noexcept override { interrupted_ = true; }
   bool set_deaf(bool deaf) override { return std::exchange(running().deaf, deaf); }
+  bool break_in(Time patience) override;
+  bool displaced() override { return displaced_ != nullptr; }
+  void leave() override;
+  Time stuck_for() const noexcept override { return baton_.held_for(); }
 
   void start(Entry& entry, std::thread& thread, std::function<void()> body);
   void request_stop(Entry& entry);
@@ -66,10 +104,11 @@ class WallClock final : public Clock {
   const Steady::time_point origin_ = Steady::now();
   std::atomic<bool> interrupted_{false};
   static_assert(std::atomic<bool>::is_always_lock_free, "interrupt() must be async-signal-safe");
-  std::mutex mutex_;             // the baton
-  std::atomic<Entry*> current_;  // who holds it
-  std::vector<Entry*> entries_;  // all that have not ended
-  Entry main_;
+  Baton baton_;
+  std::atomic<Entry*> current_;             // who holds it
+  std::atomic<Entry*> displaced_{nullptr};  // whom it was taken from, until it is back
+  std::vector<Entry*> entries_;             // all that have not ended
+  Entry main_, intruder_;
 };
 
 class WallTask final : public Task {
@@ -97,10 +136,41 @@ class WallTask final : public Task {
 };
 
 Entry& WallClock::running() {
-  Entry* const entry = current_;
+  Entry* entry = current_;
+  if (Entry* const stuck = displaced_; stuck && stuck != entry && stuck->thread == std::this_thread::get_id()) {
+    baton_.lock();  // its own lock believes that it never lost it
+    current_ = entry = stuck;
+    displaced_ = nullptr;
+  }
   if (entry == nullptr || entry->thread != std::this_thread::get_id())
     throw std::logic_error("wall clock: called by a thread that does not hold the baton");
   return *entry;
+}
+
+bool WallClock::break_in(Time patience) {
+  const bool in_turn = baton_.try_lock_for(patience);
+  if (!in_turn) {
+    displaced_ = current_.load();
+    baton_.seize();
+  }
+  intruder_.thread = std::this_thread::get_id();
+  intruder_.deaf = true;
+  intruder_.baton = std::unique_lock(baton_, std::adopt_lock);
+  entries_.push_back(&intruder_);
+  current_ = &intruder_;
+  return !in_turn;
+}
+
+void WallClock::leave() {
+  running();
+  std::erase(entries_, &intruder_);
+  if (Entry* const stuck = displaced_.exchange(nullptr)) {  // it has the baton back before it knew of its loss
+    intruder_.baton.release();
+    current_ = stuck;
+    return;
+  }
+  current_ = nullptr;
+  intruder_.baton.unlock();
 }
 
 void WallClock::throw_if_stopped(Entry& self) {
@@ -210,7 +280,7 @@ void WallClock::start(Entry& entry, std::thread& thread, std::function<void()> b
 
 /// The top of a task's thread.
 void WallClock::run(Entry& entry, std::function<void()>& body) {
-  entry.baton = std::unique_lock(mutex_);
+  entry.baton = std::unique_lock(baton_);
   current_ = &entry;
   try {
     body();

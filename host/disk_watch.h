@@ -14,7 +14,7 @@ namespace vitreo {
 
 struct DiskLimits {
   double warn_seconds = 600, stop_seconds = 120;  // of recording at the present rate
-  std::uint64_t stop_bytes = 256000000;          // where nothing but samples and pictures is recorded
+  std::uint64_t stop_bytes = 256000000;           // where nothing but samples and pictures is recorded
   std::uint64_t stop_bytes_with_frames = 1000000000;
   std::uint64_t reserve_bytes = 64000000;  // kept by a file that goes when the end record needs the room
   /// What is free at a place; the tests put in another. The default asks the file system.

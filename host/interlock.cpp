@@ -40,7 +40,8 @@ Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Cl
       sent_(static_cast<std::size_t>(amplifier.channels()), 0.0) {
   limits_.check();
   if (clock_ == nullptr) return;
-  sent_at_ = warmed_at_ = clock_->now();
+  warmed_at_ = clock_->now();
+  forget_slew();
   watch_ = clock_->spawn("interlock", [this] { watch(); });
 }
 
@@ -65,7 +66,6 @@ void Interlock::check(std::span<const double> currents) {
   }
   if (total > limits_.total_current)
     refuse(fmt::format("{:.3g} A in all are beyond the limit of {:.3g} A", total, limits_.total_current));
-  if (clock_ != nullptr && currents.size() == sent_.size()) check_slew(currents);
 }
 
 void Interlock::check_slew(std::span<const double> currents) {
@@ -84,7 +84,9 @@ void Interlock::set_currents(std::span<const double> currents) {
     throw DeviceError(DeviceErrorKind::refused, "coils",
                       "the interlock is open" + (tripped_.empty() ? "" : " (" + tripped_ + ")") + "; enable it first");
   check(currents);
-  if (!paused_) send(currents);
+  if (paused_) return;
+  if (clock_ != nullptr && currents.size() == sent_.size()) check_slew(currents);
+  send(currents);
 }
 
 void Interlock::send(std::span<const double> currents) {
@@ -119,8 +121,14 @@ void Interlock::make_safe() {
   energised_ = false;
 }
 
+/// The first set-point after a rest may come as a step.
+void Interlock::forget_slew() {
+  if (clock_ != nullptr) sent_at_ = clock_->now() - std::chrono::seconds(1);
+}
+
 void Interlock::enable() {
   enabled_ = true;
+  forget_slew();
   tripped_.clear();
   for (Heart* heart : hearts_) heart->beat();
 }
@@ -162,6 +170,7 @@ void Interlock::resume() {
     if (std::abs(read[channel]) > kZero)
       refuse(fmt::format("coil {} carries {:.3g} A after a pause at zero", channel + 1, read[channel]));
   paused_ = false;
+  forget_slew();
 }
 
 void Interlock::watch() {

@@ -80,6 +80,7 @@ class Interlock : public CoilAmplifier {
   [[noreturn]] void refuse(const std::string& why);
   void send(std::span<const double> currents);
   void warm_up();
+  void forget_slew();
   void watch();
   void look_at_hearts();
 

@@ -67,7 +67,8 @@ class SimulatedRig : public OpenRig, public Simulation {
   void open_instruments(const RigSettings& settings, const Surroundings& where) {
     if (settings.coils) {
       coils_ = settings.coils(where);
-      interlock_ = std::make_unique<Interlock>(*coils_.device, settings.limits);
+      rig_.coil_pause = settings.coil_pause;
+      interlock_ = std::make_unique<Interlock>(*coils_.device, settings.limits, &clock_);
       rig_.coils = interlock_.get();
     }
     if (settings.top) rig_.top_camera = (top_ = settings.top(where)).device.get();

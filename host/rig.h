@@ -58,6 +58,7 @@ struct Rig {
   Camera* top_camera = nullptr;
   Camera* side_camera = nullptr;
   Interlock* coils = nullptr;  // the only way to the coils
+  PausePolicy coil_pause = PausePolicy::hold;
   LensMover* lens_mover = nullptr;
   OperatorInput* joystick = nullptr;
   OperatorInput* pedal = nullptr;

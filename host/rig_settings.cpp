@@ -123,6 +123,15 @@ void read_coils(ConfigReader reader, RigSettings& settings) {
   }
   settings.limits.total_current =
       reader.number("interlock_total_current", settings.limits.total_current, {0.1, 160, "A"});
+  settings.limits.slew = reader.number("interlock_slew", settings.limits.slew, {1, 1e6, "A/s"});
+  settings.limits.dead_man = reader.number("dead_man", settings.limits.dead_man, {0.05, 5, "s"});
+  CoilHeat& heat = settings.limits.heat;
+  heat.resistance = reader.number("resistance", heat.resistance, {0, 100, ""});
+  heat.heat_capacity = reader.number("heat_capacity", heat.heat_capacity, {1, 1e6, ""});
+  heat.thermal_resistance = reader.number("thermal_resistance", heat.thermal_resistance, {1e-3, 1e3, ""});
+  heat.limit = reader.number("temperature_limit", heat.limit, {300, 500, "K"});
+  const std::string pause = reader.choice("pause", "hold", {"hold", "ramp", "zero"});
+  settings.coil_pause = pause == "ramp" ? PausePolicy::ramp : pause == "zero" ? PausePolicy::zero : PausePolicy::hold;
   reader.finish();
 }
 

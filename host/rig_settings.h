@@ -22,6 +22,7 @@ struct RigSettings {
   std::string calibration;        // file of the plant's field, "" for the model's own dipoles
   bool exact_projection = false;  // localise by the exact projection instead
   InterlockLimits limits;
+  PausePolicy coil_pause = PausePolicy::hold;
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
   bool top_camera = false, side_camera = false, sample = false;

@@ -182,16 +182,22 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
       session.keep(observe_truth(*stage.clock, *laboratory, period, *stage.recorder));
     {
       Interlock* const coils = session.rig.coils;
-      const Watchdog watchdog(session.control, *stage.clock, request.watchdog,
-                              {[&] { give_up(stage, session.control, began); },
-                               [coils] { return coils != nullptr && coils->energised(); },
-                               [coils](const std::string& why) { coils->trip(why); }});
+      if (coils != nullptr)
+        coils->on_trip([&](const std::string& why) {
+          stage.recorder->event(stage.clock->now(), "interlock", why);
+          listener.message("interlock: " + why + "; the coils are at zero");
+        });
+      const Watchdog watchdog(
+          session.control, *stage.clock, request.watchdog,
+          {[&] { give_up(stage, session.control, began); }, [coils] { return coils != nullptr && coils->energised(); },
+           [coils](const std::string& why) { coils->trip(why); }});
       const auto whole = [&] {
         for (const FramePolicy& policy : policies) session.frames.start(policy);
         body(session);
       };
       verdict = judge(whole, session.control);
     }
+    if (session.rig.coils != nullptr) session.rig.coils->on_trip({});
     stage.recorder->on_trouble({});
     judge_record(*stage.recorder, verdict);
     session.control.detach();

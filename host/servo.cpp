@@ -158,12 +158,13 @@ struct Servo::Loop {
         archive(the_recorder, the_rig, source_of(given.feedback), given.law == ControlLaw::estimator) {
     if (given.feedback != Feedback::pose_sensor)
       localiser.emplace(the_rig.model, std::move(*given_eyes.top), given.axis);
-    recorder.event(clock.now(), "servo",
+    recorder.event(clock.now(), "feedback",
                    fmt::format("law {}, feedback {} ({})", to_string(given.law), to_string(given.feedback),
                                source_of(given.feedback)));
   }
 
   void run() {
+    heart.emplace(*rig.coils, "the servo loop");
     try {
       while (true) tick();
     } catch (const Stopped&) {
@@ -199,6 +200,7 @@ struct Servo::Loop {
 
   void tick() {
     const auto [frame, sighting] = look();
+    heart->beat();
     const double now = to_seconds(clock.now());
     begin(now);
     note_sight(frame, sighting);
@@ -316,6 +318,7 @@ struct Servo::Loop {
 
   void shut(ServoState state, const std::string& failure) {
     const StopShield shield(clock);
+    heart.reset();
     try {
       if (state == ServoState::closed && rig.coils->enabled())
         switch_off();
@@ -339,6 +342,7 @@ struct Servo::Loop {
   SideWatch* side;
   PlaceToCurrents chain;
   ServoRecord archive;
+  std::optional<Interlock::Heart> heart;  // while the loop runs
   Mode mode = Mode::holding;
   Course course;
   Eigen::Vector3d goal{0, 0, 0};  // the end of the course

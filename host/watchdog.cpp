@@ -6,7 +6,7 @@
 namespace vitreo {
 namespace {
 
-constexpr std::chrono::milliseconds kLook{20};      // while something is being ended
+constexpr std::chrono::milliseconds kLook{20};  // while something is being ended
 constexpr std::chrono::milliseconds kIdle{50};  // else; a request wakes it
 
 }  // namespace

@@ -1,6 +1,6 @@
-// Sees that a run that was told to end does end: devices safe within 250 ms of an abort even when the script is stuck in
-// a call that nothing can interrupt, and the process gone when it stays stuck. And that the coils of a program that does
-// not move go to zero.
+// Sees that a run that was told to end does end: devices safe within 250 ms of an abort even when the script is stuck
+// in a call that nothing can interrupt, and the process gone when it stays stuck. And that the coils of a program that
+// does not move go to zero.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

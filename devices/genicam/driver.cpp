@@ -95,8 +95,8 @@ void GenicamCamera::configure() {
   ask("width_px", [&](GError** e) { arv_camera_get_width_bounds(c, &least, &widest, e); });
   ask("height_px", [&](GError** e) { arv_camera_get_height_bounds(c, &least, &highest, e); });
   if (settings_.width_px > widest || settings_.height_px > highest)
-    fail(DeviceErrorKind::refused, "width_px, height_px: it makes images of up to " + std::to_string(widest) + " x " +
-                                       std::to_string(highest));
+    fail(DeviceErrorKind::refused,
+         "width_px, height_px: it makes images of up to " + std::to_string(widest) + " x " + std::to_string(highest));
   ask("width_px, height_px",
       [&](GError** e) { arv_camera_set_region(c, 0, 0, settings_.width_px, settings_.height_px, e); });
   ask("frame_rate", [&](GError** e) { arv_camera_set_frame_rate(c, settings_.frame_rate, e); });

@@ -57,6 +57,7 @@ const Context::Suspender* suspender_of(const Context& context, const std::string
 
 int go_on(Call& call, const std::string& kind) {
   Session& session = session_of(call.L);
+  if (session.rig.coils != nullptr) session.rig.coils->resume();
   session.control.resume();
   session.control.set_phase(RunPhase::running);
   session.recorder.event(session.clock.now(), kind, "");
@@ -68,6 +69,7 @@ int pause_here(Call& call, const std::string& name) {
   session.control.set_phase(RunPhase::paused, name);
   session.recorder.event(session.clock.now(), "paused", name);
   session.listener.message("paused at the checkpoint '" + name + "'");
+  if (session.rig.coils != nullptr) session.rig.coils->pause(session.rig.coil_pause);
   return call.wait(outside_wait(
       call, "resume", [&session] { return session.control.resumed(); },
       [](Call& done) { return go_on(done, "resumed"); }));
@@ -97,6 +99,7 @@ int look_again(Call& call, const std::string& reason) {
 int suspend_here(Call& call, const std::string& reason) {
   Session& session = session_of(call.L);
   session.recorder.event(session.clock.now(), "suspended", reason);
+  if (session.rig.coils != nullptr) session.rig.coils->pause(session.rig.coil_pause);
   session.listener.message("suspended: " + reason);
   for (Context::Suspender& suspender : call.context().suspenders) {
     if (suspender.reason != reason) continue;

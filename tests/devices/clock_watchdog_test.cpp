@@ -73,6 +73,53 @@ TEST(Watchdog, WorksWithOtherTasksWhileTheStuckOneIsAway) {
   EXPECT_GE(ticks, 99);
 }
 
+TEST(Watchdog, BreaksIntoTheWallClockTooAndGivesTheBatonBack) {
+  const auto clock = wall_clock();
+  std::atomic<bool> taken{false}, left{false};
+  std::thread watchdog([&] {
+    EXPECT_TRUE(clock->break_in(10ms));
+    taken = true;
+    clock->sleep_for(5ms);
+    EXPECT_TRUE(clock->displaced());
+    clock->leave();
+    left = true;
+  });
+  while (!left) std::this_thread::yield();  // stuck: it makes no call
+  EXPECT_TRUE(taken);
+  EXPECT_GE(clock->stuck_for(), 0ms);
+  clock->sleep_for(1ms);
+  EXPECT_FALSE(clock->displaced());
+  watchdog.join();
+}
+
+TEST(Watchdog, AStuckTaskOfTheWallClockWaitsForItsTurnWhenItComesBack) {
+  const auto clock = wall_clock();
+  std::atomic<bool> taken{false};
+  std::vector<std::string> order;  // guarded by the baton
+  std::thread watchdog([&] {
+    clock->break_in(0ms);
+    taken = true;
+    std::this_thread::sleep_for(20ms);
+    order.push_back("watchdog");
+    while (clock->displaced()) clock->sleep_for(1ms);
+    clock->leave();
+  });
+  while (!taken) std::this_thread::yield();
+  clock->sleep_for(1ms);
+  order.push_back("stuck");
+  watchdog.join();
+  EXPECT_EQ(order, (std::vector<std::string>{"watchdog", "stuck"}));
+}
+
+TEST(Watchdog, TellsHowLongAProgramAtThePaceOfTheWallClockHasBeenStuck) {
+  const auto clock = virtual_clock(Pace::real_time);
+  clock->sleep_for(30ms);
+  EXPECT_LT(clock->stuck_for(), 25ms);
+  std::this_thread::sleep_for(40ms);
+  EXPECT_GE(clock->stuck_for(), 40ms);
+  EXPECT_EQ(virtual_clock()->stuck_for(), 0ms);
+}
+
 TEST(Watchdog, AForeignThreadThatDidNotBreakInIsStillRefused) {
   const auto clock = virtual_clock();
   std::thread([&] { EXPECT_THROW(clock->sleep_for(1ms), std::logic_error); }).join();

@@ -25,7 +25,7 @@ TEST_F(Bindings, WrongArgumentsNameFunctionArgumentAndWhatIsWanted) {
              {"coils:set_currents: currents: wants a list of numbers in A"});
   expect_all(run("rig.coils:set_currents({ 1, 2 })").error, {"coils:set_currents: "});
   expect_all(run("rig:servo { background = rig }").error, {"rig:servo: background: wants a background, got a rig"});
-  expect_all(run("rig:servo {}").error, {"rig:servo: background: is missing"});
+  expect_all(run("rig:servo {}").error, {"rig:servo: feedback \"one_camera\" needs a background of the empty scene"});
   expect_all(run("rig:servo { feild = 1 }").error, {"rig:servo: feild is not known; did you mean field?"});
   expect_all(run("run:each('x')").error, {"run:each: list: wants a list or a whole number"});
   expect_all(run("run:each(1.5)").error, {"run:each: list: wants a list or a whole number"});

@@ -9,7 +9,7 @@ class ControlBinding : public LuaBench {};
 
 TEST_F(ControlBinding, EveryTrajectoryBeginsAndEndsAtRestWhereItShould) {
   const Ended end =
-      run("local mm = units.mm\n"
+      run("local mm = require('units').mm\n"
           "local function check(t, from, to)\n"
           "  local p, v = t:at(0) assert((p - from):norm() < 1e-9 and v:norm() < 1e-9)\n"
           "  p, v = t:at(t:duration()) assert((p - to):norm() < 1e-9 and v:norm() < 1e-9)\n"
@@ -30,7 +30,7 @@ TEST_F(ControlBinding, EveryTrajectoryBeginsAndEndsAtRestWhereItShould) {
 
 TEST_F(ControlBinding, AllocationMakesWhatWasWantedAndTheFieldSaysSo) {
   const Ended end =
-      run("local mT, uN = units.mT, 1e-6\n"
+      run("local mT, uN = require('units').mT, 1e-6\n"
           "local model = control.octomag() assert(model:coils() == 8 and model:valid_at({ 0, 0, 0 }))\n"
           "local wanted = { position = { 1e-3, 0, 0 }, field = { 10 * mT, 0, 0 }, force = { 2 * uN, 0, 1 * uN } }\n"
           "local got = model:allocate(wanted)\n"

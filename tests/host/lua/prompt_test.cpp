@@ -40,10 +40,11 @@ TEST_F(Prompt, AStopEndsTheStatementOnly) {
 
 TEST_F(Prompt, HelpComesFromTheBindings) {
   expect_all(prompt("help()\n"), {"servo: the servo loop", "run: this run", "units.mm"});
-  expect_all(prompt("help('servo')\n"), {"servo:go_to(position, {speed, within, settle, timeout})", "servo:close()"});
+  expect_all(prompt("help('servo')\n"),
+             {"servo:go_to(position, {speed, acceleration, within, settle, timeout})", "servo:close()"});
   expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents)"});
   expect_all(prompt("help('servo:go_to')\n"), {"within: a number in m, may be left out; how near is there"});
-  expect_all(prompt("help('follow')\n"), {"servo:follow(points, "});
+  expect_all(prompt("help('follow')\n"), {"servo:follow(path, "});
   expect_all(prompt("help('servoo')\n"), {"error: ", "nothing is called servoo; did you mean servo?"});
 }
 
