@@ -40,6 +40,7 @@ void EstimatorSettings::check() const {
   require(not_negative(command_error), "command_error: must be at least 0");
   require(positive(max_age), "max_age: must be above 0 s");
   require(not_negative(gate), "gate: must be at least 0 standard deviations");
+  require(not_negative(gate_error), "gate_error: must be at least 0 m");
 }
 
 PositionEstimator::PositionEstimator(const EstimatorSettings& settings)
@@ -112,7 +113,9 @@ bool PositionEstimator::update(const PositionMeasurement& measurement, const Eig
   const Eigen::Vector3d surprise = measurement.position - predicted;
   const Eigen::Matrix3d sum = covariance.topLeftCorner<3, 3>() + measurement.covariance;
   const Eigen::LLT<Eigen::Matrix3d> solver(sum);
-  if (settings_.gate > 0 && surprise.dot(solver.solve(surprise)) > settings_.gate * settings_.gate) {
+  // A sure tracker's micrometres are not what the model errs by: beyond the gate is a leap, not a push.
+  const Eigen::Matrix3d allowed = sum + std::pow(settings_.gate_error, 2) * Eigen::Matrix3d::Identity();
+  if (settings_.gate > 0 && surprise.dot(allowed.llt().solve(surprise)) > settings_.gate * settings_.gate) {
     state_.head<3>() = predicted;
     covariance_ = covariance;
     if (++passed_over_ <= kPassedOverAtMost) return false;
@@ -131,7 +134,9 @@ bool PositionEstimator::update(const PositionMeasurement& measurement, const Eig
   // Joseph's form: stays positive for good, whatever the rounding.
   Matrix6 keep = Matrix6::Identity();
   keep.leftCols<3>() -= gain;
-  covariance_ = keep * covariance * keep.transpose() + gain * measurement.covariance * gain.transpose();
+  const Matrix6 joseph = keep * covariance * keep.transpose() + gain * measurement.covariance * gain.transpose();
+  // The form keeps what is symmetric positive; what rounding, or a measurement, brings in beside it would grow.
+  covariance_ = (joseph + joseph.transpose()) / 2;
   return true;
 }
 

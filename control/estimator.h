@@ -19,6 +19,7 @@ struct EstimatorSettings {
   double initial_disturbance = 3e-4;  // m/s, standard deviation before anything was measured
   double max_disturbance = 2e-3;      // m/s: held below, so that a robot held fast winds nothing up
   double max_age = 1;                 // s without a measurement after which nothing is known
+  double gate_error = 20e-6;          // m: of the model, added to what the gate allows
   double gate = 20;                   // standard deviations beyond which a measurement is passed over; 0: never. Wide:
                                       // at a corner a wrong model surprises by many
   void check() const;                 // throws std::invalid_argument naming the setting

@@ -27,6 +27,8 @@ vision::BlobTrackerSettings tracker_settings(const RigModel& model) {
 /// What no tracker's covariance knows, the errors of contour and pose, is not below a tenth of a pixel.
 constexpr double kModelError_px = 0.1;
 
+constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
+
 }  // namespace
 
 Localiser::Localiser(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis)
@@ -50,7 +52,9 @@ void Localiser::localise(Sighting& sighting) {
   if (!last_in_eye_) last_in_eye_ = optics::first_guess(pose_, observed, axis_);
   if (!last_in_eye_) return;
   const auto pose = optics::locate(pose_, observed, sighting.ellipse->covariance, axis_, *last_in_eye_);
-  if (!pose) {
+  // A residual may have a minimum far outside, where no robot can be: of 1e6 m, for one outline cut by the image's
+  // edge.
+  if (!pose || !(pose->position_in_eye.norm() < kEye)) {
     last_in_eye_.reset();  // the next frame starts afresh
     return;
   }

@@ -168,9 +168,18 @@ control::BoxAllocation PlaceToCurrents::within(const control::FieldMatrix& matri
   for (int attempt = 0; attempt < kCuts; ++attempt) {
     const Eigen::Vector3d moment = model_.robot.moment(field) * settings_.axis;
     const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
-    found = control::allocate_within(
-        matrix, moment, {settings_.field * settings_.axis - background.head<3>(), levitation - pulled, asked},
-        settings_.limits);
+    try {
+      found = control::allocate_within(
+          matrix, moment, {settings_.field * settings_.axis - background.head<3>(), levitation - pulled, asked},
+          settings_.limits);
+    } catch (const std::domain_error&) {
+      // What the limit left of the field holds the robot no longer: rather less of the force beyond its weight.
+      if (field == settings_.field && asked.isZero(0)) throw;
+      cut = true;
+      field = settings_.field;
+      asked = attempt + 3 < kCuts ? Eigen::Vector3d(asked / 2) : Eigen::Vector3d::Zero();
+      continue;
+    }
     found.field += background.head<3>();
     found.force += pulled;
     if (total(found.currents) > settings_.total_limit) {

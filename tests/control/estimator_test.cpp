@@ -210,5 +210,18 @@ TEST(PositionEstimator, recovers_from_a_leap_of_what_pushes_however_sharp_it_tho
   EXPECT_NEAR(estimator.at(179 / 15.0)->disturbance.x(), 1e-3, 1e-6);
 }
 
+TEST(PositionEstimator, an_uneven_covariance_of_a_measurement_does_not_grow_into_nonsense) {
+  PositionEstimator estimator{EstimatorSettings{}};
+  Eigen::Matrix3d covariance = Eigen::Vector3d(2e-12, 2e-12, 1e-11).asDiagonal();
+  covariance(0, 2) += 1e-23;  // as rounding leaves it, far below the diagonal
+  for (int i = 0; i < 3000; ++i) {
+    const double time = i / 15.0;
+    ASSERT_TRUE(estimator.measure({time, {3.5e-3, 0, 3e-3}, covariance}) || i == 0) << i;
+    const auto estimate = estimator.at(time + 0.13);
+    ASSERT_LT((estimate->position - Eigen::Vector3d(3.5e-3, 0, 3e-3)).norm(), 1e-6) << i;
+    ASSERT_EQ((estimate->covariance - estimate->covariance.transpose()).norm() < 1e-16, true) << i;
+  }
+}
+
 }  // namespace
 }  // namespace vitreo::control

@@ -107,7 +107,7 @@ TEST(Watchdog, AStuckTaskOfTheWallClockWaitsForItsTurnWhenItComesBack) {
   while (!taken) std::this_thread::yield();
   clock->sleep_for(1ms);
   order.push_back("stuck");
-  watchdog.join();
+  clock->outside([&] { watchdog.join(); });  // it may still want a turn
   EXPECT_EQ(order, (std::vector<std::string>{"watchdog", "stuck"}));
 }
 
