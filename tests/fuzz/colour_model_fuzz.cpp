@@ -1,5 +1,5 @@
 // libFuzzer target of the saved models: any bytes give a model or std::invalid_argument, never anything else.
-// Not built by default: clang++ -std=c++20 -g -O1 -fsanitize=fuzzer,address,undefined -I. <this> vision/*.cpp ...
+// Built and run by `make fuzz`.
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/bytes.h"
 #include "vision/object_model.h"

@@ -1,5 +1,5 @@
 // libFuzzer target of the field calibration reader: any bytes give a field or std::invalid_argument, never else.
-// Not built by default: clang++ -std=c++20 -g -O1 -fsanitize=fuzzer,address,undefined -I. <this> control/*.cpp ...
+// Built and run by `make fuzz`.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_calibration_file.h"
 

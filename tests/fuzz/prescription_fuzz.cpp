@@ -1,6 +1,5 @@
 // libFuzzer target of the prescription loader: any table of rows gives a sound system or std::invalid_argument, and
-// what is computed from a sound one is never a NaN that travels on. Not built by default: clang++ -std=c++20 -g -O1
-// -fsanitize=fuzzer,address,undefined -I. <this> optics/*.cpp ...
+// what is computed from a sound one is never a NaN that travels on. Built and run by `make fuzz`.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/first_order.h"
 #include "optics/prescription_rows.h"

@@ -1,5 +1,5 @@
 // libFuzzer target of the .zmx import: any bytes give a system or std::invalid_argument, never anything else.
-// Not built by default: clang++ -std=c++20 -g -O1 -fsanitize=fuzzer,address,undefined -I. <this> optics/*.cpp ...
+// Built and run by `make fuzz`.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/zemax.h"
 
