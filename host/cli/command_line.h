@@ -1,0 +1,75 @@
+// The words after `vitreo`: commands, their options and their help, over CLI11, whose headers only one file of ours
+// reads.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
+namespace vitreo::cli {
+
+/// One option or positional word of a command; each call returns the same option.
+class Option {
+ public:
+  explicit Option(CLI::Option* option) : option_(option) {}
+  Option required();
+  Option needs(const std::string& other);  ///< another option of the command, which must be given with this one
+  Option delimiter(char separator);        ///< a list may be given as one word
+  Option one_word_each();                  ///< of a list: each `--name word` adds one, and the next word is not its
+  Option between(int least, int most);
+
+ private:
+  CLI::Option* option_;
+};
+
+/// A command. `names`: "word" is positional, "--word" or "--word,-w" an option. What `into` refers to must live as long
+/// as the command line (keep it in a shared_ptr that the command's action captures); it keeps its value when the word
+/// is not given.
+class Command {
+ public:
+  explicit Command(CLI::App& app) : app_(app) {}
+  Option option(const std::string& names, std::string& into, const std::string& help);
+  Option option(const std::string& names, std::vector<std::string>& into, const std::string& help);
+  Option option(const std::string& names, std::uint64_t& into, const std::string& help);
+  Option option(const std::string& names, int& into, const std::string& help);
+  Option option(const std::string& names, double& into, const std::string& help);
+  Option flag(const std::string& names, bool& into, const std::string& help);
+  /// Exactly one of --a, --b, ... must be given; `into` becomes its word.
+  void one_of(const std::vector<std::string>& words, std::string& into);
+
+ private:
+  CLI::App& app_;
+};
+
+class CommandLine {
+ public:
+  using Action = std::function<int()>;  // returns the exit code
+
+  CommandLine(const std::string& about, const std::string& name);
+  ~CommandLine();
+  CommandLine(const CommandLine&) = delete;
+  CommandLine& operator=(const CommandLine&) = delete;
+
+  /// The words without a command: the program's own options, and what it does then.
+  Command root(Action action);
+  Command command(const std::string& name, const std::string& help, Action action);
+  void version(std::function<std::string()> text);  ///< what --version prints
+
+  /// Parses the words and does what they ask; 2 for words that are not understood, 0 for --help and --version.
+  int run(int count, char** words);
+  char** words() const;  ///< those that run() was given
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace vitreo::cli

@@ -1,0 +1,114 @@
+// `vitreo list` and `vitreo describe`: the protocols that there are, and what each takes.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/units.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+
+namespace vitreo::cli {
+namespace {
+
+std::string value_text(const ArgumentValue& value, const std::string& unit) {
+  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  if (const std::string* text = std::get_if<std::string>(&value)) return *text;
+  const auto known = find_unit(unit);
+  return format_quantity(std::get<double>(value), known ? std::string(known->dimension) : unit);
+}
+
+const char* kind_name(ParameterKind kind) {
+  switch (kind) {
+    case ParameterKind::number:
+      return "number";
+    case ParameterKind::integer:
+      return "integer";
+    case ParameterKind::flag:
+      return "flag";
+    case ParameterKind::choice:
+      return "choice";
+    case ParameterKind::text:
+      return "text";
+  }
+  return "?";
+}
+
+nlohmann::json describe_json(const ProtocolDescription& protocol) {
+  nlohmann::json parameters = nlohmann::json::array();
+  for (const Parameter& p : protocol.parameters) {
+    nlohmann::json row = {{"name", p.name}, {"kind", kind_name(p.kind)}, {"unit", p.unit}, {"help", p.help}};
+    std::visit([&row](const auto& held) { row["default"] = held; }, p.fallback);
+    if (std::isfinite(p.min)) row["min"] = p.min;
+    if (std::isfinite(p.max)) row["max"] = p.max;
+    if (p.required) row["required"] = true;
+    if (!p.choices.empty()) row["choices"] = p.choices;
+    parameters.push_back(row);
+  }
+  return {{"name", protocol.name},   {"file", protocol.file},   {"title", protocol.title},
+          {"about", protocol.about}, {"needs", protocol.needs}, {"parameters", parameters}};
+}
+
+std::string range_text(const Parameter& p) {
+  if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
+  if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
+  if (!std::isfinite(p.max)) return "at least " + value_text(p.min, p.unit);
+  if (!std::isfinite(p.min)) return "at most " + value_text(p.max, p.unit);
+  return value_text(p.min, p.unit) + " to " + value_text(p.max, p.unit);
+}
+
+void describe(const ProtocolDescription& protocol, bool json) {
+  if (json) {
+    std::cout << describe_json(protocol).dump() << "\n";
+    return;
+  }
+  fmt::print("{}: {}\n{}needs: {}\n", protocol.name, protocol.title,
+             protocol.about.empty() ? "" : protocol.about + "\n", fmt::join(protocol.needs, ", "));
+  for (const Parameter& p : protocol.parameters) {
+    const std::string range = range_text(p);
+    fmt::print("  {:<14} {:<12} {}{}{}\n", p.name, p.required ? "(needed)" : value_text(p.fallback, p.unit), p.help,
+               range.empty() || p.help.empty() ? "" : "; ", range);
+  }
+}
+
+void list(ScriptEngine& engine, bool json) {
+  nlohmann::json rows = nlohmann::json::array();
+  for (const std::string& file : Program::protocol_files()) {
+    try {
+      const ProtocolDescription protocol = engine.describe(file);
+      if (json)
+        rows.push_back({{"name", protocol.name}, {"file", file}, {"title", protocol.title}});
+      else
+        fmt::print("{:<20} {}\n", protocol.name, protocol.title);
+    } catch (const ScriptError& error) {
+      if (json)
+        rows.push_back({{"file", file}, {"error", error.what()}});
+      else
+        fmt::print("{:<20} does not load: {}\n", std::filesystem::path(file).stem().string(), error.what());
+    }
+  }
+  if (json) std::cout << rows.dump() << "\n";
+}
+
+}  // namespace
+
+void add_describe(CommandLine& line, Program& program) {
+  struct Wanted {
+    std::string protocol;
+    bool json = false;
+  };
+  const auto wanted = std::make_shared<Wanted>();
+  Command all = line.command("list", "the protocols there are",
+                             [&program, wanted] { return list(program.engine(), wanted->json), 0; });
+  all.flag("--json", wanted->json, "as JSON");
+  Command one = line.command("describe", "what a protocol does and which parameters it takes", [&program, wanted] {
+    describe(program.engine().describe(Program::protocol_file(wanted->protocol)), wanted->json);
+    return 0;
+  });
+  one.option("protocol", wanted->protocol, "a protocol's file or name").required();
+  one.flag("--json", wanted->json, "as JSON, SI units");
+}
+
+}  // namespace vitreo::cli

@@ -1,0 +1,52 @@
+// `vitreo devices` and `vitreo emulate`: the instruments, real and emulated.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/emulate.h"
+#include "host/instruments.h"
+
+#include <fmt/format.h>
+
+namespace vitreo::cli {
+namespace {
+
+struct Wanted {
+  std::string rig, test;
+  std::vector<std::string> command;
+  bool json = false;
+};
+
+int devices(Program& program, const Wanted& wanted) {
+  if (!wanted.test.empty()) {
+    const std::vector<std::string> findings = test_instrument(program.engine().load_rig(wanted.rig), wanted.test);
+    for (const std::string& finding : findings) fmt::print("{}: {}\n", wanted.test, finding);
+    if (findings.empty()) fmt::print("{}: keeps its contract\n", wanted.test);
+    return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
+  }
+  const nlohmann::json rows =
+      wanted.rig.empty() ? find_instruments() : examine_rig(program.engine().load_rig(wanted.rig));
+  fmt::print("{}", wanted.json ? rows.dump() + "\n" : to_text(rows));
+  return 0;
+}
+
+}  // namespace
+
+void add_devices(CommandLine& line, Program& program) {
+  const auto wanted = std::make_shared<Wanted>();
+  Command command = line.command("devices", "what is plugged in, and which driver would take it",
+                                 [&program, wanted] { return devices(program, *wanted); });
+  command.option("--rig", wanted->rig, "open this rig file instead, and show each role");
+  command.option("--test", wanted->test, "a role: run its contract suite (it moves, it drives currents!)")
+      .needs("--rig");
+  command.flag("--json", wanted->json, "as JSON, SI units");
+
+  Command emulated =
+      line.command("emulate", "run a command among a rig's emulated instruments", [&program, &line, wanted] {
+        restart_in_testbed(line.words());
+        return emulate(program.engine().load_rig(wanted->rig), wanted->command);
+      });
+  emulated.option("rig", wanted->rig, "rig file").required();
+  emulated.option("command", wanted->command, "after --: the command and its arguments");
+}
+
+}  // namespace vitreo::cli

@@ -1,0 +1,52 @@
+// What the commands of the program share: where its files are, and the script engine.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/run_engine.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vitreo::cli {
+
+class CommandLine;
+class Command;
+
+class Program {
+ public:
+  Program();
+  ~Program();
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+
+  /// Made at the first call: commands without a script start faster.
+  ScriptEngine& engine();
+
+  /// A path below protocols/ or scripts/: here, else VITREO_ROOT, else where the program was built.
+  static std::string in_data_folder(const std::string& below);
+  /// A path as given, or a protocol's bare name.
+  static std::string protocol_file(const std::string& given);
+  static std::vector<std::string> protocol_files();
+
+ private:
+  std::unique_ptr<ScriptEngine> engine_;
+};
+
+/// The options of everything that opens a rig and records: --rig, --seed, --out, ...
+struct RunOptions {
+  RunRequest request;
+  bool real_time = false;
+  RunRequest& complete();  ///< with the defaults that depend on where the program is
+};
+void add_run_options(Command& command, RunOptions& options);
+
+// One for each row of main.cpp, in a file of its name.
+void add_run(CommandLine& line, Program& program);  // and the prompt, which is the program without a command
+void add_control(CommandLine& line, Program& program);
+void add_describe(CommandLine& line, Program& program);
+void add_devices(CommandLine& line, Program& program);
+void add_mask(CommandLine& line, Program& program);
+void add_records(CommandLine& line, Program& program);
+
+}  // namespace vitreo::cli

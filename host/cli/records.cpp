@@ -1,0 +1,62 @@
+// The commands about recorded runs; docs/records.md tells what they are for.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/commands.h"
+#include "host/run_reader.h"
+
+#include <iostream>
+
+namespace vitreo::cli {
+namespace {
+
+struct Wanted {
+  std::string run = "last", parent = "runs", into, format, csv;
+  RunFilter filter;
+  bool json = false;
+  std::filesystem::path folder() const { return find_run(run, parent); }
+};
+
+}  // namespace
+
+void add_records(CommandLine& line, Program& program) {
+  const auto wanted = std::make_shared<Wanted>();
+  const auto add = [&line, wanted](const std::string& name, const std::string& help, CommandLine::Action action) {
+    Command command = line.command(name, help, std::move(action));
+    command.option("--runs", wanted->parent, "the folder in which the runs are (default: runs)");
+    command.flag("--json", wanted->json, "one JSON document, SI units");
+    return command;
+  };
+  const auto add_one = [&add, wanted](const std::string& name, const std::string& help, CommandLine::Action action) {
+    Command command = add(name, help, std::move(action));
+    command.option("run", wanted->run, "a run's folder, its name or the beginning of it, or last").required();
+    return command;
+  };
+  const Wanted& w = *wanted;  // kept by the actions' own copy of the pointer
+  Command runs = add("runs", "the recorded runs, newest last",
+                     [wanted, &w] { return list_runs(w.parent, w.filter, w.json, std::cout); });
+  runs.option("--protocol", wanted->filter.protocol, "only those with this in protocol or title");
+  runs.option("--operator", wanted->filter.operator_name, "only those with this in the operator's name");
+  runs.option("--outcome", wanted->filter.state,
+              "only completed, failed, stopped, aborted, lost, running or unreadable");
+  runs.option("--since", wanted->filter.since, "only from this time on: 2026-11-21, 2026-11-21T14:30");
+  runs.option("--newest", wanted->filter.newest, "only so many").between(1, 1000000);
+  add_one("show", "what a run was asked, what came out, what is recorded",
+          [wanted, &w] { return show_run(w.folder(), w.json, std::cout); });
+  add_one("verify", "whether a run's record is whole: hashes, counts, every frame",
+          [wanted, &w] { return verify_command(w.folder(), w.json, std::cout); });
+  add_one("recover", "ends the record of a run whose program died",
+          [wanted, &w] { return recover_command(w.folder(), w.json, std::cout); });
+  add_one("report", "makes a run's report anew from its record",
+          [wanted, &w] { return report_command(w.folder(), w.json, std::cout); });
+  Command exported = add_one("export", "a run in the format of other programs",
+                             [wanted, &w] { return export_command(w.folder(), w.format, w.into, w.json, std::cout); });
+  exported.option("--into", wanted->into, "a folder (default: export/ in the run's own)");
+  exported.one_of({"csv", "mcap", "tiff", "mkv", "hdf5"}, wanted->format);
+  Command replayed = add_one(
+      "replay", "the recorded frames through today's tracker and localiser",
+      [&program, wanted, &w] { return replay_command(program.engine(), w.folder(), w.csv, w.json, std::cout); });
+  replayed.option("--csv", wanted->csv, "a file for the differences frame by frame");
+}
+
+}  // namespace vitreo::cli
