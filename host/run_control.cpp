@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <signal.h>
+#include <thread>
 #include <time.h>
 
 namespace vitreo {
@@ -67,8 +68,10 @@ std::string to_string(const RunStatus& status) {
 RunControl* attached_control() noexcept { return the_control; }
 
 void deliver_to_script() noexcept {
-  const RunControl* const control = the_control;
-  if (control && control->reach_.interrupt) control->reach_.interrupt();
+  RunControl* const control = the_control;
+  if (!control) return;
+  if (control->reach_.interrupt) control->reach_.interrupt();
+  ++control->deliveries_;
 }
 
 RunControl::RunControl() : script_(pthread_self()) { sem_init(&request_, 0, 0); }
@@ -109,6 +112,14 @@ void RunControl::request(StopTier tier) noexcept {
     deliver_to_script();
   else if (the_control == this)
     pthread_kill(script_, SIGUSR1);
+}
+
+void RunControl::request_here(StopTier tier) noexcept {
+  constexpr int kPatience = 20000;  // of 0.1 ms: a thread that is not there any more is not waited for
+  const unsigned long before = deliveries_;
+  request(tier);
+  for (int i = 0; i < kPatience && deliveries_ == before && the_control == this && !idle_; ++i)
+    std::this_thread::sleep_for(std::chrono::microseconds(100));
 }
 
 void RunControl::request_pause(const std::string& checkpoint) {

@@ -54,6 +54,9 @@ class RunControl {
   /// Any thread, signal handlers too. A lower tier than before changes nothing; the same one breaks off the next wait
   /// as well, which is how a clean-up that does not end is cut short.
   void request(StopTier tier) noexcept;
+  /// The same for a task that holds the clock's baton: returns when the script's thread has been reached, so that a run
+  /// on the virtual clock that is stopped at some moment repeats.
+  void request_here(StopTier tier) noexcept;
   StopTier tier() const noexcept { return tier_.load(); }
   /// The next higher tier: what one more Ctrl-C means.
   static StopTier next(StopTier tier) noexcept;
@@ -101,7 +104,7 @@ class RunControl {
   static_assert(std::atomic<StopTier>::is_always_lock_free);
   std::array<std::atomic<std::int64_t>, 4> asked_at_{};  // ns of the steady clock, by tier; 0: never
   std::atomic<bool> safe_{false}, pause_{false}, idle_{false};
-  std::atomic<unsigned long> changes_{0};
+  std::atomic<unsigned long> changes_{0}, deliveries_{0};
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;

@@ -22,6 +22,8 @@
 
 namespace vitreo {
 
+class FaultDesk;
+
 /// How far a run is, told to whoever shows it.
 class ProgressListener {
  public:
@@ -70,7 +72,8 @@ class Session {
   bool real_time = false;  // the clock keeps the wall clock's pace; else it stands still while people are waited for
   RunControl control;
   Questions questions;
-  FrameRecording frames;  // the observers, which use its cameras, end before it
+  FrameRecording frames;        // the observers, which use its cameras, end before it
+  FaultDesk* faults = nullptr;  // breaks simulated instruments (host/faults.h); null where nothing is simulated
 
   /// Learns what the empty scene looks like, for the top camera (returned) and, when there is one, for the side camera,
   /// whose estimate is recorded from then on. Blocks on the clock. Throws DeviceError, std::invalid_argument.
