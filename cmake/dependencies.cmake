@@ -1,4 +1,5 @@
 # Every library that is not ours, each as one target whose headers are SYSTEM (their warnings are not ours to mend).
+include(cmake/lazy_library.cmake)
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(Ceres REQUIRED)
@@ -22,20 +23,25 @@ target_link_libraries(vitreo_ceres INTERFACE Ceres::ceres)
 add_library(vitreo_opencv INTERFACE)
 find_path(OPENCV_INCLUDE opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
 target_include_directories(vitreo_opencv SYSTEM INTERFACE ${OPENCV_INCLUDE})
-foreach(part core imgproc imgcodecs)
+foreach(part core imgproc)
   find_library(OPENCV_${part} opencv_${part} REQUIRED)
   target_link_libraries(vitreo_opencv INTERFACE ${OPENCV_${part}})
 endforeach()
+find_library(OPENCV_imgcodecs opencv_imgcodecs REQUIRED)
+vitreo_lazy_library(vitreo_lazy_imgcodecs ${OPENCV_imgcodecs})
+target_link_libraries(vitreo_opencv INTERFACE vitreo_lazy_imgcodecs)
 
 # Background models; of its own, since only vision/ has a use for it.
 add_library(vitreo_opencv_video INTERFACE)
 find_library(OPENCV_video opencv_video REQUIRED)
-target_link_libraries(vitreo_opencv_video INTERFACE vitreo_opencv ${OPENCV_video})
+vitreo_lazy_library(vitreo_lazy_video ${OPENCV_video})
+target_link_libraries(vitreo_opencv_video INTERFACE vitreo_opencv vitreo_lazy_video)
 
 # Reads recorded videos; of its own, since only the host does and ffmpeg comes with it.
 add_library(vitreo_video INTERFACE)
 find_library(OPENCV_videoio opencv_videoio REQUIRED)
-target_link_libraries(vitreo_video INTERFACE vitreo_opencv ${OPENCV_videoio})
+vitreo_lazy_library(vitreo_lazy_videoio ${OPENCV_videoio})
+target_link_libraries(vitreo_video INTERFACE vitreo_opencv vitreo_lazy_videoio)
 
 find_package(CLI11 REQUIRED)
 add_library(vitreo_cli INTERFACE)
@@ -52,5 +58,11 @@ pkg_check_modules(HDF5 REQUIRED hdf5-serial)
 find_library(HDF5_LIBRARY hdf5 HINTS ${HDF5_LIBRARY_DIRS} REQUIRED)
 pkg_check_modules(HIDAPI REQUIRED IMPORTED_TARGET hidapi-hidraw)  # its other back end has the same symbols: never both
 pkg_check_modules(LIBUSB REQUIRED IMPORTED_TARGET libusb-1.0)
-pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
+pkg_check_modules(ARAVIS REQUIRED aravis-0.8)
+pkg_check_modules(GOBJECT REQUIRED IMPORTED_TARGET gobject-2.0)
+find_library(ARAVIS_LIBRARY aravis-0.8 HINTS ${ARAVIS_LIBRARY_DIRS} REQUIRED)
+vitreo_lazy_library(vitreo_lazy_aravis ${ARAVIS_LIBRARY})
+add_library(vitreo_aravis INTERFACE)
+target_include_directories(vitreo_aravis SYSTEM INTERFACE ${ARAVIS_INCLUDE_DIRS})
+target_link_libraries(vitreo_aravis INTERFACE vitreo_lazy_aravis PkgConfig::GOBJECT)
 pkg_check_modules(UMOCKDEV IMPORTED_TARGET umockdev-1.0)          # optional: emulated instruments on the system's own path

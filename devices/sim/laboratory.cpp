@@ -112,10 +112,15 @@ struct Laboratory::State {
         sensor_rotation("sensor_rotation", given.sensor_turn, the_clock),
         probe_stage("probe_stage", probe_axes(given.probe_axis), the_clock),
         probe(
-            given.probe, world, [this] { return probes_place(); }, the_clock, seed_for(the_seed, Purpose::probe)),
-        fundus(given.fundus.empty()
-                   ? Fundus::drawn(seed_for(the_seed, Purpose::fundus), 1.55 * given.world.cavity.radius)
-                   : Fundus::photograph(given.fundus, given.fundus_width)) {}
+            given.probe, world, [this] { return probes_place(); }, the_clock, seed_for(the_seed, Purpose::probe)) {
+    if (!given.fundus.empty()) fundus = Fundus::photograph(given.fundus, given.fundus_width);
+  }
+
+  /// Drawn when something first looks: it takes a tenth of a second, and a prompt need not wait for it.
+  const Fundus& retina() {
+    if (!fundus) fundus = Fundus::drawn(seed_for(seed, Purpose::fundus), 1.55 * settings.world.cavity.radius);
+    return *fundus;
+  }
 
   /// Where the parts that look are at a time: the condensing lens' mover (of now), the bare sensor's stages.
   struct Pose {
@@ -154,7 +159,7 @@ struct Laboratory::State {
     View view = eye_view(eye, observer, image, size, settings.world.cavity.vertex, kGridStep, now.turn);
     const Aperture aperture{observer.numerical_aperture, 550e-9, image.pixel};
     const auto defocus = eye_defocus(eye, observer, image);
-    cv::Mat ground = retina_ground(view, fundus, settings.world.cavity.radius);
+    cv::Mat ground = retina_ground(view, retina(), settings.world.cavity.radius);
     // One kernel for the whole ground, that of the retina half-way out to the side.
     const Eigen::Vector2d half_way = image.centre_px + Eigen::Vector2d(size.width / 4.0, 0);
     const double ground_defocus = defocus(half_way, 0);
@@ -215,7 +220,7 @@ struct Laboratory::State {
   SimulatedRotationStage sensor_rotation;
   SimulatedStage probe_stage;
   SimulatedProbe probe;
-  Fundus fundus;
+  std::optional<Fundus> fundus;
   std::optional<Renderer> top_renderer, side_renderer;
   Pose drawn_pose;
   std::unique_ptr<SimulatedCamera> top, side;

@@ -143,6 +143,17 @@ TEST(CommandLine, HelpListAndDescribeAnswer) {
   EXPECT_EQ(place.vitreo("fly").exit_code, 2);
 }
 
+TEST(CommandLine, ItStartsWithoutTheLibrariesThatFewRunsNeed) {
+#if !defined(__x86_64__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "they are linked as usual here";
+#endif
+  ASSERT_EQ(std::system("LD_TRACE_LOADED_OBJECTS=1 '" VITREO_PROGRAM "' | grep -q libopencv_core"), 0);
+  EXPECT_NE(std::system("LD_TRACE_LOADED_OBJECTS=1 '" VITREO_PROGRAM
+                        "' | grep -E 'avcodec|gdal|aravis|opencv_(videoio|imgcodecs|dnn)'"),
+            0)
+      << "docs/decisions/0005-lazy-libraries.md";
+}
+
 TEST(Prompt, ItAnswersInAPipe) {
   const Workplace place;
   const Spoken spoken = place.vitreo("",
