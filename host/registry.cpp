@@ -51,6 +51,7 @@ const std::vector<DriverEntry<Stage>>& drivers() {
   static const std::vector<DriverEntry<Stage>> entries{
       {"zaber", read_zaber},
       {"sutter_mp285", read_sutter_mp285},
+      {"sutter_mpc200", read_sutter_mpc200},
       {"simulated", read_simulated_stage},
   };
   return entries;

@@ -9,6 +9,7 @@ namespace vitreo {
 Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument);
 Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument);
 Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument);
+Opener<Stage> read_sutter_mpc200(const InstrumentReader& instrument);
 Opener<Stage> read_simulated_stage(const InstrumentReader& instrument);
 Opener<RotationStage> read_simulated_rotation(const InstrumentReader& instrument);
 Opener<FieldProbe> read_simulated_probe(const InstrumentReader& instrument);

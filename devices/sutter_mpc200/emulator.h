@@ -1,0 +1,31 @@
+// The MPC-200's end of the wire, for the simulated laboratory and the tests.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/byte_link.h"
+#include "devices/sutter_mpc200/wire.h"
+
+#include <memory>
+
+namespace vitreo::sutter_mpc200 {
+
+struct EmulatorSettings {
+  Usteps start{};  ///< where the drives stand
+  Connected connected{true, false, false, false};
+  int version = 110;  ///< times 100
+};
+
+/// Any byte but the interrupt is lost during a motion. A straight motion that comes in one write crashes it.
+class Emulator : public BytePeer {
+ public:
+  virtual Usteps position(int drive, Time now) const = 0;  ///< from 1
+  virtual bool moving(Time now) const = 0;
+  virtual bool crashed() const = 0;
+  virtual void fall_silent() = 0;            ///< it moves on, and says nothing more
+  virtual void stop_short(double part) = 0;  ///< its motions end after this part of their way, as if all were well
+  virtual void power_cycle(Time now) = 0;
+};
+
+std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings = {});
+
+}  // namespace vitreo::sutter_mpc200

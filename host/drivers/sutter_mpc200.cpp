@@ -1,0 +1,59 @@
+// The MPC-200 as a rig file describes it: { driver = "sutter_mpc200", address = "serial:/dev/ttyUSB0", drive = 1 }.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sutter_mpc200/driver.h"
+#include "devices/sutter_mpc200/emulator.h"
+#include "host/drivers/drivers.h"
+#include "host/drivers/serial.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+/// Where the emulated drive stands when it is opened: in the middle of its travel, as somebody left it.
+sutter_mpc200::EmulatorSettings middle_of(const sutter_mpc200::Settings& settings) {
+  sutter_mpc200::EmulatorSettings emulated;
+  emulated.connected.fill(true);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double middle = (settings.travel_min[i] + settings.travel_max[i]) / 2;
+    emulated.start[i] = static_cast<std::int32_t>(std::lround(middle / sutter_mpc200::kUstep));
+  }
+  return emulated;
+}
+
+}  // namespace
+
+Opener<Stage> read_sutter_mpc200(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  const Bounds travel{0, 25e-3, "m"}, speed{0.338e-3, 5e-3, "m/s"};
+  sutter_mpc200::Settings settings;
+  settings.name = instrument.role;
+  settings.drive = reader.integer("drive", settings.drive, 1, sutter_mpc200::kDrives);
+  const auto read_travel = [&](const char* key, std::array<double, 3>& each) {
+    const Eigen::Vector3d read = reader.vector3(key, {each[0], each[1], each[2]}, travel);
+    each = {read.x(), read.y(), read.z()};
+  };
+  read_travel("travel_min", settings.travel_min);
+  read_travel("travel_max", settings.travel_max);
+  settings.max_speed = reader.number("max_speed", settings.max_speed, speed);
+  settings.speed = reader.number("speed", std::min(settings.speed, settings.max_speed), speed);
+  const SerialPlace place = read_serial_place(instrument, {.baud_rate = 128000});
+  check_settings(instrument, settings);
+  return [settings, place](const Surroundings& where) {
+    auto emulator = sutter_mpc200::make_emulator(middle_of(settings));
+    if (place.emulated())
+      where.places->stage = [at = emulator.get(), start = middle_of(settings).start, drive = settings.drive](Time now) {
+        const sutter_mpc200::Usteps usteps = at->position(drive, now);
+        std::vector<double> moved;
+        for (std::size_t i = 0; i < 3; ++i) moved.push_back((usteps[i] - start[i]) * sutter_mpc200::kUstep);
+        return moved;
+      };
+    return open_on<Stage>(place, std::move(emulator), where.clock, [&](std::unique_ptr<ByteLink> link) {
+      return sutter_mpc200::open(std::move(link), settings, where.clock);
+    });
+  };
+}
+
+}  // namespace vitreo
