@@ -16,7 +16,7 @@ constexpr double kCalibration = 2e-3;  // m/s; its true speed is not known
 class EmulatedMpc200 final : public Emulator {
  public:
   explicit EmulatedMpc200(const EmulatorSettings& settings)
-      : connected_(settings.connected), version_(settings.version) {
+      : connected_(settings.connected), version_(settings.version), straight_pause_(settings.straight_pause) {
     places_.fill(settings.start);
   }
 
@@ -64,8 +64,7 @@ class EmulatedMpc200 final : public Emulator {
       if (byte == kInterrupt) interrupt(now);
       return;
     }
-    if (heard_.size() == 1 && heard_.front() == 'S' &&
-        now - begun_hearing_ < std::chrono::milliseconds(kStraightPause_ms)) {
+    if (heard_.size() == 1 && heard_.front() == 'S' && now - begun_hearing_ < straight_pause_) {
       crashed_ = true;
       return;
     }
@@ -128,6 +127,7 @@ class EmulatedMpc200 final : public Emulator {
 
   const Connected connected_;
   const int version_;
+  const Time straight_pause_;
   std::array<Usteps, kDrives> places_{};
   int active_ = 1;
   Usteps to_{};

@@ -5,6 +5,7 @@
 #include "devices/byte_link.h"
 #include "devices/sutter_mpc200/wire.h"
 
+#include <chrono>
 #include <memory>
 
 namespace vitreo::sutter_mpc200 {
@@ -13,6 +14,9 @@ struct EmulatorSettings {
   Usteps start{};  ///< where the drives stand
   Connected connected{true, false, false, false};
   int version = 110;  ///< times 100
+  /// Less between the first byte of a straight motion and the next crashes it; 0 where nobody can tell, as on a real
+  /// wire that is looked at now and then.
+  Time straight_pause = std::chrono::milliseconds(kStraightPause_ms);
 };
 
 /// Any byte but the interrupt is lost during a motion. A straight motion that comes in one write crashes it.

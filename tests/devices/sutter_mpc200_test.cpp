@@ -93,6 +93,9 @@ TEST_F(Mpc200, KeepsTheContractOfAStage) {
 
 TEST_F(Mpc200, KeepsTheContractOverAPseudoTerminal) {
   const auto real = virtual_clock(Pace::real_time);
+  EmulatorSettings untimed{.start = {160000, 160000, 160000}};
+  untimed.straight_pause = Time::zero();
+  emulator = make_emulator(untimed);
   RealEnd end(*emulator, open_pty_end());
   const auto stage = open(open_serial(end.address().substr(7), {.baud_rate = 128000}, *real), settings, *real);
   contract::StageCheck how{.start = {10e-3, 10e-3, 10e-3}, .way = 0.3e-3, .speed = 2.77e-3};
