@@ -226,7 +226,8 @@ void Chain::set_off(std::span<const double> target, double speed) {
   }
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     axes_[i].target = std::round(target[i] / axes_[i].unit);
-    if (ways[i] > 0) set_speed(axes_[i], speed * ways[i] / longest);  // all arrive together: the path is straight
+    if (ways[i] > axes_[i].unit / 2)
+      set_speed(axes_[i], speed * ways[i] / longest);  // all arrive together: the path is straight
   }
   for (const Axis& axis : axes_) ask(axis, "move abs " + std::to_string(std::llround(axis.target)));
 }

@@ -30,7 +30,7 @@ struct AxisState {
   double speed() const { return homing ? settings.home_speed : usteps_per_second(values.at("maxspeed")); }
   Time arrival() const { return later(begun, from_seconds(std::abs(to - from) / speed())); }
   double at(Time now) const {
-    const double gone = to_seconds(now - begun) * speed();
+    const double gone = std::max(0.0, to_seconds(now - begun)) * speed();
     return gone >= std::abs(to - from) ? to : from + std::copysign(gone, to - from);
   }
   bool moving(Time now) const { return now < arrival() && from != to; }
@@ -171,7 +171,10 @@ class Execution {
       if (found == axis.values.end()) return "BADCOMMAND";
       if (name == "maxspeed" && !(number >= 1 && number <= 1e9)) return "BADDATA";
       if (name == "resolution" && !(number >= 1 && number <= 256)) return "BADDATA";
-      if (axis.moving(now_)) axis.set_off(axis.to, now_);  // goes on at another speed from here
+      // What goes on, goes on at another speed from here; what has ended, has ended.
+      const bool stalled = axis.stalled;
+      axis.set_off(axis.to, now_);
+      axis.stalled = stalled;
       found->second = number;
       return "";
     });

@@ -30,7 +30,7 @@ struct EmulatedDevice {
 /// A chain of devices on one port. Axes move at constant speed.
 class Emulator : public BytePeer {
  public:
-  /// usteps, where the axis really is at `now`, which must not lie before what it was told last. Indices from 0.
+  /// usteps, where the axis really is at `now`, or was since it last set off. Indices from 0.
   virtual double position(std::size_t device, std::size_t axis, Time now) const = 0;
   virtual bool moving(std::size_t device, std::size_t axis, Time now) const = 0;
   /// Somebody holds the axis: it stalls there on its way, and stops (FS).

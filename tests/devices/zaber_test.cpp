@@ -123,6 +123,17 @@ TEST_F(Zaber, ArrivesWithAllAxesAtTheSameTime) {
   EXPECT_NEAR(place(0, 1), 1e-3, kStep);
 }
 
+TEST_F(Zaber, TakesNoLongerForAnAxisThatIsThereAlready) {
+  emulator = make_emulator({{.axes = {{}, {}}}});
+  settings.axes = {{.name = "x", .axis = 1}, {.name = "y", .axis = 2}};
+  const auto stage = open(link_to(*emulator), settings, *clock);
+  move_to(*stage, Place{1e-3, 1e-3}, 2e-3, 10s, *clock);
+  const Time before = clock->now();
+  move_to(*stage, Place{2e-3, 1e-3}, 2e-3, 10s, *clock);  // 1 mm is no whole number of microsteps
+  EXPECT_LT(to_seconds(clock->now() - before), 1.5);      // half a second, and the exchanges at 9600 baud
+  EXPECT_NEAR(place(0, 1), 1e-3, kStep);
+}
+
 TEST_F(Zaber, MovesNothingWhenItIsOpened) {
   emulator = make_emulator({{.axes = {{.start = 5000}}}});
   Listener other(*emulator);
