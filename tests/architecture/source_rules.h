@@ -46,6 +46,7 @@ inline const std::vector<Row> kTable{
     // Each instrument's library in one place.
     {"devices/serial_port.cpp", {"devices/"}, {"devices/sim/"}, {"libserialport.h"}, true},
     {"devices/genicam/", {"devices/"}, {"devices/sim/"}, {"opencv2/core", "arv.h"}, true},
+    {"devices/iidc/", {"devices/"}, {"devices/sim/"}, {"opencv2/core", "dc1394/"}, true},
     {"devices/image_sequence/", {"devices/"}, {"devices/sim/"}, {"opencv2/core", "opencv2/imgcodecs"}},
     {"devices/opencv_camera/", {"devices/"}, {"devices/sim/"}, {"opencv2/core", "opencv2/videoio"}},
     {"devices/hidapi_link.cpp", {"devices/"}, {"devices/sim/"}, {"hidapi.h"}},

@@ -3,6 +3,7 @@
 #include "devices/contract/camera.h"
 #include "devices/error.h"
 #include "devices/grey.h"
+#include "devices/iidc/driver.h"
 #include "devices/image_sequence/driver.h"
 #include "devices/opencv_camera/driver.h"
 
@@ -211,6 +212,25 @@ TEST(CameraContract, NoticesACameraThatBreaksIt) {
     const auto clock = virtual_clock();
     FaultyCamera camera(*clock, static_cast<FaultyCamera::Fault>(fault));
     EXPECT_EQ(contract::check(camera, *clock).empty(), fault == FaultyCamera::none) << fault;
+  }
+}
+
+/// All that can be shown without a FireWire bus.
+TEST(Iidc, ChecksItsSettingsAndFindsNoCameraWithoutABus) {
+  const auto clock = wall_clock();
+  const auto bad = [&](iidc::Settings wrong) { EXPECT_THROW(iidc::open(wrong, *clock), std::invalid_argument); };
+  bad({.name = ""});
+  bad({.guid = "123"});
+  bad({.guid = "000000000000000g"});
+  bad({.width_px = 0});
+  bad({.frame_rate = 0});
+  bad({.exposure = -1});
+  try {
+    iidc::open({.guid = "00b09d0100a8f3d1"}, *clock);
+    ADD_FAILURE() << "there is a camera";
+  } catch (const DeviceError& error) {
+    EXPECT_EQ(error.kind, DeviceErrorKind::not_found) << error.what();
+    EXPECT_EQ(error.device, "camera");
   }
 }
 
