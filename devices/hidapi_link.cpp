@@ -5,8 +5,12 @@
 
 #include <algorithm>
 #include <array>
+#include <condition_variable>
 #include <hidapi.h>
 #include <limits>
+#include <mutex>
+#include <thread>
+#include <utility>
 
 namespace vitreo {
 namespace {
@@ -22,22 +26,83 @@ std::string last_error(hid_device* device) {
   return said.empty() ? "no reason given" : said;
 }
 
-class HidapiLink final : public HidLink {
+using Device = std::unique_ptr<hid_device, decltype(&hid_close)>;
+
+constexpr std::chrono::milliseconds kWriteDeadline{500};
+
+/// Writes reports on a thread of its own: the kernel has no deadline for them that a caller could choose, and holds one
+/// for up to 5 s where a device does not take it. Shared with that thread, which may outlive the link for as long.
+class Writer {
  public:
-  HidapiLink(const UsbAddress& address, Clock& clock)
-      : clock_(clock), name_(to_string("hid", address)), device_(nullptr, hid_close) {
-    clock_.outside([&] { open(address); });
+  explicit Writer(Device device) : device_(std::move(device)) {}
+  static std::shared_ptr<Writer> start(Device device) {
+    auto writer = std::make_shared<Writer>(std::move(device));
+    std::thread([writer] { writer->run(); }).detach();
+    return writer;
+  }
+  hid_device* device() const { return device_.get(); }
+
+  /// Bytes written; negative with why in `why`. Nothing at the deadline, and ever after: the report may still go out.
+  std::optional<int> write(std::span<const std::uint8_t> report, std::string& why) {
+    std::unique_lock lock(mutex_);
+    if (stuck_) return std::nullopt;
+    report_.emplace(report.begin(), report.end());
+    changed_.notify_all();
+    stuck_ = !changed_.wait_for(lock, kWriteDeadline, [this] { return !report_; });
+    if (stuck_) return std::nullopt;
+    why = why_;
+    return written_;
+  }
+  void end() {
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+    changed_.notify_all();
   }
 
+ private:
+  void run() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      changed_.wait(lock, [this] { return report_ || ended_; });
+      if (!report_) return;
+      const std::vector<std::uint8_t> report = *report_;
+      lock.unlock();
+      const int written = hid_write(device_.get(), report.data(), report.size());
+      const std::string why = written < 0 ? last_error(device_.get()) : "";
+      lock.lock();
+      written_ = written;
+      why_ = why;
+      report_.reset();
+      changed_.notify_all();
+      if (stuck_) return;  // nobody waits for it any more
+    }
+  }
+
+  const Device device_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<std::vector<std::uint8_t>> report_;  // on its way
+  int written_ = 0;
+  std::string why_;
+  bool stuck_ = false, ended_ = false;
+};
+
+class HidapiLink final : public HidLink {
+ public:
+  HidapiLink(const UsbAddress& address, Clock& clock) : clock_(clock), name_(to_string("hid", address)) {
+    clock_.outside([&] { open(address); });
+  }
+  HidapiLink(const HidapiLink&) = delete;
+  HidapiLink& operator=(const HidapiLink&) = delete;
+  ~HidapiLink() override { writer_->end(); }
+
   void write(std::span<const std::uint8_t> report) override {
-    int written = 0;
+    std::optional<int> written;
     std::string why;
-    clock_.outside([&] {
-      written = hid_write(device_.get(), report.data(), report.size());
-      if (written < 0) why = last_error(device_.get());
-    });
-    if (written < 0) throw DeviceError(DeviceErrorKind::lost, name_, "a report cannot be sent: " + why);
-    if (written < static_cast<int>(report.size()))
+    clock_.outside([&] { written = writer_->write(report, why); });
+    if (!written) throw DeviceError(DeviceErrorKind::timeout, name_, "it took no report within 0.5 s; open it again");
+    if (*written < 0) throw DeviceError(DeviceErrorKind::lost, name_, "a report cannot be sent: " + why);
+    if (*written < static_cast<int>(report.size()))
       throw DeviceError(DeviceErrorKind::lost, name_, "a report was sent only in part");
   }
 
@@ -49,8 +114,10 @@ class HidapiLink final : public HidLink {
     int size = 0;
     std::string why;
     clock_.outside([&] {
-      size = hid_read_timeout(device_.get(), bytes.data(), bytes.size(), static_cast<int>(milliseconds));
-      if (size < 0) why = last_error(device_.get());
+      // Of two readers that were both told of one report, hidapi would let one wait for ever.
+      const std::lock_guard lock(reading_);
+      size = hid_read_timeout(writer_->device(), bytes.data(), bytes.size(), static_cast<int>(milliseconds));
+      if (size < 0) why = last_error(writer_->device());
     });
     if (size < 0) throw DeviceError(DeviceErrorKind::lost, name_, "nothing can be read: " + why);
     if (size == 0) return std::nullopt;
@@ -69,14 +136,16 @@ class HidapiLink final : public HidLink {
       path = found.place;
     }
     if (path.empty()) throw DeviceError(DeviceErrorKind::not_found, name_, "no such device is plugged in");
-    device_.reset(hid_open_path(path.c_str()));
-    if (!device_)
+    Device device(hid_open_path(path.c_str()), hid_close);
+    if (!device)
       throw DeviceError(DeviceErrorKind::refused, name_, path + " may not be opened: " + last_error(nullptr));
+    writer_ = Writer::start(std::move(device));
   }
 
   Clock& clock_;
   const std::string name_;
-  std::unique_ptr<hid_device, decltype(&hid_close)> device_;
+  std::shared_ptr<Writer> writer_;  // owns the device
+  std::mutex reading_;
 };
 
 }  // namespace

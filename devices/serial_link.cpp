@@ -7,9 +7,16 @@
 namespace vitreo {
 
 bool has_sysfs_entry(const std::string& path) {
+  // /dev/serial/by-id/... are links. Step by step, for umockdev's realpath() writes past its end where a link of its
+  // testbed leads out of it.
+  constexpr int kMostLinks = 8;
+  std::filesystem::path real = path;
   std::error_code none;
-  const auto real = std::filesystem::canonical(path, none);  // /dev/serial/by-id/... are links
-  if (none) return false;
+  for (int i = 0; i < kMostLinks && std::filesystem::is_symlink(real, none); ++i) {
+    const auto target = std::filesystem::read_symlink(real, none);
+    if (none) return false;
+    real = target.is_absolute() ? target : real.parent_path() / target;
+  }
   return std::filesystem::exists(std::filesystem::path("/sys/class/tty") / real.filename() / "device", none);
 }
 

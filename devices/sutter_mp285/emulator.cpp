@@ -27,7 +27,7 @@ class EmulatedMp285 final : public Emulator {
   }
 
   Usteps position(Time now) const override {
-    const double gone = way() > 0 ? std::min(1., to_seconds(now - begun_) * speed() / way()) : 1;
+    const double gone = way() > 0 ? std::clamp(to_seconds(now - begun_) * speed() / way(), 0., 1.) : 1;
     Usteps at{};
     for (std::size_t i = 0; i < 3; ++i)
       at[i] = from_[i] + static_cast<std::int32_t>(std::lround(gone * (to_[i] - from_[i])));

@@ -86,7 +86,7 @@ class Plugged {
     umockdev_testbed_remove_device(testbed, sysfs_.c_str());
     umockdev_testbed_detach_ioctl(testbed, node_.c_str(), nullptr);
   }
-  void set_fault(UsbFault fault) { fault_ = fault; }
+  virtual void set_fault(UsbFault fault) { fault_ = fault; }
   const PtyNode& pty() const { return pty_; }
 
  protected:
@@ -230,7 +230,14 @@ class PluggedHid final : public Plugged {
       : Plugged(mutex, node, sysfs), peer_(peer), descriptor_(std::move(descriptor)) {
     peer_.connect([this](Bytes report) { put(std::move(report)); });
   }
-  ~PluggedHid() override { peer_.connect(nullptr); }
+  ~PluggedHid() override {
+    peer_.connect(nullptr);
+    release_writers(-1, ENODEV);
+  }
+  void set_fault(UsbFault fault) override {
+    Plugged::set_fault(fault);
+    if (fault != UsbFault::stuck) release_writers(-1, EIO);
+  }
 
  private:
   gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) override {
@@ -249,6 +256,10 @@ class PluggedHid final : public Plugged {
   }
 
   gboolean write(UMockdevIoctlClient* client, UMockdevIoctlData* arg) override {
+    if (fault_ == UsbFault::stuck) {
+      stuck_.push_back(UMOCKDEV_IOCTL_CLIENT(g_object_ref(client)));
+      return TRUE;
+    }
     const Bytes report(arg->data, arg->data + arg->data_len);
     if (fault_ == UsbFault::none)
       for (Bytes& reply : peer_.receive(report)) put(std::move(reply));
@@ -273,9 +284,45 @@ class PluggedHid final : public Plugged {
     pty_.put_byte();
   }
 
+  void release_writers(long result, int error) {
+    for (UMockdevIoctlClient* const client : std::exchange(stuck_, {})) {
+      umockdev_ioctl_client_complete(client, result, error);
+      g_object_unref(client);
+    }
+  }
+
   HidPeer& peer_;
   const Bytes descriptor_;
+  std::vector<UMockdevIoctlClient*> stuck_;  // whoever waits for a write to end
   std::deque<Bytes> reports_;
+};
+
+/// A node that is a link to a real terminal: whoever has it open executes what it asks of it. (Without a handler
+/// umockdev answers ioctls on a node of the testbed itself, and wrongly.)
+class TerminalNode {
+ public:
+  TerminalNode(UMockdevTestbed* testbed, std::string node)
+      : testbed_(testbed), node_(std::move(node)), handler_(umockdev_ioctl_base_new()) {
+    g_signal_connect(handler_, "handle-ioctl", G_CALLBACK(on_ioctl), nullptr);
+    umockdev_testbed_attach_ioctl(testbed_, node_.c_str(), handler_, nullptr);
+  }
+  ~TerminalNode() {
+    umockdev_testbed_detach_ioctl(testbed_, node_.c_str(), nullptr);
+    g_object_unref(handler_);
+  }
+  TerminalNode(const TerminalNode&) = delete;
+  TerminalNode& operator=(const TerminalNode&) = delete;
+
+ private:
+  static gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer) {
+    int error = 0;
+    const long result = umockdev_ioctl_client_execute(client, &error, nullptr);
+    return done(client, result, error);
+  }
+
+  UMockdevTestbed* const testbed_;
+  const std::string node_;
+  UMockdevIoctlBase* const handler_;
 };
 
 class Umockdev final : public UsbTestbed {
@@ -285,6 +332,7 @@ class Umockdev final : public UsbTestbed {
   Umockdev& operator=(const Umockdev&) = delete;
   ~Umockdev() override {
     while (!plugged_.empty()) unplug(plugged_.begin()->first);
+    nodes_.clear();
     g_object_unref(testbed_);
   }
 
@@ -310,6 +358,10 @@ class Umockdev final : public UsbTestbed {
     found->second->remove(testbed_);
     plugged_.erase(found);
   }
+  void add_node(const std::string& node, const std::string& target) override {
+    nodes_.push_back(std::make_unique<TerminalNode>(testbed_, node));
+    link(node, target);
+  }
   void set_fault(int plug, UsbFault fault) override {
     const std::lock_guard lock(mutex_);
     plugged_.at(plug)->set_fault(fault);
@@ -321,20 +373,24 @@ class Umockdev final : public UsbTestbed {
 
  private:
   void add(int number, const std::string& node, std::unique_ptr<Plugged> device, const std::string& description) {
-    // A link that is there first: umockdev then leaves the node alone.
+    device->add(testbed_, description);
+    link(node, device->pty().path());
+    plugged_.emplace(number, std::move(device));
+  }
+  /// In place of the regular file that umockdev makes of a node.
+  void link(const std::string& node, const std::string& target) {
     gchar* const root = umockdev_testbed_get_root_dir(testbed_);
     const fs::path path = std::string(root) + node;
     g_free(root);
     fs::create_directories(path.parent_path());
-    device->add(testbed_, description);
     fs::remove(path);
-    fs::create_symlink(device->pty().path(), path);
-    plugged_.emplace(number, std::move(device));
+    fs::create_symlink(target, path);
   }
 
   UMockdevTestbed* const testbed_;
   std::mutex mutex_;
   std::map<int, std::unique_ptr<Plugged> > plugged_;
+  std::vector<std::unique_ptr<TerminalNode> > nodes_;
   int next_ = 1;
 };
 

@@ -16,6 +16,7 @@ namespace vitreo {
 /// How a plugged device misbehaves.
 enum class UsbFault {
   none,
+  stuck,   ///< a HID report that is written to it does not get through: the writer waits, as in the kernel
   silent,  ///< takes what it is given and never answers: transfers stay pending, reports do not come
 };
 
@@ -27,6 +28,8 @@ class UsbTestbed {
   /// The same for a HID device, which appears as a hidraw node. `usage_page`, `usage`: of its top-level collection.
   virtual int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page = 0xFF00, int usage = 1) = 0;
   virtual void unplug(int plug) = 0;
+  /// The serial port `node` (below /dev) is the terminal `target` from now on: a pseudo-terminal, say.
+  virtual void add_node(const std::string& node, const std::string& target) = 0;
   virtual void set_fault(int plug, UsbFault fault) = 0;
   /// Emulators are called from a thread of the testbed: whoever else wants to touch them does it in `work`.
   virtual void with_emulators(const std::function<void()>& work) = 0;

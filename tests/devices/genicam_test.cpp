@@ -8,10 +8,13 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
+#include <algorithm>
 #include <fcntl.h>
+#include <fstream>
 #include <functional>
 #include <stdexcept>
 #include <sys/file.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 namespace vitreo::genicam {
@@ -100,6 +103,58 @@ TEST_F(GigeCamera, IsLostWhenItIsKilledAndOpensAgainWhenItIsBack) {
   camera.reset();
   camera = open(camera_settings(), *clock);
   EXPECT_EQ(wrong_with(camera->grab(5s).image), "");
+}
+
+/// The receive buffers of this process' datagram sockets, in bytes; -1 for a packet socket, whose ring needs none.
+std::vector<int> receive_buffers() {
+  std::vector<int> found;
+  for (int handle = 0; handle < 256; ++handle) {
+    int domain = 0, type = 0, bytes = 0;
+    socklen_t size = sizeof(int);
+    if (getsockopt(handle, SOL_SOCKET, SO_DOMAIN, &domain, &size) != 0) continue;
+    getsockopt(handle, SOL_SOCKET, SO_TYPE, &type, &size);
+    getsockopt(handle, SOL_SOCKET, SO_RCVBUF, &bytes, &size);
+    if (domain == AF_PACKET) found.push_back(-1);
+    if (domain == AF_INET && type == SOCK_DGRAM) found.push_back(bytes);
+  }
+  return found;
+}
+
+TEST_F(GigeCamera, DoesNotRelyOnTheKernelsOwnSocketBuffer) {
+  const auto server = serve_camera({}, draw);
+  const auto camera = open(camera_settings(), *clock);
+  camera->grab(5s);
+  int allowed = 0;
+  std::ifstream("/proc/sys/net/core/rmem_max") >> allowed;
+  const std::vector<int> buffers = receive_buffers();
+  const int wanted = std::min(camera_settings().socket_buffer, allowed);
+  EXPECT_TRUE(std::any_of(buffers.begin(), buffers.end(), [&](int bytes) { return bytes == -1 || bytes >= wanted; }));
+}
+
+TEST_F(GigeCamera, StoppingACameraThatIsGoneHoldsNobodyElseUp) {
+  auto server = serve_camera({}, draw);
+  auto camera = open(camera_settings(), *clock);
+  camera->grab(5s);
+  server.reset();
+  bool ended = false;
+  Time longest{}, last = clock->now();
+  int ticks = 0;
+  const auto loop = clock->spawn("loop", [&] {
+    while (!ended) {
+      clock->sleep_for(5ms);
+      longest = std::max(longest, clock->now() - last);
+      last = clock->now();
+      ++ticks;
+    }
+  });
+  const Time start = clock->now();
+  camera.reset();
+  const Time took = clock->now() - start;
+  ended = true;
+  loop->join();
+  if (took < 1s) GTEST_SKIP() << "the camera was stopped at once";
+  EXPECT_GT(ticks, 20);
+  EXPECT_LT(longest, took / 2);
 }
 
 TEST_F(GigeCamera, IsNotThereWithoutAServer) {

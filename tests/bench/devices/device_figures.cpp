@@ -5,9 +5,11 @@
 #include "devices/error.h"
 #include "devices/genicam/camera_server.h"
 #include "devices/genicam/driver.h"
+#include "devices/pololu_tic/emulator.h"
 #include "devices/testbed/usb_testbed.h"
 #include "devices/usb3103/driver.h"
 #include "devices/usb3103/emulator.h"
+#include "devices/usb_link.h"
 
 #include <opencv2/core.hpp>
 
@@ -15,6 +17,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <functional>
+#include <memory>
+#include <thread>
 #include <vector>
 
 namespace vitreo {
@@ -49,6 +54,40 @@ void measure_coils() {
   testbed->unplug(plug);
 }
 
+/// How long it takes until the link says so, when the device is pulled out while somebody waits for it.
+void print_unplug(const char* path, const Clock& clock, const std::function<void()>& pull,
+                  const std::function<void()>& use) {
+  const Time start = clock.now();
+  std::thread hand(pull);
+  try {
+    while (clock.now() - start < std::chrono::seconds(10)) use();
+  } catch (const DeviceError& error) {
+    std::printf("unplugged %-35s \"%s\" after %.1f ms\n", path, to_string(error.kind),
+                to_seconds(clock.now() - start) * 1e3);
+  }
+  hand.join();
+}
+
+void measure_unplugs() {
+  if (!why_no_usb_testbed().empty()) return;
+  const auto clock = wall_clock();
+  const auto outputs = usb3103::make_emulator({}, nullptr);
+  const auto motor = pololu_tic::make_emulator({}, *clock);
+  const auto testbed = make_usb_testbed();
+  const int hid = testbed->plug(*outputs, {0x09DB, 0x009C, 0x0100, "1", "MCC", "USB-3103", ""});
+  const int usb = testbed->plug(*motor);
+  const auto reports = open_hid_link({0x09DB, 0x009C, ""}, *clock);
+  print_unplug(
+      "inside a HID read:", *clock, [&] { testbed->unplug(hid); }, [&] { reports->read(std::chrono::seconds(10)); });
+  const auto transfers = open_usb_link({0x1FFB, 0x00B3, ""}, *clock);
+  testbed->set_fault(usb, UsbFault::silent);
+  print_unplug(
+      "inside a USB transfer:", *clock, [&] { testbed->unplug(usb); },
+      [&] {
+        transfers->read({0xC0, 0xA1, 0, 0}, 4, std::chrono::seconds(10));
+      });
+}
+
 /// Rows that carry the exposure's number: an image of two exposures shows.
 void draw(const genicam::Exposure& exposure, cv::Mat& image) {
   image.setTo(exposure.number % 200);
@@ -69,7 +108,7 @@ void measure_stream(int width, int height, double rate, double seconds) {
   genicam::ServerSettings served;
   served.width_px = width;
   served.height_px = height;
-  const auto server = genicam::serve_camera(served, draw);
+  auto server = genicam::serve_camera(served, draw);
   genicam::Settings settings;
   settings.camera = "127.0.0.1";
   settings.width_px = width;
@@ -88,12 +127,16 @@ void measure_stream(int width, int height, double rate, double seconds) {
     latency += to_seconds(frame.received - frame.exposed) - settings.exposure / 2;
   }
   const CameraStatistics s = camera->statistics();
+  const double host_cpu = 100. * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC / seconds;
   std::printf(
       "GigE %4d x %4d asked %2.0f Hz for %.0f s: grabbed %.1f Hz, corrupt %d, delivered %llu, lost %llu, torn %llu, "
       "from the first packet to the host %.1f ms, CPU of camera and host %.0f %%\n",
       width, height, rate, seconds, grabbed / seconds, bad, static_cast<unsigned long long>(s.delivered),
       static_cast<unsigned long long>(s.lost), static_cast<unsigned long long>(s.torn), 1e3 * latency / grabbed,
-      100. * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC / seconds);
+      host_cpu);
+  server.reset();
+  print_unplug(
+      "from the network (GigE camera):", *clock, [] {}, [&] { camera->grab(std::chrono::seconds(10)); });
 }
 
 }  // namespace
@@ -103,6 +146,7 @@ int main(int count, char** words) {
   const double seconds = count > 1 ? std::atof(words[1]) : 60;
   try {
     vitreo::measure_coils();
+    vitreo::measure_unplugs();
     vitreo::measure_stream(640, 480, 60, seconds);
     vitreo::measure_stream(1280, 1024, 30, seconds);
   } catch (const std::exception& error) {

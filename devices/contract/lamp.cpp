@@ -1,0 +1,78 @@
+// The duties of a Lamp.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/lamp.h"
+
+#include "devices/clock.h"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace vitreo::contract {
+namespace {
+
+struct Examiner {
+  Lamp& lamp;
+  const LampCheck& how;
+  std::vector<std::string> findings{};
+
+  void expect(bool good, const std::string& finding) {
+    if (!good) findings.push_back(finding);
+  }
+  void duty(const std::string& name, void (Examiner::*examine)()) {
+    try {
+      (this->*examine)();
+    } catch (const Stopped&) {
+      lamp.make_safe();
+      throw;
+    } catch (const std::exception& error) {
+      findings.push_back(name + ": threw " + error.what());
+    }
+  }
+  void expect_level(double level, const std::string& when) {
+    expect(lamp.level() == level, when + ", level() is not what was set");
+    if (how.measured) expect(std::abs(how.measured() - level) <= how.tolerance, when + ", the light is another");
+  }
+
+  void describes_itself() {
+    expect(!lamp.identity().empty(), "identity is empty");
+    expect_level(0, "when it is opened");
+  }
+  void shines() {
+    for (const double level : {how.level, how.level / 2, 0., how.level}) {
+      lamp.set_level(level);
+      expect_level(level, "at level " + std::to_string(level));
+    }
+  }
+  void refuses_what_is_no_level() {
+    lamp.set_level(how.level);
+    for (const double wrong : {-0.1, 1.1, std::numeric_limits<double>::quiet_NaN()}) {
+      try {
+        lamp.set_level(wrong);
+        expect(false, "it takes " + std::to_string(wrong) + " for a level");
+      } catch (const std::invalid_argument&) {  // as the role says
+      }
+      expect_level(how.level, "after a level that is none");
+    }
+  }
+  void makes_safe() {
+    lamp.set_level(how.level);
+    lamp.make_safe();
+    expect_level(0, "after make_safe()");
+    lamp.make_safe();
+    expect_level(0, "after a second make_safe()");
+  }
+};
+
+}  // namespace
+
+std::vector<std::string> check(Lamp& lamp, const LampCheck& how) {
+  Examiner examiner{lamp, how};
+  examiner.duty("describe itself", &Examiner::describes_itself);
+  examiner.duty("shine", &Examiner::shines);
+  examiner.duty("refuse what is no level", &Examiner::refuses_what_is_no_level);
+  examiner.duty("make safe", &Examiner::makes_safe);
+  return examiner.findings;
+}
+
+}  // namespace vitreo::contract
