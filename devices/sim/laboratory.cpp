@@ -9,6 +9,7 @@
 #include <cmath>
 #include <functional>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo::sim {
 namespace {
@@ -70,14 +71,6 @@ BodyLook look_of(const BodySettings& body) {
 
 constexpr std::array<double, 3> kFundusTint = {1.45, 0.9, 0.25};  // red, green, blue of a retina whose grey is 1
 
-std::vector<StageAxis> probe_axes(const StageAxis& each) {
-  std::vector<StageAxis> axes(3, each);
-  axes[0].name = "x";
-  axes[1].name = "y";
-  axes[2].name = "z";
-  return axes;
-}
-
 /// m of lens travel per microstep.
 double ustep(const pololu_tic::Settings& lens) { return lens.step_length / lens.usteps_per_step; }
 
@@ -108,11 +101,9 @@ struct Laboratory::State {
         world(drawn_world(given, the_seed), seed_for(the_seed, Purpose::world)),
         lens(pololu_tic::make_emulator(homed_motor(given.lens), the_clock)),
         hands(world, the_clock),
-        sensor_stage("sensor_stage", {given.sensor_axis}, the_clock),
-        sensor_rotation("sensor_rotation", given.sensor_turn, the_clock),
-        probe_stage("probe_stage", probe_axes(given.probe_axis), the_clock),
         probe(
-            given.probe, world, [this] { return probes_place(); }, the_clock, seed_for(the_seed, Purpose::probe)) {
+            given.probe, world, [this] { return probe_place ? probe_place(clock.now()) : Eigen::Vector3d(0, 0, 0); },
+            the_clock, seed_for(the_seed, Purpose::probe)) {
     if (!given.fundus.empty()) fundus = Fundus::photograph(given.fundus, given.fundus_width);
   }
 
@@ -122,30 +113,33 @@ struct Laboratory::State {
     return *fundus;
   }
 
-  /// Where the parts that look are at a time: the condensing lens' mover (of now), the bare sensor's stages.
+  /// Where the parts that look are at a time: the condensing lens' mover (of now), what carries the microscope or the
+  /// bare sensor; and how much light there is.
   struct Pose {
-    double lens = 0, sensor = 0, turn = 0;
+    double lens = 0, sensor = 0, turn = 0, light = 1;
     bool operator==(const Pose&) const = default;
   };
   double lens_position() const { return lens->motor_usteps() * ustep(settings.lens); }
   Pose pose(Time time) const {
-    if (settings.top_view == TopView::plain) return {};
-    if (settings.top_view == TopView::microscope) return {lens_position(), 0, 0};
-    return {lens_position(), sensor_stage.at(time)[0], sensor_rotation.at(time)};
+    if (settings.top_view == TopView::plain) return {0, 0, 0, light};
+    const bool turns = settings.top_view == TopView::bare_sensor && sensor_angle;
+    return {lens_position(), sensor_place ? sensor_place(time) : 0, turns ? sensor_angle(time) : 0, light};
   }
 
   void look(const Pose& now) {
     const std::uint64_t noise = seed_for(seed, Purpose::top_noise);
     const BodyLook robot = look_of(settings);
     drawn_pose = now;
+    Sensor sensor = settings.top.sensor;
+    sensor.brightness *= std::max(now.light, kDarkest);
     const ImageSize& size = settings.top.size;
     const optics::ImageScale& image = settings.top_image;
     if (settings.top_view == TopView::plain) {
       top_renderer.emplace(
           plain_view(image.pixel, image.centre_px, size),
           Aperture{settings.microscope.numerical_aperture, 550e-9, image.pixel},
-          [](const Eigen::Vector2d&, double z) { return z; }, side_ground(size.width, size.height), 0,
-          settings.top.sensor, robot, noise);
+          [](const Eigen::Vector2d&, double z) { return z; }, side_ground(size.width, size.height), 0, sensor, robot,
+          noise);
       return;
     }
     // The eye with the condensing lens where the mover has put it; who looks stays where it is.
@@ -163,7 +157,6 @@ struct Laboratory::State {
     // One kernel for the whole ground, that of the retina half-way out to the side.
     const Eigen::Vector2d half_way = image.centre_px + Eigen::Vector2d(size.width / 4.0, 0);
     const double ground_defocus = defocus(half_way, 0);
-    Sensor sensor = settings.top.sensor;
     sensor.ground_tint = kFundusTint;
     top_renderer.emplace(std::move(view), aperture, defocus, ground, ground_defocus, sensor, robot, noise);
   }
@@ -204,21 +197,17 @@ struct Laboratory::State {
     return renderer.render(bodies, number);
   }
 
-  Eigen::Vector3d probes_place() const {
-    const std::vector<double> at = probe_stage.at(clock.now());
-    return {at[0], at[1], at[2]};
-  }
-
   static constexpr int kBeforeCondensingLens = 5;  // the surface whose thickness is the air before the lens
+  static constexpr double kDarkest = 1e-6;         // of the light: a sensor that sees nothing at all has no picture
   LaboratorySettings settings;
   Clock& clock;
   std::uint64_t seed;
+  double light = 1;
+  std::function<double(Time)> sensor_place, sensor_angle;
+  std::function<Eigen::Vector3d(Time)> probe_place;
   World world;
   std::unique_ptr<pololu_tic::Emulator> lens;
   SimulatedHands hands;
-  SimulatedStage sensor_stage;
-  SimulatedRotationStage sensor_rotation;
-  SimulatedStage probe_stage;
   SimulatedProbe probe;
   std::optional<Fundus> fundus;
   std::optional<Renderer> top_renderer, side_renderer;
@@ -263,11 +252,16 @@ Camera& Laboratory::top_camera() { return *state_->top; }
 Camera& Laboratory::side_camera() { return *state_->side; }
 pololu_tic::Emulator& Laboratory::lens_motor() { return *state_->lens; }
 SampleHandler& Laboratory::sample() { return state_->hands; }
-Stage& Laboratory::sensor_stage() { return state_->sensor_stage; }
-RotationStage& Laboratory::sensor_rotation() { return state_->sensor_rotation; }
-Stage& Laboratory::probe_stage() { return state_->probe_stage; }
+void Laboratory::carry_sensor(std::function<double(Time)> place) { state_->sensor_place = std::move(place); }
+void Laboratory::turn_sensor(std::function<double(Time)> angle) { state_->sensor_angle = std::move(angle); }
+void Laboratory::carry_probe(std::function<Eigen::Vector3d(Time)> place) { state_->probe_place = std::move(place); }
 FieldProbe& Laboratory::field_probe() { return state_->probe; }
 usb3103::Emulator& Laboratory::coil_outputs() { return *state_->outputs; }
+
+void Laboratory::set_light(double level) {
+  if (!(std::isfinite(level))) throw std::invalid_argument("level: must be finite");
+  state_->light = std::max(level, 0.0);
+}
 
 void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
   control::Currents commands(state_->settings.world.field.coils());

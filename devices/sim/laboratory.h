@@ -9,15 +9,15 @@
 #include "devices/pololu_tic/emulator.h"
 #include "devices/sample_handler.h"
 #include "devices/sim/hardware_draw.h"
+#include "devices/sim/probe.h"
 #include "devices/sim/renderer.h"
 #include "devices/sim/simulated_camera.h"
-#include "devices/sim/stages.h"
 #include "devices/sim/world.h"
 #include "devices/usb3103/emulator.h"
 #include "optics/observer.h"
 #include "optics/single_viewpoint.h"
 
-#include <cmath>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -43,9 +43,6 @@ struct LaboratorySettings {
   TopView top_view = TopView::microscope;
   double sensor_aperture = 0.159;  // numerical, of the eye's pupil seen from a bare sensor (thesis 4.1)
   bool plates = true;  // soft robots are drawn as the crossed plates they are; the localiser's are ellipsoids
-  StageAxis sensor_axis{"z", -15e-3, 15e-3, 20e-3, 5e-3, 1e-6};  // carries the bare sensor; 0 is the microscope's focus
-  StageAxis sensor_turn{"turn", -INFINITY, INFINITY, 3, 1, 1e-4};
-  StageAxis probe_axis{"", -20e-3, 20e-3, 20e-3, 10e-3, 5e-6};  // each of the three that carry the field probe
   ProbeSettings probe;
   double side_pixel = 20.4e-6;               // m per pixel
   Eigen::Vector2d side_centre_px{328, 245};  // where the world's origin shows
@@ -77,11 +74,16 @@ class Laboratory {
   /// The BIOM's motor, homed before the run; the lens stands at its nominal place.
   pololu_tic::Emulator& lens_motor();
   SampleHandler& sample();
-  Stage& sensor_stage();
-  RotationStage& sensor_rotation();
-  Stage& probe_stage();
+  /// What the microscope or the bare sensor stands on, by drivers' emulators: m along the light from its nominal focus,
+  /// and rad about the axis (bare sensor only), at a time up to a second back. Nothing: it stands still at 0.
+  void carry_sensor(std::function<double(Time)> place);
+  void turn_sensor(std::function<double(Time)> angle);
+  /// The same for the field probe: m, world frame.
+  void carry_probe(std::function<Eigen::Vector3d(Time)> place);
   FieldProbe& field_probe();
   usb3103::Emulator& coil_outputs();
+  /// The light in the eye, part of what it was made with, from now on; 1 where nobody says. The side view has its own.
+  void set_light(double level);
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);
   /// T, as it really is at `place` (m, world frame).

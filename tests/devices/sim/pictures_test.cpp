@@ -1,5 +1,6 @@
 // What the cameras show of several bodies, of plates, of motion and of colour; and the arrangements of the top camera.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/contract/camera.h"
 #include "devices/sim/laboratory.h"
 
 #include <gtest/gtest.h>
@@ -141,7 +142,7 @@ TEST(Jitter, FramesAreLateByChanceButInOrderAndTheSameForOneSeed) {
 
 /// The steepest edge in the picture's middle with the bare sensor there: that of the dark body over the retina.
 double sharpness(Laboratory& laboratory, Clock& clock, double z) {
-  move_to(laboratory.sensor_stage(), std::array{z}, 20e-3, kForever, clock);
+  laboratory.carry_sensor([z](Time) { return z; });
   clock.sleep_for(200 * kMs);
   cv::Mat picture = laboratory.top_camera().grab(kForever).image, slope;
   cv::Sobel(picture, slope, CV_32F, 1, 0);
@@ -178,12 +179,40 @@ TEST(RotatingSensor, HalfATurnTurnsThePictureRound) {
   const auto clock = virtual_clock();
   Laboratory laboratory(settings, *clock, 1);
   const cv::Mat upright = laboratory.top_camera().grab(kForever).image;
-  turn_to(laboratory.sensor_rotation(), M_PI, 3, kForever, *clock);
+  laboratory.turn_sensor([](Time) { return M_PI; });
   clock->sleep_for(200 * kMs);
   cv::Mat turned = laboratory.top_camera().grab(kForever).image;
   cv::rotate(turned, turned, cv::ROTATE_180);
-  // the stage's resolution of 0.1 mrad is a fiftieth of a pixel at the corner
   EXPECT_LT(cv::norm(upright, turned, cv::NORM_L1) / static_cast<double>(upright.total()), 1);
+}
+
+TEST(Microscope, IsFocusedByWhatCarriesIt) {
+  LaboratorySettings settings = small();
+  settings.top.sensor = clean();
+  const auto clock = virtual_clock();
+  Laboratory laboratory(settings, *clock, 1), moved(settings, *clock, 1);
+  moved.carry_sensor([](Time time) { return time > 1000 * kMs ? 2e-3 : 0.0; });
+  EXPECT_EQ(cv::norm(laboratory.top_image(1000 * kMs, 1), moved.top_image(1000 * kMs, 1)), 0);
+  EXPECT_GT(cv::norm(laboratory.top_image(1100 * kMs, 2), moved.top_image(1100 * kMs, 2)), 0);
+}
+
+TEST(SimulatedCamera, KeepsTheContractOfACamera) {
+  const auto clock = virtual_clock();
+  Laboratory laboratory(small(), *clock, 1);
+  for (Camera* const camera : {&laboratory.top_camera(), &laboratory.side_camera()})
+    EXPECT_EQ(contract::check(*camera, *clock), std::vector<std::string>{});
+}
+
+TEST(Lamp, ThePictureIsAsBrightAsTheLight) {
+  LaboratorySettings settings = small();
+  settings.top.sensor = clean();
+  const auto clock = virtual_clock();
+  Laboratory laboratory(settings, *clock, 1);
+  const double full = cv::mean(laboratory.top_image(Time(0), 1))[0];
+  laboratory.set_light(0.5);
+  EXPECT_NEAR(cv::mean(laboratory.top_image(Time(0), 1))[0], full / 2, 1);  // of rounding to grey levels
+  laboratory.set_light(0);
+  EXPECT_LT(cv::mean(laboratory.top_image(Time(0), 1))[0], 1);
 }
 
 TEST(BareSensor, ItsLightComesThroughTheMiddleOfTheLens) {

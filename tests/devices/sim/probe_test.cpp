@@ -1,9 +1,11 @@
-// The laboratory's own stages and field probe, and a calibration of the coils with them.
+// The laboratory's field probe, and a calibration of the coils with it on a driver's stage over its emulator.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_fit.h"
 #include "devices/error.h"
 #include "devices/sim/laboratory.h"
 #include "devices/usb3103/driver.h"
+#include "devices/zaber/driver.h"
+#include "devices/zaber/emulator.h"
 
 #include <gtest/gtest.h>
 
@@ -25,37 +27,6 @@ DeviceErrorKind kind_of(Action action) {
   return DeviceErrorKind::lost;
 }
 
-TEST(SimulatedStage, ItTakesItsTimeAndArrivesOnItsResolution) {
-  const auto clock = virtual_clock();
-  Laboratory laboratory({}, *clock, 1);
-  Stage& stage = laboratory.probe_stage();
-  stage.start(std::array{4e-3, -2e-3, 1.0021e-3}, 2e-3);
-  EXPECT_TRUE(stage.moving());
-  clock->sleep_for(1000 * kMs);
-  EXPECT_NEAR(stage.position()[0], 2e-3, 1e-9);
-  EXPECT_NEAR(stage.position()[1], -1e-3, 1e-9);
-  stage.wait(kForever);
-  EXPECT_EQ(clock->now(), 2000 * kMs);
-  EXPECT_NEAR(stage.position()[2], 1.0e-3, 1e-12) << "5 um steps";
-}
-
-TEST(SimulatedStage, BadMotionsAreRefusedAndTimeoutsStopIt) {
-  const auto clock = virtual_clock();
-  Laboratory laboratory({}, *clock, 1);
-  Stage& stage = laboratory.sensor_stage();
-  EXPECT_EQ(kind_of([&] { stage.start(std::array{1.0}, 1e-3); }), DeviceErrorKind::refused);
-  EXPECT_THROW(stage.start(std::array{1e-3, 0.0}, 1e-3), std::invalid_argument);
-  EXPECT_EQ(kind_of([&] { stage.home(kForever); }), DeviceErrorKind::refused);
-  stage.start(std::array{10e-3}, 1e-3);
-  EXPECT_EQ(kind_of([&] { stage.start(std::array{0.0}, 1e-3); }), DeviceErrorKind::refused);
-  EXPECT_EQ(kind_of([&] { stage.wait(2000 * kMs); }), DeviceErrorKind::timeout);
-  EXPECT_FALSE(stage.moving());
-  EXPECT_NEAR(stage.position()[0], 2e-3, 1e-9);
-  stage.start(std::array{0.0}, 1e-3);
-  stage.make_safe();
-  EXPECT_EQ(kind_of([&] { stage.wait(kForever); }), DeviceErrorKind::refused);
-}
-
 TEST(SimulatedProbe, ItRefusesWhatIsBeyondItsRange) {
   LaboratorySettings settings;
   settings.probe.range = 1e-6;
@@ -72,13 +43,27 @@ TEST(SimulatedProbe, TheCoilsCanBeCalibratedThroughTheInstrumentsAlone) {
   settings.world.coils.noise = 0;
   Laboratory laboratory(settings, *clock, 5);
   auto coils = usb3103::open(memory_hid_link(laboratory.coil_outputs(), *clock, Time(0)), {}, *clock);
+  // Three axes of 50 mm, 1 um a microstep; the middle of the workspace is the middle of their travel.
+  constexpr double kMiddle = 25e-3, kStep = 1e-6;
+  const auto motors = zaber::make_emulator({{.address = 1, .axes = {{.limit_max = 50e3}}},
+                                            {.address = 2, .axes = {{.limit_max = 50e3}}},
+                                            {.address = 3, .axes = {{.limit_max = 50e3}}}});
+  zaber::Settings axes;
+  axes.axes.clear();
+  for (int k = 0; k < 3; ++k)
+    axes.axes.push_back({.name = std::string(1, static_cast<char>('x' + k)), .device = k + 1, .step = 64 * kStep});
+  const auto stage = zaber::open(memory_byte_link(*motors, *clock), axes, *clock);
+  laboratory.carry_probe([&](Time time) {
+    const Eigen::Vector3d at(motors->position(0, 0, time), motors->position(1, 0, time), motors->position(2, 0, time));
+    return Eigen::Vector3d(at * kStep - Eigen::Vector3d::Constant(kMiddle));
+  });
   std::vector<control::ProbeReading> readings;
   for (int place = 0; place < 9; ++place) {
     const std::array at{(place & 1) != 0 ? 8e-3 : -8e-3, (place & 2) != 0 ? 8e-3 : -8e-3,
                         place == 8         ? 0
                         : (place & 4) != 0 ? 8e-3
                                            : -8e-3};
-    move_to(laboratory.probe_stage(), at, 10e-3, kForever, *clock);
+    move_to(*stage, std::array{at[0] + kMiddle, at[1] + kMiddle, at[2] + kMiddle}, 10e-3, kForever, *clock);
     for (int coil = 0; coil < 8; ++coil) {
       control::Currents currents = control::Currents::Zero(8);
       currents[coil] = place % 2 == 0 ? 8 : -8;  // either sign, or the background could not be told from them

@@ -1,0 +1,38 @@
+// The field probe of the simulated laboratory: a direct device without a wire.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/field_probe.h"
+#include "devices/sim/world.h"
+
+#include <functional>
+#include <random>
+
+namespace vitreo::sim {
+
+struct ProbeSettings {
+  double noise = 10e-6;        // T, standard deviation of a component
+  double range = 0.3;          // T
+  double integration = 20e-3;  // s, of one reading
+  void check() const;          // throws std::invalid_argument naming the parameter
+};
+
+/// Three axes, along the world's. It reads the field where `place` says it is.
+class SimulatedProbe : public FieldProbe {
+ public:
+  SimulatedProbe(const ProbeSettings& settings, World& world, std::function<Eigen::Vector3d()> place, Clock& clock,
+                 std::uint64_t seed);
+  const FieldProbeInfo& info() const override { return info_; }
+  FieldReading measure(Time timeout) override;
+
+ private:
+  FieldProbeInfo info_;
+  ProbeSettings settings_;
+  World& world_;
+  std::function<Eigen::Vector3d()> place_;
+  Clock& clock_;
+  std::mt19937_64 random_;
+  std::normal_distribution<double> normal_;
+};
+
+}  // namespace vitreo::sim
