@@ -1,4 +1,4 @@
-// `vitreo emulate RIG -- COMMAND`: a command among emulated instruments on the operating system's own path.
+// `vitreo emulate RIG`: a rig's instruments, emulated, on the operating system's own path.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,11 +9,13 @@
 
 namespace vitreo {
 
-/// Plugs an emulator in for each role of the rig whose address is usb: or hid:, offers a GigE Vision camera on
-/// 127.0.0.1 that streams the simulated eye when the top camera's address is genicam:127.0.0.1, prints what it offers
-/// to the standard error output, and runs the command; without one, waits for the end of the standard input. USB and
-/// HID exist only for the command and what it starts, and want umockdev-wrapper: see restart_in_testbed(). Returns the
-/// command's exit code. Throws ConfigError, DeviceError.
+/// With a command: the rig's instruments at the addresses that the rig file has, for the command and what it starts:
+/// USB and HID devices, serial ports and a GigE Vision camera for genicam:127.0.0.1 that streams the simulated eye;
+/// what is there is told on the standard error output. USB, HID and serial nodes want umockdev-wrapper: see
+/// restart_in_testbed(). Returns the command's exit code.
+/// Without one: a pseudo-terminal or TCP port for each instrument that talks bytes, and the camera, as real endpoints
+/// that any program can open; their addresses are told on the standard output, "ROLE: ADDRESS" a line, and SIGINT ends
+/// it. Throws ConfigError, DeviceError.
 int emulate(const RigDescription& description, const std::vector<std::string>& command);
 
 /// Starts this program again, with the same words, under umockdev-wrapper; returns only when that is not needed, or not

@@ -34,6 +34,9 @@ nlohmann::json identities(const Rig& rig) {
   if (rig.top_camera != nullptr) names["top_camera"] = rig.top_camera->info().identity;
   if (rig.side_camera != nullptr) names["side_camera"] = rig.side_camera->info().identity;
   if (rig.coils != nullptr) names["coils"] = rig.coils->identity();
+  if (rig.joystick != nullptr) names["joystick"] = rig.joystick->identity();
+  if (rig.pedal != nullptr) names["pedal"] = rig.pedal->identity();
+  if (rig.lamp != nullptr) names["lamp"] = rig.lamp->identity();
   if (rig.lens_mover != nullptr) names["lens_mover"] = rig.lens_mover->identity();
   if (rig.sample != nullptr) names["sample"] = rig.sample->identity();
   if (rig.stage != nullptr) names["stage"] = to_string(rig.stage->info().identity);

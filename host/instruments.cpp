@@ -3,7 +3,10 @@
 
 #include "devices/contract/camera.h"
 #include "devices/contract/coil_amplifier.h"
+#include "devices/contract/field_probe.h"
+#include "devices/contract/lamp.h"
 #include "devices/contract/lens_mover.h"
+#include "devices/contract/operator_input.h"
 #include "devices/contract/stage.h"
 #include "devices/error.h"
 #include "devices/genicam/driver.h"
@@ -78,6 +81,22 @@ void describe(Json& row, LensMover& lens) {
 void describe(Json& row, OperatorInput& input) {
   row["identity"] = input.identity();
   row["state"] = fmt::format("pressed: {:#x}", input.state().pressed);
+  row["limits"] = {{"deflection", 1}, {"buttons", 32}};
+}
+void describe(Json& row, Lamp& lamp) {
+  row["identity"] = lamp.identity();
+  row["state"] = lamp.level() > 0 ? "burning" : "dark";
+  row["limits"] = {{"level", 1}};
+}
+void describe(Json& row, PoseSensor& sensor) {
+  row["identity"] = sensor.identity();
+  row["state"] = "streaming";
+  row["limits"] = {{"rate", 1 / sensor.period()}};
+}
+void describe(Json& row, SampleHandler& hands) {
+  row["identity"] = hands.identity();
+  row["state"] = "waiting";
+  row["limits"] = Json::object();
 }
 /// An infinite travel is no JSON number.
 Json limits_of(const StageAxis& axis) {
@@ -103,6 +122,7 @@ void describe(Json& row, RotationStage& stage) {
 void describe(Json& row, FieldProbe& probe) {
   row["identity"] = to_string(probe.info().identity);
   row["firmware"] = probe.info().identity.firmware;
+  row["state"] = "waiting";
   row["limits"] = {{"axes", probe.info().axes}, {"range", probe.info().range}};
 }
 
@@ -121,12 +141,20 @@ class Opening {
   void with(const std::string& role, Visit visit) {
     const Surroundings where{*clock_, &laboratory_};
     if (role == "top_camera" && settings_.top_camera && !settings_.top) return visit(laboratory_.top_camera());
+    if (role == "sample" && settings_.sample) return visit(laboratory_.sample());
+    if (role == "pose_sensor" && settings_.pose_sensor) {
+      const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
+        const auto known = laboratory_.truth(time);
+        return known ? std::optional(known->position) : std::nullopt;
+      };
+      return visit(*sim::make_pose_sensor(*settings_.pose_sensor, truth, *clock_, 1));
+    }
     if (role == "side_camera" && settings_.side_camera && !settings_.side) return visit(laboratory_.side_camera());
     const bool found =
         open(role, "top_camera", settings_.top, where, visit) ||
         open(role, "side_camera", settings_.side, where, visit) || open(role, "coils", settings_.coils, where, visit) ||
         open(role, "lens_mover", settings_.lens_mover, where, visit) ||
-        open(role, "joystick", settings_.joystick, where, visit) ||
+        open(role, "lamp", settings_.lamp, where, visit) || open(role, "joystick", settings_.joystick, where, visit) ||
         open(role, "pedal", settings_.pedal, where, visit) || open(role, "stage", settings_.stage, where, visit) ||
         open(role, "rotation_stage", settings_.rotation_stage, where, visit) ||
         open(role, "field_probe", settings_.field_probe, where, visit);
@@ -157,6 +185,9 @@ struct Tester {
   void operator()(LensMover& lens) const { findings = contract::check(lens); }
   void operator()(Stage& stage) const { findings = contract::check(stage, clock); }
   void operator()(RotationStage& stage) const { findings = contract::check(stage, clock); }
+  void operator()(FieldProbe& probe) const { findings = contract::check(probe, clock); }
+  void operator()(Lamp& lamp) const { findings = contract::check(lamp); }
+  void operator()(OperatorInput& input) const { findings = contract::check(input, clock); }
   template <class Role>
   void operator()(Role&) const {
     throw ConfigError("there is no contract suite for this role yet");
@@ -206,10 +237,18 @@ Json find_instruments() {
 Json examine_rig(const RigDescription& description) {
   Opening opening(description);
   Json rows = Json::array();
-  static const std::map<std::string, const char*> kRoles{
-      {"top_camera", "simulated"}, {"side_camera", "simulated"}, {"coils", "usb3103"}, {"lens_mover", "pololu_tic"},
-      {"joystick", "spacemouse"},  {"pedal", "foot_pedal"},      {"stage", ""},        {"rotation_stage", ""},
-      {"field_probe", ""}};
+  static const std::map<std::string, const char*> kRoles{{"top_camera", "simulated"},
+                                                         {"side_camera", "simulated"},
+                                                         {"coils", "usb3103"},
+                                                         {"lens_mover", "pololu_tic"},
+                                                         {"joystick", "spacemouse"},
+                                                         {"pedal", "foot_pedal"},
+                                                         {"stage", "zaber"},
+                                                         {"rotation_stage", "zaber"},
+                                                         {"field_probe", "scpi_probe"},
+                                                         {"lamp", "led"},
+                                                         {"pose_sensor", "simulated"},
+                                                         {"sample", "simulated"}};
   for (const auto& [role, value] : description.table) {
     const auto known = kRoles.find(role);
     if (known == kRoles.end()) continue;

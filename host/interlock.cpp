@@ -86,7 +86,20 @@ void Interlock::set_currents(std::span<const double> currents) {
   check(currents);
   if (paused_) return;
   if (clock_ != nullptr && currents.size() == sent_.size()) check_slew(currents);
+  if (!energised_ && !is_zero(currents))
+    if (const std::string why = unmet(); !why.empty()) refuse("dead-man: " + why);
   send(currents);
+}
+
+void Interlock::require(std::string why, std::function<bool()> holds) {
+  conditions_.push_back({std::move(why), std::move(holds)});
+}
+
+/// Why no current may flow; empty: it may.
+std::string Interlock::unmet() const {
+  for (const Condition& condition : conditions_)
+    if (!condition.holds()) return condition.why;
+  return "";
 }
 
 void Interlock::send(std::span<const double> currents) {
@@ -184,6 +197,8 @@ void Interlock::watch() {
       if (temperature_.hottest() > limits_.heat.limit)
         trip(fmt::format("a coil is at {:.0f} degC by the estimate from its currents, beyond the limit of {:.0f} degC",
                          temperature_.hottest() - 273.15, limits_.heat.limit - 273.15));
+      else if (const std::string why = unmet(); !why.empty())
+        trip("dead-man: " + why);
       else
         look_at_hearts();
     } catch (const DeviceError&) {  // told by trip(); the next look tries again

@@ -60,6 +60,10 @@ class Interlock : public CoilAmplifier {
     Time last_;
   };
 
+  /// A condition under which a current may flow, beside the hearts (a pedal that is held); `why` says that it does not
+  /// hold. Asked before the coils are energised and every 50 ms while they are; must not throw.
+  void require(std::string why, std::function<bool()> holds);
+
   /// Opens at once, the coils at zero, and says why: to `on_trip` and in each refusal until it is enabled again.
   void trip(const std::string& why);
   void on_trip(std::function<void(const std::string&)> listener) { on_trip_ = std::move(listener); }
@@ -83,6 +87,7 @@ class Interlock : public CoilAmplifier {
   void forget_slew();
   void watch();
   void look_at_hearts();
+  std::string unmet() const;
 
   CoilAmplifier& amplifier_;
   const InterlockLimits limits_;
@@ -95,6 +100,11 @@ class Interlock : public CoilAmplifier {
   std::vector<double> sent_;  // A
   Time sent_at_{}, warmed_at_{};
   std::vector<Heart*> hearts_;
+  struct Condition {
+    std::string why;
+    std::function<bool()> holds;
+  };
+  std::vector<Condition> conditions_;
   Signal energised_changed_;
   std::unique_ptr<Task> watch_;
 };

@@ -57,6 +57,7 @@ class SimulatedRig : public OpenRig, public Simulation {
       }
     };
     if (rig_.coils != nullptr) attempt([&] { rig_.coils->make_safe(); });
+    if (rig_.lamp != nullptr) attempt([&] { rig_.lamp->make_safe(); });
     if (rig_.lens_mover != nullptr) attempt([&] { rig_.lens_mover->make_safe(); });
     if (rig_.stage != nullptr) attempt([&] { rig_.stage->make_safe(); });
     if (rig_.rotation_stage != nullptr) attempt([&] { rig_.rotation_stage->make_safe(); });
@@ -75,6 +76,10 @@ class SimulatedRig : public OpenRig, public Simulation {
     if (settings.side) rig_.side_camera = (side_ = settings.side(where)).device.get();
     if (settings.joystick) rig_.joystick = (joystick_ = settings.joystick(where)).device.get();
     if (settings.pedal) rig_.pedal = (pedal_ = settings.pedal(where)).device.get();
+    if (settings.dead_man_pedals != 0)
+      interlock_->require("the pedal is released, or gone",
+                          [this, held = settings.dead_man_pedals] { return is_held(rig_.pedal, held); });
+    if (settings.lamp) rig_.lamp = (lamp_ = settings.lamp(where)).device.get();
     if (settings.lens_mover) rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
     if (settings.stage) rig_.stage = (stage_ = settings.stage(where)).device.get();
     if (settings.rotation_stage) rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
@@ -87,7 +92,8 @@ class SimulatedRig : public OpenRig, public Simulation {
   sim::Laboratory laboratory_;
   std::unique_ptr<PoseSensor> pose_sensor_;
   Opened<Camera> top_, side_;
-  Opened<OperatorInput> joystick_, pedal_;
+  Opened<OperatorInput> joystick_, pedal_;  // before the interlock, which asks the pedal
+  Opened<Lamp> lamp_;
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<Interlock> interlock_;
   Opened<LensMover> lens_mover_;
@@ -120,6 +126,7 @@ std::vector<std::string> Rig::roles() const {
   if (coils != nullptr) names.emplace_back("coils");
   if (field_probe != nullptr) names.emplace_back("field_probe");
   if (joystick != nullptr) names.emplace_back("joystick");
+  if (lamp != nullptr) names.emplace_back("lamp");
   if (lens_mover != nullptr) names.emplace_back("lens_mover");
   if (pedal != nullptr) names.emplace_back("pedal");
   if (pose_sensor != nullptr) names.emplace_back("pose_sensor");

@@ -41,6 +41,7 @@ const std::vector<DriverEntry<Camera>>& drivers() {
   static const std::vector<DriverEntry<Camera>> entries{
       {"genicam", read_genicam},
       {"image_sequence", read_image_sequence},
+      {"iidc", read_iidc},
       {"opencv_camera", read_opencv_camera},
   };
   return entries;
@@ -72,6 +73,12 @@ const std::vector<DriverEntry<FieldProbe>>& drivers() {
       {"scpi_probe", read_scpi_probe},
       {"simulated", read_simulated_probe},
   };
+  return entries;
+}
+
+template <>
+const std::vector<DriverEntry<Lamp>>& drivers() {
+  static const std::vector<DriverEntry<Lamp>> entries{{"led", read_led_lamp}};
   return entries;
 }
 

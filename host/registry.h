@@ -3,10 +3,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/byte_link.h"
 #include "devices/camera.h"
 #include "devices/clock.h"
 #include "devices/coil_amplifier.h"
 #include "devices/field_probe.h"
+#include "devices/lamp.h"
 #include "devices/lens_mover.h"
 #include "devices/operator_input.h"
 #include "devices/rotation_stage.h"
@@ -31,9 +33,9 @@ struct InstrumentReader {
   bool emulated() const { return address == "emulated"; }
 };
 
-/// Where emulated stages really are, in m and rad, one number per axis; empty where there is none.
+/// How far the emulated stage has really moved, in m and the world's axes; empty where there is none.
 struct SimulatedPlaces {
-  std::function<std::vector<double>(Time)> stage, rotation_stage;
+  std::function<Eigen::Vector3d(Time)> stage;
 };
 
 /// Where an instrument is opened.
@@ -42,6 +44,9 @@ struct Surroundings {
   sim::Laboratory* laboratory;  // null where nothing is simulated
   /// Shared with the emulators that stand on a stage, which outlive this. Stages are opened before what they carry.
   std::shared_ptr<SimulatedPlaces> places = std::make_shared<SimulatedPlaces>();
+  /// Where only the far ends are wanted: it is given the emulator of each instrument that talks bytes, with the address
+  /// and the baud rate of the rig file; the instrument itself is not opened. Empty: everything is.
+  std::function<void(const std::string& address, int baud_rate, std::shared_ptr<BytePeer>)> offer{};
 };
 
 /// An instrument and, when it is emulated, what stands at the far end of its link. They die in the right order.
@@ -80,6 +85,8 @@ template <>
 const std::vector<DriverEntry<RotationStage>>& drivers();
 template <>
 const std::vector<DriverEntry<FieldProbe>>& drivers();
+template <>
+const std::vector<DriverEntry<Lamp>>& drivers();
 
 /// `address` of a role's table, checked; "emulated" when it is not there.
 std::string read_address(ConfigReader& reader);

@@ -6,6 +6,7 @@
 #include "control/robot.h"
 #include "devices/camera.h"
 #include "devices/field_probe.h"
+#include "devices/lamp.h"
 #include "devices/lens_mover.h"
 #include "devices/operator_input.h"
 #include "devices/pose_sensor.h"
@@ -69,6 +70,7 @@ struct Rig {
   PoseSensor* pose_sensor = nullptr;  // simulated rigs only: the one role behind which the truth stands
   Simulation* simulation = nullptr;   // null on a laboratory rig
   RigModel model;
+  Lamp* lamp = nullptr;
   /// The names of the roles that are there, sorted.
   std::vector<std::string> roles() const;
 };

@@ -144,6 +144,17 @@ void read_role(ConfigReader& rig, const char* role, RigSettings& settings, Opene
   reader.finish();
 }
 
+/// dead_man = { 1, 3 }: these pedals, counted from 1, must be held while the coils are energised.
+void read_pedal(ConfigReader reader, RigSettings& settings) {
+  settings.pedal = read_instrument<OperatorInput>(reader, "pedal", settings.laboratory);
+  for (const double pedal : reader.numbers("dead_man", {}, {1, 32, ""})) {
+    if (pedal != std::floor(pedal)) reader.fail("dead_man", "wants the numbers of pedals, from 1");
+    settings.dead_man_pedals |= 1U << (static_cast<unsigned>(pedal) - 1);
+  }
+  if (settings.dead_man_pedals != 0 && !settings.coils) reader.fail("dead_man", "is of use only with the role coils");
+  reader.finish();
+}
+
 void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   reader.choice("driver", "simulated", {"simulated"});
   sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
@@ -189,7 +200,8 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("pose_sensor")) read_pose_sensor(reader.table("pose_sensor"), settings);
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
   read_role(reader, "joystick", settings, settings.joystick);
-  read_role(reader, "pedal", settings, settings.pedal);
+  if (reader.has("pedal")) read_pedal(reader.table("pedal"), settings);
+  read_role(reader, "lamp", settings, settings.lamp);
   read_role(reader, "lens_mover", settings, settings.lens_mover);
   read_role(reader, "stage", settings, settings.stage);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);

@@ -34,6 +34,8 @@ struct RigSettings {
   Opener<Stage> stage;
   Opener<RotationStage> rotation_stage;
   Opener<FieldProbe> field_probe;
+  Opener<Lamp> lamp;
+  std::uint32_t dead_man_pedals = 0;  // a bit a pedal that must be held while the coils are energised; 0: none
 };
 
 /// Throws ConfigError with file and line.

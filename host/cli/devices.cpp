@@ -40,11 +40,11 @@ void add_devices(CommandLine& line, Program& program) {
       .needs("--rig");
   command.flag("--json", wanted->json, "as JSON, SI units");
 
-  Command emulated =
-      line.command("emulate", "run a command among a rig's emulated instruments", [&program, &line, wanted] {
-        restart_in_testbed(line.words());
-        return emulate(program.engine().load_rig(wanted->rig), wanted->command);
-      });
+  Command emulated = line.command("emulate", "offer a rig's emulated instruments, or run a command among them",
+                                  [&program, &line, wanted] {
+                                    if (!wanted->command.empty()) restart_in_testbed(line.words());
+                                    return emulate(program.engine().load_rig(wanted->rig), wanted->command);
+                                  });
   emulated.option("rig", wanted->rig, "rig file").required();
   emulated.option("command", wanted->command, "after --: the command and its arguments");
 }

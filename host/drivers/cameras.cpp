@@ -1,9 +1,11 @@
 // Real cameras, videos and image sequences as a rig file describes them.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/genicam/driver.h"
+#include "devices/iidc/driver.h"
 #include "devices/image_sequence/driver.h"
 #include "devices/opencv_camera/driver.h"
 #include "host/drivers/drivers.h"
+#include "host/drivers/serial.h"
 
 namespace vitreo {
 namespace {
@@ -37,6 +39,24 @@ Opener<Camera> read_genicam(const InstrumentReader& instrument) {
   return [settings](const Surroundings& where) {
     return Opened<Camera>{nullptr, genicam::open(settings, where.clock)};
   };
+}
+
+/// "iidc:GUID", or "iidc:any" where there is only one camera.
+Opener<Camera> read_iidc(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  iidc::Settings settings;
+  settings.name = instrument.role;
+  settings.guid = place(instrument, "iidc");
+  if (settings.guid == "any") settings.guid.clear();
+  settings.width_px = reader.integer("width_px", settings.width_px, 1, 1 << 14);
+  settings.height_px = reader.integer("height_px", settings.height_px, 1, 1 << 14);
+  settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
+  settings.exposure = reader.number("exposure", settings.exposure, {1e-6, 100, "s"});
+  settings.gain = reader.number("gain", settings.gain, {0, 1000, ""});
+  settings.fast_bus = reader.flag("fast_bus", settings.fast_bus);
+  settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  check_settings(instrument, settings);
+  return [settings](const Surroundings& where) { return Opened<Camera>{nullptr, iidc::open(settings, where.clock)}; };
 }
 
 Opener<Camera> read_image_sequence(const InstrumentReader& instrument) {

@@ -59,12 +59,17 @@ Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
   return [settings, places](const Surroundings& where) {
     Opened<CoilAmplifier> opened;
     std::shared_ptr<EmulatedSupplies> emulated;
-    if (places.front().emulated()) emulated = emulate(where, settings, static_cast<int>(places.size()));
+    if (places.front().emulated() || where.offer) emulated = emulate(where, settings, static_cast<int>(places.size()));
+    opened.far_end = emulated;
+    if (where.offer) {
+      for (std::size_t i = 0; i < places.size(); ++i)
+        where.offer(places[i].address, places[i].serial.baud_rate, {emulated, emulated->supplies[i].get()});
+      return opened;
+    }
     std::vector<std::unique_ptr<ByteLink>> links;
     for (std::size_t i = 0; i < places.size(); ++i)
       links.push_back(emulated ? memory_byte_link(*emulated->supplies[i], where.clock)
                                : open_byte_link(places[i].address, places[i].serial, where.clock));
-    opened.far_end = emulated;
     opened.device = kepco_bop::open(std::move(links), settings, where.clock);
     return opened;
   };

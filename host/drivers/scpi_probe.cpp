@@ -25,10 +25,7 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument) {
   return [=](const Surroundings& where) {
     const auto field = [settings, origin, carried, places = where.places, laboratory = where.laboratory](Time now) {
       Eigen::Vector3d at = origin;
-      if (carried && places->stage) {
-        const std::vector<double> moved = places->stage(now);
-        for (std::size_t i = 0; i < moved.size() && i < 3; ++i) at[static_cast<int>(i)] += moved[i];
-      }
+      if (carried && places->stage) at += places->stage(now);
       const Eigen::Vector3d tesla = laboratory == nullptr ? Eigen::Vector3d(0, 0, 0) : laboratory->field(at, now);
       // A probe of one axis looks along z.
       if (settings.axes == 1) return std::vector<double>{tesla.z() / settings.unit};
@@ -39,7 +36,7 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument) {
     emulated.range = settings.range / settings.unit;
     if (!settings.model.empty()) emulated.identity = "VITREO," + settings.model + ",P001,1.0";
     return open_on<FieldProbe>(
-        place, scpi_probe::make_emulator(emulated, field), where.clock,
+        place, scpi_probe::make_emulator(emulated, field), where,
         [&](std::unique_ptr<ByteLink> link) { return scpi_probe::open(std::move(link), settings, where.clock); });
   };
 }

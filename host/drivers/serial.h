@@ -17,6 +17,7 @@ namespace vitreo {
 struct SerialPlace {
   std::string address;
   SerialSettings serial;
+  bool ideal = false;  // emulated, and the bytes take no time
   bool emulated() const { return address == "emulated"; }
 };
 
@@ -35,14 +36,19 @@ void check_settings(const InstrumentReader& instrument, const Settings& settings
 SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual);
 
 /// Opens the link, to `emulator` where the address says so, and `open`s the driver on it.
-template <class Role, class Emulator, class Open>
-Opened<Role> open_on(const SerialPlace& place, std::unique_ptr<Emulator> emulator, Clock& clock, const Open& open) {
-  if (!place.emulated()) return {nullptr, open(open_byte_link(place.address, place.serial, clock))};
-  const Time per_byte = from_seconds(10.0 / place.serial.baud_rate);
-  auto link = memory_byte_link(*emulator, clock, {Time::zero(), per_byte});
+template <class Role, class Open>
+Opened<Role> open_on(const SerialPlace& place, const std::shared_ptr<BytePeer>& emulator, const Surroundings& where,
+                     const Open& open) {
+  if (where.offer) {
+    where.offer(place.address, place.serial.baud_rate, emulator);
+    return {emulator, nullptr};
+  }
+  if (!place.emulated()) return {nullptr, open(open_byte_link(place.address, place.serial, where.clock))};
+  const Time per_byte = place.ideal ? Time::zero() : from_seconds(10.0 / place.serial.baud_rate);
+  auto link = memory_byte_link(*emulator, where.clock, {Time::zero(), per_byte});
   // In this order: the driver's end still talks to the emulator.
   Opened<Role> opened;
-  opened.far_end = std::shared_ptr<Emulator>(std::move(emulator));
+  opened.far_end = emulator;
   opened.device = open(std::move(link));
   return opened;
 }

@@ -1,42 +1,22 @@
-// The simulated laboratory's own stages and field probe as a rig file describes them: direct, without a wire.
+// The simulated laboratory's own stages and field probe as a rig file describes them. The stages are Zaber's, driver
+// and emulator, on a link without delay: axes that know where they are, as long and as fine as the file says.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/zaber/driver.h"
+#include "devices/zaber/emulator.h"
+#include "host/drivers/carried.h"
 #include "host/drivers/drivers.h"
+#include "host/drivers/serial.h"
+
+#include <algorithm>
 
 namespace vitreo {
 namespace {
 
-/// The laboratory keeps its stages; this is what a role is given.
-class BorrowedStage : public Stage {
- public:
-  explicit BorrowedStage(Stage& stage) : stage_(stage) {}
-  const StageInfo& info() const override { return stage_.info(); }
-  std::vector<double> position() override { return stage_.position(); }
-  void start(std::span<const double> target, double speed) override { stage_.start(target, speed); }
-  bool moving() override { return stage_.moving(); }
-  void wait(Time timeout) override { stage_.wait(timeout); }
-  void home(Time timeout) override { stage_.home(timeout); }
-  void stop() override { stage_.stop(); }
-  void make_safe() override { stage_.make_safe(); }
+constexpr int kUsteps = zaber::EmulatedAxis{}.resolution;  // of a full step
 
- private:
-  Stage& stage_;
-};
-
-class BorrowedRotation : public RotationStage {
- public:
-  explicit BorrowedRotation(RotationStage& stage) : stage_(stage) {}
-  const RotationStageInfo& info() const override { return stage_.info(); }
-  double angle() override { return stage_.angle(); }
-  void start(double angle, double speed) override { stage_.start(angle, speed); }
-  bool moving() override { return stage_.moving(); }
-  void wait(Time timeout) override { stage_.wait(timeout); }
-  void home(Time timeout) override { stage_.home(timeout); }
-  void stop() override { stage_.stop(); }
-  void make_safe() override { stage_.make_safe(); }
-
- private:
-  RotationStage& stage_;
-};
+void only_emulated(const InstrumentReader& instrument) {
+  if (!instrument.emulated()) instrument.reader.fail("address", "must be \"emulated\"");
+}
 
 class BorrowedProbe : public FieldProbe {
  public:
@@ -48,14 +28,38 @@ class BorrowedProbe : public FieldProbe {
   FieldProbe& probe_;
 };
 
-void only_emulated(const InstrumentReader& instrument) {
-  if (!instrument.emulated()) instrument.reader.fail("address", "must be \"emulated\"");
+/// Of a linear axis in m, of a rotary one in rad.
+struct Usual {
+  double travel, max_speed, speed, resolution;
+};
+constexpr Usual kSensor{15e-3, 20e-3, 5e-3, 1e-6}, kProbe{20e-3, 20e-3, 10e-3, 5e-6}, kTurn{1e3, 3, 1, 1e-4};
+
+zaber::AxisSettings read_axis(ConfigReader& reader, const Usual& usual, double travel) {
+  zaber::AxisSettings axis;
+  axis.travel_min = -travel;
+  axis.travel_max = travel;
+  axis.max_speed = reader.number("max_speed", usual.max_speed, {1e-6, 10, ""});
+  axis.speed = std::min(usual.speed, axis.max_speed);
+  axis.step = reader.number("resolution", usual.resolution, {1e-9, 1e-2, ""}) * kUsteps;
+  return axis;
 }
 
-void read_axis(ConfigReader& reader, StageAxis& axis) {
-  axis.max_speed = reader.number("max_speed", axis.max_speed, {1e-6, 10, ""});
-  axis.speed = std::min(axis.speed, axis.max_speed);
-  axis.resolution = reader.number("resolution", axis.resolution, {0, 1e-2, ""});
+/// One device an axis, each in the middle of its travel.
+std::shared_ptr<zaber::Emulator> emulator_of(const zaber::Settings& settings) {
+  std::vector<zaber::EmulatedDevice> chain;
+  for (const zaber::AxisSettings& axis : settings.axes) {
+    zaber::EmulatedAxis emulated;
+    emulated.limit_max = axis.travel_max / axis.step * kUsteps;
+    emulated.limit_min = -emulated.limit_max;
+    chain.push_back({.address = axis.device, .axes = {emulated}});
+  }
+  return zaber::make_emulator(chain);
+}
+
+SerialPlace ideal_place() { return {"emulated", {.baud_rate = 115200}, true}; }
+
+double place_of(const zaber::Settings& settings, const zaber::Emulator& emulator, std::size_t axis, Time time) {
+  return emulator.position(axis, 0, time) * settings.axes[axis].step / kUsteps;
 }
 
 }  // namespace
@@ -63,22 +67,46 @@ void read_axis(ConfigReader& reader, StageAxis& axis) {
 Opener<Stage> read_simulated_stage(const InstrumentReader& instrument) {
   only_emulated(instrument);
   ConfigReader& reader = instrument.reader;
-  const bool probe = reader.choice("carries", "sensor", {"sensor", "probe"}) == "probe";
-  StageAxis& axis = probe ? instrument.laboratory.probe_axis : instrument.laboratory.sensor_axis;
-  axis.travel_max = reader.number("travel", axis.travel_max, {0, 0.1, "m"});
-  axis.travel_min = -axis.travel_max;
-  read_axis(reader, axis);
-  return [probe](const Surroundings& where) -> Opened<Stage> {
-    Stage& stage = probe ? where.laboratory->probe_stage() : where.laboratory->sensor_stage();
-    return {nullptr, std::make_unique<BorrowedStage>(stage)};
+  const std::string load = read_load(instrument, "sensor");
+  const Usual& usual = load == "probe" ? kProbe : kSensor;
+  const double travel = reader.number("travel", usual.travel, {1e-6, 0.1, "m"});
+  zaber::Settings settings;
+  settings.name = instrument.role;
+  settings.axes.clear();
+  const zaber::AxisSettings each = read_axis(reader, usual, travel);
+  for (const char* const name : {"x", "y", "z"}) {
+    if (load != "probe" && std::string(name) != "z") continue;
+    settings.axes.push_back(each);
+    settings.axes.back().name = name;
+    settings.axes.back().device = static_cast<int>(settings.axes.size());
+  }
+  check_settings(instrument, settings);
+  return [settings, load](const Surroundings& where) -> Opened<Stage> {
+    const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings);
+    carry(where, load, [settings, emulator](Time time) {
+      if (settings.axes.size() == 1) return Eigen::Vector3d(0, 0, place_of(settings, *emulator, 0, time));
+      return Eigen::Vector3d(place_of(settings, *emulator, 0, time), place_of(settings, *emulator, 1, time),
+                             place_of(settings, *emulator, 2, time));
+    });
+    return open_on<Stage>(ideal_place(), emulator, where, [&](std::unique_ptr<ByteLink> link) {
+      return zaber::open(std::move(link), settings, where.clock);
+    });
   };
 }
 
 Opener<RotationStage> read_simulated_rotation(const InstrumentReader& instrument) {
   only_emulated(instrument);
-  read_axis(instrument.reader, instrument.laboratory.sensor_turn);
-  return [](const Surroundings& where) -> Opened<RotationStage> {
-    return {nullptr, std::make_unique<BorrowedRotation>(where.laboratory->sensor_rotation())};
+  zaber::Settings settings;
+  settings.name = instrument.role;
+  settings.axes = {read_axis(instrument.reader, kTurn, kTurn.travel)};
+  settings.axes.front().name = "turn";
+  check_settings(instrument, settings);
+  return [settings](const Surroundings& where) -> Opened<RotationStage> {
+    const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings);
+    where.laboratory->turn_sensor([settings, emulator](Time time) { return place_of(settings, *emulator, 0, time); });
+    return open_on<RotationStage>(ideal_place(), emulator, where, [&](std::unique_ptr<ByteLink> link) {
+      return zaber::open_rotary(std::move(link), settings, where.clock);
+    });
   };
 }
 

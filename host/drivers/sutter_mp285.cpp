@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sutter_mp285/driver.h"
 #include "devices/sutter_mp285/emulator.h"
+#include "host/drivers/carried.h"
 #include "host/drivers/drivers.h"
 #include "host/drivers/serial.h"
 
@@ -28,16 +29,16 @@ Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument) {
   SerialSettings usual;
   usual.rts_cts = reader.flag("rts_cts", false);
   const SerialPlace place = read_serial_place(instrument, usual);
+  const std::string load = read_load(instrument, "nothing");
   check_settings(instrument, settings);
-  return [settings, place](const Surroundings& where) {
-    auto emulator = sutter_mp285::make_emulator();
-    if (place.emulated())
-      where.places->stage = [at = emulator.get()](Time now) {
-        const sutter_mp285::Usteps usteps = at->position(now);
-        return std::vector<double>{usteps[0] * sutter_mp285::kUstep, usteps[1] * sutter_mp285::kUstep,
-                                   usteps[2] * sutter_mp285::kUstep};
-      };
-    return open_on<Stage>(place, std::move(emulator), where.clock, [&](std::unique_ptr<ByteLink> link) {
+  return [settings, place, load](const Surroundings& where) {
+    const std::shared_ptr<sutter_mp285::Emulator> emulator = sutter_mp285::make_emulator();
+    if (place.emulated() || where.offer)
+      carry(where, load, [emulator](Time now) -> Eigen::Vector3d {
+        const sutter_mp285::Usteps usteps = emulator->position(now);
+        return Eigen::Vector3d(usteps[0], usteps[1], usteps[2]) * sutter_mp285::kUstep;
+      });
+    return open_on<Stage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
       return sutter_mp285::open(std::move(link), settings, where.clock);
     });
   };

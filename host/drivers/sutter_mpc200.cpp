@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sutter_mpc200/driver.h"
 #include "devices/sutter_mpc200/emulator.h"
+#include "host/drivers/carried.h"
 #include "host/drivers/drivers.h"
 #include "host/drivers/serial.h"
 
@@ -40,17 +41,18 @@ Opener<Stage> read_sutter_mpc200(const InstrumentReader& instrument) {
   settings.max_speed = reader.number("max_speed", settings.max_speed, speed);
   settings.speed = reader.number("speed", std::min(settings.speed, settings.max_speed), speed);
   const SerialPlace place = read_serial_place(instrument, {.baud_rate = 128000});
+  const std::string load = read_load(instrument, "nothing");
   check_settings(instrument, settings);
-  return [settings, place](const Surroundings& where) {
-    auto emulator = sutter_mpc200::make_emulator(middle_of(settings));
-    if (place.emulated())
-      where.places->stage = [at = emulator.get(), start = middle_of(settings).start, drive = settings.drive](Time now) {
-        const sutter_mpc200::Usteps usteps = at->position(drive, now);
-        std::vector<double> moved;
-        for (std::size_t i = 0; i < 3; ++i) moved.push_back((usteps[i] - start[i]) * sutter_mpc200::kUstep);
-        return moved;
-      };
-    return open_on<Stage>(place, std::move(emulator), where.clock, [&](std::unique_ptr<ByteLink> link) {
+  return [settings, place, load](const Surroundings& where) {
+    sutter_mpc200::EmulatorSettings emulated = middle_of(settings);
+    if (where.offer) emulated.straight_pause = Time::zero();
+    const std::shared_ptr<sutter_mpc200::Emulator> emulator = sutter_mpc200::make_emulator(emulated);
+    if (place.emulated() || where.offer)
+      carry(where, load, [emulator, start = emulated.start, drive = settings.drive](Time now) -> Eigen::Vector3d {
+        const sutter_mpc200::Usteps at = emulator->position(drive, now);
+        return Eigen::Vector3d(at[0] - start[0], at[1] - start[1], at[2] - start[2]) * sutter_mpc200::kUstep;
+      });
+    return open_on<Stage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
       return sutter_mpc200::open(std::move(link), settings, where.clock);
     });
   };

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/zaber/driver.h"
 #include "devices/zaber/emulator.h"
+#include "host/drivers/carried.h"
 #include "host/drivers/drivers.h"
 #include "host/drivers/serial.h"
 
@@ -51,18 +52,15 @@ std::unique_ptr<zaber::Emulator> emulator_of(const zaber::Settings& settings, do
   return zaber::make_emulator(chain);
 }
 
-/// Where the axes of `settings` really are, in m or rad.
-std::vector<double> places_of(const zaber::Settings& settings, const zaber::Emulator& emulator, Time now) {
+/// Where the axis number `index` of `settings` really is, in m or rad.
+double place_of(const zaber::Settings& settings, std::size_t index, const zaber::Emulator& emulator, Time now) {
   std::vector<int> chain;  // the emulator counts devices in the order in which the axes name them
-  std::vector<double> places;
-  for (const zaber::AxisSettings& axis : settings.axes) {
-    auto device = std::find(chain.begin(), chain.end(), axis.device);
-    if (device == chain.end()) device = chain.insert(chain.end(), axis.device);
-    places.push_back(emulator.position(static_cast<std::size_t>(device - chain.begin()),
-                                       static_cast<std::size_t>(axis.axis - 1), now) *
-                     axis.step / zaber::EmulatedAxis{}.resolution);
-  }
-  return places;
+  for (const zaber::AxisSettings& axis : settings.axes)
+    if (std::find(chain.begin(), chain.end(), axis.device) == chain.end()) chain.push_back(axis.device);
+  const zaber::AxisSettings& axis = settings.axes[index];
+  const auto device = static_cast<std::size_t>(std::find(chain.begin(), chain.end(), axis.device) - chain.begin());
+  return emulator.position(device, static_cast<std::size_t>(axis.axis - 1), now) * axis.step /
+         zaber::EmulatedAxis{}.resolution;
 }
 
 }  // namespace
@@ -81,11 +79,17 @@ Opener<Stage> read_zaber(const InstrumentReader& instrument) {
   if (settings.axes.empty()) instrument.reader.fail("driver", "wants at least one of the tables x, y and z");
   check_settings(instrument, settings);
   const SerialPlace place = read_serial_place(instrument, kSerial);
-  return [settings, place](const Surroundings& where) {
-    auto emulator = emulator_of(settings, 50e-3);
-    if (place.emulated())
-      where.places->stage = [settings, at = emulator.get()](Time now) { return places_of(settings, *at, now); };
-    return open_on<Stage>(place, std::move(emulator), where.clock, [&](std::unique_ptr<ByteLink> link) {
+  const std::string load = read_load(instrument, "nothing");
+  return [settings, place, load](const Surroundings& where) {
+    const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings, 50e-3);
+    if (place.emulated() || where.offer)
+      carry(where, load, [settings, emulator](Time now) -> Eigen::Vector3d {
+        Eigen::Vector3d moved(0, 0, 0);
+        for (std::size_t i = 0; i < settings.axes.size(); ++i)
+          moved[settings.axes[i].name.front() - 'x'] = place_of(settings, i, *emulator, now);
+        return moved;
+      });
+    return open_on<Stage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
       return zaber::open(std::move(link), settings, where.clock);
     });
   };
@@ -100,9 +104,12 @@ Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument) {
   check_settings(instrument, settings);
   const SerialPlace place = read_serial_place(instrument, kSerial);
   return [settings, place](const Surroundings& where) {
-    return open_on<RotationStage>(
-        place, emulator_of(settings, kTurn), where.clock,
-        [&](std::unique_ptr<ByteLink> link) { return zaber::open_rotary(std::move(link), settings, where.clock); });
+    const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings, kTurn);
+    if ((place.emulated() || where.offer) && where.laboratory != nullptr)
+      where.laboratory->turn_sensor([settings, emulator](Time now) { return place_of(settings, 0, *emulator, now); });
+    return open_on<RotationStage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
+      return zaber::open_rotary(std::move(link), settings, where.clock);
+    });
   };
 }
 

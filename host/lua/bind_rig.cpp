@@ -185,7 +185,7 @@ const Class& rig_class() {
   static const Class kind{
       "rig",
       "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, rig.sample, rig.stage, "
-      "rig.rotation_stage, rig.field_probe, rig.simulation",
+      "rig.rotation_stage, rig.field_probe, rig.joystick, rig.pedal, rig.lamp, rig.simulation",
       {{"learn_background",
         {options({{.name = "frames",
                    .type = Type::integer,
@@ -203,7 +203,7 @@ const Class& rig_class() {
         "starts the servo loop; end it with <close> or servo:close(), the coils are at zero then",
         open_servo}},
       {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage", "field_probe",
-       "simulation"}};
+       "joystick", "pedal", "lamp", "simulation"}};
   return kind;
 }
 
@@ -292,6 +292,9 @@ void push_rig(lua_State* L, Rig& rig) {
   add_role(L, stage_class(), rig.stage, "stage");
   add_role(L, rotation_stage_class(), rig.rotation_stage, "rotation_stage");
   add_role(L, field_probe_class(), rig.field_probe, "field_probe");
+  add_role(L, operator_input_class(), rig.joystick, "joystick");
+  add_role(L, operator_input_class(), rig.pedal, "pedal");
+  add_role(L, lamp_class(), rig.lamp, "lamp");
   add_role(L, simulation_class(), rig.simulation, "simulation");
 }
 

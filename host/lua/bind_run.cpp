@@ -223,6 +223,8 @@ const std::vector<const Class*>& all_classes() {
                                                     &stage_class(),
                                                     &rotation_stage_class(),
                                                     &field_probe_class(),
+                                                    &operator_input_class(),
+                                                    &lamp_class(),
                                                     &simulation_class(),
                                                     &background_class(),
                                                     &servo_class(),

@@ -124,6 +124,8 @@ const Class& sample_class();
 const Class& stage_class();
 const Class& rotation_stage_class();
 const Class& field_probe_class();
+const Class& operator_input_class();
+const Class& lamp_class();
 const Class& simulation_class();
 const Class& background_class();
 const Class& servo_class();

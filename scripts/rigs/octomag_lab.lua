@@ -1,10 +1,12 @@
--- A laboratory: an OctoMag behind a USB-3103, the BIOM on a Pololu Tic, a GigE Vision camera on the microscope, a
--- SpaceMouse in the operator's hand and a pedal under the foot. Copy it, and put in what `vitreo devices` prints.
+-- A laboratory: an OctoMag behind a USB-3103, the BIOM on a Pololu Tic, a GigE Vision camera on the microscope, an MP-285
+-- under the sample, a Zaber turntable, a teslameter, a ring of LEDs, a SpaceMouse in the operator's hand and a pedal under
+-- the foot. Copy it, and put in what `vitreo devices` prints. docs/instruments.md tells the wiring and all settings.
 --
 -- Without the hardware it opens unchanged among emulated instruments:
 --   vitreo emulate scripts/rigs/octomag_lab.lua -- vitreo devices --rig scripts/rigs/octomag_lab.lua
 local units = require "units"
 local mm, um, ms, s, A, Hz = units.mm, units.um, units.ms, units.s, units.A, units.Hz
+local mT, deg = units.mT, units.deg
 
 return {
   title = "OctoMag laboratory",
@@ -27,11 +29,14 @@ return {
     effective_pixel = 15 * um, -- of the aerial image, measured with a ruled slide in its place
   },
 
-  -- hid:VENDOR:PRODUCT, with :SERIAL where there are two of them. The device has no watchdog and holds its voltages when
+  -- A FireWire camera in its place: driver = "iidc", address = "iidc:00b09d0100a8f3d1" (its GUID). A camera of the
+  -- system, or a video: driver = "opencv_camera", address = "video:/dev/video0".
+
+  -- hid:VENDOR:PRODUCT, with :SERIAL where there are two of them, as here. The device has no watchdog and holds its voltages when
   -- the host dies: wire digital line 0 to the amplifiers' enable input, with the emergency stop in series.
   coils = {
     driver = "usb3103",
-    address = "hid:09db:009c",
+    address = "hid:09db:009c:01A2B3C4",
     amperes_per_volt = 2,
     current_limit = 12 * A,
     interlock_total_current = 60 * A,
@@ -52,6 +57,49 @@ return {
     command_timeout = 1 * s,
   },
 
+  -- The transscleral ring: LEDs behind a current source of 0.1 A per volt, on a spare output of a second USB-3103. Every
+  -- end of a run leaves it dark. full_current is what the eye and the LEDs bear.
+  lamp = {
+    driver = "led",
+    address = "hid:09db:009c:01A2B3C5",
+    output = 0,
+    amperes_per_volt = 0.1,
+    full_current = 0.35 * A,
+  },
+
+  -- Carries the sample. Any byte during a motion would end it, so Vitreo is silent then; leave its rotary control alone.
+  -- An MPC-200 in its place: driver = "sutter_mpc200", drive = 1; Zaber's: driver = "zaber", z = { device = 1 }.
+  stage = {
+    driver = "sutter_mp285",
+    address = "serial:/dev/ttyUSB0",
+    travel_min = { -5 * mm, -5 * mm, -5 * mm },
+    travel_max = { 5 * mm, 5 * mm, 5 * mm },
+    speed = 1 * mm / s,
+  },
+
+  rotation_stage = {
+    driver = "zaber",
+    address = "serial:/dev/ttyUSB1",
+    device = 1,
+    travel_min = 0,
+    travel_max = 350 * deg,
+    speed = 20 * deg / s,
+    max_speed = 40 * deg / s,
+  },
+
+  -- Any teslameter that speaks SCPI: what asks it for the field, and what its numbers mean.
+  field_probe = {
+    driver = "scpi_probe",
+    address = "serial:/dev/ttyUSB2",
+    baud_rate = 9600,
+    question = "MEAS?",
+    unit = 1 * mT,
+    range = 100 * mT,
+    axes = 3,
+  },
+
+  -- Steered by in scripts: rig.joystick:state().translation; the pedal as a dead-man in a script: rig.pedal:held(2). With
+  -- dead_man = { 2 } the interlock itself lets no current flow unless pedal 2 is held: released or unplugged means zero.
   joystick = { driver = "spacemouse", address = "hid:256f:c635" },
   pedal = { driver = "foot_pedal", address = "hid:05f3:0268", layout = "xkeys_xk3" },
 }

@@ -48,6 +48,9 @@ return {
 
   lens_mover = { driver = "pololu_tic", address = "emulated", travel = 10 * mm, speed = 5 * mm / s },
 
+  -- The microscope on its focusing stage, at 0 when it is at its focus: Zaber's driver over its emulator.
+  stage = { driver = "simulated", address = "emulated", carries = "sensor" },
+
   -- For judging control without optics: feeds the truth, late and noisy, to a loop that asks for it by name.
   pose_sensor = { driver = "simulated", frame_rate = 15 * Hz, latency = 80 * ms, noise = 0.3 * 14.3 * um },
 

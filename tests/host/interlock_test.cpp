@@ -128,6 +128,27 @@ TEST_F(TimedInterlockTest, AHeartThatStopsBeatingMeansZeroWithinTheDeadMansTime)
   EXPECT_EQ(amplifier.set[0], 1);
 }
 
+TEST_F(TimedInterlockTest, ACurrentFlowsOnlyWhileThePedalIsHeld) {
+  bool held = false;
+  interlock.require("the pedal is released, or gone", [&] { return held; });
+  EXPECT_NO_THROW(interlock.set_currents(std::vector<double>{0, 0, 0}));
+  clock->sleep_for(from_seconds(0.1));
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{1, 0, 0}), DeviceError);
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_EQ(told, "dead-man: the pedal is released, or gone;");
+  told.clear();
+  held = true;
+  interlock.enable();
+  clock->sleep_for(from_seconds(0.1));
+  interlock.set_currents(std::vector<double>{1, 0, 0});
+  clock->sleep_for(from_seconds(10));
+  EXPECT_EQ(amplifier.set[0], 1) << "it is held";
+  held = false;
+  clock->sleep_for(from_seconds(0.06));
+  EXPECT_EQ(amplifier.set[0], 0);
+  EXPECT_EQ(told, "dead-man: the pedal is released, or gone;");
+}
+
 TEST_F(TimedInterlockTest, AHeartMattersOnlyWhileTheCoilsAreEnergised) {
   const Interlock::Heart heart(interlock, "the loop");
   clock->sleep_for(from_seconds(10));

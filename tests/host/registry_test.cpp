@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/registry.h"
 
+#include "devices/error.h"
 #include "host/open_rig.h"
 #include "host/rig_settings.h"
 
@@ -115,6 +116,55 @@ TEST(Registry, OpensAnMp285ThatTheSimulatedProbeRidesOnThroughTheCoilsField) {
   EXPECT_TRUE(rig->make_safe().empty());
   clock->sleep_for(std::chrono::seconds(1));
   EXPECT_LT(strength(), 2e-3);
+}
+
+TEST(Registry, TheSimulatedStageIsAZaberWhosePlaceTheLaboratoryKnows) {
+  RigDescription description =
+      rig_with("stage", {{"driver", text("simulated")}, {"carries", text("probe")}, {"travel", {10e-3}}});
+  description.table["field_probe"] = ConfigValue{ConfigTable{{"driver", text("simulated")}, {"noise", {0.0}}}};
+  description.table["coils"] = ConfigValue{ConfigTable{}};
+  const auto clock = virtual_clock();
+  const auto rig = open_rig(description, *clock, 1);
+  Rig& roles = rig->rig();
+  EXPECT_EQ(clock->now(), Time(0)) << "its link takes no time, so a run begins when it began without it";
+  EXPECT_NE(roles.stage->info().identity.name.find("Zaber"), std::string::npos);
+  ASSERT_EQ(roles.stage->info().axes.size(), 3U);
+  EXPECT_NEAR(roles.stage->info().axes[2].travel_min, -10e-3, 1e-9);
+  roles.coils->set_currents(std::vector<double>(8, 5.0));
+  const std::vector<double> place{4e-3, -3e-3, 2e-3};
+  move_to(*roles.stage, place, 10e-3, std::chrono::seconds(10), *clock);
+  clock->sleep_for(std::chrono::seconds(1));
+  const auto read = roles.field_probe->measure(std::chrono::seconds(1)).field;
+  const Eigen::Vector3d there = rig->laboratory()->field({place[0], place[1], place[2]}, clock->now());
+  EXPECT_LT((Eigen::Vector3d(read[0], read[1], read[2]) - there).norm(), 0.2e-3);  // 10 mA of noise in each coil
+  EXPECT_GT((rig->laboratory()->field({0, 0, 0}, clock->now()) - there).norm(), 1e-3);
+}
+
+TEST(Registry, ThePedalAsADeadManKeepsTheCoilsAtZeroWhileNobodyStandsOnIt) {
+  RigDescription description = rig_with("pedal", {{"dead_man", {ConfigList{{2.0}}}}});
+  expect_error(description, "pedal.dead_man");
+  description.table["coils"] = ConfigValue{ConfigTable{}};
+  const auto clock = virtual_clock();
+  const auto rig = open_rig(description, *clock, 1);
+  try {
+    rig->rig().coils->set_currents(std::vector<double>(8, 1.0));
+    ADD_FAILURE() << "a current flows";
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("the pedal is released"), std::string::npos) << error.what();
+  }
+  EXPECT_EQ(rig->rig().coils->currents(), std::vector<double>(8, 0.0));
+}
+
+TEST(Registry, OpensALampThatLightsTheEye) {
+  const RigDescription description = rig_with("lamp", {{"output", {3.0}}});
+  const auto clock = virtual_clock();
+  const auto rig = open_rig(description, *clock, 1);
+  EXPECT_NE(rig->rig().lamp->identity().find("output 3"), std::string::npos);
+  rig->rig().lamp->set_level(0.5);
+  EXPECT_EQ(rig->rig().lamp->level(), 0.5);
+  EXPECT_TRUE(rig->make_safe().empty());
+  EXPECT_EQ(rig->rig().lamp->level(), 0);
+  expect_error(rig_with("lamp", {{"full_current", {2.0}}}), "lamp");  // more than 10 V ask for
 }
 
 TEST(Registry, NamesAStageWithoutAxesAndSettingsThatDoNotFit) {
