@@ -71,7 +71,7 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
     out << fmt::format("frames {:<21} {} recorded, {} dropped\n", camera, dumped(counts.at("recorded")),
                        dumped(counts.at("dropped")));
   for (const Event& event : data.events)
-    if (event.kind == "alarm" || event.kind == "error")
+    if (event.kind.starts_with("alarm") || event.kind == "error" || event.kind == "override")
       out << fmt::format("{:>10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, event.text);
   out << "report: " << (data.folder / "report.html").string() << "\n";
 }

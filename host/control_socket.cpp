@@ -46,29 +46,70 @@ sockaddr_un address_of(const fs::path& path) {
   return address;
 }
 
-nlohmann::json status_json(const RunControl& control, const Questions& questions) {
+nlohmann::json alarms_json(const Alarms& alarms) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const Alarm& alarm : alarms.shown())
+    list.push_back({{"name", alarm.name},
+                    {"priority", to_string(alarm.priority)},
+                    {"text", alarm.text},
+                    {"time", to_seconds(alarm.raised)},
+                    {"active", alarm.active},
+                    {"times", alarm.times},
+                    {"acknowledged_by", alarm.acknowledged_by}});
+  return list;
+}
+
+nlohmann::json status_json(const RunControl& control, const Questions& questions, const ControlDesk& desk) {
   const RunStatus status = control.status();
   nlohmann::json json = {{"phase", to_string(status.phase)},
                          {"tier", to_string(status.tier)},
                          {"waiting_for", status.waiting_for},
                          {"note", status.note},
-                         {"text", to_string(status)}};
+                         {"text", to_string(status)},
+                         {"progress", status.progress},
+                         {"doing", status.doing}};
+  if (status.remaining >= 0) json["remaining"] = status.remaining;
+  if (desk.alarms != nullptr) json["alarms"] = alarms_json(*desk.alarms);
   if (const auto question = questions.open())
     json["question"] = {{"number", question->number}, {"name", question->answer.name}, {"text", shown(*question)}};
   return json;
 }
 
-void perform(const nlohmann::json& request, RunControl& control, Questions& questions) {
-  const std::string word = request.at("do");
-  if (word == "stop") return control.request(StopTier::stop);
-  if (word == "abort") return control.request(StopTier::abort);
-  if (word == "emergency") return control.request(StopTier::emergency);
+/// Nobody needs a right to end a run.
+bool ends(const std::string& word, const std::string& by, RunControl& control) {
+  const StopTier tier = word == "stop"        ? StopTier::stop
+                        : word == "abort"     ? StopTier::abort
+                        : word == "emergency" ? StopTier::emergency
+                                              : StopTier::none;
+  if (tier == StopTier::none) return false;
+  if (!by.empty()) control.set_reason("by " + by);
+  control.request(tier);
+  return true;
+}
+
+void acknowledge(const nlohmann::json& request, const std::string& by, const ControlDesk& desk) {
+  if (desk.alarms == nullptr) throw std::invalid_argument("this run has no alarms");
+  const std::string name = request.value("alarm", "");
+  if (desk.alarms->acknowledge(name, by.empty() ? "operator at the control socket" : by) == 0)
+    throw std::invalid_argument("no alarm stands");
+}
+
+void perform(const nlohmann::json& request, RunControl& control, Questions& questions, const ControlDesk& desk) {
+  const std::string word = request.at("do"), by = request.value("by", "");
+  if (ends(word, by, control)) return;
   if (word == "pause") return control.request_pause(request.value("at", ""));
-  if (word == "resume") return control.resume();
-  if (word == "answer") return questions.answer(request.at("text"), "operator at the control socket");
+  if (word == "resume") {
+    if (request.value("override", false)) {
+      desk.rights.require_researcher(by, "an override");
+      control.override_suspension(by.empty() ? "operator at the control socket" : by);
+    }
+    return control.resume();
+  }
+  if (word == "answer") return questions.answer(request.at("text"), by.empty() ? "operator at the control socket" : by);
+  if (word == "ack") return acknowledge(request, by, desk);
   if (word != "status" && word != "watch")
     throw std::invalid_argument(
-        "'" + word + "' is not understood: do status, watch, pause, resume, stop, abort, emergency or answer");
+        "'" + word + "' is not understood: do status, watch, pause, resume, stop, abort, emergency, answer or ack");
 }
 
 int connect_to(const fs::path& path) {
@@ -110,19 +151,20 @@ std::vector<std::string> controllable_runs() {
   return names;
 }
 
-nlohmann::json answer_request(const std::string& line, RunControl& control, Questions& questions) {
+nlohmann::json answer_request(const std::string& line, RunControl& control, Questions& questions,
+                              const ControlDesk& desk) {
   try {
     const nlohmann::json request = nlohmann::json::parse(line);
     if (!request.is_object() || !request.contains("do")) throw std::invalid_argument("wants {\"do\": WORD}");
-    perform(request, control, questions);
-    return {{"ok", true}, {"status", status_json(control, questions)}};
+    perform(request, control, questions, desk);
+    return {{"ok", true}, {"status", status_json(control, questions, desk)}};
   } catch (const std::exception& error) {
     return {{"ok", false}, {"error", error.what()}};
   }
 }
 
-ControlSocket::ControlSocket(const fs::path& path, RunControl& control, Questions& questions)
-    : path_(path), control_(control), questions_(questions) {
+ControlSocket::ControlSocket(const fs::path& path, RunControl& control, Questions& questions, const ControlDesk& desk)
+    : path_(path), control_(control), questions_(questions), desk_(desk) {
   const sockaddr_un address = address_of(path);
   std::error_code ignored;
   fs::remove(path, ignored);
@@ -185,7 +227,7 @@ bool ControlSocket::take(Client& client) {
   for (std::size_t end; (end = client.received.find('\n')) != std::string::npos;) {
     const std::string line = client.received.substr(0, end);
     client.received.erase(0, end + 1);
-    const nlohmann::json reply = answer_request(line, control_, questions_);
+    const nlohmann::json reply = answer_request(line, control_, questions_, desk_);
     if (reply["ok"] && nlohmann::json::parse(line)["do"] == "watch") client.watches = true;
     if (!send(client, reply)) return false;
   }
@@ -200,11 +242,12 @@ bool ControlSocket::send(const Client& client, const nlohmann::json& message) {
 }
 
 void ControlSocket::tell_watchers() {
-  const unsigned long changes = control_.changes();
+  const unsigned long changes = control_.changes() + (desk_.alarms != nullptr ? desk_.alarms->changes() : 0);
   if (changes == told_) return;
   told_ = changes;
   std::erase_if(clients_, [&](const Client& client) {
-    if (!client.watches || send(client, {{"ok", true}, {"status", status_json(control_, questions_)}})) return false;
+    if (!client.watches || send(client, {{"ok", true}, {"status", status_json(control_, questions_, desk_)}}))
+      return false;
     close(client.socket);
     return true;
   });

@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/alarms.h"
 #include "host/questions.h"
+#include "host/rights.h"
 #include "host/run_control.h"
 
 #include <nlohmann/json.hpp>
@@ -21,16 +23,25 @@ std::filesystem::path control_socket_path(const std::string& run_name);
 /// The names of the runs that have a socket now, sorted.
 std::vector<std::string> controllable_runs();
 
-/// Answers one request of a client: {"do": "status"}, "pause" ("at": a checkpoint), "resume", "stop", "abort",
-/// "emergency", "answer" ("text"). The reply has "ok", and "status" or "error". Never throws.
-nlohmann::json answer_request(const std::string& line, RunControl& control, Questions& questions);
+/// What else of a run can be reached; null: nothing of the kind.
+struct ControlDesk {
+  Alarms* alarms = nullptr;
+  Rights rights;
+};
+
+/// Answers one request of a client: {"do": "status"}, "pause" ("at": a checkpoint), "resume" ("override": although the
+/// run is suspended, which wants a researcher), "stop", "abort", "emergency", "answer" ("text"), "ack" ("alarm": its
+/// name; without it all). "by" says who asks. The reply has "ok", and "status" or "error". Never throws.
+nlohmann::json answer_request(const std::string& line, RunControl& control, Questions& questions,
+                              const ControlDesk& desk = {});
 
 /// Serves while it lives. `{"do": "watch"}` makes a client get each change of the status. A client that sends lines
 /// longer than 64 KiB, or does not read, is dropped: nothing here waits for a client.
 class ControlSocket {
  public:
   /// Throws std::runtime_error naming the file when it cannot listen there.
-  ControlSocket(const std::filesystem::path& path, RunControl& control, Questions& questions);
+  ControlSocket(const std::filesystem::path& path, RunControl& control, Questions& questions,
+                const ControlDesk& desk = {});
   ~ControlSocket();
   ControlSocket(const ControlSocket&) = delete;
   ControlSocket& operator=(const ControlSocket&) = delete;
@@ -50,6 +61,7 @@ class ControlSocket {
   const std::filesystem::path path_;
   RunControl& control_;
   Questions& questions_;
+  const ControlDesk desk_;
   int listener_ = -1;
   std::vector<Client> clients_;
   unsigned long told_ = 0;

@@ -108,14 +108,26 @@ void Interlock::send(std::span<const double> currents) {
   amplifier_.set_currents(currents);
   sent_.assign(currents.begin(), currents.end());
   energised_ = !is_zero(currents);
+  count(currents);
   if (clock_ == nullptr) return;
   sent_at_ = clock_->now();
   if (energised_) clock_->notify(energised_changed_);
 }
 
+void Interlock::count(std::span<const double> currents) {
+  use_.peak.resize(currents.size());
+  double total = 0;
+  for (std::size_t channel = 0; channel < currents.size(); ++channel) {
+    use_.peak[channel] = std::max(use_.peak[channel], std::abs(currents[channel]));
+    total += std::abs(currents[channel]);
+  }
+  use_.peak_total = std::max(use_.peak_total, total);
+}
+
 /// The currents since the last time have warmed the coils.
 void Interlock::warm_up() {
   if (clock_ == nullptr) return;
+  if (energised_) use_.energised += to_seconds(clock_->now() - warmed_at_);
   temperature_.advance(to_seconds(clock_->now() - warmed_at_), sent_);
   warmed_at_ = clock_->now();
 }
@@ -155,6 +167,7 @@ void Interlock::trip(const std::string& why) {
     tripped_ += std::string("; and the amplifier does not answer: ") + error.what();
     failure = std::current_exception();
   }
+  if (tripped_ != before) use_.trips.push_back(tripped_);
   if (on_trip_ && tripped_ != before) on_trip_(tripped_);
   if (failure) std::rethrow_exception(failure);
 }

@@ -23,6 +23,14 @@ struct InterlockLimits {
   void check() const;  // throws std::invalid_argument naming the limit
 };
 
+/// What the coils have carried so far.
+struct CoilUse {
+  std::vector<double> peak;        // A, largest magnitude of each channel
+  double peak_total = 0;           // A, largest sum of magnitudes
+  double energised = 0;            // s with any current; without a clock 0
+  std::vector<std::string> trips;  // why it opened, in order
+};
+
 /// What the coils may do while the field is paused.
 enum class PausePolicy { hold, ramp, zero };
 
@@ -72,6 +80,7 @@ class Interlock : public CoilAmplifier {
   /// Any thread: whether a current may flow.
   bool energised() const noexcept { return energised_; }
   std::vector<double> temperatures();  // K, estimated; empty without a clock
+  const CoilUse& use() const { return use_; }
 
   /// The coils go to zero (zero: at once; ramp: within 0.5 s); set-points are dropped, not queued, until resume().
   void pause(PausePolicy policy);
@@ -83,6 +92,7 @@ class Interlock : public CoilAmplifier {
   void check_slew(std::span<const double> currents);
   [[noreturn]] void refuse(const std::string& why);
   void send(std::span<const double> currents);
+  void count(std::span<const double> currents);
   void warm_up();
   void forget_slew();
   void watch();
@@ -106,6 +116,7 @@ class Interlock : public CoilAmplifier {
   };
   std::vector<Condition> conditions_;
   Signal energised_changed_;
+  CoilUse use_;
   std::unique_ptr<Task> watch_;
 };
 

@@ -20,6 +20,16 @@ double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+/// What a script says may not steer the terminal.
+std::string harmless(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    out += (byte < 0x20 && c != '\n' && c != '\t') || byte == 0x7F ? fmt::format("\\x{:02x}", byte) : std::string(1, c);
+  }
+  return out;
+}
+
 std::string duration_text(double seconds) {
   const long whole = std::lround(seconds);
   return whole < 60 ? fmt::format("{} s", whole) : fmt::format("{} min {:02} s", whole / 60, whole % 60);
@@ -38,7 +48,7 @@ std::string ProgressLine::text(double fraction, const std::string& label) const 
   // The first percent says little about the rest.
   const std::string left =
       fraction > 0.01 && fraction < 1 ? duration_text(elapsed * (1 - fraction) / fraction) + " left" : "";
-  return fmt::format("[{}] {:3.0f} %  {}{}{}", bar, 100 * fraction, label, left.empty() ? "" : ", ", left);
+  return fmt::format("[{}] {:3.0f} %  {}{}{}", bar, 100 * fraction, harmless(label), left.empty() ? "" : ", ", left);
 }
 
 void ProgressLine::progress(double fraction, const std::string& label) {
@@ -60,12 +70,12 @@ void ProgressLine::progress(double fraction, const std::string& label) {
 
 void ProgressLine::message(const std::string& line) {
   clear();
-  out_ << line << std::endl;
+  out_ << harmless(line) << std::endl;
 }
 
 void ProgressLine::question(const Question& asked) {
   clear();
-  out_ << shown(asked) << ": " << std::flush;
+  out_ << harmless(shown(asked)) << ": " << std::flush;
   if (!isatty(STDIN_FILENO)) out_ << "\n(answer with: vitreo control answer TEXT)" << std::endl;
 }
 

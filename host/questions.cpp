@@ -74,8 +74,29 @@ int Questions::ask(Question question) {
     }
     open_ = question;
   }
-  if (is_prepared) answer(prepared, "given in advance");
+  if (is_prepared)
+    answer(prepared, "given in advance");
+  else if (by_themselves_)
+    assume(question);
   return question.number;
+}
+
+void Questions::assume(const Question& question) {
+  Answer assumed{question.answer.fallback, "", "the dry run"};
+  if (question.answer.kind == ParameterKind::flag && !question.has_default) assumed.value = true;
+  if (question.answer.kind == ParameterKind::choice && !question.has_default)
+    assumed.value = question.answer.choices.front();
+  Parameter taken = question.answer;
+  taken.fallback = assumed.value;
+  assumed.text = default_text(taken);
+  const std::lock_guard lock(mutex_);
+  assumed_.push_back(shown(question) + ": " + assumed.text);
+  answer_ = std::move(assumed);
+}
+
+std::vector<std::string> Questions::assumed() const {
+  const std::lock_guard lock(mutex_);
+  return assumed_;
 }
 
 std::optional<Question> Questions::open() const {

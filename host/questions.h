@@ -38,18 +38,25 @@ class Questions {
     ArgumentValue value;
     std::string text, by;  // "operator at the terminal"
   };
+  /// A dry run: what was not answered in advance is answered at once, by its default, by yes, by the first choice or by
+  /// the number nearest to 1 in its range; `assumed` tells which.
+  void answer_by_themselves() { by_themselves_ = true; }
+  std::vector<std::string> assumed() const;
   bool answered() const;
   /// The answer, once; the question is closed by it.
   std::optional<Answer> take();
   void withdraw();
 
  private:
+  void assume(const Question& question);
   mutable std::mutex mutex_;
   std::vector<std::pair<std::string, std::string>> by_name_;
   std::deque<std::string> in_order_;
   std::optional<Question> open_;
   std::optional<Answer> answer_;
   int asked_ = 0;
+  bool by_themselves_ = false;
+  std::vector<std::string> assumed_;  // "Is it in? (yes or no): yes"
 };
 
 }  // namespace vitreo

@@ -49,7 +49,8 @@ std::string canonical_export(const RunData& data) {
     out += "figure " + one_line(figure.name) + " " + exact(figure.value) + " " + one_line(figure.unit) + "\n";
   }
   for (const Event& event : data.events) {
-    if (event.kind == "alarm" && event.text.starts_with("back pressure")) continue;  // the disk's own time
+    if (event.kind == "alarm" && event.text.find("back pressure:") != std::string::npos)
+      continue;  // the disk's own time
     out += fmt::format("event {} {} {}\n", event.time.count(), one_line(event.kind), one_line(event.text));
   }
   for (const Picture& picture : data.pictures) {

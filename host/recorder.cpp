@@ -82,6 +82,7 @@ struct Recorder::State {
   }
   void write_outputs();
   void take_alarms(Time time);
+  void raise(Time time, const std::string& name, AlarmPriority priority, const std::string& text);
   void add_event(const Event& event);
   template <class Action>
   void try_to(const char* what, Action action);
@@ -89,6 +90,7 @@ struct Recorder::State {
   RunLock lock;
   RecordWriter writer;
   RunData data;
+  AlarmListener listener;
 };
 
 Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start, const RecordLimits& limits) {
@@ -168,8 +170,27 @@ void Recorder::State::add_event(const Event& event) {
 
 /// What the writer has to say becomes part of the record.
 void Recorder::State::take_alarms(Time time) {
-  for (const std::string& alarm : writer.take_alarms()) add_event({time, "alarm", alarm});
+  for (const std::string& alarm : writer.take_alarms()) {
+    const bool disk = alarm.starts_with("the disk");
+    raise(time, disk ? "disk" : "recording", disk ? AlarmPriority::medium : AlarmPriority::low, alarm);
+  }
 }
+
+void Recorder::State::raise(Time time, const std::string& name, AlarmPriority priority, const std::string& text) {
+  if (listener) return listener(name, priority, text);
+  Alarm alarm;
+  alarm.name = name;
+  alarm.priority = priority;
+  alarm.text = text;
+  add_event({time, "alarm", to_string(alarm)});
+}
+
+void Recorder::alarm(Time time, const std::string& name, AlarmPriority priority, const std::string& text) {
+  state_->must_be_open();
+  state_->raise(time, name, priority, text);
+}
+
+void Recorder::on_alarm(AlarmListener listener) { state_->listener = std::move(listener); }
 
 void Recorder::event(Time time, const std::string& kind, const std::string& text) {
   state_->must_be_open();

@@ -4,6 +4,7 @@
 
 #include "devices/camera.h"
 #include "devices/clock.h"
+#include "host/alarms.h"
 #include "host/record_writer.h"
 #include "host/run_data.h"
 
@@ -38,6 +39,10 @@ class Recorder {
   /// One value a channel, NaN where there is none; std::invalid_argument for another number or an unknown stream.
   void sample(int stream, Time time, std::span<const double> values);
   void event(Time time, const std::string& kind, const std::string& text);
+  /// Something that needs attention: an event "alarm", or, where somebody listens, theirs to latch and to record.
+  void alarm(Time time, const std::string& name, AlarmPriority priority, const std::string& text);
+  using AlarmListener = std::function<void(const std::string& name, AlarmPriority, const std::string& text)>;
+  void on_alarm(AlarmListener listener);
   void figure(const Figure& figure);  // a name stated again replaces the first
   void plot(const Plot& plot);        // throws as to_svg() does
   /// A whole SVG document; std::invalid_argument for another text. The report shows it as an image: nothing in it runs.

@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace vitreo {
 namespace {
@@ -237,6 +238,15 @@ std::string event_rows(const std::vector<Event>& events, std::size_t from, std::
   return out;
 }
 
+/// Raised, acknowledged, cleared: before everything else that happened.
+std::string alarm_section(const RunData& data) {
+  std::vector<Event> alarms;
+  std::copy_if(data.events.begin(), data.events.end(), std::back_inserter(alarms),
+               [](const Event& event) { return event.kind.starts_with("alarm"); });
+  if (alarms.empty()) return "";
+  return section("Alarms", "<table class=\"events\">" + event_rows(alarms, 0, alarms.size()) + "</table>\n");
+}
+
 std::string event_section(const RunData& data) {
   const std::vector<Event>& events = data.events;
   if (events.empty()) return "";
@@ -305,7 +315,7 @@ std::string report_html(const RunData& data) {
   out += head_section(data) + figure_tiles(data) + plot_grid(data) + picture_grid(data);
   out += table_section(data);
   out += "<div class=\"columns\">" + parameter_section(data) + version_section(data) + "</div>\n";
-  out += event_section(data) + stream_section(data) + source_section(data);
+  out += alarm_section(data) + event_section(data) + stream_section(data) + source_section(data);
   out += "<footer>" + escape_markup(data.folder.filename().string()) + "</footer>\n</main></body></html>\n";
   return out;
 }

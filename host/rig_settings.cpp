@@ -2,10 +2,14 @@
 #include "host/rig_settings.h"
 
 #include "control/robots.h"
+#include "host/calibrations.h"
 #include "host/plant_settings.h"
+#include "host/rights.h"
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <stdexcept>
 
 namespace vitreo {
 namespace {
@@ -193,6 +197,8 @@ void share_with_laboratory(RigSettings& settings) {
 RigSettings read_rig_settings(ConfigReader& reader) {
   RigSettings settings;
   settings.title = reader.text("title", "untitled rig");
+  Rights::read(reader);
+  Calibrations::read(reader);
   read_model(reader.table("model"), settings);
   if (reader.has("top_camera")) read_top_camera(reader.table("top_camera"), settings);
   if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
@@ -210,6 +216,42 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
   reader.finish();
   return settings;
+}
+
+namespace {
+
+/// Two roles cannot share a port; a folder or a film can be watched twice.
+void check_addresses(const RigDescription& rig) {
+  std::map<std::string, std::string> taken;
+  for (const auto& [role, value] : rig.table) {
+    const auto* const table = std::get_if<ConfigTable>(&value.value);
+    if (table == nullptr || !table->contains("address")) continue;
+    const auto* const address = std::get_if<std::string>(&table->at("address").value);
+    if (address == nullptr || *address == "emulated" || address->starts_with("images:") ||
+        address->starts_with("video:"))
+      continue;
+    const auto [first, is_new] = taken.emplace(*address, role);
+    if (!is_new)
+      throw ConfigError(rig.file + ": " + role + ".address is that of " + first->second + " already: " + *address);
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> check_rig(const RigDescription& rig) {
+  ConfigReader reader(rig);
+  const RigSettings settings = read_rig_settings(reader);
+  check_addresses(rig);
+  try {
+    settings.limits.check();
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(rig.file + ": " + problem.what());
+  }
+  std::vector<std::string> roles;
+  for (const char* role : {"coils", "field_probe", "joystick", "lens_mover", "pedal", "pose_sensor", "rotation_stage",
+                           "sample", "side_camera", "stage", "top_camera"})
+    if (reader.has(role)) roles.emplace_back(role);
+  return roles;
 }
 
 }  // namespace vitreo

@@ -11,6 +11,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace vitreo {
 
@@ -40,5 +41,9 @@ struct RigSettings {
 
 /// Throws ConfigError with file and line.
 RigSettings read_rig_settings(ConfigReader& reader);
+
+/// The roles that a rig file gives its instruments to, sorted, once all of it was found within its bounds. Opens
+/// nothing. Throws ConfigError.
+std::vector<std::string> check_rig(const RigDescription& rig);
 
 }  // namespace vitreo

@@ -5,6 +5,7 @@
 #include <signal.h>
 #include <thread>
 #include <time.h>
+#include <utility>
 
 namespace vitreo {
 namespace {
@@ -147,6 +148,16 @@ bool RunControl::pause_wanted_at(const std::string& checkpoint) const {
 
 bool RunControl::resumed() const { return !pause_; }
 
+void RunControl::override_suspension(const std::string& by) {
+  const std::lock_guard lock(mutex_);
+  override_by_ = by;
+}
+
+std::string RunControl::take_override() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(override_by_, {});
+}
+
 void RunControl::set_reason(const std::string& reason) {
   const std::lock_guard lock(mutex_);
   reason_ = reason;
@@ -169,6 +180,15 @@ void RunControl::set_waiting_for(const std::string& what) {
   if (status_.waiting_for == what) return;
   status_.waiting_for = what;
   ++changes_;
+}
+
+void RunControl::set_progress(double fraction, const std::string& doing) {
+  const std::lock_guard lock(mutex_);
+  status_.progress = fraction;
+  if (!doing.empty()) status_.doing = doing;
+  const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+  // The first percent says little about the rest.
+  status_.remaining = fraction > 0.01 ? elapsed * (1 - fraction) / fraction : -1;
 }
 
 RunStatus RunControl::status() const {

@@ -30,6 +30,9 @@ struct RunStatus {
   StopTier tier = StopTier::none;
   std::string waiting_for;  // what the script waits for: "servo:go_to"; empty while it computes
   std::string note;         // why: "coil temperature above 80 degC", "paused at before place 3"
+  double progress = 0;      // of the whole, 0 to 1, as the script has told
+  std::string doing;        // what, as the script has told
+  double remaining = -1;    // s of wall time at the pace so far; negative: not known yet
 };
 
 /// "stopping, waiting for servo:go_to".
@@ -67,6 +70,10 @@ class RunControl {
   bool pause_wanted_at(const std::string& checkpoint) const;
   bool resumed() const;  // no pause is wanted any more
 
+  /// A researcher wants the run to go on although its condition for that does not hold. Any thread.
+  void override_suspension(const std::string& by);
+  std::string take_override();  // who, once; empty: nobody
+
   /// Who asked for the end, and why: for the end record. Empty: the operator.
   void set_reason(const std::string& reason);
   std::string reason() const;
@@ -74,6 +81,7 @@ class RunControl {
   /// The script's thread says where it is.
   void set_phase(RunPhase phase, const std::string& note = "");
   void set_waiting_for(const std::string& what);
+  void set_progress(double fraction, const std::string& doing);
   RunStatus status() const;
   /// Changes each time the status does: for who watches.
   unsigned long changes() const noexcept { return changes_.load(); }
@@ -108,7 +116,8 @@ class RunControl {
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;
-  std::string pause_at_, reason_;
+  std::string pause_at_, reason_, override_by_;
+  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
   std::vector<std::string> failures_;
 };
 

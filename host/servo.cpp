@@ -230,6 +230,7 @@ struct Servo::Loop {
       let_go = true;  // better let it sink than drive it blind
       switch_off();
       recorder.event(clock.now(), "lost", "the robot was not seen for the time allowed; the coils are at zero");
+      recorder.alarm(clock.now(), "robot lost", AlarmPriority::medium, "it was not seen for the time allowed");
     }
   }
 

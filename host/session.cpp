@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session.h"
 
+#include "host/log.h"
+
 #include <algorithm>
 #include <stdexcept>
 #include <string>
@@ -15,6 +17,19 @@ vision::Background learn_background(Camera& camera, int frames, Time from) {
     if (frame.exposed >= from) background.learn(frame.image);
   }
   return background;
+}
+
+void Session::raise(const std::string& name, AlarmPriority priority, const std::string& text) {
+  alarms.raise(name, priority, text);
+  note_alarms();
+}
+
+void Session::note_alarms() {
+  for (const Event& event : alarms.take_events()) {
+    recorder.event(event.time, event.kind, event.text);
+    if (event.kind == "alarm") listener.message("ALARM " + event.text);
+    if (rehearsal == nullptr) write_log(event.kind + ": " + event.text);
+  }
 }
 
 vision::Background Session::learn_background(int count) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/clock.h"
+#include "host/alarms.h"
 #include "host/frame_recording.h"
 #include "host/observers.h"
 #include "host/questions.h"
@@ -54,6 +55,15 @@ ErrorStatistics error_statistics(const Recorder& recorder, const std::string& st
 /// scene. Blocks on the clock. Throws std::invalid_argument for fewer than 2 frames or more than 1000, DeviceError.
 vision::Background learn_background(Camera& camera, int frames, Time from);
 
+/// What a dry run does in the world's place, and what it hears: nobody is there to answer, and poses stand in for
+/// images where they can.
+struct Rehearsal {
+  std::function<void()> bring_robot;  // a rig without a sample handler: the operator's hands
+  bool pose_sensor = false;           // the rig has one of its own
+  std::vector<FramePolicy> frames;    // whose recording the script asked for
+  std::vector<std::string> remarks;   // what could not be played as it will be
+};
+
 /// Destroyed before the clock, the rig and the recorder that it borrows.
 class Session {
  public:
@@ -63,7 +73,15 @@ class Session {
         recorder(a_recorder),
         listener(a_listener),
         seed(a_seed),
-        frames(a_clock, a_rig, a_recorder) {}
+        alarms(a_clock),
+        frames(a_clock, a_rig, a_recorder) {
+    recorder.on_alarm([this](const std::string& name, AlarmPriority priority, const std::string& text) {
+      raise(name, priority, text);
+    });
+  }
+  ~Session() { recorder.on_alarm({}); }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
   Clock& clock;
   Rig& rig;
   Recorder& recorder;
@@ -72,12 +90,18 @@ class Session {
   bool real_time = false;  // the clock keeps the wall clock's pace; else it stands still while people are waited for
   RunControl control;
   Questions questions;
-  FrameRecording frames;        // the observers, which use its cameras, end before it
-  FaultDesk* faults = nullptr;  // breaks simulated instruments (host/faults.h); null where nothing is simulated
+  Alarms alarms;
+  Rehearsal* rehearsal = nullptr;  // a dry run; null in a real one
+  FrameRecording frames;           // the observers, which use its cameras, end before it
+  FaultDesk* faults = nullptr;     // breaks simulated instruments (host/faults.h); null where nothing is simulated
 
   /// Learns what the empty scene looks like, for the top camera (returned) and, when there is one, for the side camera,
   /// whose estimate is recorded from then on. Blocks on the clock. Throws DeviceError, std::invalid_argument.
   vision::Background learn_background(int count);
+  /// Raises an alarm, records it and shows it. On the script's thread, or with the clock's baton.
+  void raise(const std::string& name, AlarmPriority priority, const std::string& text);
+  /// What was done to alarms elsewhere, such as at the control socket, goes into the record.
+  void note_alarms();
   /// Keeps a task that watches the run until the session ends.
   void keep(std::unique_ptr<Task> observer) { observers_.push_back(std::move(observer)); }
   /// What the side camera sees; null before a background was learnt, and without a side camera.

@@ -75,7 +75,7 @@ TEST(RecordWriter, HoldsUpTheSamplesWhenTheQueueIsFullAndSaysSoAndDropsNone) {
   EXPECT_EQ(number_in(recorder.folder(), "SELECT count(*) FROM sample_pose"), kRows);
   EXPECT_GT(recorder.data().held, 0);
   EXPECT_GT(
-      number_in(recorder.folder(), "SELECT count(*) FROM event WHERE kind='alarm' AND text LIKE 'back pressure%'"), 0);
+      number_in(recorder.folder(), "SELECT count(*) FROM event WHERE kind='alarm' AND text LIKE '%back pressure%'"), 0);
   EXPECT_EQ(number_in(recorder.folder(), "SELECT held > 0 FROM stop"), 1);
 }
 
