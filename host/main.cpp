@@ -3,13 +3,18 @@
 #include "devices/error.h"
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/log.h"
+#include "host/preflight.h"
+#include "host/rights.h"
 #include "host/run_reader.h"
 
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 
 #include <csignal>
+#include <fcntl.h>
 #include <iostream>
+#include <unistd.h>
 
 namespace vitreo {
 namespace {
@@ -23,6 +28,7 @@ int dispatch(int count, char** words) {
       "vitreo");
   cli::Program program;
   cli::add_run(line, program);
+  cli::add_check(line, program);
   cli::add_control(line, program);
   cli::add_describe(line, program);
   cli::add_mask(line, program);
@@ -32,23 +38,44 @@ int dispatch(int count, char** words) {
   return line.run(count, words);
 }
 
+/// A stream that was closed would give its number to the next file, and what is printed would land in the record.
+void keep_standard_streams() {
+  for (int stream = 0; stream < 3; ++stream)
+    if (fcntl(stream, F_GETFD) < 0 && open("/dev/null", O_RDWR) != stream) _exit(5);
+}
+
 }  // namespace
 }  // namespace vitreo
 
 int main(int count, char** words) {
   using vitreo::ExitCode;
+  vitreo::keep_standard_streams();
+  std::signal(SIGPIPE, SIG_IGN);  // who does not listen any more must not end a run
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error that can be told
   cv::setNumThreads(1);           // the same bytes on every run; and the loop owns its core
   const auto fail = [](const std::exception& error, ExitCode code) {
     std::cerr << "vitreo: " << error.what() << "\n";
+    vitreo::write_log(error.what());
     return static_cast<int>(code);
   };
+  try {
+    if (const auto log = vitreo::default_log(); !log.empty()) vitreo::open_log(log);
+  } catch (const std::exception& error) {  // a home that cannot be written to is no reason not to run
+    std::cerr << "vitreo: no log: " << error.what() << "\n";
+  }
   try {
     return vitreo::dispatch(count, words);
   } catch (const vitreo::ScriptError& error) {
     return fail(error, ExitCode::usage);
   } catch (const vitreo::ConfigError& error) {
     return fail(error, ExitCode::usage);
+  } catch (const vitreo::RightError& error) {
+    return fail(error, ExitCode::usage);
+  } catch (const vitreo::PreflightError& error) {
+    return fail(error, ExitCode::preflight_failed);
+  } catch (const vitreo::Stopped&) {
+    std::cerr << "vitreo: stopped by the operator before anything was opened\n";
+    return static_cast<int>(ExitCode::stopped);
   } catch (const vitreo::RecordError& error) {
     return fail(error, ExitCode::usage);
   } catch (const vitreo::DeviceError& error) {

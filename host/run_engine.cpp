@@ -3,10 +3,15 @@
 
 #include "devices/error.h"
 #include "host/control_socket.h"
+#include "host/disk_need.h"
 #include "host/identities.h"
 #include "host/interrupts.h"
+#include "host/log.h"
 #include "host/observers.h"
+#include "host/preflight.h"
+#include "host/preparation.h"
 #include "host/registry.h"
+#include "host/rights.h"
 
 #include <fmt/format.h>
 
@@ -23,15 +28,6 @@ namespace fs = std::filesystem;
 
 double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-void check_needs(const ProtocolDescription& protocol, const Rig& rig, const std::string& rig_file) {
-  const std::vector<std::string> there = rig.roles();
-  for (const std::string& role : protocol.needs) {
-    if (std::find(there.begin(), there.end(), role) != there.end()) continue;
-    throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file, protocol.name, role,
-                                  fmt::join(there, ", ")));
-  }
 }
 
 std::vector<FramePolicy> frame_policies(const RunRequest& request, const Rig& rig) {
@@ -80,6 +76,7 @@ Verdict judge(const std::function<void()>& body, const RunControl& control) {
 
 /// Everything that one run owns, in the order of birth; it dies the other way round, and the coils with it.
 struct RunStage {
+  Rights rights;
   Pace pace = Pace::as_fast_as_possible;
   std::unique_ptr<Clock> clock;
   std::unique_ptr<OpenRig> rig;
@@ -88,6 +85,7 @@ struct RunStage {
 
 RunStage build_stage(const RunRequest& request, const RigDescription& description) {
   RunStage stage;
+  stage.rights = Rights::of(description);
   stage.pace = has_real_instruments(description) ? Pace::real_time : request.pace;
   stage.clock = has_real_instruments(description) ? wall_clock() : virtual_clock(stage.pace);
   stage.rig = open_rig(description, *stage.clock, request.seed, request.shifts);
@@ -105,7 +103,7 @@ RunStart start_record(const RunRequest& request, const ProtocolDescription& prot
   start.rig = {{"file", description.file}, {"text", description.text}, {"resolved", rig.resolved()}};
   start.versions = versions();
   start.seed = request.seed;
-  start.operator_name = request.operator_name;
+  start.operator_name = operator_of(request);
   start.devices = identities(rig.rig());
   start.files = hashes_of_files(start.rig);
   return start;
@@ -146,11 +144,12 @@ void give_up(RunStage& stage, const RunControl& control, double began) {
 }
 
 /// A run goes on without one where it cannot be had, and says so.
-std::unique_ptr<ControlSocket> open_control(const RunRequest& request, Session& session, const fs::path& folder) {
+std::unique_ptr<ControlSocket> open_control(const RunRequest& request, Session& session, const fs::path& folder,
+                                            const Rights& rights) {
   if (!request.control_socket) return nullptr;
   try {
     return std::make_unique<ControlSocket>(control_socket_path(folder.filename().string()), session.control,
-                                           session.questions);
+                                           session.questions, ControlDesk{&session.alarms, rights});
   } catch (const std::exception& error) {
     session.recorder.event(session.clock.now(), "error", std::string("no control socket: ") + error.what());
     return nullptr;
@@ -161,6 +160,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
                   const std::function<void(Session&)>& body, const Inspect& inspect) {
   const double began = wall_seconds();
   Verdict verdict;
+  write_log("run " + stage.recorder->folder().string() + " begun by " + stage.recorder->start().operator_name);
   const std::vector<FramePolicy> policies = frame_policies(request, stage.rig->rig());
   {
     Session session(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.seed);
@@ -172,7 +172,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
                             },
                             [&] { return stage.rig->make_safe(); }});
     const InterruptScope interrupts;
-    const auto socket = open_control(request, session, stage.recorder->folder());
+    const auto socket = open_control(request, session, stage.recorder->folder(), stage.rights);
     stage.recorder->on_trouble([&control = session.control] {
       control.set_reason("because recording failed");
       control.request(StopTier::stop);
@@ -185,13 +185,15 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
       if (coils != nullptr)
         coils->on_trip([&](const std::string& why) {
           stage.recorder->event(stage.clock->now(), "interlock", why);
-          listener.message("interlock: " + why + "; the coils are at zero");
+          session.raise("interlock", AlarmPriority::high, why + "; the coils are at zero");
         });
       const Watchdog watchdog(
           session.control, *stage.clock, request.watchdog,
           {[&] { give_up(stage, session.control, began); }, [coils] { return coils != nullptr && coils->energised(); },
            [coils](const std::string& why) { coils->trip(why); }});
       const auto whole = [&] {
+        const std::string disk = disk_warning(request.out, frame_bytes_per_second(policies, session.rig));
+        if (!disk.empty()) session.raise("disk", AlarmPriority::medium, disk);
         for (const FramePolicy& policy : policies) session.frames.start(policy);
         body(session);
       };
@@ -202,6 +204,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
     judge_record(*stage.recorder, verdict);
     session.control.detach();
     session.control.set_phase(RunPhase::ended);
+    session.note_alarms();
     for (const std::string& failure : session.control.failures())
       stage.recorder->event(stage.clock->now(), "unsafe", failure);
     for (const std::string& failure : stage.rig->make_safe()) {
@@ -218,6 +221,8 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
     if (verdict.exit_code != ExitCode::aborted)
       verdict = {Outcome::aborted, ExitCode::aborted, std::string("recording failed: ") + error.what()};
   }
+  write_log("run " + stage.recorder->folder().string() + " " + to_string(verdict.outcome) +
+            (verdict.reason.empty() ? "" : ": " + verdict.reason));
   if (inspect) inspect(*stage.recorder, *stage.rig);
   return {verdict.outcome, verdict.exit_code, verdict.reason, stage.recorder->folder().string(),
           stage.recorder->figures()};
@@ -227,23 +232,30 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
 
 RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                        const Inspect& inspect) {
-  const ProtocolDescription protocol = engine.describe(request.protocol_file);
-  const auto arguments = check_arguments(protocol, request.arguments);
-  const RigDescription description = engine.load_rig(request.rig_file);
+  const CheckedRequest checked = check_request(engine, request);
+  const auto& [protocol, arguments, description] = checked;
+  Preparation preparation = prepare(engine, request, checked, listener);
   RunStage stage = build_stage(request, description);
-  check_needs(protocol, stage.rig->rig(), request.rig_file);
-  frame_policies(request, stage.rig->rig());  // throws before there is a folder
+  look_at_calibrations(request, description, *stage.rig, preparation);
   stage.recorder = std::make_unique<Recorder>(
       request.out, start_record(request, protocol, to_json(arguments), description, *stage.rig),
       record_limits(request, description));
   return conduct(
-      stage, engine, request, listener, [&](Session& session) { engine.run(protocol, arguments, session); }, inspect);
+      stage, engine, request, listener,
+      [&](Session& session) {
+        preparation.tell(session);
+        engine.run(protocol, arguments, session);
+      },
+      inspect);
 }
 
 RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, std::istream& in,
                      std::ostream& out, bool interactive) {
   const RigDescription description = engine.load_rig(request.rig_file);
+  Rights::of(description).require_researcher(operator_of(request), "the prompt");
+  Preparation preparation;
   RunStage stage = build_stage(request, description);
+  look_at_calibrations(request, description, *stage.rig, preparation);
   ProtocolDescription prompt;
   prompt.file = prompt.name = "prompt";
   prompt.title = "Prompt";
@@ -251,7 +263,11 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
       request.out, start_record(request, prompt, nlohmann::json::object(), description, *stage.rig),
       record_limits(request, description));
   return conduct(
-      stage, engine, request, listener, [&](Session& session) { engine.prompt(session, in, out, interactive); },
+      stage, engine, request, listener,
+      [&](Session& session) {
+        preparation.tell(session);
+        engine.prompt(session, in, out, interactive);
+      },
       nullptr);
 }
 

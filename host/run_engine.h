@@ -25,7 +25,8 @@ enum class ExitCode {
   aborted = 4,
   internal = 5,
   not_responding = 6,
-  device_missing = 7
+  device_missing = 7,
+  preflight_failed = 8  // nothing was opened
 };
 
 struct RunRequest {
@@ -40,6 +41,7 @@ struct RunRequest {
   WatchdogLimits watchdog;
   bool control_socket = false;  // offer one: see host/control_socket.h
   SimulationShifts shifts;      // tests only
+  std::string override_reason;  // a researcher's, to run although the preflight fails; empty: none
 };
 
 struct RunResult {
@@ -51,9 +53,9 @@ struct RunResult {
 };
 
 /// Runs a protocol. What is wrong with the request throws before anything is opened or written: ScriptError,
-/// ConfigError; DeviceError when the rig does not open. From then on every outcome is in the result and in the run's
-/// end record, and the outputs are at zero. `inspect`, for tests, is called with the record and the rig after the run
-/// was made safe.
+/// ConfigError; RightError; on a laboratory rig PreflightError; DeviceError when the rig does not open. From then on
+/// every outcome is in the result and in the run's end record, and the outputs are at zero. `inspect`, for tests, is
+/// called with the record and the rig after the run was made safe.
 using Inspect = std::function<void(const Recorder&, OpenRig&)>;
 RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                        const Inspect& inspect = nullptr);

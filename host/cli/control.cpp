@@ -3,6 +3,7 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/control_socket.h"
+#include "host/rights.h"
 
 #include <fmt/format.h>
 
@@ -12,19 +13,39 @@ namespace vitreo::cli {
 namespace {
 
 struct Control {
-  std::string word, text, run;
-  bool json = false;
+  std::string word, text, run, by;
+  bool json = false, force = false;
 };
+
+/// The status in a line, and the alarms that stand, the most urgent first.
+void show(const nlohmann::json& status) {
+  fmt::print("{}\n", status["text"].get<std::string>());
+  const std::string doing = status.value("doing", "");
+  if (!doing.empty()) {
+    const double left = status.value("remaining", -1.0);
+    fmt::print("{:.0f} %  {}{}\n", 100 * status.value("progress", 0.0), doing,
+               left >= 0 ? fmt::format(", {:.0f} s left", left) : "");
+  }
+  for (const auto& alarm : status.value("alarms", nlohmann::json::array())) {
+    const std::string by = alarm.value("acknowledged_by", "");
+    fmt::print("ALARM {}: {}: {}{}{}\n", alarm["priority"].get<std::string>(), alarm["name"].get<std::string>(),
+               alarm["text"].get<std::string>(), alarm["active"].get<bool>() ? "" : " (gone)",
+               by.empty() ? "" : " (acknowledged: " + by + ")");
+  }
+}
 
 int control(const Control& wanted) {
   nlohmann::json request = {{"do", wanted.word}};
   if (wanted.word == "answer") request["text"] = wanted.text;
   if (wanted.word == "pause" && !wanted.text.empty()) request["at"] = wanted.text;
+  if (wanted.word == "ack" && !wanted.text.empty()) request["alarm"] = wanted.text;
+  if (wanted.force) request["override"] = true;
+  request["by"] = wanted.by.empty() ? account_name() : wanted.by;
   const nlohmann::json reply = control_run(wanted.run, request);
   if (wanted.json)
     std::cout << reply.dump() << "\n";
   else if (reply["ok"])
-    fmt::print("{}\n", reply["status"]["text"].get<std::string>());
+    show(reply["status"]);
   else
     fmt::print(stderr, "vitreo: {}\n", reply["error"].get<std::string>());
   return reply["ok"] ? 0 : static_cast<int>(ExitCode::usage);
@@ -35,8 +56,11 @@ int control(const Control& wanted) {
 void add_control(CommandLine& line, Program&) {
   const auto wanted = std::make_shared<Control>();
   Command command = line.command("control", "speaks to a run that is going on", [wanted] { return control(*wanted); });
-  command.option("word", wanted->word, "status, pause, resume, stop, abort, emergency or answer").required();
-  command.option("text", wanted->text, "the answer, or the checkpoint at which to pause");
+  command.option("word", wanted->word, "status, pause, resume, stop, abort, emergency, answer or ack").required();
+  command.option("text", wanted->text,
+                 "the answer, the checkpoint at which to pause, or the alarm to acknowledge (all)");
+  command.option("--operator", wanted->by, "who says it (default: whose account it is)");
+  command.flag("--override", wanted->force, "with resume: although it is still suspended (a researcher's right)");
   command.option("--run", wanted->run, "the run's name, or its beginning, where several are going on");
   command.flag("--json", wanted->json, "the reply as JSON");
 }

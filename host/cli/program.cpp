@@ -49,7 +49,8 @@ void add_run_options(Command& command, RunOptions& options) {
   command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
   command
       .option("--frames", options.request.frames,
-              "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth)")
+              "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), top_camera@96 (a window of\n"
+              "96 px about the robot), top_camera~10 (only 10 s around events)")
       .delimiter(',');
 }
 

@@ -43,6 +43,7 @@ void add_run_options(Command& command, RunOptions& options);
 
 // One for each row of main.cpp, in a file of its name.
 void add_run(CommandLine& line, Program& program);  // and the prompt, which is the program without a command
+void add_check(CommandLine& line, Program& program);
 void add_control(CommandLine& line, Program& program);
 void add_describe(CommandLine& line, Program& program);
 void add_devices(CommandLine& line, Program& program);

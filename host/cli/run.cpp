@@ -63,6 +63,8 @@ void add_run(CommandLine& line, Program& program) {
   command.flag("--json", wanted->json, "one JSON object on the standard output at the end, SI units");
   command.option("--answer", wanted->request.answers,
                  "answers a question of the script in advance: name=value, or value in their order");
+  command.option("--override", wanted->request.override_reason,
+                 "run although the preflight fails, and why (a researcher's right; it is recorded)");
 }
 
 }  // namespace vitreo::cli

@@ -89,7 +89,20 @@ int record(Call& call) {
 
 int record_frames(Call& call) {
   const int every = static_cast<int>(call.number_option("every").value_or(1));
-  session_of(call.L).frames.start({call.text(0), every});
+  Session& session = session_of(call.L);
+  const FramePolicy policy{call.text(0), every, static_cast<int>(call.number_option("window").value_or(0)),
+                           call.number_option("around").value_or(0)};
+  session.frames.check(policy);
+  if (session.rehearsal != nullptr)
+    session.rehearsal->frames.push_back(policy);
+  else
+    session.frames.start(policy);
+  return 0;
+}
+
+int keep_frames(Call& call) {
+  Session& session = session_of(call.L);
+  session.recorder.event(session.clock.now(), "keep", call.text(0));
   return 0;
 }
 
@@ -192,10 +205,28 @@ std::vector<Binding> run_record_rows() {
                       .optional = true,
                       .min = 1,
                       .max = 1000000,
-                      .help = "keeps one frame of so many"}}}},
+                      .help = "keeps one frame of so many"},
+                     {.name = "window",
+                      .type = Type::integer,
+                      .optional = true,
+                      .min = 8,
+                      .max = 8192,
+                      .help = "px: only a window about the robot, and a whole frame each second"},
+                     {.name = "around",
+                      .type = Type::number,
+                      .unit = "s",
+                      .optional = true,
+                      .min = 0.1,
+                      .max = 600,
+                      .help = "only so long before and after alarms, errors and run:keep_frames"}}}},
        "",
        "records a camera's frames from now on",
        record_frames},
+      {"keep_frames",
+       {text("why", false, "for the record")},
+       "",
+       "keeps the frames around this moment, where they are recorded around events only",
+       keep_frames},
       {"has_stream", {stream}, "true or false", "whether the record has a stream", has_stream},
       {"samples",
        {stream, text("channel", false, "its name"), span},

@@ -49,18 +49,30 @@ int push_frame(lua_State* L, const Frame& frame) {
 int camera_grab(Call& call) {
   auto frame = std::make_shared<Frame>();
   Camera* const camera = &call.self<Camera>();
+  const std::uint64_t last = call.context().last_frames[camera];
   const Time timeout = from_seconds(call.number_option("timeout").value_or(5));
   // The camera keeps the time itself and says more; ours is only there should it hang.
   return call.wait(work(
-      call, "camera", [=] { *frame = camera->grab(timeout); }, 2 * timeout,
-      [frame](Call& done) { return push_frame(done.L, *frame); }));
+      call, camera->info().identity, [=] { *frame = camera->grab(timeout); }, 2 * timeout,
+      [frame, camera](Call& done) {
+        done.context().last_frames[camera] = frame->number;
+        return push_frame(done.L, *frame);
+      },
+      {last == 0 ? "a frame" : "a frame after number " + std::to_string(last),
+       [last] { return last == 0 ? "no frame yet" : "frame " + std::to_string(last); }}));
+}
+
+std::string currents_text(const std::vector<double>& currents) {
+  std::string text;
+  for (const double current : currents) text += (text.empty() ? "" : ", ") + format_number(current, 3);
+  return text + " A";
 }
 
 int coils_set(Call& call) {
   CoilAmplifier* const coils = &call.self<CoilAmplifier>();
   return call.wait(work(
       call, "coils", [coils, currents = call.numbers(0)] { coils->set_currents(currents); }, from_seconds(5),
-      [](Call&) { return 0; }));
+      [](Call&) { return 0; }, {currents_text(call.numbers(0)), [coils] { return currents_text(coils->currents()); }}));
 }
 
 int coils_currents(Call& call) {
@@ -76,12 +88,16 @@ int coils_currents(Call& call) {
 int coils_limit(Call& call) { return call.result(call.self<CoilAmplifier>().current_limit()); }
 int lens_position(Call& call) { return call.result(call.self<LensMover>().position()); }
 
+Waited about_lens(const LensMover* mover, const std::string& target) {
+  return {target, [mover] { return format_quantity(mover->position(), "m"); }};
+}
+
 int lens_move(Call& call) {
   LensMover* const mover = &call.self<LensMover>();
   const Time timeout = from_seconds(call.number_option("timeout").value_or(30));
   return call.wait(work(
-      call, "lens mover", [=, position = call.number(0)] { mover->move_to(position, timeout); }, 2 * timeout,
-      [](Call&) { return 0; }));
+      call, "lens_mover", [=, position = call.number(0)] { mover->move_to(position, timeout); }, 2 * timeout,
+      [](Call&) { return 0; }, about_lens(mover, format_quantity(call.number(0), "m"))));
 }
 
 int lens_homed(Call& call) {
@@ -93,7 +109,8 @@ int lens_home(Call& call) {
   LensMover* const mover = &call.self<LensMover>();
   const Time timeout = from_seconds(call.number_option("timeout").value_or(60));
   return call.wait(work(
-      call, "lens mover", [=] { mover->home(timeout); }, 2 * timeout, [](Call&) { return 0; }));
+      call, "lens_mover", [=] { mover->home(timeout); }, 2 * timeout, [](Call&) { return 0; },
+      about_lens(mover, "its switch")));
 }
 
 int insert_robot(Call& call) {
@@ -119,7 +136,8 @@ int learn(Call& call) {
       [background](Call& done) {
         push_handle(done.L, background_class(), background);
         return 1;
-      }));
+      },
+      {std::to_string(frames) + " frames", {}}));
 }
 
 int draw_machine(Call& call) {

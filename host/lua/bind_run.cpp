@@ -3,6 +3,7 @@
 #include "host/lua/bind_control.h"
 #include "host/lua/bind_rig.h"
 #include "host/lua/context.h"
+#include "host/lua/dead_time.h"
 #include "host/lua/errors.h"
 #include "host/lua/progress.h"
 #include "host/lua/scheduler.h"
@@ -46,7 +47,10 @@ int defer(Call& call) {
 
 /// Takes the lap, and what was begun inside of it and left by break, from the stack.
 void end_lap(Context& context, std::size_t id) {
-  while (!context.laps.empty() && context.laps.back().id >= id) context.laps.pop_back();
+  while (!context.laps.empty() && context.laps.back().id >= id) {
+    tell_dead_time(context, context.laps.back());
+    context.laps.pop_back();
+  }
 }
 
 int close_lap(lua_State* L) {
@@ -97,7 +101,8 @@ int each(Call& call) {
   const lua_Integer count =
       list ? static_cast<lua_Integer>(lua_rawlen(L, call.index(0))) : static_cast<lua_Integer>(number);
   const std::size_t id = ++context.laps_begun;
-  context.laps.push_back({id, 1, static_cast<std::size_t>(count), call.has(1) ? call.text(1) : "turn"});
+  context.laps.push_back(
+      {id, 0, static_cast<std::size_t>(count), call.has(1) ? call.text(1) : "turn", session_of(L).clock.now()});
   if (list)
     lua_pushvalue(L, call.index(0));
   else
@@ -171,8 +176,11 @@ void tell_progress(Context& context, double fraction, const std::string& label) 
   context.fraction = fraction;
   double whole = std::clamp(fraction, 0.0, 1.0);
   for (auto lap = context.laps.rbegin(); lap != context.laps.rend(); ++lap)
-    if (lap->count > 0) whole = (static_cast<double>(lap->index) - 1 + whole) / static_cast<double>(lap->count);
-  if (context.session) context.session->listener.progress(whole, label);
+    if (lap->count > 0)
+      whole = (std::max(1.0, static_cast<double>(lap->index)) - 1 + whole) / static_cast<double>(lap->count);
+  if (!context.session) return;
+  context.session->control.set_progress(whole, label);
+  context.session->listener.progress(whole, label);
 }
 
 std::vector<Binding> run_flow_rows() {
@@ -203,7 +211,7 @@ std::vector<Binding> run_flow_rows() {
 const Class& run_class() {
   static const Class kind = [] {
     Class made{"run", "this run: its flow, its record, its results", run_flow_rows(), {}};
-    for (auto rows : {run_control_rows(), run_record_rows(), run_result_rows()})
+    for (auto rows : {run_control_rows(), run_question_rows(), run_alarm_rows(), run_record_rows(), run_result_rows()})
       for (Binding& row : rows) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -181,13 +181,26 @@ std::vector<Binding> servo_rows() {
 
 }  // namespace
 
+namespace {
+
+/// In a dry run poses stand in for images; a rig that has no sample handler gets its robot now.
+void rehearse(Rehearsal& rehearsal, ServoSettings& settings) {
+  if (settings.feedback == Feedback::pose_sensor && !rehearsal.pose_sensor)
+    throw std::invalid_argument("feedback: pose_sensor needs that role, and this rig has none");
+  if (settings.feedback != Feedback::none) settings.feedback = Feedback::pose_sensor;
+  if (rehearsal.bring_robot) rehearsal.bring_robot();
+}
+
+}  // namespace
+
 int open_servo(Call& call) {
   Session& session = session_of(call.L);
   ServoEyes eyes{{}, session.side_watch()};
   if (call.push_option("background")) eyes.top = call.handle_option<vision::Background>("background");
   lua_pop(call.L, 1);
-  auto servo =
-      std::make_shared<Servo>(session.clock, session.rig, session.recorder, std::move(eyes), settings_of(call));
+  ServoSettings settings = settings_of(call);
+  if (session.rehearsal != nullptr && session.rig.pose_sensor != nullptr) rehearse(*session.rehearsal, settings);
+  auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder, std::move(eyes), settings);
   // The session's end closes what the script left open.
   call.context().closers.push_back([servo] { servo->close(); });
   push_handle(call.L, servo_class(), servo);

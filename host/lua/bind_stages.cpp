@@ -6,6 +6,7 @@
 #include "host/lua/context.h"
 #include "host/lua/scheduler.h"
 #include "host/lua/values.h"
+#include "host/units.h"
 
 #include <algorithm>
 #include <limits>
@@ -88,8 +89,20 @@ int talk_and_push(const Call& call, const char* name, Talk talk, const Push& pus
       }));
 }
 template <class Work>
-int run_and_return(const Call& call, const char* name, Work job, Time limit) {
-  return call.wait(work(call, name, std::move(job), limit, [](Call&) { return 0; }));
+int run_and_return(const Call& call, const char* name, Work job, Time limit, Waited about = {}) {
+  return call.wait(work(
+      call, name, std::move(job), limit, [](Call&) { return 0; }, std::move(about)));
+}
+std::string places_text(const std::vector<double>& places, const char* unit) {
+  std::string text;
+  for (const double place : places) text += (text.empty() ? "" : ", ") + format_quantity(place, unit);
+  return text;
+}
+Waited about(Stage* stage, const std::string& target) {
+  return {target, [stage] { return places_text(stage->position(), "m"); }};
+}
+Waited about(RotationStage* stage, const std::string& target) {
+  return {target, [stage] { return format_quantity(stage->angle(), "rad"); }};
 }
 /// A device stops itself at its own deadline; ours is only there should it hang.
 Time beyond(Time timeout) { return 2 * timeout + from_seconds(kTalk); }
@@ -109,7 +122,7 @@ int any_wait(Call& call) {
   AnyStage* const stage = &call.self<AnyStage>();
   const Time limit = timeout_of(call, 60);
   return run_and_return(
-      call, "stage", [=] { stage->wait(limit); }, beyond(limit));
+      call, "stage", [=] { stage->wait(limit); }, beyond(limit), about(stage, "its end"));
 }
 template <class AnyStage>
 int any_home(Call& call) {
@@ -125,7 +138,7 @@ int any_home(Call& call) {
       throw;
     }
   };
-  return run_and_return(call, "stage", go, beyond(limit));
+  return run_and_return(call, "stage", go, beyond(limit), about(stage, "its reference"));
 }
 template <class AnyStage>
 int any_stop(Call& call) {
@@ -162,7 +175,7 @@ int stage_move(Call& call) {
   const Time limit = timeout_of(call, 60);
   const double speed = stage_speed(call);
   const auto go = [=, target = call.numbers(0)] { move_to(*stage, target, speed, limit, *clock); };
-  return run_and_return(call, "stage", go, beyond(limit));
+  return run_and_return(call, "stage", go, beyond(limit), about(stage, places_text(call.numbers(0), "m")));
 }
 int stage_start(Call& call) {
   Stage* const stage = &call.self<Stage>();
@@ -181,7 +194,7 @@ int rotation_info(Call& call) {
 int rotation_angle(Call& call) {
   RotationStage* const stage = &call.self<RotationStage>();
   return talk_and_push<double>(
-      call, "rotation stage", [stage] { return stage->angle(); }, push_number);
+      call, "rotation_stage", [stage] { return stage->angle(); }, push_number);
 }
 double rotation_speed(const Call& call) {
   return call.number_option("speed").value_or(call.self<RotationStage>().info().axis.speed);
@@ -192,13 +205,14 @@ int rotation_turn(Call& call) {
   const Time limit = timeout_of(call, 60);
   const double speed = rotation_speed(call);
   const auto go = [=, angle = call.number(0)] { turn_to(*stage, angle, speed, limit, *clock); };
-  return run_and_return(call, "rotation stage", go, beyond(limit));
+  return run_and_return(call, "rotation_stage", go, beyond(limit),
+                        about(stage, format_quantity(call.number(0), "rad")));
 }
 int rotation_start(Call& call) {
   RotationStage* const stage = &call.self<RotationStage>();
   const double speed = rotation_speed(call);
   const auto go = [=, angle = call.number(0)] { stage->start(angle, speed); };
-  return run_and_return(call, "rotation stage", go, from_seconds(kTalk));
+  return run_and_return(call, "rotation_stage", go, from_seconds(kTalk));
 }
 
 int probe_info(Call& call) {

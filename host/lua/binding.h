@@ -152,6 +152,8 @@ const std::vector<Binding>& files_functions();
 /// The rows of run_class, by file.
 std::vector<Binding> run_flow_rows();
 std::vector<Binding> run_control_rows();
+std::vector<Binding> run_question_rows();
+std::vector<Binding> run_alarm_rows();
 std::vector<Binding> run_record_rows();
 std::vector<Binding> run_result_rows();
 

@@ -24,6 +24,8 @@ class Scheduler;
 struct Lap {
   std::size_t id = 0, index = 0, count = 0;  // index from 1
   std::string label;
+  Time began{};
+  std::map<std::string, double> waited{};  // s, by what was waited for: see host/lua/dead_time.h
 };
 
 /// Reachable from every coroutine by context_of(). Never outlives its Session.
@@ -47,7 +49,9 @@ struct Context {
   std::vector<int> deferred;                   // references of run:defer's functions
   std::vector<Lap> laps;
   std::size_t laps_begun = 0;
-  double fraction = 0;  // as last told
+  std::map<const Camera*, std::uint64_t> last_frames;  // that the script was given
+  double fraction = 0;                                 // as last told
+  double dead_time = 0;                                // s, of the outermost run:each
   struct Script {
     int stream = 0;
     std::vector<std::string> channels;

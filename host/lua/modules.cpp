@@ -52,12 +52,21 @@ bool well_formed(const std::string& name) {
   return inside;
 }
 
+/// A link may not lead out of the declared folder.
+void check_inside(const std::filesystem::path& folder, const std::filesystem::path& file, const std::string& name) {
+  const std::string within = std::filesystem::canonical(file).lexically_relative(std::filesystem::canonical(folder));
+  if (within.empty() || within.starts_with(".."))
+    throw std::invalid_argument("the module '" + name + "' is a link that leads out of " + folder.string());
+}
+
 std::string find_module(const Context& context, const std::string& name) {
   std::string relative = name;
   for (char& c : relative) c = c == '.' ? '/' : c;
   for (const std::string& folder : context.folders) {
     const std::filesystem::path file = std::filesystem::path(folder) / (relative + ".lua");
-    if (std::filesystem::is_regular_file(file)) return file.string();
+    if (!std::filesystem::is_regular_file(file)) continue;
+    check_inside(folder, file, name);
+    return file.string();
   }
   return "";
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/scheduler.h"
 
+#include "devices/error.h"
 #include "host/lua/context.h"
+#include "host/lua/dead_time.h"
 #include "host/lua/errors.h"
 #include "host/lua/state.h"
 #include "host/units.h"
@@ -32,11 +34,36 @@ struct Job {
   std::unique_ptr<Task> task;  // last: it ends before what it uses
 };
 
-void run_job(Job& job, Clock& clock, const std::function<void()>& blocking) {
+std::string reading_of(const Waited& about) {
+  if (!about.reading) return "";
+  try {
+    return about.reading();
+  } catch (const Stopped&) {
+    throw;
+  } catch (const std::exception& error) {
+    return std::string("none (") + error.what() + ")";
+  }
+}
+
+/// The device's own words, and what only the caller knows.
+std::exception_ptr with_details(const DeviceError& error, const Waited& about, double elapsed) {
+  std::string said = error.what();
+  const std::string head = error.device + ": ", tail = std::string(" (") + to_string(error.kind) + ")";
+  if (said.starts_with(head)) said.erase(0, head.size());
+  if (said.ends_with(tail)) said.erase(said.size() - tail.size());
+  return std::make_exception_ptr(
+      DeviceError(error.kind, error.device, said + "; " + waited_text(about.target, reading_of(about), elapsed)));
+}
+
+void run_job(Job& job, Clock& clock, const std::function<void()>& blocking, const Waited& about) {
+  const Time began = clock.now();
   try {
     blocking();
   } catch (const Stopped&) {
     throw;
+  } catch (const DeviceError& error) {
+    const bool late = error.kind == DeviceErrorKind::timeout;
+    job.error = late ? with_details(error, about, to_seconds(clock.now() - began)) : std::current_exception();
   } catch (const std::exception&) {
     job.error = std::current_exception();
   }
@@ -46,19 +73,26 @@ void run_job(Job& job, Clock& clock, const std::function<void()>& blocking) {
 
 }  // namespace
 
+std::string waited_text(const std::string& target, const std::string& reading, double elapsed) {
+  return (target.empty() ? "" : "wanted " + target + "; ") + (reading.empty() ? "" : "last reading " + reading + "; ") +
+         "after " + format_quantity(elapsed, "s");
+}
+
 Wait work(const Call& call, const std::string& name, std::function<void()> blocking, Time timeout,
-          std::function<int(Call&)> finish) {
+          std::function<int(Call&)> finish, Waited about) {
   call.check_can_wait();
   Clock& clock = session_of(call.L).clock;
   auto job = std::make_shared<Job>();
-  job->task = clock.spawn("script: " + name,
-                          [&clock, job = job.get(), run = std::move(blocking)] { run_job(*job, clock, run); });
+  job->task = clock.spawn("script: " + name, [&clock, job = job.get(), run = std::move(blocking), about] {
+    run_job(*job, clock, run, about);
+  });
   Wait wait;
   wait.signal = &job->finished;
   wait.ready = [job] { return job->done; };
   wait.deadline = later(clock.now(), timeout);
-  wait.finish = [job, timeout, then = std::move(finish)](Call& done, bool in_time) {
-    if (!in_time) throw std::runtime_error("no answer within " + format_quantity(to_seconds(timeout), "s"));
+  wait.finish = [job, name, timeout, target = about.target, then = std::move(finish)](Call& done, bool in_time) {
+    if (!in_time)  // who hangs cannot be asked where it is
+      throw std::runtime_error(name + " did not answer; " + waited_text(target, "none: it hangs", to_seconds(timeout)));
     job->task->join();
     if (job->error) std::rethrow_exception(job->error);
     return then(done);
@@ -160,11 +194,12 @@ void Scheduler::wait_for_any() {
   if (look_at_all()) return;
   std::vector<Signal*> signals;
   Time deadline = kForever;
-  std::string what;
+  std::string what, idle, useful;
   for (const auto& task : tasks_) {
     if (task->state != LuaTask::State::waiting) continue;
     if (!task->wait->ends_children) {
       what += (what.empty() ? "" : ", ") + task->wait->what;
+      (is_dead_time(task->wait->what) ? idle : useful) = task->wait->what;  // side by side, what is useful counts
       deadline = std::min(deadline, limit_);
     }
     deadline = std::min(deadline, task->wait->deadline);
@@ -172,6 +207,7 @@ void Scheduler::wait_for_any() {
     if (signal && std::find(signals.begin(), signals.end(), signal) == signals.end()) signals.push_back(signal);
   }
   context_.session->control.set_waiting_for(what);
+  const Time began = context_.session->clock.now();
   try {
     wait_on(signals, deadline);
   } catch (const Stopped&) {
@@ -181,6 +217,11 @@ void Scheduler::wait_for_any() {
     end_waits(std::current_exception());
   }
   context_.session->control.set_waiting_for("");
+  if (!context_.laps.empty()) add_wait(context_, useful.empty() ? idle : useful, context_.session->clock.now() - began);
+  if (context_.session->alarms.changes() != alarms_seen_) {
+    context_.session->note_alarms();
+    alarms_seen_ = context_.session->alarms.changes();
+  }
 }
 
 /// A clock waits for one signal; where there are several, each gets a task that watches it.

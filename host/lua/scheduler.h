@@ -26,10 +26,19 @@ struct Wait {
   std::string what{};          // as the status shows it; Call::wait fills in the call's name
 };
 
-/// A wait for a blocking call that runs as a task of the clock. Past `timeout` it is stopped and std::runtime_error
-/// thrown.
+/// What an error says of a wait that took too long, beside operation, time and the script's line.
+struct Waited {
+  std::string target{};                    // "1.5 mm"; empty: none
+  std::function<std::string()> reading{};  // where it is now; called on the job's task, may throw. Null: none
+};
+
+/// "wanted 1.5 mm; last reading 0.2 mm; after 60 s"; `reading` may be empty.
+std::string waited_text(const std::string& target, const std::string& reading, double elapsed);
+
+/// A wait for a blocking call that runs as a task of the clock, for the device `name`. Past `timeout` it is stopped and
+/// std::runtime_error thrown; the device's own DeviceError{timeout} goes on with what `about` knows added.
 Wait work(const Call& call, const std::string& name, std::function<void()> blocking, Time timeout,
-          std::function<int(Call&)> finish);
+          std::function<int(Call&)> finish, Waited about = {});
 
 /// One coroutine of the script, by way of run:together or as the root.
 struct LuaTask {
@@ -86,6 +95,7 @@ class Scheduler {
   std::vector<std::unique_ptr<LuaTask>> tasks_;
   Signal any_;  // a watcher saw what it waited for
   Time limit_ = kForever;
+  unsigned long alarms_seen_ = 0;
 };
 
 /// Waited-for calls go on here after the task was resumed.

@@ -26,6 +26,8 @@ std::string place_text(const Eigen::Vector3d& p) {
   return fmt::format("({:.2f}, {:.2f}, {:.2f}) mm", p.x() * 1e3, p.y() * 1e3, p.z() * 1e3);
 }
 
+std::string reading_of(const ServoStatus& now) { return now.position ? "at " + place_text(*now.position) : "not seen"; }
+
 /// Empty while the loop works, else why it does not.
 std::string trouble(const ServoStatus& status) {
   switch (status.state) {
@@ -157,7 +159,10 @@ int servo_calls::wait_until_tracked(Call& call) {
   Wait wait = servo_wait(servo, [](const ServoStatus& now) { return now.position.has_value(); });
   wait.deadline = later(clock.now(), from_seconds(timeout));
   wait.finish = [servo, timeout](Call& done, bool in_time) {
-    if (!in_time) throw std::runtime_error("no robot was seen within " + format_quantity(timeout, "s"));
+    if (!in_time)
+      throw std::runtime_error("no robot was seen by the servo, which is " +
+                               std::string(to_string(servo->status().state)) + "; " +
+                               waited_text("a sight of it", reading_of(servo->status()), timeout));
     return done.result(tracked_position(*servo));
   };
   return call.wait(std::move(wait));
@@ -201,8 +206,9 @@ int servo_calls::follow(Call& call) {
   wait.finish = [servo, timeout, start](Call& done, bool in_time) {
     throw_if_troubled(*servo);
     if (!in_time)
-      throw std::runtime_error(fmt::format("the path's end was not reached after {}: {:.0f} % of it is done",
-                                           format_quantity(timeout, "s"), servo->status().progress * 100));
+      throw std::runtime_error(
+          fmt::format("the path's end was not reached after {}: {:.0f} % of it is done; the robot is {}",
+                      format_quantity(timeout, "s"), servo->status().progress * 100, reading_of(servo->status())));
     return done.result(to_seconds(servo->status().time) - start);
   };
   return call.wait(std::move(wait));
@@ -232,8 +238,11 @@ int servo_calls::mean_correction(Call& call) {
   const double start = to_seconds(servo->status().time);
   Wait wait = servo_wait(servo, [=](const ServoStatus& now) { return to_seconds(now.time) - start >= duration; });
   wait.deadline = later(session_of(call.L).clock.now(), from_seconds(2 * duration + 5));
-  wait.finish = [servo, duration](Call& done, bool) {
+  wait.finish = [servo, duration](Call& done, bool in_time) {
     throw_if_troubled(*servo);
+    if (!in_time)
+      throw std::runtime_error("the servo did not tick; " + waited_text(format_quantity(duration, "s") + " of it",
+                                                                        reading_of(servo->status()), 2 * duration + 5));
     return done.result(servo->mean_correction(duration));
   };
   return call.wait(std::move(wait));

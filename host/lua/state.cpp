@@ -8,6 +8,7 @@
 #include "host/script_engine.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <fstream>
 #include <new>
@@ -16,6 +17,8 @@
 
 namespace vitreo::lua {
 namespace {
+
+constexpr std::uintmax_t kLargestText = 16'000'000;  // bytes
 
 /// Lua's allocator with a cap: refusing memory makes a clean Lua error.
 void* allocate(void* user, void* block, std::size_t old_size, std::size_t new_size) {
@@ -94,6 +97,7 @@ State::~State() { lua_close(context_.main); }
 
 void load_text(lua_State* L, const std::string& text, const std::string& file) {
   std::string_view source = text;
+  if (source.starts_with("\xEF\xBB\xBF")) source.remove_prefix(3);  // some editors' mark of UTF-8
   if (source.starts_with('#'))
     source.remove_prefix(std::min(source.find('\n'), source.size()));  // "#!": keeps the line
   const int status = luaL_loadbufferx(L, source.data(), source.size(), ("@" + file).c_str(), "t");
@@ -110,6 +114,8 @@ std::string read_text_file(const std::string& file) {
   if (std::filesystem::is_directory(file, error)) throw ScriptError(file + ": is a folder, not a Lua file");
   std::ifstream in(file, std::ios::binary);
   if (!in) throw ScriptError(file + ": there is no such file, or it cannot be read");
+  if (const auto size = std::filesystem::file_size(file, error); !error && size > kLargestText)
+    throw ScriptError(file + ": is larger than a script may be: 16 MB");
   std::ostringstream text;
   text << in.rdbuf();
   if (in.bad()) throw ScriptError(file + ": cannot be read");

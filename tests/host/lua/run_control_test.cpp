@@ -133,6 +133,79 @@ TEST_F(RunControlTest, ARequestFromAnotherThreadEndsAnEndlessLoopOfPlainLua) {
   EXPECT_EQ(reply["status"]["phase"], "stop requested") << "requested is not stopped";
 }
 
+/// The run's own control socket, as `vitreo control` speaks to it; other tests have theirs at the same time.
+std::string control(const std::filesystem::path& runs, const nlohmann::json& request) {
+  const std::string name = std::filesystem::directory_iterator(runs)->path().filename().string();
+  const nlohmann::json answer = control_run(name, request);
+  return answer["ok"] ? answer["status"]["text"].get<std::string>() : answer["error"].get<std::string>();
+}
+
+TEST_F(RunControlTest, AnAlarmIsAcknowledgedThroughTheControlSocketAndThatIsRecorded) {
+  request.control_socket = true;
+  std::thread other;
+  std::string unknown;
+  ear.on_message = [&](const std::string& line) {
+    if (!line.starts_with("ALARM")) return;
+    other = std::thread([&] {
+      unknown = control(folder.path() / "runs", {{"do", "ack"}, {"alarm", "dsik"}});
+      control(folder.path() / "runs", {{"do", "ack"}, {"by", "anna"}});
+    });
+  };
+  const RunResult result =
+      run("run:alarm('coil', 'high', 'too hot') run:clear_alarm('coil')\n"
+          "while #run:alarms() > 0 do run:wait(0.1*s) end");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_NE(unknown.find("no alarm 'dsik' stands; there is: coil"), std::string::npos) << unknown;
+  EXPECT_NE(events.find("alarm:high: coil: too hot;alarm cleared:coil;alarm acknowledged:coil (anna);"),
+            std::string::npos)
+      << events;
+}
+
+TEST_F(RunControlTest, ASuspendedRunGoesOnWhenItIsMendedOrByAnOverrideThatIsRecorded) {
+  request.control_socket = true;
+  std::vector<std::thread> others;
+  ear.on_message = [&](const std::string& line) {
+    const bool first = line == "suspended: dark", again = line.starts_with("still suspended: dark");
+    if (first || again)
+      others.emplace_back([this, again] {
+        control(folder.path() / "runs", {{"do", "resume"}, {"override", again}, {"by", "anna"}});
+      });
+  };
+  const RunResult result =
+      run("run:suspend_when('dark', function() return true end)\nrun:checkpoint('a')\nprint('went on')");
+  for (std::thread& other : others) other.join();
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_TRUE(ear.said.ends_with("went on;")) << ear.said;
+  EXPECT_NE(events.find("override:suspended: dark; by anna"), std::string::npos) << events;
+  EXPECT_EQ(others.size(), 2u);
+}
+
+TEST_F(RunControlTest, ATechnicianCannotOverrideButStop) {
+  RigDescription rig;
+  rig.table["rights"].value = ConfigTable{{"anna", ConfigValue{std::string("researcher")}}};
+  RunControl control;
+  const ControlDesk desk{nullptr, Rights::of(rig)};
+  const nlohmann::json refused =
+      answer_request("{\"do\": \"resume\", \"override\": true, \"by\": \"ben\"}", control, questions, desk);
+  EXPECT_NE(refused["error"].get<std::string>().find("ben is a technician here"), std::string::npos) << refused;
+  EXPECT_EQ(control.take_override(), "");
+  EXPECT_TRUE(answer_request("{\"do\": \"stop\", \"by\": \"ben\"}", control, questions, desk)["ok"]);
+  EXPECT_EQ(control.reason(), "by ben");
+}
+
+TEST_F(RunControlTest, TheStatusTellsProgressAndAnInterlockThatTripsIsAnAlarm) {
+  nlohmann::json status;
+  ear.on_message = [&](const std::string& line) {
+    if (line == "half") status = (say("status"), reply["status"]);
+  };
+  run("for i in run:each(4, 'place') do if i == 3 then print('half') end end\n"
+      "pcall(function() rig.coils:set_currents { 13, 0, 0, 0, 0, 0, 0, 0 } end)");
+  EXPECT_EQ(status["progress"], 0.5);
+  EXPECT_EQ(status["doing"], "place 3 of 4");
+  EXPECT_NE(events.find("alarm:high: interlock: coil 1: 13 A is beyond the limit"), std::string::npos) << events;
+}
+
 TEST_F(RunControlTest, PausesAtTheCheckpointThatWasNamedAndResumes) {
   std::thread other;
   ear.on_message = [&](const std::string& line) {

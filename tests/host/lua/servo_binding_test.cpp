@@ -50,7 +50,7 @@ TEST_F(ServoBinding, GoesToAPlaceFollowsAPathAndEndsAtZero) {
 
 TEST_F(ServoBinding, SaysWhatItMissed) {
   expect_all(run("servo:wait_until_tracked { timeout = 1 }").error,
-             {"p.lua:5: servo:wait_until_tracked: no robot was seen within 1 s"});
+             {"p.lua:5: servo:wait_until_tracked: no robot was seen by the servo", "after 1 s"});
   EXPECT_TRUE(coils_are_at_zero());
 }
 

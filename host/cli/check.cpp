@@ -1,0 +1,65 @@
+// `vitreo check`: what a run would do and whether it would be let, without touching an instrument.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/preflight.h"
+
+#include <fmt/format.h>
+
+#include <iostream>
+#include <unistd.h>
+
+namespace vitreo::cli {
+namespace {
+
+struct Check : RunOptions {
+  std::string protocol;
+  double limit = 10;
+  bool json = false;
+};
+
+void show(const PreflightReport& report, bool json) {
+  if (json)
+    std::cout << to_json(report).dump() << std::endl;
+  else
+    std::cout << to_text(report) << std::flush;
+}
+
+int check(Program& program, Check& wanted) {
+  wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
+  PreflightLimits limits;
+  limits.wall = wanted.limit;
+  limits.stuck = [&wanted](const PreflightReport& report) {
+    show(report, wanted.json);
+    std::cerr << "vitreo: the script is stuck in a call that nothing can interrupt" << std::endl;
+    _exit(static_cast<int>(ExitCode::not_responding));
+  };
+  try {
+    const PreflightReport report = preflight(program.engine(), wanted.complete(), limits);
+    show(report, wanted.json);
+    return static_cast<int>(report.passed() ? ExitCode::completed : ExitCode::preflight_failed);
+  } catch (const Stopped&) {
+    std::cerr << "vitreo: stopped by the operator" << std::endl;
+    return static_cast<int>(ExitCode::stopped);
+  }
+}
+
+}  // namespace
+
+void add_check(CommandLine& line, Program& program) {
+  const auto wanted = std::make_shared<Check>();
+  Command command = line.command(
+      "check", "whether a run would be let, and what it would move and energise: a dry run on the rig's twin",
+      [&program, wanted] { return check(program, *wanted); });
+  command.option("--rig", wanted->request.rig_file, "rig file (default: scripts/rigs/simulated.lua)");
+  command.option("--seed", wanted->request.seed, "of everything that is drawn by chance (default: 1)");
+  command.option("--out", wanted->request.out, "folder in which the run's would be (default: runs)");
+  command.option("--frames", wanted->request.frames, "cameras whose frames would be recorded").delimiter(',');
+  command.option("protocol", wanted->protocol, "a protocol's file or name").required();
+  command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
+  command.option("--answer", wanted->request.answers, "answers a question of the script: name=value, or value");
+  command.option("--limit", wanted->limit, "s of wall time for the dry run (default: 10)");
+  command.flag("--json", wanted->json, "one JSON object, SI units");
+}
+
+}  // namespace vitreo::cli

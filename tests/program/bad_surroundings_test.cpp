@@ -1,0 +1,96 @@
+// The program in surroundings that nobody wishes for: odd words, closed streams, no home, small limits, other locales.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/program/program.h"
+
+#include <gtest/gtest.h>
+
+namespace vitreo {
+namespace {
+
+constexpr const char* kIdle =
+    "return { title = 'idle', run = function(rig, p, run) run:wait(1) print(1.5) run:figure('half', 0.5) end }";
+constexpr const char* kBareRig = "return { title = 'bare' }";
+
+struct Surroundings : testing::Test {
+  Surroundings() {
+    place.write("idle.lua", kIdle);
+    place.write("bare.lua", kBareRig);
+  }
+  /// A shell's line; PROGRAM stands for the program, RUN for a run that is in order.
+  int shell(std::string line) const {
+    const auto replace = [&](const std::string& what, const std::string& with) {
+      for (std::size_t at; (at = line.find(what)) != std::string::npos;) line.replace(at, what.size(), with);
+    };
+    replace("RUN", "PROGRAM run idle.lua --rig bare.lua");
+    replace("PROGRAM", "'" VITREO_PROGRAM "'");
+    const int status = std::system(("cd '" + place.folder().string() + "' && " + line).c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  Workplace place;
+};
+
+TEST_F(Surroundings, WordsThatAreNotUnderstoodAreExitCode2) {
+  EXPECT_EQ(place.vitreo("run idle.lua --rig bare.lua --no-such-flag").exit_code, 2);
+  EXPECT_EQ(place.vitreo("run idle.lua --rig").exit_code, 2);
+  EXPECT_EQ(place.vitreo("run idle.lua --rig bare.lua --seed").exit_code, 2);
+  EXPECT_EQ(place.vitreo("run idle.lua --rig bare.lua --seed twelve").exit_code, 2);
+  EXPECT_EQ(place.vitreo("run").exit_code, 2);
+  std::string many = "run idle.lua --rig bare.lua";
+  for (int i = 0; i < 1000; ++i) many += " --flag" + std::to_string(i);
+  EXPECT_EQ(place.vitreo(many).exit_code, 2);
+  EXPECT_EQ(place.vitreo("run --rig bare.lua -- idle.lua").exit_code, 0);
+}
+
+TEST_F(Surroundings, ClosedStreamsChangeNothingButWhatIsSeen) {
+  EXPECT_EQ(shell("RUN <&- >/dev/null 2>/dev/null"), 0);
+  EXPECT_EQ(shell("RUN >&- 2>/dev/null"), 0);
+  EXPECT_EQ(shell("RUN 2>&- >/dev/null"), 0);
+  EXPECT_EQ(shell("(RUN; echo $? > code) 2>/dev/null | true; grep -qx '0' code"), 0) << "a reader that is gone";
+}
+
+TEST_F(Surroundings, WithoutAHomeOrWithOneThatCannotBeWrittenItRunsAndSaysWhatIsMissing) {
+  EXPECT_EQ(shell("env -u HOME -u XDG_STATE_HOME -u VITREO_LOG RUN >/dev/null 2>&1"), 0);
+  EXPECT_EQ(shell("VITREO_LOG=/proc/nowhere/host.log RUN >/dev/null 2>err"), 0);
+  EXPECT_NE(place.read("err").find("no log"), std::string::npos) << place.read("err");
+}
+
+TEST_F(Surroundings, OtherLocalesZonesMasksAndNarrowTerminalsDoNotMatter) {
+  EXPECT_EQ(shell("LANG=tr_TR.UTF-8 LC_ALL=de_DE.UTF-8 TZ=Pacific/Chatham COLUMNS=20 RUN --json >out 2>/dev/null"), 0);
+  EXPECT_NE(place.read("out").find("\"half\":0.5"), std::string::npos) << place.read("out");
+  EXPECT_EQ(shell("TZ=Nowhere/At_all RUN >/dev/null 2>&1"), 0);
+  EXPECT_EQ(shell("(umask 0; RUN >/dev/null 2>&1)"), 0);
+}
+
+TEST_F(Surroundings, TooFewFilesAreSaidInAWordNotInACrash) {
+  const int code = shell("(ulimit -n 16; RUN >/dev/null 2>err)");
+  EXPECT_TRUE(code >= 0 && code < 8) << code;
+  const bool explained = code == 0 || place.read("err").find("vitreo: ") != std::string::npos;
+  EXPECT_TRUE(explained) << place.read("err");
+}
+
+TEST_F(Surroundings, TheHostLogKeepsWhatMattersOnOneLineEach) {
+  EXPECT_EQ(shell("VITREO_LOG=here/host.log RUN >/dev/null 2>&1"), 0);
+  EXPECT_EQ(shell("VITREO_LOG=here/host.log PROGRAM run nowhere.lua >/dev/null 2>&1"), 2);
+  const std::string log = place.read("here/host.log");
+  EXPECT_NE(log.find("begun by"), std::string::npos) << log;
+  EXPECT_NE(log.find("completed"), std::string::npos) << log;
+  EXPECT_NE(log.find("nowhere.lua"), std::string::npos) << log;
+}
+
+TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
+  EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua").exit_code, 0);
+  EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua speed=3").exit_code, 2);
+  place.write("fails.lua", "return { title = 'f', run = function() error('no') end }");
+  const Spoken failed = place.vitreo("check fails.lua --rig bare.lua --json");
+  EXPECT_EQ(failed.exit_code, 8);
+  EXPECT_NE(failed.out.find("\"passed\":false"), std::string::npos) << failed.out;
+  EXPECT_NE(failed.out.find("fails.lua:1: no"), std::string::npos) << failed.out;
+  place.write("long.lua", "return { title = 'l', run = function() while true do end end }");
+  const Spoken late = place.vitreo("check long.lua --rig bare.lua --limit 0.2 --json");
+  EXPECT_EQ(late.exit_code, 0) << "it warns";
+  EXPECT_NE(late.out.find("not fully simulated"), std::string::npos) << late.out;
+  EXPECT_EQ(place.runs(), 0);
+}
+
+}  // namespace
+}  // namespace vitreo
