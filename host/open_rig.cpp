@@ -140,6 +140,7 @@ std::vector<std::string> Rig::roles() const {
 
 std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock, std::uint64_t seed,
                                   const SimulationShifts& shifts) {
+  check_rig(description);
   ConfigReader reader(description);
   RigSettings settings = read_rig_settings(reader);
   // Files are named from where the rig file stands.
@@ -151,10 +152,6 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
         model_calibration(beside(description.file, settings.field_calibration));
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
-  if (settings.pose_sensor && has_real_instruments(description))
-    throw ConfigError(description.file +
-                      ": pose_sensor: it knows the truth, so only a rig that is simulated throughout " +
-                      "may have one");
   try {
     if (!settings.calibration.empty())
       laboratory.world.field = read_calibration(folder / settings.calibration, laboratory.world.field);

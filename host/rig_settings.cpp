@@ -242,6 +242,9 @@ std::vector<std::string> check_rig(const RigDescription& rig) {
   ConfigReader reader(rig);
   const RigSettings settings = read_rig_settings(reader);
   check_addresses(rig);
+  if (settings.pose_sensor && has_real_instruments(rig))
+    throw ConfigError(rig.file + ": pose_sensor: it knows the truth, so only a rig that is simulated throughout " +
+                      "may have one");
   try {
     settings.limits.check();
   } catch (const std::invalid_argument& problem) {

@@ -147,7 +147,8 @@ RigDescription twin_of(const RigDescription& rig) {
     auto* const role = std::get_if<ConfigTable>(&value.value);
     if (role != nullptr && is_real(*role)) (*role)["address"].value = std::string("emulated");
   }
-  if (ConfigTable* const camera = table_in(twin.table, "top_camera"); camera && !twin.table.contains("pose_sensor")) {
+  if (ConfigTable* const camera = table_in(twin.table, "top_camera");
+      camera && !twin.table.contains("pose_sensor") && !has_real_instruments(twin)) {
     ConfigTable sensor;
     sensor["frame_rate"].value = frame_rate_of(*camera);
     twin.table["pose_sensor"].value = std::move(sensor);
