@@ -20,11 +20,14 @@ ConfigTable* table_in(ConfigTable& table, const std::string& key) {
   return found == table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
 }
 
-/// Images and films in files do nothing, and a twin may look at them too.
+/// Images and films in files do nothing, and a twin may look at them too; a camera of the system is no film.
 bool is_real(const ConfigTable& role) {
   const auto address = role.find("address");
   const auto* text = address == role.end() ? nullptr : std::get_if<std::string>(&address->second.value);
-  return text != nullptr && *text != "emulated" && !text->starts_with("images:") && !text->starts_with("video:");
+  if (text == nullptr || *text == "emulated" || text->starts_with("images:")) return false;
+  const std::string film = text->starts_with("video:") ? text->substr(6) : "";
+  const bool camera = film.starts_with("/dev/") || film.find_first_not_of("0123456789") == std::string::npos;
+  return film.empty() || camera;
 }
 
 void clamp_number(ConfigTable& table, const char* key, double min, double max) {
@@ -147,6 +150,8 @@ RigDescription twin_of(const RigDescription& rig) {
     auto* const role = std::get_if<ConfigTable>(&value.value);
     if (role != nullptr && is_real(*role)) (*role)["address"].value = std::string("emulated");
   }
+  // Nobody stands on an emulated pedal.
+  if (ConfigTable* const pedal = table_in(twin.table, "pedal")) pedal->erase("dead_man");
   if (ConfigTable* const camera = table_in(twin.table, "top_camera");
       camera && !twin.table.contains("pose_sensor") && !has_real_instruments(twin)) {
     ConfigTable sensor;
