@@ -1,4 +1,5 @@
-// The thesis' position controller: proportional and derivative, with the reference's velocity fed forward.
+// The thesis' position controller: proportional and derivative, with the reference's velocity fed forward; and the PID
+// of its section 7.3, with an integral, which gels that yield do not forgive.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,6 +12,7 @@ struct PdGains {
   double derivative = 0.05;      // dimensionless: velocity asked per velocity error
   double derivative_time = 0.2;  // s, of the low-pass on the measured velocity
   double max_speed = 2e-3;       // m/s, of the velocity asked for
+  double integral = 0;           // 1/s^2: velocity asked per position error and time; held while the speed is limited
   void check() const;            // throws std::invalid_argument naming the gain
 };
 
@@ -33,6 +35,7 @@ class PdController {
   bool started_ = false;
   double time_ = 0;
   Eigen::Vector3d position_{0, 0, 0}, velocity_{0, 0, 0};
+  Eigen::Vector3d sum_{0, 0, 0};  // m/s: what the integral asks for
 };
 
 }  // namespace vitreo::control

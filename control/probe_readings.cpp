@@ -26,7 +26,7 @@ void check_readings(const std::vector<ProbeReading>& readings, int coils, std::s
   }
   for (int k = 0; k < coils; ++k) {
     if (!(currents.col(k).norm() > 0)) {
-      throw std::invalid_argument("readings: coil " + std::to_string(k) + " never had a current");
+      throw std::invalid_argument("readings: coil " + std::to_string(k + 1) + " never had a current");
     }
     currents.col(k) /= currents.col(k).norm();
   }

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 namespace vitreo {
@@ -31,12 +32,21 @@ constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any ey
 
 }  // namespace
 
-Localiser::Localiser(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis)
+Localiser::Localiser(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis,
+                     double axis_sigma)
     : model_(model), axis_(axis), tracker_(std::move(background), tracker_settings(model)) {
+  if (!(axis_sigma >= 0 && axis_sigma < 1)) throw std::invalid_argument("axis_sigma must be in [0, 1) rad");
   pose_.projection = model_.projection;
   pose_.exact = model_.exact;
   pose_.image = model_.top_image;
   pose_.robot = {model_.robot.semi_axis, model_.robot.semi_radius};
+  if (!(axis_sigma > 0)) return;
+  tilted_.emplace();
+  tilted_->projection = model_.projection;
+  tilted_->exact = model_.exact;
+  tilted_->image = model_.top_image;
+  tilted_->object = optics::ellipsoid({model_.robot.semi_radius, model_.robot.semi_radius, model_.robot.semi_axis});
+  tilted_->orientation_sigma = axis_sigma;
 }
 
 Sighting Localiser::look(const cv::Mat& image) {
@@ -46,23 +56,59 @@ Sighting Localiser::look(const cv::Mat& image) {
   return sighting;
 }
 
-void Localiser::localise(Sighting& sighting) {
-  const optics::EllipseVector observed = sighting.ellipse->ellipse.vector();
+/// The thesis' way (5.15): the axis is known.
+std::optional<Localiser::Found> Localiser::by_axis(const vision::EllipseMeasurement& seen) {
+  const optics::EllipseVector observed = seen.ellipse.vector();
   // The axes of eye and world are parallel.
   if (!last_in_eye_) last_in_eye_ = optics::first_guess(pose_, observed, axis_);
-  if (!last_in_eye_) return;
-  const auto pose = optics::locate(pose_, observed, sighting.ellipse->covariance, axis_, *last_in_eye_);
+  if (!last_in_eye_) return std::nullopt;
+  const auto pose = optics::locate(pose_, observed, seen.covariance, axis_, *last_in_eye_);
+  if (!pose) return std::nullopt;
+  return Found{pose->position_in_eye, pose->covariance, pose->residual_px};
+}
+
+/// The place and the axis that explain the ellipse best, the commanded axis being the most probable one beforehand. An
+/// axis a degree or two off makes the robot look shorter or longer where it is seen askew, which by_axis takes for a
+/// depth; here the depth comes from the width, which no pitch changes, and the length says how the robot lies.
+std::optional<Localiser::Found> Localiser::with_axis(const vision::EllipseMeasurement& seen,
+                                                     const Eigen::Vector3d& start_in_eye) const {
+  const auto found = optics::locate_object(*tilted_, seen.ellipse.vector(), seen.covariance,
+                                           {start_in_eye, optics::orientation_along(axis_)});
+  if (found.status != optics::PoseStatus::found && found.status != optics::PoseStatus::ambiguous) return std::nullopt;
+  const optics::PoseCandidate& best = found.candidates.front();
+  const Eigen::Matrix3d covariance = best.covariance.topLeftCorner<3, 3>();
+  if (!covariance.allFinite()) return std::nullopt;
+  return Found{best.pose.position_in_eye, covariance, best.residual_px};
+}
+
+/// From straight above without an eye: x and y, and of the depth nothing but that it is in the eye.
+void Localiser::from_above(Sighting& sighting) const {
+  const optics::ImageScale& image = model_.top_image;
+  const Eigen::Vector2d away = (sighting.ellipse->ellipse.centre_px - image.centre_px) * image.pixel;
+  sighting.position = Eigen::Vector3d(away.x(), -away.y(), 0);
+  Eigen::Matrix3d from_image = Eigen::Vector3d(image.pixel, -image.pixel, 0).asDiagonal();
+  sighting.covariance.setZero();
+  sighting.covariance.topLeftCorner<2, 2>() = sighting.ellipse->covariance.topLeftCorner<2, 2>() +
+                                              kModelError_px * kModelError_px * Eigen::Matrix2d::Identity();
+  sighting.covariance = from_image * sighting.covariance * from_image;
+  sighting.covariance(2, 2) = kEye * kEye;
+}
+
+void Localiser::localise(Sighting& sighting) {
+  if (model_.plain_view) return from_above(sighting);
+  auto found = by_axis(*sighting.ellipse);
+  if (found && tilted_) found = with_axis(*sighting.ellipse, found->position_in_eye);
   // A residual may have a minimum far outside, where no robot can be: of 1e6 m, for one outline cut by the image's
   // edge.
-  if (!pose || !(pose->position_in_eye.norm() < kEye)) {
+  if (!found || !(found->position_in_eye.norm() < kEye)) {
     last_in_eye_.reset();  // the next frame starts afresh
     return;
   }
-  last_in_eye_ = pose->position_in_eye;
-  sighting.position = pose->position_in_eye + model_.eye_in_world;
+  last_in_eye_ = found->position_in_eye;
+  sighting.position = found->position_in_eye + model_.eye_in_world;
   const double error = kModelError_px * model_.top_image.pixel;
-  sighting.covariance = pose->covariance + error * error * Eigen::Matrix3d::Identity();
-  sighting.residual_px = pose->residual_px;
+  sighting.covariance = found->covariance + error * error * Eigen::Matrix3d::Identity();
+  sighting.residual_px = found->residual_px;
 }
 
 void join_side(Sighting& sighting, const SideSighting& side) {

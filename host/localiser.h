@@ -5,6 +5,8 @@
 
 #include "devices/clock.h"
 #include "host/rig.h"
+#include "host/side_sighting.h"
+#include "optics/object_pose.h"
 #include "vision/background.h"
 #include "vision/blob_tracker.h"
 #include "vision/ellipse.h"
@@ -24,27 +26,31 @@ struct Sighting {
   double residual_px = 0;                                // of the pose against the ellipse
 };
 
-/// What the side camera saw: x and z.
-struct SideSighting {
-  Time exposed{};
-  Eigen::Vector2d place{0, 0};                           // m, world
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2
-};
-
 /// One camera, through the optics of the eye (thesis 5).
 class Localiser {
  public:
-  /// `axis`: unit, world; taken for the robot's own.
-  Localiser(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis);
+  /// `axis`: unit, world; taken for the robot's own, as the thesis does. With an `axis_sigma` (rad, above 0) it is only
+  /// the most probable one, and how the robot lies is estimated with its place.
+  Localiser(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis, double axis_sigma = 0);
+  /// Of a plain view the depth is unknown: 0, with a variance that says so. It wants a second camera.
   Sighting look(const cv::Mat& image);
 
  private:
+  struct Found {
+    Eigen::Vector3d position_in_eye;
+    Eigen::Matrix3d covariance;
+    double residual_px;
+  };
   void localise(Sighting& sighting);
+  void from_above(Sighting& sighting) const;
+  std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
+  std::optional<Found> with_axis(const vision::EllipseMeasurement& seen, const Eigen::Vector3d& start_in_eye) const;
 
   RigModel model_;
   Eigen::Vector3d axis_;
   vision::BlobTracker tracker_;
   optics::PoseSettings pose_;
+  std::optional<optics::ObjectPoseSettings> tilted_;  // where the axis is to be estimated
   std::optional<Eigen::Vector3d> last_in_eye_;
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/loop.h"
 
+#include "control/robots.h"
 #include "control/stability.h"
 
 #include <Eigen/Cholesky>
@@ -48,6 +49,7 @@ PlaceToCurrents::PlaceToCurrents(const RigModel& model, const LoopSettings& sett
   require(settings.limits.maxCoeff() > 0, "limits: every coil is dead");
   require(settings.total_limit > 0, "total_limit: must be above 0 A");
   require(settings.period > 0, "period: must be above 0 s");
+  require(!settings.wall_drag || model.eye.size() > 2, "wall_drag: needs an eye with a lens in the rig's model");
 }
 
 LoopStep PlaceToCurrents::step(double now, const std::optional<control::PositionMeasurement>& measured,
@@ -107,7 +109,8 @@ void PlaceToCurrents::predict(LoopStep& step, double now, const Course& course, 
   const double then = now + tuning_->horizon;
   const auto ahead = estimator_->at(then);
   if (!step.estimate || !ahead) return;
-  const Eigen::Vector3d trimmed = mobility_ * trim_;
+  const Eigen::Matrix3d drag = drag_at(ahead->position), mobility = settings_.wall_drag ? drag.inverse() : mobility_;
+  const Eigen::Vector3d trimmed = mobility * trim_;
   Eigen::Vector3d velocity = trimmed;
   if (aim == Aim::follow) {
     const control::Reference reference = control::held_reference(course, then, settings_.period);
@@ -117,7 +120,7 @@ void PlaceToCurrents::predict(LoopStep& step, double now, const Course& course, 
     velocity = -ahead->disturbance;
   }
   // What the limits left is what the robot was told: nothing winds up.
-  estimator_->command(now, mobility_ * allocate(step, ahead->position, drag_ * velocity));
+  estimator_->command(now, mobility * allocate(step, ahead->position, drag * velocity));
 }
 
 /// The laws without prediction: on the last place measured, against the reference of that moment.
@@ -131,13 +134,28 @@ void PlaceToCurrents::steer(LoopStep& step, const control::PositionMeasurement& 
   } else if (settings_.law == ControlLaw::pd) {
     const Eigen::Vector3d velocity = pd_.update(measured.time, measured.position, reference);
     step.correction = velocity - reference.velocity;
-    force = drag_ * velocity;
+    force = drag_at(measured.position) * velocity;
   } else {
     force = velocity_.update(measured.time, measured.position, reference);
     step.correction = mobility_ * force - reference.velocity;
   }
   const Eigen::Vector3d made = allocate(step, measured.position, trim_ + force);
   if (aim == Aim::follow && settings_.law == ControlLaw::velocity) velocity_.limited_to(made - trim_);
+}
+
+Eigen::Matrix3d PlaceToCurrents::drag_at(const Eigen::Vector3d& place) const {
+  if (!settings_.wall_drag) return drag_;
+  constexpr double kNearest = 1e-6;  // m: a place measured beyond a wall is at the wall
+  const double radius = model_.eye.surfaces.front().radius, lens = model_.eye.vertex(2);
+  // The retina's sphere, a cylinder above its equator, and the lens as a lid, as check_reach has them.
+  Eigen::Vector3d from_centre = place - model_.eye_in_world - Eigen::Vector3d(0, 0, radius);
+  from_centre.z() = std::min(from_centre.z(), 0.0);
+  const double out = from_centre.norm();
+  const Eigen::Vector3d normal = out > kNearest ? Eigen::Vector3d(-from_centre / out) : Eigen::Vector3d::UnitZ();
+  const Eigen::Matrix3d beside =
+      control::resistance_near_wall(drag_, model_.robot, normal, std::max(radius - out, kNearest));
+  return control::resistance_near_wall(beside, model_.robot, Eigen::Vector3d::UnitZ(),
+                                       std::max(model_.eye_in_world.z() + lens - place.z(), kNearest));
 }
 
 /// Currents for the weight and `force` besides; returns what of `force` the limits left.

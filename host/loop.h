@@ -47,6 +47,7 @@ struct LoopSettings {
   control::CurrentLimits limits = control::CurrentLimits::Constant(8, 12);  // A; 0 for a dead coil
   double total_limit = 60;                                                  // A, sum of magnitudes
   double period = 1 / 15.0;                                                 // s, between measurements
+  bool wall_drag = false;  // Faxen's factors for retina and lens, where the robot is; else the free drag everywhere
 };
 
 struct LoopStep {
@@ -75,6 +76,8 @@ class PlaceToCurrents {
   Eigen::Vector3d trim() const { return trim_; }
   /// The force that moves the robot at `velocity`, N.
   Eigen::Vector3d force_of(const Eigen::Vector3d& velocity) const { return drag_ * velocity; }
+  /// N s/m at a place (m, world): free, or with what the walls add.
+  Eigen::Matrix3d drag_at(const Eigen::Vector3d& place) const;
   /// As tuned; nothing before the first measurement, and for other laws.
   const std::optional<control::ServoTuning>& tuning() const { return tuning_; }
 

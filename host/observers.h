@@ -6,9 +6,9 @@
 #include "devices/camera.h"
 #include "devices/clock.h"
 #include "devices/sim/laboratory.h"
-#include "host/localiser.h"
 #include "host/recorder.h"
 #include "host/rig.h"
+#include "host/side_sighting.h"
 #include "vision/background.h"
 
 #include <deque>

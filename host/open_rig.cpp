@@ -20,6 +20,10 @@ class SimulatedRig : public OpenRig, public Simulation {
     rig_.simulation = this;
     rig_.title = settings.title;
     rig_.model = settings.model;
+    rig_.model.plain_view = settings.laboratory.top_view == sim::TopView::plain;
+    if (settings.laboratory.top_view == sim::TopView::bare_sensor)
+      rig_.model.microscope =
+          sim::bare_sensor(settings.model.eye, settings.model.microscope.focus, settings.laboratory.sensor_aperture);
     rig_.model.projection =
         optics::fit_single_viewpoint(rig_.model.eye, rig_.model.microscope, settings.projection_reach);
     if (settings.exact_projection)
@@ -42,6 +46,7 @@ class SimulatedRig : public OpenRig, public Simulation {
     constexpr std::uint64_t kFar = 0x9E3779B97F4A7C15U;  // so that the machines of neighbouring seeds are others
     laboratory_.redraw(seed_ + number * kFar);
   }
+  void use_calibration(const control::FieldModel& measured) override { laboratory_.use_field(measured); }
   Rig& rig() override { return rig_; }
   const nlohmann::json& resolved() const override { return resolved_; }
   sim::Laboratory* laboratory() override { return &laboratory_; }
@@ -153,8 +158,13 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
   try {
-    if (!settings.calibration.empty())
-      laboratory.world.field = read_calibration(folder / settings.calibration, laboratory.world.field);
+    if (!settings.calibration.empty()) {
+      try {
+        laboratory.world.field = read_calibration(folder / settings.calibration, laboratory.world.field).field;
+      } catch (const std::invalid_argument& problem) {
+        throw std::invalid_argument(std::string("truth.calibration: ") + problem.what());
+      }
+    }
     return std::make_unique<SimulatedRig>(settings, reader.resolved(), clock, seed);
   } catch (const std::invalid_argument& problem) {
     throw ConfigError(description.file + ": " + problem.what());

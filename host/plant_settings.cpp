@@ -3,10 +3,12 @@
 
 #include "control/field_calibration_file.h"
 
+#include <bit>
 #include <cmath>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo {
 namespace {
@@ -83,6 +85,52 @@ sim::BodySettings read_body(ConfigReader reader, const std::string& name) {
   return body;
 }
 
+using CoilFields = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+
+/// T/A of each coil at the workspace's centre.
+CoilFields fields_at_centre(const control::FieldModel& model) {
+  return model.matrix(Eigen::Vector3d::Zero()).topRows<3>();
+}
+
+/// Entry k: the channel, from 1, that drives coil k of the file. A file that numbers the same coils in another order is
+/// wired by where they point; one that fits as it is, or in no order, is left as it is.
+std::vector<int> wiring(const control::FieldModel& measured, const control::FieldModel& before) {
+  constexpr double kAlike = 0.9, kUnlike = 0.7;  // mean cosine; a neighbour of an OctoMag's coil is at 0.5 or less
+  const CoilFields from = fields_at_centre(measured).colwise().normalized(),
+                   to = fields_at_centre(before).colwise().normalized();
+  const Eigen::MatrixXd cosine = from.transpose() * to;
+  const auto coils = static_cast<std::size_t>(cosine.rows());
+  std::vector<int> channels(coils);
+  for (std::size_t k = 0; k < coils; ++k) channels[k] = static_cast<int>(k) + 1;
+  if (cosine.diagonal().mean() > kUnlike) return channels;
+  // The best assignment of the first k coils to each set of channels.
+  const std::size_t sets = std::size_t{1} << coils;
+  std::vector<double> best(sets, -1e9);
+  std::vector<std::size_t> last(sets, 0);
+  best[0] = 0;
+  for (std::size_t set = 0; set + 1 < sets; ++set) {
+    const auto coil = static_cast<Eigen::Index>(std::popcount(set));
+    for (std::size_t channel = 0; channel < coils; ++channel) {
+      const std::size_t with = set | (std::size_t{1} << channel);
+      const double sum = best[set] + cosine(coil, static_cast<Eigen::Index>(channel));
+      if (with == set || sum <= best[with]) continue;
+      best[with] = sum;
+      last[with] = channel;
+    }
+  }
+  if (best[sets - 1] < kAlike * static_cast<double>(coils)) return channels;
+  for (std::size_t set = sets - 1, coil = coils; coil-- > 0; set ^= std::size_t{1} << last[set])
+    channels[coil] = static_cast<int>(last[set]) + 1;
+  return channels;
+}
+
+control::MultipoleField rewired(const control::MultipoleField& field, const std::vector<int>& channels) {
+  std::vector<control::MultipoleField::Sources> coils(channels.size());
+  for (std::size_t k = 0; k < channels.size(); ++k)
+    coils[static_cast<std::size_t>(channels[k]) - 1] = field.sources()[k];
+  return {std::move(coils), field.background_sources(), field.region()};
+}
+
 }  // namespace
 
 void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, std::string& calibration) {
@@ -107,22 +155,24 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, std::s
   reader.finish();
 }
 
-control::FieldModel read_calibration(const std::filesystem::path& file, const control::FieldModel& before) {
-  const auto wrong = [&file](const std::string& what) -> std::invalid_argument {
-    return std::invalid_argument("truth.calibration: " + file.string() + ": " + what);
-  };
+MeasuredField read_calibration(const std::filesystem::path& file, const control::FieldModel& before) {
+  const auto wrong = [&file](const std::string& what) { return std::invalid_argument(file.string() + ": " + what); };
   std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw wrong("cannot be read");
+  if (!stream || std::filesystem::is_directory(file)) throw wrong("cannot be read");
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   try {
-    control::FieldModel model = control::parse_field_calibration(text).field;
-    if (model.coils() != before.coils())
-      throw std::invalid_argument("it has " + std::to_string(model.coils()) + " coils, the rig's model " +
+    const control::FieldCalibrationFile read = control::parse_field_calibration(text);
+    if (read.field.coils() != before.coils())
+      throw std::invalid_argument("it has " + std::to_string(read.field.coils()) + " coils, the rig's model " +
                                   std::to_string(before.coils()));
-    if (!model.valid_at(Eigen::Vector3d::Zero()))
+    if (!read.field.region().contains(Eigen::Vector3d::Zero()))
       throw std::invalid_argument("Workspace_Dimensions do not hold the workspace's centre");
-    model.set_uniform_background(before.uniform_background());
-    return model;
+    MeasuredField found{read.field, read.system_name, 0, wiring(read.field, before)};
+    found.field = rewired(read.field, found.channels);
+    const CoilFields measured = fields_at_centre(found.field), known = fields_at_centre(before);
+    found.difference = (measured - known).norm() / known.norm();
+    found.field.set_uniform_background(before.uniform_background());
+    return found;
   } catch (const std::invalid_argument& problem) {
     throw wrong(problem.what());
   }

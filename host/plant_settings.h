@@ -7,6 +7,8 @@
 #include "host/config.h"
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 namespace vitreo {
 
@@ -16,6 +18,13 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, std::s
 
 /// The field of a calibration file, with `background` kept. Throws std::invalid_argument naming the file and, where it
 /// is not understood, the line; or where it does not hold at the world's origin, or has not `coils` coils.
-control::FieldModel read_calibration(const std::filesystem::path& file, const control::FieldModel& before);
+struct MeasuredField {
+  control::FieldModel field = control::CoilField::octomag();
+  std::string system_name;    // may be empty
+  double difference = 0;      // from `before` at the world's origin: of all coils' fields per ampere, relative, rms
+  std::vector<int> channels;  // that drive the file's coils, from 1: not 1, 2, ... where only another wiring makes the
+                              // coils lie as `before` has them
+};
+MeasuredField read_calibration(const std::filesystem::path& file, const control::FieldModel& before);
 
 }  // namespace vitreo

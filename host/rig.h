@@ -34,8 +34,9 @@ struct RigModel {
   optics::SingleViewpoint projection;            // the thesis' (5.2) to (5.11), fitted to the chain's own chief rays
   std::optional<optics::ExactProjection> exact;  // in its place, where the rig asks for it
   Eigen::Vector3d eye_in_world{0, 0, -5e-3};     // m: the retina's vertex; the axes are parallel
-  double side_pixel = 20.4e-6;                   // m per pixel of the side view, orthographic along +y
-  Eigen::Vector2d side_centre_px{0, 0};          // where the world's origin shows in the side view
+  bool plain_view = false;  // the top camera looks down without an eye, orthographic, top_image at the object: no depth
+  double side_pixel = 20.4e-6;                                // m per pixel of the side view, orthographic along +y
+  Eigen::Vector2d side_centre_px{0, 0};                       // where the world's origin shows in the side view
   control::FieldModel field = control::CoilField::octomag();  // dipoles, or a measured calibration
   double command_delay = 50e-3;                               // s, from a new set-point to the first change of current
   double command_bandwidth = 15;                              // Hz, first order, of the coils
@@ -51,6 +52,9 @@ class Simulation {
   /// From now on the machine is another of the same kind: number 0 is the one that the run's seed drew. The robot is
   /// taken out; what is beyond the draw (cameras, eye) stays.
   virtual void draw_machine(std::uint64_t number) = 0;
+  /// From now on the coils are those of a measured calibration, as they are: no other machine draws theirs anew. The
+  /// robot is taken out. Throws std::invalid_argument for another number of coils than the machine has.
+  virtual void use_calibration(const control::FieldModel& measured) = 0;
 };
 
 /// Borrowed instruments; null where the rig has none.

@@ -39,8 +39,12 @@ struct ServoSettings {
   std::optional<double> proportional{}, max_speed{};  // 1/s, m/s; of the law estimator; nothing: tuned
   control::VelocityGains velocity;                    // of the law velocity
   std::vector<int> dead_coils;                        // channels from 1, besides the rig's own
-  double lost_timeout = 1.0;  // s without a measurement before the loop lets go: zero current until told again
-  void check() const;         // throws std::invalid_argument naming the setting
+  double lost_timeout = 1.0;           // s without a measurement before the loop lets go: zero current until told again
+  std::optional<double> axis_sigma{};  // rad: how surely the robot lies along the field that is asked for; 0: surely,
+                                       // as in the thesis. Nothing: 0, but of the law estimator kAxisSigma
+  bool wall_drag = false;           // LoopSettings
+  double axis_uncertainty() const;  // rad, as chosen or as the law has it
+  void check() const;               // throws std::invalid_argument naming the setting
 };
 
 enum class ServoState { searching, holding, following, released, lost, failed, closed };
@@ -91,6 +95,10 @@ class Servo {
   /// Mean over the last `duration` of the velocity the position controller asked for, turned into a force, N: what the
   /// model lacks at this place. Throws std::logic_error when it was not holding that long.
   Eigen::Vector3d mean_correction(double duration) const;
+  /// Added to every place that the top camera finds (m, world): the localisation's bias, as it was found at a known
+  /// place. Throws std::invalid_argument for one that is not finite, or above 1 mm.
+  void set_offset(const Eigen::Vector3d& offset);
+  Eigen::Vector3d offset() const;
   /// Puts the next frame, with the tracked ellipse, the trail and the target drawn on it, into the record.
   void snapshot(const std::string& caption);
   void close();  // zero current, ends the loop; idempotent

@@ -5,6 +5,7 @@
 local units = require "units"
 local places = require "places"
 local drift = require "drift"
+local plant = require "plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 local kinds = { "none", "one_camera", "two_cameras" }
@@ -99,11 +100,13 @@ return {
     },
     scatter_open = { unit = "mm", default = 1 * mm, min = 0, max = 2 * mm, help = "of the placement, with constant currents" },
     scatter = { unit = "mm", default = 0.3 * mm, min = 0, max = 2 * mm, help = "of the placement, with feedback" },
+    calibration = { default = "", help = "YAML of a measured machine, put in the simulated plant; empty: machines are drawn" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
   },
   run = function(rig, p, run)
     local asked = p.feedback == "all" and kinds or { p.feedback }
     local machines = rig.simulation and p.machines or 1
+    plant.calibrate(rig, run, p.calibration)
     rig.sample:remove_robot()
     local background = rig:learn_background { frames = 15 }
     local found = {}

@@ -5,6 +5,7 @@
 local units = require "units"
 local paths = require "paths"
 local judge = require "judge"
+local plant = require "plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 -- Away from the centre, where the model is worse; and not on the way of the square.
@@ -31,9 +32,32 @@ local function error_plot(run, title, spans)
   run:plot { title = title, x = { "time", "s" }, y = { "error in 3-D", "um" }, series = all }
 end
 
-local function hold(run, servo, p)
+local function mean(run, stream, channel, span)
+  local sum, count = 0, 0
+  for _, value in ipairs((run:samples(stream, channel, span))) do
+    if value == value then sum, count = sum + value, count + 1 end -- an unseen robot is not a number
+  end
+  if count == 0 then error("align: the stream " .. stream .. " has not seen the robot", 0) end
+  return sum / count
+end
+
+-- What the top camera is wrong by where the robot is now, as the side camera has it: once, at this place. What is left
+-- of contour, optics and drawing after that is the same bias elsewhere only as far as the robot looks the same there.
+local function align(run, servo)
+  local span = { from = run:now() }
+  run:wait(3 * s)
+  span.to = run:now()
+  local function off(axis) return mean(run, "side_camera", axis, span) - mean(run, "servo", axis, span) end
+  servo:offset(vector(servo:offset()) + vector(off "x", 0, off "z"))
+end
+
+local function hold(run, servo, p, aligned)
   servo:go_to(place, { within = 1 * mm, settle = 0 })
   run:wait(p.settle)
+  if aligned then
+    align(run, servo)
+    run:wait(p.settle)
+  end
   local span = { from = run:now() }
   run:wait(p.hold)
   span.to = run:now()
@@ -67,16 +91,21 @@ return {
     width = { unit = "mm", default = 8 * mm, min = 0.1 * mm, max = 9 * mm, help = "of the square, along x" },
     depth = { unit = "mm", default = 6 * mm, min = 0.1 * mm, max = 7 * mm, help = "of the square, along the eye's axis" },
     speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "round the square" },
+    align = { default = true, help = "take the top camera's bias at the place from the side camera beforehand" },
+    calibration = { default = "", help = "YAML of a measured machine, put in the simulated plant; empty: it is drawn" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
   },
   run = function(rig, p, run)
     local background
+    plant.calibrate(rig, run, p.calibration)
     rig.sample:remove_robot()
     if p.feedback == "pose_sensor" then
       run:note("feedback pose_sensor: the loop is fed by the simulator's truth, late and noisy; no camera")
     else
       background = rig:learn_background { frames = 15 }
     end
+    local aligned = p.align and p.feedback == "one_camera" and rig.side_camera ~= nil
+    if aligned then run:note("the top camera's bias is taken from the side camera before the hold, at its place") end
     local laws = p.compare and p.law ~= "pd" and { p.law, "pd" } or { p.law }
     local rows, holds, squares = {}, {}, {}
     for law in run:each(laws, "law") do
@@ -85,7 +114,7 @@ return {
       rig.sample:insert_robot(place)
       servo:wait_until_tracked { timeout = 10 * s }
       run:checkpoint("before the hold, " .. law)
-      local held = hold(run, servo, p)
+      local held = hold(run, servo, p, aligned)
       run:checkpoint("before the square, " .. law)
       local went = square(run, servo, p)
       held.law, went.law = law, law

@@ -108,8 +108,17 @@ local function largest(found, kind, only)
   return most
 end
 
+local function smallest(found, kind)
+  local least = math.huge
+  for _, place in ipairs(places.six) do least = math.min(least, drift.median(found[kind][place.name])) end
+  return least
+end
+
 local function figures(run, found, asked)
-  for _, kind in ipairs(asked) do run:figure("drift_" .. kind .. "_max", largest(found, kind), "um/s") end
+  for _, kind in ipairs(asked) do
+    run:figure("drift_" .. kind .. "_min", smallest(found, kind), "um/s")
+    run:figure("drift_" .. kind .. "_max", largest(found, kind), "um/s")
+  end
   if #asked == 3 then
     local ratio, apart = 0, 0
     for _, place in ipairs(places.six) do

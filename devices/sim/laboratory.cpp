@@ -201,7 +201,7 @@ struct Laboratory::State {
   static constexpr double kDarkest = 1e-6;         // of the light: a sensor that sees nothing at all has no picture
   LaboratorySettings settings;
   Clock& clock;
-  std::uint64_t seed;
+  std::uint64_t seed, drawn = seed;  // of everything; of the machine
   double light = 1;
   std::function<double(Time)> sensor_place, sensor_angle;
   std::function<Eigen::Vector3d(Time)> probe_place;
@@ -276,7 +276,20 @@ Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& place, Time time) {
   return state_->world.field(time, place).head<3>();
 }
 
+void Laboratory::use_field(const control::FieldModel& field) {
+  const int coils = state_->settings.world.field.coils();
+  if (field.coils() != coils)
+    throw std::invalid_argument("it has " + std::to_string(field.coils()) + " coils, the machine " +
+                                std::to_string(coils));
+  const Eigen::Vector3d background = state_->settings.world.field.uniform_background();
+  state_->settings.world.field = field;
+  state_->settings.world.field.set_uniform_background(background);
+  state_->settings.field_perturbation = {0, 0, 0};
+  redraw(state_->drawn);
+}
+
 void Laboratory::redraw(std::uint64_t seed) {
+  state_->drawn = seed;
   state_->world = World(drawn_world(state_->settings, seed), seed_for(seed, Purpose::world));
 }
 cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) { return state_->draw_top(exposed, number); }

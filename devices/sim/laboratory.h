@@ -91,6 +91,9 @@ class Laboratory {
   /// Another machine of the same kind, as `seed` draws its field and the robot's moment; without a robot, its currents
   /// zero until the next set-point.
   void redraw(std::uint64_t seed);
+  /// The machine of the last seed with coils that are exactly these, for every later draw too, in the background that
+  /// there is. Throws std::invalid_argument for another number of coils.
+  void use_field(const control::FieldModel& field);
   /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`; asks the clock for
   /// the time only, so a camera server may draw from a thread of its own, if it is the only one here meanwhile.
   cv::Mat top_image(Time exposed, std::uint64_t number);

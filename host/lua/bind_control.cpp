@@ -31,6 +31,7 @@ const std::vector<Binding>& control_functions() {
   static const std::vector<Binding> functions = [] {
     std::vector<Binding> all = trajectory_functions();
     for (Binding& row : field_functions()) all.push_back(std::move(row));
+    for (Binding& row : field_fit_functions()) all.push_back(std::move(row));
     return all;
   }();
   return functions;

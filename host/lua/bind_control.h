@@ -26,5 +26,8 @@ void open_control(lua_State* L);
 /// The rows of the module `control`, by file.
 std::vector<Binding> trajectory_functions();
 std::vector<Binding> field_functions();
+std::vector<Binding> field_fit_functions();
+/// A method of field_model.
+Binding field_text_row();
 
 }  // namespace vitreo::lua

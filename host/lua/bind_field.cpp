@@ -210,7 +210,8 @@ std::vector<Binding> model_rows() {
                     limit_options())},
            "list of tables",
            "position, field in T, force over moment in T/m, condition: what can be had in the worst direction",
-           workspace_map}};
+           workspace_map},
+          field_text_row()};
 }
 
 }  // namespace

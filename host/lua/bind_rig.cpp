@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/bind_rig.h"
 
+#include "host/lua/bind_optics.h"
 #include "host/lua/bind_vision.h"
 #include "host/lua/context.h"
+#include "host/lua/readable.h"
 #include "host/lua/scheduler.h"
 #include "host/lua/values.h"
+#include "host/plant_settings.h"
 #include "host/units.h"
 #include "vision/background.h"
 
@@ -145,6 +148,18 @@ int draw_machine(Call& call) {
   return 0;
 }
 
+int use_calibration(Call& call) {
+  Session& session = session_of(call.L);
+  const MeasuredField measured = read_calibration(readable(call.context(), call.text(0)), session.rig.model.field);
+  call.self<Simulation>().use_calibration(measured.field);
+  push_fields(call.L, {{"difference", measured.difference}});
+  push_numbers(call.L, {measured.channels.begin(), measured.channels.end()});
+  lua_setfield(call.L, -2, "channels");
+  lua_pushlstring(call.L, measured.system_name.data(), measured.system_name.size());
+  lua_setfield(call.L, -2, "name");
+  return 1;
+}
+
 int background_count(Call& call) { return call.result(call.self<vision::Background>().count()); }
 
 Argument timeout(const std::string& fallback) {
@@ -182,10 +197,17 @@ std::vector<Argument> servo_options() {
           number("derivative", "", 0, 10, "gain of pd: speed asked per speed error"),
           number("derivative_time", "s", 0, 10, "of pd: low-pass of the measured speed"),
           number("max_speed", "m/s", 0, 0.1, "largest speed asked"),
-          number("integral", "N/m", 0, 100, "gain of velocity: force per distance stayed behind"),
+          number("integral", "N/m", 0, 100,
+                 "gain of velocity: force per distance stayed behind; of pd, 1/s^2: speed per distance and time (0)"),
           number("velocity_time", "s", 0, 10, "of velocity: low-pass of the measured speed"),
           number("max_force", "N", 0, 1, "of velocity: largest force asked"),
           {.name = "dead_coils", .type = Type::numbers, .optional = true, .help = "coils that stay without current"},
+          number("axis_uncertainty", "rad", 0, 1,
+                 "how surely the robot lies along the field asked for; 0: surely (0; of estimator 4 degrees)"),
+          {.name = "wall_drag",
+           .type = Type::flag,
+           .optional = true,
+           .help = "reckon with the drag that retina and lens add (false)"},
           number("lost_timeout", "s", 0, 10, "how long the robot may be unseen before the coils go to zero (1 s)")};
 }
 
@@ -279,17 +301,24 @@ const Class& sample_class() {
 }
 
 const Class& simulation_class() {
-  static const Class kind{"simulation",
-                          "what only a simulated rig can be told",
-                          {{"draw_machine",
-                            {{.name = "number",
-                              .type = Type::integer,
-                              .min = 0,
-                              .max = 1e9,
-                              .help = "0: the one that the run's seed drew"}},
-                            "",
-                            "makes it another machine of the same kind, without a robot in it",
-                            draw_machine}}};
+  static const Class kind{
+      "simulation",
+      "what only a simulated rig can be told",
+      {{"draw_machine",
+        {{.name = "number",
+          .type = Type::integer,
+          .min = 0,
+          .max = 1e9,
+          .help = "0: the one that the run's seed drew"}},
+        "",
+        "makes it another machine of the same kind, without a robot in it",
+        draw_machine},
+       {"use_calibration",
+        {{.name = "file", .type = Type::text, .help = "YAML, as ETH's software writes it"}},
+        "table",
+        "puts a measured calibration in the plant, as it is: name, difference from the loop's model "
+        "at the centre (relative), channels that drive the file's coils",
+        use_calibration}}};
   return kind;
 }
 

@@ -68,7 +68,8 @@ void take_gains(const Call& call, ServoSettings& settings) {
       take("derivative", settings.gains.derivative);
       take("derivative_time", settings.gains.derivative_time);
       take("max_speed", settings.gains.max_speed);
-      return refuse({"integral", "velocity_time", "max_force"});
+      take("integral", settings.gains.integral);
+      return refuse({"velocity_time", "max_force"});
     case ControlLaw::estimator:
       settings.proportional = call.number_option("proportional");
       settings.max_speed = call.number_option("max_speed");
@@ -89,6 +90,8 @@ ServoSettings settings_of(const Call& call) {
   if (const auto feedback = call.text_option("feedback")) settings.feedback = feedback_named(*feedback);
   settings.field = call.number_option("field").value_or(settings.field);
   settings.lost_timeout = call.number_option("lost_timeout").value_or(settings.lost_timeout);
+  settings.axis_sigma = call.number_option("axis_uncertainty");
+  settings.wall_drag = call.flag_option("wall_drag");
   take_gains(call, settings);
   for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
     settings.dead_coils.push_back(channel_of(channel));
@@ -170,6 +173,11 @@ std::vector<Binding> steering_rows() {
            "keeps field and weight compensation, leaves the place alone",
            release},
           {"trim", {force}, "force in N", "sets the constant force added to the weight compensation, returns it", trim},
+          {"offset",
+           {{.name = "offset", .type = Type::vector, .unit = "m", .optional = true}},
+           "position in m",
+           "sets what is added to each place that the top camera finds (its bias at a known place), returns it",
+           offset},
           {"close", {}, "", "ends the loop; the coils are at zero", close, true}};
 }
 

@@ -118,6 +118,12 @@ int servo_calls::trim(Call& call) {
   return call.result(servo.trim());
 }
 
+int servo_calls::offset(Call& call) {
+  Servo& servo = call.self<Servo>();
+  if (call.has(0)) servo.set_offset(call.vector(0));
+  return call.result(servo.offset());
+}
+
 int servo_calls::force_for(Call& call) { return call.result(call.self<Servo>().force_for(call.vector(0))); }
 
 int servo_calls::status(Call& call) {

@@ -89,7 +89,7 @@ TEST(FitDipoles, names_what_is_wrong_with_the_readings) {
   EXPECT_EQ(complaint(bad), "reading 3: field is not finite");
   bad = good;
   for (ProbeReading& reading : bad) reading.currents[5] = 0;
-  EXPECT_EQ(complaint(bad), "readings: coil 5 never had a current");
+  EXPECT_EQ(complaint(bad), "readings: coil 6 never had a current");
   for (ProbeReading& reading : bad) reading.currents[5] = reading.currents[2];
   EXPECT_EQ(complaint(bad), "readings: the currents never vary independently");
   bad = good;

@@ -108,7 +108,7 @@ TEST(FitMultipoles, names_what_is_wrong) {
   EXPECT_EQ(complaint(flat, start), "readings: all in one plane, they span no box");
   auto dead = readings;
   for (ProbeReading& reading : dead) reading.currents[1] = 0;
-  EXPECT_EQ(complaint(dead, start), "readings: coil 1 never had a current");
+  EXPECT_EQ(complaint(dead, start), "readings: coil 2 never had a current");
   std::vector<MultipoleField::Sources> empty = start.sources();
   empty[3][0].irregular.clear();
   EXPECT_EQ(complaint(readings, MultipoleField(empty, {}, kBox)), "start: coil 3 has an empty source");

@@ -45,6 +45,26 @@ TEST(PdController, damps_by_the_measured_velocity_that_it_smooths) {
   }
 }
 
+TEST(PdController, sums_the_error_up_until_its_speed_is_limited) {
+  PdGains gains;
+  gains.proportional = 0;
+  gains.derivative = 0;
+  gains.integral = 2;
+  gains.max_speed = 1e-3;
+  PdController control(gains);
+  const Reference away{{1e-4, 0, 0}, kZero};
+  EXPECT_EQ(control.update(0, kZero, away), kZero);
+  EXPECT_NEAR(control.update(1, kZero, away).x(), 2e-4, 1e-18);
+  EXPECT_NEAR(control.update(2, kZero, away).x(), 4e-4, 1e-18);
+  for (int k = 3; k < 100; ++k) control.update(k, kZero, away);
+  // Nothing is wound up beyond the limit: as long back as it takes from there.
+  EXPECT_NEAR(control.update(100, {2e-4, 0, 0}, away).x(), 0.8e-3, 1e-12);
+  control.reset();
+  EXPECT_EQ(control.update(0, kZero, away), kZero);
+  gains.integral = -1;
+  EXPECT_THROW(PdController{gains}, std::invalid_argument);
+}
+
 TEST(PdController, has_no_derivative_at_the_first_measurement_nor_after_a_reset) {
   PdController control({});
   const Reference rest;

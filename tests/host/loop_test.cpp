@@ -185,6 +185,31 @@ TEST(PlaceToCurrents, TheFieldThatIsThereAnywayIsTakenOff) {
   EXPECT_LT((made.head<3>() - Eigen::Vector3d(10e-3, 0, 0)).norm(), 1e-12);
 }
 
+TEST(PlaceToCurrents, WithWallDragItAsksForTheForceThatRetinaAndLensAddAndElsewhereForNoMore) {
+  LoopSettings walls = settings(ControlLaw::pd);
+  walls.wall_drag = true;
+  RigModel eyed = model();
+  eyed.eye = optics::model_eye_5_3();
+  const PlaceToCurrents free(eyed, settings(ControlLaw::pd)), near(eyed, walls);
+  const Eigen::Vector3d down(0, 0, -1), place(0, 0, -3.5e-3);
+  // The plane's factors for the mean sphere 1.5 mm above the retina's vertex and 14 mm below the lens.
+  const double radius = std::cbrt(1e-3 * 0.5e-3 * 0.5e-3), bottom = radius / 1.5e-3;
+  const double lens = radius / (eyed.eye.vertex(2) - 1.5e-3);
+  const auto towards = [](double x) { return 1 / (1 - 9. / 8 * x + x * x * x / 2); };
+  EXPECT_NEAR((near.drag_at(place) * down).norm() / (free.drag_at(place) * down).norm(),
+              towards(bottom) * towards(lens), 1e-9);
+  EXPECT_EQ(free.drag_at(place), free.drag_at(kPlace));
+  // Beyond the wall, where a measurement may put it, it is as at the wall: finite.
+  EXPECT_TRUE(near.drag_at({0, 0, -9e-3}).allFinite());
+  PlaceToCurrents loop(eyed, walls), other(eyed, settings(ControlLaw::pd));
+  const auto pushed = [&](PlaceToCurrents& one) {
+    return -force_of(model(), one.step(0.08, at(0, place), hold(place + 0.1e-3 * down), Aim::follow).currents, place)
+                .z();
+  };
+  EXPECT_GT(pushed(loop), 1.5 * pushed(other));
+  EXPECT_THROW(PlaceToCurrents(model(), walls), std::invalid_argument) << "without an eye there are no walls";
+}
+
 TEST(PlaceToCurrents, OnlyTheEstimatorCanCancel) {
   PlaceToCurrents loop(model(), settings(ControlLaw::pd));
   EXPECT_THROW(loop.step(0.08, at(0, kPlace), hold(kPlace), Aim::cancel), std::invalid_argument);

@@ -89,13 +89,13 @@ class CalibratedPlant : public testing::Test {
     folder = mkdtemp(name.data());
   }
   ~CalibratedPlant() override { std::filesystem::remove_all(folder); }
-  void write(int coils, double half_size, double off = 0) const {
+  void write(int coils, double half_size, double off = 0, int turned = 0, double gain = 1) const {
     const control::CoilField dipoles = control::CoilField::octomag();
     std::vector<control::MultipoleField::Sources> sources;
     for (int coil = 0; coil < coils; ++coil) {
-      const control::Dipole& dipole = dipoles.dipoles()[static_cast<std::size_t>(coil)];
-      const double moment = dipole.moment_per_ampere.norm();
-      sources.push_back({{dipole.position, dipole.moment_per_ampere / moment, {}, {-1e-7 * moment}}});
+      const control::Dipole& dipole = dipoles.dipoles()[static_cast<std::size_t>((coil + turned) % 8)];
+      const double moment = gain * dipole.moment_per_ampere.norm();
+      sources.push_back({{dipole.position, dipole.moment_per_ampere.normalized(), {}, {-1e-7 * moment}}});
     }
     const Eigen::Vector3d size = Eigen::Vector3d::Constant(half_size), shift(off, 0, 0);
     std::ofstream(folder / "machine.yaml")
@@ -117,6 +117,21 @@ TEST_F(CalibratedPlant, ItsFileIsFoundBesideTheRigFileAndTakesNoDraws) {
   EXPECT_EQ(read(rig_with({})).laboratory.field_perturbation.gain, 0.03);
   EXPECT_EQ(read(rig_with({{"calibration", {"x"}}, {"coil_gain_sigma", {0.02}}})).laboratory.field_perturbation.gain,
             0.02);
+}
+
+TEST_F(CalibratedPlant, CoilsInAnotherOrderAreWiredByWhereTheyPointAndTheDifferenceIsTold) {
+  const control::FieldModel model = control::CoilField::octomag();
+  write(8, 15e-3, 0, 0, 0.9);
+  const MeasuredField straight = read_calibration(folder / "machine.yaml", model);
+  EXPECT_EQ(straight.channels, (std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8}));
+  EXPECT_NEAR(straight.difference, 0.1, 1e-9);
+  write(8, 15e-3, 0, 3);
+  const MeasuredField turned = read_calibration(folder / "machine.yaml", model);
+  EXPECT_EQ(turned.channels, (std::vector<int>{4, 5, 6, 7, 8, 1, 2, 3}));
+  EXPECT_EQ(turned.system_name, "machine");
+  EXPECT_LT(turned.difference, 1e-9);
+  const Eigen::Vector3d place(2e-3, -1e-3, 3e-3);
+  EXPECT_LT((turned.field.matrix(place) - model.matrix(place)).norm(), 1e-9);
 }
 
 TEST_F(CalibratedPlant, WithTheWrongCoilsOrElsewhereItIsRefused) {

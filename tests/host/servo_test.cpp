@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace vitreo {
 namespace {
 
@@ -85,6 +87,43 @@ TEST(Servo, WithTwoCamerasTheDepthIsKnownBetterThanWithOne) {
   };
   EXPECT_LT(depth_error(Feedback::two_cameras), 8e-6);
   EXPECT_GT(depth_error(Feedback::one_camera), 10e-6);
+}
+
+TEST(Servo, AnAxisThatIsNotQuiteTheCommandedOneIsNotTakenForADepth) {
+  // The third machine's coils pitch the true field by 2.8 degrees.
+  RigDescription ellipsoid = whole_rig();
+  ellipsoid.table["truth"] = ConfigValue{ConfigTable{{"drawn_as", {"ellipsoid"}}}};
+  const auto depth_error = [&](double sigma) {
+    TestBench bench(3, {}, ellipsoid);
+    ServoSettings settings = with(ControlLaw::estimator, Feedback::one_camera);
+    settings.axis_sigma = sigma;
+    const auto servo = bench.held(1, settings);
+    servo->hold({2e-3, 0, 1e-3});
+    bench.clock->sleep_for(from_seconds(5));
+    return error_statistics(*bench.recorder, "servo", "", "truth", "", from_seconds(5), from_seconds(7)).depth_rms;
+  };
+  const double taken = depth_error(0), estimated = depth_error(0.07);
+  EXPECT_GT(taken, 40e-6);
+  EXPECT_LT(estimated, 0.5 * taken);
+}
+
+TEST(Servo, AnOffsetMovesTheHeldPlaceAndOneThatIsNoBiasIsRefused) {
+  TestBench bench(2);
+  const auto servo = bench.held(6, with(ControlLaw::estimator, Feedback::one_camera));
+  const double before = bench.rig->laboratory()->truth(bench.clock->now())->position.z();
+  servo->set_offset({0, 0, 60e-6});
+  bench.clock->sleep_for(from_seconds(6));
+  EXPECT_NEAR(bench.rig->laboratory()->truth(bench.clock->now())->position.z(), before - 60e-6, 20e-6);
+  EXPECT_THROW(servo->set_offset({0, 0, 2e-3}), std::invalid_argument);
+  EXPECT_THROW(servo->set_offset({NAN, 0, 0}), std::invalid_argument);
+  EXPECT_EQ(servo->offset().z(), 60e-6);
+}
+
+TEST(Servo, APlainViewFromAboveNeedsASecondCamera) {
+  RigDescription plain = whole_rig();
+  plain.table["top_camera"] = ConfigValue{ConfigTable{{"view", {"plain"}}}};
+  TestBench bench(1, {}, plain);
+  EXPECT_THROW(Servo(*bench.clock, bench.roles(), *bench.recorder, bench.eyes(), {}), std::invalid_argument);
 }
 
 TEST(Servo, WithoutFeedbackAReleasedRobotHasConstantCurrents) {
@@ -255,6 +294,9 @@ TEST(Servo, ImpossibleSettingsAreNamed) {
   EXPECT_THROW(settings.check(), std::invalid_argument);
   settings = {};
   settings.axis = {1, 1, 0};
+  EXPECT_THROW(settings.check(), std::invalid_argument);
+  settings = {};
+  settings.axis_sigma = -0.1;
   EXPECT_THROW(settings.check(), std::invalid_argument);
 }
 

@@ -111,5 +111,24 @@ TEST(Laboratory, TheSeedDrawsTheMachine) {
   EXPECT_NE(fall(1), fall(2));
 }
 
+TEST(Laboratory, AMeasuredFieldStaysAsItIsWhateverMachineIsDrawn) {
+  const auto clock = virtual_clock();
+  Laboratory laboratory(small(), *clock, 1);
+  const control::CoilField measured = control::CoilField::octomag();
+  const auto made = [&] {
+    laboratory.drive_coils(clock->now(), std::vector<double>(8, 1.0));
+    clock->sleep_for(500 * kMs);
+    return laboratory.field({1e-3, 0, 0}, clock->now());
+  };
+  const Eigen::Vector3d told = measured.matrix({1e-3, 0, 0}).topRows<3>().rowwise().sum();
+  EXPECT_GT((made() - told).norm(), 1e-3 * told.norm()) << "a machine is drawn";
+  laboratory.use_field(measured);
+  EXPECT_LT((made() - told).norm(), 1e-6 * told.norm());
+  laboratory.redraw(7);
+  EXPECT_LT((made() - told).norm(), 1e-6 * told.norm());
+  const control::CoilField seven({measured.dipoles().begin(), measured.dipoles().begin() + 7});
+  EXPECT_THROW(laboratory.use_field(seven), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace vitreo::sim

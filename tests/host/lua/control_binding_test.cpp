@@ -47,6 +47,56 @@ TEST_F(ControlBinding, AllocationMakesWhatWasWantedAndTheFieldSaysSo) {
   EXPECT_EQ(end.error, "");
 }
 
+constexpr const char* kReadings =
+    "local model, readings = control.octomag(), {}\n"
+    "model:set_background({ 3e-5, 0, -4e-5 })\n"
+    "for n = 1, 90 do\n"
+    "  local place = vector(math.random() - 0.5, math.random() - 0.5, math.random() - 0.5) * 0.02\n"
+    "  local currents = {} for k = 1, 8 do currents[k] = 8 * math.random() - 4 end\n"
+    "  local noise = vector(math.random() - 0.5, math.random() - 0.5, math.random() - 0.5) * 2e-5\n"
+    "  readings[n] = { position = place, currents = currents, field = (model:field(place, currents)) + noise }\n"
+    "end\n";
+
+TEST_F(ControlBinding, CoilsAreCalibratedFromProbeReadingsWithAReportOfWhatIsLeftOver) {
+  const Ended end =
+      run(std::string(kReadings) +
+          "readings[17].field = readings[17].field + vector(1e-4, 0, 0)\n"
+          "local fitted, report = control.fit_dipoles(readings)\n"
+          "assert(report.converged and report.readings == 90 and report.worst_reading == 17, report.worst_reading)\n"
+          "assert(report.residual_rms > 3e-6 and report.residual_rms < 1.2e-5, report.residual_rms)\n"
+          "assert(report.residual_largest > 4e-5 and report.residual_relative < 1e-3)\n"
+          "assert((report.background - vector(3e-5, 0, -4e-5)):norm() < 1e-5)\n"
+          "local place, currents = vector(2e-3, -3e-3, 1e-3), { 1, 2, 3, 4, -1, -2, -3, -4 }\n"
+          "local told, truth = fitted:field(place, currents), model:field(place, currents)\n"
+          "assert((told - truth):norm() < 1e-3 * truth:norm())\n"
+          "local many, rest = control.fit_multipoles(readings, { order = 1 })\n"
+          "assert(rest.residual_rms < 1.2e-5 and not many:valid_at({ 0.5, 0, 0 }))\n"
+          // written down and read again it is the same, the background with it
+          "local again = control.field_calibration(many:text { name = 'ours' })\n"
+          "assert(((again:field(place, currents)) - (many:field(place, currents))):norm() < 1e-12)\n"
+          "local box = { low = { -0.01, -0.01, -0.01 }, high = { 0.01, 0.01, 0.01 } }\n"
+          "again = control.field_calibration(fitted:text(box))\n"
+          "assert(((again:field(place, currents)) - told):norm() < 1e-12 and not again:valid_at({ 0.02, 0, 0 }))");
+  EXPECT_EQ(end.error, "");
+}
+
+TEST_F(ControlBinding, ReadingsThatSayTooLittleAreNamed) {
+  const std::string some = kReadings;
+  expect_all(run(some + "readings[3].field = nil control.fit_dipoles(readings)").error, {"readings: 3: field: wants"});
+  expect_all(run(some + "readings[5].currents = { 1 } control.fit_dipoles(readings)").error,
+             {"readings: 5: currents: wants 8 numbers"});
+  expect_all(run(some + "readings[4].place = 1 control.fit_dipoles(readings)").error, {"readings: 4: ", "place"});
+  expect_all(run(some + "readings[2].position = { 0 / 0, 0, 0 } control.fit_multipoles(readings)").error,
+             {"readings: 2: position"});
+  expect_all(run(some + "for _, r in ipairs(readings) do r.currents[3] = 0 end control.fit_dipoles(readings)").error,
+             {"coil 3 never had a current"});
+  expect_all(run("control.fit_dipoles({})").error, {"readings: 0 given, at least 17 needed"});
+  expect_all(
+      run(some + "control.fit_dipoles(readings, { start = (control.fit_multipoles(readings, { order = 1 })) })").error,
+      {"start: wants a model of dipoles"});
+  expect_all(run("control.octomag():text()").error, {"low, high"});
+}
+
 TEST_F(ControlBinding, BadInputIsNamed) {
   expect_all(run("control.lin({0, 0, 0}, {0, 0, 1})").error, {"there is no lin; did you mean line?"});
   expect_all(run("control.waypoints({ 1 })").error, {"points: number 1 is not a position"});
