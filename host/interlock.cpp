@@ -106,6 +106,12 @@ void Interlock::send(std::span<const double> currents) {
   warm_up();
   energised_ = energised_ || !is_zero(currents);
   amplifier_.set_currents(currents);
+  if (!enabled_) {  // it was opened by another task while this set-point was on its way: that is taken back
+    make_safe();
+    throw DeviceError(DeviceErrorKind::refused, "coils",
+                      "the interlock was opened meanwhile" + (tripped_.empty() ? "" : " (" + tripped_ + ")") +
+                          "; the coils are at zero");
+  }
   sent_.assign(currents.begin(), currents.end());
   energised_ = !is_zero(currents);
   count(currents);
@@ -207,7 +213,9 @@ void Interlock::watch() {
     warm_up();
     if (!energised_) continue;
     try {
-      if (temperature_.hottest() > limits_.heat.limit)
+      if (!enabled_)
+        make_safe();  // a zero that did not get through is sent again until it does
+      else if (temperature_.hottest() > limits_.heat.limit)
         trip(fmt::format("a coil is at {:.0f} degC by the estimate from its currents, beyond the limit of {:.0f} degC",
                          temperature_.hottest() - 273.15, limits_.heat.limit - 273.15));
       else if (const std::string why = unmet(); !why.empty())

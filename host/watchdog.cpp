@@ -23,6 +23,9 @@ Watchdog::Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limi
 Watchdog::~Watchdog() {
   done_ = true;
   control_.wake_watchdog();
+  // Were it joined while it waits for its turn, it would wait for the baton that is held here.
+  const StopShield shield(clock_);
+  while (inside_) clock_.sleep_for(std::chrono::milliseconds(1));
   thread_.join();
 }
 
@@ -41,11 +44,13 @@ void Watchdog::look_at_pace() {
   const Time stuck = clock_.stuck_for();
   if (stuck <= limits_.dead_man || !actions_.energised()) return;
   clock_.break_in(std::chrono::milliseconds(0));
+  inside_ = true;
   try {
     actions_.trip("dead-man: the host has not moved for " +
                   std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(stuck).count()) + " ms");
   } catch (const std::exception&) {  // told by the interlock, which tries again
   }
+  inside_ = false;
   clock_.leave();
 }
 
@@ -65,6 +70,7 @@ void Watchdog::look() {
 /// The script's thread has not come to make the devices safe. Whatever holds the baton loses it until this is done.
 void Watchdog::take_over() {
   clock_.break_in(std::chrono::milliseconds(5));
+  inside_ = true;
   control_.make_safe();
   while (!done_) {
     if (control_.since(StopTier::abort).value_or(limits_.grace) >= limits_.grace) {
@@ -75,6 +81,7 @@ void Watchdog::take_over() {
     std::this_thread::sleep_for(kLook);
     clock_.sleep_for(std::chrono::milliseconds(1));  // whoever comes back gets a turn
   }
+  inside_ = false;
   clock_.leave();
 }
 

@@ -37,6 +37,7 @@ struct WatchdogActions {
 class Watchdog {
  public:
   Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limits, WatchdogActions actions);
+  /// Lets it finish what it is at: the devices' safe state is waited for on the clock.
   ~Watchdog();
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
@@ -52,6 +53,7 @@ class Watchdog {
   const WatchdogLimits limits_;
   const WatchdogActions actions_;
   std::atomic<bool> done_{false};
+  std::atomic<bool> inside_{false};  // it is a task of the clock now
   std::thread thread_;
 };
 

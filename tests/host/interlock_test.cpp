@@ -156,6 +156,53 @@ TEST_F(TimedInterlockTest, AHeartMattersOnlyWhileTheCoilsAreEnergised) {
   EXPECT_EQ(told, "");
 }
 
+/// Takes its time over a set-point, and refuses so many zeros.
+class SlowAmplifier : public FakeAmplifier {
+ public:
+  explicit SlowAmplifier(Clock& clock) : clock_(clock) {}
+  void set_currents(std::span<const double> currents) override {
+    clock_.sleep_for(from_seconds(0.01));
+    FakeAmplifier::set_currents(currents);
+  }
+  void make_safe() override {
+    if (refusals-- > 0) throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
+    FakeAmplifier::make_safe();
+  }
+  int refusals = 0;
+
+ private:
+  Clock& clock_;
+};
+
+TEST_F(TimedInterlockTest, ASetPointThatWasOnItsWayWhenItOpenedIsTakenBack) {
+  SlowAmplifier slow(*clock);
+  Interlock own(slow, limits(), clock.get());
+  const auto other = clock->spawn("other", [&] {
+    clock->sleep_for(from_seconds(0.005));
+    own.trip("on purpose");
+  });
+  try {
+    own.set_currents(std::vector<double>{1, 1, 1});
+    FAIL() << "taken";
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("on purpose"), std::string::npos) << error.what();
+  }
+  EXPECT_EQ(slow.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_FALSE(own.energised());
+}
+
+TEST_F(TimedInterlockTest, AZeroThatDidNotGetThroughIsSentAgainUntilItDoes) {
+  SlowAmplifier slow(*clock);
+  Interlock own(slow, limits(), clock.get());
+  own.set_currents(std::vector<double>{1, 1, 1});
+  slow.refusals = 3;
+  EXPECT_THROW(own.trip("on purpose"), DeviceError);
+  EXPECT_TRUE(own.energised());
+  clock->sleep_for(from_seconds(0.3));
+  EXPECT_EQ(slow.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_FALSE(own.energised());
+}
+
 TEST_F(TimedInterlockTest, ACoilThatGetsTooHotMeansZeroAtTheTimeThatTheClosedFormSays) {
   // At constant resistance: T - T_a = R I^2 R_th (1 - exp(-t / tau)); alpha = 0 here.
   InterlockLimits hot = limits();
