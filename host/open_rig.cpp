@@ -2,6 +2,7 @@
 #include "host/open_rig.h"
 
 #include "control/field_calibration_file.h"
+#include "host/guardian.h"
 #include "host/plant_settings.h"
 #include "host/rig_settings.h"
 
@@ -11,6 +12,9 @@
 
 namespace vitreo {
 namespace {
+
+/// Longer than the host's own dead-man, which has its turn first.
+constexpr Time kStuck = std::chrono::milliseconds(400);
 
 /// Members in the order of their birth: the laboratory first, the interlock last, so that they die the other way round.
 class SimulatedRig : public OpenRig, public Simulation {
@@ -36,7 +40,8 @@ class SimulatedRig : public OpenRig, public Simulation {
         const auto known = laboratory_.truth(time);
         return known ? std::optional(known->position) : std::nullopt;
       };
-      pose_sensor_ = sim::make_pose_sensor(*settings.pose_sensor, truth, clock, seed);
+      pose_sensor_ =
+          sim::make_pose_sensor(*settings.pose_sensor, truth, clock, seed, &laboratory_.faults().looks["pose_sensor"]);
       rig_.pose_sensor = pose_sensor_.get();
     }
     open_instruments(settings, {clock, &laboratory_});
@@ -72,9 +77,12 @@ class SimulatedRig : public OpenRig, public Simulation {
  private:
   void open_instruments(const RigSettings& settings, const Surroundings& where) {
     if (settings.coils) {
+      if (settings.guardian)  // before anything is energised
+        guardian_ = std::make_unique<Guardian>(settings.guarded, [this] { return clock_.stuck_for() < kStuck; });
       coils_ = settings.coils(where);
+      if (guardian_) guarded_ = guarded(*coils_.device, *guardian_);
       rig_.coil_pause = settings.coil_pause;
-      interlock_ = std::make_unique<Interlock>(*coils_.device, settings.limits, &clock_);
+      interlock_ = std::make_unique<Interlock>(guarded_ ? *guarded_ : *coils_.device, settings.limits, &clock_);
       rig_.coils = interlock_.get();
     }
     if (settings.top) rig_.top_camera = (top_ = settings.top(where)).device.get();
@@ -99,7 +107,9 @@ class SimulatedRig : public OpenRig, public Simulation {
   Opened<Camera> top_, side_;
   Opened<OperatorInput> joystick_, pedal_;  // before the interlock, which asks the pedal
   Opened<Lamp> lamp_;
+  std::unique_ptr<Guardian> guardian_;
   Opened<CoilAmplifier> coils_;
+  std::unique_ptr<CoilAmplifier> guarded_;
   std::unique_ptr<Interlock> interlock_;
   Opened<LensMover> lens_mover_;
   Opened<Stage> stage_;

@@ -116,6 +116,18 @@ void read_side_camera(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
+/// What the guardian must zero, from what was read; nothing in this program's own memory outlives it.
+void read_guardian(ConfigReader& reader, RigSettings& settings) {
+  const std::string address = reader.text("address", "emulated");
+  settings.guardian = reader.flag("guardian", address != "emulated");
+  if (!settings.guardian || address == "emulated") return;
+  guardian::Output output{reader.resolved().at("driver").get<std::string>(), address};
+  for (const char* key : {"enable_line", "baud_rate"})
+    if (const auto found = reader.resolved().find(key); found != reader.resolved().end())
+      output.settings[key] = found->get<double>();
+  settings.guarded.push_back(output);
+}
+
 void read_coils(ConfigReader reader, RigSettings& settings) {
   settings.coils = read_instrument<CoilAmplifier>(reader, "coils", settings.laboratory);
   const double limit =
@@ -136,6 +148,7 @@ void read_coils(ConfigReader reader, RigSettings& settings) {
   heat.limit = reader.number("temperature_limit", heat.limit, {300, 500, "K"});
   const std::string pause = reader.choice("pause", "hold", {"hold", "ramp", "zero"});
   settings.coil_pause = pause == "ramp" ? PausePolicy::ramp : pause == "zero" ? PausePolicy::zero : PausePolicy::hold;
+  read_guardian(reader, settings);
   reader.finish();
 }
 

@@ -5,6 +5,7 @@
 #include "devices/sim/laboratory.h"
 #include "devices/sim/pose_sensor.h"
 #include "host/config.h"
+#include "host/guardian/wire.h"
 #include "host/interlock.h"
 #include "host/registry.h"
 #include "host/rig.h"
@@ -37,6 +38,8 @@ struct RigSettings {
   Opener<FieldProbe> field_probe;
   Opener<Lamp> lamp;
   std::uint32_t dead_man_pedals = 0;  // a bit a pedal that must be held while the coils are energised; 0: none
+  bool guardian = false;                  // a process that watches the host
+  std::vector<guardian::Output> guarded;  // what it zeroes
 };
 
 /// Throws ConfigError with file and line.

@@ -63,6 +63,7 @@ class Plugged {
   Plugged(const Plugged&) = delete;
   Plugged& operator=(const Plugged&) = delete;
   virtual ~Plugged() {
+    own(nullptr);
     g_signal_handlers_disconnect_by_data(handler_, this);
     g_object_unref(handler_);
   }
@@ -87,6 +88,7 @@ class Plugged {
     umockdev_testbed_detach_ioctl(testbed, node_.c_str(), nullptr);
   }
   virtual void set_fault(UsbFault fault) { fault_ = fault; }
+  void set_exclusive() { exclusive_ = true; }
   const PtyNode& pty() const { return pty_; }
 
  protected:
@@ -99,6 +101,7 @@ class Plugged {
   PtyNode pty_;  // what poll() sees
   bool gone_ = false;
   UsbFault fault_ = UsbFault::none;
+  bool exclusive_ = false;
 
  private:
   static gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
@@ -117,10 +120,23 @@ class Plugged {
   template <class Work>
   gboolean serve(UMockdevIoctlClient* client, Work work) {
     const std::lock_guard lock(mutex_);
-    return gone_ ? done(client, -1, ENODEV) : work(*this);
+    if (gone_) return done(client, -1, ENODEV);
+    if (exclusive_ && owner_ != nullptr && owner_ != client && umockdev_ioctl_client_get_connected(owner_))
+      return done(client, -1, EBUSY);
+    if (exclusive_) own(client);
+    return work(*this);
+  }
+
+  /// A weak pointer: a client that dies in the middle of a request never counts as disconnected, but is destroyed.
+  void own(UMockdevIoctlClient* client) {
+    if (owner_ == client) return;
+    if (owner_ != nullptr) g_object_remove_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
+    owner_ = client;
+    if (owner_ != nullptr) g_object_add_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
   }
 
   UMockdevIoctlBase* const handler_;
+  UMockdevIoctlClient* owner_ = nullptr;  // of an exclusive device; null again when umockdev has dropped it
 };
 
 /// usbfs: control transfers come as URBs that are submitted and later reaped.
@@ -365,6 +381,10 @@ class Umockdev final : public UsbTestbed {
   void set_fault(int plug, UsbFault fault) override {
     const std::lock_guard lock(mutex_);
     plugged_.at(plug)->set_fault(fault);
+  }
+  void set_exclusive(int plug) override {
+    const std::lock_guard lock(mutex_);
+    plugged_.at(plug)->set_exclusive();
   }
   void with_emulators(const std::function<void()>& work) override {
     const std::lock_guard lock(mutex_);

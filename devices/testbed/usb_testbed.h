@@ -31,6 +31,9 @@ class UsbTestbed {
   /// The serial port `node` (below /dev) is the terminal `target` from now on: a pseudo-terminal, say.
   virtual void add_node(const std::string& node, const std::string& target) = 0;
   virtual void set_fault(int plug, UsbFault fault) = 0;
+  /// A HID device that belongs to the process that opened it first, as long as that lives: others get EBUSY. hidraw is
+  /// not like that by itself; a device that is claimed by libusb is.
+  virtual void set_exclusive(int plug) = 0;
   /// Emulators are called from a thread of the testbed: whoever else wants to touch them does it in `work`.
   virtual void with_emulators(const std::function<void()>& work) = 0;
 };

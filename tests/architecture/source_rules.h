@@ -54,9 +54,11 @@ inline const std::vector<Row> kTable{
     {"devices/testbed/", {"devices/"}, {"devices/sim/"}, {"umockdev.h"}, true},
     {"devices/", {"devices/"}, {"devices/sim/"}, {"Eigen/", "opencv2/core"}, true},
     {"host/lua/", kEverything, {}, with(kOfHost, "lua.hpp"), true},
+    {"host/guardian/", {"devices/", "host/guardian/"}, {"devices/sim/"}, {}, true},
     {"host/cli/command_line.cpp", kEverything, {"host/lua/"}, with(kOfHost, "CLI/"), true},
     {"host/cli/", kEverything, {}, kOfHost, true},
     {"host/main.cpp", kEverything, {}, kOfHost, true},
+    {"host/soak_check.cpp", kEverything, {"host/lua/"}, with(kOfHost, "malloc.h"), true},
     {"host/", kEverything, {"host/lua/"}, kOfHost, true},
 };
 

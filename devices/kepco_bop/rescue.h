@@ -1,0 +1,16 @@
+// BOP supplies that a host which is gone has left energised.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/byte_link.h"
+
+#include <memory>
+#include <vector>
+
+namespace vitreo::kepco_bop {
+
+/// Clears what is half said, then zero current and output off, told to all of them before any is listened to; then
+/// reads back. Throws DeviceError when one did not take it or does not answer; the others have had theirs.
+void rescue(const std::vector<std::unique_ptr<ByteLink>>& links);
+
+}  // namespace vitreo::kepco_bop

@@ -1,0 +1,287 @@
+// Three processes: the program that holds currents, its guardian, and this one with the emulated amplifiers. The
+// program is killed, or frozen and later thawed, at random moments: the outputs go to zero and stay there. ctest starts
+// this program under umockdev-wrapper; these tests wait for real.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/address.h"
+#include "devices/error.h"
+#include "devices/kepco_bop/emulator.h"
+#include "devices/testbed/usb_testbed.h"
+#include "devices/usb3103/emulator.h"
+#include "tests/devices/real_end.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <random>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+extern char** environ;
+
+namespace vitreo {
+namespace {
+
+using Steady = std::chrono::steady_clock;
+using Milliseconds = std::chrono::duration<double, std::milli>;
+using namespace std::chrono_literals;
+const UsbIdentity kUsb3103{0x09DB, 0x009C, 0x0100, "01A2B3C4", "Measurement Computing Corp", "USB-3103", ""};
+
+/// Of each kind: 10 in `make test`, 200 in `make test-long`.
+int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 10; }
+
+constexpr const char* kProtocol = R"(
+local s = require("units").s
+return { title = "Currents that change all the time", needs = { "coils" }, parameters = {},
+  run = function(rig, p, run)
+    local channels, k = #rig.coils:currents(), 0
+    while true do
+      k = k + 1
+      local currents = {}
+      for i = 1, channels do currents[i] = 1 + 0.1 * (k % 5) end
+      rig.coils:set_currents(currents)
+      run:wait(0.01*s)
+    end
+  end }
+)";
+
+/// An amplifier that another process can open, and how strongly it is energised.
+struct Amplifier {
+  virtual ~Amplifier() = default;
+  virtual std::string rig() const = 0;  // the table of its coils
+  virtual double output() = 0;          // V or A, the largest of a channel
+  virtual bool enabled() = 0;
+};
+
+struct Usb : Amplifier {
+  Usb() { testbed->set_exclusive(plug); }
+  ~Usb() override { testbed.reset(); }
+  std::string rig() const override { return R"({ driver = "usb3103", address = "hid:09db:009c", enable_line = 0 })"; }
+  double output() override {
+    double most = 0;
+    testbed->with_emulators([&] {
+      for (const double volts : emulator->outputs()) most = std::max(most, std::abs(volts));
+    });
+    return most;
+  }
+  bool enabled() override {
+    bool high = false;
+    testbed->with_emulators([&] { high = emulator->line_is_high(0); });
+    return high;
+  }
+  std::unique_ptr<usb3103::Emulator> emulator = usb3103::make_emulator({}, nullptr);
+  std::unique_ptr<UsbTestbed> testbed = make_usb_testbed();
+  int plug = testbed->plug(*emulator, kUsb3103);
+};
+
+struct Kepco : Amplifier {
+  std::string rig() const override {
+    return "{ driver = \"kepco_bop\", address = \"" + end.address() + "\", max_slope = 1000 }";
+  }
+  double output() override {
+    return end.look([&] { return std::abs(emulator->current()); });
+  }
+  bool enabled() override {
+    return end.look([&] { return emulator->output(); });
+  }
+  std::unique_ptr<kepco_bop::Emulator> emulator = kepco_bop::make_emulator({});
+  RealEnd end{*emulator, open_pty_end()};
+};
+
+/// The program, holding currents.
+class Host {
+ public:
+  Host(const std::filesystem::path& folder, const std::string& coils, const std::string& extra = "") {
+    std::ofstream(folder / "p.lua") << kProtocol;
+    std::ofstream(folder / "rig.lua") << "return { title = 'amplifier', coils = " << coils << extra << " }";
+    const std::string log = (folder / "err").string(), protocol = (folder / "p.lua").string(),
+                      rig = (folder / "rig.lua").string(), out = (folder / "runs").string();
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    for (const int descriptor : {1, 2})
+      posix_spawn_file_actions_addopen(&actions, descriptor, log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0666);
+    std::vector<const char*> words{VITREO_PROGRAM, "run",   protocol.c_str(), "--rig",
+                                   rig.c_str(),    "--out", out.c_str(),      nullptr};
+    if (posix_spawn(&pid_, words[0], &actions, nullptr, const_cast<char**>(words.data()), environ) != 0) pid_ = -1;
+    posix_spawn_file_actions_destroy(&actions);
+  }
+  ~Host() {
+    if (pid_ < 0) return;
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  Host(const Host&) = delete;
+  Host& operator=(const Host&) = delete;
+  pid_t id() const { return pid_; }
+  void signal(int number) const { kill(pid_, number); }
+  /// Nothing while it lives.
+  std::optional<int> status() {
+    int status = 0;
+    if (pid_ < 0 || waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
+    pid_ = -1;
+    return status;
+  }
+
+ private:
+  pid_t pid_ = -1;
+};
+
+std::optional<Milliseconds> time_until(Steady::duration patience, const std::function<bool()>& so) {
+  const auto began = Steady::now();
+  while (Steady::now() - began < patience) {
+    if (so()) return Steady::now() - began;
+    std::this_thread::sleep_for(500us);
+  }
+  return std::nullopt;
+}
+
+class GuardianTest : public ::testing::Test {
+ protected:
+  GuardianTest() {
+    std::string name = (std::filesystem::temp_directory_path() / "vitreo_guardian_XXXXXX").string();
+    folder = mkdtemp(name.data());
+  }
+  ~GuardianTest() override { std::filesystem::remove_all(folder); }
+  std::string log() const {
+    std::ostringstream text;
+    text << std::ifstream(folder / "err").rdbuf();
+    return text.str();
+  }
+  bool guardian_says(const std::string& what) const { return log().find(what) != std::string::npos; }
+
+  /// From the signal until the output is at zero, ms; then a while in which it stays there.
+  double trial(Amplifier& amplifier, int first_signal) {
+    std::filesystem::remove(folder / "err");
+    std::filesystem::remove_all(folder / "runs");  // each keeps room for its end record
+    Host host(folder, amplifier.rig());
+    const bool energised = time_until(20s, [&] { return amplifier.output() > 0.4; }).has_value();
+    EXPECT_TRUE(energised) << log();
+    if (!energised) return 1e9;
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::uniform_real_distribution(0.0, 0.05)(random)));
+    host.signal(first_signal);
+    const auto zero = time_until(10s, [&] { return amplifier.output() < 1e-3; });
+    EXPECT_TRUE(zero) << log();
+    EXPECT_TRUE(time_until(5s, [&] { return guardian_says("is at zero"); })) << log();
+    EXPECT_FALSE(amplifier.enabled());
+    if (first_signal == SIGSTOP) host.signal(SIGCONT);  // into a process that is gone
+    EXPECT_FALSE(time_until(100ms, [&] { return amplifier.output() > 1e-3; })) << "energised again";
+    const auto status = host.status();
+    EXPECT_TRUE(status && WIFSIGNALED(*status) && WTERMSIG(*status) == SIGKILL);
+    return zero ? zero->count() : 1e9;
+  }
+
+  void trials_of(Amplifier& amplifier, const char* name, int first_signal, int count) {
+    std::vector<double> took;
+    for (int i = 0; i < count && !HasFailure(); ++i) took.push_back(trial(amplifier, first_signal));
+    std::sort(took.begin(), took.end());
+    if (took.empty()) return;
+    const auto at = [&](double part) {
+      return took[std::min(took.size() - 1, static_cast<std::size_t>(part * static_cast<double>(took.size())))];
+    };
+    const auto late = std::count_if(took.begin(), took.end(), [](double ms) { return ms > 300; });
+    std::printf("%s, %s: %zu; at zero after median %.0f ms, p90 %.0f, p99 %.0f, largest %.0f ms; %ld beyond 300 ms\n",
+                name, first_signal == SIGKILL ? "SIGKILL" : "SIGSTOP", took.size(), at(0.5), at(0.9), at(0.99),
+                took.back(), static_cast<long>(late));
+  }
+
+  std::filesystem::path folder;
+  std::mt19937 random{20261121};
+};
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnUsbWhenTheHostIsKilled) {
+  Usb amplifier;
+  trials_of(amplifier, "USB-3103", SIGKILL, trials() / 2);
+}
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnUsbWhenTheHostIsFrozenAndThenThawed) {
+  Usb amplifier;
+  trials_of(amplifier, "USB-3103", SIGSTOP, trials() / 2);
+}
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnASerialLineWhenTheHostIsKilled) {
+  Kepco amplifier;
+  trials_of(amplifier, "BOP", SIGKILL, trials() - trials() / 2);
+}
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnASerialLineWhenTheHostIsFrozenAndThenThawed) {
+  Kepco amplifier;
+  trials_of(amplifier, "BOP", SIGSTOP, trials() - trials() / 2);
+}
+
+bool is_refused(const std::function<void()>& open) {
+  try {
+    open();
+  } catch (const DeviceError& error) {
+    return error.kind == DeviceErrorKind::refused;
+  }
+  return false;
+}
+
+TEST_F(GuardianTest, FindsAUsbDeviceThatIsTheHostsAloneAsLongAsThatLives) {
+  Usb amplifier;
+  const auto clock = wall_clock();
+  const Host host(folder, amplifier.rig());
+  ASSERT_TRUE(time_until(20s, [&] { return amplifier.output() > 0.4; })) << log();
+  EXPECT_TRUE(is_refused([&] { open_hid_link(parse_usb_address("hid", "hid:09db:009c"), *clock); }));
+}
+
+TEST_F(GuardianTest, FindsASerialLineThatIsTheHostsAloneAsLongAsThatLives) {
+  Kepco amplifier;
+  const auto clock = wall_clock();
+  const Host host(folder, amplifier.rig());
+  ASSERT_TRUE(time_until(20s, [&] { return amplifier.output() > 0.4; })) << log();
+  EXPECT_TRUE(is_refused([&] { open_byte_link(amplifier.end.address(), {}, *clock); }));
+}
+
+TEST_F(GuardianTest, GoesQuietlyWithAHostThatEndsInOrder) {
+  Usb amplifier;
+  Host host(folder, amplifier.rig());
+  ASSERT_TRUE(time_until(20s, [&] { return amplifier.output() > 0.4; })) << log();
+  host.signal(SIGINT);
+  std::optional<int> status;
+  ASSERT_TRUE(time_until(20s, [&] { return (status = host.status()).has_value(); })) << log();
+  EXPECT_TRUE(WIFEXITED(*status));
+  EXPECT_EQ(WEXITSTATUS(*status), 3);
+  EXPECT_LT(amplifier.output(), 1e-3);
+  EXPECT_FALSE(guardian_says("vitreo guardian: ")) << log();
+}
+
+pid_t child_of(pid_t parent, const std::string& name) {
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream stat(entry.path() / "stat");
+    std::string id, called, state;
+    pid_t its_parent = -1;
+    if (stat >> id >> called >> state >> its_parent && its_parent == parent && called == "(" + name + ")")
+      return static_cast<pid_t>(std::stol(id));
+  }
+  return -1;
+}
+
+TEST_F(GuardianTest, IsMissedByItsHostWhichThenEndsTheRunAtZero) {
+  Usb amplifier;
+  Host host(folder, amplifier.rig());
+  ASSERT_TRUE(time_until(20s, [&] { return amplifier.output() > 0.4; })) << log();
+  const pid_t guardian = child_of(host.id(), "vitreo_guardian");
+  ASSERT_GT(guardian, 0);
+  kill(guardian, SIGTERM);  // which it does not obey
+  std::this_thread::sleep_for(50ms);
+  EXPECT_FALSE(host.status());
+  kill(guardian, SIGKILL);
+  std::optional<int> status;
+  ASSERT_TRUE(time_until(20s, [&] { return (status = host.status()).has_value(); })) << log();
+  EXPECT_EQ(WEXITSTATUS(*status), 4) << log();
+  EXPECT_LT(amplifier.output(), 1e-3);
+  EXPECT_TRUE(guardian_says("the process that guards the outputs is gone")) << log();
+}
+
+}  // namespace
+}  // namespace vitreo
