@@ -25,15 +25,16 @@ std::string size_text(std::uint64_t space) {
   return fmt::format("{:.0f} kB", bytes / 1e3);
 }
 
+std::uint64_t free_bytes(const std::filesystem::path& place) {
+  std::error_code error;
+  const auto space = std::filesystem::space(place, error);
+  // What cannot be asked is not held against the run: a write will say.
+  return error ? std::numeric_limits<std::uint64_t>::max() : space.available;
+}
+
 DiskWatch::DiskWatch(std::filesystem::path folder, DiskLimits limits)
     : folder_(std::move(folder)), limits_(std::move(limits)) {
-  if (limits_.free_bytes) return;
-  limits_.free_bytes = [](const std::filesystem::path& place) {
-    std::error_code error;
-    const auto space = std::filesystem::space(place, error);
-    // What cannot be asked is not held against the run: a write will say.
-    return error ? std::numeric_limits<std::uint64_t>::max() : space.available;
-  };
+  if (!limits_.free_bytes) limits_.free_bytes = free_bytes;
 }
 
 std::uint64_t DiskWatch::free() const { return limits_.free_bytes(folder_); }

@@ -21,6 +21,9 @@ struct DiskLimits {
   std::function<std::uint64_t(const std::filesystem::path&)> free_bytes;
 };
 
+/// What is free at a place; the most there can be where the file system cannot be asked.
+std::uint64_t free_bytes(const std::filesystem::path& place);
+
 /// `space` bytes as people read them: "1.2 GB".
 std::string size_text(std::uint64_t space);
 

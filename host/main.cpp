@@ -34,6 +34,8 @@ int dispatch(int count, char** words) {
   cli::add_mask(line, program);
   cli::add_records(line, program);
   cli::add_devices(line, program);
+  cli::add_faults(line, program);
+  cli::add_soak(line, program);
   line.version([] { return versions().dump(); });
   return line.run(count, words);
 }

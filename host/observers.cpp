@@ -61,8 +61,11 @@ std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background ba
                                           {{"x", "m"}, {"z", "m"}, {"semi_major_px", ""}, {"semi_minor_px", ""}}});
   return clock.spawn("side camera", [&rig, &recorder, &watch, stream, learnt = std::move(background)] {
     vision::BlobTracker tracker(learnt, {});
+    std::optional<Time> last;
     while (true) {
       const Frame frame = rig.side_camera->grab(from_seconds(5));
+      if (last && frame.exposed <= *last) continue;  // its clock is wrong: no stream's time goes back
+      last = frame.exposed;
       const auto seen = tracker.update(frame.image);
       if (!seen) {
         watch.add(frame, std::nullopt);

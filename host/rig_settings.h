@@ -37,7 +37,7 @@ struct RigSettings {
   Opener<RotationStage> rotation_stage;
   Opener<FieldProbe> field_probe;
   Opener<Lamp> lamp;
-  std::uint32_t dead_man_pedals = 0;  // a bit a pedal that must be held while the coils are energised; 0: none
+  std::uint32_t dead_man_pedals = 0;      // a bit a pedal that must be held while the coils are energised; 0: none
   bool guardian = false;                  // a process that watches the host
   std::vector<guardian::Output> guarded;  // what it zeroes
 };

@@ -4,6 +4,7 @@
 #include "devices/error.h"
 #include "host/control_socket.h"
 #include "host/disk_need.h"
+#include "host/faults.h"
 #include "host/identities.h"
 #include "host/interrupts.h"
 #include "host/log.h"
@@ -19,6 +20,7 @@
 #include <chrono>
 #include <iostream>
 #include <optional>
+#include <thread>
 #include <unistd.h>
 
 namespace vitreo {
@@ -80,6 +82,7 @@ struct RunStage {
   Pace pace = Pace::as_fast_as_possible;
   std::unique_ptr<Clock> clock;
   std::unique_ptr<OpenRig> rig;
+  std::shared_ptr<DiskFaults> disk = std::make_shared<DiskFaults>();  // shared with the recorder's thread
   std::unique_ptr<Recorder> recorder;
 };
 
@@ -116,8 +119,13 @@ double watch_period(const Rig& rig) {
 }
 
 /// Under the virtual clock the recorder takes what it is given; in real time it must not hold up a camera.
-RecordLimits record_limits(const RunRequest& request, const RigDescription& description) {
+RecordLimits record_limits(const RunRequest& request, const RigDescription& description,
+                           const std::shared_ptr<DiskFaults>& disk) {
   RecordLimits limits;
+  limits.disk.free_bytes = [disk](const fs::path& place) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(disk->stall_ms.exchange(0)));
+    return disk->full ? 0 : free_bytes(place);
+  };
   limits.drop_frames = request.pace == Pace::real_time || has_real_instruments(description);
   return limits;
 }
@@ -126,6 +134,17 @@ RecordLimits record_limits(const RunRequest& request, const RigDescription& desc
 void judge_record(const Recorder& recorder, Verdict& verdict) {
   const std::string trouble = recorder.trouble();
   if (!trouble.empty()) verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + trouble};
+}
+
+/// Before there is a folder: throws ConfigError.
+void check_faults(const RunRequest& request, const OpenRig& rig) {
+  for (const std::string& word : request.faults) {
+    try {
+      check(parse_fault(word), simulated_roles(rig.resolved()));
+    } catch (const std::invalid_argument& problem) {
+      throw ConfigError("fault " + word + ": " + problem.what());
+    }
+  }
 }
 
 /// The last words of a run whose script never came back: the record is closed and the process left, whatever hangs.
@@ -177,6 +196,11 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
       control.set_reason("because recording failed");
       control.request(StopTier::stop);
     });
+    FaultDesk faults({*stage.clock, *stage.rig->laboratory(), *stage.recorder, session.control, *stage.disk,
+                      simulated_roles(stage.rig->resolved())});
+    session.faults = &faults;
+    for (const std::string& word : request.faults) faults.add(parse_fault(word));
+    if (request.companion) request.companion(session);
     const double period = watch_period(session.rig);
     if (sim::Laboratory* laboratory = stage.rig->laboratory(); laboratory != nullptr && period > 0)
       session.keep(observe_truth(*stage.clock, *laboratory, period, *stage.recorder));
@@ -237,9 +261,10 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   Preparation preparation = prepare(engine, request, checked, listener);
   RunStage stage = build_stage(request, description);
   look_at_calibrations(request, description, *stage.rig, preparation);
+  check_faults(request, *stage.rig);
   stage.recorder = std::make_unique<Recorder>(
       request.out, start_record(request, protocol, to_json(arguments), description, *stage.rig),
-      record_limits(request, description));
+      record_limits(request, description, stage.disk));
   return conduct(
       stage, engine, request, listener,
       [&](Session& session) {
@@ -256,12 +281,13 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
   Preparation preparation;
   RunStage stage = build_stage(request, description);
   look_at_calibrations(request, description, *stage.rig, preparation);
+  check_faults(request, *stage.rig);
   ProtocolDescription prompt;
   prompt.file = prompt.name = "prompt";
   prompt.title = "Prompt";
   stage.recorder = std::make_unique<Recorder>(
       request.out, start_record(request, prompt, nlohmann::json::object(), description, *stage.rig),
-      record_limits(request, description));
+      record_limits(request, description, stage.disk));
   return conduct(
       stage, engine, request, listener,
       [&](Session& session) {

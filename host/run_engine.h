@@ -39,9 +39,11 @@ struct RunRequest {
   std::vector<std::string> frames;   // cameras whose frames are recorded: "top_camera", "side_camera/5"
   std::vector<std::string> answers;  // to the questions of the script: "name=value", or "value" in their order
   WatchdogLimits watchdog;
-  bool control_socket = false;  // offer one: see host/control_socket.h
-  SimulationShifts shifts;      // tests only
-  std::string override_reason;  // a researcher's, to run although the preflight fails; empty: none
+  bool control_socket = false;                   // offer one: see host/control_socket.h
+  SimulationShifts shifts;                       // tests only
+  std::string override_reason;                   // a researcher's, to run although the preflight fails; empty: none
+  std::vector<std::string> faults;               // of simulated instruments, from the run's begin: see host/faults.h
+  std::function<void(Session&)> companion = {};  // called before the script; what disturbs a run on purpose
 };
 
 struct RunResult {

@@ -2,6 +2,7 @@
 #include "host/servo.h"
 
 #include "host/localiser.h"
+#include "host/look_guard.h"
 #include "host/servo_record.h"
 
 #include <fmt/format.h>
@@ -166,6 +167,7 @@ struct Servo::Loop {
         recorder(the_recorder),
         settings(given),
         side(given_eyes.side),
+        guard(the_clock, the_recorder, given.feedback == Feedback::pose_sensor ? "pose_sensor" : "top_camera"),
         chain(the_rig.model, loop_settings(the_rig, given)),
         archive(the_recorder, the_rig, source_of(given.feedback), given.law == ControlLaw::estimator) {
     if (given.feedback != Feedback::pose_sensor)
@@ -196,22 +198,30 @@ struct Servo::Loop {
   Look look() {
     const double period = period_of(rig, settings.feedback);
     const Time patience = from_seconds(std::max(1.0, 5 * period));
-    if (settings.feedback == Feedback::pose_sensor) {
-      const PoseReading reading = rig.pose_sensor->read(patience);
-      return {{{}, reading.number, reading.exposed, reading.received}, {{}, reading.position, reading.covariance, 0}};
+    for (;;) {
+      if (settings.feedback == Feedback::pose_sensor) {
+        const PoseReading reading = rig.pose_sensor->read(patience);
+        const Frame stamps{{}, reading.number, reading.exposed, reading.received};
+        if (!guard.plausible(stamps)) continue;
+        guard.must_change(reading.position);
+        return {stamps, {{}, guard.finite(reading.position), reading.covariance, 0}};
+      }
+      Look found{rig.top_camera->grab(patience), {}};
+      if (!guard.plausible(found.frame)) continue;
+      guard.must_change(found.frame.image);
+      found.sighting = localiser->look(found.frame.image);
+      found.sighting.position = guard.finite(found.sighting.position);
+      if (found.sighting.position) *found.sighting.position += offset;
+      bool joined = false;
+      if (settings.feedback == Feedback::two_cameras && found.sighting.position) {
+        // Its frame may come a little later; without it this tick has one camera.
+        const auto view = side->at(found.frame.exposed, clock.now() + from_seconds(period / 2));
+        if (view) join_side(found.sighting, *view);
+        joined = view.has_value();
+      }
+      if (rig.model.plain_view && !joined) found.sighting.position.reset();  // without a depth
+      return found;
     }
-    Look found{rig.top_camera->grab(patience), {}};
-    found.sighting = localiser->look(found.frame.image);
-    if (found.sighting.position) *found.sighting.position += offset;
-    bool joined = false;
-    if (settings.feedback == Feedback::two_cameras && found.sighting.position) {
-      // Its frame may come a little later; without it this tick has one camera.
-      const auto view = side->at(found.frame.exposed, clock.now() + from_seconds(period / 2));
-      if (view) join_side(found.sighting, *view);
-      joined = view.has_value();
-    }
-    if (rig.model.plain_view && !joined) found.sighting.position.reset();  // without a depth
-    return found;
   }
 
   void tick() {
@@ -344,6 +354,7 @@ struct Servo::Loop {
     } catch (const std::exception& error) {
       recorder.event(clock.now(), "error", std::string("coils could not be set to zero: ") + error.what());
     }
+    guard.tell();
     status.state = state;
     status.failure = failure;
     status.position.reset();
@@ -357,6 +368,7 @@ struct Servo::Loop {
   const ServoSettings settings;
   std::optional<Localiser> localiser;  // of the feedbacks that look
   SideWatch* side;
+  LookGuard guard;
   PlaceToCurrents chain;
   ServoRecord archive;
   std::optional<Interlock::Heart> heart;  // while the loop runs

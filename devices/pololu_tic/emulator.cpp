@@ -68,6 +68,15 @@ class EmulatedTic final : public Emulator {
     vin_ = volts;
     update_state();
   }
+  void set_jammed(bool jammed) override {
+    advance();
+    jammed_ = jammed;
+  }
+  void set_kill_switch(bool pressed) override {
+    advance();
+    killed_ = pressed;
+    update_state();
+  }
 
  private:
   std::optional<std::vector<std::uint8_t>> answer(const Read& read) {
@@ -116,7 +125,7 @@ class EmulatedTic final : public Emulator {
   Variables reported_;  // the part that commands set and reads show
   std::uint16_t errors_ = kIntentionallyDeEnergized | kSafeStartViolation;
   OperationState state_ = OperationState::de_energized;
-  bool uncertain_ = true;
+  bool uncertain_ = true, jammed_ = false, killed_ = false;
   double vin_ = 0;
   Time now_{}, fed_{}, safe_start_left_{};
   double motor_ = 0, zero_ = 0;  // usteps: where the motor is, and where the counter is 0
@@ -200,7 +209,11 @@ void EmulatedTic::obey(const Command& command) {
 
 /// From the errors follows the state; leaving the normal one wants a new exit from safe start.
 void EmulatedTic::update_state() {
-  errors_ = static_cast<std::uint16_t>(vin_ < kLowVoltage ? errors_ | kLowVin : errors_ & ~kLowVin);
+  const auto set = [this](std::uint16_t error, bool on) {
+    errors_ = static_cast<std::uint16_t>(on ? errors_ | error : errors_ & ~error);
+  };
+  set(kLowVin, vin_ < kLowVoltage);
+  set(kKillSwitch, killed_);
   const bool was_normal = state_ == OperationState::normal;
   if ((errors_ & kHardErrors) != 0) {
     if (state_ != OperationState::de_energized) halt();
@@ -232,7 +245,12 @@ void EmulatedTic::advance() {
                                                    settings_bytes_[kCommandTimeoutSetting + 1] << 8);
     if (timeout > Time::zero() && now_ - fed_ > timeout) errors_ |= kCommandTimeout;
     update_state();
-    if (!at_rest) step(to_seconds(step_length));
+    if (at_rest) continue;
+    const double before = motor_;
+    step(to_seconds(step_length));
+    if (!jammed_) continue;
+    zero_ -= motor_ - before;
+    motor_ = before;
   }
 }
 

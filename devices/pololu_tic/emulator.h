@@ -35,6 +35,10 @@ class Emulator : public UsbPeer {
   virtual void slip(std::int64_t usteps) = 0;
   /// The motor's supply goes and comes back; the controller lives on USB.
   virtual void set_vin(double volts) = 0;
+  /// While it is jammed the motor loses every step: the controller counts them, and does not notice.
+  virtual void set_jammed(bool jammed) = 0;
+  /// The kill switch, or a limit switch that is wired to it.
+  virtual void set_kill_switch(bool pressed) = 0;
 };
 std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings, const Clock& clock);
 

@@ -197,11 +197,17 @@ struct Laboratory::State {
     return renderer.render(bodies, number);
   }
 
+  void drive(Time now, control::Currents commands) {
+    for (double& command : commands) command = std::clamp(command, -faults.saturation, faults.saturation);
+    world.set_coil_commands(now, commands);
+  }
+
   static constexpr int kBeforeCondensingLens = 5;  // the surface whose thickness is the air before the lens
   static constexpr double kDarkest = 1e-6;         // of the light: a sensor that sees nothing at all has no picture
   LaboratorySettings settings;
   Clock& clock;
   std::uint64_t seed, drawn = seed;  // of everything; of the machine
+  Faults faults;
   double light = 1;
   std::function<double(Time)> sensor_place, sensor_angle;
   std::function<Eigen::Vector3d(Time)> probe_place;
@@ -233,17 +239,19 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
       CameraInfo{"simulated microscope camera", top.size.width, top.size.height, 1 / top.frame_rate,
                  settings.top_image.pixel},
       top, clock, seed_for(seed, Purpose::top_jitter),
-      [&state](Time exposed, std::uint64_t number) { return state.draw_top(exposed, number); });
+      [&state](Time exposed, std::uint64_t number) { return state.draw_top(exposed, number); },
+      state.faults.looks["top_camera"]);
   state.side = std::make_unique<SimulatedCamera>(
       CameraInfo{"simulated side camera", side.size.width, side.size.height, 1 / side.frame_rate, settings.side_pixel},
       side, clock, seed_for(seed, Purpose::side_jitter),
-      [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); });
+      [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); },
+      state.faults.looks["side_camera"]);
   state.outputs =
       usb3103::make_emulator(drawn_dac(settings.dac_offset, seed), [&state](const usb3103::Voltages& volts) {
         control::Currents commands(state.settings.world.field.coils());
         for (int coil = 0; coil < commands.size(); ++coil)
           commands[coil] = volts[static_cast<std::size_t>(coil)] * state.settings.amperes_per_volt;
-        state.world.set_coil_commands(state.clock.now(), commands);
+        state.drive(state.clock.now(), commands);
       });
 }
 
@@ -257,6 +265,12 @@ void Laboratory::turn_sensor(std::function<double(Time)> angle) { state_->sensor
 void Laboratory::carry_probe(std::function<Eigen::Vector3d(Time)> place) { state_->probe_place = std::move(place); }
 FieldProbe& Laboratory::field_probe() { return state_->probe; }
 usb3103::Emulator& Laboratory::coil_outputs() { return *state_->outputs; }
+Faults& Laboratory::faults() { return state_->faults; }
+
+void Laboratory::obey_lens_faults() {
+  state_->lens->set_jammed(state_->faults.lens.stuck);
+  state_->lens->set_kill_switch(state_->faults.lens.limit);
+}
 
 void Laboratory::set_light(double level) {
   if (!(std::isfinite(level))) throw std::invalid_argument("level: must be finite");
@@ -269,7 +283,7 @@ void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
     throw std::invalid_argument("currents: the machine has " + std::to_string(commands.size()) + " coils, not " +
                                 std::to_string(currents.size()));
   std::copy(currents.begin(), currents.end(), commands.data());
-  state_->world.set_coil_commands(now, commands);
+  state_->drive(now, commands);
 }
 
 Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& place, Time time) {

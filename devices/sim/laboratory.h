@@ -8,6 +8,7 @@
 #include "devices/pololu_tic/driver.h"
 #include "devices/pololu_tic/emulator.h"
 #include "devices/sample_handler.h"
+#include "devices/sim/faults.h"
 #include "devices/sim/hardware_draw.h"
 #include "devices/sim/probe.h"
 #include "devices/sim/renderer.h"
@@ -84,6 +85,10 @@ class Laboratory {
   usb3103::Emulator& coil_outputs();
   /// The light in the eye, part of what it was made with, from now on; 1 where nobody says. The side view has its own.
   void set_light(double level);
+  /// What is wrong with them, to be set at any time.
+  Faults& faults();
+  /// After a change of faults().lens: its motor loses its steps, or its limit switch cuts it off.
+  void obey_lens_faults();
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);
   /// T, as it really is at `place` (m, world frame).

@@ -4,6 +4,7 @@
 #include "devices/error.h"
 
 #include <algorithm>
+#include <limits>
 #include <random>
 #include <stdexcept>
 #include <utility>
@@ -23,39 +24,64 @@ Eigen::Vector3d noise_of(std::uint64_t seed, std::uint64_t number) {
 
 class TruthSensor : public PoseSensor {
  public:
-  TruthSensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock, std::uint64_t seed)
+  TruthSensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock, std::uint64_t seed,
+              const ImagingFaults& faults)
       : settings_(settings),
         truth_(std::move(truth)),
         clock_(clock),
         seed_(seed),
+        faults_(faults),
         period_(from_seconds(1 / settings.frame_rate)),
         latency_(from_seconds(settings.latency)) {}
   std::string identity() const override { return "simulated pose sensor: the simulator's truth, late and noisy"; }
   double period() const override { return 1 / settings_.frame_rate; }
   PoseReading read(Time timeout) override {
-    const Time deadline = timeout == kForever ? kForever : clock_.now() + timeout;
-    const std::int64_t arrived = clock_.now() < latency_ ? -1 : (clock_.now() - latency_) / period_;
-    const std::int64_t number = std::max(arrived, last_ + 1);
-    const Time arrives = number * period_ + latency_;
-    if (arrives > deadline) {
-      clock_.sleep_until(deadline);
-      throw DeviceError(DeviceErrorKind::timeout, "pose_sensor", "no reading in time");
+    const Time deadline = later(clock_.now(), timeout);
+    for (;;) {
+      const Time late = latency_ + faults_.late;
+      const std::int64_t arrived = clock_.now() < late ? -1 : (clock_.now() - late) / period_;
+      const std::int64_t number = std::max(arrived, last_ + 1);
+      const Time arrives = number * period_ + late;
+      if (arrives > deadline) {
+        wait_until(deadline);
+        throw DeviceError(DeviceErrorKind::timeout, "pose_sensor", "no reading in time");
+      }
+      wait_until(number * period_ + latency_);
+      last_ = number;
+      if (!faults_.frozen) last_place_ = truth_(number * period_);  // while it can still be asked for
+      if (faults_.late > Time::zero()) wait_until(arrives);
+      const auto each = [number](int n) { return n > 0 && number % n == 0; };
+      if (faults_.silent || each(faults_.drops) || each(faults_.torn)) continue;
+      return reading(number, arrives);
     }
-    clock_.sleep_until(arrives);
-    last_ = number;
-    PoseReading reading{static_cast<std::uint64_t>(number), number * period_, arrives, truth_(number * period_), {}};
-    reading.covariance = settings_.noise * settings_.noise * Eigen::Matrix3d::Identity();
-    if (reading.position) *reading.position += settings_.noise * noise_of(seed_, reading.number);
-    return reading;
   }
 
  private:
+  void wait_until(Time due) {
+    const auto check = [this] {
+      if (faults_.unplugged) throw DeviceError(DeviceErrorKind::lost, "pose_sensor", "is gone");
+    };
+    check();
+    clock_.sleep_until(due);
+    check();
+  }
+
+  PoseReading reading(std::int64_t number, Time arrives) const {
+    PoseReading reading{static_cast<std::uint64_t>(number), number * period_ + faults_.jump, arrives, last_place_, {}};
+    reading.covariance = settings_.noise * settings_.noise * Eigen::Matrix3d::Identity();
+    if (reading.position && !faults_.frozen) *reading.position += settings_.noise * noise_of(seed_, reading.number);
+    if (faults_.nan) reading.position = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    return reading;
+  }
+
   PoseSensorSettings settings_;
   TruePlace truth_;
   Clock& clock_;
   std::uint64_t seed_;
+  const ImagingFaults& faults_;
   Time period_, latency_;
   std::int64_t last_ = -1;
+  std::optional<Eigen::Vector3d> last_place_;
 };
 
 }  // namespace
@@ -67,9 +93,10 @@ void PoseSensorSettings::check() const {
 }
 
 std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock,
-                                             std::uint64_t seed) {
+                                             std::uint64_t seed, const ImagingFaults* faults) {
+  static const ImagingFaults none;
   settings.check();
-  return std::make_unique<TruthSensor>(settings, std::move(truth), clock, seed);
+  return std::make_unique<TruthSensor>(settings, std::move(truth), clock, seed, faults != nullptr ? *faults : none);
 }
 
 }  // namespace vitreo::sim

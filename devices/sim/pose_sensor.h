@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/pose_sensor.h"
+#include "devices/sim/faults.h"
 
 #include <cstdint>
 #include <functional>
@@ -21,7 +22,8 @@ struct PoseSensorSettings {
 /// Where the robot is at a time that lies up to 0.5 s back; nothing without a robot.
 using TruePlace = std::function<std::optional<Eigen::Vector3d>(Time)>;
 
+/// `faults` outlives the sensor; null: none.
 std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock,
-                                             std::uint64_t seed);
+                                             std::uint64_t seed, const ImagingFaults* faults = nullptr);
 
 }  // namespace vitreo::sim

@@ -21,14 +21,15 @@ void CameraSettings::check() const {
 }
 
 SimulatedCamera::SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock, std::uint64_t seed,
-                                 Draw draw)
+                                 Draw draw, const ImagingFaults& faults)
     : info_(std::move(info)),
       clock_(clock),
       draw_(std::move(draw)),
       period_(from_seconds(1 / settings.frame_rate)),
       latency_(from_seconds(settings.latency)),
       jitter_(settings.jitter),
-      seed_(seed) {}
+      seed_(seed),
+      faults_(faults) {}
 
 Time SimulatedCamera::arrival(std::int64_t number) const {
   const Time steady = number * period_ + latency_;
@@ -39,21 +40,48 @@ Time SimulatedCamera::arrival(std::int64_t number) const {
   return steady + from_seconds(std::min(late, most));
 }
 
-Frame SimulatedCamera::grab(Time timeout) {
-  const Time now = clock_.now(), deadline = later(now, timeout);
-  // The newest that has arrived, if it was not yet returned; else the next one to arrive.
+/// The newest that has arrived, if it was not yet returned; else the next one to arrive.
+std::int64_t SimulatedCamera::next() const {
+  const Time now = clock_.now() - faults_.late;
   std::int64_t arrived = now < latency_ ? -1 : (now - latency_) / period_;
   if (arrived >= 0 && arrival(arrived) > now) --arrived;
-  const std::int64_t number = std::max(arrived, last_ + 1);
-  const Time exposed = number * period_, arrives = arrival(number);
-  if (arrives > deadline) {
-    clock_.sleep_until(deadline);
-    throw DeviceError(DeviceErrorKind::timeout, info_.identity, "no frame in time");
+  return std::max(arrived, last_ + 1);
+}
+
+/// Whether a frame gets through, and if not, what became of it.
+bool SimulatedCamera::comes(std::int64_t number) {
+  const auto each = [number](int n) { return n > 0 && number % n == 0; };
+  const bool dropped = each(faults_.drops) || faults_.silent;
+  const bool torn = !dropped && each(faults_.torn);
+  statistics_.lost += dropped ? 1 : 0;
+  statistics_.torn += torn ? 1 : 0;
+  return !dropped && !torn;
+}
+
+void SimulatedCamera::wait_until(Time due) {
+  if (faults_.unplugged) throw DeviceError(DeviceErrorKind::lost, info_.identity, "is gone");
+  clock_.sleep_until(due);
+  if (faults_.unplugged) throw DeviceError(DeviceErrorKind::lost, info_.identity, "is gone");
+}
+
+Frame SimulatedCamera::grab(Time timeout) {
+  const Time deadline = later(clock_.now(), timeout);
+  for (;;) {
+    const std::int64_t number = next();
+    const Time exposed = number * period_, arrives = arrival(number);
+    if (later(arrives, faults_.late) > deadline) {
+      wait_until(deadline);
+      throw DeviceError(DeviceErrorKind::timeout, info_.identity, "no frame in time");
+    }
+    wait_until(arrives);
+    last_ = number;
+    if (!comes(number)) continue;
+    const auto count = static_cast<std::uint64_t>(number);
+    if (!faults_.frozen || picture_.empty()) picture_ = draw_(exposed, count);
+    if (faults_.late > Time::zero()) wait_until(later(arrives, faults_.late));
+    ++statistics_.delivered;
+    return {picture_, count, exposed + faults_.jump, std::max(arrives, later(arrives, faults_.late))};
   }
-  clock_.sleep_until(arrives);
-  last_ = number;
-  const auto count = static_cast<std::uint64_t>(number);
-  return {draw_(exposed, count), count, exposed, arrives};
 }
 
 }  // namespace vitreo::sim

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "devices/camera.h"
+#include "devices/sim/faults.h"
 #include "devices/sim/renderer.h"
 #include "devices/sim/view.h"
 
@@ -24,12 +25,18 @@ struct CameraSettings {
 class SimulatedCamera : public Camera {
  public:
   using Draw = std::function<cv::Mat(Time exposed, std::uint64_t number)>;
-  SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock, std::uint64_t seed, Draw draw);
+  /// `faults` outlives the camera.
+  SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock, std::uint64_t seed, Draw draw,
+                  const ImagingFaults& faults);
   const CameraInfo& info() const override { return info_; }
   Frame grab(Time timeout) override;
+  CameraStatistics statistics() const override { return statistics_; }
 
  private:
   Time arrival(std::int64_t number) const;
+  std::int64_t next() const;
+  bool comes(std::int64_t number);
+  void wait_until(Time due);
 
   CameraInfo info_;
   Clock& clock_;
@@ -37,7 +44,10 @@ class SimulatedCamera : public Camera {
   Time period_, latency_;
   double jitter_;
   std::uint64_t seed_;
+  const ImagingFaults& faults_;
   std::int64_t last_ = -1;
+  CameraStatistics statistics_;
+  cv::Mat picture_;  // the last one
 };
 
 }  // namespace vitreo::sim

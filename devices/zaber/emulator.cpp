@@ -37,8 +37,8 @@ struct AxisState {
   void set_off(double target, Time now) {
     from = at(now);
     begun = now;
-    stalled = jammed && (target - *jammed) * (from - *jammed) < 0;
-    to = stalled ? *jammed : target;
+    stalled = held || (jammed && (target - *jammed) * (from - *jammed) < 0);
+    to = held ? from : stalled ? *jammed : target;
   }
   void stop(Time now) {
     from = to = at(now);
@@ -64,6 +64,7 @@ struct AxisState {
   Time begun{};
   bool referenced, homing = false, stalled = false, parked = false;
   std::optional<double> jammed;
+  bool held = false;
   std::string flag = "--";
 };
 
@@ -276,6 +277,17 @@ class EmulatedChain final : public Emulator {
     return devices_.at(device).axes.at(axis).moving(now);
   }
   void jam(std::size_t device, std::size_t axis, double at) override { devices_.at(device).axes.at(axis).jammed = at; }
+  void hold(bool held, Time now) override {
+    for (DeviceState& device : devices_) {
+      for (AxisState& axis : device.axes) {
+        const bool moved = axis.moving(now);
+        axis.held = held;
+        if (!held || !moved) continue;
+        axis.stop(now);
+        axis.stalled = true;
+      }
+    }
+  }
   void power_cycle(Time now) override {
     for (DeviceState& device : devices_) {
       for (AxisState& axis : device.axes) {

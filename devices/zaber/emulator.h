@@ -35,6 +35,8 @@ class Emulator : public BytePeer {
   virtual bool moving(std::size_t device, std::size_t axis, Time now) const = 0;
   /// Somebody holds the axis: it stalls there on its way, and stops (FS).
   virtual void jam(std::size_t device, std::size_t axis, double at) = 0;
+  /// Somebody holds all axes where they are: one that moves stops, one that sets off stalls at once (FS).
+  virtual void hold(bool held, Time now) = 0;
   /// Switched off and on: it stands where it stood, and no longer knows where that is.
   virtual void power_cycle(Time now) = 0;
 };

@@ -46,6 +46,10 @@ void add_run_options(Command& command, RunOptions& options) {
   command.option("--seed", options.request.seed, "of everything that is drawn by chance (default: 1)");
   command.option("--out", options.request.out, "folder for the run's folder (default: runs)");
   command.option("--operator", options.request.operator_name, "who runs it, for the record");
+  command
+      .option("--fault", options.request.faults,
+              "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo faults` lists the kinds")
+      .one_word_each();
   command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
   command
       .option("--frames", options.request.frames,

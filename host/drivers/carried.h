@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include <functional>
+#include <memory>
 #include <string>
 
 namespace vitreo {
@@ -25,6 +26,13 @@ inline void carry(const Surroundings& where, const std::string& load,
   if (where.laboratory == nullptr) return;
   if (load == "sensor") where.laboratory->carry_sensor([place](Time time) { return place(time).z(); });
   if (load == "probe") where.laboratory->carry_probe(place);
+}
+
+/// What the fault "stuck" of a role does to its emulator.
+template <class Emulator>
+void let_stick(const Surroundings& where, const std::string& role, const std::shared_ptr<Emulator>& emulator) {
+  if (where.laboratory == nullptr) return;
+  where.laboratory->faults().sticks[role] = [emulator](bool held, Time now) { emulator->hold(held, now); };
 }
 
 }  // namespace vitreo

@@ -68,7 +68,7 @@ Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
     }
     std::vector<std::unique_ptr<ByteLink>> links;
     for (std::size_t i = 0; i < places.size(); ++i)
-      links.push_back(emulated ? memory_byte_link(*emulated->supplies[i], where.clock)
+      links.push_back(emulated ? memory_byte_link(*emulated->supplies[i], where.clock, {}, link_faults(where, "coils"))
                                : open_byte_link(places[i].address, places[i].serial, where.clock));
     opened.device = kepco_bop::open(std::move(links), settings, where.clock);
     return opened;

@@ -1,6 +1,7 @@
 // The Pololu Tic as a rig file describes it.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/pololu_tic/driver.h"
+#include "devices/sim/faulty_links.h"
 #include "host/drivers/drivers.h"
 
 namespace vitreo {
@@ -49,7 +50,8 @@ Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument) {
     };
   instrument.laboratory.lens = settings;
   return [settings, latency](const Surroundings& where) {
-    auto link = memory_usb_link(where.laboratory->lens_motor(), where.clock, latency);
+    auto link = sim::faulty_usb_link(memory_usb_link(where.laboratory->lens_motor(), where.clock, latency),
+                                     where.laboratory->faults().links["lens_mover"], where.clock);
     return Opened<LensMover>{nullptr, pololu_tic::open(std::move(link), settings, where.clock)};
   };
 }

@@ -36,7 +36,7 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument) {
     emulated.range = settings.range / settings.unit;
     if (!settings.model.empty()) emulated.identity = "VITREO," + settings.model + ",P001,1.0";
     return open_on<FieldProbe>(
-        place, scpi_probe::make_emulator(emulated, field), where,
+        place, scpi_probe::make_emulator(emulated, field), where, "field_probe",
         [&](std::unique_ptr<ByteLink> link) { return scpi_probe::open(std::move(link), settings, where.clock); });
   };
 }

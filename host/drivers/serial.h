@@ -35,17 +35,22 @@ void check_settings(const InstrumentReader& instrument, const Settings& settings
 /// instrument's manual says.
 SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual);
 
+/// What is wrong with the wire to a role's emulators; null where nothing is simulated.
+inline const LinkFaults* link_faults(const Surroundings& where, const std::string& role) {
+  return where.laboratory == nullptr ? nullptr : &where.laboratory->faults().links[role];
+}
+
 /// Opens the link, to `emulator` where the address says so, and `open`s the driver on it.
 template <class Role, class Open>
 Opened<Role> open_on(const SerialPlace& place, const std::shared_ptr<BytePeer>& emulator, const Surroundings& where,
-                     const Open& open) {
+                     const std::string& role, const Open& open) {
   if (where.offer) {
     where.offer(place.address, place.serial.baud_rate, emulator);
     return {emulator, nullptr};
   }
   if (!place.emulated()) return {nullptr, open(open_byte_link(place.address, place.serial, where.clock))};
   const Time per_byte = place.ideal ? Time::zero() : from_seconds(10.0 / place.serial.baud_rate);
-  auto link = memory_byte_link(*emulator, where.clock, {Time::zero(), per_byte});
+  auto link = memory_byte_link(*emulator, where.clock, {Time::zero(), per_byte}, link_faults(where, role));
   // In this order: the driver's end still talks to the emulator.
   Opened<Role> opened;
   opened.far_end = emulator;

@@ -88,7 +88,8 @@ Opener<Stage> read_simulated_stage(const InstrumentReader& instrument) {
       return Eigen::Vector3d(place_of(settings, *emulator, 0, time), place_of(settings, *emulator, 1, time),
                              place_of(settings, *emulator, 2, time));
     });
-    return open_on<Stage>(ideal_place(), emulator, where, [&](std::unique_ptr<ByteLink> link) {
+    let_stick(where, "stage", emulator);
+    return open_on<Stage>(ideal_place(), emulator, where, "stage", [&](std::unique_ptr<ByteLink> link) {
       return zaber::open(std::move(link), settings, where.clock);
     });
   };
@@ -104,9 +105,10 @@ Opener<RotationStage> read_simulated_rotation(const InstrumentReader& instrument
   return [settings](const Surroundings& where) -> Opened<RotationStage> {
     const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings);
     where.laboratory->turn_sensor([settings, emulator](Time time) { return place_of(settings, *emulator, 0, time); });
-    return open_on<RotationStage>(ideal_place(), emulator, where, [&](std::unique_ptr<ByteLink> link) {
-      return zaber::open_rotary(std::move(link), settings, where.clock);
-    });
+    let_stick(where, "rotation_stage", emulator);
+    return open_on<RotationStage>(
+        ideal_place(), emulator, where, "rotation_stage",
+        [&](std::unique_ptr<ByteLink> link) { return zaber::open_rotary(std::move(link), settings, where.clock); });
   };
 }
 

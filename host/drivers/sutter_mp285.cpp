@@ -38,7 +38,7 @@ Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument) {
         const sutter_mp285::Usteps usteps = emulator->position(now);
         return Eigen::Vector3d(usteps[0], usteps[1], usteps[2]) * sutter_mp285::kUstep;
       });
-    return open_on<Stage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
+    return open_on<Stage>(place, emulator, where, "stage", [&](std::unique_ptr<ByteLink> link) {
       return sutter_mp285::open(std::move(link), settings, where.clock);
     });
   };

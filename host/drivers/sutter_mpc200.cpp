@@ -52,7 +52,7 @@ Opener<Stage> read_sutter_mpc200(const InstrumentReader& instrument) {
         const sutter_mpc200::Usteps at = emulator->position(drive, now);
         return Eigen::Vector3d(at[0] - start[0], at[1] - start[1], at[2] - start[2]) * sutter_mpc200::kUstep;
       });
-    return open_on<Stage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
+    return open_on<Stage>(place, emulator, where, "stage", [&](std::unique_ptr<ByteLink> link) {
       return sutter_mpc200::open(std::move(link), settings, where.clock);
     });
   };

@@ -1,5 +1,6 @@
 // The USB-3103 as a rig file describes it.
 // SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/faulty_links.h"
 #include "devices/usb3103/driver.h"
 #include "host/drivers/drivers.h"
 
@@ -20,7 +21,8 @@ Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
       return Opened<CoilAmplifier>{nullptr, usb3103::open(open_hid_link(address, where.clock), settings, where.clock)};
     };
   return [settings, latency](const Surroundings& where) -> Opened<CoilAmplifier> {
-    auto link = memory_hid_link(where.laboratory->coil_outputs(), where.clock, latency);
+    auto link = sim::faulty_hid_link(memory_hid_link(where.laboratory->coil_outputs(), where.clock, latency),
+                                     where.laboratory->faults().links["coils"], where.clock);
     return {nullptr, usb3103::open(std::move(link), settings, where.clock)};
   };
 }

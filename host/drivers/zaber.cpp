@@ -89,7 +89,8 @@ Opener<Stage> read_zaber(const InstrumentReader& instrument) {
           moved[settings.axes[i].name.front() - 'x'] = place_of(settings, i, *emulator, now);
         return moved;
       });
-    return open_on<Stage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
+    if (place.emulated()) let_stick(where, "stage", emulator);
+    return open_on<Stage>(place, emulator, where, "stage", [&](std::unique_ptr<ByteLink> link) {
       return zaber::open(std::move(link), settings, where.clock);
     });
   };
@@ -107,7 +108,8 @@ Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument) {
     const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings, kTurn);
     if ((place.emulated() || where.offer) && where.laboratory != nullptr)
       where.laboratory->turn_sensor([settings, emulator](Time now) { return place_of(settings, 0, *emulator, now); });
-    return open_on<RotationStage>(place, emulator, where, [&](std::unique_ptr<ByteLink> link) {
+    if (place.emulated()) let_stick(where, "rotation_stage", emulator);
+    return open_on<RotationStage>(place, emulator, where, "rotation_stage", [&](std::unique_ptr<ByteLink> link) {
       return zaber::open_rotary(std::move(link), settings, where.clock);
     });
   };

@@ -2,13 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/bind_rig.h"
 
-#include "host/lua/bind_optics.h"
 #include "host/lua/bind_vision.h"
 #include "host/lua/context.h"
-#include "host/lua/readable.h"
 #include "host/lua/scheduler.h"
 #include "host/lua/values.h"
-#include "host/plant_settings.h"
 #include "host/units.h"
 #include "vision/background.h"
 
@@ -141,23 +138,6 @@ int learn(Call& call) {
         return 1;
       },
       {std::to_string(frames) + " frames", {}}));
-}
-
-int draw_machine(Call& call) {
-  call.self<Simulation>().draw_machine(static_cast<std::uint64_t>(call.number(0)));
-  return 0;
-}
-
-int use_calibration(Call& call) {
-  Session& session = session_of(call.L);
-  const MeasuredField measured = read_calibration(readable(call.context(), call.text(0)), session.rig.model.field);
-  call.self<Simulation>().use_calibration(measured.field);
-  push_fields(call.L, {{"difference", measured.difference}});
-  push_numbers(call.L, {measured.channels.begin(), measured.channels.end()});
-  lua_setfield(call.L, -2, "channels");
-  lua_pushlstring(call.L, measured.system_name.data(), measured.system_name.size());
-  lua_setfield(call.L, -2, "name");
-  return 1;
 }
 
 int background_count(Call& call) { return call.result(call.self<vision::Background>().count()); }
@@ -297,28 +277,6 @@ const Class& sample_class() {
                             "releases the robot near a place",
                             insert_robot},
                            {"remove_robot", {}, "", "takes the robot out", remove_robot}}};
-  return kind;
-}
-
-const Class& simulation_class() {
-  static const Class kind{
-      "simulation",
-      "what only a simulated rig can be told",
-      {{"draw_machine",
-        {{.name = "number",
-          .type = Type::integer,
-          .min = 0,
-          .max = 1e9,
-          .help = "0: the one that the run's seed drew"}},
-        "",
-        "makes it another machine of the same kind, without a robot in it",
-        draw_machine},
-       {"use_calibration",
-        {{.name = "file", .type = Type::text, .help = "YAML, as ETH's software writes it"}},
-        "table",
-        "puts a measured calibration in the plant, as it is: name, difference from the loop's model "
-        "at the centre (relative), channels that drive the file's coils",
-        use_calibration}}};
   return kind;
 }
 

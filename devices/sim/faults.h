@@ -1,0 +1,44 @@
+// What is wrong with the simulated instruments, now. Whoever injects faults sets it; the instruments, and the links to
+// their emulators, look at it whenever they are used. All of it is touched with the clock's baton in hand.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/byte_link.h"
+#include "devices/clock.h"
+
+#include <functional>
+#include <limits>
+#include <map>
+#include <string>
+
+namespace vitreo::sim {
+
+/// Of what looks: a camera, or the pose sensor.
+struct ImagingFaults {
+  bool unplugged = false;  ///< every call throws DeviceError{lost}
+  bool silent = false;     ///< nothing comes
+  bool frozen = false;     ///< the last picture, or place, again and again under new numbers
+  bool nan = false;        ///< places that are not numbers; of the pose sensor
+  Time late{};             ///< how much later it comes
+  Time jump{};             ///< how wrong the time stamps of the exposures are
+  int drops = 0;           ///< each n-th never comes; 0: all come
+  int torn = 0;            ///< each n-th comes in part, and is dropped and counted
+};
+
+/// Of what moves.
+struct MotionFaults {
+  bool stuck = false;  ///< it is told to move and stands still
+  bool limit = false;  ///< its limit switch is pressed: it stops, and does not set off
+};
+
+struct Faults {
+  std::map<std::string, LinkFaults> links;     // by role; of the instruments behind an emulated wire
+  std::map<std::string, ImagingFaults> looks;  // top_camera, side_camera, pose_sensor
+  MotionFaults lens;                           // of the lens mover's motor
+  /// By role: holds a stage where it is, or lets it go; the emulators that know how put theirs here when they are
+  /// opened.
+  std::map<std::string, std::function<void(bool held, Time now)>> sticks;
+  double saturation = std::numeric_limits<double>::infinity();  // A, that the amplifiers give at most
+};
+
+}  // namespace vitreo::sim

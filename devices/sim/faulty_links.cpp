@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/sim/faulty_links.h"
+
+#include "devices/error.h"
+
+#include <algorithm>
+#include <deque>
+#include <utility>
+
+namespace vitreo::sim {
+namespace {
+
+constexpr Time kLook = std::chrono::milliseconds(20);  // how often who waits sees that the cable was pulled
+
+void check_cable(const LinkFaults& faults, const char* bus) {
+  if (faults.unplugged) throw DeviceError(DeviceErrorKind::lost, bus, "is gone");
+}
+
+void spoil(const LinkFaults& faults, std::vector<std::uint8_t>& bytes) {
+  if (faults.keep >= 0 && bytes.size() > static_cast<std::size_t>(faults.keep))
+    bytes.resize(static_cast<std::size_t>(faults.keep));
+  if (faults.garble >= 0 && bytes.size() > static_cast<std::size_t>(faults.garble))
+    bytes[static_cast<std::size_t>(faults.garble)] ^= faults.flip;
+}
+
+class FaultyHidLink final : public HidLink {
+ public:
+  FaultyHidLink(std::unique_ptr<HidLink> link, const LinkFaults& faults, Clock& clock)
+      : link_(std::move(link)), faults_(faults), clock_(clock) {}
+
+  void write(std::span<const std::uint8_t> report) override {
+    check_cable(faults_, "hid");
+    if (!faults_.deaf) return link_->write(report);
+    clock_.sleep_for(Time::zero());  // it is a wait all the same
+  }
+
+  std::optional<std::vector<std::uint8_t>> read(Time timeout) override {
+    const Time deadline = later(clock_.now(), timeout);
+    for (;;) {
+      check_cable(faults_, "hid");
+      const Time slice = std::min(deadline, held_.empty() ? later(clock_.now(), kLook)
+                                                          : std::min(held_.front().due, later(clock_.now(), kLook)));
+      if (auto report = link_->read(std::max(slice - clock_.now(), Time::zero())); report && !faults_.silent) {
+        spoil(faults_, *report);
+        held_.push_back({later(clock_.now(), faults_.late), std::move(*report)});
+      }
+      if (!held_.empty() && held_.front().due <= clock_.now()) {
+        auto report = std::move(held_.front().report);
+        held_.pop_front();
+        return report;
+      }
+      if (clock_.now() >= deadline) return std::nullopt;
+    }
+  }
+
+ private:
+  struct Held {
+    Time due;
+    std::vector<std::uint8_t> report;
+  };
+  std::unique_ptr<HidLink> link_;
+  const LinkFaults& faults_;
+  Clock& clock_;
+  std::deque<Held> held_;
+};
+
+class FaultyUsbLink final : public UsbLink {
+ public:
+  FaultyUsbLink(std::unique_ptr<UsbLink> link, const LinkFaults& faults, Clock& clock)
+      : link_(std::move(link)), faults_(faults), clock_(clock) {}
+
+  const UsbIdentity& identity() const override { return link_->identity(); }
+  void write(const UsbSetup& setup, std::span<const std::uint8_t> data, Time timeout) override {
+    delay(timeout);
+    link_->write(setup, data, timeout);
+  }
+  std::vector<std::uint8_t> read(const UsbSetup& setup, std::uint16_t length, Time timeout) override {
+    delay(timeout);
+    auto bytes = link_->read(setup, length, timeout);
+    spoil(faults_, bytes);
+    return bytes;
+  }
+
+ private:
+  void delay(Time timeout) {
+    check_cable(faults_, "usb");
+    if (!faults_.silent && !faults_.deaf && faults_.late == Time::zero()) return;
+    const bool never = faults_.silent || faults_.deaf || faults_.late >= timeout;
+    clock_.sleep_for(never ? timeout : faults_.late);
+    check_cable(faults_, "usb");
+    if (never) throw DeviceError(DeviceErrorKind::timeout, "usb", "the transfer was not answered in time");
+  }
+
+  std::unique_ptr<UsbLink> link_;
+  const LinkFaults& faults_;
+  Clock& clock_;
+};
+
+}  // namespace
+
+std::unique_ptr<HidLink> faulty_hid_link(std::unique_ptr<HidLink> link, const LinkFaults& faults, Clock& clock) {
+  return std::make_unique<FaultyHidLink>(std::move(link), faults, clock);
+}
+
+std::unique_ptr<UsbLink> faulty_usb_link(std::unique_ptr<UsbLink> link, const LinkFaults& faults, Clock& clock) {
+  return std::make_unique<FaultyUsbLink>(std::move(link), faults, clock);
+}
+
+}  // namespace vitreo::sim

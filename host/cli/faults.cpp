@@ -1,0 +1,38 @@
+// `vitreo faults`: what can be made to go wrong on a simulated rig.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/faults.h"
+
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+
+#include <fmt/format.h>
+
+namespace vitreo::cli {
+namespace {
+
+int list_faults(bool json) {
+  nlohmann::json rows = nlohmann::json::array();
+  for (const FaultKind& kind : fault_kinds()) {
+    const bool plain = kind.unit == "n";
+    rows.push_back({{"kind", kind.name}, {"doc", kind.doc}, {"roles", kind.roles}});
+    if (!kind.unit.empty()) rows.back()["by"] = {{"unit", plain ? "" : kind.unit}, {"default", kind.usual}};
+    if (!json)
+      fmt::print(
+          "{:<10} {}{}\n           of {}\n", kind.name, kind.doc,
+          kind.unit.empty() ? "" : fmt::format(" (by: {:g}{}{})", kind.usual, plain ? "" : " ", plain ? "" : kind.unit),
+          fmt::join(kind.roles, ", "));
+  }
+  if (json) fmt::print("{}\n", rows.dump());
+  return 0;
+}
+
+}  // namespace
+
+void add_faults(CommandLine& line, Program&) {
+  const auto json = std::make_shared<bool>(false);
+  Command command = line.command("faults", "what can be made to go wrong on a simulated rig: run --fault",
+                                 [json] { return list_faults(*json); });
+  command.flag("--json", *json, "as JSON, SI units");
+}
+
+}  // namespace vitreo::cli

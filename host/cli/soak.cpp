@@ -1,0 +1,59 @@
+// `vitreo soak`: a protocol under faults, stops and kills that seeds draw.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/soak.h"
+
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <limits>
+
+namespace vitreo::cli {
+namespace {
+
+constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
+
+struct Wanted : RunOptions {
+  std::string protocol;
+  std::uint64_t seeds = 100, seed = kNone, run_seed = 1;
+  bool json = false;
+};
+
+int soak_protocol(Program& program, Wanted& wanted) {
+  SoakRequest request;
+  wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
+  wanted.request.seed = wanted.run_seed;
+  request.run = wanted.complete();
+  request.first = wanted.seed == kNone ? 1 : wanted.seed;
+  request.count = wanted.seed == kNone ? wanted.seeds : 1;
+  const SoakResult result = soak(program.engine(), request, [&](const SoakedSeed& one) {
+    fmt::print("{}", wanted.json ? to_json(one).dump() + "\n" : to_text(one));
+    std::fflush(stdout);
+  });
+  if (wanted.json)
+    fmt::print("{}\n", to_json(result).dump());
+  else
+    fmt::print("{} seeds, {} violations, {:.0f} s\n", result.seeds, result.violations, result.seconds);
+  return result.violations == 0 ? 0 : 1;
+}
+
+}  // namespace
+
+void add_soak(CommandLine& line, Program& program) {
+  const auto wanted = std::make_shared<Wanted>();
+  Command command =
+      line.command("soak", "runs a protocol under faults, stops and kills at random moments, and checks what must hold",
+                   [&program, wanted] { return soak_protocol(program, *wanted); });
+  command.option("protocol", wanted->protocol, "a protocol's file or name").required();
+  command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
+  command.option("--seeds", wanted->seeds, "how many (default: 100)");
+  command.option("--seed", wanted->seed, "only this one: it happens again as it did");
+  command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
+  command.option("--rig", wanted->request.rig_file, "rig file (default: scripts/rigs/simulated.lua)");
+  command.option("--out", wanted->request.out, "folder in which the records of bad seeds stay (default: runs)");
+  command.flag("--json", wanted->json, "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");
+}
+
+}  // namespace vitreo::cli

@@ -1,0 +1,50 @@
+// `vitreo soak` as its users run it: no violation, and the same line for the same seed.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/program/program.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <cstdlib>
+
+namespace vitreo {
+namespace {
+
+constexpr const char* kHold =
+    "soak hold feedback=pose_sensor compare=false settle=0.5s hold=1s width=0.3mm depth=0.3mm speed=2mm/s ";
+
+std::string last_line(const std::string& text) {
+  const std::size_t end = text.find_last_not_of('\n'), begin = text.rfind('\n', end);
+  return text.substr(begin == std::string::npos ? 0 : begin + 1, end - begin);
+}
+
+TEST(Soak, OfAHoldFindsNothing) {
+  const Workplace place;
+  const std::string seeds = std::getenv("VITREO_LONG") != nullptr ? "1000" : "8";
+  const Spoken said = place.vitreo(kHold + ("--json --seeds " + seeds));
+  EXPECT_EQ(said.exit_code, 0) << said.out << said.err;
+  const auto result = nlohmann::json::parse(last_line(said.out));
+  EXPECT_EQ(result["seeds"], std::stoi(seeds));
+  EXPECT_EQ(result["violations"], 0);
+}
+
+TEST(Soak, ASeedHappensAgainAsItDid) {
+  const Workplace place;
+  for (const char* seed : {"3", "5"}) {
+    const Spoken first = place.vitreo(kHold + (std::string("--seed ") + seed)),
+                 second = place.vitreo(kHold + (std::string("--seed ") + seed));
+    EXPECT_EQ(first.exit_code, 0) << first.out << first.err;
+    EXPECT_EQ(first.out.substr(0, first.out.find('\n')), second.out.substr(0, second.out.find('\n')));
+    EXPECT_NE(first.out.find(std::string("seed ") + seed + ": "), std::string::npos) << first.out;
+  }
+}
+
+TEST(Soak, ARigWithRealInstrumentsIsRefused) {
+  const Workplace place;
+  const Spoken said = place.vitreo("soak hold --seeds 1 --rig scripts/rigs/octomag_lab.lua");
+  EXPECT_EQ(said.exit_code, 2);
+  EXPECT_NE(said.err.find("real instruments"), std::string::npos) << said.err;
+}
+
+}  // namespace
+}  // namespace vitreo
