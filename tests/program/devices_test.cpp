@@ -161,7 +161,9 @@ TEST(Devices, ListsTheRolesOfTheSimulatedRigAsJson) {
   }
   EXPECT_EQ(roles["coils"]["driver"], "usb3103");
   EXPECT_EQ(roles["stage"]["limits"][0]["travel_max"], 15e-3);
-  EXPECT_EQ(place.vitreo("devices --rig " + kSimulated).out.find("missing"), std::string::npos);
+  const std::string text = place.vitreo("devices --rig " + kSimulated).out;
+  EXPECT_EQ(text.find("missing"), std::string::npos) << text;
+  EXPECT_NE(text.find("standing; at 0 mm; z -15 mm to 15 mm up to 20 mm/s"), std::string::npos) << text;
 }
 
 TEST(Devices, SaysWhichRoleIsMissingAndWhyAndShowsTheOthers) {
@@ -199,6 +201,19 @@ TEST(Laboratory, OpensUnchangedAmongEmulatedInstruments) {
     EXPECT_NE(roles[role]["link"], "emulated");
   }
   EXPECT_EQ(roles["stage"]["firmware"], "3.12");
+}
+
+TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
+  const GigePort port;
+  const Workplace place;
+  std::map<std::string, std::string> drivers;
+  for (const auto& row : nlohmann::json::parse(place.vitreo(kAmongEmulators + "devices --json").out))
+    if (row.contains("address")) drivers[row["address"]] = row["driver"];
+  EXPECT_EQ(drivers["hid:09db:009c:01A2B3C4"], "usb3103");
+  EXPECT_EQ(drivers["usb:1ffb:00b3:00123456"], "pololu_tic");
+  EXPECT_EQ(drivers["hid:256f:c635:1"], "spacemouse");
+  EXPECT_EQ(drivers["hid:05f3:0268:1"], "foot_pedal");
+  EXPECT_EQ(drivers["genicam:Aravis-Fake-VITREO01"], "genicam");
 }
 
 TEST(Laboratory, ItsInstrumentsKeepTheirContractsOnTheSystemsOwnPath) {

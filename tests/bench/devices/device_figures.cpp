@@ -90,8 +90,8 @@ void measure_unplugs() {
 
 /// Rows that carry the exposure's number: an image of two exposures shows.
 void draw(const genicam::Exposure& exposure, cv::Mat& image) {
-  image.setTo(exposure.number % 200);
-  image.col(0).setTo(exposure.number & 0xFFU);
+  image.setTo(static_cast<double>(exposure.number % 200));
+  image.col(0).setTo(static_cast<double>(exposure.number & 0xFFU));
   image.at<unsigned char>(0, 1) = static_cast<unsigned char>(exposure.number % 200);
 }
 bool corrupt(const cv::Mat& image) {
