@@ -219,7 +219,7 @@ TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
 TEST(Laboratory, ItsInstrumentsKeepTheirContractsOnTheSystemsOwnPath) {
   const GigePort port;
   const Workplace place;
-  std::vector<std::string> roles{"coils", "stage"};
+  std::vector<std::string> roles{"coils"};  // the others wait for real: long
   if (std::getenv("VITREO_LONG") != nullptr)
     roles = {"coils", "lamp",           "lens_mover",  "joystick",  "pedal",
              "stage", "rotation_stage", "field_probe", "top_camera"};
