@@ -1,0 +1,87 @@
+-- Numbers about lists of numbers, and chance from the run's seed.
+-- SPDX-License-Identifier: Apache-2.0
+local statistics = {}
+
+local function some(values, what)
+  if type(values) ~= "table" or #values == 0 then error(what .. ": wants a list with at least one number", 3) end
+  return values
+end
+
+function statistics.mean(values)
+  local sum = 0
+  for _, value in ipairs(some(values, "mean")) do sum = sum + value end
+  return sum / #values
+end
+
+--- Standard deviation of a sample (n - 1); 0 of a single number.
+function statistics.deviation(values)
+  local mean, squares = statistics.mean(values), 0
+  for _, value in ipairs(values) do squares = squares + (value - mean) ^ 2 end
+  return #values > 1 and math.sqrt(squares / (#values - 1)) or 0
+end
+
+function statistics.rms(values)
+  local squares = 0
+  for _, value in ipairs(some(values, "rms")) do squares = squares + value ^ 2 end
+  return math.sqrt(squares / #values)
+end
+
+function statistics.max(values) return math.max(table.unpack(some(values, "max"))) end
+function statistics.min(values) return math.min(table.unpack(some(values, "min"))) end
+
+--- The value below which a part (0 to 1) of them lies, linear between neighbours.
+function statistics.percentile(values, part)
+  if not (part >= 0 and part <= 1) then error("percentile: part: wants 0 to 1, got " .. tostring(part), 2) end
+  local sorted = table.move(some(values, "percentile"), 1, #values, 1, {})
+  table.sort(sorted)
+  local at = 1 + part * (#sorted - 1)
+  local below = math.floor(at)
+  local above = math.min(below + 1, #sorted)
+  return sorted[below] + (at - below) * (sorted[above] - sorted[below])
+end
+
+function statistics.median(values) return statistics.percentile(values, 0.5) end
+
+--- Independent uncertainties together (GUM 5.1.2): the root of the sum of squares.
+function statistics.combined(...)
+  local squares = 0
+  for _, value in ipairs { ... } do squares = squares + value ^ 2 end
+  return math.sqrt(squares)
+end
+
+--- The straight line y = intercept + slope x, least squares, and the largest distance from it.
+function statistics.line(x, y)
+  if #some(x, "line") < 2 or #x ~= #y then error("line: wants two lists of the same length, two or more", 2) end
+  local mean_x, mean_y, across, along = statistics.mean(x), statistics.mean(y), 0, 0
+  for i = 1, #x do
+    across = across + (x[i] - mean_x) * (y[i] - mean_y)
+    along = along + (x[i] - mean_x) ^ 2
+  end
+  if along == 0 then error("line: all x are alike", 2) end
+  local slope = across / along
+  local intercept, worst = mean_y - slope * mean_x, 0
+  for i = 1, #x do worst = math.max(worst, math.abs(y[i] - intercept - slope * x[i])) end
+  return { slope = slope, intercept = intercept, max_residual = worst }
+end
+
+--- `count` values from `first` to `last`, both among them.
+function statistics.range(first, last, count)
+  if count < 1 then error("range: count: wants at least 1", 2) end
+  local values = {}
+  for i = 1, count do values[i] = count == 1 and first or first + (last - first) * (i - 1) / (count - 1) end
+  return values
+end
+
+--- A number of the standard normal distribution.
+function statistics.normal()
+  return math.sqrt(-2 * math.log(1 - math.random())) * math.cos(2 * math.pi * math.random())
+end
+
+--- f of each, as a list.
+function statistics.map(values, f)
+  local made = {}
+  for i, value in ipairs(values) do made[i] = f(value, i) end
+  return made
+end
+
+return statistics
