@@ -28,6 +28,9 @@ vision::BlobTrackerSettings tracker_settings(const RigModel& model) {
 /// What no tracker's covariance knows, the errors of contour and pose, is not below a tenth of a pixel.
 constexpr double kModelError_px = 0.1;
 
+/// By how much the tracked outline's axes err for good, being that of plates and not of an ellipsoid (docs/figures.md).
+constexpr double kOutlineError_px = 0.15;
+
 constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
 
 }  // namespace
@@ -72,7 +75,14 @@ std::optional<Localiser::Found> Localiser::by_axis(const vision::EllipseMeasurem
 /// depth; here the depth comes from the width, which no pitch changes, and the length says how the robot lies.
 std::optional<Localiser::Found> Localiser::with_axis(const vision::EllipseMeasurement& seen,
                                                      const Eigen::Vector3d& start_in_eye) const {
-  const auto found = optics::locate_object(*tilted_, seen.ellipse.vector(), seen.covariance,
+  // Axis and outline are weighed by what they err for good; the covariance is that of the noise, which a filter
+  // averages. Weighed by its noise alone the outline would bend the axis by five degrees to save a tenth of a pixel,
+  // one way or the other from frame to frame where the robot is seen from straight above.
+  optics::ObjectPoseSettings weighed = *tilted_;
+  const double noise = std::sqrt(seen.covariance(2, 2));
+  weighed.orientation_sigma *= noise / std::hypot(noise, kOutlineError_px);
+  if (!(weighed.orientation_sigma > 0)) return std::nullopt;
+  const auto found = optics::locate_object(weighed, seen.ellipse.vector(), seen.covariance,
                                            {start_in_eye, optics::orientation_along(axis_)});
   if (found.status != optics::PoseStatus::found && found.status != optics::PoseStatus::ambiguous) return std::nullopt;
   const optics::PoseCandidate& best = found.candidates.front();
