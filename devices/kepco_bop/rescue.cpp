@@ -5,12 +5,16 @@
 #include "devices/kepco_bop/wire.h"
 
 #include <exception>
+#include <optional>
 #include <string_view>
 
 namespace vitreo::kepco_bop {
 namespace {
 
 constexpr Time kPatience = std::chrono::milliseconds(500);
+constexpr Time kSilence =
+    std::chrono::milliseconds(60);  // then it is told again: on a line that somebody died on, words get lost
+constexpr int kMostSilences = 8;
 constexpr int kMostLines = 64;  // that may still come from before
 // Answered by "0.00000E0;0": unlike anything that the host before may have asked.
 constexpr std::string_view kToZero = "\x1BSYST:REM 1;CURR 0;OUTP OFF;CURR?;OUTP?\n";
@@ -19,12 +23,12 @@ void tell(ByteLink& link, std::string_view text) {
   link.write({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, kPatience);
 }
 
-std::string line_of(ByteLink& link) {
+/// Nothing after a silence.
+std::optional<std::string> line_of(ByteLink& link) {
   std::string line;
   while (line.size() < kMaxAnswer) {
-    const ByteString byte = link.read(1, kPatience);
-    if (byte.empty())
-      throw DeviceError(DeviceErrorKind::timeout, link.address(), "was told to go to zero, and is silent");
+    const ByteString byte = link.read(1, kSilence);
+    if (byte.empty()) return std::nullopt;
     if (byte.front() == '\n') break;
     line.push_back(static_cast<char>(byte.front()));
   }
@@ -32,8 +36,16 @@ std::string line_of(ByteLink& link) {
 }
 
 void read_back(ByteLink& link) {
+  int silences = 0;
   for (int i = 0; i < kMostLines; ++i) {
-    const std::string said = scpi::trimmed(line_of(link));
+    const auto line = line_of(link);
+    if (!line) {
+      if (++silences == kMostSilences)
+        throw DeviceError(DeviceErrorKind::timeout, link.address(), "was told to go to zero, and is silent");
+      tell(link, kToZero);
+      continue;
+    }
+    const std::string said = scpi::trimmed(*line);
     const std::size_t between = said.find(';');
     if (between == std::string::npos) continue;
     const auto current = scpi::number(said.substr(0, between)), on = scpi::number(said.substr(between + 1));
