@@ -32,6 +32,8 @@ int dispatch(int count, char** words) {
   cli::add_control(line, program);
   cli::add_describe(line, program);
   cli::add_mask(line, program);
+  cli::add_reproduce(line, program);
+  cli::add_test(line, program);
   cli::add_records(line, program);
   cli::add_devices(line, program);
   cli::add_faults(line, program);

@@ -2,6 +2,8 @@
 #include "host/open_rig.h"
 
 #include "control/field_calibration_file.h"
+#include "control/robots.h"
+#include "control/vitreous.h"
 #include "host/guardian.h"
 #include "host/plant_settings.h"
 #include "host/rig_settings.h"
@@ -52,6 +54,16 @@ class SimulatedRig : public OpenRig, public Simulation {
     laboratory_.redraw(seed_ + number * kFar);
   }
   void use_calibration(const control::FieldModel& measured) override { laboratory_.use_field(measured); }
+  void set_eye(const optics::System& eye) override { laboratory_.set_eye(eye); }
+  void change(const std::string& robot, const std::string& gel) override {
+    const auto medium = gel.empty() ? std::nullopt : std::optional(control::gel_named(gel));
+    const control::Robot other = control::robot_named(robot);
+    laboratory_.change(other, medium);
+    rig_.model.robot = other;
+  }
+  void move_body(const std::string& name, const Eigen::Vector3d& position) override {
+    laboratory_.move_body(name, position);
+  }
   Rig& rig() override { return rig_; }
   const nlohmann::json& resolved() const override { return resolved_; }
   sim::Laboratory* laboratory() override { return &laboratory_; }

@@ -43,6 +43,7 @@ struct RigModel {
   std::vector<int> dead_coils;                                // channels from 1 that must stay without current
   control::Robot robot;
   control::Medium medium;
+  std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };
 
 /// What only a simulated rig can be told. Nothing can be learnt from it.
@@ -55,6 +56,13 @@ class Simulation {
   /// From now on the coils are those of a measured calibration, as they are: no other machine draws theirs anew. The
   /// robot is taken out. Throws std::invalid_argument for another number of coils than the machine has.
   virtual void use_calibration(const control::FieldModel& measured) = 0;
+  /// The true eye becomes this one; what the rig believes stays. Throws std::invalid_argument for another kind of eye.
+  virtual void set_eye(const optics::System& eye) = 0;
+  /// Another robot, which the rig believes in too, and a gel of docs/simulated_laboratory.md, or "" for the fluid. The
+  /// robot is taken out. Throws std::invalid_argument naming what is not known.
+  virtual void change(const std::string& robot, const std::string& gel) = 0;
+  /// Puts a body of the rig file elsewhere, m, world. Throws std::invalid_argument when there is none of that name.
+  virtual void move_body(const std::string& name, const Eigen::Vector3d& position) = 0;
 };
 
 /// Borrowed instruments; null where the rig has none.

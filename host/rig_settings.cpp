@@ -5,6 +5,7 @@
 #include "host/calibrations.h"
 #include "host/plant_settings.h"
 #include "host/rights.h"
+#include "optics/prescriptions.h"
 
 #include <algorithm>
 #include <cmath>
@@ -18,8 +19,8 @@ constexpr double kMilli = 1e-3;
 
 void read_model(ConfigReader reader, RigSettings& settings) {
   RigModel& model = settings.model;
-  reader.choice("eye", "model_eye_5_3", {"model_eye_5_3"});
-  model.eye = optics::model_eye_5_3();
+  model.eye_name = reader.choice("eye", model.eye_name, {"model_eye_5_3", "navarro_condensing"});
+  model.eye = optics::prescription(model.eye_name).system;
   model.eye_in_world = reader.vector3("eye_in_world", model.eye_in_world, {-20e-3, 20e-3, "m"});
   const auto& robots = control::robot_names();
   model.robot =

@@ -4,6 +4,7 @@
 
 #include "host/config.h"
 
+#include <cstdint>
 #include <iosfwd>
 #include <limits>
 #include <map>
@@ -31,11 +32,23 @@ struct Parameter {
   bool required = false;  // a text that people must give: there is no sensible default
 };
 
+/// How a protocol wants to be tested (scripts/testing.lua).
+struct ProtocolTest {
+  enum class Kind { run, fail, stop } kind = Kind::run;
+  std::string arguments, answers;  // as on the command line, blanks between
+  std::string rig;                 // a name in scripts/rigs/ or a file; empty: the default
+  std::uint64_t seed = 1;
+  std::map<std::string, std::pair<double, double>> figures;  // of run: least and most, SI
+  std::string fault, outcome, says;                          // of fail
+  int times = 100;                                           // of stop
+};
+
 struct ProtocolDescription {
   std::string file, name, title, text;  // name: the file's stem; text: the source
   std::string about;                    // the comment at the file's head
   std::vector<std::string> needs;       // roles
   std::vector<Parameter> parameters;    // in the order of their names
+  std::vector<ProtocolTest> tests;      // as the file lists them
 };
 
 /// A script's fault, or a protocol file's: one line, with "file:line: " in front where there is one.

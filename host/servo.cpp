@@ -135,6 +135,9 @@ void ServoSettings::check() const {
     throw std::invalid_argument("axis_uncertainty: must be in [0, 1) rad");
   if (max_speed && !(*max_speed > 0)) throw std::invalid_argument("max_speed: must be above 0 m/s");
   velocity.check();
+  if (!(view.image_scale > 0.1 && view.image_scale < 10))
+    throw std::invalid_argument("view: image scale of a tenth to ten");
+  if (!view.offset.allFinite()) throw std::invalid_argument("view: offset must be finite");
   for (const int channel : dead_coils)
     if (channel < 1) throw std::invalid_argument("dead_coils: channels count from 1");
 }
@@ -158,6 +161,17 @@ void check_reach(const RigModel& model, const control::Trajectory& path) {
   }
 }
 
+namespace {
+
+/// What the localiser believes; where the robot may go stays as the rig says.
+RigModel corrected(RigModel model, const ViewCorrection& view) {
+  model.top_image.pixel *= view.image_scale;
+  model.eye_in_world += view.offset;
+  return model;
+}
+
+}  // namespace
+
 struct Servo::Loop {
   enum class Mode { holding, following, released };
 
@@ -171,7 +185,8 @@ struct Servo::Loop {
         chain(the_rig.model, loop_settings(the_rig, given)),
         archive(the_recorder, the_rig, source_of(given.feedback), given.law == ControlLaw::estimator) {
     if (given.feedback != Feedback::pose_sensor)
-      localiser.emplace(the_rig.model, std::move(*given_eyes.top), given.axis, given.axis_uncertainty());
+      localiser.emplace(corrected(the_rig.model, given.view), std::move(*given_eyes.top), given.axis,
+                        given.axis_uncertainty());
     recorder.event(clock.now(), "feedback",
                    fmt::format("law {}, feedback {} ({})", to_string(given.law), to_string(given.feedback),
                                source_of(given.feedback)));

@@ -30,6 +30,12 @@ const char* to_string(Feedback feedback);
 /// Throws std::invalid_argument with the names there are.
 Feedback feedback_named(const std::string& name);
 
+/// What a calibration on the known retina (thesis 6.2) changed of the rig's view.
+struct ViewCorrection {
+  double image_scale = 1;           // of the aerial image's m per pixel
+  Eigen::Vector3d offset{0, 0, 0};  // m, added to the place found
+};
+
 struct ServoSettings {
   double field = 10e-3;           // T, magnitude of the field
   Eigen::Vector3d axis{1, 0, 0};  // the robot's axis wanted, world
@@ -42,9 +48,10 @@ struct ServoSettings {
   double lost_timeout = 1.0;           // s without a measurement before the loop lets go: zero current until told again
   std::optional<double> axis_sigma{};  // rad: how surely the robot lies along the field that is asked for; 0: surely,
                                        // as in the thesis. Nothing: 0, but of the law estimator kAxisSigma
-  bool wall_drag = false;           // LoopSettings
-  double axis_uncertainty() const;  // rad, as chosen or as the law has it
-  void check() const;               // throws std::invalid_argument naming the setting
+  bool wall_drag = false;              // LoopSettings
+  double axis_uncertainty() const;     // rad, as chosen or as the law has it
+  void check() const;                  // throws std::invalid_argument naming the setting
+  ViewCorrection view;                 // of the rig's own view
 };
 
 enum class ServoState { searching, holding, following, released, lost, failed, closed };

@@ -1,6 +1,6 @@
 -- Expectations: what the thesis printed, what came out here, how far apart they may be, and why they differ where they do.
 -- A protocol opens a book, enters each number, and ends with book:close(): a table in the report, the rows for
--- other programs in expectations.json, and the verdicts as figures. Numbers in SI.
+-- `vitreo reproduce` in expectations.json, and the verdicts as figures. Numbers in SI.
 -- SPDX-License-Identifier: Apache-2.0
 local files = require "files"
 local json = require "json"

@@ -306,6 +306,38 @@ void Laboratory::redraw(std::uint64_t seed) {
   state_->drawn = seed;
   state_->world = World(drawn_world(state_->settings, seed), seed_for(seed, Purpose::world));
 }
+void Laboratory::set_eye(const optics::System& eye) {
+  eye.check();
+  State& state = *state_;
+  if (eye.size() != state.settings.eye.size())
+    throw std::invalid_argument("eye: wants one of " + std::to_string(state.settings.eye.size()) + " surfaces, got " +
+                                std::to_string(eye.size()));
+  state.settings.eye = eye;
+  state.top_renderer.reset();
+}
+
+void Laboratory::change(const control::Robot& robot, const std::optional<control::Gel>& gel) {
+  State& state = *state_;
+  state.settings.world.robot = robot;
+  state.settings.world.gel = gel;
+  state.top_renderer.reset();
+  state.side_renderer.reset();
+  redraw(state.seed);
+}
+
+void Laboratory::move_body(const std::string& name, const Eigen::Vector3d& position) {
+  State& state = *state_;
+  std::vector<BodySettings>& bodies = state.settings.world.bodies;
+  for (std::size_t k = 0; k < bodies.size(); ++k) {
+    if (bodies[k].name != name) continue;
+    if (!position.allFinite()) throw std::invalid_argument("position: of '" + name + "' is not finite");
+    bodies[k].position = position;
+    state.world.place_body(state.clock.now(), k, position);
+    return;
+  }
+  throw std::invalid_argument("body: the rig file has none called '" + name + "'");
+}
+
 cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) { return state_->draw_top(exposed, number); }
 
 std::optional<Truth> Laboratory::truth(Time time) {

@@ -99,6 +99,14 @@ class Laboratory {
   /// The machine of the last seed with coils that are exactly these, for every later draw too, in the background that
   /// there is. Throws std::invalid_argument for another number of coils.
   void use_field(const control::FieldModel& field);
+  /// Another eye stands there from now on, with the same retina: the same lenses, other numbers. Throws
+  /// std::invalid_argument when it is unsound or has not as many surfaces.
+  void set_eye(const optics::System& eye);
+  /// Another robot, and another medium, from now on; without a robot in it. `gel`: nothing for the fluid.
+  void change(const control::Robot& robot, const std::optional<control::Gel>& gel);
+  /// Puts one of the settings' bodies elsewhere (m, world). Throws std::invalid_argument naming it, or when no body has
+  /// that name.
+  void move_body(const std::string& name, const Eigen::Vector3d& position);
   /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`; asks the clock for
   /// the time only, so a camera server may draw from a thread of its own, if it is the only one here meanwhile.
   cv::Mat top_image(Time exposed, std::uint64_t number);

@@ -117,18 +117,36 @@ View eye_view(const optics::System& eye, const optics::Microscope& microscope, c
   return view;
 }
 
+namespace {
+
+/// Where the stop's middle seems to lie for who looks from the vitreous, first order: m before surface 2's vertex plane
+/// (towards the observer). Without a stop that plane itself.
+double apparent_stop(const optics::System& eye) {
+  double distance = 0;  // m behind the surface that is next, in the medium there
+  if (!eye.stop) return 0;
+  for (int surface = eye.stop->surface - 1; surface >= 2; --surface) {
+    const optics::Surface& s = eye.surfaces[static_cast<std::size_t>(surface - 1)];
+    const double before = eye.surfaces[static_cast<std::size_t>(surface - 2)].index;
+    distance = before / (s.index / (distance + s.thickness) - (s.index - before) / s.radius);
+  }
+  return distance;
+}
+
+}  // namespace
+
 optics::Microscope bare_sensor(const optics::System& eye, double focus, double numerical_aperture) {
   optics::Microscope sensor;
   sensor.focus = focus;
   sensor.numerical_aperture = numerical_aperture;
-  // Where a ray near the axis crosses the plane of the lens' vertex is linear in its slope 1/d behind the eye: two rays
-  // tell the d for which it crosses on the axis.
+  // Where a ray near the axis crosses the apparent stop is linear in its slope 1/d behind the eye: two rays tell the d
+  // for which it crosses on the axis.
+  const double stop = apparent_stop(eye);
   constexpr double kNear = 10e-6;  // m off the axis
   const auto crossing = [&](double per_metre) {
     sensor.pupil_distance = per_metre == 0 ? std::numeric_limits<double>::infinity() : 1 / per_metre;
     const auto ray = optics::isopixel_line(eye, sensor, {kNear, 0});
     if (!ray) throw std::invalid_argument("bare_sensor: no light reaches the sensor on the axis");
-    return ray->origin.x();
+    return ray->origin.x() + stop * ray->direction.x() / ray->direction.z();
   };
   constexpr double kTrial = -1.0;  // 1/m
   const double straight = crossing(0), tried = crossing(kTrial);

@@ -42,9 +42,9 @@ struct ImageSize {
 View eye_view(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
               const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step = 16, double turn = 0);
 
-/// A bare sensor in the aerial image instead (thesis 4.1): nothing but the eye's own pupil, in the plane of the lens'
-/// vertex above the cavity (surface 2), bounds the light. Returns the microscope whose chief rays are the same: its
-/// pupil lies on the eye's side of the focus plane. `focus`: m, from the last vertex to the sensor.
+/// A bare sensor in the aerial image instead (thesis 4.1): nothing but the eye's own stop bounds the light (in the
+/// plane of surface 2 where the eye has none). Returns the microscope whose chief rays are the same: its pupil lies on
+/// the eye's side of the focus plane. `focus`: m, from the last vertex to the sensor.
 optics::Microscope bare_sensor(const optics::System& eye, double focus, double numerical_aperture);
 
 /// Looks down along -z without an eye, orthographic: u along world x, v against world y.

@@ -94,6 +94,12 @@ void World::remove_robot(Time time) {
   remember();
 }
 
+void World::place_body(Time time, std::size_t index, const Eigen::Vector3d& position) {
+  advance_to(time);
+  now_.others.at(index).position = position;
+  remember();
+}
+
 void World::remember() { history_[static_cast<std::size_t>(steps_ % kHistory)] = now_; }
 
 std::pair<const World::Moment*, const World::Moment*> World::moments_about(Time time) {

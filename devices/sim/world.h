@@ -46,6 +46,8 @@ class World {
   void set_coil_commands(Time time, const control::Currents& commands);
   void insert_robot(Time time, const Eigen::Vector3d& near);
   void remove_robot(Time time);
+  /// Puts a body (counted as in the settings, from 0) somewhere else. Throws std::out_of_range without such a body.
+  void place_body(Time time, std::size_t index, const Eigen::Vector3d& position);
   /// Null when no robot is in the eye. Throws std::out_of_range for times before the history (1 s) that is kept.
   const BodyState* robot(Time time);
   /// The other bodies, in the settings' order. Throws as robot().

@@ -50,6 +50,8 @@ void add_devices(CommandLine& line, Program& program);
 void add_faults(CommandLine& line, Program& program);
 void add_mask(CommandLine& line, Program& program);
 void add_soak(CommandLine& line, Program& program);
+void add_reproduce(CommandLine& line, Program& program);
+void add_test(CommandLine& line, Program& program);
 void add_records(CommandLine& line, Program& program);
 
 }  // namespace vitreo::cli

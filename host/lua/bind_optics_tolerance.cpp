@@ -124,6 +124,16 @@ int monte_carlo(Call& call) {
       });
 }
 
+/// One of the eyes that the run's seed draws; each number has a stream of its own.
+int drawn_eye(Call& call) {
+  const optics::Prescription eye = eye_of(call);
+  constexpr std::uint64_t kFar = 0x9E3779B97F4A7C15U;
+  std::mt19937_64 random(call.context().seed + static_cast<std::uint64_t>(call.number(0)) * kFar);
+  const auto one = optics::monte_carlo(eye, uncertainties_of(call, eye), 1, random);
+  push_system(call.L, one.front().prescription);
+  return 1;
+}
+
 int push_values(Call& call, const std::vector<optics::MeasurementValue>& found) {
   lua_newtable(call.L);
   for (std::size_t i = 0; i < found.size(); ++i) {
@@ -171,22 +181,33 @@ std::vector<Binding> analysis_rows() {
   std::vector<Argument> drawn = options;
   drawn.push_back(
       {.name = "count", .type = Type::integer, .optional = true, .min = 1, .max = 100000, .help = "of eyes (200)"});
-  return {{"sensitivity",
-           {options_of(options)},
-           "list of tables",
-           "error of localisation when one parameter is off by its sigma, the worst first: parameter, minus, plus in m",
-           sensitivity},
-          {"monte_carlo",
-           {options_of(drawn)},
-           "table",
-           "the same error with all parameters off at once: count, failed, mean, rms, median, percentile_95, max",
-           monte_carlo},
-          {"worth_measuring",
-           {options_of(drawn)},
-           "list of tables",
-           "the same when one parameter of the patient is known, the best first: parameter, reduction (of the rms), "
-           "and as monte_carlo",
-           worth_measuring}};
+  const Argument number{.name = "number",
+                        .type = Type::integer,
+                        .min = 0,
+                        .max = 1e9,
+                        .help = "which of those that the run's seed draws"};
+  return {
+      {"drawn",
+       {number, options_of({options.back()})},
+       "optical_system",
+       "an eye that differs in all parameters at once, Gaussian, by table 5.1: a patient whose numbers nobody knows",
+       drawn_eye},
+      {"sensitivity",
+       {options_of(options)},
+       "list of tables",
+       "error of localisation when one parameter is off by its sigma, the worst first: parameter, minus, plus in m",
+       sensitivity},
+      {"monte_carlo",
+       {options_of(drawn)},
+       "table",
+       "the same error with all parameters off at once: count, failed, mean, rms, median, percentile_95, max",
+       monte_carlo},
+      {"worth_measuring",
+       {options_of(drawn)},
+       "list of tables",
+       "the same when one parameter of the patient is known, the best first: parameter, reduction (of the rms), "
+       "and as monte_carlo",
+       worth_measuring}};
 }
 
 }  // namespace

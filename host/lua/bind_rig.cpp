@@ -169,6 +169,11 @@ std::vector<Argument> servo_options() {
            .optional = true,
            .help = "of the empty scene; needed by every feedback that looks",
            .handle = "background"},
+          {.name = "view",
+           .type = Type::handle,
+           .optional = true,
+           .help = "as rig:view() or a calibration of it: what the loop localises by",
+           .handle = "localiser"},
           text("feedback", "none, one_camera, two_cameras or pose_sensor (one_camera)"),
           text("law", "pd, estimator or velocity (pd)"),
           number("field", "T", 1e-3, 40e-3, "magnitude of the field (10 mT)"),
@@ -191,6 +196,11 @@ std::vector<Argument> servo_options() {
           number("lost_timeout", "s", 0, 10, "how long the robot may be unseen before the coils go to zero (1 s)")};
 }
 
+Class with_rows(Class made, std::vector<Binding> rows) {
+  for (Binding& row : rows) made.methods.push_back(std::move(row));
+  return made;
+}
+
 template <class T>
 void add_role(lua_State* L, const Class& kind, T* device, const char* name) {
   if (!device) return;
@@ -202,28 +212,29 @@ void add_role(lua_State* L, const Class& kind, T* device, const char* name) {
 }  // namespace
 
 const Class& rig_class() {
-  static const Class kind{
-      "rig",
-      "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, rig.sample, rig.stage, "
-      "rig.rotation_stage, rig.field_probe, rig.joystick, rig.pedal, rig.lamp, rig.simulation",
-      {{"learn_background",
-        {options({{.name = "frames",
-                   .type = Type::integer,
-                   .optional = true,
-                   .min = 2,
-                   .max = 1000,
-                   .help = "how many (15)"},
-                  timeout("60 s")})},
-        "background",
-        "learns what the empty scene looks like to the top camera",
-        learn},
-       {"servo",
-        {options(servo_options())},
-        "servo",
-        "starts the servo loop; end it with <close> or servo:close(), the coils are at zero then",
-        open_servo}},
-      {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage", "field_probe",
-       "joystick", "pedal", "lamp", "simulation"}};
+  static const Class kind = with_rows(
+      Class{"rig",
+            "the instruments: rig.top_camera, rig.side_camera, rig.coils, rig.lens_mover, rig.sample, rig.stage, "
+            "rig.rotation_stage, rig.field_probe, rig.joystick, rig.pedal, rig.lamp, rig.simulation",
+            {{"learn_background",
+              {options({{.name = "frames",
+                         .type = Type::integer,
+                         .optional = true,
+                         .min = 2,
+                         .max = 1000,
+                         .help = "how many (15)"},
+                        timeout("60 s")})},
+              "background",
+              "learns what the empty scene looks like to the top camera",
+              learn},
+             {"servo",
+              {options(servo_options())},
+              "servo",
+              "starts the servo loop; end it with <close> or servo:close(), the coils are at zero then",
+              open_servo}},
+            {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage", "field_probe",
+             "joystick", "pedal", "lamp", "simulation"}},
+      rig_model_rows());
   return kind;
 }
 

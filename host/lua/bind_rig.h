@@ -11,5 +11,7 @@ namespace vitreo::lua {
 void push_rig(lua_State* L, Rig& rig);
 void push_run(lua_State* L);
 int open_servo(Call& call);
+/// What the rig believes: its eye, its view, its numbers.
+std::vector<Binding> rig_model_rows();
 
 }  // namespace vitreo::lua

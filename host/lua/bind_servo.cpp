@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/bind_rig.h"
 #include "host/lua/context.h"
+#include "host/lua/localiser_calls.h"
 #include "host/lua/servo_calls.h"
 #include "host/servo.h"
 
@@ -207,6 +208,11 @@ int open_servo(Call& call) {
   if (call.push_option("background")) eyes.top = call.handle_option<vision::Background>("background");
   lua_pop(call.L, 1);
   ServoSettings settings = settings_of(call);
+  if (call.push_option("view")) {
+    const auto& view = call.handle_option<localiser_calls::Localiser>("view");
+    settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};
+  }
+  lua_pop(call.L, 1);
   if (session.rehearsal != nullptr && session.rig.pose_sensor != nullptr) rehearse(*session.rehearsal, settings);
   auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder, std::move(eyes), settings);
   // The session's end closes what the script left open.

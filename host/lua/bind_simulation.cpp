@@ -7,6 +7,7 @@
 #include "host/lua/readable.h"
 #include "host/lua/values.h"
 #include "host/plant_settings.h"
+#include "optics/prescriptions.h"
 
 namespace vitreo::lua {
 namespace {
@@ -26,6 +27,21 @@ int use_calibration(Call& call) {
   lua_pushlstring(call.L, measured.system_name.data(), measured.system_name.size());
   lua_setfield(call.L, -2, "name");
   return 1;
+}
+
+int set_eye(Call& call) {
+  call.self<Simulation>().set_eye(call.handle<optics::Prescription>(0).system);
+  return 0;
+}
+
+int change(Call& call) {
+  call.self<Simulation>().change(*call.text_option("robot"), call.text_option("gel").value_or(""));
+  return 0;
+}
+
+int move_body(Call& call) {
+  call.self<Simulation>().move_body(call.text(0), call.vector(1));
+  return 0;
 }
 
 int inject_fault(Call& call) {
@@ -70,6 +86,23 @@ const Class& simulation_class() {
         "puts a measured calibration in the plant, as it is: name, difference from the loop's model "
         "at the centre (relative), channels that drive the file's coils",
         use_calibration},
+       {"set_eye",
+        {{.name = "eye", .type = Type::handle, .handle = "optical_system"}},
+        "",
+        "makes this the true eye; what the rig believes stays, and has to be calibrated",
+        set_eye},
+       {"change",
+        {options_of({{.name = "robot", .type = Type::text, .help = "coni_2mm, ndfeb_cylinder_1mm, ..."},
+                     {.name = "gel", .type = Type::text, .optional = true, .help = "gel_1 to gel_11 (the fluid)"}})},
+        "",
+        "another robot and another medium; the robot is taken out",
+        change},
+       {"move_body",
+        {{.name = "name", .type = Type::text, .help = "of a body in the rig file's truth.bodies"},
+         {.name = "position", .type = Type::vector, .unit = "m", .help = "world"}},
+        "",
+        "puts a body elsewhere, as a target's stage does",
+        move_body},
        {"fault",
         {{.name = "role", .type = Type::text, .help = "whose: \"coils\", ... or \"disk\""},
          {.name = "kind", .type = Type::text, .help = kinds_of_faults()},

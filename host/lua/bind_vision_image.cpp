@@ -11,6 +11,7 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include <cmath>
 #include <stdexcept>
 
 namespace vitreo::lua {
@@ -187,6 +188,20 @@ int overlay(Call& call) {
   return 1;
 }
 
+/// White where an ellipse is: what somebody who outlines the object by hand would paint.
+int ellipse_mask(Call& call) {
+  const vision::Ellipse e = ellipse_at(call.L, call.index(0), "ellipse");
+  cv::Mat mask = cv::Mat::zeros(pixels_of(call).size(), CV_8U);
+  constexpr int kBits = 8;
+  constexpr double kOne = 1 << kBits;
+  const auto fixed = [](double px) { return static_cast<int>(std::lround(px * kOne)); };
+  cv::ellipse(mask, cv::Point(fixed(e.centre_px.x()), fixed(e.centre_px.y())),
+              cv::Size(fixed(e.semi_major_px), fixed(e.semi_minor_px)), e.angle * 180 / M_PI, 0, 360, cv::Scalar(255),
+              cv::FILLED, cv::LINE_8, kBits);
+  push_image(call.L, mask);
+  return 1;
+}
+
 }  // namespace
 
 std::vector<Binding> vision_image_rows() {
@@ -231,6 +246,11 @@ const Class& image_class() {
         "path",
         "keeps it in the run's folder",
         save},
+       {"ellipse_mask",
+        {{.name = "ellipse", .type = Type::table, .help = "x_px, y_px, full axes major_px, minor_px, angle"}},
+        "image",
+        "a mask of this image's size, to train with: 255 where the ellipse is, else 0",
+        ellipse_mask},
        {"overlay",
         {{.name = "options",
           .type = Type::options,

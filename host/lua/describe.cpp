@@ -198,6 +198,50 @@ void read_parameters(const Reader& root, ProtocolDescription& protocol) {
   }
 }
 
+void read_test_figures(const Reader& test, ProtocolTest& made) {
+  if (test.push("figures") != LUA_TTABLE) return;
+  const int table = lua_gettop(test.L);
+  for (const std::string& name : text_keys(test.L, table)) {
+    lua_getfield(test.L, table, name.c_str());
+    const auto range = to_numbers(test.L, -1);
+    if (!range || range->size() != 2) test.fail("figures", "." + name + " wants {least, most}");
+    made.figures[name] = {(*range)[0], (*range)[1]};
+    lua_pop(test.L, 1);
+  }
+  lua_settop(test.L, table - 1);
+}
+
+ProtocolTest read_test(const Reader& test) {
+  ProtocolTest made;
+  const std::string kind = test.text("test", true);
+  if (kind != "run" && kind != "fail" && kind != "stop")
+    test.fail("test", "is run, fail or stop: see scripts/testing.lua");
+  made.kind = kind == "run"    ? ProtocolTest::Kind::run
+              : kind == "fail" ? ProtocolTest::Kind::fail
+                               : ProtocolTest::Kind::stop;
+  made.arguments = test.text("arguments", false), made.answers = test.text("answers", false);
+  made.rig = test.text("rig", false), made.fault = test.text("fault", false);
+  made.outcome = test.text("outcome", false), made.says = test.text("says", false);
+  if (test.has("seed")) made.seed = static_cast<std::uint64_t>(test.number("seed", 1));
+  if (test.has("times")) made.times = static_cast<int>(test.number("times", 100));
+  if (made.times < 1 || made.times > 100000) test.fail("times", "wants 1 to 100000");
+  read_test_figures(test, made);
+  return made;
+}
+
+void read_tests(const Reader& root, ProtocolDescription& protocol) {
+  const int type = root.push("tests");
+  if (type == LUA_TNIL) return;
+  if (type != LUA_TTABLE) root.fail("tests", "wants a list, got " + kind_of(root.L, -1));
+  const int list = lua_gettop(root.L);
+  for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(root.L, list)); ++i) {
+    if (lua_rawgeti(root.L, list, i) != LUA_TTABLE)
+      root.fail("tests", "wants entries as testing.test_run makes them, got " + kind_of(root.L, -1));
+    protocol.tests.push_back(read_test(Reader(root.L, -1, protocol, "tests." + std::to_string(i) + ".")));
+    lua_settop(root.L, list);
+  }
+}
+
 void read_needs(const Reader& root, ProtocolDescription& protocol) {
   protocol.needs = root.texts("needs");
   const std::vector<std::string>& roles = rig_class().fields;
@@ -245,12 +289,13 @@ ProtocolDescription describe_protocol(const std::string& file, const std::vector
                           ": a protocol returns a table {title =, needs =, parameters =, run =}, this one returns " +
                           kind_of(L, -1));
       const Reader root(L, -1, protocol, "");
-      root.known({"title", "needs", "parameters", "run"});
+      root.known({"title", "needs", "parameters", "run", "tests"});
       protocol.title = root.text("title", true);
       if (root.push("run") != LUA_TFUNCTION) root.fail("run", "wants a function(rig, p, run), got " + kind_of(L, -1));
       lua_pop(L, 1);
       read_needs(root, protocol);
       read_parameters(root, protocol);
+      read_tests(root, protocol);
       lua_settop(L, 0);
     });
   } catch (const Stopped&) {

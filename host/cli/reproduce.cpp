@@ -1,0 +1,100 @@
+// `vitreo reproduce`: every protocol that has numbers of the thesis, and a page of theirs beside ours.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/reproduction.h"
+#include "host/run_folder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <thread>
+
+namespace vitreo::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Wanted {
+  std::vector<std::string> only;
+  std::string out = "runs", docs, plan;
+  int processes = 0;
+  bool json = false, brief = false;
+};
+
+std::vector<PlannedRun> chosen(Program& program, const Wanted& wanted) {
+  const std::string file = wanted.plan.empty() ? Program::in_data_folder("scripts/reproduction.lua") : wanted.plan;
+  std::vector<PlannedRun> all = read_plan(program.engine().load_rig(file)), runs;
+  std::vector<std::string> known;
+  for (const PlannedRun& run : all) known.push_back(run.protocol);
+  for (const std::string& name : wanted.only)
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      throw ConfigError(fmt::format("reproduce: {} is not in {}; did you mean {}?", name, file, nearest(name, known)));
+  for (PlannedRun& run : all) {
+    const bool asked =
+        wanted.only.empty() || std::find(wanted.only.begin(), wanted.only.end(), run.protocol) != wanted.only.end();
+    if (asked && !(wanted.brief && run.brief == "-")) runs.push_back(std::move(run));
+  }
+  return runs;
+}
+
+void tell(const ReproducedRun& run) {
+  int missed = 0;
+  for (const ReproducedRow& row : run.rows) missed += is_missed(row.verdict);
+  fmt::print(stderr, "{:<26} {:<10} {:5.1f} s  {} numbers, {} missed{}{}\n", run.plan.protocol, run.outcome,
+             run.wall_time, run.rows.size(), missed, run.reason.empty() ? "" : ": ", run.reason);
+}
+
+int reproduce_thesis(Program& program, const Wanted& wanted) {
+  ReproduceRequest request;
+  request.runs = chosen(program, wanted);
+  request.program = fs::read_symlink("/proc/self/exe").string();
+  request.root = Program::in_data_folder(".");
+  request.out = wanted.out;
+  request.brief = wanted.brief;
+  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  request.processes = wanted.processes > 0 ? wanted.processes : cores;
+  const std::vector<ReproducedRun> runs = reproduce(request, tell);
+  const fs::path docs = wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
+  fs::create_directories(docs);
+  fs::create_directories(request.out);
+  // A part of the plan, or its short form, is no reason to write over the page about the whole.
+  const bool whole = wanted.only.empty() && !wanted.brief && wanted.plan.empty();
+  const fs::path text = docs / "reproduction.md", page = request.out / "reproduction.html";
+  if (whole || !wanted.docs.empty()) write_file(text, reproduction_markdown(runs));
+  write_file(page, reproduction_page(runs, request.out));
+  bool well = true;
+  nlohmann::json rows = nlohmann::json::array();
+  for (const ReproducedRun& run : runs) {
+    well = well && run.outcome == "completed" && run.reason.empty();
+    for (const ReproducedRow& row : run.rows) {
+      well = well && !is_missed(row.verdict);
+      rows.push_back(to_json(row));
+    }
+  }
+  if (wanted.json)
+    std::cout << rows.dump() << "\n";
+  else
+    fmt::print("{}page: {}\n", whole || !wanted.docs.empty() ? "written: " + text.string() + "\n" : "", page.string());
+  return well ? 0 : 1;
+}
+
+}  // namespace
+
+void add_reproduce(CommandLine& line, Program& program) {
+  const auto wanted = std::make_shared<Wanted>();
+  Command command = line.command("reproduce", "the thesis' experiments, its numbers beside ours; 1 where one is missed",
+                                 [&program, wanted] { return reproduce_thesis(program, *wanted); });
+  command.option("only", wanted->only, "protocols of the plan (default: all)");
+  command.flag("--json", wanted->json, "a row for each number: id, thesis, ours, unit, tolerance, verdict, why");
+  command.flag("--brief", wanted->brief, "the short form of each run, to see that all of it works");
+  command.option("--processes", wanted->processes, "runs at a time (default: one a core)").between(1, 1000);
+  command.option("--out", wanted->out, "folder for the runs' folders and the page (default: runs)");
+  command.option("--docs", wanted->docs,
+                 "folder for reproduction.md (default: docs/ beside protocols/, of the whole plan)");
+  command.option("--plan", wanted->plan, "another plan than scripts/reproduction.lua");
+}
+
+}  // namespace vitreo::cli

@@ -1,0 +1,122 @@
+-- Supervised servoing (thesis 6.2, figures 6.7 and 6.8): the operator names points in the image's plane and a depth; the loop takes
+-- the robot there, and says how near the retina it is beside a zero level that the operator sets. Points come from a script (the
+-- parameter), or are asked for one at a time; a rig with a joystick may steer the depth.
+-- SPDX-License-Identifier: Apache-2.0
+local bring = require "bring"
+local expect = require "expect"
+local statistics = require "statistics"
+local track_errors = require "track_errors"
+local units = require "units"
+local mm, um, s, mT = units.mm, units.um, units.s, units.mT
+
+-- "2,0,1; -2,1,0": places in mm, world.
+local function read_points(text)
+  local points = {}
+  for part in (text .. ";"):gmatch("%s*([^;]*);") do
+    if part:match("%S") then
+      local x, y, z = part:match("^%s*([-%d.eE]+)%s*,%s*([-%d.eE]+)%s*,%s*([-%d.eE]+)%s*$")
+      if not tonumber(x) then error(("points: %q is not x,y,z in mm"):format(part), 0) end
+      points[#points + 1] = vector(tonumber(x) * mm, tonumber(y) * mm, tonumber(z) * mm)
+    end
+  end
+  return points
+end
+
+-- The next place, or nothing when the operator is done.
+local function asked(run, number, limit)
+  if run:ask(("point %d: another, or done?"):format(number), { choices = { "another", "done" },
+    name = "more" }) == "done" then return nil end
+  local function coordinate(name) return run:ask("its " .. name, { unit = "mm", min = -limit, max = limit, default = 0,
+    name = name }) end
+  return vector(coordinate "x", coordinate "y", coordinate "z")
+end
+
+-- Figure 6.8's bar: how far above the zero level; its precision is the deviation over the last second. The retina lies where the
+-- rig says.
+local function depth_bar(run, rig, servo, p)
+  local values = {}
+  for _, z in ipairs((run:samples("servo", "z", { from = run:now() - 1*s, to = run:now() }))) do
+    if z == z then values[#values + 1] = z end
+  end
+  if #values == 0 then return nil end
+  local model, place = rig:model(), servo:position()
+  local above = statistics.mean(values) - p.zero_level
+  local from_centre = (place - model.eye_in_world - vector(0, 0, model.retina_radius)):norm()
+  return { above = above, precision = statistics.deviation(values), from_retina = model.retina_radius - from_centre,
+    near = above < p.warn }
+end
+
+return {
+  title = "Supervised servoing",
+  needs = { "top_camera", "coils", "sample" },
+  parameters = {
+    points = { default = "2,0,0; 2,1.5,0; -2,1.5,1; -2,-1,1; 0,0,-3",
+      help = "x,y,z in mm, world, with ; between; ask: one at a time" },
+    zero_level = { unit = "mm", default = -4.2*mm, min = -10*mm, max = 10*mm,
+      help = "depth that the bar counts from, world z" },
+    warn = { unit = "mm", default = 1.5*mm, min = 0, max = 10*mm, help = "above it: the operator is warned" },
+    within = { unit = "mm", default = 0.3*mm, min = 0.02*mm, max = 2*mm, help = "how near is there" },
+    speed = { unit = "mm/s", default = 0.5*mm/s, min = 0.05*mm/s, max = 2*mm/s, help = "along the way" },
+    field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
+  },
+  run = function(rig, p, run)
+    local script = p.points ~= "ask" and read_points(p.points) or nil
+    rig.sample:remove_robot()
+    local background = rig:learn_background { frames = 15 }
+    local servo <close> = rig:servo { background = background, field = p.field }
+    bring.insert(rig, servo, vector(0, 0, 0))
+    bring.trim(servo, vector(0, 0, 0), { rounds = 1 })
+    local rows, reached, warned, errors, bars = {}, 0, 0, {}, { x = {}, y = {}, p = {} }
+    local number = 1
+    while true do
+      local target
+      if script then target = script[number] else target = asked(run, number, 5*mm) end
+      if not target then break end
+      run:checkpoint("before point " .. number)
+      if script then run:progress((number - 1) / #script, ("point %d of %d"):format(number, #script)) end
+      local there, problem = pcall(servo.go_to, servo, target, { speed = p.speed, within = p.within, settle = 1*s })
+      if not there and not servo:status().position then error(problem, 0) end
+      local from = run:now() - 1*s
+      run:wait(0.3*s)
+      local bar = depth_bar(run, rig, servo, p)
+      if there then reached = reached + 1 end
+      if bar then
+        if bar.near then
+          warned = warned + 1
+          run:note(("point %d: %s above the zero level, %s from the retina"):format(number, run:show(bar.above, "m"),
+            run:show(bar.from_retina, "m")))
+        end
+        bars.x[#bars.x + 1], bars.y[#bars.y + 1], bars.p[#bars.p + 1] = number, bar.above, bar.above + bar.precision
+      end
+      if run:has_stream("truth") or run:has_stream("side_camera") then
+        local x, z = track_errors.along(run, "x", { from = from, to = run:now() }, { prefix = "target_" }),
+          track_errors.along(run, "z", { from = from, to = run:now() }, { prefix = "target_" })
+        if #x > 0 and #z > 0 then errors[#errors + 1] = statistics.combined(statistics.mean(x), statistics.mean(z)) end
+      end
+      servo:snapshot(("point %d"):format(number))
+      rows[number] = { tostring(number), run:show(target.x, "m"), run:show(target.y, "m"), run:show(target.z, "m"),
+        there and "reached" or "not reached",
+        bar and run:show(bar.above, "m") or "–", bar and "± " .. run:show(bar.precision, "m") or "–",
+          bar and bar.near and "near" or "" }
+      number = number + 1
+    end
+    if #rows == 0 then error("no point was given", 0) end
+    run:table { title = "Points and depth bar, as figures 6.7 and 6.8", rows = rows,
+      header = { "point", "x", "y", "z", "", "above the zero level", "precision", "retina" } }
+    run:plot { title = "The depth bar at each point", x = { "point", "" }, y = { "above the zero level", "mm" },
+      series = { { label = "depth", x = bars.x, y = bars.y, mark = "points" }, { label = "and its precision", x = bars.x,
+        y = bars.p, mark = "dashed" } } }
+    run:figure("points_reached", reached)
+    run:figure("points_warned", warned)
+    local book = expect.book(run, "figure 6.7")
+    book:number { id = "6.7.reached", what = "points that were reached, of " .. #rows, thesis = #rows, ours = reached,
+      within = 0,
+      reason = "\"servo the device to user specified points\"" }
+    if #errors > 0 then
+      book:number { id = "6.7.error", what = "how far from them, by truth or the side camera, mean", thesis = 266*um,
+        ours = statistics.mean(errors), unit = "m",
+        at_most = 266*um, reason = "93 and 249 um along x and z of table 5.4, together", where = "table 5.4" }
+    end
+    book:close()
+  end,
+}

@@ -1,0 +1,94 @@
+-- Check-lists and times for sessions with people: what must be done, in order, each confirmed and kept, with pictures where they are
+-- asked for, and a window of time that runs out.
+-- SPDX-License-Identifier: Apache-2.0
+local vision = require "vision"
+local checklist = {}
+checklist.__index = checklist
+
+--- `window` = { least, most } in s: how long there is; nothing for no end.
+function checklist.new(run, rig, options)
+  options = options or {}
+  return setmetatable({ run = run, rig = rig, began = run:now(), window = options.window, rows = {}, missed = 0 },
+    checklist)
+end
+
+local function clock(seconds)
+  local sign = seconds < 0 and "-" or ""
+  seconds = math.abs(seconds)
+  return ("%s%d:%02d h"):format(sign, seconds // 3600, seconds % 3600 // 60)
+end
+
+--- What is left of the window, s: until its least, and until its most.
+function checklist:left()
+  if not self.window then return math.huge, math.huge end
+  local gone = self.run:now() - self.began
+  return self.window[1] - gone, self.window[2] - gone
+end
+
+--- "1:20 h left, 2:20 h at most"; a note, and a warning when it is over.
+function checklist:tell_time()
+  if not self.window then return end
+  local least, most = self:left()
+  local text = ("%s left, %s at most"):format(clock(least), clock(most))
+  if most < 0 then
+    text = ("the window is over by %s: what is seen from now on is no measurement"):format(clock(-most))
+  elseif least < 0 then
+    text = ("the window's safe part is over; %s at most"):format(clock(most))
+  end
+  self.run:note(text)
+  return most > 0
+end
+
+--- Asks whether one thing is done; "no" is kept, and an error when it is `needed`.
+function checklist:item(text, options)
+  options = options or {}
+  local done = self.run:confirm(text, { name = options.name })
+  self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), text, done and "done" or "not done" }
+  if not done then
+    self.missed = self.missed + 1
+    if options.needed then error("not done: " .. text, 0) end
+  end
+  return done
+end
+
+--- Waits until it is done: asks again, up to `times`, else an error.
+function checklist:must(text, options)
+  for _ = 1, (options or {}).times or 3 do
+    if self:item(text, options) then return end
+  end
+  error("not done: " .. text, 0)
+end
+
+--- A photograph for the record: a file that the operator names, or, with "camera", what the top camera sees.
+function checklist:photograph(caption, options)
+  local path = self.run:ask("photograph: " .. caption .. " (a file, or camera, or none)", { type = "text",
+    default = "camera", name = options and options.name })
+  if path == "none" then
+    self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), "photograph: " .. caption, "none" }
+    return nil
+  end
+  local image = path == "camera" and self.rig.top_camera:grab().image or vision.load_image(path)
+  self.run:picture(caption, image, path == "camera" and "top camera" or path)
+  local name = ("photograph_%02d.png"):format(#self.rows + 1)
+  image:save(name)
+  self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), "photograph: " .. caption, name }
+  return image
+end
+
+--- A note in the operator's words; an empty one is none.
+function checklist:note(about, options)
+  local text = self.run:ask("notes on " .. about, { type = "text", default = "", name = options and options.name })
+  if text ~= "" then
+    self.run:note(about .. ": " .. text)
+    self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), "note: " .. about, text }
+  end
+  return text
+end
+
+--- The list as it was gone through, for the report.
+function checklist:report(title)
+  self.run:table { title = title, header = { "after", "what", "how" }, rows = self.rows }
+  self.run:figure("checklist_not_done", self.missed)
+end
+
+return checklist

@@ -1,0 +1,40 @@
+-- Which eye is on the bench: as the rig file says, or, on a simulated rig, one that nobody knows the numbers of.
+-- SPDX-License-Identifier: Apache-2.0
+local eyes = {}
+
+--- "nominal", or "perturbed": all of table 5.1 at once, Gaussian, one sigma each; `number` chooses among the run's draws.
+--- Returns the true eye where it is known, for judging only. A laboratory rig has the eye that it has.
+function eyes.set(rig, run, kind, number)
+  if not rig.simulation then
+    if kind ~= "nominal" then run:note "the eye is as it is: eye=perturbed is for simulated rigs" end
+    return nil
+  end
+  local eye = rig:eye()
+  if kind == "perturbed" then eye = eye:drawn(number or 1) end
+  rig.simulation:set_eye(eye)
+  return eye
+end
+
+--- The parameters by which an eye differs from the one believed, as rows of a table.
+function eyes.differences(believed, eye)
+  local rows = {}
+  for _, one in ipairs(eye:parameters()) do
+    local before = believed:parameter(one.name)
+    if one.value ~= before and before == before then
+      rows[#rows + 1] = { one.name, ("%.6g"):format(before), ("%.6g"):format(one.value),
+        ("%+.2f %%"):format(100 * (one.value / before - 1)) }
+    end
+  end
+  return rows
+end
+
+function eyes.report(run, believed, eye)
+  if not eye then return end
+  local rows = eyes.differences(believed, eye)
+  if #rows > 0 then
+    run:table { title = "The eye on the bench, which the loop does not know", header = { "parameter", "believed", "true",
+      "differs by" }, rows = rows }
+  end
+end
+
+return eyes

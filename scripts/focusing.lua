@@ -1,0 +1,101 @@
+-- Depth from focus with the instruments: the sensor's stage goes through focus, the sharpest place is found with its
+-- uncertainty (thesis 4.1, figure 4.1). Distances are d_ls, m, from the condensing lens' last vertex to the sensor.
+-- SPDX-License-Identifier: Apache-2.0
+local statistics = require "statistics"
+local vision = require "vision"
+local focusing = {}
+
+--- The stage's position for a distance d_ls, and back: the rig file's microscope.focus is where the stage's zero is.
+function focusing.stage_position(rig, distance) return distance - rig:model().microscope.focus end
+function focusing.distance(rig) return rig:model().microscope.focus + rig.stage:position()[1] end
+
+function focusing.move(rig, distance) rig.stage:move_to({ focusing.stage_position(rig, distance) }) end
+
+-- A window's corner and size, cut to the image; an error when nothing of it is in there.
+local function cut(window, width, height)
+  local x, y = math.max(0, math.floor(window.u - window.size / 2)), math.max(0, math.floor(window.v - window.size / 2))
+  local right, bottom = math.min(width, x + window.size), math.min(height, y + window.size)
+  if right - x < 16 or bottom - y < 16 then
+    error(("the window at (%.0f, %.0f) px is outside of the image of %d x %d px"):format(window.u, window.v, width,
+      height), 3)
+  end
+  return { x = x, y = y, width = math.floor(right - x), height = math.floor(bottom - y) }
+end
+
+--- Goes from..to in `steps` positions and takes `frames` images at each; the k-th images together are one sweep, so there
+--- are as many repetitions. `window` = {u, v, size} in px. Returns a list of what vision.focus.peak says of each sweep,
+--- the distances and the first sweep's values.
+function focusing.sweep(rig, options)
+  local distances, values = statistics.range(options.from, options.to, options.steps), {}
+  local frames = options.frames or 1
+  for k = 1, frames do values[k] = {} end
+  for i, distance in ipairs(distances) do
+    focusing.move(rig, distance)
+    rig.top_camera:grab() -- was exposed on the way
+    for k = 1, frames do
+      local frame = rig.top_camera:grab()
+      local window = cut(options.window, frame.width_px, frame.height_px)
+      window.measure = options.measure
+      values[k][i] = vision.focus.measure(frame.image, window)
+    end
+  end
+  local peaks = {}
+  for k = 1, frames do peaks[k] = vision.focus.peak(distances, values[k]) end
+  return peaks, distances, values[1]
+end
+
+--- The sharpest of `steps` positions, one image each: where a finer sweep is to look.
+function focusing.coarse(rig, options)
+  local _, distances, values = focusing.sweep(rig, { from = options.from, to = options.to, steps = options.steps,
+    window = options.window, measure = options.measure })
+  local best = 1
+  for i = 2, #values do
+    if values[i] > values[best] then best = i end
+  end
+  return distances[best], values[best]
+end
+
+--- Mean and standard deviation of the sweeps that found their peak, and how many did not. The GUM's type A: of one sweep.
+function focusing.summary(peaks)
+  local found, claimed = {}, {}
+  for _, peak in ipairs(peaks) do
+    if peak.answer == "found" then found[#found + 1], claimed[#claimed + 1] = peak.position, peak.sigma end
+  end
+  if #found == 0 then return nil, #peaks end
+  return { mean = statistics.mean(found), deviation = statistics.deviation(found), claimed = statistics.mean(claimed),
+    count = #found },
+    #peaks - #found
+end
+
+--- Coarse to fine with vision.autofocus about `near`, ± `reach`. Returns what the search says, parked at the best place;
+--- its position and sigma are d_ls.
+function focusing.autofocus(rig, options)
+  local search = vision.autofocus { low = options.near - options.reach, high = options.near + options.reach,
+    step = options.step or 50e-6, strategy = options.strategy, repeats = options.repeats,
+    coarse = math.max(11, math.ceil(2 * options.reach / (options.coarse_step or 250e-6)) + 1) }
+  local at, told = search:start(), nil
+  while at do
+    focusing.move(rig, at)
+    rig.top_camera:grab()
+    local frame = rig.top_camera:grab()
+    local window = cut(options.window, frame.width_px, frame.height_px)
+    window.measure = options.measure
+    at, told = search:next(at, (vision.focus.measure(frame.image, window)))
+  end
+  if told.park then focusing.move(rig, told.park) end
+  return told
+end
+
+--- Where a point of the eye shows on the sensor that is in focus on it: u, v in px of its aerial image {x, y, d_ls}.
+function focusing.pixel(rig, image)
+  local model = rig:model()
+  return model.centre_px[1] - image.x / model.pixel, model.centre_px[2] + image.y / model.pixel
+end
+
+--- And back: the aerial image's {x, y} of a pixel.
+function focusing.aerial(rig, u, v)
+  local model = rig:model()
+  return (model.centre_px[1] - u) * model.pixel, (v - model.centre_px[2]) * model.pixel
+end
+
+return focusing

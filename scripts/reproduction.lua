@@ -1,0 +1,27 @@
+-- What `vitreo reproduce` runs: protocols with numbers of the thesis, their rigs, arguments and seeds. Started in the order of the
+-- keys, the long ones first; `brief` is the short form, for seeing that all of it works ("-": left out there).
+-- SPDX-License-Identifier: Apache-2.0
+return {
+  a1_spiral = { protocol = "localise_spiral", rig = "spiral_coni", arguments = "orientation=x eyes=10 pictures=1",
+    brief = "eyes=1 orientation=x turns=0.5 height=2mm" },
+  a2_spiral_z = { protocol = "localise_spiral", rig = "spiral_coni_z", arguments = "orientation=z eyes=10 pictures=1" },
+  a3_spiral_sphere = { protocol = "localise_spiral", rig = "spiral_sphere", arguments = "eyes=10 pictures=1" },
+  a4_focus = { protocol = "localise_by_focus", rig = "bare_sensor" },
+  b1_square = { protocol = "servo_square", brief = "width=1mm depth=1mm speed=1mm/s" },
+  b2_square_z = { protocol = "servo_square", rig = "ellipsoid", arguments = "orientation=z" },
+  b3_square_perturbed = { protocol = "servo_square", arguments = "eye=perturbed draw=1" },
+  c1_eye_tracking = { protocol = "track_in_eye", rig = "colour_eye", brief = "images=4 legs=1 channels=RG" },
+  c2_occluded = { protocol = "track_occluded", rig = "colour_occluded", brief = "images=4 passes=1 speed=3mm/s" },
+  c3_colours = { protocol = "select_colors", rig = "colour_eye", brief = "images=4" },
+  c4_discs = { protocol = "push_discs", rig = "push_discs", brief = "images=6 way=1mm" },
+  d1_gels = { protocol = "motion_in_gels", brief = "gels=1 robot=ndfeb time=1s" },
+  d2_supervised = { protocol = "servo_supervised", brief = "points=1,0,0" },
+  e1_biometric = { protocol = "calibrate_biometric", rig = "bare_sensor" },
+  e2_autofocus = { protocol = "autofocus_sweep", rig = "bare_sensor", brief = "steps=9 repetitions=1" },
+  e3_fundus = { protocol = "scan_fundus", rig = "fundus_scanner", brief = "views=2 turn=20deg refocus=false" },
+  f1_lens = { protocol = "design_condensing_lens", brief = "fields=5" },
+  f2_pose = { protocol = "sensitivity_pose", brief = "eyes=2" },
+  f3_focus = { protocol = "sensitivity_focus", brief = "" },
+  f4_maps = { protocol = "map_isofocus_isopixel", brief = "" },
+  f5_methods = { protocol = "compare_ophthalmoscopes", brief = "" },
+}

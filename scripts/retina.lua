@@ -1,0 +1,59 @@
+-- Calibrates the loop's view on the known retina (thesis 6.2: "we can calibrate the algorithm by estimating the microrobot's
+-- position when it lies on the known retinal depth"): one look at the robot at rest puts the image's scale right.
+-- SPDX-License-Identifier: Apache-2.0
+local bring = require "bring"
+local statistics = require "statistics"
+local units = require "units"
+local mm, s = units.mm, units.s
+local retina = {}
+
+--- Height over the retina's vertex of a body's middle that lies on a sphere, its thin side down, `aside` from the axis.
+function retina.resting_height(radius, half_thickness, aside)
+  local reach = radius - half_thickness
+  if aside >= reach then error("retina.resting_height: no body rests so far aside", 2) end
+  return radius - math.sqrt(reach ^ 2 - aside ^ 2)
+end
+
+-- The tracker's mean ellipse since `from`; nothing when it was not seen.
+local function ellipse_since(run, from)
+  local seen = {}
+  for name, channel in pairs { u = "u_px", v = "v_px", semi_major = "semi_major_px", semi_minor = "semi_minor_px",
+    angle = "angle" } do
+    local good = {}
+    for _, value in ipairs((run:samples("servo", channel, { from = from, to = run:now() }))) do
+      if value == value then good[#good + 1] = value end
+    end
+    if #good == 0 then return nil end
+    seen[name] = name == "angle" and statistics.median(good) or statistics.mean(good)
+  end
+  return seen
+end
+
+--- Lays the robot on the retina under `above` and returns the corrected view for rig:servo, and what was corrected.
+--- `depth_error`: by how much the retina's depth is known wrongly, m (0). The robot is left where it lies, `trim` to take back.
+function retina.calibrate(rig, run, servo, options)
+  local model = rig:model()
+  local above = options.above or model.eye_in_world + vector(0, 0, 2*mm)
+  local trim = bring.sink(run, servo, above, { time = options.time })
+  local from = run:now()
+  run:wait(options.listen or 2*s)
+  local seen = ellipse_since(run, from)
+  if not seen then error("the robot was not seen on the retina: nothing to calibrate with", 0) end
+  local view = rig:view()
+  local axis = vector(options.axis or { 1, 0, 0 })
+  local lies = { robot = model.robot, axis = axis }
+  -- Where it lies aside of the axis, by first order: the height hardly depends on it, and the view of now may not know it at all.
+  local magnification = math.abs(rig:eye():axial_image(0).magnification)
+  local aside = math.sqrt((seen.u - model.centre_px[1]) ^ 2 + (seen.v - model.centre_px[2]) ^ 2) * model.pixel / magnification
+  local upright = math.abs(axis.z) / axis:norm() > 0.7
+  local thin = upright and model.robot.half_length or model.robot.radius
+  lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside,
+    0.5 * model.retina_radius)) + (options.depth_error or 0)
+  local corrected, told = view:calibrated(model.robot, seen, { axis = axis, known_z = lies.height,
+    correction = options.correction })
+  run:note(("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(told.image_scale,
+    run:show(vector(told.offset):norm(), "m"), told.residual))
+  return corrected, told, trim
+end
+
+return retina

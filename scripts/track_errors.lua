@@ -1,0 +1,31 @@
+-- Errors of a recorded track along one axis at a time, against the simulator's truth or the side camera, as thesis table 5.4.
+-- SPDX-License-Identifier: Apache-2.0
+local judge = require "judge"
+local statistics = require "statistics"
+local track_errors = {}
+
+--- |stream - reference| along an axis ("x", "z") in a span {from, to}, at the stream's times; frames without a place are left
+--- out. The reference is read at its nearest sample.
+function track_errors.along(run, axis, span, options)
+  options = options or {}
+  local stream, prefix = options.stream or "servo", options.prefix or ""
+  local reference = options.reference or judge.reference(run)
+  local truth, truth_times = run:samples(reference, axis, { from = span.from - 1, to = span.to + 1 })
+  local values, times = run:samples(stream, prefix .. axis, { from = span.from, to = span.to })
+  local errors, at, near = {}, {}, 1
+  for i = 1, #values do
+    while near < #truth and math.abs(truth_times[near + 1] - times[i]) <= math.abs(truth_times[near] - times[i]) do near = near + 1 end
+    local off = truth[near] and values[i] - truth[near]
+    if off and off == off then errors[#errors + 1], at[#at + 1] = math.abs(off), times[i] end
+  end
+  return errors, at
+end
+
+--- mean, deviation, max of a list of errors; an error when there are none.
+function track_errors.statistics(errors)
+  if #errors == 0 then error("the robot was not localised in this span", 2) end
+  return { mean = statistics.mean(errors), deviation = statistics.deviation(errors), max = statistics.max(errors),
+    count = #errors }
+end
+
+return track_errors
