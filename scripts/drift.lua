@@ -53,7 +53,8 @@ end
 -- Where a stream had the robot last, and when.
 local function latest(run, stream, since)
   local x, times = run:samples(stream, "x", { from = since, to = run:now() })
-  local y, z = run:samples(stream, "y", { from = since, to = run:now() }), run:samples(stream, "z", { from = since, to = run:now() })
+  local y = run:samples(stream, "y", { from = since, to = run:now() })
+  local z = run:samples(stream, "z", { from = since, to = run:now() })
   for i = #times, 1, -1 do
     if x[i] == x[i] then return vector(x[i], y[i], z[i]), times[i] end
   end
