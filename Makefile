@@ -1,9 +1,11 @@
 # The few commands a person needs; CMake does the work. `make help` lists them.
 PRESET ?= release
+PREFIX ?= /usr/local
 BUILD  := build/$(PRESET)
 SUDO   := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: help setup build run test test-long bench asan tsan fuzz format format-check tidy clean
+.PHONY: help setup build run test test-long bench asan tsan fuzz format format-check tidy install deb fresh check-scripts \
+        format-scripts reference clean
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
 
@@ -48,6 +50,25 @@ format-check:    ## fail where the layout differs
 	clang-format --dry-run --Werror $(SOURCES)
 tidy: build      ## clang-tidy over our own sources
 	sh cmake/tidy.sh $(BUILD)
+
+install: build   ## install program, scripts, docs, man page, completion, udev rules (PREFIX=/usr/local)
+	$(SUDO) cmake --install $(BUILD) --prefix $(PREFIX)
+
+deb: build       ## the Debian package: build/release/vitreo_VERSION_ARCH.deb
+	cd $(BUILD) && cpack -G DEB
+
+fresh: ## prove the README's two commands in a fresh Debian 12 folder (root, network, half an hour)
+	sh packaging/fresh.sh
+
+SCRIPTS = $(shell git ls-files -co --exclude-standard 'protocols/*.lua' 'scripts/*.lua')
+check-scripts:   ## luacheck, with the names that scripts can see
+	$(BUILD)/vitreo docs luacheck > $(BUILD)/luacheckrc && luacheck --config $(BUILD)/luacheckrc -q $(SCRIPTS)
+STYLUA = $(BUILD)/stylua
+format-scripts:  ## lay out the Lua scripts with StyLua 2.5.2 (from npm; wants node and npm)
+	npm install --silent --no-audit --no-fund --prefix $(STYLUA) @johnnymorganz/stylua@2.5.2
+	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) $(CHECK) $(SCRIPTS)
+reference:       ## print docs/api.md and the golden help texts anew from the program
+	sh tests/program/print_golden.sh $(BUILD)/vitreo
 
 clean:           ## remove the build folders
 	rm -rf build

@@ -1,0 +1,43 @@
+# What `make install` and the Debian package hold: the program, its protocols, scripts, templates and docs, and what the
+# program prints about itself (man page, completion, stubs for editors), so that none of these can differ from it.
+include(GNUInstallDirs)
+install(TARGETS vitreo vitreo_guardian RUNTIME)
+foreach(folder protocols scripts templates docs)
+  install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_DATADIR}/vitreo)
+endforeach()
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
+install(FILES packaging/60-vitreo.rules DESTINATION lib/udev/rules.d)
+
+set(VITREO_PRINTED ${CMAKE_BINARY_DIR}/printed)
+install(CODE "
+  set(ENV{VITREO_ROOT} \"${CMAKE_SOURCE_DIR}\")
+  file(MAKE_DIRECTORY \"${VITREO_PRINTED}\")
+  foreach(words \"docs;man;vitreo.1\" \"completion;bash;vitreo\" \"completion;zsh;_vitreo\" \"completion;fish;vitreo.fish\" \"docs;api;api.md\"
+          \"docs;luacheck;luacheckrc\")
+    list(POP_BACK words file)
+    execute_process(COMMAND \"$<TARGET_FILE:vitreo>\" \${words} OUTPUT_FILE \"${VITREO_PRINTED}/\${file}\" COMMAND_ERROR_IS_FATAL ANY)
+  endforeach()
+  execute_process(COMMAND \"$<TARGET_FILE:vitreo>\" docs stubs \"${VITREO_PRINTED}/stubs\" COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND gzip -9nf \"${VITREO_PRINTED}/vitreo.1\" COMMAND_ERROR_IS_FATAL ANY)
+")
+install(FILES ${VITREO_PRINTED}/vitreo.1.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+install(FILES ${VITREO_PRINTED}/vitreo DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+install(FILES ${VITREO_PRINTED}/_vitreo DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
+install(FILES ${VITREO_PRINTED}/vitreo.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
+install(DIRECTORY ${VITREO_PRINTED}/stubs DESTINATION ${CMAKE_INSTALL_DATADIR}/vitreo)
+install(FILES ${VITREO_PRINTED}/luacheckrc ${VITREO_PRINTED}/api.md DESTINATION ${CMAKE_INSTALL_DATADIR}/vitreo)
+
+# cpack -G DEB. The libraries that are opened at their first call (decision 5) are not seen by dpkg-shlibdeps.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME vitreo)
+set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
+set(CPACK_PACKAGE_CONTACT "Vitreo's developers <vitreo@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "instrument control for magnetic microrobots inside the eye")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "libopencv-imgcodecs406, libopencv-videoio406, libopencv-video406, libaravis-0.8-0")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "ffmpeg")
+include(CPack)

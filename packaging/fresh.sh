@@ -1,0 +1,20 @@
+#!/bin/sh
+# Proves the README's two commands on a machine that has nothing: a Debian 12 folder made by debootstrap. Needs root, a
+# network and half an hour; WORK names where the folder is made (it is removed afterwards, unless KEEP is set).
+set -eu
+[ "$(id -u)" = 0 ] || { echo "fresh: debootstrap and chroot want root" >&2; exit 2; }
+command -v debootstrap >/dev/null || { echo "fresh: apt-get install debootstrap" >&2; exit 2; }
+work=$(mktemp -d "${WORK:-/var/tmp}/vitreo_fresh.XXXXXX")
+clean() {
+  umount "$work/proc" 2>/dev/null || true
+  [ -n "${KEEP:-}" ] || rm -rf "$work"
+}
+trap clean EXIT INT TERM
+debootstrap --variant=minbase --include=ca-certificates,git,make bookworm "$work" >"$work.log" 2>&1 || { tail "$work.log"; exit 1; }
+cp /etc/apt/sources.list "$work/etc/apt/" 2>/dev/null || true
+cp -r /etc/apt/apt.conf.d /etc/apt/sources.list.d "$work/etc/apt/" 2>/dev/null || true
+mount -t proc proc "$work/proc"
+mkdir "$work/vitreo"
+git archive HEAD | tar -x -C "$work/vitreo"
+chroot "$work" sh -ec "apt-get update -q; cd /vitreo; git init -q; time make run; time make test"
+echo "fresh: both commands work"

@@ -1,0 +1,28 @@
+#!/bin/sh
+# Makes the Debian package of the build folder $1, installs it in a Debian 12 folder made by debootstrap and runs it there as an
+# ordinary user. Root and network; exits with 77 (skipped) without them.
+set -eu
+[ "$(id -u)" = 0 ] && command -v debootstrap >/dev/null || { echo "wants root and debootstrap"; exit 77; }
+(cd "$1" && rm -f vitreo_*.deb && cpack -G DEB >/dev/null)
+package=$(ls "$1"/vitreo_*.deb)
+work=$(mktemp -d /var/tmp/vitreo_package.XXXXXX)
+trap 'umount "$work/proc" 2>/dev/null || true; rm -rf "$work"' EXIT INT TERM
+debootstrap --variant=minbase --include=ca-certificates bookworm "$work" >"$work.log" 2>&1 || { tail "$work.log"; exit 1; }
+rm -f "$work.log"
+cp /etc/apt/sources.list "$work/etc/apt/" 2>/dev/null || true
+cp -r /etc/apt/apt.conf.d /etc/apt/sources.list.d "$work/etc/apt/" 2>/dev/null || true
+mount -t proc proc "$work/proc"
+cp "$package" "$work/tmp/vitreo.deb"
+chroot "$work" sh -ec '
+  export DEBIAN_FRONTEND=noninteractive
+  apt-get update -q >/dev/null
+  apt-get install -y -q --no-install-recommends /tmp/vitreo.deb >/dev/null
+  useradd -m lab
+  test -s /lib/udev/rules.d/60-vitreo.rules
+  test -s /usr/share/man/man1/vitreo.1.gz
+  test -s /usr/share/bash-completion/completions/vitreo
+  su lab -c "cd && vitreo --version && vitreo list && vitreo run hello_rig && vitreo show last"
+  su lab -c "cd && vitreo new protocol first_one && vitreo run first_one.lua wait=0.1s && echo \"1 + 1\" | vitreo"
+  su lab -c "cd && vitreo export last --csv && vitreo docs safety | head -1"
+'
+echo "the package installs and runs"
