@@ -43,6 +43,8 @@ find_library(OPENCV_videoio opencv_videoio REQUIRED)
 vitreo_lazy_library(vitreo_lazy_videoio ${OPENCV_videoio})
 target_link_libraries(vitreo_video INTERFACE vitreo_opencv vitreo_lazy_videoio)
 
+find_library(READLINE_LIBRARY readline REQUIRED)  # line editing at the prompt
+
 find_package(CLI11 REQUIRED)
 add_library(vitreo_cli INTERFACE)
 target_link_libraries(vitreo_cli INTERFACE CLI11::CLI11)

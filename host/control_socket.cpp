@@ -272,4 +272,36 @@ nlohmann::json control_run(const std::string& run, const nlohmann::json& request
   return nlohmann::json::parse(reply);
 }
 
+ControlConnection::ControlConnection(const std::string& run) {
+  const fs::path path = find_run(run);
+  name_ = path.stem().string();
+  socket_ = connect_to(path);
+  if (socket_ < 0) throw std::runtime_error(name_ + ": has just ended");
+}
+
+ControlConnection::~ControlConnection() { close(socket_); }
+
+void ControlConnection::send(const nlohmann::json& request) {
+  const std::string line = request.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  if (::send(socket_, line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size()))
+    throw std::runtime_error(name_ + ": does not take what is sent");
+}
+
+bool ControlConnection::receive() {
+  char bytes[4096];
+  const ssize_t count = recv(socket_, bytes, sizeof bytes, 0);
+  if (count < 0 && errno == EINTR) return true;
+  if (count <= 0) return false;
+  received_.append(bytes, static_cast<std::size_t>(count));
+  return true;
+}
+
+std::optional<nlohmann::json> ControlConnection::next() {
+  const std::size_t end = received_.find('\n');
+  if (end == std::string::npos) return std::nullopt;
+  const nlohmann::json message = nlohmann::json::parse(received_.substr(0, end));
+  received_.erase(0, end + 1);
+  return message;
+}
+
 }  // namespace vitreo

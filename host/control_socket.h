@@ -11,6 +11,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -72,5 +73,24 @@ class ControlSocket {
 /// Sends one request to a run and returns its reply. `run` is a run's name or the beginning of one; empty: the only one
 /// there is. Throws std::runtime_error saying what there is to choose from, or that nobody answered within 5 s.
 nlohmann::json control_run(const std::string& run, const nlohmann::json& request);
+
+/// A program that stays connected to a run and follows it.
+class ControlConnection {
+ public:
+  /// Throws as control_run.
+  explicit ControlConnection(const std::string& run);
+  ~ControlConnection();
+  ControlConnection(const ControlConnection&) = delete;
+  ControlConnection& operator=(const ControlConnection&) = delete;
+  const std::string& name() const { return name_; }
+  int descriptor() const { return socket_; }
+  void send(const nlohmann::json& request);  ///< throws std::runtime_error when the run does not take it
+  bool receive();                            ///< takes what has come; false when the run is gone
+  std::optional<nlohmann::json> next();      ///< a whole message that has come
+
+ private:
+  int socket_ = -1;
+  std::string name_, received_;
+};
 
 }  // namespace vitreo

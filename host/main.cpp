@@ -22,9 +22,7 @@ namespace {
 int dispatch(int count, char** words) {
   cli::CommandLine line(
       "Vitreo drives the instruments of a laboratory that steers microrobots inside the eye.\n"
-      "Without a command: a Lua prompt on the rig.\n\n"
-      "examples:\n  vitreo run servo_square speed=0.5mm/s --seed 7\n  vitreo describe servo_square\n"
-      "  echo 'print(rig.top_camera:info().identity)' | vitreo\n",
+      "Without a command: a Lua prompt on the rig.",
       "vitreo");
   cli::Program program;
   cli::add_run(line, program);
@@ -38,6 +36,10 @@ int dispatch(int count, char** words) {
   cli::add_devices(line, program);
   cli::add_faults(line, program);
   cli::add_soak(line, program);
+  cli::add_attach(line, program);
+  cli::add_new(line, program);
+  cli::add_docs(line, program);
+  cli::add_completion(line, program);
   line.version([] { return versions().dump(); });
   return line.run(count, words);
 }

@@ -3,6 +3,7 @@
 
 #include "host/markup.h"
 #include "host/plot_layout.h"
+#include "host/report_files.h"
 #include "host/report_style.h"
 #include "host/sha256.h"
 #include "host/units.h"
@@ -251,7 +252,7 @@ std::string event_section(const RunData& data) {
   const std::vector<Event>& events = data.events;
   if (events.empty()) return "";
   const std::size_t shown = std::min(events.size(), kEventsShown);
-  std::string out = "<table class=\"events\">" + event_rows(events, 0, shown) + "</table>\n";
+  std::string out = timeline_svg(data) + "\n<table class=\"events\">" + event_rows(events, 0, shown) + "</table>\n";
   if (shown < events.size()) {
     out += fmt::format("<details><summary>{} more events</summary><table class=\"events\">", events.size() - shown) +
            event_rows(events, shown, events.size()) + "</table></details>\n";

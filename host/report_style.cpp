@@ -27,7 +27,8 @@ h2 { font-size: 17px; margin: 34px 0 10px; padding-bottom: 5px; border-bottom: 1
 .tile .unit { font-size: 16px; font-weight: 500; color: var(--soft); }
 .plots { display: grid; grid-template-columns: 1fr 1fr; gap: 14px 20px; margin-top: 22px; }
 .plots > figure { margin: 0; break-inside: avoid; min-width: 0; } .plots > .wide { grid-column: 1 / -1; }
-svg, .plots img { display: block; width: 100%; height: auto; }
+svg { display: block; width: 100%; height: auto; }
+.plots img { display: block; max-width: 100%; height: auto; }
 .pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 330px), 1fr)); gap: 18px 20px; }
 .pictures figure { margin: 0; break-inside: avoid; }
 .pictures img { display: block; width: 100%; height: auto; border: 1px solid var(--line); background: #000; }

@@ -274,8 +274,8 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
       inspect);
 }
 
-RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, std::istream& in,
-                     std::ostream& out, bool interactive) {
+RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, LineEditor& in,
+                     std::ostream& out, std::ostream& err) {
   const RigDescription description = engine.load_rig(request.rig_file);
   Rights::of(description).require_researcher(operator_of(request), "the prompt");
   Preparation preparation;
@@ -292,7 +292,7 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
       stage, engine, request, listener,
       [&](Session& session) {
         preparation.tell(session);
-        engine.prompt(session, in, out, interactive);
+        engine.prompt(session, in, out, err);
       },
       nullptr);
 }

@@ -63,8 +63,8 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
                        const Inspect& inspect = nullptr);
 
 /// A prompt on a rig, recorded as a run of its own. Returns when `in` ends.
-RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, std::istream& in,
-                     std::ostream& out, bool interactive);
+RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, LineEditor& in,
+                     std::ostream& out, std::ostream& err);
 
 /// {"outcome": ..., "run": ..., "figures": {...}}, SI.
 nlohmann::json to_json(const RunResult& result);

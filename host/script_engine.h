@@ -16,6 +16,7 @@
 
 namespace vitreo {
 
+class LineEditor;
 class Session;
 
 using ArgumentValue = std::variant<bool, double, std::string>;  // numbers in SI
@@ -80,8 +81,9 @@ class ScriptEngine {
   /// Runs a protocol in a fresh state. Throws ScriptError, DeviceError, Stopped.
   virtual void run(const ProtocolDescription& protocol, const std::map<std::string, ArgumentValue>& arguments,
                    Session& session) = 0;
-  /// Reads statements from `in` until its end; shows results on `out`. `interactive` shows prompts.
-  virtual void prompt(Session& session, std::istream& in, std::ostream& out, bool interactive) = 0;
+  /// Reads statements from `in` until its end; shows results on `out`, what is wrong on `err`. Where nobody sits there,
+  /// throws ScriptError at the end when some failed.
+  virtual void prompt(Session& session, LineEditor& in, std::ostream& out, std::ostream& err) = 0;
   /// Stops the script that runs, wherever it is: run() throws Stopped. Async-signal-safe.
   virtual void interrupt() noexcept = 0;
 };

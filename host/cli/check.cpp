@@ -60,6 +60,7 @@ void add_check(CommandLine& line, Program& program) {
   command.option("--answer", wanted->request.answers, "answers a question of the script: name=value, or value");
   command.option("--limit", wanted->limit, "s of wall time for the dry run (default: 10)");
   command.flag("--json", wanted->json, "one JSON object, SI units");
+  command.examples({"vitreo check servo_square speed=0.5mm/s"});
 }
 
 }  // namespace vitreo::cli

@@ -1,19 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 
+#include "host/config.h"
 #include "host/run_engine.h"
 
 #include <CLI/CLI.hpp>
 
+#include <iostream>
+#include <map>
+
 namespace vitreo::cli {
+
+namespace {
+constexpr const char* kAboutWord = "protocol";  // the positional word that --help may be about
+}  // namespace
 
 struct CommandLine::State {
   State(const std::string& about, const std::string& name) : app(about, name) {}
   CLI::App app;
   Action at_root;
   std::vector<std::pair<const CLI::App*, Action>> commands;
+  std::map<const CLI::App*, std::function<void()>> about_word;
   char** words = nullptr;
+
+  std::string suggestion(const std::string& word) const;
+  int refuse(const CLI::ParseError& error) const;
 };
+
+std::string CommandLine::State::suggestion(const std::string& word) const {
+  std::vector<std::string> known;
+  for (const auto& [command, action] : commands)
+    if (!command->get_group().empty()) known.push_back(command->get_name());
+  const std::string near = nearest(word, known);
+  return near.empty() ? "" : "; did you mean " + near + "?";
+}
+
+/// One line that says what is wrong, and where to read on.
+int CommandLine::State::refuse(const CLI::ParseError& error) const {
+  const CLI::App* at = &app;
+  for (const auto& [command, action] : commands)
+    if (command->parsed()) at = command;
+  const std::vector<std::string> extra = app.remaining(true);
+  std::string what = error.what();
+  if (at == &app && !extra.empty() && !extra.front().starts_with("-"))
+    what = "there is no command '" + extra.front() + "'" + suggestion(extra.front());
+  else if (!extra.empty())
+    what = "'" + extra.front() + "' is not understood";
+  std::cerr << "vitreo: " << what << "; see vitreo " << (at == &app ? "" : at->get_name() + " ") << "--help\n";
+  return static_cast<int>(ExitCode::usage);
+}
 
 CommandLine::CommandLine(const std::string& about, const std::string& name)
     : state_(std::make_unique<State>(about, name)) {}
@@ -26,8 +61,11 @@ Command CommandLine::root(Action action) {
 
 Command CommandLine::command(const std::string& name, const std::string& help, Action action) {
   CLI::App* app = state_->app.add_subcommand(name, help);
+  app->get_formatter()->column_width(28);
   state_->commands.emplace_back(app, std::move(action));
-  return Command(*app);
+  Command made(*app);
+  made.about_word_ = &state_->about_word[app];
+  return made;
 }
 
 void CommandLine::version(std::function<std::string()> text) {
@@ -40,8 +78,16 @@ int CommandLine::run(int count, char** words) {
   state_->words = words;
   try {
     state_->app.parse(count, words);
+  } catch (const CLI::CallForHelp& call) {
+    for (const auto& [command, print] : state_->about_word)
+      if (command->parsed() && print && command->get_option_no_throw(kAboutWord) != nullptr &&
+          command->get_option(kAboutWord)->count() > 0)
+        return print(), 0;
+    return state_->app.exit(call);
+  } catch (const CLI::Success& call) {
+    return state_->app.exit(call);
   } catch (const CLI::ParseError& error) {
-    return state_->app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::usage);
+    return state_->refuse(error);
   }
   for (const auto& [app, action] : state_->commands)
     if (app->parsed()) return action();
@@ -65,6 +111,40 @@ Option Command::option(const std::string& names, double& into, const std::string
 }
 Option Command::flag(const std::string& names, bool& into, const std::string& help) {
   return Option(app_.add_flag(names, into, help));
+}
+
+Command& Command::examples(const std::vector<std::string>& lines) {
+  std::string text = "\nFor instance\n";
+  for (const std::string& line : lines) text += "  " + line + "\n";
+  return app_.footer(text), *this;
+}
+Command& Command::help_about_word(std::function<void()> print) { return *about_word_ = std::move(print), *this; }
+Command& Command::hidden() { return app_.group(""), *this; }
+
+namespace {
+
+Described describe_one(const CLI::App& app, const std::string& name) {
+  Described made{name, app.get_description(), app.get_footer(), {}};
+  for (const CLI::Option* option : app.get_options()) {
+    Described::Word word;
+    word.positional = option->get_positional();
+    for (const std::string& one : option->get_snames()) word.names.push_back("-" + one);
+    for (const std::string& one : option->get_lnames()) word.names.push_back("--" + one);
+    if (word.positional) word.names = {option->get_name(true)};
+    word.help = option->get_description();
+    word.takes_value = option->get_expected_max() > 0;
+    made.words.push_back(word);
+  }
+  return made;
+}
+
+}  // namespace
+
+std::vector<Described> CommandLine::describe() const {
+  std::vector<Described> all{describe_one(state_->app, "")};
+  for (const auto& [command, action] : state_->commands)
+    if (!command->get_group().empty()) all.push_back(describe_one(*command, command->get_name()));
+  return all;
 }
 
 void Command::one_of(const std::vector<std::string>& words, std::string& into) {

@@ -44,9 +44,28 @@ class Command {
   Option flag(const std::string& names, bool& into, const std::string& help);
   /// Exactly one of --a, --b, ... must be given; `into` becomes its word.
   void one_of(const std::vector<std::string>& words, std::string& into);
+  /// Shown below the options, one a line.
+  Command& examples(const std::vector<std::string>& lines);
+  /// Called when --help is asked with a first positional word: prints the help about that, instead of the command's.
+  Command& help_about_word(std::function<void()> print);
+  /// Not shown in lists.
+  Command& hidden();
 
  private:
+  friend class CommandLine;
   CLI::App& app_;
+  std::function<void()>* about_word_ = nullptr;
+};
+
+/// A command as it was declared: for completion and the man page.
+struct Described {
+  struct Word {
+    std::vector<std::string> names;  // "--json"; the bare name of a positional word
+    std::string help;
+    bool positional = false, takes_value = false;
+  };
+  std::string name, help, examples;  // name: "" for the program without a command
+  std::vector<Word> words;
 };
 
 class CommandLine {
@@ -66,6 +85,8 @@ class CommandLine {
   /// Parses the words and does what they ask; 2 for words that are not understood, 0 for --help and --version.
   int run(int count, char** words);
   char** words() const;  ///< those that run() was given
+  /// The program's own words, then every command that is not hidden.
+  std::vector<Described> describe() const;
 
  private:
   struct State;

@@ -63,6 +63,8 @@ void add_control(CommandLine& line, Program&) {
   command.flag("--override", wanted->force, "with resume: although it is still suspended (a researcher's right)");
   command.option("--run", wanted->run, "the run's name, or its beginning, where several are going on");
   command.flag("--json", wanted->json, "the reply as JSON");
+  command.examples({"vitreo control status", "vitreo control pause \"after focus\"", "vitreo control answer 3mm",
+                    "vitreo control stop --run 2026-11-21T1830"});
 }
 
 }  // namespace vitreo::cli

@@ -59,18 +59,17 @@ std::string range_text(const Parameter& p) {
   return value_text(p.min, p.unit) + " to " + value_text(p.max, p.unit);
 }
 
+/// As it could be written on the command line: hold=5s.
+std::string argument_example(const ProtocolDescription& protocol) {
+  if (protocol.parameters.empty()) return "";
+  const Parameter& p = protocol.parameters.front();
+  std::string value = p.required ? "..." : value_text(p.fallback, p.unit);
+  std::erase(value, ' ');
+  return " " + p.name + "=" + value;
+}
+
 void describe(const ProtocolDescription& protocol, bool json) {
-  if (json) {
-    std::cout << describe_json(protocol).dump() << "\n";
-    return;
-  }
-  fmt::print("{}: {}\n{}needs: {}\n", protocol.name, protocol.title,
-             protocol.about.empty() ? "" : protocol.about + "\n", fmt::join(protocol.needs, ", "));
-  for (const Parameter& p : protocol.parameters) {
-    const std::string range = range_text(p);
-    fmt::print("  {:<14} {:<12} {}{}{}\n", p.name, p.required ? "(needed)" : value_text(p.fallback, p.unit), p.help,
-               range.empty() || p.help.empty() ? "" : "; ", range);
-  }
+  std::cout << (json ? describe_json(protocol).dump() + "\n" : describe_text(protocol));
 }
 
 void list(ScriptEngine& engine, bool json) {
@@ -94,6 +93,18 @@ void list(ScriptEngine& engine, bool json) {
 
 }  // namespace
 
+std::string describe_text(const ProtocolDescription& protocol) {
+  std::string text = fmt::format(
+      "{}: {}\n{}needs: {}\n", protocol.name, protocol.title, protocol.about.empty() ? "" : protocol.about + "\n",
+      protocol.needs.empty() ? "nothing" : fmt::format("{}", fmt::join(protocol.needs, ", ")));
+  for (const Parameter& p : protocol.parameters) {
+    const std::string range = range_text(p);
+    text += fmt::format("  {:<14} {:<12} {}{}{}\n", p.name, p.required ? "(needed)" : value_text(p.fallback, p.unit),
+                        p.help, range.empty() || p.help.empty() ? "" : "; ", range);
+  }
+  return text + fmt::format("for instance: vitreo run {}{}\n", protocol.name, argument_example(protocol));
+}
+
 void add_describe(CommandLine& line, Program& program) {
   struct Wanted {
     std::string protocol;
@@ -109,6 +120,8 @@ void add_describe(CommandLine& line, Program& program) {
   });
   one.option("protocol", wanted->protocol, "a protocol's file or name").required();
   one.flag("--json", wanted->json, "as JSON, SI units");
+  one.examples({"vitreo describe servo_square", "vitreo describe ./mine.lua --json"});
+  all.examples({"vitreo list"});
 }
 
 }  // namespace vitreo::cli

@@ -39,6 +39,7 @@ void add_devices(CommandLine& line, Program& program) {
   command.option("--test", wanted->test, "a role: run its contract suite (it moves, it drives currents!)")
       .needs("--rig");
   command.flag("--json", wanted->json, "as JSON, SI units");
+  command.examples({"vitreo devices", "vitreo devices --rig lab.lua", "vitreo devices --rig lab.lua --test stage"});
 
   Command emulated = line.command("emulate", "offer a rig's emulated instruments, or run a command among them",
                                   [&program, &line, wanted] {
@@ -47,6 +48,7 @@ void add_devices(CommandLine& line, Program& program) {
                                   });
   emulated.option("rig", wanted->rig, "rig file").required();
   emulated.option("command", wanted->command, "after --: the command and its arguments");
+  emulated.examples({"vitreo emulate scripts/rigs/octomag_lab.lua -- vitreo devices"});
 }
 
 }  // namespace vitreo::cli

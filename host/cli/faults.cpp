@@ -33,6 +33,7 @@ void add_faults(CommandLine& line, Program&) {
   Command command = line.command("faults", "what can be made to go wrong on a simulated rig: run --fault",
                                  [json] { return list_faults(*json); });
   command.flag("--json", *json, "as JSON, SI units");
+  command.examples({"vitreo faults"});
 }
 
 }  // namespace vitreo::cli

@@ -25,8 +25,7 @@ void add_mask(CommandLine& line, Program&) {
   Command command = line.command(
       "mask",
       "masks of an object, to train a tracker with: NAME_mask.png, and overlays/NAME.png to look at. The outline is\n"
-      "the object's in the first image; it is looked for in the others. For instance\n"
-      "  vitreo mask frames/*.png --ellipse 320,240,60,30,15 --grab --out training",
+      "the object's in the first image; it is looked for in the others.",
       [request] { return mask(*request); });
   command.option("images", request->images, "of one size").required();
   command.option("--ellipse", request->ellipses, "cx,cy,A,B,phi: full axes in px, degrees from right to down")
@@ -38,6 +37,7 @@ void add_mask(CommandLine& line, Program&) {
   command.option("--margin", request->margin_px, "px by which a rough outline may be wrong (6)");
   command.option("--out", request->out, "folder; the images are copied there too, as a training folder");
   command.flag("--force", request->force, "write over masks that are there");
+  command.examples({"vitreo mask frames/*.png --ellipse 320,240,60,30,15 --grab --out training"});
 }
 
 }  // namespace vitreo::cli

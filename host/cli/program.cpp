@@ -16,14 +16,23 @@ Program::Program() = default;
 Program::~Program() = default;
 
 ScriptEngine& Program::engine() {
-  if (!engine_) engine_ = make_lua_engine({in_data_folder("scripts")});
+  if (!engine_) engine_ = make_lua_engine({in_data_folder("scripts")}, {in_data_folder("protocols")});
   return *engine_;
 }
 
 std::string Program::in_data_folder(const std::string& below) {
   const char* given = std::getenv("VITREO_ROOT");
-  const bool here = fs::exists("protocols") && fs::exists("scripts");
-  const fs::path folder = given != nullptr ? given : here ? "." : VITREO_SOURCE_DIR;
+  std::error_code error;
+  const bool here = fs::exists("protocols", error) && fs::exists("scripts", error);
+  const fs::path installed = fs::read_symlink("/proc/self/exe", error).parent_path() / "../share/vitreo";
+  fs::path folder = given != nullptr                           ? given
+                    : here                                     ? "."
+                    : fs::exists(installed / "scripts", error) ? installed
+                                                               : VITREO_SOURCE_DIR;
+  // Docs and templates are the program's own, also where somebody's folder has protocols.
+  if (given == nullptr && here && !fs::exists(folder / below, error) && !below.starts_with("protocols") &&
+      !below.starts_with("scripts"))
+    folder = fs::exists(installed / "scripts", error) ? installed : fs::path(VITREO_SOURCE_DIR);
   return (folder / below).lexically_normal().string();
 }
 
@@ -39,6 +48,18 @@ std::vector<std::string> Program::protocol_files() {
     if (entry.path().extension() == ".lua") files.push_back(entry.path().lexically_normal().string());
   std::sort(files.begin(), files.end());
   return files;
+}
+
+std::string exit_codes_text() {
+  return "0  completed\n"
+         "1  the script failed, or a statement of a piped prompt\n"
+         "2  usage: unknown protocol, parameter out of range, error in a rig file; nothing was opened\n"
+         "3  stopped, by the operator or by the script\n"
+         "4  aborted: by the operator, because a device failed, or because the interlock tripped\n"
+         "5  internal error\n"
+         "6  the script did not respond to an abort: the devices are safe, the record is closed\n"
+         "7  an instrument is missing\n"
+         "8  the preflight failed: nothing was opened (vitreo check; vitreo run on a laboratory rig)\n";
 }
 
 void add_run_options(Command& command, RunOptions& options) {

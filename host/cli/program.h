@@ -23,7 +23,8 @@ class Program {
   /// Made at the first call: commands without a script start faster.
   ScriptEngine& engine();
 
-  /// A path below protocols/ or scripts/: here, else VITREO_ROOT, else where the program was built.
+  /// A path below protocols/, scripts/, docs/ or templates/: in VITREO_ROOT, else here where both protocols/ and
+  /// scripts/ are, else beside the installed program (../share/vitreo), else where the program was built.
   static std::string in_data_folder(const std::string& below);
   /// A path as given, or a protocol's bare name.
   static std::string protocol_file(const std::string& given);
@@ -53,5 +54,14 @@ void add_soak(CommandLine& line, Program& program);
 void add_reproduce(CommandLine& line, Program& program);
 void add_test(CommandLine& line, Program& program);
 void add_records(CommandLine& line, Program& program);
+void add_attach(CommandLine& line, Program& program);
+void add_completion(CommandLine& line, Program& program);
+void add_docs(CommandLine& line, Program& program);
+void add_new(CommandLine& line, Program& program);
+
+/// What `vitreo describe` prints.
+std::string describe_text(const ProtocolDescription& protocol);
+/// The program's exit codes, one a line.
+std::string exit_codes_text();
 
 }  // namespace vitreo::cli

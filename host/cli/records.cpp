@@ -3,6 +3,7 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/commands.h"
+#include "host/report_files.h"
 #include "host/run_reader.h"
 
 #include <iostream>
@@ -11,11 +12,20 @@ namespace vitreo::cli {
 namespace {
 
 struct Wanted {
-  std::string run = "last", parent = "runs", into, format, csv;
+  std::string run = "last", parent = "runs", into, format, csv, plots;
   RunFilter filter;
   bool json = false;
   std::filesystem::path folder() const { return find_run(run, parent); }
 };
+
+int plots(const Wanted& wanted) {
+  nlohmann::json files = nlohmann::json::array();
+  for (const auto& file : write_plots(read_run(wanted.folder()), wanted.plots)) files.push_back(file.string());
+  if (wanted.json) std::cout << files.dump() << "\n";
+  for (const auto& file : files)
+    if (!wanted.json) std::cout << file.get<std::string>() << "\n";
+  return 0;
+}
 
 }  // namespace
 
@@ -41,22 +51,31 @@ void add_records(CommandLine& line, Program& program) {
               "only completed, failed, stopped, aborted, lost, running or unreadable");
   runs.option("--since", wanted->filter.since, "only from this time on: 2026-11-21, 2026-11-21T14:30");
   runs.option("--newest", wanted->filter.newest, "only so many").between(1, 1000000);
-  add_one("show", "what a run was asked, what came out, what is recorded",
-          [wanted, &w] { return show_run(w.folder(), w.json, std::cout); });
-  add_one("verify", "whether a run's record is whole: hashes, counts, every frame",
-          [wanted, &w] { return verify_command(w.folder(), w.json, std::cout); });
-  add_one("recover", "ends the record of a run whose program died",
-          [wanted, &w] { return recover_command(w.folder(), w.json, std::cout); });
-  add_one("report", "makes a run's report anew from its record",
-          [wanted, &w] { return report_command(w.folder(), w.json, std::cout); });
+  runs.examples({"vitreo runs --protocol servo_square --newest 5", "vitreo runs --outcome failed --json"});
+  add_one("show", "what a run was asked, what came out, what is recorded", [wanted, &w] {
+    return show_run(w.folder(), w.json, std::cout);
+  }).examples({"vitreo show last"});
+  add_one("verify", "whether a run's record is whole: hashes, counts, every frame", [wanted, &w] {
+    return verify_command(w.folder(), w.json, std::cout);
+  }).examples({"vitreo verify last"});
+  add_one("recover", "ends the record of a run whose program died", [wanted, &w] {
+    return recover_command(w.folder(), w.json, std::cout);
+  }).examples({"vitreo recover 2026-11-21T1830"});
+  Command report = add_one("report", "makes a run's report anew from its record", [wanted, &w] {
+    return w.plots.empty() ? report_command(w.folder(), w.json, std::cout) : plots(w);
+  });
+  report.option("--plots", wanted->plots, "a folder: writes each plot there as an SVG file instead");
+  report.examples({"vitreo report last", "vitreo report last --plots figures"});
   Command exported = add_one("export", "a run in the format of other programs",
                              [wanted, &w] { return export_command(w.folder(), w.format, w.into, w.json, std::cout); });
   exported.option("--into", wanted->into, "a folder (default: export/ in the run's own)");
+  exported.examples({"vitreo export last --csv", "vitreo export last --mcap --into /tmp/shared"});
   exported.one_of({"csv", "mcap", "tiff", "mkv", "hdf5"}, wanted->format);
   Command replayed = add_one(
       "replay", "the recorded frames through today's tracker and localiser",
       [&program, wanted, &w] { return replay_command(program.engine(), w.folder(), w.csv, w.json, std::cout); });
   replayed.option("--csv", wanted->csv, "a file for the differences frame by frame");
+  replayed.examples({"vitreo replay last --csv differences.csv"});
 }
 
 }  // namespace vitreo::cli

@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/line_editor.h"
 #include "host/progress_line.h"
+#include "host/run_reader.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <unistd.h>
@@ -16,8 +19,38 @@ namespace {
 
 struct Run : RunOptions {
   std::string protocol;
-  bool json = false;
+  bool json = false, quiet = false, verbose = false;
 };
+
+/// Nothing but questions: they want an answer.
+class Quiet : public ProgressLine {
+ public:
+  using ProgressLine::ProgressLine;
+  void progress(double, const std::string&) override {}
+  void message(const std::string&) override {}
+};
+
+/// What was opened, and what became of it, for --verbose: on the standard error.
+void tell_before(ScriptEngine& engine, const RunRequest& request) {
+  const ProtocolDescription protocol = engine.describe(request.protocol_file);
+  fmt::print(stderr, "protocol {}\nrig {}\nseed {}\n", protocol.file, request.rig_file, request.seed);
+  for (const auto& [name, value] : check_arguments(protocol, request.arguments)) {
+    const auto known = std::find_if(protocol.parameters.begin(), protocol.parameters.end(),
+                                    [&key = name](const Parameter& one) { return one.name == key; });
+    const auto unit = find_unit(known->unit);
+    const double* number = std::get_if<double>(&value);
+    const std::string* text = std::get_if<std::string>(&value);
+    fmt::print(stderr, "{} = {}\n", name,
+               number != nullptr ? format_quantity(*number, unit ? unit->dimension : "", 6)
+               : text != nullptr ? *text
+                                 : std::string(std::get<bool>(value) ? "true" : "false"));
+  }
+}
+
+void tell_after(const RunResult& result) {
+  for (const Event& event : read_run(result.folder).events)
+    fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, event.text);
+}
 
 void show(const RunResult& result, bool json) {
   if (json) {
@@ -32,19 +65,40 @@ void show(const RunResult& result, bool json) {
 
 int run(Program& program, Run& wanted) {
   wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
-  ProgressLine progress(std::cerr, isatty(STDERR_FILENO) != 0);
-  const RunResult result = run_protocol(program.engine(), wanted.complete(), progress);
-  progress.clear();
-  show(result, wanted.json);
+  const bool terminal = isatty(STDERR_FILENO) != 0;
+  const auto progress =
+      wanted.quiet ? std::make_unique<Quiet>(std::cerr, false) : std::make_unique<ProgressLine>(std::cerr, terminal);
+  const RunRequest& request = wanted.complete();
+  if (wanted.verbose) tell_before(program.engine(), request);
+  const RunResult result = run_protocol(program.engine(), request, *progress);
+  progress->clear();
+  if (wanted.verbose) tell_after(result);
+  if (!wanted.quiet || wanted.json) show(result, wanted.json);
   return static_cast<int>(result.exit_code);
 }
 
+/// What is said while somebody types appears above the line.
+class PromptLines : public ProgressLine {
+ public:
+  PromptLines(std::ostream& out, bool animate, LineEditor& editor) : ProgressLine(out, animate), editor_(editor) {}
+  void message(const std::string& line) override {
+    if (!editor_.show_above(line)) ProgressLine::message(line);
+  }
+
+ private:
+  LineEditor& editor_;
+};
+
 int prompt(Program& program, RunOptions& options) {
-  const bool interactive = isatty(STDIN_FILENO) != 0;
-  if (interactive) options.real_time = true;
-  ProgressLine progress(std::cerr, interactive);
-  const RunResult result = run_prompt(program.engine(), options.complete(), progress, std::cin, std::cout, interactive);
-  if (interactive) fmt::print("run: {}\n", result.folder);
+  const bool sits_there = isatty(STDIN_FILENO) != 0;
+  if (sits_there) options.real_time = true;
+  const bool edits = sits_there && isatty(STDOUT_FILENO) != 0;
+  const auto editor = edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, sits_there);
+  PromptLines progress(edits ? std::cout : std::cerr, edits, *editor);
+  const RunResult result =
+      run_prompt(program.engine(), options.complete(), progress, *editor, std::cout, edits ? std::cout : std::cerr);
+  progress.clear();
+  if (sits_there) fmt::print("run: {}\n", result.folder);
   return static_cast<int>(result.exit_code);
 }
 
@@ -54,6 +108,10 @@ void add_run(CommandLine& line, Program& program) {
   const auto at_prompt = std::make_shared<RunOptions>();
   Command root = line.root([&program, at_prompt] { return prompt(program, *at_prompt); });
   add_run_options(root, *at_prompt);
+  root.examples({"vitreo                                     a prompt on the simulated rig",
+                 "vitreo run servo_square speed=0.5mm/s --seed 7", "vitreo run servo_square --help",
+                 "echo 'print(rig.top_camera:info().identity)' | vitreo",
+                 "vitreo docs                                the pages of the documentation"});
 
   const auto wanted = std::make_shared<Run>();
   Command command = line.command("run", "run a protocol", [&program, wanted] { return run(program, *wanted); });
@@ -65,6 +123,14 @@ void add_run(CommandLine& line, Program& program) {
                  "answers a question of the script in advance: name=value, or value in their order");
   command.option("--override", wanted->request.override_reason,
                  "run although the preflight fails, and why (a researcher's right; it is recorded)");
+  command.flag("--quiet,-q", wanted->quiet, "nothing but errors and questions");
+  command.flag("--verbose,-v", wanted->verbose, "also what was chosen, and every event of the record");
+  command.help_about_word([&program, wanted] {
+    fmt::print("{}\noptions: vitreo run --help\n",
+               describe_text(program.engine().describe(Program::protocol_file(wanted->protocol))));
+  });
+  command.examples({"vitreo run servo_square speed=0.5mm/s --seed 7", "vitreo run drift_test --help",
+                    "vitreo run hold --json | jq .figures"});
 }
 
 }  // namespace vitreo::cli

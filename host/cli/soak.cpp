@@ -54,6 +54,7 @@ void add_soak(CommandLine& line, Program& program) {
   command.option("--rig", wanted->request.rig_file, "rig file (default: scripts/rigs/simulated.lua)");
   command.option("--out", wanted->request.out, "folder in which the records of bad seeds stay (default: runs)");
   command.flag("--json", wanted->json, "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");
+  command.examples({"vitreo soak hello_rig --seeds 20"});
 }
 
 }  // namespace vitreo::cli

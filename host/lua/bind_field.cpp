@@ -172,8 +172,14 @@ Argument vector_named(const char* name, const char* unit, bool optional, const c
   return {.name = name, .type = Type::vector, .unit = unit, .optional = optional, .help = help};
 }
 
-const Argument kRobot{
-    .name = "robot", .type = Type::text, .optional = true, .help = "one of control.robots() (coni_2mm)"};
+Argument robot_argument(const char* name, bool optional) {
+  const auto& known = control::robot_names();
+  return {.name = name,
+          .type = Type::text,
+          .optional = optional,
+          .help = optional ? "whose moment it is (coni_2mm)" : "its name",
+          .choices = {known.begin(), known.end()}};
+}
 
 std::vector<Binding> model_rows() {
   const Argument place = vector_named("position", "m", false);
@@ -192,13 +198,14 @@ std::vector<Binding> model_rows() {
            set_background},
           {"allocate",
            {options({place, vector_named("field", "T", false, "wanted; the robot's axis lies along it"),
-                     vector_named("force", "N", true, "wanted besides levitation in silicone oil"), kRobot},
+                     vector_named("force", "N", true, "wanted besides levitation in silicone oil"),
+                     robot_argument("robot", true)},
                     limit_options())},
            "table",
            "currents, field, force, headroom, condition, limited: the vertical force first (thesis 2.3)",
            allocate},
           {"instability",
-           {place, currents, options({kRobot})},
+           {place, currents, options({robot_argument("robot", true)})},
            "number in 1/s",
            "how fast a robot runs away there in constant currents (Earnshaw)",
            instability},
@@ -229,7 +236,7 @@ std::vector<Binding> field_functions() {
            field_calibration},
           {"control.robots", {}, "list of names", "the robots that are known", robots},
           {"control.robot",
-           {{.name = "name", .type = Type::text},
+           {robot_argument("name", false),
             options({number("field", "T", 1e-6, 1, "for the moment (10 mT)"),
                      number("density", "kg/m^3", 1, 3000, "of the fluid (970)"),
                      number("kinematic_viscosity", "m^2/s", 1e-7, 1, "of the fluid (500 cSt)")})},

@@ -215,11 +215,16 @@ const std::vector<Binding>& optics_functions() {
   const Argument direction = options_of({{.name = "direction",
                                           .type = Type::text,
                                           .optional = true,
-                                          .help = "\"object_is_retina\" (as it is), or \"image_is_retina\""}});
+                                          .help = "which way the rays run (object_is_retina)",
+                                          .choices = {"object_is_retina", "image_is_retina"}}});
   static const std::vector<Binding> functions = [&] {
     std::vector<Binding> made = {
         {"optics.prescriptions", {}, "list of names", "the eyes and lenses that are known", prescriptions},
-        {"optics.prescription", {text("name", "one of them")}, "optical_system", "one of them", prescription},
+        {"optics.prescription",
+         {{.name = "name", .type = Type::text, .help = "its name", .choices = optics::prescription_names()}},
+         "optical_system",
+         "one of them",
+         prescription},
         {"optics.system",
          {{.name = "description", .type = Type::table, .help = "as optical_system:rows() gives it"}},
          "optical_system",

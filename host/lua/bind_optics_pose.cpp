@@ -217,7 +217,8 @@ std::vector<Binding> locating_rows() {
                         {.name = "correction",
                          .type = Type::text,
                          .optional = true,
-                         .help = "image_scale (default) or additive_offset"}})},
+                         .help = "what is put right (image_scale)",
+                         .choices = {"image_scale", "additive_offset"}}})},
            "localiser, table: image_scale, offset, residual",
            "put right by one look at a spheroid on the known retina",
            calibrated}};

@@ -161,8 +161,8 @@ std::vector<Argument> servo_options() {
     return Argument{
         .name = name, .type = Type::number, .unit = unit, .optional = true, .min = min, .max = max, .help = help};
   };
-  const auto text = [](const char* name, const char* help) {
-    return Argument{.name = name, .type = Type::text, .optional = true, .help = help};
+  const auto text = [](const char* name, const char* help, std::vector<std::string> choices) {
+    return Argument{.name = name, .type = Type::text, .optional = true, .help = help, .choices = std::move(choices)};
   };
   return {{.name = "background",
            .type = Type::handle,
@@ -174,8 +174,9 @@ std::vector<Argument> servo_options() {
            .optional = true,
            .help = "as rig:view() or a calibration of it: what the loop localises by",
            .handle = "localiser"},
-          text("feedback", "none, one_camera, two_cameras or pose_sensor (one_camera)"),
-          text("law", "pd, estimator or velocity (pd)"),
+          text("feedback", "what the loop sees the robot by (one_camera)",
+               {"none", "one_camera", "two_cameras", "pose_sensor"}),
+          text("law", "what turns the error into a velocity (pd)", {"pd", "estimator", "velocity"}),
           number("field", "T", 1e-3, 40e-3, "magnitude of the field (10 mT)"),
           {.name = "axis", .type = Type::vector, .optional = true, .help = "where the robot's axis points ({1, 0, 0})"},
           number("proportional", "Hz", 0, 100, "gain: speed asked per distance"),

@@ -107,9 +107,12 @@ Argument needed(const char* name, const char* help) { return {.name = name, .typ
 
 std::vector<Binding> vision_focus_rows() {
   const auto whole = [](const char* name) { return number_option_row(name, -1e6, 1e6, "px", Type::integer); };
-  const auto words = [](const char* name, const char* help) {
-    return Argument{.name = name, .type = Type::text, .optional = true, .help = help};
+  const auto words = [](const char* name, const char* help, std::vector<std::string> choices) {
+    return Argument{.name = name, .type = Type::text, .optional = true, .help = help, .choices = std::move(choices)};
   };
+  std::vector<std::string> known_measures;
+  for (const vision::FocusMeasure measure : vision::focus_measures())
+    known_measures.emplace_back(vision::name_of(measure));
   const auto numbers = [](const char* name, const char* help) {
     return Argument{.name = name, .type = Type::numbers, .help = help};
   };
@@ -120,7 +123,7 @@ std::vector<Binding> vision_focus_rows() {
         {.name = "options",
          .type = Type::options,
          .optional = true,
-         .options = {words("measure", "\"smoothed_tenengrad\" (as is), \"normalised_variance\" (the thesis') ..."),
+         .options = {words("measure", "smoothed_tenengrad as is; normalised_variance is the thesis'", known_measures),
                      whole("x"), whole("y"), whole("width"), whole("height")}}},
        "number, {mean, saturated, pixels}",
        "how sharp an image is, or a window of it",
@@ -134,7 +137,8 @@ std::vector<Binding> vision_focus_rows() {
        {{.name = "options",
          .type = Type::options,
          .options = {needed("low", "of the travel"), needed("high", "of the travel"), needed("step", "the finest"),
-                     words("strategy", "\"coarse_to_fine\" (as is), \"sweep\", \"golden_section\", \"fibonacci\""),
+                     words("strategy", "how the travel is searched (coarse_to_fine)",
+                           {"coarse_to_fine", "sweep", "golden_section", "fibonacci"}),
                      number_option_row("coarse", 5, 10000, "positions of the first sweep (11)", Type::integer),
                      number_option_row("repeats", 1, 101, "readings a position (1)", Type::integer),
                      number_option_row("backlash", 0, 1e9, "moves downwards first go this much too far (0)"),

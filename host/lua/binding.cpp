@@ -7,6 +7,7 @@
 #include "host/lua/scheduler.h"
 #include "host/lua/values.h"
 
+#include <cmath>
 #include <stdexcept>
 
 namespace vitreo::lua {
@@ -82,7 +83,7 @@ int invoke(lua_State* L) {
     check_arguments(call);
     return binding.function(call);
   });
-  if (results != Call::kWaits) return results;
+  if (results != Call::kWaits) return remember_results(L, binding, results), results;
   return lua_yieldk(L, 0, 0, continue_wait);
 }
 
@@ -218,6 +219,22 @@ void push_function(lua_State* L, const Class* owner, const Binding& binding) {
   lua_pushlightuserdata(L, const_cast<Binding*>(&binding));
   lua_pushlightuserdata(L, const_cast<Class*>(owner));
   lua_pushcclosure(L, invoke, 2);
+}
+
+Bound bound_function(lua_State* L, int index) {
+  if (lua_tocfunction(L, index) != invoke) return {};
+  Bound bound;
+  if (lua_getupvalue(L, index, 1) != nullptr) bound.row = static_cast<const Binding*>(lua_touserdata(L, -1));
+  if (lua_getupvalue(L, index, 2) != nullptr) bound.owner = static_cast<const Class*>(lua_touserdata(L, -1));
+  lua_pop(L, 2);
+  return bound;
+}
+
+void remember_results(lua_State* L, const Binding& binding, int count) {
+  Context& context = context_of(L);
+  if (!context.remembers_results || count < 1) return;
+  const double number = lua_type(L, -count) == LUA_TNUMBER ? lua_tonumber(L, -count) : std::nan("");
+  context.last_result = {&binding, number, lua_topointer(L, -count)};
 }
 
 void open_classes(lua_State* L) {

@@ -27,8 +27,9 @@ struct Argument {
   double min = -std::numeric_limits<double>::infinity(),
          max = std::numeric_limits<double>::infinity();  // SI, inclusive
   std::string help{};
-  std::string handle{};             // Type::handle: the class
-  std::vector<Argument> options{};  // Type::options: its keys
+  std::string handle{};                // Type::handle: the class
+  std::vector<Argument> options{};     // Type::options: its keys
+  std::vector<std::string> choices{};  // Type::text: the allowed values; empty: any
 };
 
 class Call;
@@ -40,6 +41,7 @@ struct Binding {
   std::string doc{};      // one line
   int (*function)(Call&) = nullptr;
   bool when_closed = false;  // may be called on a closed handle
+  std::string example{};     // a call; empty: made from the arguments (reference.h)
 };
 
 /// A kind of handle. `fields` are names that may be absent on one of them (the roles of a rig).
@@ -163,6 +165,14 @@ void open_classes(lua_State* L);
 void push_handle(lua_State* L, const Class& kind, std::shared_ptr<void> object);
 /// Gives the handle on top the field that is below it, and pops that: [field, handle] -> [handle].
 void set_field_below(lua_State* L, const char* name);
+/// The row and the class of a function that push_function made; nulls for any other value.
+struct Bound {
+  const Binding* row = nullptr;
+  const Class* owner = nullptr;
+};
+Bound bound_function(lua_State* L, int index);
+/// For the prompt: keeps which call gave the values that stand on top, so that their unit can be shown.
+void remember_results(lua_State* L, const Binding& binding, int count);
 /// The class' name of a handle, or null.
 const Class* handle_class(lua_State* L, int index);
 /// What a handle holds; null for a closed one. `index` must be that of a handle.

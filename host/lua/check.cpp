@@ -18,6 +18,14 @@ std::string a_or_an(const std::string& noun) {
 
 std::string in_unit(const Argument& argument) { return argument.unit.empty() ? "" : " in " + argument.unit; }
 
+/// "a, b or c".
+std::string one_of(const std::vector<std::string>& words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i)
+    text += (i == 0 ? "" : i + 1 == words.size() ? " or " : ", ") + words[i];
+  return text;
+}
+
 std::string range_text(const Argument& argument) {
   const std::string min = format_quantity(argument.min, argument.unit),
                     max = format_quantity(argument.max, argument.unit);
@@ -72,6 +80,14 @@ void check_handle(lua_State* L, const Argument& argument, int index) {
   if (!kind || kind->name != argument.handle) refuse(L, argument, index);
 }
 
+void check_choice(lua_State* L, const Argument& argument, int index) {
+  const std::string word = plain_text(L, index);
+  if (std::find(argument.choices.begin(), argument.choices.end(), word) != argument.choices.end()) return;
+  const std::string near = nearest(word, argument.choices);
+  throw std::invalid_argument(argument.name + ": wants " + wanted(argument) + ", got '" + word + "'" +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
 void check_one(lua_State* L, const Argument& argument, int index);
 
 void check_options(lua_State* L, const Argument& argument, int index) {
@@ -103,6 +119,7 @@ void check_one(lua_State* L, const Argument& argument, int index) {
   if (argument.type == Type::vector || argument.type == Type::numbers) check_numbers(L, argument, index);
   if (argument.type == Type::handle) check_handle(L, argument, index);
   if (argument.type == Type::options) check_options(L, argument, index);
+  if (argument.type == Type::text && !argument.choices.empty()) check_choice(L, argument, index);
 }
 
 bool all_optional(const Argument& argument) {
@@ -131,7 +148,7 @@ std::string wanted(const Argument& argument) {
     case Type::flag:
       return "true or false";
     case Type::text:
-      return "a string";
+      return argument.choices.empty() ? "a string" : one_of(argument.choices);
     case Type::function:
       return "a function";
     case Type::vector:

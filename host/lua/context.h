@@ -13,12 +13,14 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace vitreo::lua {
 
 class Scheduler;
+struct Binding;
 
 /// One run:each that is being walked.
 struct Lap {
@@ -65,6 +67,20 @@ struct Context {
     Time give_up_at{};
   };
   std::vector<Suspender> suspenders;
+
+  // At the prompt only.
+  std::vector<std::string> protocol_folders;  // of run("name")
+  bool remembers_results = false;
+  struct Result {
+    const Binding* call = nullptr;
+    double number = 0;              // the first value, where it is a number
+    const void* pointer = nullptr;  // or a table
+  };
+  Result last_result;
+  struct Nested {  // a protocol that runs inside of a statement: what it defers and opens ends with it
+    std::size_t deferred = 0, closers = 0;
+  };
+  std::optional<Nested> nested;
 };
 
 Context& context_of(lua_State* L);

@@ -13,7 +13,8 @@ namespace {
 
 class LuaEngine final : public ScriptEngine {
  public:
-  explicit LuaEngine(const std::vector<std::string>& folders) : folders_(folders) {}
+  LuaEngine(const std::vector<std::string>& folders, const std::vector<std::string>& protocols)
+      : folders_(folders), protocols_(protocols) {}
 
   ProtocolDescription describe(const std::string& file) override { return lua::describe_protocol(file, folders_); }
   RigDescription load_rig(const std::string& file) override { return lua::read_rig_file(file, folders_); }
@@ -37,10 +38,13 @@ class LuaEngine final : public ScriptEngine {
     if (failure) std::rethrow_exception(failure);
   }
 
-  void prompt(Session& session, std::istream& in, std::ostream& out, bool interactive) override {
+  void prompt(Session& session, LineEditor& in, std::ostream& out, std::ostream& err) override {
     lua::ScriptRun script(running_, session, folders_);
-    lua::run_prompt(script, in, out, interactive);
+    script.context().protocol_folders = protocols_;
+    const lua::PromptEnd end = lua::run_prompt(script, in, out, err);
     script.clean_up();
+    if (in.interactive() || end.failed == 0) return;
+    throw ScriptError(std::to_string(end.failed) + " statement(s) failed, the first: " + end.first_error);
   }
 
   void interrupt() noexcept override {
@@ -53,14 +57,15 @@ class LuaEngine final : public ScriptEngine {
   }
 
  private:
-  const std::vector<std::string> folders_;
+  const std::vector<std::string> folders_, protocols_;
   lua::Running running_;
 };
 
 }  // namespace
 
-std::unique_ptr<ScriptEngine> make_lua_engine(const std::vector<std::string>& library_folders) {
-  return std::make_unique<LuaEngine>(library_folders);
+std::unique_ptr<ScriptEngine> make_lua_engine(const std::vector<std::string>& library_folders,
+                                              const std::vector<std::string>& protocol_folders) {
+  return std::make_unique<LuaEngine>(library_folders, protocol_folders);
 }
 
 }  // namespace vitreo

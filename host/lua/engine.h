@@ -10,7 +10,9 @@
 
 namespace vitreo {
 
-/// `library_folders`: where require looks (the project's scripts/), nowhere else.
-std::unique_ptr<ScriptEngine> make_lua_engine(const std::vector<std::string>& library_folders);
+/// `library_folders`: where require looks (the project's scripts/), nowhere else. `protocol_folders`: where the
+/// prompt's run("name") looks.
+std::unique_ptr<ScriptEngine> make_lua_engine(const std::vector<std::string>& library_folders,
+                                              const std::vector<std::string>& protocol_folders = {});
 
 }  // namespace vitreo

@@ -1,104 +1,131 @@
-// help(): printed from the rows of the bindings.
+// help(): about a name, a handle, a function, a module, a protocol, or any value.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config.h"
-#include "host/lua/bind_control.h"
-#include "host/lua/binding.h"
 #include "host/lua/context.h"
+#include "host/lua/prompt_calls.h"
+#include "host/lua/reading.h"
+#include "host/lua/reference.h"
+#include "host/lua/state.h"
 #include "host/lua/values.h"
+#include "host/units.h"
 
+#include <fmt/format.h>
+
+#include <filesystem>
 #include <stdexcept>
 
 namespace vitreo::lua {
 namespace {
 
-void show_argument(std::string& text, const Argument& argument, const std::string& indent) {
-  if (argument.type == Type::options) {
-    for (const Argument& option : argument.options) show_argument(text, option, indent);
-    return;
+/// "string.format" where `word` names a function of Lua's own.
+std::string lua_function_help(lua_State* L, const std::string& word) {
+  lua_pushglobaltable(L);
+  const std::size_t dot = word.find('.');
+  if (dot != std::string::npos) {
+    lua_pushstring(L, word.substr(0, dot).c_str());
+    if (lua_rawget(L, -2) != LUA_TTABLE) return "";
   }
-  text += indent + argument.name + ": " + wanted(argument) + (argument.optional ? ", may be left out" : "") +
-          (argument.help.empty() ? "" : "; " + argument.help) + "\n";
+  lua_pushstring(L, word.substr(dot == std::string::npos ? 0 : dot + 1).c_str());
+  if (lua_rawget(L, -2) != LUA_TFUNCTION || !lua_iscfunction(L, -1) || bound_function(L, lua_gettop(L)).row) return "";
+  return word + ": a function of Lua, https://www.lua.org/manual/5.4/manual.html#pdf-" + word + "\n";
 }
 
-std::string row_help(const Class* owner, const Binding& binding) {
-  std::string text = signature(owner, binding) + "\n  " + binding.doc + "\n";
-  for (const Argument& argument : binding.arguments) show_argument(text, argument, "    ");
-  return text;
+std::string function_help(lua_State* L, int index) {
+  if (const Bound bound = bound_function(L, index); bound.row) return entry_help({bound.owner, bound.row});
+  lua_Debug place = {};
+  lua_pushvalue(L, index);
+  lua_getinfo(L, ">Su", &place);
+  if (std::string(place.what) == "C") return "a function of Lua\n";
+  return fmt::format("a function of {} argument(s), from {}:{}\n", int{place.nparams}, place.short_src,
+                     place.linedefined);
 }
 
-std::string class_help(const Class& kind) {
-  std::string text = kind.name + ": " + kind.doc + "\n";
-  for (const Binding& method : kind.methods) text += "  " + signature(&kind, method) + "\n      " + method.doc + "\n";
-  return text;
+std::string value_help(lua_State* L, int index) {
+  if (const Class* const kind = handle_class(L, index)) return class_help(*kind);
+  if (lua_isfunction(L, index)) return function_help(L, index);
+  if (lua_istable(L, index) && to_vector(L, index))
+    return "a position {x, y, z} in m: v.x, v.y, v.z, v:norm(), v:dot(w), v + w, 2 * v; it is " + pretty(L, index) +
+           "\n";
+  return kind_of(L, index) + ": " + pretty(L, index) + "\n";
 }
 
-std::vector<const Binding*> functions() {
-  std::vector<const Binding*> all;
-  for (const auto* rows :
-       {&global_functions(), &optics_functions(), &control_functions(), &vision_functions(), &files_functions()})
-    for (const Binding& row : *rows) all.push_back(&row);
-  return all;
-}
-
-/// The functions of a module; "" where there are none.
-std::string module_help(const std::string& name) {
-  std::string text;
-  for (const Binding* row : functions())
-    if (row->name.starts_with(name + ".")) text += "  " + signature(nullptr, *row) + "\n      " + row->doc + "\n";
-  return text.empty() ? "" : name + ": a module\n" + text;
-}
-
-std::string overview() {
-  std::string text =
-      "help(\"servo\") or help(servo) tells more about one of these, help(\"servo:go_to\") about a call:\n";
-  for (const Class* kind : all_classes()) text += "  " + kind->name + ": " + kind->doc + "\n";
-  for (const Binding* function : functions())
-    text += "  " + signature(nullptr, *function) + ": " + function->doc + "\n";
-  return text +
-         "  units: units.mm, units.mm_per_s ...: numbers are SI, so write 50*units.um\n"
-         "  vector(x, y, z): a position with arithmetic; v.x, v:norm()\n";
-}
-
-std::string help_about(const std::string& word) {
-  std::vector<std::string> known;
-  for (const Class* kind : all_classes()) {
-    if (kind->name == word) return class_help(*kind);
-    known.push_back(kind->name);
-    for (const Binding& method : kind->methods) {
-      known.push_back(full_name(kind, method));
-      if (known.back() == word || kind->name + "." + method.name == word) return row_help(kind, method);
-    }
-  }
-  for (const Binding* function : functions()) {
-    known.push_back(function->name);
-    if (function->name == word) return row_help(nullptr, *function);
-  }
-  if (std::string text = module_help(word); !text.empty()) return text;
-  for (const Class* kind : all_classes())  // the method's name alone
-    for (const Binding& method : kind->methods)
-      if (method.name == word) return row_help(kind, method);
-  const std::string near = nearest(word, known);
-  throw std::invalid_argument("nothing is called " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
+std::string words_help(lua_State* L, const std::string& word) {
+  if (word == "vector")
+    return "vector(x, y, z)\n  a position with arithmetic; v.x, v:norm(), v:dot(w)\n"
+           "  for instance: vector(0, 0, 1 * units.mm)\n";
+  if (word == "watch")
+    return "watch(object, {every, count})\n  at the prompt: shows what an object or a function tells, again and again, "
+           "until "
+           "Ctrl-C\n  for instance: watch(rig.stage, { every = 0.5 })\n";
+  if (std::string text = lua_function_help(L, word); !text.empty()) return text;
+  const Context& context = context_of(L);
+  if (const std::string file = find_protocol(context, word); !file.empty() && word.find('/') == std::string::npos)
+    return protocol_help(describe_protocol(file, context.folders));
+  return help_about(word);
 }
 
 int help(Call& call) {
-  std::string text;
-  if (!call.has(0))
-    text = overview();
-  else if (const Class* const kind = handle_class(call.L, call.index(0)))
-    text = class_help(*kind);
-  else
-    text = help_about(call.text(0));
+  lua_State* const L = call.L;
+  const int top = lua_gettop(L);
+  std::string text = !call.has(0)                                ? overview()
+                     : lua_type(L, call.index(0)) == LUA_TSTRING ? words_help(L, call.text(0))
+                                                                 : value_help(L, call.index(0));
+  lua_settop(L, top);
   while (text.ends_with('\n')) text.pop_back();
   if (const auto& print = call.context().print) print(text);
   return 0;
 }
 
+std::string default_text(const Parameter& parameter) {
+  if (parameter.required) return "needed";
+  if (const bool* flag = std::get_if<bool>(&parameter.fallback)) return *flag ? "true" : "false";
+  if (const std::string* text = std::get_if<std::string>(&parameter.fallback)) return '"' + *text + '"';
+  const auto unit = find_unit(parameter.unit);
+  return format_quantity(std::get<double>(parameter.fallback), unit ? unit->dimension : "");
+}
+
 }  // namespace
 
+std::string find_protocol(const Context& context, const std::string& name) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (name.find('\0') != std::string::npos) return "";
+  if (name.ends_with(".lua") && fs::is_regular_file(name, error)) return name;
+  for (const std::string& folder : context.protocol_folders)
+    if (const fs::path file = fs::path(folder) / (name + ".lua");
+        name.find('/') == std::string::npos && fs::is_regular_file(file, error))
+      return file.lexically_normal().string();
+  return "";
+}
+
+std::vector<std::string> protocol_names(const Context& context) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const std::string& folder : context.protocol_folders)
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+      if (entry.path().extension() == ".lua") names.push_back(entry.path().stem().string());
+  return names;
+}
+
+std::string protocol_help(const ProtocolDescription& protocol) {
+  std::string text =
+      protocol.name + ": " + protocol.title + "\n" + (protocol.about.empty() ? "" : protocol.about + "\n");
+  std::string needs;
+  for (const std::string& role : protocol.needs) needs += (needs.empty() ? "" : ", ") + role;
+  text += "needs: " + (needs.empty() ? "nothing" : needs) + "\n";
+  for (const Parameter& parameter : protocol.parameters)
+    text += fmt::format("  {:<14} {:<12} {}\n", parameter.name, default_text(parameter), parameter.help);
+  return text;
+}
+
 const std::vector<Binding>& global_functions() {
-  static const std::vector<Binding> functions = {
-      {"help", {{.name = "about", .optional = true, .help = "a name or an object"}}, "", "tells what there is", help}};
+  static const std::vector<Binding> functions = {{"help",
+                                                  {{.name = "about", .optional = true, .help = "a name, or any value"}},
+                                                  "",
+                                                  "tells what there is",
+                                                  help,
+                                                  false,
+                                                  "help(\"servo:go_to\")"}};
   return functions;
 }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config.h"
 #include "host/lua/errors.h"
+#include "host/lua/reference.h"
 #include "host/lua/state.h"
 #include "host/lua/values.h"
 #include "host/script_engine.h"
@@ -16,27 +17,10 @@ namespace {
 constexpr const char* kLoaded = "vitreo modules";
 constexpr const char* kLoading = "is being loaded";
 
-/// "mm/s" is mm_per_s in Lua, "m^2" is m2; "" where it makes no name.
-std::string lua_name(std::string_view symbol) {
-  std::string name;
-  for (const char c : symbol) {
-    if (c == '/')
-      name += "_per_";
-    else if (c == ' ')
-      name += '_';
-    else if (c != '^')
-      name += c;
-  }
-  const bool valid =
-      !name.empty() &&
-      name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789") == std::string::npos;
-  return valid && !std::isdigit(static_cast<unsigned char>(name[0])) ? name : "";
-}
-
 int unknown_unit(lua_State* L) {
   return guarded(L, "units: ", [L]() -> int {
     std::vector<std::string> names;
-    for (const Unit& unit : units()) names.push_back(lua_name(unit.symbol));
+    for (const Unit& unit : units()) names.push_back(unit_name(unit.symbol));
     const std::string word = plain_text(L, 2), near = nearest(word, names);
     throw std::invalid_argument("there is no unit " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
   });
@@ -142,7 +126,7 @@ void set_module(lua_State* L, const std::string& name) {
 void push_units(lua_State* L) {
   lua_newtable(L);
   for (const Unit& unit : units()) {
-    const std::string name = lua_name(unit.symbol);
+    const std::string name = unit_name(unit.symbol);
     if (name.empty()) continue;
     lua_pushnumber(L, unit.factor);
     lua_setfield(L, -2, name.c_str());

@@ -1,113 +1,246 @@
 // The prompt: statements and expressions, one after the other, in one state.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/error.h"
-#include "host/lua/bind_rig.h"
+#include "host/lua/completion.h"
 #include "host/lua/errors.h"
+#include "host/lua/prompt_calls.h"
+#include "host/lua/prompt_show.h"
+#include "host/lua/reference.h"
 #include "host/lua/running.h"
 #include "host/lua/values.h"
+#include "host/units.h"
 
-#include <istream>
+#include <algorithm>
+#include <cctype>
 #include <ostream>
-#include <poll.h>
-#include <unistd.h>
+#include <vector>
 
 namespace vitreo::lua {
 namespace {
 
+constexpr std::size_t kMostRead =
+    64u << 20;  // bytes that one statement may cost while it is looked whether it is whole
+
 enum class Loaded { yes, incomplete, no };
 
+class Prompt {
+ public:
+  Prompt(ScriptRun& script, LineEditor& in, std::ostream& out, std::ostream& err)
+      : script_(script), L_(script.main()), in_(in), out_(out), err_(err) {}
+  PromptEnd run();
+
+ private:
+  bool read_line(std::string& line);
+  void take_line(const std::string& line);
+  Loaded load();
+  std::string source() const;
+  void execute();
+  void end_nested();
+  void show_results(int count);
+  void refuse(const std::string& message, const std::string& trace = "");
+  void expand_help();
+  void forget();
+
+  ScriptRun& script_;
+  lua_State* const L_;
+  LineEditor& in_;
+  std::ostream &out_, &err_;
+  std::string chunk_;
+  std::vector<std::string> typed_;  // every line, its beginning
+  int line_ = 0, chunk_line_ = 1;   // the newest of them; the chunk's first
+  std::size_t read_ = 0;            // bytes that were compiled for this chunk
+  PromptEnd end_;
+};
+
+/// Lines are counted from the session's beginning, so that a function that was typed long ago can be named.
+std::string Prompt::source() const { return std::string(static_cast<std::size_t>(chunk_line_ - 1), '\n'); }
+
 /// As an expression first, then as statements; the function, or the message, is on the stack.
-Loaded load_chunk(lua_State* L, const std::string& chunk) {
-  const std::string expression = "return " + chunk;
-  if (luaL_loadbufferx(L, expression.data(), expression.size(), "=prompt", "t") == LUA_OK) return Loaded::yes;
-  lua_pop(L, 1);
-  if (luaL_loadbufferx(L, chunk.data(), chunk.size(), "=prompt", "t") == LUA_OK) return Loaded::yes;
-  return std::string_view(lua_tostring(L, -1)).ends_with("<eof>") ? Loaded::incomplete : Loaded::no;
+Loaded Prompt::load() {
+  const std::string before = source(), expression = before + "return " + chunk_, statement = before + chunk_;
+  read_ += expression.size() + statement.size();
+  if (luaL_loadbufferx(L_, expression.data(), expression.size(), "=prompt", "t") == LUA_OK) return Loaded::yes;
+  lua_pop(L_, 1);
+  if (luaL_loadbufferx(L_, statement.data(), statement.size(), "=prompt", "t") == LUA_OK) return Loaded::yes;
+  return std::string_view(lua_tostring(L_, -1)).ends_with("<eof>") ? Loaded::incomplete : Loaded::no;
 }
 
-void show_results(lua_State* L, int count, std::ostream& out) {
+void Prompt::refuse(const std::string& message, const std::string& trace) {
+  err_ << show_error(message, trace, typed_, chunk_line_ == line_ ? line_ : 0) << std::flush;
+  if (end_.failed++ == 0) end_.first_error = message;
+}
+
+void Prompt::show_results(int count) {
   std::string line;
-  in_lua(L, count, [&] {
-    for (int i = 1; i <= count; ++i) line += (i > 1 ? "\t" : "") + pretty(L, i);
-    lua_settop(L, 0);
+  in_lua(L_, count, [&] {
+    for (int i = 1; i <= count; ++i)
+      line += (i > 1 ? "\t" : "") + show_value(L_, i, i == 1 ? script_.context().last_result : Context::Result());
+    if (count > 0) lua_pushvalue(L_, 1);
+    if (count > 0) lua_setglobal(L_, "_");
+    lua_settop(L_, 0);
   });
-  if (count > 0) out << line << '\n';
+  if (count > 0) out_ << line << '\n';
 }
 
-void execute(ScriptRun& script, std::ostream& out) {
-  RunControl& control = script.context().session->control;
+/// What a protocol that ran inside of the statement deferred and left open ends here, and its figures are shown.
+void Prompt::end_nested() {
+  Context& context = script_.context();
+  if (!context.nested) return;
+  const Context::Nested before = *context.nested;
+  context.nested.reset();
+  try {
+    script_.clean_up(before.deferred, before.closers);
+  } catch (const Stopped&) {
+    out_ << "its clean-up was stopped\n";
+  } catch (const std::exception& error) {
+    refuse(std::string("clean-up: ") + error.what());
+  }
+  for (const Figure& figure : context.session->recorder.figures())
+    out_ << figure.name << "  " << format_quantity(figure.value, figure.unit) << '\n';
+}
+
+void Prompt::execute() {
+  Context& context = script_.context();
+  RunControl& control = context.session->control;
+  context.last_result = {};
   control.set_idle(false);
   try {
-    show_results(script.main(), script.scheduler().run(0), out);
+    show_results(script_.scheduler().run(0));
   } catch (const Stopped&) {
-    out << (control.tier() >= StopTier::abort ? "aborted; the devices are safe\n" : "stopped\n");
+    out_ << (control.tier() >= StopTier::abort ? "aborted; the devices are safe\n" : "stopped\n");
+  } catch (const ScriptError& error) {
+    refuse(error.what(), error.trace());
   } catch (const std::exception& error) {
-    out << "error: " << error.what() << '\n';
+    refuse(error.what());
   }
+  end_nested();
   control.set_idle(true);
-  script.scheduler().unlimit_waits();
-  script.context().interrupted = false;
-  script.context().laps.clear();
-  script.context().trace.clear();
-  out.flush();
+  script_.scheduler().unlimit_waits();
+  context.interrupted = false;
+  context.laps.clear();
+  context.trace.clear();
+  out_.flush();
 }
 
-/// Takes one line into `chunk`; runs it when it is complete.
-void take_line(ScriptRun& script, std::string& chunk, const std::string& line, std::ostream& out) {
-  chunk += (chunk.empty() ? "" : "\n") + line;
-  if (chunk.find_first_not_of(" \t\r\n") == std::string::npos) return chunk.clear();
-  lua_State* const L = script.main();
+/// `servo:go_to?` is help about what stands before the question mark.
+void Prompt::expand_help() {
+  std::string word = chunk_;
+  while (!word.empty() && std::isspace(static_cast<unsigned char>(word.back())) != 0) word.pop_back();
+  if (!word.ends_with('?') || word.find("--") != std::string::npos || word.find('\n') != std::string::npos) return;
+  while (word.ends_with('?') || word.ends_with(' ')) word.pop_back();
+  word.erase(0, std::min(word.find_first_not_of(' '), word.size()));
+  const bool called = std::any_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) == 0 && c != '_' && c != '.' && c != ':';
+  });
+  in_lua(L_, 0, [&] {
+    if (const Bound bound = bound_path(L_, word); bound.row != nullptr) {
+      chunk_ = "help(\"" + full_name(bound.owner, *bound.row) + "\")";
+    } else {  // a value of that name comes first, then what the name says
+      push_path(L_, word);
+      const bool library = lua_istable(L_, -1) && !to_vector(L_, -1);
+      const bool value = called || !(lua_isnil(L_, -1) || lua_isfunction(L_, -1) || library);
+      chunk_ = word.empty() ? "help()" : value ? "help(" + word + ")" : "help(\"" + word + "\")";
+    }
+    lua_settop(L_, 0);
+  });
+}
+
+void Prompt::forget() {
+  chunk_.clear();
+  read_ = 0;
+}
+
+/// Takes one line; runs the statement when it is complete.
+void Prompt::take_line(const std::string& line) {
+  if (chunk_.empty()) chunk_line_ = line_ - static_cast<int>(std::count(line.begin(), line.end(), '\n'));
+  chunk_ += (chunk_.empty() ? "" : "\n") + line;
+  if (chunk_.find_first_not_of(" \t\r\n") == std::string::npos) return forget();
+  const std::string typed = chunk_;
   Loaded loaded = Loaded::no;
   try {
-    in_lua(L, 0, [&] { loaded = load_chunk(L, chunk); });
+    expand_help();
+    in_lua(L_, 0, [&] { loaded = load(); });
   } catch (const std::exception& error) {
-    out << "error: " << error.what() << '\n';
-    return chunk.clear();
+    refuse(error.what());
+    return forget();
   }
-  if (loaded == Loaded::incomplete) return lua_settop(L, 0);
+  if (loaded == Loaded::incomplete && read_ > kMostRead) {
+    refuse("what began on line " + std::to_string(chunk_line_) + " is still open after " +
+           std::to_string(line_ - chunk_line_ + 1) + " lines; it is left out");
+    lua_settop(L_, 0);
+    return forget();
+  }
+  if (loaded == Loaded::incomplete) return lua_settop(L_, 0);
+  in_.remember(typed);
   if (loaded == Loaded::yes)
-    execute(script, out);
+    execute();
   else
-    out << "error: " << lua_tostring(L, -1) << std::endl;
-  lua_settop(L, 0);
-  chunk.clear();
+    refuse(lua_tostring(L_, -1));
+  lua_settop(L_, 0);
+  forget();
 }
 
 /// While somebody thinks, the loop goes on holding the robot.
-void wait_for_line(Clock& clock, std::istream& in) {
-  pollfd input{STDIN_FILENO, POLLIN, 0};
-  while (in.rdbuf()->in_avail() <= 0 && poll(&input, 1, 0) == 0) clock.sleep_for(std::chrono::milliseconds(20));
+bool Prompt::read_line(std::string& line) {
+  Session& session = *script_.context().session;
+  std::function<void()> idle;
+  if (session.real_time) idle = [&session] { session.clock.sleep_for(std::chrono::milliseconds(20)); };
+  for (;;) {
+    const LineEditor::Read read = in_.read(chunk_.empty() ? "> " : ">> ", line, idle);
+    if (read == LineEditor::Read::cancelled) {
+      forget();
+      continue;
+    }
+    if (read == LineEditor::Read::end) return false;
+    line_ += 1 + static_cast<int>(std::count(line.begin(), line.end(), '\n'));  // what was pasted is one
+    for (std::size_t begin = 0; begin <= line.size();) {
+      const std::size_t end = std::min(line.find('\n', begin), line.size());
+      typed_.push_back(line.substr(begin, std::min<std::size_t>(end - begin, 200)));
+      begin = end + 1;
+    }
+    return true;
+  }
+}
+
+PromptEnd Prompt::run() {
+  Context& context = script_.context();
+  if (in_.interactive())
+    context.print = [&context](const std::string& text) { context.session->listener.message(text); };
+  else
+    context.print = [this](const std::string& text) { out_ << text << std::endl; };
+  context.remembers_results = true;
+  in_lua(L_, 0, [this] {
+    open_prompt_calls(L_);
+    lua_settop(L_, 0);
+  });
+  in_.set_completion([this](const std::string& line, std::size_t cursor) {
+    std::vector<std::string> words;
+    try {
+      in_lua(L_, 0, [&] {
+        words = completions(L_, line, cursor);
+        lua_settop(L_, 0);
+      });
+    } catch (const std::exception&) {  // a file that does not load, for instance: there is nothing to offer
+      words.clear();
+    }
+    return words;
+  });
+  context.session->control.set_idle(true);
+  for (std::string line; read_line(line);) take_line(line);
+  if (!chunk_.empty()) {
+    in_lua(L_, 0, [this] { load(); });
+    refuse(lua_tostring(L_, -1));
+    lua_settop(L_, 0);
+  }
+  in_.set_completion({});
+  context.session->control.set_idle(false);
+  return end_;
 }
 
 }  // namespace
 
-void run_prompt(ScriptRun& script, std::istream& in, std::ostream& out, bool interactive) {
-  lua_State* const L = script.main();
-  script.context().print = [&out](const std::string& line) { out << line << std::endl; };
-  in_lua(L, 0, [&] {
-    push_rig(L, script.context().session->rig);
-    lua_setglobal(L, "rig");
-    push_run(L);
-    lua_setglobal(L, "run");
-    push_units(L);
-    lua_setglobal(L, "units");
-    lua_settop(L, 0);
-  });
-  std::string chunk, line;
-  script.context().session->control.set_idle(true);
-  const auto ask = [&] {
-    if (interactive) out << (chunk.empty() ? "> " : ">> ") << std::flush;
-    if (interactive && script.context().session->real_time) wait_for_line(script.context().session->clock, in);
-    return static_cast<bool>(std::getline(in, line));
-  };
-  while (ask()) take_line(script, chunk, line, out);
-  if (!chunk.empty()) {
-    in_lua(L, 0, [&] { load_chunk(L, chunk); });
-    out << "error: " << lua_tostring(L, -1) << std::endl;
-    lua_settop(L, 0);
-  }
-  if (interactive) out << '\n';
-  script.context().session->control.set_idle(false);
+PromptEnd run_prompt(ScriptRun& script, LineEditor& in, std::ostream& out, std::ostream& err) {
+  return Prompt(script, in, out, err).run();
 }
 
 }  // namespace vitreo::lua

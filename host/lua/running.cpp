@@ -29,7 +29,8 @@ int unknown_parameter(lua_State* L) {
   });
 }
 
-/// The table p: a parameter that was not declared is an error, not nil.
+}  // namespace
+
 void push_parameters(lua_State* L, const ProtocolDescription& protocol,
                      const std::map<std::string, ArgumentValue>& arguments) {
   lua_newtable(L);
@@ -45,8 +46,6 @@ void push_parameters(lua_State* L, const ProtocolDescription& protocol,
   lua_setmetatable(L, -2);
 }
 
-}  // namespace
-
 ScriptRun::ScriptRun(Running& running, Session& session, const std::vector<std::string>& folders)
     : running_(running), state_(&session, folders), scheduler_(state_.context()) {
   context().scheduler = &scheduler_;
@@ -57,7 +56,7 @@ ScriptRun::ScriptRun(Running& running, Session& session, const std::vector<std::
 
 ScriptRun::~ScriptRun() { running_.context = nullptr; }
 
-void ScriptRun::clean_up() {
+void ScriptRun::clean_up(std::size_t keep_deferred, std::size_t keep_closers) {
   std::exception_ptr first;
   const auto attempt = [&first](const std::function<void()>& step) {
     try {
@@ -67,20 +66,21 @@ void ScriptRun::clean_up() {
     }
   };
   context().laps.clear();
+  auto& deferred = context().deferred;
   Session& session = *context().session;
-  if (session.control.tier() == StopTier::emergency && !context().deferred.empty()) {
+  if (session.control.tier() == StopTier::emergency && deferred.size() > keep_deferred) {
     session.recorder.event(session.clock.now(), "error",
-                           "emergency stop: " + std::to_string(context().deferred.size()) +
+                           "emergency stop: " + std::to_string(deferred.size() - keep_deferred) +
                                " deferred function(s) of the script were not called");
-    context().deferred.clear();
+    deferred.resize(keep_deferred);
   }
-  while (!context().deferred.empty()) {
-    const int reference = context().deferred.back();
-    context().deferred.pop_back();
+  while (deferred.size() > keep_deferred) {
+    const int reference = deferred.back();
+    deferred.pop_back();
     lua_rawgeti(main(), LUA_REGISTRYINDEX, reference);
     attempt([this] { lua_pop(main(), scheduler_.run(0)); });
   }
-  for (auto& closers = context().closers; !closers.empty();) {
+  for (auto& closers = context().closers; closers.size() > keep_closers;) {
     const auto close = std::move(closers.back());
     closers.pop_back();
     attempt(close);

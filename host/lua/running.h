@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/line_editor.h"
 #include "host/lua/scheduler.h"
 #include "host/lua/state.h"
 #include "host/script_engine.h"
@@ -30,8 +31,8 @@ class ScriptRun {
   Scheduler& scheduler() { return scheduler_; }
   Context& context() { return state_.context(); }
   /// The deferred functions, the last first, then what the script left open. Each on its own: the first error is
-  /// thrown when all are done.
-  void clean_up();
+  /// thrown when all are done. What was there before may be kept: the first so many of each.
+  void clean_up(std::size_t keep_deferred = 0, std::size_t keep_closers = 0);
 
  private:
   Running& running_;
@@ -41,6 +42,14 @@ class ScriptRun {
 
 void run_protocol(ScriptRun& script, const ProtocolDescription& protocol,
                   const std::map<std::string, ArgumentValue>& arguments);
-void run_prompt(ScriptRun& script, std::istream& in, std::ostream& out, bool interactive);
+/// The table p: a parameter that was not declared is an error, not nil.
+void push_parameters(lua_State* L, const ProtocolDescription& protocol,
+                     const std::map<std::string, ArgumentValue>& arguments);
+/// Statements until the end of `in`; the number of those that failed, and the first error.
+struct PromptEnd {
+  int failed = 0;
+  std::string first_error;
+};
+PromptEnd run_prompt(ScriptRun& script, LineEditor& in, std::ostream& out, std::ostream& err);
 
 }  // namespace vitreo::lua

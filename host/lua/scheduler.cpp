@@ -286,7 +286,7 @@ int continue_wait(lua_State* L, int, lua_KContext) {
     Call call(L, owner, binding);
     return wait->finish(call, task.in_time);
   });
-  if (results != Call::kWaits) return results;
+  if (results != Call::kWaits) return remember_results(L, binding, results), results;
   return lua_yieldk(L, 0, 0, continue_wait);
 }
 

@@ -4,6 +4,7 @@
 
 #include "devices/error.h"
 #include "host/interlock.h"
+#include "host/line_editor.h"
 #include "host/lua/engine.h"
 #include "host/recorder.h"
 #include "host/session.h"
@@ -147,9 +148,15 @@ class LuaBench : public ::testing::Test {
   std::string prompt(const std::string& lines, bool interactive = false) {
     std::istringstream in(lines);
     std::ostringstream out;
-    engine->prompt(session, in, out, interactive);
+    try {
+      engine->prompt(session, *stream_lines(in, out, interactive), out, out);
+    } catch (const ScriptError& error) {
+      prompt_failed = error.what();
+    }
     return out.str();
   }
+
+  std::string prompt_failed;  // what a prompt in a pipe ends with
 
   std::string said(std::size_t line = 0) const {
     return line < listener.lines.size() ? listener.lines[line] : "(nothing)";

@@ -3,6 +3,7 @@
 #include "host/preflight.h"
 
 #include "devices/scpi_probe/emulator.h"
+#include "host/line_editor.h"
 #include "host/lua/engine.h"
 #include "host/registry.h"
 #include "host/rig_settings.h"
@@ -200,9 +201,9 @@ TEST_F(PreflightTest, ATechnicianHasNoPrompt) {
   request.operator_name = "ben";
   std::istringstream in;
   std::ostringstream out;
-  EXPECT_THROW(run_prompt(*engine, request, listener, in, out, false), RightError);
+  EXPECT_THROW(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out), RightError);
   request.operator_name = "anna";
-  EXPECT_EQ(run_prompt(*engine, request, listener, in, out, false).outcome, Outcome::completed);
+  EXPECT_EQ(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out).outcome, Outcome::completed);
 }
 
 TEST_F(PreflightTest, AStaleCalibrationIsWarnedAboutOrRefusedAsTheRigSays) {

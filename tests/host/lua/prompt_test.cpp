@@ -22,12 +22,12 @@ TEST_F(Prompt, ContinuesWhatIsNotComplete) {
 TEST_F(Prompt, ErrorsDoNotEndIt) {
   const std::string out = prompt("error('oops')\nrun:wait('x')\nx = = 1\nundefined_thing\nerror({})\n2 + 2\n");
   expect_all(out, {"oops\n", "run:wait: duration: wants a number in s, got a string",
-                   "error: prompt:1: unexpected symbol", "undefined_thing is not defined", "\n4\n"});
+                   "error: prompt:3: unexpected symbol", "undefined_thing is not defined", "\n4\n"});
 }
 
 TEST_F(Prompt, KnowsTheRigAndWaits) {
   EXPECT_EQ(prompt("rig.top_camera:info().width_px\nrun:wait(2)\nrun:now()\nrig.top_camera:grab().number\n"),
-            "10.0\n2.0\n1\n");
+            "10.0\n2 s\n1\n");
 }
 
 TEST_F(Prompt, AStopEndsTheStatementOnly) {
@@ -43,9 +43,44 @@ TEST_F(Prompt, HelpComesFromTheBindings) {
   expect_all(prompt("help('servo')\n"),
              {"servo:go_to(position, {speed, acceleration, within, settle, timeout})", "servo:close()"});
   expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents)"});
-  expect_all(prompt("help('servo:go_to')\n"), {"within: a number in m, may be left out; how near is there"});
+  expect_all(prompt("help('servo:go_to')\n"),
+             {"within: a number in m, 1 um to 10 mm, may be left out; how near is there"});
   expect_all(prompt("help('follow')\n"), {"servo:follow(path, "});
   expect_all(prompt("help('servoo')\n"), {"error: ", "nothing is called servoo; did you mean servo?"});
+}
+
+TEST_F(Prompt, AQuestionMarkIsShortForHelp) {
+  expect_all(prompt("rig.coils:limit?\n"), {"coils:limit() -> number in A", "for instance: rig.coils:limit()"});
+  expect_all(prompt("rig.coils?\ncontrol?\nunits.um?\nx = 5\nx?\n"),
+             {"coils: the coil amplifiers", "control: a module", "a length of 1 um is 1e-06 m in SI", "a number: 5"});
+  expect_all(prompt("string.format?\nwatch?\nrig.coils:limt?\n"),
+             {"a function of Lua", "watch(object, {every, count})", "did you mean coils:limit?"});
+}
+
+TEST_F(Prompt, ResultsAreShownInTheUnitOfTheCallTheyComeFrom) {
+  EXPECT_EQ(prompt("rig.coils:limit()\nrig.coils:limit() * 2\nx = rig.coils:limit()\nx\n_\n"),
+            "12 A\n24.0\n12.0\n12.0\n");
+  EXPECT_EQ(prompt("rig.coils:set_currents { 1, 0.25, 0, 0, 0, 0, 0, 0 }\nrig.coils:currents()\n"),
+            "{1 A, 250 mA, 0 A, 0 A, 0 A, 0 A, 0 A, 0 A}\n");
+  EXPECT_EQ(prompt("5 * um\n3 * mm_per_s\ns = 'mine'\ns\n"), "5e-06\n0.003\n\"mine\"\n");
+}
+
+TEST_F(Prompt, ErrorsShowTheUsersLinesTheInnermostFirst) {
+  write("lib/mine.lua", "return { f = function(x)\n  return x.y.z\nend }\n");
+  const std::string out = prompt("mine = require 'mine'\nfunction g(x)\n  return mine.f(x) + 1\nend\nprint(g({}))\n");
+  const std::size_t first = out.find("mine.lua:2: attempt to index a nil value (field 'y')\n    return x.y.z"),
+                    second = out.find("mine.f(x) + 1");
+  EXPECT_NE(first, std::string::npos) << out;
+  EXPECT_NE(second, std::string::npos) << out;
+  EXPECT_LT(first, second);
+  EXPECT_NE(prompt_failed.find("1 statement(s) failed, the first: "), std::string::npos) << prompt_failed;
+}
+
+TEST_F(Prompt, WatchShowsWhatAnObjectTells) {
+  EXPECT_EQ(prompt("watch(rig.lens_mover)\n"), "position 0 mm  homed true\n");
+  EXPECT_EQ(prompt("watch(function() return 1 + 1 end, { count = 2, every = 3 })\nrun:now()\n"), "2\n2\n3 s\n");
+  expect_all(prompt("watch(5)\nwatch(rig.lens_mover, { evry = 1 })\n"),
+             {"wants an object such as rig.stage", "evry is not known"});
 }
 
 TEST_F(Prompt, BinaryJunkAndLongLinesAreOnlyErrors) {

@@ -149,7 +149,7 @@ TEST_F(VisionBinding, BackgroundSubtractionOfEveryKindFindsWhatIsNew) {
       "  for i = 1, 20 do tracker:learn(image) end\n"
       "  assert(tracker:update(image) == nil, kind)\n"
       "end");
-  expect_refused("vision.background_tracker { kind = 'gmg' }", {"kind: there is fixed, running, mog2, knn; got gmg"});
+  expect_refused("vision.background_tracker { kind = 'gmg' }", {"kind: wants fixed, running, mog2 or knn, got 'gmg'"});
 }
 
 TEST_F(VisionBinding, FocusIsMeasuredAndItsPeakSearched) {

@@ -1,0 +1,148 @@
+// `vitreo completion`: scripts for bash, zsh and fish. They ask the program itself (`vitreo complete`), so that they
+// know every command, protocol, parameter and run, and cannot grow old.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/run_reader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+namespace vitreo::cli {
+namespace {
+
+constexpr const char* kBash =
+    R"(# vitreo's completion for bash: source it, or put it into /usr/share/bash-completion/completions/vitreo
+_vitreo() {
+  local IFS=$'\n'
+  local word="${COMP_LINE:0:COMP_POINT}"
+  word="${word##*[[:space:]]}"
+  COMPREPLY=($(vitreo complete -- "${COMP_WORDS[@]:1:COMP_CWORD-1}" "$word" 2>/dev/null))
+  # bash takes = and : for the ends of words: what stands before them is there already
+  local before="${word%"${word##*[=:]}"}"
+  COMPREPLY=("${COMPREPLY[@]#"$before"}")
+  [[ ${#COMPREPLY[@]} == 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace
+  [[ ${#COMPREPLY[@]} == 0 ]] && compopt -o default
+}
+complete -F _vitreo vitreo
+)";
+
+constexpr const char* kZsh = R"(#compdef vitreo
+# vitreo's completion for zsh: put it as _vitreo into a folder of $fpath
+_vitreo() {
+  local -a found
+  found=("${(@f)$(vitreo complete -- "${(@)words[2,CURRENT-1]}" "$words[CURRENT]" 2>/dev/null)}")
+  if [[ -n "$found[1]" ]]; then
+    compadd -S '' -- ${(M)found:#*=}
+    compadd -- ${found:#*=}
+  else
+    _files
+  fi
+}
+compdef _vitreo vitreo
+)";
+
+constexpr const char* kFish = R"(# vitreo's completion for fish: put it into ~/.config/fish/completions/vitreo.fish
+complete -c vitreo -a '(vitreo complete -- (commandline -opc)[2..-1] (commandline -ct) 2>/dev/null)'
+)";
+
+using Words = std::vector<std::string>;
+
+Words protocol_words() {
+  Words names;
+  for (const std::string& file : Program::protocol_files())
+    names.push_back(std::filesystem::path(file).stem().string());
+  return names;
+}
+
+/// "hold=" for the parameters that were not given; after "mode=" the values that there are.
+Words parameter_words(Program& program, const Words& before, const std::string& protocol, const std::string& word) {
+  Words found;
+  const ProtocolDescription described = program.engine().describe(Program::protocol_file(protocol));
+  for (const Parameter& parameter : described.parameters) {
+    const std::string head = parameter.name + "=";
+    const bool given =
+        std::any_of(before.begin(), before.end(), [&](const auto& one) { return one.starts_with(head); });
+    if (!given) found.push_back(head);
+    if (!word.starts_with(head)) continue;
+    found = {};
+    for (const std::string& choice : parameter.choices) found.push_back(head + choice);
+    if (parameter.kind == ParameterKind::flag) found = {head + "true", head + "false"};
+    return found;
+  }
+  return found;
+}
+
+Words run_words() {
+  Words found{"last"};
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator("runs", error))
+    if (entry.is_directory(error)) found.push_back(entry.path().filename().string());
+  return found;
+}
+
+Words positional_words(Program& program, const std::string& command, const Words& before, const std::string& word) {
+  Words bare;
+  for (const std::string& one : before)
+    if (!one.starts_with("-")) bare.push_back(one);
+  const bool protocol = command == "run" || command == "describe" || command == "check";
+  if (protocol && bare.empty()) return protocol_words();
+  if (protocol && command != "describe") return parameter_words(program, before, bare.front(), word);
+  if (!bare.empty() && command != "new") return {};
+  if (command == "control") return {"status", "pause", "resume", "stop", "abort", "emergency", "answer"};
+  if (command == "completion") return {"bash", "zsh", "fish"};
+  if (command == "new") return bare.empty() ? Words{"protocol", "driver"} : Words{};
+  const std::set<std::string> about_runs{"show", "verify", "recover", "report", "export", "replay"};
+  return about_runs.contains(command) ? run_words() : Words{};
+}
+
+Words complete(const CommandLine& line, Program& program, Words words) {
+  if (words.empty()) words.emplace_back();
+  const std::string word = words.back();
+  words.pop_back();
+  const auto commands = line.describe();
+  auto here = commands.begin();
+  for (auto it = commands.begin() + 1; it != commands.end(); ++it)
+    if (!words.empty() && it->name == words.front()) here = it;
+  Words found;
+  if (here == commands.begin()) {
+    for (auto it = commands.begin() + 1; it != commands.end() && words.empty(); ++it) found.push_back(it->name);
+  } else {
+    words.erase(words.begin());
+    found = positional_words(program, here->name, words, word);
+  }
+  if (word.starts_with("-"))
+    for (const Described::Word& option : here->words)
+      if (!option.positional) found.insert(found.end(), option.names.begin(), option.names.end());
+  std::erase_if(found, [&](const std::string& one) { return !one.starts_with(word); });
+  return found;
+}
+
+}  // namespace
+
+void add_completion(CommandLine& line, Program& program) {
+  const auto shell = std::make_shared<std::string>();
+  Command command = line.command("completion", "prints the completion for a shell: bash, zsh or fish", [shell] {
+    const std::string& name = *shell;
+    if (name != "bash" && name != "zsh" && name != "fish")
+      throw ConfigError("there is completion for bash, zsh and fish, not for '" + name + "'");
+    fmt::print("{}", name == "bash" ? kBash : name == "zsh" ? kZsh : kFish);
+    return 0;
+  });
+  command.option("shell", *shell, "bash, zsh or fish").required();
+  command.examples({"vitreo completion bash > ~/.local/share/bash-completion/completions/vitreo"});
+
+  const auto words = std::make_shared<std::vector<std::string>>();
+  Command asked =
+      line.command("complete", "what the last of these words may become, for the shells", [&line, &program, words] {
+        for (const std::string& one : complete(line, program, *words)) fmt::print("{}\n", one);
+        return 0;
+      });
+  asked.option("words", *words, "after --: all words so far");
+  asked.hidden();
+}
+
+}  // namespace vitreo::cli

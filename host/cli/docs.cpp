@@ -1,0 +1,156 @@
+// `vitreo docs`: the pages of the documentation, and what the program prints from its own tables.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/lua/editor_files.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <sstream>
+
+namespace vitreo::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Text for troff: what begins a line or looks like a command of its own is made plain.
+std::string troff(const std::string& text) {
+  std::string made;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool begins = i == 0 || text[i - 1] == '\n';
+    if (begins && (text[i] == '.' || text[i] == '\'')) made += "\\&";
+    made += text[i] == '\\' ? "\\e" : text[i] == '-' ? "\\-" : std::string(1, text[i]);
+  }
+  return made;
+}
+
+std::string manual_words(const Described& command) {
+  std::string text;
+  for (const Described::Word& word : command.words) {
+    std::string names;
+    for (const std::string& name : word.names) names += (names.empty() ? "" : ", ") + name;
+    text += ".TP\n\\fB" + troff(names) + "\\fR" + (word.takes_value && !word.positional ? " \\fIvalue\\fR" : "") +
+            "\n" + troff(word.help) + "\n";
+  }
+  return text;
+}
+
+/// vitreo(1), from the commands as they are declared.
+std::string manual(const CommandLine& line) {
+  const std::vector<Described> all = line.describe();
+  std::string text =
+      ".\\\" Printed by the program: vitreo docs man\n.TH VITREO 1 \"\" \"vitreo\" \"User commands\"\n.SH NAME\nvitreo "
+      "\\- "
+      "drives the instruments of a laboratory that steers microrobots inside the eye\n.SH SYNOPSIS\n.B "
+      "vitreo\n[options]\n"
+      ".br\n.B vitreo\n.I command\n[options] [words]\n.SH DESCRIPTION\n.nf\n" +
+      troff(all.front().help) + "\n.fi\n.SH OPTIONS\n" + manual_words(all.front()) + ".SH COMMANDS\n";
+  for (std::size_t i = 1; i < all.size(); ++i)
+    text += ".SS vitreo " + troff(all[i].name) + "\n" + troff(all[i].help) + "\n" + manual_words(all[i]) +
+            (all[i].examples.empty() ? "" : ".PP\n.nf\n" + troff(all[i].examples) + ".fi\n");
+  text +=
+      ".SH EXIT STATUS\n.nf\n" + troff(exit_codes_text()) +
+      ".fi\n.SH ENVIRONMENT\n.TP\n\\fBVITREO_ROOT\\fR\nthe folder with protocols/ and scripts/\n.TP\n\\fBNO_COLOR\\fR\n"
+      "no colours\n.SH FILES\n.TP\n~/.local/state/vitreo/history\nwhat was typed at the prompt\n";
+  return text;
+}
+
+fs::path docs_folder() { return Program::in_data_folder("docs"); }
+
+std::string file_text(const fs::path& file) {
+  std::ifstream in(file);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+/// Pages by their names: "safety", "how-to/write_a_protocol".
+std::map<std::string, fs::path> pages() {
+  std::map<std::string, fs::path> found;
+  std::error_code error;
+  const fs::path folder = docs_folder();
+  for (const auto& entry : fs::recursive_directory_iterator(folder, error))
+    if (entry.path().extension() == ".md")
+      found[entry.path().lexically_relative(folder).replace_extension().string()] = entry.path();
+  return found;
+}
+
+/// "# Title" of a page.
+std::string title_of(const fs::path& page) {
+  std::ifstream in(page);
+  std::string line;
+  std::getline(in, line);
+  return line.starts_with("# ") ? line.substr(2) : line;
+}
+
+int list_pages(bool json) {
+  nlohmann::json rows = nlohmann::json::array();
+  for (const auto& [name, file] : pages()) {
+    rows.push_back({{"page", name}, {"title", title_of(file)}, {"file", file.string()}});
+    if (!json) fmt::print("{:<36} {}\n", name, title_of(file));
+  }
+  if (json)
+    std::cout << rows.dump() << "\n";
+  else
+    fmt::print("\nprinted by the program itself: api, man, luacheck, stubs FOLDER\nin {}\n", docs_folder().string());
+  return 0;
+}
+
+int write_stubs(const std::string& folder) {
+  if (folder.empty()) throw ConfigError("stubs: name the folder into which they are written");
+  fs::create_directories(folder);
+  for (const auto& [name, text] : lua_stubs()) {
+    std::ofstream out(fs::path(folder) / name);
+    out << text;
+    if (!out.flush()) throw ConfigError(folder + "/" + name + ": cannot be written");
+  }
+  return 0;
+}
+
+int docs(const CommandLine& line, const std::string& page, const std::string& into, bool json) {
+  if (page.empty()) return list_pages(json);
+  if (page == "stubs") return write_stubs(into);
+  const std::map<std::string, std::function<std::string()>> printed{
+      {"api", api_reference}, {"luacheck", luacheck_standard}, {"man", [&line] { return manual(line); }}};
+  if (const auto found = printed.find(page); found != printed.end()) {
+    std::cout << found->second();
+    return 0;
+  }
+  const auto all = pages();
+  std::vector<std::string> known;
+  for (const auto& [name, file] : all) {
+    const bool by_last = name.ends_with("/" + page);
+    if (name == page || by_last) {
+      std::cout << file_text(file);
+      return 0;
+    }
+    known.push_back(name);
+  }
+  const std::string near = nearest(page, known);
+  throw ConfigError("there is no page '" + page + "'" + (near.empty() ? "" : "; did you mean " + near + "?") +
+                    "; vitreo docs lists them");
+}
+
+}  // namespace
+
+void add_docs(CommandLine& line, Program&) {
+  struct Wanted {
+    std::string page, into;
+    bool json = false;
+  };
+  const auto wanted = std::make_shared<Wanted>();
+  Command command = line.command("docs", "the documentation: a list of its pages, or one of them",
+                                 [&line, wanted] { return docs(line, wanted->page, wanted->into, wanted->json); });
+  command.option("page", wanted->page, "safety, optics, ...; api, man, luacheck and stubs are made by the program");
+  command.option("into", wanted->into, "of stubs: the folder for what editors read");
+  command.flag("--json", wanted->json, "the list as JSON");
+  command.examples({"vitreo docs safety | less", "vitreo docs api > api.md", "vitreo docs stubs ~/.vitreo/stubs"});
+}
+
+}  // namespace vitreo::cli

@@ -1,0 +1,164 @@
+// `vitreo new`: starting points that run: a protocol with what an editor needs, a driver with its emulator and test.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/config.h"
+#include "host/lua/editor_files.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <vector>
+
+namespace vitreo::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_name(const std::string& name) {
+  constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz_0123456789";
+  return !name.empty() && name.size() <= 60 && name[0] >= 'a' && name[0] <= 'z' &&
+         name.find_first_not_of(kLetters) == std::string::npos;
+}
+
+std::string camel_case(const std::string& name) {
+  std::string camel;
+  bool upper = true;
+  for (const char c : name) {
+    if (c != '_') camel += upper ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
+    upper = c == '_';
+  }
+  return camel;
+}
+
+std::string replaced(std::string text, const std::string& mark, const std::string& with) {
+  for (std::size_t at = 0; (at = text.find(mark, at)) != std::string::npos; at += with.size())
+    text.replace(at, mark.size(), with);
+  return text;
+}
+
+/// Never over a file that is there.
+void write_new(const fs::path& file, const std::string& text) {
+  if (fs::exists(file)) throw ConfigError(file.string() + ": is there already");
+  if (file.has_parent_path()) fs::create_directories(file.parent_path());
+  std::ofstream out(file);
+  out << text;
+  if (!out.flush()) throw ConfigError(file.string() + ": cannot be written");
+  fmt::print("{}\n", file.string());
+}
+
+std::string template_text(const fs::path& file) {
+  std::ifstream in(file);
+  if (!in) throw ConfigError(file.string() + ": the template is missing from the installation");
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+/// What the Lua language server and luacheck read, where they are not there yet.
+void write_editor_files(const fs::path& folder) {
+  if (!fs::exists(folder / ".luarc.json")) {
+    const fs::path stubs = folder / ".vitreo";
+    fs::create_directories(stubs);
+    for (const auto& [name, text] : lua_stubs()) std::ofstream(stubs / name) << text;
+    const nlohmann::json settings = {
+        {"runtime.version", "Lua 5.4"},
+        {"workspace.library",
+         {".vitreo", fs::absolute(Program::in_data_folder("scripts")).lexically_normal().string()}},
+        {"workspace.checkThirdParty", false}};
+    write_new(folder / ".luarc.json", settings.dump(2) + "\n");
+  }
+  if (!fs::exists(folder / ".luacheckrc")) write_new(folder / ".luacheckrc", luacheck_standard());
+}
+
+int new_protocol(const std::string& name) {
+  const std::string text = template_text(Program::in_data_folder("templates/protocol.lua"));
+  write_new(name + ".lua", replaced(text, "@NAME@", name));
+  write_editor_files(".");
+  fmt::print("try it: vitreo run {}.lua\n", name);
+  return 0;
+}
+
+/// A driver of the project that a new one of the same role begins as: it speaks, has an emulator, and its tests pass.
+struct Model {
+  std::string role, driver, camel;
+};
+const std::vector<Model>& models() {
+  static const std::vector<Model> known{
+      {"stage", "sutter_mp285", "Mp285"}, {"coils", "kepco_bop", "Kepco"}, {"field_probe", "scpi_probe", "ScpiProbe"}};
+  return known;
+}
+
+const Model& model_for(const std::string& role) {
+  std::vector<std::string> roles;
+  for (const Model& model : models()) {
+    if (model.role == role) return model;
+    roles.push_back(model.role);
+  }
+  const std::string near = nearest(role, roles);
+  throw ConfigError(fmt::format("'{}' is no role that a driver can begin with: {}{}", role, fmt::join(roles, ", "),
+                                near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+/// Puts a line below the one that holds `after`, the same but for the names.
+void add_row(const fs::path& file, const std::string& after, const Model& model, const std::string& name) {
+  std::string text = template_text(file);
+  const std::size_t at = text.find(after);
+  if (at == std::string::npos) throw ConfigError(file.string() + ": has no line for " + model.driver);
+  const std::size_t begin = text.rfind('\n', at) + 1, end = text.find('\n', at) + 1;
+  text.insert(end, replaced(text.substr(begin, end - begin), model.driver, name));
+  std::ofstream(file) << text;
+  fmt::print("{} (a line)\n", file.string());
+}
+
+/// In Vitreo's source folder: devices/NAME/, its row in the registry, its tests; a copy of a driver of that role.
+int new_driver(const std::string& name, const std::string& role) {
+  const Model& model = model_for(role);
+  if (!fs::is_directory(fs::path("devices") / model.driver))
+    throw ConfigError("new driver: is called in Vitreo's source folder, where devices/" + model.driver + " is");
+  if (fs::exists(fs::path("devices") / name)) throw ConfigError("devices/" + name + ": is there already");
+  const auto renamed = [&](const fs::path& from) {
+    const std::string text = replaced(template_text(from), model.driver, name);
+    return replaced(text, model.camel, camel_case(name));
+  };
+  for (const char* part : {"wire.h", "driver.h", "driver.cpp", "emulator.h", "emulator.cpp"})
+    write_new(fs::path("devices") / name / part, renamed(fs::path("devices") / model.driver / part));
+  write_new("host/drivers/" + name + ".cpp", renamed("host/drivers/" + model.driver + ".cpp"));
+  write_new("tests/devices/" + name + "_test.cpp", renamed("tests/devices/" + model.driver + "_test.cpp"));
+  add_row("host/drivers/drivers.h", "read_" + model.driver + "(", model, name);
+  add_row("host/registry.cpp", "{\"" + model.driver + "\"", model, name);
+  fmt::print(
+      "it begins as {}: change wire.h and emulator.h first, then driver.cpp, until the tests are your "
+      "instrument's; vitreo docs add_an_instrument\n",
+      model.driver);
+  return 0;
+}
+
+int make_new(const std::string& kind, const std::string& name, const std::string& role) {
+  if (kind != "protocol" && kind != "driver")
+    throw ConfigError("'" + kind + "' is not understood: vitreo new protocol NAME, or vitreo new driver NAME ROLE");
+  if (!is_name(name)) throw ConfigError("'" + name + "' is not a name: small letters, digits and _, a letter first");
+  if (kind == "protocol") return new_protocol(name);
+  if (role.empty()) throw ConfigError("new driver: a role is missing, such as stage");
+  return new_driver(name, role);
+}
+
+}  // namespace
+
+void add_new(CommandLine& line, Program&) {
+  struct Wanted {
+    std::string kind, name, role;
+  };
+  const auto wanted = std::make_shared<Wanted>();
+  Command command = line.command("new", "a starting point that runs: a protocol, or a driver with emulator and test",
+                                 [wanted] { return make_new(wanted->kind, wanted->name, wanted->role); });
+  command.option("kind", wanted->kind, "protocol or driver").required();
+  command.option("name", wanted->name, "small letters, digits and _").required();
+  command.option("role", wanted->role, "of a driver: stage, coils or field_probe");
+  command.examples({"vitreo new protocol depth_scan", "vitreo new driver acme_stage stage"});
+}
+
+}  // namespace vitreo::cli

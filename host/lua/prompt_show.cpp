@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/prompt_show.h"
+
+#include "host/lua/reference.h"
+#include "host/lua/values.h"
+#include "host/units.h"
+
+#include <fstream>
+#include <sstream>
+
+namespace vitreo::lua {
+namespace {
+
+constexpr std::size_t kLineWidth = 100;
+constexpr int kFrames = 8;
+
+/// "lib.lua:12: in function 'f'": file and line; line 0 where it is no place in a file of the user's.
+struct Place {
+  std::string file;
+  int line = 0;
+};
+
+Place place_of(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  if (colon == std::string::npos || text.starts_with('[')) return {};
+  const std::size_t end = text.find(':', colon + 1);
+  const std::string number = text.substr(colon + 1, end - colon - 1);
+  if (number.empty() || number.size() > 8 || number.find_first_not_of("0123456789") != std::string::npos) return {};
+  return {text.substr(0, colon), std::stoi(number)};
+}
+
+std::string source_line(const Place& place, const std::vector<std::string>& typed) {
+  std::string line;
+  if (place.file == "prompt") {
+    if (place.line <= static_cast<int>(typed.size())) line = typed[static_cast<std::size_t>(place.line - 1)];
+  } else {
+    std::ifstream file(place.file);
+    for (int i = 1; i <= place.line && std::getline(file, line); ++i) {
+    }
+    if (!file) return "";
+  }
+  line.erase(0, std::min(line.find_first_not_of(" \t"), line.size()));
+  return line.size() > kLineWidth ? line.substr(0, kLineWidth) + "..." : line;
+}
+
+/// One pair of a table to a line, where all of it is too long for one.
+std::string long_table(lua_State* L, int index) {
+  std::string text = "{";
+  push_sorted_keys(L, index);
+  const int keys = lua_gettop(L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(L, keys));
+  constexpr lua_Integer kShown = 60;
+  for (lua_Integer i = 1; i <= std::min(count, kShown); ++i) {
+    lua_rawgeti(L, keys, i);
+    const bool name = lua_type(L, -1) == LUA_TSTRING;
+    text += "\n  " + (name ? plain_text(L, lua_gettop(L)) + " = " : "");
+    lua_rawget(L, index);
+    text += pretty(L, lua_gettop(L), 2) + ",";
+    lua_pop(L, 1);
+  }
+  if (count > kShown) text += "\n  ... " + std::to_string(count - kShown) + " more";
+  lua_settop(L, keys - 1);
+  return text + "\n}";
+}
+
+}  // namespace
+
+std::string show_value(lua_State* L, int index, const Context::Result& from) {
+  index = lua_absindex(L, index);
+  const std::string unit = from.call != nullptr ? unit_of_result(*from.call) : "";
+  if (!unit.empty() && lua_type(L, index) == LUA_TNUMBER && lua_tonumber(L, index) == from.number)
+    return format_quantity(lua_tonumber(L, index), unit, 6);
+  if (!unit.empty() && lua_istable(L, index) && lua_topointer(L, index) == from.pointer) {
+    if (const auto numbers = to_numbers(L, index); numbers && !numbers->empty() && numbers->size() <= 16) {
+      std::string text;
+      for (const double number : *numbers) text += (text.empty() ? "{" : ", ") + format_quantity(number, unit, 4);
+      return text + "}";
+    }
+  }
+  const std::string text = pretty(L, index);
+  const bool plain_table = lua_istable(L, index) && luaL_getmetafield(L, index, "__tostring") == LUA_TNIL;
+  if (lua_istable(L, index) && !plain_table) lua_pop(L, 1);
+  return plain_table && text.size() > kLineWidth && lua_rawlen(L, index) == 0 ? long_table(L, index) : text;
+}
+
+std::string show_error(const std::string& message, const std::string& trace, const std::vector<std::string>& typed,
+                       int plain) {
+  const auto is_plain = [plain](const Place& place) { return place.file == "prompt" && place.line == plain; };
+  std::string text = "error: " + message + "\n";
+  const Place here = place_of(message);
+  if (here.line > 0 && !is_plain(here))
+    if (const std::string line = source_line(here, typed); !line.empty()) text += "    " + line + "\n";
+  std::istringstream frames(trace);
+  int shown = 0;
+  bool first = true;
+  for (std::string frame; std::getline(frames, frame) && shown < kFrames;) {
+    frame.erase(0, std::min(frame.find_first_not_of(" \t"), frame.size()));
+    const Place place = place_of(frame);
+    if (place.line == 0 || place.file == "watch") continue;
+    const bool same = first && place.file == here.file && place.line == here.line;
+    first = false;
+    if (same || is_plain(place)) continue;
+    ++shown;
+    text += "  from " + place.file + ":" + std::to_string(place.line) + "\n";
+    if (const std::string line = source_line(place, typed); !line.empty()) text += "    " + line + "\n";
+  }
+  return text;
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/report_files.h"
+
+#include "host/markup.h"
+#include "host/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_bad(const Event& event) {
+  for (const char* kind : {"error", "alarm", "interlock", "unsafe"})
+    if (event.kind == kind) return true;
+  return false;
+}
+
+std::string file_name(std::size_t number, const std::string& title) {
+  std::string name = fmt::format("{:02}_", number);
+  for (const char c : title.substr(0, 60)) {
+    const auto letter = static_cast<unsigned char>(c);
+    if (letter < 128 && std::isalnum(letter) != 0)
+      name += static_cast<char>(std::tolower(letter));
+    else if (!name.ends_with('_'))
+      name += '_';
+  }
+  while (name.ends_with('_')) name.pop_back();
+  return name + ".svg";
+}
+
+}  // namespace
+
+std::string timeline_svg(const RunData& data) {
+  constexpr int kWidth = 960, kHeight = 44, kMargin = 12, kLine = 16;  // px
+  constexpr std::size_t kMost = 500;
+  double end = data.end ? data.end->experiment_time : 0;
+  for (const Event& event : data.events) end = std::max(end, to_seconds(event.time));
+  if (data.events.empty() || !(end > 0)) return "";
+  const auto at = [&](double seconds) {
+    return kMargin + (kWidth - 2 * kMargin) * std::clamp(seconds / end, 0.0, 1.0);
+  };
+  std::string out = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" role=\"img\" font-family=\"sans-serif\" "
+      "font-size=\"11\" fill=\"#555\"><line x1=\"{}\" x2=\"{}\" y1=\"{}\" y2=\"{}\" stroke=\"#999\"/>",
+      kWidth, kHeight, kMargin, kWidth - kMargin, kLine, kLine);
+  for (int i = 0; i <= 4; ++i)
+    out += fmt::format(
+        "<line x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1}\" y2=\"{2}\" stroke=\"#999\"/><text x=\"{0:.1f}\" "
+        "y=\"40\" text-anchor=\"{3}\">{4}</text>",
+        at(end * i / 4), kLine, kLine + 6,
+        i == 0   ? "start"
+        : i == 4 ? "end"
+                 : "middle",
+        escape_markup(format_quantity(end * i / 4, "s")));
+  for (std::size_t i = 0; i < std::min(data.events.size(), kMost); ++i) {
+    const Event& event = data.events[i];
+    const double x = at(to_seconds(event.time));
+    const std::string title = "<title>" + escape_markup(event.kind + ": " + event.text) + "</title>";
+    if (is_bad(event))
+      out += fmt::format("<path d=\"M{0:.1f} 7l7 9l-7 9l-7 -9z\" fill=\"#d55e00\">{1}</path>", x, title);
+    else
+      out += fmt::format("<circle cx=\"{:.1f}\" cy=\"{}\" r=\"4.5\" fill=\"#0072b2\" fill-opacity=\"0.7\">{}</circle>",
+                         x, kLine, title);
+  }
+  return out + "</svg>";
+}
+
+std::vector<fs::path> write_plots(const RunData& data, const fs::path& folder) {
+  fs::create_directories(folder);
+  std::vector<fs::path> files;
+  const auto write = [&](const std::string& title, const std::string& svg) {
+    files.push_back(folder / file_name(files.size() + 1, title));
+    std::ofstream out(files.back());
+    out << svg;
+    if (!out.flush()) throw std::runtime_error(files.back().string() + ": cannot be written");
+  };
+  for (const Plot& plot : data.plots) write(plot.title, to_svg(plot));
+  for (const SvgDrawing& drawing : data.drawings) write(drawing.title, drawing.svg);
+  return files;
+}
+
+}  // namespace vitreo

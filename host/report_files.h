@@ -1,0 +1,21 @@
+// Parts of the report that also stand by themselves: the timeline of events, and the plots as files.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/run_data.h"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// A strip from the run's start to its end with a mark for each event, at most 500: a disc for what was planned, a
+/// diamond for errors, alarms and the interlock. SVG; "" where there is no event or no time passed.
+std::string timeline_svg(const RunData& data);
+
+/// Each plot and drawing as an SVG file in `folder`, which is made: 01_path_in_depth.svg ... Returns the files. Throws
+/// std::runtime_error naming the file that cannot be written.
+std::vector<std::filesystem::path> write_plots(const RunData& data, const std::filesystem::path& folder);
+
+}  // namespace vitreo

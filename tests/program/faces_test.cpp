@@ -1,0 +1,350 @@
+// The faces of the built program: the prompt on a terminal, in a pipe and from a file; help, completion, docs and
+// starting points on the command line.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/program/program.h"
+#include "tests/program/terminal.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+constexpr const char* kCtrlC = "\x03";
+constexpr const char* kCtrlD = "\x04";
+constexpr const char* kUp = "\x1b[A";
+
+TEST(TerminalPrompt, LinesAreEditedContinuedAndKeptForTheNextSession) {
+  const Workplace place;
+  {
+    Terminal terminal(place.folder());
+    ASSERT_TRUE(terminal.sees("> ")) << terminal.unseen();
+    terminal.type("20 + 22x\x7f\r");
+    EXPECT_TRUE(terminal.sees("\r42\r\n")) << terminal.unseen();
+    terminal.type("for i = 7, 7 do\r");
+    EXPECT_TRUE(terminal.sees(">> ")) << terminal.unseen();
+    terminal.type("print(i * 11)\rend\r");
+    EXPECT_TRUE(terminal.sees("\r77\r\n")) << terminal.unseen();
+    terminal.type(kCtrlD);
+    EXPECT_EQ(terminal.end(), 0);
+  }
+  Terminal again(place.folder());
+  ASSERT_TRUE(again.sees("> "));
+  again.type(std::string(kUp) + "\r");
+  EXPECT_TRUE(again.sees("\r77\r\n")) << "three lines, one statement: " << again.unseen();
+  again.type(std::string(kUp) + kUp + "\r");
+  EXPECT_TRUE(again.sees("\r42\r\n")) << again.unseen();
+}
+
+TEST(TerminalPrompt, TabCompletesRolesMethodsOptionsAndTheirValues) {
+  const Workplace place;
+  Terminal terminal(place.folder());
+  ASSERT_TRUE(terminal.sees("> "));
+  terminal.type("rig.top\t");
+  EXPECT_TRUE(terminal.sees("rig.top_camera")) << terminal.unseen();
+  terminal.type(":gr\t");
+  EXPECT_TRUE(terminal.sees(":grab")) << terminal.unseen();
+  terminal.type("?\r");
+  EXPECT_TRUE(terminal.sees("waits for the next frame")) << terminal.unseen();
+  terminal.type("rig:servo { feed\t");
+  EXPECT_TRUE(terminal.sees("feedback = ")) << terminal.unseen();
+  terminal.type("\"two\t");
+  EXPECT_TRUE(terminal.sees("two_cameras")) << terminal.unseen();
+  terminal.type(std::string(kCtrlC) + "control.rob\t\t\t");
+  EXPECT_TRUE(terminal.sees("control.robots")) << terminal.unseen();
+  terminal.type(std::string(kCtrlC) + "run(\"hello\t");
+  EXPECT_TRUE(terminal.sees("hello_rig")) << terminal.unseen();
+}
+
+TEST(TerminalPrompt, CtrlCStopsWhatRunsAndKeepsTheSession) {
+  const Workplace place;
+  Terminal terminal(place.folder());
+  ASSERT_TRUE(terminal.sees("> "));
+  terminal.type("x = 5\rprint('wai' .. 'ting') run:wait(1000)\r");
+  ASSERT_TRUE(terminal.sees("waiting")) << terminal.unseen();
+  terminal.type(kCtrlC);
+  EXPECT_TRUE(terminal.sees("stopped")) << terminal.unseen();
+  terminal.type("print('bu' .. 'sy') while true do end\r");
+  ASSERT_TRUE(terminal.sees("busy")) << terminal.unseen();
+  terminal.type(kCtrlC);
+  EXPECT_TRUE(terminal.sees("stopped")) << terminal.unseen();
+  terminal.type(std::string("half a line (") + kCtrlC);
+  EXPECT_TRUE(terminal.sees("^C")) << terminal.unseen();
+  terminal.type("x * 3\r");
+  EXPECT_TRUE(terminal.sees("\r15\r\n")) << "what was there before is there: " << terminal.unseen();
+}
+
+TEST(TerminalPrompt, WhatIsSaidMeanwhileStandsAboveTheLineThatIsTyped) {
+  const Workplace place;
+  Terminal terminal(place.folder());
+  ASSERT_TRUE(terminal.sees("> "));
+  terminal.type("drops = run:remind('moisten the eye', { every = 1 * s })\r20 +");
+  ASSERT_TRUE(terminal.sees("20 +"));
+  EXPECT_TRUE(terminal.sees("moisten the eye")) << terminal.unseen();
+  EXPECT_TRUE(terminal.sees("20 +")) << "the line is drawn again: " << terminal.unseen();
+  terminal.type(" 22\r");
+  EXPECT_TRUE(terminal.sees("\r42\r\n")) << terminal.unseen();
+}
+
+TEST(TerminalPrompt, APastedFileIsOneStatement) {
+  const Workplace place;
+  Terminal terminal(place.folder());
+  ASSERT_TRUE(terminal.sees("> "));
+  std::string text = "\x1b[200~";
+  for (int i = 0; i < 100; ++i) text += "y = " + std::to_string(i) + " -- a line of it\n";
+  terminal.type(text + "print(y + 1)\x1b[201~\r");
+  EXPECT_TRUE(terminal.sees("\r100\r\n")) << terminal.unseen();
+}
+
+TEST(PipedPrompt, ErrorsNameTheLineOfTheFileAndMakeTheExitCodeOne) {
+  const Workplace place;
+  const Spoken spoken = place.vitreo("", "print('first')\n\nx = {\n  1,\n  nil + 1,\n}\nprint('last')\n");
+  EXPECT_EQ(spoken.exit_code, 1);
+  EXPECT_EQ(spoken.out, "first\nlast\n");
+  EXPECT_NE(spoken.err.find("prompt:5: attempt to perform arithmetic on a nil value\n    nil + 1,"), std::string::npos)
+      << spoken.err;
+  EXPECT_EQ(place.vitreo("", "1 + 1\n").exit_code, 0);
+}
+
+TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
+  const Workplace place;
+  std::filesystem::create_directories(place.folder() / "protocols");
+  std::filesystem::create_directories(place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua", place.folder() / "scripts/rigs");
+  place.write("protocols/push.lua",
+              "return { title = 'push', needs = { 'coils' }, parameters = {\n"
+              "  current = { default = 1, unit = 'A', max = 5 }, kind = { default = 'a', choices = { 'a', 'b' } } },\n"
+              "run = function(rig, p, run)\n"
+              "  run:defer(function() rig.coils:set_currents { 0, 0, 0, 0, 0, 0, 0, 0 } end)\n"
+              "  rig.coils:set_currents { p.current, 0, 0, 0, 0, 0, 0, 0 }\n"
+              "  run:figure('current', rig.coils:currents()[1], 'A')\n"
+              "  if p.kind == 'b' then error('on purpose') end\nend }\n");
+  const Spoken spoken =
+      place.vitreo("",
+                   "run('push', {current = 2*A})\nrig.coils:currents()[1]\nrun('push', {current = 9*A})\n"
+                   "run('push', {curent = 1})\nrun('pusch')\nrun('push', {kind = 'b'})\n"
+                   "rig.coils:currents()[1]\nrun('push', {current = '3um'})\n");
+  EXPECT_EQ(spoken.out, "current  2 A\n0.0\ncurrent  1 A\n0.0\n") << spoken.err;
+  for (const char* words :
+       {"current: wants at most 5 A, got 9 A", "curent is not known; did you mean current?",
+        "there is no protocol 'pusch'; did you mean push?", "push.lua:7: on purpose", "current: wants a current"})
+    EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
+}
+
+TEST(PipedPrompt, LongAndOpenEndedInputIsRefusedNotSwallowed) {
+  const Workplace place;
+  EXPECT_EQ(place.vitreo("", "x = '" + std::string(10'000'000, 'y') + "'\n#x\n").out, "10000000\n");
+  std::string open = "x = [[\n";
+  for (int i = 0; i < 30000; ++i) open += "junk junk junk junk\n";
+  const Spoken spoken = place.vitreo("", open + "print('never')\n");
+  EXPECT_EQ(spoken.exit_code, 1);
+  EXPECT_NE(spoken.err.find("what began on line 1 is still open after"), std::string::npos)
+      << spoken.err.substr(0, 300);
+}
+
+std::string file_text(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+TEST(Help, OfEveryCommandIsTheGoldenOne) {
+  const Workplace place;
+  EXPECT_EQ(place.vitreo("--help").out, file_text(VITREO_SOURCE_DIR "/tests/program/golden/vitreo.txt"));
+  std::istringstream commands(place.vitreo("complete -- ''").out);
+  int count = 0;
+  for (std::string command; std::getline(commands, command); ++count) {
+    const Spoken spoken = place.vitreo(command + " --help");
+    EXPECT_EQ(spoken.exit_code, 0) << command;
+    EXPECT_EQ(spoken.out, file_text(VITREO_SOURCE_DIR "/tests/program/golden/" + command + ".txt"))
+        << "make reference prints them anew";
+    EXPECT_TRUE(contains(spoken.out, "For instance\n  vitreo ")) << command;
+  }
+  EXPECT_GE(count, 18);
+}
+
+TEST(Help, OfARunWithAProtocolIsAboutTheProtocol) {
+  const Workplace place;
+  const Spoken spoken = place.vitreo("run drift_test --help");
+  EXPECT_EQ(spoken.exit_code, 0);
+  for (const char* words : {"drift_test: ", "needs: ", "hold", "for instance: vitreo run drift_test "})
+    EXPECT_TRUE(contains(spoken.out, words)) << words << " in " << spoken.out;
+  EXPECT_EQ(place.vitreo("run nothing_like_it --help").exit_code, 2);
+}
+
+TEST(Help, WrongWordsGetOneLineWithWhatWasPerhapsMeant) {
+  const Workplace place;
+  for (const auto& [words, answer] : std::vector<std::pair<std::string, std::string>>{
+           {"descrbe x", "there is no command 'descrbe'; did you mean describe?"},
+           {"run servo_square --sed 3", "--sed"},
+           {"run", "protocol is required; see vitreo run --help"},
+           {"new thing x", "'thing' is not understood"},
+           {"new protocol ../x", "is not a name"},
+           {"docs sefety", "did you mean safety?"},
+           {"completion tcsh", "bash, zsh and fish"},
+           {"attach", "no run is going on"},
+           {"show nothing_like_it", "nothing_like_it"}}) {
+    const Spoken spoken = place.vitreo(words);
+    EXPECT_NE(spoken.exit_code, 0) << words;
+    EXPECT_TRUE(contains(spoken.err, answer)) << words << ": " << spoken.err;
+    EXPECT_EQ(std::count(spoken.err.begin(), spoken.err.end(), '\n'), 1) << spoken.err;
+  }
+}
+
+TEST(ShellCompletion, KnowsCommandsOptionsProtocolsParametersAndValues) {
+  const Workplace place;
+  const auto complete = [&place](const std::string& words) { return place.vitreo("complete -- " + words).out; };
+  EXPECT_EQ(complete("desc"), "describe\n");
+  EXPECT_TRUE(contains(complete("run ser"), "servo_square\n"));
+  EXPECT_TRUE(contains(complete("run servo_square sp"), "speed=\n"));
+  EXPECT_FALSE(contains(complete("run servo_square speed=1mm/s sp"), "speed=\n")) << "it is given";
+  EXPECT_TRUE(contains(complete("run --se"), "--seed\n"));
+  EXPECT_TRUE(contains(complete("control pa"), "pause\n"));
+  EXPECT_EQ(complete("nonsense x"), "");
+  place.write("choose.lua",
+              "return { title = 'c', parameters = { mode = { default = 'calm', choices = { 'calm', 'brisk' } } },\n"
+              "run = function() end }");
+  EXPECT_EQ(complete("run choose.lua mode=b"), "mode=brisk\n");
+}
+
+TEST(ShellCompletion, WorksInBashAndItsScriptsAreForTheirShells) {
+  const Workplace place;
+  place.write("try.sh", "source <('" VITREO_PROGRAM "' completion bash)\nvitreo() { '" VITREO_PROGRAM
+                        "' \"$@\"; }\nCOMP_WORDS=(vitreo run servo_square sp); COMP_CWORD=3\n"
+                        "COMP_LINE='vitreo run servo_square sp'; COMP_POINT=${#COMP_LINE}\n_vitreo 2>/dev/null; echo "
+                        "\"${COMPREPLY[@]}\"\n");
+  ASSERT_EQ(std::system(("cd '" + place.folder().string() + "' && bash try.sh >said 2>&1").c_str()), 0);
+  EXPECT_EQ(place.read("said"), "speed=\n");
+  EXPECT_TRUE(contains(place.vitreo("completion zsh").out, "#compdef vitreo"));
+  EXPECT_TRUE(contains(place.vitreo("completion fish").out, "complete -c vitreo"));
+}
+
+TEST(Docs, TheManPageHasEveryCommandAndTroffTakesIt) {
+  const Workplace place;
+  const std::string page = place.vitreo("docs man").out;
+  std::istringstream commands(place.vitreo("complete -- ''").out);
+  for (std::string command; std::getline(commands, command);)
+    EXPECT_TRUE(contains(page, ".SS vitreo " + command + "\n")) << command;
+  EXPECT_TRUE(contains(page, ".SH EXIT STATUS"));
+  if (std::system("command -v man >/dev/null") != 0) GTEST_SKIP() << "no man to read it with";
+  place.write("vitreo.1", page);
+  EXPECT_EQ(
+      std::system(
+          ("cd '" + place.folder().string() +
+           "' && LC_ALL=C.UTF-8 MANROFFSEQ= man --warnings -E UTF-8 -l -Tutf8 -Z vitreo.1 2>&1 >/dev/null | grep -q .")
+              .c_str()),
+      256)
+      << "no warnings";
+}
+
+TEST(Docs, PagesAreListedAndPrinted) {
+  const Workplace place;
+  EXPECT_TRUE(contains(place.vitreo("docs").out, "safety"));
+  EXPECT_TRUE(place.vitreo("docs safety").out.starts_with("# "));
+  EXPECT_TRUE(contains(place.vitreo("docs api").out, "### `servo:go_to`"));
+}
+
+TEST(NewProtocol, RunsAtOnceAndIsWhatTheEditorNeeds) {
+  const Workplace place;
+  const Spoken made = place.vitreo("new protocol depth_scan");
+  EXPECT_EQ(made.exit_code, 0) << made.err;
+  for (const char* file : {"depth_scan.lua", ".luarc.json", ".luacheckrc", ".vitreo/vitreo.lua", ".vitreo/units.lua"})
+    EXPECT_TRUE(std::filesystem::exists(place.folder() / file)) << file;
+  const Spoken ran = place.vitreo("run depth_scan.lua wait=0.1s places=2 --quiet");
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_EQ(ran.out + ran.err, "") << "quiet";
+  EXPECT_TRUE(contains(place.vitreo("run depth_scan.lua wait=0.1s places=1 --verbose").err, "wait = 100 ms"));
+  EXPECT_EQ(place.vitreo("new protocol depth_scan").exit_code, 2) << "never over a file that is there";
+  if (std::system("command -v luacheck >/dev/null") == 0) {
+    EXPECT_EQ(std::system(("cd '" + place.folder().string() + "' && luacheck -q depth_scan.lua >said").c_str()), 0)
+        << place.read("said");
+  }
+}
+
+TEST(Report, ShowsEveryKindOfPlotAndTheTimelineAndGivesPlotsAsFiles) {
+  const Workplace place;
+  place.write("kinds.lua", R"(
+local units = require "units"
+local plots = require "plots"
+local mm, um = units.mm, units.um
+return { title = "kinds", run = function(rig, p, run)
+  local x, y, sigma, rows, points = {}, {}, {}, {}, {}
+  for i = 1, 20 do
+    x[i], y[i], sigma[i], points[i] = i * mm, i * i * um, 2 * um, vector(i * mm, 0, i * um)
+    rows[i] = { i * 1e-3, 2 * i * 1e-3, false }
+  end
+  local counts = plots.histogram(run, { title = "Histogram", values = x, bins = 4, x = { "x", "mm" } })
+  assert(counts[1] == 5 and counts[2] == 5 and counts[3] == 5 and counts[4] == 5)
+  plots.error_bars(run, { title = "Bars", x_values = x, y_values = y, sigma = sigma, x = { "x", "mm" }, y = { "y", "um" } })
+  plots.heat_map(run, { title = "Heat & more", rows = rows, x_range = { 0, 1 * mm }, y_range = { 0, 1 * mm },
+    x = { "x", "mm" }, y = { "y", "mm" }, value = { "field", "mT" } })
+  plots.trajectory(run, { title = "Way", paths = { { label = "went", points = points } } })
+  assert(not plots.expected(run, { title = "Against", rows = { { "a", 1, 1, 0.1 }, { "b", 2 * mm, 3 * mm, 0.1 * mm, "mm" } } }))
+  assert(not pcall(plots.histogram, run, { title = "t" }) and not pcall(plots.heat_map, run, { rows = { { 1 }, { 1, 2 } } }))
+  run:wait(2) run:note("two seconds") run:wait(2)
+end }
+)");
+  const Spoken ran = place.vitreo("run kinds.lua");
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  const Spoken files = place.vitreo("report last --plots figures");
+  EXPECT_EQ(files.out,
+            "figures/01_histogram.svg\nfigures/02_bars.svg\nfigures/03_way_from_above.svg\n"
+            "figures/04_way_from_the_side.svg\nfigures/05_heat_more.svg\n")
+      << files.err;
+  EXPECT_TRUE(contains(place.read("figures/05_heat_more.svg"), "Heat &amp; more"));
+  const std::string report =
+      file_text(std::filesystem::directory_iterator(place.folder() / "runs")->path() / "report.html");
+  for (const char* part : {"NOT within", "<title>note: two seconds</title>", "role=\"img\""})
+    EXPECT_TRUE(contains(report, part)) << part;
+}
+
+TEST(NewDriver, BeginsAsADriverOfItsRoleUnderItsOwnNameAndCompiles) {
+  const Workplace place;
+  const std::filesystem::path source = VITREO_SOURCE_DIR;
+  for (const char* part : {"devices/sutter_mp285", "host/drivers"}) {
+    std::filesystem::create_directories(place.folder() / part);
+    std::filesystem::copy(source / part, place.folder() / part, std::filesystem::copy_options::recursive);
+  }
+  std::filesystem::create_directories(place.folder() / "tests/devices");
+  std::filesystem::copy(source / "tests/devices/sutter_mp285_test.cpp", place.folder() / "tests/devices");
+  std::filesystem::copy(source / "host/registry.cpp", place.folder() / "host");
+  const Spoken made = place.vitreo("new driver acme_stage stage");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_TRUE(contains(place.read("host/registry.cpp"), "{\"acme_stage\", read_acme_stage}"));
+  EXPECT_TRUE(contains(place.read("tests/devices/acme_stage_test.cpp"), "AcmeStage"));
+  for (const char* file : {"devices/acme_stage/driver.cpp", "devices/acme_stage/wire.h"})
+    EXPECT_FALSE(contains(place.read(file), "sutter_mp285") || contains(place.read(file), "Mp285")) << file;
+  EXPECT_EQ(
+      std::system(("cd '" + place.folder().string() + "' && c++ -std=c++20 -fsyntax-only -I . -I '" + source.string() +
+                   "' -I /usr/include/eigen3 devices/acme_stage/driver.cpp devices/acme_stage/emulator.cpp 2>said")
+                      .c_str()),
+      0)
+      << place.read("said");
+  EXPECT_EQ(place.vitreo("new driver acme_stage stage").exit_code, 2) << "it is there already";
+  EXPECT_TRUE(contains(place.vitreo("new driver x_y stag").err, "did you mean stage?"));
+}
+
+TEST(Attach, FollowsARunReadsOnlyAndSpeaksToItWithControl) {
+  const Workplace place;
+  place.write("long.lua", "return { title = 'long', run = function(rig, p, run) run:wait(60) end }");
+  const std::string run = "env XDG_RUNTIME_DIR='" + place.folder().string() + "' '" VITREO_PROGRAM "' ";
+  const std::string command = "cd '" + place.folder().string() + "' && (" + run +
+                              "run long.lua --real-time >run.out 2>&1; echo $? >code) & cd '" +
+                              place.folder().string() + "'; for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.3; " + run +
+                              "control status >/dev/null 2>&1 && break; done; echo stop | timeout 1 " + run +
+                              "attach >looks 2>looks.err; echo stop | timeout 9 " + run +
+                              "attach --control >speaks 2>&1; wait";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_TRUE(contains(place.read("looks"), "running, waiting for run:wait")) << place.read("looks");
+  EXPECT_TRUE(contains(place.read("looks.err"), "this looks on only")) << place.read("looks.err");
+  EXPECT_TRUE(contains(place.read("speaks"), "has ended")) << place.read("speaks");
+  EXPECT_EQ(place.read("code"), "3\n");
+}
+
+}  // namespace
+}  // namespace vitreo
