@@ -46,6 +46,11 @@ sockaddr_un address_of(const fs::path& path) {
   return address;
 }
 
+/// The words that a person can choose from; empty where any text may do.
+std::vector<std::string> choices_of(const Parameter& answer) {
+  return answer.kind == ParameterKind::flag ? std::vector<std::string>{"yes", "no"} : answer.choices;
+}
+
 nlohmann::json alarms_json(const Alarms& alarms) {
   nlohmann::json list = nlohmann::json::array();
   for (const Alarm& alarm : alarms.shown())
@@ -57,22 +62,6 @@ nlohmann::json alarms_json(const Alarms& alarms) {
                     {"times", alarm.times},
                     {"acknowledged_by", alarm.acknowledged_by}});
   return list;
-}
-
-nlohmann::json status_json(const RunControl& control, const Questions& questions, const ControlDesk& desk) {
-  const RunStatus status = control.status();
-  nlohmann::json json = {{"phase", to_string(status.phase)},
-                         {"tier", to_string(status.tier)},
-                         {"waiting_for", status.waiting_for},
-                         {"note", status.note},
-                         {"text", to_string(status)},
-                         {"progress", status.progress},
-                         {"doing", status.doing}};
-  if (status.remaining >= 0) json["remaining"] = status.remaining;
-  if (desk.alarms != nullptr) json["alarms"] = alarms_json(*desk.alarms);
-  if (const auto question = questions.open())
-    json["question"] = {{"number", question->number}, {"name", question->answer.name}, {"text", shown(*question)}};
-  return json;
 }
 
 /// Nobody needs a right to end a run.
@@ -149,6 +138,25 @@ std::vector<std::string> controllable_runs() {
   }
   std::sort(names.begin(), names.end());
   return names;
+}
+
+nlohmann::json status_json(const RunControl& control, const Questions& questions, const ControlDesk& desk) {
+  const RunStatus status = control.status();
+  nlohmann::json json = {{"phase", to_string(status.phase)},
+                         {"tier", to_string(status.tier)},
+                         {"waiting_for", status.waiting_for},
+                         {"note", status.note},
+                         {"text", to_string(status)},
+                         {"progress", status.progress},
+                         {"doing", status.doing}};
+  if (status.remaining >= 0) json["remaining"] = status.remaining;
+  if (desk.alarms != nullptr) json["alarms"] = alarms_json(*desk.alarms);
+  if (const auto question = questions.open())
+    json["question"] = {{"number", question->number},
+                        {"name", question->answer.name},
+                        {"text", shown(*question)},
+                        {"choices", choices_of(question->answer)}};
+  return json;
 }
 
 nlohmann::json answer_request(const std::string& line, RunControl& control, Questions& questions,

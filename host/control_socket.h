@@ -30,6 +30,10 @@ struct ControlDesk {
   Rights rights;
 };
 
+/// {"phase", "tier", "waiting_for", "note", "text", "progress", "doing"; "remaining", "alarms" and "question" where
+/// there are such}: what the socket and the live view say of a run.
+nlohmann::json status_json(const RunControl& control, const Questions& questions, const ControlDesk& desk);
+
 /// Answers one request of a client: {"do": "status"}, "pause" ("at": a checkpoint), "resume" ("override": although the
 /// run is suspended, which wants a researcher), "stop", "abort", "emergency", "answer" ("text"), "ack" ("alarm": its
 /// name; without it all). "by" says who asks. The reply has "ok", and "status" or "error". Never throws.

@@ -88,6 +88,9 @@ class FrameRecording::Tap final : public Camera {
     return frame;
   }
 
+  /// True the first time that it is asked.
+  bool wants_pump() { return !std::exchange(pumped_, true); }
+
   void start(const FramePolicy& policy) {
     const CameraInfo& info = camera_.info();
     if (policy.window > std::min(info.width_px, info.height_px))
@@ -143,6 +146,7 @@ class FrameRecording::Tap final : public Camera {
 
   void record(const Frame& frame) {
     silent_ = false;
+    if (RecordListener* const listener = recorder_.listener()) listener->seen(name_, frame);
     if (recorded_ < 0 || (last_ && frame.number <= *last_)) return;  // two may be handed the same frame
     last_ = frame.number;
     if (policy_.around <= 0) return keep(frame, count_++);
@@ -218,6 +222,7 @@ class FrameRecording::Tap final : public Camera {
   std::int64_t count_ = 0;
   std::optional<Time> taken_;
   std::optional<std::uint64_t> last_;
+  bool pumped_ = false;
   bool silent_ = false;  // the camera is; it has been said
 };
 
@@ -243,7 +248,12 @@ void FrameRecording::check(const FramePolicy& policy) const { tap_of(policy); }
 void FrameRecording::start(const FramePolicy& policy) {
   Tap& tap = tap_of(policy);
   tap.start(policy);
-  pumps_.push_back(clock_.spawn("frames of " + policy.camera, [&tap] { tap.pump(); }));
+  if (tap.wants_pump()) pumps_.push_back(clock_.spawn("frames of " + policy.camera, [&tap] { tap.pump(); }));
+}
+
+void FrameRecording::watch() {
+  for (const auto& tap : taps_)
+    if (tap->wants_pump()) pumps_.push_back(clock_.spawn("frames of " + tap->name(), [&tap = *tap] { tap.pump(); }));
 }
 
 }  // namespace vitreo

@@ -43,6 +43,9 @@ class FrameRecording {
   void start(const FramePolicy& policy);
   /// Throws as start() does for a role that is no camera of this rig.
   void check(const FramePolicy& policy) const;
+  /// Cameras that nobody takes frames of are looked at all the same, for the recorder's listener, as long as the
+  /// session lasts.
+  void watch();
 
  private:
   class Tap;

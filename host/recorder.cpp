@@ -91,6 +91,7 @@ struct Recorder::State {
   RecordWriter writer;
   RunData data;
   AlarmListener listener;
+  RecordListener* watcher = nullptr;
 };
 
 Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start, const RecordLimits& limits) {
@@ -115,6 +116,8 @@ Recorder::~Recorder() {
 
 const std::filesystem::path& Recorder::folder() const { return state_->data.folder; }
 const RunStart& Recorder::start() const { return state_->data.start; }
+void Recorder::watch(RecordListener* listener) { state_->watcher = listener; }
+RecordListener* Recorder::listener() const { return state_->watcher; }
 const std::vector<Stream>& Recorder::streams() const { return state_->data.streams; }
 const std::vector<Figure>& Recorder::figures() const { return state_->data.figures; }
 const std::vector<Plot>& Recorder::plots() const { return state_->data.plots; }
@@ -160,11 +163,13 @@ void Recorder::sample(int stream, Time time, std::span<const double> values) {
   target.times.push_back(time);
   target.values.insert(target.values.end(), values.begin(), values.end());
   state_->writer.sample(index, target.times.size() - 1, time, values);
+  if (state_->watcher != nullptr) state_->watcher->sample(target.info, time, values);
   state_->take_alarms(time);
 }
 
 void Recorder::State::add_event(const Event& event) {
   data.events.push_back(event);
+  if (watcher != nullptr) watcher->event(event.time, event.kind, event.text);
   writer.post([event, number = data.events.size() - 1](RecordFile& file) { file.event(number, event); }, true);
 }
 

@@ -5,6 +5,7 @@
 #include "devices/camera.h"
 #include "devices/clock.h"
 #include "host/alarms.h"
+#include "host/record_listener.h"
 #include "host/record_writer.h"
 #include "host/run_data.h"
 
@@ -69,6 +70,10 @@ class Recorder {
   std::vector<FrameRow> frames() const;  // waits until they are written
   /// All of it; frames and dropped only after finish().
   const RunData& data() const;
+
+  /// Told of samples and events from now on, and by the cameras' recording of frames; nullptr: nobody. Borrowed.
+  void watch(RecordListener* listener);
+  RecordListener* listener() const;
 
   /// What is wrong with the disk, "" while all is well. `call`: told once, from another thread, when it begins.
   std::string trouble() const;

@@ -175,14 +175,27 @@ std::unique_ptr<ControlSocket> open_control(const RunRequest& request, Session& 
   }
 }
 
+/// The live view lets go of the session before it ends.
+struct Farewell {
+  view::LiveView* view;
+  const Verdict& verdict;
+  ~Farewell() {
+    if (view != nullptr)
+      view->end(std::string(to_string(verdict.outcome)) + (verdict.reason.empty() ? "" : ": " + verdict.reason));
+  }
+};
+
 RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                   const std::function<void(Session&)>& body, const Inspect& inspect) {
   const double began = wall_seconds();
   Verdict verdict;
   write_log("run " + stage.recorder->folder().string() + " begun by " + stage.recorder->start().operator_name);
   const std::vector<FramePolicy> policies = frame_policies(request, stage.rig->rig());
+  std::unique_ptr<view::LiveView> live;
+  if (request.view.on) live = std::make_unique<view::LiveView>(request.view, listener);
   {
-    Session session(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.seed);
+    Session session(*stage.clock, stage.rig->rig(), *stage.recorder, live ? live->listener() : listener, request.seed);
+    const Farewell farewell{live.get(), verdict};  // before the session ends
     session.real_time = stage.pace == Pace::real_time;
     session.questions.prepare(request.answers);
     session.control.attach({[&] {
@@ -191,6 +204,10 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
                             },
                             [&] { return stage.rig->make_safe(); }});
     const InterruptScope interrupts;
+    if (live) {
+      live->begin(session, stage.recorder->start().protocol_title, stage.rights);
+      listener.message("live view: " + live->invitation());
+    }
     const auto socket = open_control(request, session, stage.recorder->folder(), stage.rights);
     stage.recorder->on_trouble([&control = session.control] {
       control.set_reason("because recording failed");

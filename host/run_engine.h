@@ -6,6 +6,7 @@
 #include "host/open_rig.h"
 #include "host/script_engine.h"
 #include "host/session.h"
+#include "host/view/live_view.h"
 #include "host/watchdog.h"
 
 #include <cstdint>
@@ -44,6 +45,7 @@ struct RunRequest {
   std::string override_reason;                   // a researcher's, to run although the preflight fails; empty: none
   std::vector<std::string> faults;               // of simulated instruments, from the run's begin: see host/faults.h
   std::function<void(Session&)> companion = {};  // called before the script; what disturbs a run on purpose
+  view::ViewRequest view;                        // a page in the browser that shows the run
 };
 
 struct RunResult {

@@ -7,6 +7,7 @@
 #include "host/alarms.h"
 #include "host/frame_recording.h"
 #include "host/observers.h"
+#include "host/operator_targets.h"
 #include "host/questions.h"
 #include "host/recorder.h"
 #include "host/rig.h"
@@ -92,8 +93,9 @@ class Session {
   Questions questions;
   Alarms alarms;
   Rehearsal* rehearsal = nullptr;  // a dry run; null in a real one
-  FrameRecording frames;           // the observers, which use its cameras, end before it
-  FaultDesk* faults = nullptr;     // breaks simulated instruments (host/faults.h); null where nothing is simulated
+  OperatorTargets targets;
+  FrameRecording frames;        // the observers, which use its cameras, end before it
+  FaultDesk* faults = nullptr;  // breaks simulated instruments (host/faults.h); null where nothing is simulated
 
   /// Learns what the empty scene looks like, for the top camera (returned) and, when there is one, for the side camera,
   /// whose estimate is recorded from then on. Blocks on the clock. Throws DeviceError, std::invalid_argument.

@@ -72,6 +72,8 @@ void add_run_options(Command& command, RunOptions& options) {
               "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo faults` lists the kinds")
       .one_word_each();
   command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
+  command.flag("--view", options.request.view.on, "a page in the browser shows the run; its address is printed");
+  command.option("--view-port", options.view_port, "the page's port (default: one that is free)").between(0, 65535);
   command
       .option("--frames", options.request.frames,
               "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), top_camera@96 (a window of\n"
@@ -82,6 +84,7 @@ void add_run_options(Command& command, RunOptions& options) {
 RunRequest& RunOptions::complete() {
   request.control_socket = true;
   if (request.rig_file.empty()) request.rig_file = Program::in_data_folder("scripts/rigs/simulated.lua");
+  request.view.port = static_cast<unsigned short>(view_port);
   if (real_time) request.pace = Pace::real_time;
   return request;
 }

@@ -38,6 +38,7 @@ class Program {
 struct RunOptions {
   RunRequest request;
   bool real_time = false;
+  int view_port = 0;
   RunRequest& complete();  ///< with the defaults that depend on where the program is
 };
 void add_run_options(Command& command, RunOptions& options);

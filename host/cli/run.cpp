@@ -102,6 +102,21 @@ int prompt(Program& program, RunOptions& options) {
   return static_cast<int>(result.exit_code);
 }
 
+void add_arguments(Command& command, Program& program, const std::shared_ptr<Run>& wanted) {
+  command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
+  command.flag("--json", wanted->json, "one JSON object on the standard output at the end, SI units");
+  command.option("--answer", wanted->request.answers,
+                 "answers a question of the script in advance: name=value, or value in their order");
+  command.option("--override", wanted->request.override_reason,
+                 "run although the preflight fails, and why (a researcher's right; it is recorded)");
+  command.flag("--quiet,-q", wanted->quiet, "nothing but errors and questions");
+  command.flag("--verbose,-v", wanted->verbose, "also what was chosen, and every event of the record");
+  command.help_about_word([&program, wanted] {
+    fmt::print("{}\noptions: vitreo run --help\n",
+               describe_text(program.engine().describe(Program::protocol_file(wanted->protocol))));
+  });
+}
+
 }  // namespace
 
 void add_run(CommandLine& line, Program& program) {
@@ -117,20 +132,19 @@ void add_run(CommandLine& line, Program& program) {
   Command command = line.command("run", "run a protocol", [&program, wanted] { return run(program, *wanted); });
   add_run_options(command, *wanted);
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
-  command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
-  command.flag("--json", wanted->json, "one JSON object on the standard output at the end, SI units");
-  command.option("--answer", wanted->request.answers,
-                 "answers a question of the script in advance: name=value, or value in their order");
-  command.option("--override", wanted->request.override_reason,
-                 "run although the preflight fails, and why (a researcher's right; it is recorded)");
-  command.flag("--quiet,-q", wanted->quiet, "nothing but errors and questions");
-  command.flag("--verbose,-v", wanted->verbose, "also what was chosen, and every event of the record");
-  command.help_about_word([&program, wanted] {
-    fmt::print("{}\noptions: vitreo run --help\n",
-               describe_text(program.engine().describe(Program::protocol_file(wanted->protocol))));
-  });
+  add_arguments(command, program, wanted);
   command.examples({"vitreo run servo_square speed=0.5mm/s --seed 7", "vitreo run drift_test --help",
                     "vitreo run hold --json | jq .figures"});
+
+  const auto watched = std::make_shared<Run>();
+  watched->protocol = "steer";
+  watched->real_time = watched->request.view.on = true;
+  Command view = line.command("view", "run a protocol, shown by a page in the browser, in real time",
+                              [&program, watched] { return run(program, *watched); });
+  add_run_options(view, *watched);
+  view.option("protocol", watched->protocol, "a protocol's file or name (default: steer, by hand)");
+  add_arguments(view, program, watched);
+  view.examples({"vitreo view", "vitreo view servo_square speed=0.5mm/s"});
 }
 
 }  // namespace vitreo::cli

@@ -211,7 +211,8 @@ std::vector<Binding> run_flow_rows() {
 const Class& run_class() {
   static const Class kind = [] {
     Class made{"run", "this run: its flow, its record, its results", run_flow_rows(), {}};
-    for (auto rows : {run_control_rows(), run_question_rows(), run_alarm_rows(), run_record_rows(), run_result_rows()})
+    for (auto rows : {run_control_rows(), run_question_rows(), run_alarm_rows(), run_operator_rows(), run_record_rows(),
+                      run_result_rows()})
       for (Binding& row : rows) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -156,6 +156,7 @@ std::vector<Binding> run_flow_rows();
 std::vector<Binding> run_control_rows();
 std::vector<Binding> run_question_rows();
 std::vector<Binding> run_alarm_rows();
+std::vector<Binding> run_operator_rows();
 std::vector<Binding> run_record_rows();
 std::vector<Binding> run_result_rows();
 

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/view/board.h"
+
+#include <algorithm>
+
+namespace vitreo::view {
+namespace {
+
+constexpr std::size_t kSamples = 3000;  // of a stream: 200 s at 15 Hz
+constexpr std::size_t kLines = 300;
+
+}  // namespace
+
+void Board::seen(const std::string& camera, const Frame& frame) {
+  const std::lock_guard lock(mutex_);
+  newest_ = std::max(newest_, frame.received);
+  frames_[camera] = frame;  // the pixels are shared
+}
+
+void Board::sample(const StreamInfo& stream, Time time, std::span<const double> values) {
+  if (stream.name == "truth") return;  // the loop does not see it: nor does who steers by this page
+  const std::lock_guard lock(mutex_);
+  newest_ = std::max(newest_, time);
+  Held& held = streams_.try_emplace(stream.name, Held{stream, {}}).first->second;
+  held.samples.push_back({time, {values.begin(), values.end()}});
+  if (held.samples.size() > kSamples) held.samples.pop_front();
+}
+
+void Board::event(Time time, const std::string& kind, const std::string& text) {
+  const std::lock_guard lock(mutex_);
+  newest_ = std::max(newest_, time);
+  add_line(to_seconds(time), kind, text);
+}
+
+void Board::message(const std::string& line) {
+  terminal_.message(line);
+  const std::lock_guard lock(mutex_);
+  add_line(to_seconds(newest_), "message", line);
+}
+
+void Board::add_line(double time, const std::string& kind, const std::string& text) {
+  lines_.push_back({++line_count_, time, kind, text});
+  if (lines_.size() > kLines) lines_.pop_front();
+}
+
+std::optional<Frame> Board::frame(const std::string& camera, std::optional<std::uint64_t> after) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = frames_.find(camera);
+  if (found == frames_.end() || (after && found->second.number <= *after)) return {};
+  return found->second;
+}
+
+std::vector<std::string> Board::cameras() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> names;
+  for (const auto& [name, frame] : frames_) names.push_back(name);
+  return names;
+}
+
+std::vector<StreamInfo> Board::streams() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<StreamInfo> infos;
+  for (const auto& [name, held] : streams_) infos.push_back(held.info);
+  return infos;
+}
+
+std::vector<Sample> Board::samples(const std::string& stream, std::optional<Time> after, std::size_t count) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = streams_.find(stream);
+  if (found == streams_.end()) return {};
+  const auto& held = found->second.samples;
+  auto begin = held.begin();
+  if (after) begin = std::find_if(held.rbegin(), held.rend(), [&](const Sample& s) { return s.time <= *after; }).base();
+  if (static_cast<std::size_t>(held.end() - begin) > count) begin = held.end() - static_cast<std::ptrdiff_t>(count);
+  return {begin, held.end()};
+}
+
+std::vector<Line> Board::lines(std::uint64_t after) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<Line> found;
+  for (const Line& line : lines_)
+    if (line.number > after) found.push_back(line);
+  return found;
+}
+
+Time Board::now() const {
+  const std::lock_guard lock(mutex_);
+  return newest_;
+}
+
+}  // namespace vitreo::view

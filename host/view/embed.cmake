@@ -1,0 +1,59 @@
+# Builds the page (SOURCE) in BUILD by NPM, and writes its files, gzipped, as BUILD/assets.cpp. Where NPM is empty, or fails (no
+# network), a notice is written in the page's place: the program works without it.
+file(MAKE_DIRECTORY ${BUILD})
+set(dist ${BUILD}/dist)
+file(REMOVE_RECURSE ${dist})
+set(failed "Node was not found when this program was built")
+if(NPM)
+  file(COPY ${SOURCE}/ DESTINATION ${BUILD} PATTERN node_modules EXCLUDE PATTERN dist EXCLUDE)
+  execute_process(COMMAND ${NPM} ci --ignore-scripts --no-audit --no-fund WORKING_DIRECTORY ${BUILD}
+                  RESULT_VARIABLE failed OUTPUT_VARIABLE said ERROR_VARIABLE said)
+  if(NOT failed)
+    execute_process(COMMAND ${NPM} run build WORKING_DIRECTORY ${BUILD} RESULT_VARIABLE failed OUTPUT_VARIABLE said ERROR_VARIABLE said)
+  endif()
+  if(failed)
+    message(WARNING "The live view gets no page, for npm failed:\n${said}")
+    file(REMOVE_RECURSE ${dist})
+    set(failed "npm failed when this program was built")
+  endif()
+endif()
+if(NOT EXISTS ${dist}/index.html)
+  file(WRITE ${dist}/index.html "<!doctype html><html lang='en'><meta charset='utf-8'><title>Vitreo live view</title>
+<h1>This program has no live view page</h1><p>${failed}. Install Node 18 or newer and npm, and build again.</p></html>")
+endif()
+file(GLOB files RELATIVE ${dist} ${dist}/*)
+set(arrays "")
+set(rows "")
+set(index 0)
+foreach(file IN LISTS files)
+  string(REGEX REPLACE ".*\\." "" ending ${file})
+  set(type_html "text/html; charset=utf-8")
+  set(type_js "text/javascript; charset=utf-8")
+  set(type_css "text/css; charset=utf-8")
+  execute_process(COMMAND gzip -9 -n -c ${dist}/${file} OUTPUT_FILE ${BUILD}/packed COMMAND_ERROR_IS_FATAL ANY)
+  file(READ ${BUILD}/packed hex HEX)
+  string(REGEX REPLACE "(..)" "0x\\1," bytes ${hex})
+  string(APPEND arrays "const unsigned char file${index}[] = {${bytes}};\n")
+  string(APPEND rows "    asset(\"/${file}\", \"${type_${ending}}\", file${index}, sizeof file${index}),\n")
+  math(EXPR index "${index} + 1")
+endforeach()
+file(WRITE ${BUILD}/assets.cpp "// Made by host/view/embed.cmake.
+#include \"host/view/assets.h\"
+
+namespace vitreo::view {
+namespace {
+
+${arrays}
+Asset asset(const char* path, const char* type, const unsigned char* bytes, std::size_t count) {
+  return {path, type, {reinterpret_cast<const char*>(bytes), count}, true};
+}
+
+}  // namespace
+
+std::vector<Asset> page_assets() {
+  return {
+${rows}  };
+}
+
+}  // namespace vitreo::view
+")

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/view/live_view.h"
+
+#include "host/control_socket.h"
+#include "host/view/aim.h"
+#include "host/view/assets.h"
+#include "host/view/board.h"
+#include "host/view/web_server.h"
+
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include <cmath>
+#include <thread>
+
+namespace vitreo::view {
+namespace {
+
+using nlohmann::json;
+constexpr auto kFramePeriod = std::chrono::milliseconds(33);
+constexpr auto kStatePeriod = std::chrono::milliseconds(100);
+constexpr Time kLook = std::chrono::milliseconds(500);  // of the experiment, between two readings of temperatures
+constexpr std::size_t kHistory = 600, kMostRows = 200;  // rows of a stream: for who joins, and at once
+constexpr int kJpegQuality = 80;
+
+std::string text_of(const json& message) { return message.dump(-1, ' ', false, json::error_handler_t::replace); }
+
+json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+
+json rows_of(const std::vector<Sample>& samples) {
+  json rows = json::array();
+  for (const Sample& sample : samples) {
+    json row = {to_seconds(sample.time)};
+    for (const double value : sample.values) row.push_back(number(value));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+/// [u32 slot][u32 number][f64 s of exposure][u32 width][u32 height][JPEG], little-endian.
+std::shared_ptr<const std::string> packed(int slot, const Frame& frame) {
+  std::vector<unsigned char> jpeg;
+  cv::imencode(".jpg", frame.image, jpeg, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
+  const auto bytes = std::make_shared<std::string>();
+  const auto add = [&bytes](auto value) { bytes->append(reinterpret_cast<const char*>(&value), sizeof value); };
+  add(static_cast<std::uint32_t>(slot));
+  add(static_cast<std::uint32_t>(frame.number));
+  add(to_seconds(frame.exposed));
+  add(static_cast<std::uint32_t>(frame.image.cols));
+  add(static_cast<std::uint32_t>(frame.image.rows));
+  bytes->append(reinterpret_cast<const char*>(jpeg.data()), jpeg.size());
+  return bytes;
+}
+
+/// What one viewer has been told.
+struct Told {
+  std::map<std::string, std::uint64_t> frames;
+  std::map<std::string, Time> streams;
+  std::uint64_t lines = 0;
+  std::string status;
+  bool greeted = false;
+};
+
+}  // namespace
+
+struct LiveView::State {
+  State(const ViewRequest& request, ProgressListener& terminal)
+      : board(terminal),
+        server({request.address, request.port, page_assets()},
+               {[this](int viewer) { told[viewer] = {}; }, [this](int viewer) { leave(viewer); },
+                [this](int viewer, const std::string& message) { receive(viewer, message); }, [this] { tick(); }}) {}
+
+  Board board;
+  std::mutex mutex;  // of what end() takes away
+  Session* session = nullptr;
+  std::string title, outcome;
+  bool farewell_said = true;
+  std::optional<Aim> aim;
+  ControlDesk desk;
+  std::unique_ptr<Task> watcher;
+  // The server's thread only.
+  std::map<int, Told> told;
+  int operator_viewer = 0;  // 0: nobody has control
+  std::chrono::steady_clock::time_point framed{}, stated{};
+  std::map<std::pair<std::string, std::uint64_t>, std::shared_ptr<const std::string>> encoded;
+  WebServer server;  // last: its thread uses all the others
+
+  void leave(int viewer) {
+    told.erase(viewer);
+    if (operator_viewer == viewer) operator_viewer = 0;
+  }
+  void tick();
+  void show_frames();
+  void show_state(int viewer, Told& known);
+  void greet(int viewer, Told& known);
+  json status(int viewer);
+  void receive(int viewer, const std::string& message);
+  json perform(int viewer, const json& message);
+  void give(const json& message);
+};
+
+void LiveView::State::tick() {
+  const auto now = std::chrono::steady_clock::now();
+  const std::lock_guard lock(mutex);
+  if (session == nullptr) {
+    if (!std::exchange(farewell_said, true))
+      for (const int viewer : server.viewers()) server.send(viewer, text_of({{"ended", outcome}}));
+    return;
+  }
+  if (now - framed >= kFramePeriod) framed = now, show_frames();
+  const bool due = now - stated >= kStatePeriod;
+  if (due) stated = now;
+  for (const int viewer : server.viewers()) {
+    Told& known = told[viewer];
+    if (!known.greeted) greet(viewer, known);
+    if (due) show_state(viewer, known);
+  }
+}
+
+void LiveView::State::show_frames() {
+  int slot = 0;
+  for (const std::string& camera : board.cameras()) {
+    std::shared_ptr<const std::string> bytes;  // encoded once for all
+    for (const int viewer : server.viewers()) {
+      if (server.busy(viewer, slot)) continue;
+      auto& last = told[viewer].frames;
+      const auto known = last.find(camera);
+      const auto frame =
+          board.frame(camera, known == last.end() ? std::nullopt : std::optional<std::uint64_t>(known->second));
+      if (!frame) continue;
+      auto& kept = encoded[{camera, frame->number}];
+      if (!kept) {
+        std::erase_if(encoded,
+                      [&](const auto& one) { return one.first.first == camera && one.first.second != frame->number; });
+        encoded[{camera, frame->number}] = bytes = packed(slot, *frame);
+      } else {
+        bytes = kept;
+      }
+      last[camera] = frame->number;
+      server.send_frame(viewer, slot, bytes);
+    }
+    ++slot;
+  }
+}
+
+void LiveView::State::greet(int viewer, Told& known) {
+  known.greeted = true;
+  const RunStart& start = session->recorder.start();
+  json geometry = aim->to_json();
+  if (session->rig.coils != nullptr) geometry["current_limit"] = session->rig.coils->current_limit();
+  server.send(viewer, text_of({{"hello",
+                                {{"title", title},
+                                 {"run", session->recorder.folder().filename().string()},
+                                 {"operator", start.operator_name},
+                                 {"parameters", start.parameters},
+                                 {"units", start.parameter_units},
+                                 {"geometry", geometry}}}}));
+}
+
+void LiveView::State::show_state(int viewer, Told& known) {
+  json message = {{"time", to_seconds(board.now())}, {"cameras", board.cameras()}};
+  for (const StreamInfo& info : board.streams()) {
+    const auto last = known.streams.find(info.name);
+    const auto samples =
+        board.samples(info.name, last == known.streams.end() ? std::nullopt : std::optional<Time>(last->second),
+                      last == known.streams.end() ? kHistory : kMostRows);
+    if (samples.empty()) continue;
+    known.streams[info.name] = samples.back().time;
+    json channels = json::array();
+    for (const Channel& channel : info.channels) channels.push_back(channel.name);
+    message["streams"][info.name] = {{"channels", channels}, {"rows", rows_of(samples)}};
+  }
+  for (const Line& line : board.lines(known.lines)) {
+    known.lines = line.number;
+    message["lines"].push_back({{"t", line.time}, {"kind", line.kind}, {"text", line.text}});
+  }
+  message["status"] = status(viewer);
+  server.send(viewer, text_of(message));
+}
+
+json LiveView::State::status(int viewer) {
+  json state = status_json(session->control, session->questions, desk);
+  state["control"] = operator_viewer == viewer ? "mine" : operator_viewer == 0 ? "free" : "taken";
+  state["takes_targets"] = session->targets.wanted();
+  state["viewers"] = told.size();
+  const auto servo = board.samples("servo", {}, 1), currents = board.samples("currents", {}, 1);
+  if (!servo.empty()) state.update(aim->marks(servo[0].values));
+  if (!currents.empty() && !servo.empty()) state["field"] = aim->field(servo[0].values, currents[0].values);
+  return state;
+}
+
+void LiveView::State::receive(int viewer, const std::string& message) {
+  const std::lock_guard lock(mutex);
+  json reply;
+  try {
+    const json request = json::parse(message);
+    if (!request.is_object() || !request.contains("do") || !request["do"].is_string())
+      throw std::invalid_argument("wants {\"do\": WORD}");
+    reply = perform(viewer, request);
+  } catch (const std::exception& error) {
+    reply = {{"refused", error.what()}};
+  }
+  if (!reply.is_null()) server.send(viewer, text_of(reply));
+}
+
+/// Ending the run is open to every viewer; all else to the one who has taken control.
+json LiveView::State::perform(int viewer, const json& message) {
+  const std::string word = message["do"];
+  if (session == nullptr) throw std::invalid_argument("the run has ended");
+  if (word == "stop" || word == "abort" || word == "emergency") {
+    session->control.set_reason("by the live view");
+    session->control.request(word == "stop" ? StopTier::stop : word == "abort" ? StopTier::abort : StopTier::emergency);
+    return {{"done", word}};
+  }
+  if (word == "take") {
+    if (operator_viewer != 0 && operator_viewer != viewer && !message.value("force", false))
+      throw std::invalid_argument("another viewer has control");
+    operator_viewer = viewer;
+    return {{"done", word}};
+  }
+  if (operator_viewer != viewer) throw std::invalid_argument("take control first: you are looking on");
+  if (word == "release") return operator_viewer = 0, json{{"done", word}};
+  if (word == "pause") return session->control.request_pause(), json{{"done", word}};
+  if (word == "resume") return session->control.resume(), json{{"done", word}};
+  if (word == "answer")
+    return session->questions.answer(message.at("text"), "operator at the live view"), json{{"done", word}};
+  if (word == "ack") {
+    if (session->alarms.acknowledge(message.value("alarm", ""), "operator at the live view") == 0)
+      throw std::invalid_argument("no alarm stands");
+    return {{"done", word}};
+  }
+  if (word == "invite") return {{"invitation", server.invitation()}};
+  if (word != "target")
+    throw std::invalid_argument("'" + word +
+                                "' is not understood: do stop, abort, emergency, take, release, pause, resume, answer, "
+                                "ack, invite or target");
+  std::vector<Eigen::Vector3d> places = aim->places(message);
+  session->targets.give(places);
+  return {{"target", {places.back().x(), places.back().y(), places.back().z()}}};
+}
+
+LiveView::LiveView(const ViewRequest& request, ProgressListener& terminal)
+    : state_(std::make_unique<State>(request, terminal)) {}
+LiveView::~LiveView() {
+  end("");
+  for (int wait = 0; wait < 10; ++wait) {  // for the last words on their way
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    const std::lock_guard lock(state_->mutex);
+    if (state_->farewell_said) break;
+  }
+}
+
+ProgressListener& LiveView::listener() { return state_->board; }
+
+void LiveView::begin(Session& session, const std::string& title, const Rights& rights) {
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->title = title;
+    state_->desk = {&session.alarms, rights};
+    state_->aim.emplace(session.rig.model);
+    state_->session = &session;
+  }
+  session.recorder.watch(&state_->board);
+  session.frames.watch();
+  state_->watcher = session.clock.spawn(
+      "live view", [&session, this, info = StreamInfo{"coil_temperature", "the interlock's model", {}}]() mutable {
+        while (session.rig.coils != nullptr) {
+          session.clock.sleep_for(kLook);
+          const std::vector<double> kelvins = session.rig.coils->temperatures();
+          while (info.channels.size() < kelvins.size())
+            info.channels.push_back({"t" + std::to_string(info.channels.size() + 1), "K"});
+          if (!kelvins.empty()) state_->board.sample(info, session.clock.now(), kelvins);
+        }
+      });
+}
+
+void LiveView::end(const std::string& outcome) {
+  state_->watcher.reset();
+  const std::lock_guard lock(state_->mutex);
+  if (state_->session == nullptr) return;
+  state_->session->recorder.watch(nullptr);
+  state_->session = nullptr;
+  state_->outcome = outcome;
+  state_->farewell_said = false;
+}
+
+std::string LiveView::invitation() { return state_->server.invitation(); }
+
+}  // namespace vitreo::view

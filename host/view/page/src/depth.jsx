@@ -1,0 +1,96 @@
+// The depth bar of the thesis' figures 6.7 and 6.8: where the robot is between retina and lens, against a zero level that
+// the operator sets, with its spread, and how far the retina is.
+import { useEffect, useRef } from 'preact/hooks';
+import { named, newest } from './link.js';
+
+const kNear = 1.0e-3, kClose = 0.4e-3; // m from the retina: orange, red
+const kSpread = 30; // rows: 2 s at 15 Hz
+
+/** Mean and standard deviation of the last places' depth, m. */
+export function spreadOf(store) {
+  const held = store.streams.servo;
+  if (!held) return null;
+  const z = held.rows.slice(-kSpread).map((r) => named(held, r).z).filter((v) => v !== null);
+  if (z.length < 3) return null;
+  const mean = z.reduce((a, b) => a + b, 0) / z.length;
+  return { mean, deviation: Math.sqrt(z.reduce((a, b) => a + (b - mean) ** 2, 0) / (z.length - 1)) };
+}
+
+const mm = (metres) => (metres * 1e3).toFixed(2);
+
+export function DepthBar({ store, zero, setZero, depth, setDepth }) {
+  const canvas = useRef(null);
+  const row = newest(store, 'servo'), distance = store.status.retina_distance;
+  const geometry = store.hello?.geometry;
+  const level = distance == null ? 'none' : distance < kClose ? 'close' : distance < kNear ? 'near' : 'free';
+  const from = (geometry?.retina.z ?? -5e-3) - 0.2e-3, to = Math.min(geometry?.lens_z ?? 8e-3, from + 14e-3);
+
+  useEffect(() => {
+    const surface = canvas.current, pen = surface.getContext('2d');
+    const { width, height } = surface;
+    const y = (z) => height - ((z - from) / (to - from)) * height;
+    const colour = { none: '#555e68', free: '#009e73', near: '#e69f00', close: '#d55e00' }[level];
+    pen.fillStyle = '#10151b';
+    pen.fillRect(0, 0, width, height);
+    pen.fillStyle = '#5a2626';
+    pen.fillRect(0, y(geometry?.retina.z ?? from), width, height);
+    pen.font = '13px system-ui';
+    pen.fillStyle = '#aeb8c4';
+    pen.strokeStyle = '#3a444f';
+    for (let k = Math.ceil(from * 1e3); k <= to * 1e3; k += 1) {
+      pen.beginPath();
+      pen.moveTo(64, y(k / 1e3));
+      pen.lineTo(74, y(k / 1e3));
+      pen.stroke();
+      if (k % 2 === 0) pen.fillText(`${k}`, 82, y(k / 1e3) + 4);
+    }
+    const spread = spreadOf(store);
+    if (row && row.z !== null) {
+      const bottom = y(geometry?.retina.z ?? from);
+      pen.fillStyle = colour;
+      pen.fillRect(12, y(row.z), 44, bottom - y(row.z));
+      if (spread) {
+        pen.fillStyle = inverse(colour);
+        pen.fillRect(12, y(spread.mean + spread.deviation), 44,
+          Math.max(2, y(spread.mean - spread.deviation) - y(spread.mean + spread.deviation)));
+      }
+    }
+    const line = (z, style, dash) => {
+      pen.strokeStyle = style;
+      pen.lineWidth = 2;
+      pen.setLineDash(dash);
+      pen.beginPath();
+      pen.moveTo(4, y(z));
+      pen.lineTo(74, y(z));
+      pen.stroke();
+      pen.setLineDash([]);
+      pen.lineWidth = 1;
+    };
+    line(zero, '#ffffff', []);
+    if (row && row.target_z !== null) line(depth ?? row.target_z, '#e69f00', [5, 3]);
+  });
+
+  const mine = store.status.control === 'mine';
+  const jog = (by) => setDepth((depth ?? row?.target_z ?? 0) + by);
+  return (
+    <section class="depth">
+      <h2>Depth</h2>
+      <canvas ref={canvas} width="112" height="420" aria-label="depth bar, mm" />
+      <p class="figure">{row && row.z !== null ? `${mm(row.z - zero)} mm` : 'no robot'}</p>
+      <p class={`distance ${level}`} id="distance">
+        {distance == null ? 'retina: –' : `retina ${mm(distance)} mm${{ close: ' · VERY CLOSE', near: ' · near' }[level] ?? ''}`}
+      </p>
+      <p class="quiet">spread {spreadOf(store) ? `${(spreadOf(store).deviation * 1e6).toFixed(0)} µm` : '–'}</p>
+      <button id="zero" onClick={() => row && row.z !== null && setZero(row.z)}>zero here</button>
+      <div class="pair">
+        <button disabled={!mine} onClick={() => jog(0.1e-3)} title="target 0.1 mm up (arrow up)">▲</button>
+        <button disabled={!mine} onClick={() => jog(-0.1e-3)} title="target 0.1 mm down (arrow down)">▼</button>
+      </div>
+    </section>
+  );
+}
+
+function inverse(colour) {
+  const value = parseInt(colour.slice(1), 16) ^ 0xffffff;
+  return `#${value.toString(16).padStart(6, '0')}`;
+}

@@ -1,0 +1,388 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/view/web_server.h"
+
+#include <algorithm>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <csignal>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <set>
+#include <stdexcept>
+#include <thread>
+
+namespace vitreo::view {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using tcp = asio::ip::tcp;
+using Request = http::request<http::string_body>;
+using Response = http::response<http::string_body>;
+
+constexpr std::size_t kLongestHeader = 8 << 10, kLongestBody = 64 << 10, kLongestMessage = 64 << 10;
+constexpr std::size_t kMostQueued = 1 << 20;  // bytes of text that wait for one viewer
+constexpr auto kPatience = std::chrono::seconds(10);
+constexpr auto kTick = std::chrono::milliseconds(20);
+constexpr int kMessagesPerSecond = 200;
+constexpr const char* kCookie = "vitreo=";
+
+/// In a time that does not tell where two texts differ.
+bool equal(std::string_view a, std::string_view b) {
+  unsigned char difference = a.size() == b.size() ? 0 : 1;
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
+    difference = static_cast<unsigned char>(difference | (a[i] ^ b[i]));
+  return difference == 0;
+}
+
+std::string_view view_of(beast::string_view text) { return {text.data(), text.size()}; }
+
+/// The value of our cookie among those that a browser sent; "" when it is not there.
+std::string_view cookie_in(std::string_view header) {
+  while (!header.empty()) {
+    const std::size_t end = std::min(header.find(';'), header.size());
+    std::string_view one = header.substr(0, end);
+    while (one.starts_with(' ')) one.remove_prefix(1);
+    if (one.starts_with(kCookie)) return one.substr(std::string_view(kCookie).size());
+    header.remove_prefix(std::min(end + 1, header.size()));
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string random_token() {
+  std::random_device random;
+  std::string token;
+  for (int word = 0; word < 4; ++word) {
+    char digits[9];
+    std::snprintf(digits, sizeof digits, "%08x", random());
+    token += digits;
+  }
+  return token;
+}
+
+struct WebServer::State {
+  class Viewer;
+  class Visitor;
+
+  State(ServerSettings given, Callbacks the_callbacks)
+      : settings(std::move(given)), call(std::move(the_callbacks)), listener(io), timer(io) {}
+
+  ServerSettings settings;
+  Callbacks call;
+  std::size_t visitors = 0;  // before what may hold one
+  asio::io_context io{1};
+  tcp::acceptor listener;
+  asio::steady_timer timer;
+  std::thread thread;
+  std::mutex mutex;  // of the two sets
+  std::set<std::string, std::less<>> tokens, cookies;
+  std::map<int, std::shared_ptr<Viewer>> viewers;
+  int last_viewer = 0;
+
+  void listen();
+  void accept();
+  void tick();
+  std::string host() const { return settings.address + ":" + std::to_string(listener.local_endpoint().port()); }
+  bool is_ours(std::string_view host_word) const {
+    const std::string port = ":" + std::to_string(listener.local_endpoint().port());
+    return host_word == host() || (settings.address == "127.0.0.1" && host_word == "localhost" + port);
+  }
+  bool known(const Request& request) {
+    std::string_view secret = cookie_in(view_of(request[http::field::cookie]));
+    const std::string_view bearer = view_of(request[http::field::authorization]);
+    if (bearer.starts_with("Bearer ")) secret = bearer.substr(7);
+    const std::lock_guard lock(mutex);
+    return std::any_of(cookies.begin(), cookies.end(), [&](const std::string& one) { return equal(one, secret); });
+  }
+  /// The cookie's value for a token, which is used up by that.
+  std::optional<std::string> exchange(std::string_view token) {
+    const std::lock_guard lock(mutex);
+    const auto found =
+        std::find_if(tokens.begin(), tokens.end(), [&](const std::string& one) { return equal(one, token); });
+    if (found == tokens.end()) return {};
+    tokens.erase(found);
+    return *cookies.insert(random_token()).first;
+  }
+  bool may_upgrade(const Request& request) {
+    const std::string_view origin = view_of(request[http::field::origin]);
+    if (origin.empty()) return view_of(request[http::field::authorization]).starts_with("Bearer ");
+    return origin.starts_with("http://") && is_ours(origin.substr(7));
+  }
+  Response answer(const Request& request);
+};
+
+/// One open WebSocket.
+class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
+ public:
+  Viewer(State& state, beast::tcp_stream stream, int number)
+      : state_(state), socket_(std::move(stream)), number_(number) {}
+
+  void start(const Request& request) {
+    websocket::stream_base::timeout patience{};
+    patience.handshake_timeout = kPatience;
+    patience.idle_timeout = kPatience;
+    patience.keep_alive_pings = true;
+    beast::get_lowest_layer(socket_).expires_never();
+    socket_.set_option(patience);
+    socket_.read_message_max(kLongestMessage);
+    socket_.auto_fragment(false);
+    socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
+      if (error) return;
+      self->state_.viewers[self->number_] = self;
+      self->open_ = true;
+      self->state_.call.joined(self->number_);
+      self->read();
+    });
+  }
+  void send(const std::string& text) {
+    if (!open_) return;
+    queued_ += text.size();
+    if (queued_ > kMostQueued) return drop();
+    texts_.push_back(text);
+    write();
+  }
+  void send_frame(int slot, std::shared_ptr<const std::string> bytes) {
+    if (!open_) return;
+    frames_[slot] = std::move(bytes);
+    write();
+  }
+  bool busy(int slot) const {
+    const auto found = frames_.find(slot);
+    return (found != frames_.end() && found->second != nullptr) || slot_being_sent_ == slot;
+  }
+  void drop() {
+    if (!std::exchange(open_, false)) return;
+    beast::error_code ignored;
+    beast::get_lowest_layer(socket_).socket().shutdown(tcp::socket::shutdown_both, ignored);
+    beast::get_lowest_layer(socket_).close();
+    state_.viewers.erase(number_);
+    state_.call.left(number_);
+  }
+
+ private:
+  void read() {
+    socket_.async_read(received_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (error || !self->socket_.got_text() || self->floods()) return self->drop();
+      const std::string message = beast::buffers_to_string(self->received_.data());
+      self->received_.consume(self->received_.size());
+      self->state_.call.received(self->number_, message);
+      if (self->open_) self->read();
+    });
+  }
+  bool floods() {
+    const auto now = std::chrono::steady_clock::now();
+    if (now - second_began_ > std::chrono::seconds(1)) second_began_ = now, in_second_ = 0;
+    return ++in_second_ > kMessagesPerSecond;
+  }
+  void write() {
+    if (writing_ || !open_) return;
+    if (!texts_.empty()) {
+      sending_ = std::make_shared<const std::string>(std::move(texts_.front()));
+      texts_.pop_front();
+      socket_.text(true);
+    } else {
+      const auto next =
+          std::find_if(frames_.begin(), frames_.end(), [](const auto& one) { return one.second != nullptr; });
+      if (next == frames_.end()) return;
+      sending_ = std::exchange(next->second, nullptr);
+      slot_being_sent_ = next->first;
+      socket_.binary(true);
+    }
+    writing_ = true;
+    socket_.async_write(asio::buffer(*sending_), [self = shared_from_this()](beast::error_code error, std::size_t) {
+      self->writing_ = false;
+      if (self->slot_being_sent_ < 0) self->queued_ -= std::min(self->queued_, self->sending_->size());
+      self->slot_being_sent_ = -1;
+      if (error) return self->drop();
+      self->write();
+    });
+  }
+
+  State& state_;
+  websocket::stream<beast::tcp_stream> socket_;
+  const int number_;
+  bool open_ = false, writing_ = false;
+  beast::flat_buffer received_{kLongestMessage + 16};
+  std::deque<std::string> texts_;
+  std::size_t queued_ = 0;
+  std::map<int, std::shared_ptr<const std::string>> frames_;
+  std::shared_ptr<const std::string> sending_;
+  int slot_being_sent_ = -1;
+  std::chrono::steady_clock::time_point second_began_{};
+  int in_second_ = 0;
+};
+
+/// One connection that speaks HTTP until it becomes a viewer's.
+class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
+ public:
+  Visitor(State& state, tcp::socket socket) : state_(state), stream_(std::move(socket)) { ++state_.visitors; }
+  ~Visitor() { --state_.visitors; }
+
+  void read() {
+    parser_.emplace();
+    parser_->header_limit(kLongestHeader);
+    parser_->body_limit(kLongestBody);
+    stream_.expires_after(kPatience);
+    http::async_read(stream_, received_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (!error) self->take(self->parser_->release());
+    });
+  }
+
+ private:
+  void take(Request request) {
+    if (websocket::is_upgrade(request) && view_of(request.target()) == "/live" &&
+        state_.is_ours(view_of(request[http::field::host])) && state_.known(request) && state_.may_upgrade(request) &&
+        state_.viewers.size() < state_.settings.most_viewers) {
+      std::make_shared<Viewer>(state_, std::move(stream_), ++state_.last_viewer)->start(request);
+      return;
+    }
+    response_ = state_.answer(request);
+    response_->keep_alive(request.keep_alive() && response_->result() == http::status::ok);
+    response_->prepare_payload();
+    if (request.method() == http::verb::head) response_->body().clear();
+    http::async_write(stream_, *response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (error) return;
+      if (self->response_->keep_alive()) return self->read();
+      beast::error_code ignored;
+      self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+    });
+  }
+
+  State& state_;
+  beast::tcp_stream stream_;
+  beast::flat_buffer received_;
+  std::optional<http::request_parser<http::string_body>> parser_;
+  std::optional<Response> response_;
+};
+
+Response WebServer::State::answer(const Request& request) {
+  const auto reply = [&request](http::status status, const std::string& text) {
+    Response response(status, request.version());
+    response.set(http::field::content_type, "text/plain; charset=utf-8");
+    response.set(http::field::cache_control, "no-store");
+    response.set("X-Content-Type-Options", "nosniff");
+    response.set("Referrer-Policy", "no-referrer");
+    response.set("Content-Security-Policy",
+                 "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; "
+                 "form-action 'none'");
+    response.body() = text;
+    return response;
+  };
+  if (!is_ours(view_of(request[http::field::host]))) return reply(http::status::forbidden, "this host is not ours\n");
+  if (request.method() != http::verb::get && request.method() != http::verb::head)
+    return reply(http::status::method_not_allowed, "only GET: what changes something goes through the WebSocket\n");
+  const std::string_view target = view_of(request.target());
+  constexpr std::string_view kInvited = "/?token=";
+  if (target.starts_with(kInvited)) {
+    const auto cookie = exchange(target.substr(kInvited.size()));
+    if (!cookie) return reply(http::status::forbidden, "this invitation was used already, or is none of ours\n");
+    Response response = reply(http::status::see_other, "");
+    response.set(http::field::set_cookie, kCookie + *cookie + "; HttpOnly; SameSite=Strict; Path=/");
+    response.set(http::field::location, "/");
+    return response;
+  }
+  if (!known(request))
+    return reply(http::status::forbidden, "open the address that the program printed: it has an invitation in it\n");
+  const std::string_view path = target == "/" ? "/index.html" : target;
+  for (const Asset& asset : settings.assets) {
+    if (asset.path != path) continue;
+    Response response = reply(http::status::ok, std::string(asset.bytes));
+    response.set(http::field::content_type, asset.type);
+    if (asset.gzip) response.set(http::field::content_encoding, "gzip");
+    return response;
+  }
+  return reply(http::status::not_found, "there is no such page\n");
+}
+
+void WebServer::State::listen() {
+  const tcp::endpoint where(asio::ip::make_address(settings.address), settings.port);
+  listener.open(where.protocol());
+  listener.set_option(asio::socket_base::reuse_address(true));
+  listener.bind(where);
+  listener.listen();
+}
+
+void WebServer::State::accept() {
+  listener.async_accept([this](beast::error_code error, tcp::socket socket) {
+    if (error == asio::error::operation_aborted) return;
+    if (!error && visitors < 4 * settings.most_viewers) std::make_shared<Visitor>(*this, std::move(socket))->read();
+    accept();
+  });
+}
+
+void WebServer::State::tick() {
+  timer.expires_after(kTick);
+  timer.async_wait([this](beast::error_code error) {
+    if (error) return;
+    call.tick();
+    tick();
+  });
+}
+
+WebServer::WebServer(ServerSettings settings, Callbacks callbacks)
+    : state_(std::make_unique<State>(std::move(settings), std::move(callbacks))) {
+  try {
+    state_->listen();
+  } catch (const std::exception& error) {
+    throw std::runtime_error("view: cannot listen at " + state_->settings.address + ":" +
+                             std::to_string(state_->settings.port) + ": " + error.what());
+  }
+  state_->accept();
+  state_->tick();
+  sigset_t all, before;  // signals are for the script's thread
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  state_->thread = std::thread([this] { state_->io.run(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+WebServer::~WebServer() {
+  state_->io.stop();
+  state_->thread.join();
+  state_->viewers.clear();
+}
+
+unsigned short WebServer::port() const { return state_->listener.local_endpoint().port(); }
+
+std::string WebServer::invitation() {
+  const std::lock_guard lock(state_->mutex);
+  return "http://" + state_->host() + "/?token=" + *state_->tokens.insert(random_token()).first;
+}
+
+void WebServer::send(int viewer, const std::string& text) {
+  const auto found = state_->viewers.find(viewer);
+  if (found == state_->viewers.end()) return;
+  const auto kept = found->second;  // it may drop itself
+  kept->send(text);
+}
+
+void WebServer::send_frame(int viewer, int slot, std::shared_ptr<const std::string> bytes) {
+  const auto found = state_->viewers.find(viewer);
+  if (found == state_->viewers.end()) return;
+  const auto kept = found->second;
+  kept->send_frame(slot, std::move(bytes));
+}
+
+bool WebServer::busy(int viewer, int slot) const {
+  const auto found = state_->viewers.find(viewer);
+  return found != state_->viewers.end() && found->second->busy(slot);
+}
+
+std::vector<int> WebServer::viewers() const {
+  std::vector<int> numbers;
+  for (const auto& [number, viewer] : state_->viewers) numbers.push_back(number);
+  return numbers;
+}
+
+}  // namespace vitreo::view

@@ -1,0 +1,63 @@
+// The web server of the live view: a table of files and one WebSocket, for people whom a token let in. Its library,
+// Boost.Beast, is read by web_server.cpp alone. It has a thread of its own, and nobody waits for a viewer.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vitreo::view {
+
+/// A file of the page, as the build embedded it.
+struct Asset {
+  std::string path, type;  // "/assets/index.js", "text/javascript"
+  std::string_view bytes;  // gzipped where `gzip` is set
+  bool gzip = false;
+};
+
+struct ServerSettings {
+  std::string address = "127.0.0.1";
+  unsigned short port = 0;  // 0: any that is free
+  std::vector<Asset> assets;
+  std::size_t most_viewers = 32;
+};
+
+/// 128 bits from the system's generator, as 32 hexadecimal digits.
+std::string random_token();
+
+class WebServer {
+ public:
+  /// All of them are called on the server's thread, which also is the only one that may call send() and the like.
+  struct Callbacks {
+    std::function<void(int viewer)> joined, left;
+    std::function<void(int viewer, const std::string& message)> received;  // text of up to 64 kB
+    std::function<void()> tick;                                            // each 20 ms
+  };
+
+  /// Listens, and serves until it is destroyed. Throws std::runtime_error naming the address.
+  WebServer(ServerSettings settings, Callbacks callbacks);
+  ~WebServer();
+  WebServer(const WebServer&) = delete;
+  WebServer& operator=(const WebServer&) = delete;
+
+  unsigned short port() const;
+  /// An address with a new token in it: it lets one browser in, once. Any thread.
+  std::string invitation();
+
+  /// Whoever is more than 1 MB of text behind is dropped.
+  void send(int viewer, const std::string& text);
+  /// Of each slot only the newest waits to be sent: a slow viewer sees fewer frames, not older ones.
+  void send_frame(int viewer, int slot, std::shared_ptr<const std::string> bytes);
+  /// Whether the viewer's last frame of that slot is on its way: encoding another one would be in vain.
+  bool busy(int viewer, int slot) const;
+  std::vector<int> viewers() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace vitreo::view

@@ -1,0 +1,44 @@
+-- Steering by hand: the loop holds the robot wherever the operator points in the live view (thesis 6.2, figure 6.7), or takes it
+-- along the path that was drawn there. `vitreo view` runs this; it ends by the page's STOP, Ctrl-C, or after the duration.
+-- SPDX-License-Identifier: Apache-2.0
+local units = require "units"
+local mm, um, s, mT = units.mm, units.um, units.s, units.mT
+
+return {
+  title = "Steering by hand",
+  needs = { "top_camera", "coils", "sample" },
+  parameters = {
+    duration = { unit = "min", default = 60 * 60*s, min = 1*s, max = 5 * 3600*s, help = "then it ends by itself" },
+    within = { unit = "um", default = 300*um, min = 20*um, max = 2*mm, help = "so near a place, the path's next one is due" },
+    field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
+  },
+  run = function(rig, p, run)
+    rig.sample:remove_robot()
+    local background = rig:learn_background { frames = 15 }
+    local servo <close> = rig:servo { background = background, field = p.field }
+    local centre = vector(0, 0, 0)
+    servo:hold(centre)
+    rig.sample:insert_robot(centre)
+    servo:wait_until_tracked { timeout = 10*s }
+    run:note("point at a place in the live view, or draw a path")
+
+    local places, next_place, given = {}, 1, 0
+    while run:now() < p.duration do
+      run:checkpoint("steering")
+      local wanted = run:operator_target()
+      if wanted then
+        places, next_place, given = wanted, 1, given + 1
+        servo:hold(places[1])
+        run:note(("target %d: %s, %s, %s%s"):format(given, run:show(places[1].x, "m"), run:show(places[1].y, "m"),
+          run:show(places[1].z, "m"), #places > 1 and (", the first of %d"):format(#places) or ""))
+      end
+      local here = servo:position()
+      if places[next_place + 1] and here and (here - places[next_place]):norm() < p.within then
+        next_place = next_place + 1
+        servo:hold(places[next_place])
+      end
+      run:wait(0.1*s)
+    end
+    run:figure("targets_given", given)
+  end,
+}
