@@ -18,10 +18,9 @@ if(VITREO_SANITIZE)
   target_link_options(vitreo_options INTERFACE -fsanitize=${VITREO_SANITIZE})
 endif()
 
-# vitreo_library(FOLDER [EXCEPT sub...] USES target...): every .cpp of the folder, as vitreo::FOLDER. Without precompiled
-# headers: GCC 12 then takes the standard library's code for ours and warns about it.
+# vitreo_library(FOLDER [EXCEPT sub...] USES target... [PRECOMPILE header...]): every .cpp of the folder, as vitreo::FOLDER.
 function(vitreo_library folder)
-  cmake_parse_arguments(ARG "" "" "EXCEPT;USES" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "EXCEPT;USES;PRECOMPILE" ${ARGN})
   string(REPLACE "/" "_" name ${folder})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/${folder}/*.cpp)
   foreach(except ${ARG_EXCEPT})
@@ -31,6 +30,9 @@ function(vitreo_library folder)
   add_library(vitreo::${name} ALIAS vitreo_${name})
   target_link_libraries(vitreo_${name} PUBLIC ${ARG_USES} PRIVATE vitreo_options)
   target_include_directories(vitreo_${name} PUBLIC ${CMAKE_SOURCE_DIR})
+  if(ARG_PRECOMPILE)
+    vitreo_precompile(vitreo_${name} ${ARG_PRECOMPILE})
+  endif()
 endfunction()
 
 # The program's version and the commit it was configured at, for the records.

@@ -8,3 +8,5 @@ set_property(SOURCE optics/detail/batch_kernel_baseline.cpp PROPERTY COMPILE_OPT
 set_property(SOURCE optics/detail/batch_kernel_avx2.cpp PROPERTY COMPILE_OPTIONS ${kernel_options} -mavx2)
 set_property(SOURCE optics/detail/batch_kernel_avx512.cpp PROPERTY COMPILE_OPTIONS ${kernel_options}
              -mavx512f -mavx512dq -mavx512vl -mprefer-vector-width=512)
+set_property(SOURCE optics/detail/batch_kernel_baseline.cpp optics/detail/batch_kernel_avx2.cpp
+             optics/detail/batch_kernel_avx512.cpp PROPERTY SKIP_PRECOMPILE_HEADERS ON)  # compiled with other options

@@ -3,6 +3,7 @@
 
 #include "optics/detail/convex_silhouette.h"
 #include "optics/detail/ellipse_weight.h"
+#include "optics/detail/linear.h"
 #include "optics/detail/pose_search.h"
 
 #include <Eigen/Dense>
@@ -82,7 +83,7 @@ Eigen::Vector3d flattest(std::span<const SeenPoint> points) {
   for (const SeenPoint& point : points) mean += point.in_body / static_cast<double>(points.size());
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (const SeenPoint& point : points) spread += (point.in_body - mean) * (point.in_body - mean).transpose();
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
+  return detail::spectrum_of(spread).vectors.col(0);
 }
 
 std::optional<Eigen::VectorXd> shown_points(std::span<const SeenPoint> points, const Looker& look,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/single_viewpoint.h"
 
+#include "optics/detail/linear.h"
 #include "optics/detail/projection.h"
 
 #include <Eigen/Dense>
@@ -59,7 +60,7 @@ void fit_slopes(const std::vector<Curve>& curves, double from_z, double to_z, Si
     powers.row(i) << x * x * x, x * x, x;
     slopes[i] = slope_through(view.viewpoint, curves[i], from_z, to_z);
   }
-  const Eigen::Vector3d fit = powers.colPivHouseholderQr().solve(slopes);
+  const Eigen::Vector3d fit = detail::least_squares(powers, slopes);
   view.slope_from_m = {fit[0] / std::pow(view.max_m, 3), fit[1] / std::pow(view.max_m, 2), fit[2] / view.max_m, 0};
   view.max_residual = (powers * fit - slopes).cwiseAbs().maxCoeff();
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/thesis_curves.h"
 
+#include "optics/detail/linear.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -82,7 +84,7 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
     jacobian.row(i) << 2 * points[i].z, -1;
     off[i] = points[i].r * points[i].r + (1 + conic) * points[i].z * points[i].z;
   }
-  const Eigen::Vector2d ab = jacobian.colPivHouseholderQr().solve(off);
+  const Eigen::Vector2d ab = detail::least_squares(jacobian, off);
   const double root = std::sqrt(std::max(ab[0] * ab[0] - (1 + conic) * ab[1], 0.0));
   const double start = ab[1] / (ab[0] + (ab[0] < 0 ? -root : root));
   Eigen::Vector2d p(ab[0] - (1 + conic) * start, start);
@@ -94,7 +96,7 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
       jacobian.row(i) << from.per_radius, from.per_pole;
     }
     made = {focus, p[0], p[1], off.cwiseAbs().maxCoeff()};
-    p += jacobian.colPivHouseholderQr().solve(off);
+    p += detail::least_squares(jacobian, off);
   }
   return made;
 }
@@ -122,7 +124,7 @@ Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
     const double t = x[i] / made.to;  // scaled, for the condition of the fit
     powers.row(i) << 1, t, t * t, t * t * t;
   }
-  const Eigen::Vector4d fit = powers.colPivHouseholderQr().solve(Eigen::Map<const Eigen::VectorXd>(y.data(), count));
+  const Eigen::Vector4d fit = detail::least_squares(powers, Eigen::Map<const Eigen::VectorXd>(y.data(), count));
   for (int k = 0; k < 4; ++k) made.c[k] = fit[k] / std::pow(made.to, k);
   for (Eigen::Index i = 0; i < count; ++i) made.max_residual = std::max(made.max_residual, std::abs(made(x[i]) - y[i]));
   return made;

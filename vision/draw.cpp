@@ -69,7 +69,8 @@ void draw_tracked(Pen& pen, const Ellipse& e) {
 constexpr double kMagnified = 10, kDeviations95 = 2.4477;  // the root of chi^2 of two at 95 %
 
 void draw_covariance(Pen& pen, const Ellipse& e, const Eigen::Matrix2d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(covariance);
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
+  solver.computeDirect(covariance);
   const Eigen::Vector2d axes = kMagnified * kDeviations95 * solver.eigenvalues().cwiseMax(0).cwiseSqrt();
   const Eigen::Vector2d along = solver.eigenvectors().col(1);
   pen.ellipse({e.centre_px, axes.y(), axes.x(), std::atan2(along.y(), along.x())}, kTrail, false);

@@ -224,7 +224,8 @@ Ellipse ShapeModel::ellipse_of(const ShapeFit& fit) const {
   const double mx = sx / n, my = sy / n, unit = fit.pose.scale_px / kPerUnit, half = (kGrid - 1) / 2.0;
   Eigen::Matrix2d spread;
   spread << xx / n - mx * mx, xy / n - mx * my, xy / n - mx * my, yy / n - my * my;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(4 * unit * unit * spread);
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
+  solver.computeDirect(4 * unit * unit * spread);
   const Eigen::Rotation2Dd turn(fit.pose.angle);
   const Eigen::Matrix2d shape = turn.toRotationMatrix() * solver.operatorSqrt() * turn.toRotationMatrix().transpose();
   return Ellipse::from_shape(fit.pose.centre_px + unit * (turn * Eigen::Vector2d(mx - half, my - half)), shape);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/detail/convex_silhouette.h"
 
+#include "optics/detail/linear.h"
+
 #include <Eigen/Dense>
 
 #include <cmath>
@@ -91,9 +93,10 @@ bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& centre, E
   if (!(std::abs(area) > 0)) return false;
   centre = first / area;
   const Eigen::Matrix2d spread = second / area - centre * centre.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(spread);
-  if (!(axes.eigenvalues()[0] > 1e-12 * axes.eigenvalues()[1])) return false;
-  shape = 2 * axes.operatorSqrt();
+  const double half_trace = spread.trace() / 2;
+  const double largest = half_trace + std::hypot((spread(0, 0) - spread(1, 1)) / 2, spread(0, 1));
+  if (!(spread.determinant() > 1e-12 * largest * largest)) return false;  // least over largest eigenvalue
+  shape = 2 * square_root(spread);
   centre += origin;
   return true;
 }
@@ -128,7 +131,7 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& centre,
   Eigen::Matrix2d growth;
   growth << 1 + step[2] + step[3], step[4], step[4], 1 + step[2] - step[3];
   const Eigen::Matrix2d grown = shape * growth;
-  shape = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(grown * grown.transpose()).operatorSqrt();
+  shape = square_root(grown * grown.transpose());
   return step.norm();
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/detail/isopixel_lines.h"
 
+#include "optics/detail/linear.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -37,7 +39,7 @@ RadialLines::RadialLines(const TraceLine& trace, double max_m) : max_m_(reach_of
     ratios.row(i) << traced->at_retina.x() / m, traced->slope.x() / m;
     for (int k = 0; k < kTerms; ++k) powers(i, k) = std::pow(x, k);
   }
-  const Eigen::MatrixXd fit = powers.colPivHouseholderQr().solve(ratios);
+  const Eigen::MatrixXd fit = least_squares(powers, ratios);
   for (int k = 0; k < kTerms; ++k) a_[k] = fit(k, 0), s_[k] = fit(k, 1);
   constexpr double kNothing = 1e-12;  // of the line's place: femtometres
   const auto matters = [&](int k) {

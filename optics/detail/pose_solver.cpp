@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/detail/pose_solver.h"
 
+#include "optics/detail/linear.h"
+
 #include <Eigen/Dense>
 #include <Eigen/Geometry>
 
@@ -103,12 +105,12 @@ Observed observed_from(const Eigen::MatrixXd& jacobian, const FreeParameters& fr
   const Eigen::VectorXd units = parameter_units(free);
   const auto count = static_cast<Eigen::Index>(free.size());
   const Eigen::MatrixXd scaled = jacobian * units.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(scaled.transpose() * scaled);
+  const Spectrum spectrum = spectrum_of(scaled.transpose() * scaled);
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count), unobservable(count, 0);
   Eigen::Array<bool, Eigen::Dynamic, 1> lost = Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(count, false);
   for (Eigen::Index i = 0; i < count; ++i) {
-    const Eigen::VectorXd direction = spectrum.eigenvectors().col(i);
-    double sigma = 1 / std::sqrt(std::fmax(spectrum.eigenvalues()[i], 1e-300));
+    const Eigen::VectorXd direction = spectrum.vectors.col(i);
+    double sigma = 1 / std::sqrt(std::fmax(spectrum.values[i], 1e-300));
     if (sigma > kWeak && sigma < 1) sigma = widen(direction, sigma);
     const bool seen = sigma < 1;
     if (!seen) sigma = kWholeTurn;

@@ -2,6 +2,7 @@
 #include "optics/detail/skew_table.h"
 
 #include "optics/detail/chebyshev.h"
+#include "optics/detail/linear.h"
 
 #include <Eigen/QR>
 
@@ -71,7 +72,7 @@ SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths) : de
       const Eigen::MatrixXd in_depth = harmonic * to_depth.transpose();
       for (int value = 0; value < kValues; ++value) seen.row(i).segment(value * depths, depths) = in_depth.row(value);
     }
-    const Eigen::MatrixXd fitted = radial.colPivHouseholderQr().solve(seen);
+    const Eigen::MatrixXd fitted = least_squares(radial, seen);
     for (int value = 0; value < kValues; ++value) {
       coefficients_.middleRows(value * count + static_cast<Eigen::Index>(first), radials) =
           fitted.middleCols(value * depths, depths);
