@@ -223,18 +223,18 @@ std::string format_number(double number, int digits) {
   return text;
 }
 
-Shown show_quantity(double si_value, std::string_view dimension, int digits) {
-  if (!std::isfinite(si_value)) return {format_number(si_value), ""};
-  const double value = rounded(si_value, std::clamp(digits, 1, 17));  // 999.9 um is 1 mm
-  if (dimension == "s" && std::llround(std::fabs(si_value)) >= 60) return {minutes_text(si_value), ""};
+Shown show_quantity(double in_si, std::string_view dimension, int digits) {
+  if (!std::isfinite(in_si)) return {format_number(in_si), ""};
+  const double value = rounded(in_si, std::clamp(digits, 1, 17));  // 999.9 um is 1 mm
+  if (dimension == "s" && std::llround(std::fabs(in_si)) >= 60) return {minutes_text(in_si), ""};
   const std::string_view symbol = symbol_for(std::fabs(value), dimension);
   const std::optional<Unit> unit = find_unit(symbol);
-  const double number = unit ? si_value / unit->factor : si_value;
+  const double number = unit ? in_si / unit->factor : in_si;
   return {format_number(number, digits), std::string(symbol)};
 }
 
-std::string format_quantity(double si_value, std::string_view dimension, int digits) {
-  const Shown shown = show_quantity(si_value, dimension, digits);
+std::string format_quantity(double in_si, std::string_view dimension, int digits) {
+  const Shown shown = show_quantity(in_si, dimension, digits);
   return shown.unit.empty() ? shown.number : shown.number + " " + shown.unit;
 }
 

@@ -40,10 +40,10 @@ std::string format_number(double number, int digits = 3);
 struct Shown {
   std::string number, unit;
 };
-Shown show_quantity(double si_value, std::string_view dimension, int digits = 3);
+Shown show_quantity(double in_si, std::string_view dimension, int digits = 3);
 
 /// For people: "12.3 mm", "220 um", "10 mT", "0.5 mm/s", "1 min 02 s" with `digits` significant digits.
-std::string format_quantity(double si_value, std::string_view dimension, int digits = 3);
+std::string format_quantity(double in_si, std::string_view dimension, int digits = 3);
 
 /// A unit as it is set in print (plots, pages; UTF-8): "µm", "mm²/s", "°", "Pa·s".
 std::string print_unit(std::string_view symbol);

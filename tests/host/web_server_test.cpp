@@ -142,10 +142,10 @@ TEST_F(Live, LetsInWhoHasAnInvitationAndOnlyOnce) {
 TEST_F(Live, AnswersOnlyToItsOwnName) {
   const std::string known = "Cookie: " + cookie() + "\r\n", port = ":" + std::to_string(server.port());
   EXPECT_EQ(status(get("/", known, "localhost" + port)), 200);
-  for (const std::string other :
-       {"127.0.0.1.evil.example" + port, "evil.example" + port, std::string("127.0.0.1"), "127.0.0.1:1", "localhost",
-        "127.0.0.2" + port, "0.0.0.0" + port, "[::1]" + port, "localhost.evil.example" + port, "127.0.0.1" + port + "0",
-        "user@127.0.0.1" + port, "2130706433" + port})
+  for (const std::string& other :
+       {"127.0.0.1.evil.example" + port, "evil.example" + port, std::string("127.0.0.1"), std::string("127.0.0.1:1"),
+        std::string("localhost"), "127.0.0.2" + port, "0.0.0.0" + port, "[::1]" + port, "localhost.evil.example" + port,
+        "127.0.0.1" + port + "0", "user@127.0.0.1" + port, "2130706433" + port})
     EXPECT_EQ(status(get("/", known, other)), 403) << other;
 }
 

@@ -69,6 +69,7 @@ export function CameraView({ store, camera, slot, depth }) {
   const mine = store.status.control === 'mine' && store.status.takes_targets;
 
   useEffect(() => {
+    const frame = store.frames[slot]; // the newest: the one of the rendering may have been let go since
     if (!frame || !canvas.current) return;
     const surface = canvas.current;
     if (surface.width !== frame.width) surface.width = frame.width;
