@@ -147,6 +147,7 @@ const std::vector<Unit>& units() {
       {"mN m", "N m", 1e-3, "a torque"},
       {"uN m", "N m", 1e-6, "a torque"},
       {"nN m", "N m", 1e-9, "a torque"},
+      {"N/m", "N/m", 1, "a stiffness"},
       {"kg", "kg", 1, "a mass"},
       {"g", "kg", 1e-3, "a mass"},
       {"mg", "kg", 1e-6, "a mass"},
@@ -164,6 +165,7 @@ const std::vector<Unit>& units() {
       {"kg/m^3", "kg/m^3", 1, "a density"},
       {"g/cm^3", "kg/m^3", 1e3, "a density"},
       {"D", "1/m", 1, "an optical power"},
+      {"1/m", "1/m", 1, "a spatial frequency"},
       {"%", "", 1e-2, "a plain number"},
   };
   return table;

@@ -4,7 +4,7 @@
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local judge = require "judge"
-local mm, um, s, mT = units.mm, units.um, units.s, units.mT
+local mm, s, mT = units.mm, units.s, units.mT
 
 local centre = vector(0, 0, 0)
 local laws = { "pid", "velocity" }

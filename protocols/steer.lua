@@ -22,9 +22,12 @@ return {
     servo:wait_until_tracked { timeout = 10*s }
     run:note("point at a place in the live view, or draw a path")
 
-    local places, next_place, given = {}, 1, 0
+    local places, next_place, given, checked = {}, 1, 0, run:now()
     while run:now() < p.duration do
-      run:checkpoint("steering")
+      if run:now() - checked >= 1*s then
+        run:checkpoint("steering") -- here a pause takes effect
+        checked = run:now()
+      end
       local wanted = run:operator_target()
       if wanted then
         places, next_place, given = wanted, 1, given + 1

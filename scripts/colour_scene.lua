@@ -54,7 +54,7 @@ function colour_scene.training(rig, run, count)
   local made, view = {}, rig:view()
   while #made < count do
     local place, axis = colour_scene.somewhere()
-    local servo <close> = hold(rig, run, place, axis)
+    local servo <close> = hold(rig, run, place, axis) -- luacheck: ignore servo
     run:wait(0.6*s)
     local frame = rig.top_camera:grab()
     run:wait(0.2*s)

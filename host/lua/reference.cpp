@@ -263,7 +263,8 @@ std::string help_about(const std::string& word) {
   if (word == "units") return units_help();
   if (const auto entry = find_entry(word)) return entry_help(*entry);
   if (std::string text = unit_help(word); !text.empty()) return text;
-  const std::string near = nearest(word, known);
+  constexpr std::string_view kRole = "rig.";
+  const std::string near = nearest(word.starts_with(kRole) ? word.substr(kRole.size()) : word, known);
   throw std::invalid_argument("nothing is called " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
 }
 

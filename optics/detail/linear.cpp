@@ -4,8 +4,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
-#include <cmath>
-
 namespace vitreo::optics::detail {
 
 Eigen::MatrixXd least_squares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
@@ -18,8 +16,7 @@ Spectrum spectrum_of(const Eigen::MatrixXd& symmetric) {
 }
 
 Eigen::Matrix2d square_root(const Eigen::Matrix2d& definite) {
-  const double root = std::sqrt(definite(0, 0) * definite(1, 1) - definite(0, 1) * definite(1, 0));
-  return (definite + root * Eigen::Matrix2d::Identity()) / std::sqrt(definite.trace() + 2 * root);
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(definite).operatorSqrt();
 }
 
 }  // namespace vitreo::optics::detail

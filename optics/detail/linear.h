@@ -16,8 +16,7 @@ struct Spectrum {
 };
 Spectrum spectrum_of(const Eigen::MatrixXd& symmetric);
 
-/// The symmetric positive definite root of a symmetric positive definite 2x2 matrix, in closed form
-/// (Cayley and Hamilton: R = (M + sqrt(det M) I) / sqrt(tr M + 2 sqrt(det M))).
+/// The symmetric positive definite root of a symmetric positive definite 2x2 matrix.
 Eigen::Matrix2d square_root(const Eigen::Matrix2d& definite);
 
 }  // namespace vitreo::optics::detail

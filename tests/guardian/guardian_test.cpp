@@ -36,8 +36,8 @@ using Milliseconds = std::chrono::duration<double, std::milli>;
 using namespace std::chrono_literals;
 const UsbIdentity kUsb3103{0x09DB, 0x009C, 0x0100, "01A2B3C4", "Measurement Computing Corp", "USB-3103", ""};
 
-/// Of each kind: 10 in `make test`, 200 in `make test-long`.
-int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 10; }
+/// Of each of four kinds: 3 in `make test`, 200 in `make test-long`.
+int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 3; }
 
 constexpr const char* kProtocol = R"(
 local s = require("units").s

@@ -40,7 +40,7 @@ try {
   seen.secondVisit = (await second.goto(address)).status();
   await page.bringToFront();
   await page.keyboard.press('Space');
-  await page.waitForFunction(() => document.querySelector('#state').textContent.startsWith('ended'), null, { timeout: 20000 });
+  await page.waitForFunction(() => document.querySelector('#state').textContent.startsWith('ended:'), null, { timeout: 20000 });
   seen.state = await page.textContent('#state');
 } catch (error) {
   seen.failed = String(error);

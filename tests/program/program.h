@@ -36,7 +36,9 @@ class Workplace {
   /// `words` as a shell would take them; run in the work place. `input` is the standard input.
   Spoken vitreo(const std::string& words, const std::string& input = "") const {
     write("input", input);
-    const std::string command = "cd '" + folder_.string() + "' && VITREO_LOG='" + (folder_ / "host.log").string() +
+    // Control sockets of its own: other tests' runs are going on, too.
+    const std::string command = "cd '" + folder_.string() + "' && XDG_RUNTIME_DIR='" + folder_.string() +
+                                "' VITREO_LOG='" + (folder_ / "host.log").string() +
                                 "' '" VITREO_PROGRAM "' " + words + " <input >out 2>err";
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("out"), read("err")};

@@ -41,7 +41,7 @@ TEST(Soak, ASeedHappensAgainAsItDid) {
 
 TEST(Soak, ARigWithRealInstrumentsIsRefused) {
   const Workplace place;
-  const Spoken said = place.vitreo("soak hold --seeds 1 --rig scripts/rigs/octomag_lab.lua");
+  const Spoken said = place.vitreo("soak hold --seeds 1 --rig '" VITREO_SOURCE_DIR "/scripts/rigs/octomag_lab.lua'");
   EXPECT_EQ(said.exit_code, 2);
   EXPECT_NE(said.err.find("real instruments"), std::string::npos) << said.err;
 }

@@ -203,7 +203,8 @@ TEST_F(PreflightTest, ATechnicianHasNoPrompt) {
   std::ostringstream out;
   EXPECT_THROW(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out), RightError);
   request.operator_name = "anna";
-  EXPECT_EQ(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out).outcome, Outcome::completed);
+  EXPECT_EQ(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out).outcome,
+            Outcome::completed);
 }
 
 TEST_F(PreflightTest, AStaleCalibrationIsWarnedAboutOrRefusedAsTheRigSays) {

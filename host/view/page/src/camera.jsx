@@ -89,9 +89,10 @@ export function CameraView({ store, camera, slot, depth }) {
   });
 
   const place = (event) => {
-    const box = canvas.current.getBoundingClientRect();
-    return [((event.clientX - box.left) / box.width) * canvas.current.width,
-            ((event.clientY - box.top) / box.height) * canvas.current.height];
+    const box = canvas.current.getBoundingClientRect(), { width, height } = canvas.current;
+    const scale = Math.min(box.width / width, box.height / height); // the picture stands in the middle of its box
+    return [(event.clientX - box.left - (box.width - width * scale) / 2) / scale,
+            (event.clientY - box.top - (box.height - height * scale) / 2) / scale];
   };
   const begin = (event) => {
     if (!mine) return;
