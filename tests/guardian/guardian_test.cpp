@@ -43,9 +43,8 @@ constexpr const char* kProtocol = R"(
 local s = require("units").s
 return { title = "Currents that change all the time", needs = { "coils" }, parameters = {},
   run = function(rig, p, run)
-    local channels, k = #rig.coils:currents(), 0
-    while true do
-      k = k + 1
+    local channels = #rig.coils:currents()
+    for k = 1, 6000 do -- a minute: the preflight rehearses all of it
       local currents = {}
       for i = 1, channels do currents[i] = 1 + 0.1 * (k % 5) end
       rig.coils:set_currents(currents)
