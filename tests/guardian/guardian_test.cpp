@@ -36,8 +36,8 @@ using Milliseconds = std::chrono::duration<double, std::milli>;
 using namespace std::chrono_literals;
 const UsbIdentity kUsb3103{0x09DB, 0x009C, 0x0100, "01A2B3C4", "Measurement Computing Corp", "USB-3103", ""};
 
-/// Of each of four kinds: 3 in `make test`, 200 in `make test-long`.
-int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 3; }
+/// Of each amplifier: 6 in `make test`, 200 in `make test-long`.
+int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 6; }
 
 constexpr const char* kProtocol = R"(
 local s = require("units").s
@@ -159,12 +159,19 @@ class GuardianTest : public ::testing::Test {
 
   /// From the signal until the output is at zero, ms; then a while in which it stays there.
   double trial(Amplifier& amplifier, int first_signal) {
-    std::filesystem::remove(folder / "err");
-    std::filesystem::remove_all(folder / "runs");  // each keeps room for its end record
-    Host host(folder, amplifier.rig());
-    const bool energised = time_until(20s, [&] { return amplifier.output() > 0.4; }).has_value();
+    std::unique_ptr<Host> begun;
+    bool energised = false;
+    // The testbed answers in 2 ms, and now and then not within the driver's 100 ms: then the host ends before it
+    // begins.
+    for (int attempt = 0; attempt < 5 && !energised; ++attempt) {
+      std::filesystem::remove(folder / "err");
+      std::filesystem::remove_all(folder / "runs");  // each keeps room for its end record
+      begun = std::make_unique<Host>(folder, amplifier.rig());
+      time_until(20s, [&] { return (energised = amplifier.output() > 0.4) || begun->status().has_value(); });
+    }
     EXPECT_TRUE(energised) << log();
     if (!energised) return 1e9;
+    Host& host = *begun;
     std::this_thread::sleep_for(std::chrono::duration<double>(std::uniform_real_distribution(0.0, 0.05)(random)));
     host.signal(first_signal);
     const auto zero = time_until(10s, [&] { return amplifier.output() < 1e-3; });
