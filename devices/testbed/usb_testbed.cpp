@@ -94,6 +94,7 @@ class Plugged {
  protected:
   virtual gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) = 0;
   virtual gboolean read(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
+  virtual void forget() {}  // what waited for an owner before this one: the kernel drops it with the file
   virtual gboolean write(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
 
   std::mutex& mutex_;
@@ -132,7 +133,9 @@ class Plugged {
     if (owner_ == client) return;
     if (owner_ != nullptr) g_object_remove_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
     owner_ = client;
-    if (owner_ != nullptr) g_object_add_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
+    if (owner_ == nullptr) return;
+    g_object_add_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
+    forget();
   }
 
   UMockdevIoctlBase* const handler_;
@@ -292,6 +295,10 @@ class PluggedHid final : public Plugged {
     std::copy_n(report.begin(), size, all.begin());
     umockdev_ioctl_data_update(arg, 0, all.data(), static_cast<int>(size));
     return done(client, static_cast<long>(size));
+  }
+
+  void forget() override {
+    for (; !reports_.empty(); reports_.pop_front()) pty_.take_byte();
   }
 
   void put(Bytes report) {
