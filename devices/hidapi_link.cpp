@@ -117,12 +117,7 @@ class HidapiLink final : public HidLink {
     clock_.outside([&] {
       // Of two readers that were both told of one report, hidapi would let one wait for ever.
       const std::lock_guard lock(reading_);
-      const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(milliseconds);
-      for (auto left = milliseconds; size == 0; left = remaining(end)) {
-        size = hid_read_timeout(writer_->device(), bytes.data(), bytes.size(), static_cast<int>(left));
-        if (size != 0 || remaining(end) <= 0) break;
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // hidapi was woken for nothing, and says "timeout"
-      }
+      size = hid_read_timeout(writer_->device(), bytes.data(), bytes.size(), static_cast<int>(milliseconds));
       if (size < 0) why = last_error(writer_->device());
     });
     if (size < 0) throw DeviceError(DeviceErrorKind::lost, name_, "nothing can be read: " + why);
@@ -132,10 +127,6 @@ class HidapiLink final : public HidLink {
 
  private:
   static constexpr std::size_t kLargest = 4096;  // HID_MAX_BUFFER_SIZE of the kernel is 16 KiB; ours have 64 bytes
-
-  static std::int64_t remaining(std::chrono::steady_clock::time_point end) {
-    return std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now()).count();
-  }
 
   void open(const UsbAddress& address) {
     std::string path;

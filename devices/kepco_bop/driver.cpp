@@ -123,9 +123,8 @@ void Supply::configure() {
   unsure_ = true;
   lately_.clear();
   const std::string said = ask("*IDN?");
-  const auto who = scpi::identity(said);
-  if (!who || who->name.rfind("KEPCO", 0) != 0 || who->name.find("BOP") == std::string::npos)
-    fail(DeviceErrorKind::not_found, "this is no Kepco BOP: " + printable(said));
+  const auto who = decode_identity(said);
+  if (!who) fail(DeviceErrorKind::not_found, "this is no Kepco BOP: " + printable(said));
   if (!identity_.name.empty() && (who->name != identity_.name || who->serial != identity_.serial))
     fail(DeviceErrorKind::not_found, "it was a " + to_string(identity_) + ", and now there is a " + to_string(*who));
   expect("*CLS;SYST:REM 1;SYST:REM?", "1");

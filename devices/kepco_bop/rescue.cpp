@@ -56,6 +56,12 @@ void read_back(ByteLink& link) {
 
 }  // namespace
 
+bool answers(ByteLink& link) {
+  tell(link, "*IDN?\n");
+  const auto line = line_of(link);
+  return line && decode_identity(scpi::trimmed(*line));
+}
+
 void rescue(const std::vector<std::unique_ptr<ByteLink>>& links) {
   std::exception_ptr failure;
   const auto each = [&](void (*work)(ByteLink&)) {

@@ -23,6 +23,13 @@ inline std::string with_number(std::string_view command, double value) {
   return std::string(command) + (std::string_view(text.data()) == " -0.00000" ? " 0.00000" : text.data());
 }
 
+/// From the answer to *IDN?; nothing where it is of something else.
+inline std::optional<Identity> decode_identity(std::string_view answer) {
+  auto who = scpi::identity(answer);
+  if (!who || who->name.rfind("KEPCO", 0) != 0 || who->name.find("BOP") == std::string::npos) return std::nullopt;
+  return who;
+}
+
 /// A set-point; the line asks what flows, and what was wrong, so that there is always an answer to wait for.
 inline std::string set_and_measure(double current) { return with_number("CURR", current) + ";MEAS:CURR?;SYST:ERR?"; }
 struct Measured {

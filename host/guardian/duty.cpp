@@ -2,8 +2,11 @@
 #include "host/guardian/duty.h"
 
 #include "devices/address.h"
+#include "devices/error.h"
 #include "devices/kepco_bop/rescue.h"
 #include "devices/usb3103/rescue.h"
+
+#include <exception>
 
 namespace vitreo::guardian {
 namespace {
@@ -25,32 +28,69 @@ std::vector<std::string> places(const Output& output) {
   return all;
 }
 
+/// Nothing on another bus than the serial one, and where there is no such terminal.
+std::optional<Terminal> terminal_at(const std::string& place) {
+  const Address address = parse_address(place);
+  struct stat found {};
+  if (address.bus != "serial" || stat(address.place.c_str(), &found) != 0) return std::nullopt;
+  return Terminal{found.st_dev, found.st_ino, found.st_ctim};
+}
+
+std::unique_ptr<ByteLink> open(const std::string& place, const Output& output, Clock& clock) {
+  return open_byte_link(place, {.baud_rate = integer(output, "baud_rate", kUsualBaudRate), .xon_xoff = true}, clock);
+}
+
 }  // namespace
 
-void check(const Output& output) {
+Duty::Duty(const Output& output) : output_(output) {
   if (output.driver == "usb3103") {
     parse_usb_address("hid", output.address);
     const int line = integer(output, "enable_line", 0);
     if (line < 0 || line > 7) throw std::invalid_argument("enable_line: must be 0 to 7");
   } else if (output.driver == "kepco_bop") {
-    for (const std::string& place : places(output)) parse_address(place);
+    for (const std::string& place : places(output)) places_.push_back({place, terminal_at(place), std::nullopt});
   } else {
     throw std::invalid_argument("the guardian cannot bring a \"" + output.driver + "\" to zero");
   }
 }
 
-void bring_to_zero(const Output& output, Clock& clock) {
-  if (output.driver == "usb3103") {
-    std::optional<int> line;
-    if (output.settings.contains("enable_line")) line = integer(output, "enable_line", 0);
-    const auto link = open_hid_link(parse_usb_address("hid", output.address), clock);
-    return usb3103::rescue(*link, line, clock);
-  }
+void Duty::bring_to_zero(Clock& clock) {
+  if (output_.driver == "kepco_bop") return bring_bops_to_zero(clock);
+  std::optional<int> line;
+  if (output_.settings.contains("enable_line")) line = integer(output_, "enable_line", 0);
+  const auto link = open_hid_link(parse_usb_address("hid", output_.address), clock);
+  usb3103::rescue(*link, line, clock);
+}
+
+/// A unit that cannot be reached does not keep the others from their zero.
+void Duty::bring_bops_to_zero(Clock& clock) {
   std::vector<std::unique_ptr<ByteLink>> links;
-  for (const std::string& place : places(output))
-    links.push_back(
-        open_byte_link(place, {.baud_rate = integer(output, "baud_rate", kUsualBaudRate), .xon_xoff = true}, clock));
+  std::exception_ptr failure;
+  for (Place& place : places_) {
+    try {
+      recognise(place, clock);
+      links.push_back(open(place.address, output_, clock));
+    } catch (const DeviceError&) {
+      failure = std::current_exception();
+    }
+  }
   kepco_bop::rescue(links);
+  if (failure) std::rethrow_exception(failure);
+}
+
+void Duty::recognise(Place& place, Clock& clock) {
+  const std::optional<Terminal> now = terminal_at(place.address);
+  if (!now || now == place.own) return;
+  const auto stranger = [&] {
+    return DeviceError(DeviceErrorKind::not_found, place.address, "by now this name leads to something else");
+  };
+  if (now == place.foreign) throw stranger();
+  if (kepco_bop::answers(*open(place.address, output_, clock))) {
+    place.own = now;
+    return;
+  }
+  place.foreign = now;
+  throw stranger();
 }
 
 }  // namespace vitreo::guardian

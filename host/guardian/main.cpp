@@ -71,18 +71,18 @@ void end_host(int host) {
   poll(&end, 1, static_cast<int>(std::chrono::milliseconds(kDeath).count()));
 }
 
-int bring_all_to_zero(const std::vector<Output>& outputs) {
+int bring_all_to_zero(std::vector<Duty>& duties) {
   const auto clock = wall_clock();
   const auto began = Steady::now();
-  std::vector<const Output*> left;
-  for (const Output& output : outputs) left.push_back(&output);
+  std::vector<Duty*> left;
+  for (Duty& duty : duties) left.push_back(&duty);
   std::string why;
   for (bool told = false; !left.empty() && Steady::now() - began < kForLong;) {
-    std::erase_if(left, [&](const Output* output) {
+    std::erase_if(left, [&](Duty* duty) {
       try {
-        bring_to_zero(*output, *clock);
+        duty->bring_to_zero(*clock);
         const std::chrono::duration<double, std::milli> took = Steady::now() - began;
-        std::fprintf(stderr, "vitreo guardian: %s is at zero, after %.1f ms\n", output->address.c_str(), took.count());
+        std::fprintf(stderr, "vitreo guardian: %s is at zero, after %.1f ms\n", duty->address().c_str(), took.count());
         return true;
       } catch (const std::exception& error) {  // busy with the host that dies, unplugged, silent
         why = error.what();
@@ -103,10 +103,9 @@ int guard(pid_t host_pid) {
   bool closed = false;
   const std::string asked = receive(0, closed);
   if (host < 0 || closed || getppid() != host_pid) return 1;  // it died before anything was energised
-  std::vector<Output> outputs;
+  std::vector<Duty> duties;
   try {
-    outputs = decode(asked.substr(1));
-    for (const Output& output : outputs) check(output);
+    for (const Output& output : decode(asked.substr(1))) duties.emplace_back(output);
   } catch (const std::exception& problem) {
     const std::string said = problem.what();
     send(kSocket, said.data(), said.size(), MSG_NOSIGNAL);
@@ -117,7 +116,7 @@ int guard(pid_t host_pid) {
     case Verdict::leave:
       return 0;
     case Verdict::leave_unsure:
-      return bring_all_to_zero(outputs);
+      return bring_all_to_zero(duties);
     case Verdict::host_hangs:
       std::fprintf(stderr, "vitreo guardian: the host has not moved for %d ms; it is killed\n",
                    static_cast<int>(kSilence.count()));
@@ -127,7 +126,7 @@ int guard(pid_t host_pid) {
       break;
   }
   end_host(host);
-  return bring_all_to_zero(outputs);
+  return bring_all_to_zero(duties);
 }
 
 }  // namespace

@@ -21,20 +21,20 @@ TEST(TerminalPrompt, LinesAreEditedContinuedAndKeptForTheNextSession) {
   const Workplace place;
   {
     Terminal terminal(place.folder());
-    ASSERT_TRUE(terminal.sees("> ")) << terminal.unseen();
+    ASSERT_TRUE(terminal.prompts()) << terminal.unseen();
     terminal.type("20 + 22x\x7f\r");
-    EXPECT_TRUE(terminal.sees("\r42\r\n")) << terminal.unseen();
+    EXPECT_TRUE(terminal.sees("\r42\r\n") && terminal.prompts()) << terminal.unseen();
     terminal.type("for i = 7, 7 do\r");
     EXPECT_TRUE(terminal.sees(">> ")) << terminal.unseen();
     terminal.type("print(i * 11)\rend\r");
-    EXPECT_TRUE(terminal.sees("\r77\r\n")) << terminal.unseen();
+    EXPECT_TRUE(terminal.sees("\r77\r\n") && terminal.prompts()) << terminal.unseen();
     terminal.type(kCtrlD);
     EXPECT_EQ(terminal.end(), 0);
   }
   Terminal again(place.folder());
-  ASSERT_TRUE(again.sees("> "));
+  ASSERT_TRUE(again.prompts());
   again.type(std::string(kUp) + "\r");
-  EXPECT_TRUE(again.sees("\r77\r\n")) << "three lines, one statement: " << again.unseen();
+  EXPECT_TRUE(again.sees("\r77\r\n") && again.prompts()) << "three lines, one statement: " << again.unseen();
   again.type(std::string(kUp) + kUp + "\r");
   EXPECT_TRUE(again.sees("\r42\r\n")) << again.unseen();
 }
@@ -42,7 +42,7 @@ TEST(TerminalPrompt, LinesAreEditedContinuedAndKeptForTheNextSession) {
 TEST(TerminalPrompt, TabCompletesRolesMethodsOptionsAndTheirValues) {
   const Workplace place;
   Terminal terminal(place.folder());
-  ASSERT_TRUE(terminal.sees("> "));
+  ASSERT_TRUE(terminal.prompts());
   terminal.type("rig.top\t");
   EXPECT_TRUE(terminal.sees("rig.top_camera")) << terminal.unseen();
   terminal.type(":gr\t");
@@ -62,17 +62,17 @@ TEST(TerminalPrompt, TabCompletesRolesMethodsOptionsAndTheirValues) {
 TEST(TerminalPrompt, CtrlCStopsWhatRunsAndKeepsTheSession) {
   const Workplace place;
   Terminal terminal(place.folder());
-  ASSERT_TRUE(terminal.sees("> "));
+  ASSERT_TRUE(terminal.prompts());
   terminal.type("x = 5\rprint('wai' .. 'ting') run:wait(1000)\r");
   ASSERT_TRUE(terminal.sees("waiting")) << terminal.unseen();
   terminal.type(kCtrlC);
-  EXPECT_TRUE(terminal.sees("stopped")) << terminal.unseen();
+  EXPECT_TRUE(terminal.sees("stopped") && terminal.prompts()) << terminal.unseen();
   terminal.type("print('bu' .. 'sy') while true do end\r");
   ASSERT_TRUE(terminal.sees("busy")) << terminal.unseen();
   terminal.type(kCtrlC);
-  EXPECT_TRUE(terminal.sees("stopped")) << terminal.unseen();
+  EXPECT_TRUE(terminal.sees("stopped") && terminal.prompts()) << terminal.unseen();
   terminal.type(std::string("half a line (") + kCtrlC);
-  EXPECT_TRUE(terminal.sees("^C")) << terminal.unseen();
+  EXPECT_TRUE(terminal.sees("^C") && terminal.prompts()) << terminal.unseen();
   terminal.type("x * 3\r");
   EXPECT_TRUE(terminal.sees("\r15\r\n")) << "what was there before is there: " << terminal.unseen();
 }
@@ -80,7 +80,7 @@ TEST(TerminalPrompt, CtrlCStopsWhatRunsAndKeepsTheSession) {
 TEST(TerminalPrompt, WhatIsSaidMeanwhileStandsAboveTheLineThatIsTyped) {
   const Workplace place;
   Terminal terminal(place.folder());
-  ASSERT_TRUE(terminal.sees("> "));
+  ASSERT_TRUE(terminal.prompts());
   terminal.type("drops = run:remind('moisten the eye', { every = 1 * s })\r20 +");
   ASSERT_TRUE(terminal.sees("20 +"));
   EXPECT_TRUE(terminal.sees("moisten the eye")) << terminal.unseen();
@@ -92,7 +92,7 @@ TEST(TerminalPrompt, WhatIsSaidMeanwhileStandsAboveTheLineThatIsTyped) {
 TEST(TerminalPrompt, APastedFileIsOneStatement) {
   const Workplace place;
   Terminal terminal(place.folder());
-  ASSERT_TRUE(terminal.sees("> "));
+  ASSERT_TRUE(terminal.prompts());
   std::string text = "\x1b[200~";
   for (int i = 0; i < 100; ++i) text += "y = " + std::to_string(i) + " -- a line of it\n";
   terminal.type(text + "print(y + 1)\x1b[201~\r");

@@ -10,6 +10,7 @@
 #include <signal.h>
 #include <string>
 #include <sys/wait.h>
+#include <termios.h>
 #include <unistd.h>
 
 namespace vitreo {
@@ -56,6 +57,15 @@ class Terminal {
       }
       if (std::chrono::steady_clock::now() > until || !take()) return false;
     }
+  }
+
+  /// Waits until it asks for a line and reads keys one by one: what is typed before that is the kernel's to interpret.
+  bool prompts() {
+    if (!sees("> ")) return false;
+    termios settings{};
+    for (int i = 0; i < 1000; ++i, usleep(10000))
+      if (tcgetattr(master_, &settings) == 0 && (settings.c_lflag & ICANON) == 0) return true;
+    return false;
   }
 
   /// What has come since the last sight.
