@@ -5,6 +5,7 @@
 #include <csignal>
 #include <cstring>
 #include <fcntl.h>
+#include <poll.h>
 #include <spawn.h>
 #include <stdexcept>
 #include <sys/wait.h>
@@ -20,12 +21,21 @@ ChildProcess::ChildProcess(const std::vector<std::string>& words, Pipe pipe) {
   const bool input = pipe == Pipe::to_input;
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
+  if (!input) posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&actions, ends[input ? 0 : 1], input ? 0 : 1);
+  if (pipe == Pipe::from_output_and_errors) posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
+  posix_spawnattr_t attributes;  // a task that blocks signals hands that on, and the program would be deaf
+  posix_spawnattr_init(&attributes);
+  sigset_t none;
+  sigemptyset(&none);
+  posix_spawnattr_setsigmask(&attributes, &none);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
   std::vector<char*> arguments;
   for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));  // posix_spawn's own way
   arguments.push_back(nullptr);
-  const int error = posix_spawnp(&pid_, arguments[0], &actions, nullptr, arguments.data(), environ);
+  const int error = posix_spawnp(&pid_, arguments[0], &actions, &attributes, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
+  posix_spawnattr_destroy(&attributes);
   ::close(ends[input ? 0 : 1]);
   pipe_ = ends[input ? 1 : 0];
   if (error == 0) return;
@@ -55,12 +65,24 @@ bool ChildProcess::write(std::string_view bytes) {
 std::size_t ChildProcess::read(void* into, std::size_t bytes) {
   std::size_t got = 0;
   while (got < bytes) {
-    const ssize_t more = ::read(pipe_, static_cast<char*>(into) + got, bytes - got);
-    if (more < 0 && errno == EINTR) continue;
-    if (more <= 0) break;
-    got += static_cast<std::size_t>(more);
+    const std::size_t more = read_some(static_cast<char*>(into) + got, bytes - got);
+    if (more == 0) break;
+    got += more;
   }
   return got;
+}
+
+bool ChildProcess::readable(std::chrono::milliseconds patience) const {
+  pollfd end{pipe_, POLLIN, 0};
+  return ::poll(&end, 1, static_cast<int>(patience.count())) > 0;
+}
+
+std::size_t ChildProcess::read_some(void* into, std::size_t bytes) {
+  for (;;) {
+    const ssize_t got = ::read(pipe_, into, bytes);
+    if (got < 0 && errno == EINTR) continue;
+    return got > 0 ? static_cast<std::size_t>(got) : 0;
+  }
 }
 
 int ChildProcess::finish() {

@@ -145,7 +145,7 @@ Words parameter_words(lua_State* L, const std::string& line, const OpenCall& cal
 
 /// Keys of the options, or the allowed values of a key or of the argument.
 Words argument_words(lua_State* L, const std::string& line, const OpenCall& call) {
-  if (call.name == "run")
+  if (call.name == "run" || call.name == "check")
     return call.table ? parameter_words(L, line, call) : call.in_quotes ? protocol_names(context_of(L)) : Words{};
   if (call.in_quotes && call.name == "require") return {"units", "optics", "control", "vision", "files"};
   if (call.in_quotes && call.name == "help") {

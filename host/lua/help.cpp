@@ -55,8 +55,10 @@ std::string words_help(lua_State* L, const std::string& word) {
            "  for instance: vector(0, 0, 1 * units.mm)\n";
   if (word == "watch")
     return "watch(object, {every, count})\n  at the prompt: shows what an object or a function tells, again and again, "
-           "until "
-           "Ctrl-C\n  for instance: watch(rig.stage, { every = 0.5 })\n";
+           "until Ctrl-C\n  for instance: watch(rig.stage, { every = 0.5 })\n";
+  if (word == "run" && context_of(L).remembers_results)
+    return class_help(run_class()) +
+           "at the prompt run(\"drift_test\", {hold = 5 * s}) runs a protocol, check(...) dries it\n";
   if (std::string text = lua_function_help(L, word); !text.empty()) return text;
   const Context& context = context_of(L);
   if (const std::string file = find_protocol(context, word); !file.empty() && word.find('/') == std::string::npos)

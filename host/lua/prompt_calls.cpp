@@ -19,13 +19,6 @@
 namespace vitreo::lua {
 namespace {
 
-[[noreturn]] void refuse_protocol(const Context& context, const std::string& name) {
-  const std::vector<std::string> known = protocol_names(context);
-  const std::string near = nearest(name, known);
-  throw std::invalid_argument("there is no protocol '" + name + "'" +
-                              (near.empty() ? "" : "; did you mean " + near + "?"));
-}
-
 std::string range_text(const Parameter& parameter, const std::string& dimension) {
   if (std::isinf(parameter.min)) return "at most " + format_quantity(parameter.max, dimension);
   if (std::isinf(parameter.max)) return "at least " + format_quantity(parameter.min, dimension);
@@ -52,33 +45,6 @@ ArgumentValue parameter_value(lua_State* L, int index, const Parameter& paramete
   if (parameter.kind == ParameterKind::integer && value != std::floor(value))
     throw std::invalid_argument(parameter.name + ": wants a whole number, got " + plain_text(L, index));
   return value;
-}
-
-std::map<std::string, ArgumentValue> given_parameters(lua_State* L, int table, const ProtocolDescription& protocol) {
-  std::map<std::string, ArgumentValue> values;
-  std::vector<std::string> known;
-  for (const Parameter& parameter : protocol.parameters) known.push_back(parameter.name);
-  if (!lua_isnoneornil(L, table)) {
-    if (!lua_istable(L, table))
-      throw std::invalid_argument("wants a table of parameters, such as {hold = 5 * s}, got " + kind_of(L, table));
-    refuse_unknown(L, table, "", known);
-    for (const Parameter& parameter : protocol.parameters) {
-      if (lua_getfield(L, table, parameter.name.c_str()) != LUA_TNIL)
-        values[parameter.name] = parameter_value(L, lua_gettop(L), parameter);
-      lua_pop(L, 1);
-    }
-  }
-  for (const Parameter& parameter : protocol.parameters)
-    if (parameter.required && !values.contains(parameter.name))
-      throw std::invalid_argument(parameter.name + ": is missing");
-  return values;
-}
-
-void check_roles(const ProtocolDescription& protocol, const Rig& rig) {
-  const std::vector<std::string> there = rig.roles();
-  for (const std::string& role : protocol.needs)
-    if (std::find(there.begin(), there.end(), role) == there.end())
-      throw std::invalid_argument(protocol.name + " needs the role '" + role + "', which this rig has not");
 }
 
 int end_protocol(lua_State* L, int, lua_KContext) {
@@ -121,9 +87,7 @@ int run_by_name(lua_State* L) {
     if (lua_type(L, 2) != LUA_TSTRING)
       throw std::invalid_argument("wants a protocol's name, such as run(\"hello_rig\"), got " + kind_of(L, 2));
     if (context.nested) throw std::runtime_error("a protocol runs already in this statement");
-    const std::string name = plain_text(L, 2), file = find_protocol(context, name);
-    if (file.empty()) refuse_protocol(context, name);
-    ProtocolDescription protocol = describe_protocol(file, context.folders);
+    ProtocolDescription protocol = named_protocol(context, plain_text(L, 2));
     check_roles(protocol, context.session->rig);
     auto values = given_parameters(L, 3, protocol);
     context.nested = {context.deferred.size(), context.closers.size()};
@@ -220,6 +184,42 @@ void open_units(lua_State* L) {
 
 }  // namespace
 
+ProtocolDescription named_protocol(const Context& context, const std::string& name) {
+  if (const std::string file = find_protocol(context, name); !file.empty())
+    return describe_protocol(file, context.folders);
+  const std::vector<std::string> known = protocol_names(context);
+  const std::string near = nearest(name, known);
+  throw std::invalid_argument("there is no protocol '" + name + "'" +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+std::map<std::string, ArgumentValue> given_parameters(lua_State* L, int table, const ProtocolDescription& protocol) {
+  std::map<std::string, ArgumentValue> values;
+  std::vector<std::string> known;
+  for (const Parameter& parameter : protocol.parameters) known.push_back(parameter.name);
+  if (!lua_isnoneornil(L, table)) {
+    if (!lua_istable(L, table))
+      throw std::invalid_argument("wants a table of parameters, such as {hold = 5 * s}, got " + kind_of(L, table));
+    refuse_unknown(L, table, "", known);
+    for (const Parameter& parameter : protocol.parameters) {
+      if (lua_getfield(L, table, parameter.name.c_str()) != LUA_TNIL)
+        values[parameter.name] = parameter_value(L, lua_gettop(L), parameter);
+      lua_pop(L, 1);
+    }
+  }
+  for (const Parameter& parameter : protocol.parameters)
+    if (parameter.required && !values.contains(parameter.name))
+      throw std::invalid_argument(parameter.name + ": is missing");
+  return values;
+}
+
+void check_roles(const ProtocolDescription& protocol, const Rig& rig) {
+  const std::vector<std::string> there = rig.roles();
+  for (const std::string& role : protocol.needs)
+    if (std::find(there.begin(), there.end(), role) == there.end())
+      throw std::invalid_argument(protocol.name + " needs the role '" + role + "', which this rig has not");
+}
+
 void open_prompt_calls(lua_State* L) {
   push_rig(L, context_of(L).session->rig);
   lua_setglobal(L, "rig");
@@ -230,6 +230,10 @@ void open_prompt_calls(lua_State* L) {
   lua_setfield(L, -2, "__call");
   lua_pop(L, 1);
   open_units(L);
+  for (const Binding& function : prompt_functions()) {
+    push_function(L, nullptr, function);
+    lua_setglobal(L, function.name.c_str());
+  }
   load_text(L, kWatch, "watch");
   lua_pushcfunction(L, getters);
   lua_pushcfunction(L, shown);

@@ -3,6 +3,7 @@
 
 #include "host/config.h"
 #include "host/lua/bind_control.h"
+#include "host/lua/prompt_calls.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
@@ -139,8 +140,8 @@ std::string unit_help(const std::string& word) {
 const std::vector<const Binding*>& all_functions() {
   static const std::vector<const Binding*> functions = [] {
     std::vector<const Binding*> all;
-    for (const auto* rows :
-         {&global_functions(), &optics_functions(), &control_functions(), &vision_functions(), &files_functions()})
+    for (const auto* rows : {&global_functions(), &prompt_functions(), &optics_functions(), &control_functions(),
+                             &vision_functions(), &files_functions()})
       for (const Binding& row : *rows) all.push_back(&row);
     return all;
   }();

@@ -134,6 +134,48 @@ TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
     EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
 }
 
+TEST(PipedPrompt, CheckDriesAProtocolAndTouchesNothing) {
+  const Workplace place;
+  std::filesystem::create_directories(place.folder() / "protocols");
+  std::filesystem::create_directories(place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua", place.folder() / "scripts/rigs");
+  place.write("protocols/push.lua",
+              "return { title = 'push', needs = { 'coils' }, parameters = {\n"
+              "  current = { default = 1, unit = 'A', max = 5 }, note = { default = '' } },\n"
+              "run = function(rig, p, run)\n"
+              "  rig.coils:set_currents { p.current, 0, 0, 0, 0, 0, 0, 0 }\n"
+              "  run:wait(2)\n  rig.coils:set_currents { 0, 0, 0, 0, 0, 0, 0, 0 }\n"
+              "  if p.note ~= '' then error('noted: ' .. p.note) end\nend }\n");
+  const Spoken spoken = place.vitreo("",
+                                     "check('push', {current = 1.25*A})\n"
+                                     "check('push', {note = 'a b \\'c\\''})\n"
+                                     "rig.coils:currents()[1]\nrun:now()\ncheck('push', {current = 9*A})\n"
+                                     "check('push', {curent = 1})\ncheck('pusch')\ncheck('push', 5)\ncheck()\n");
+  EXPECT_EQ(spoken.exit_code, 1);
+  for (const char* words : {"coils: up to 1.25 A in one", "disk: at least", "passed\ntrue\n",
+                            "problem: ", "noted: a b 'c'", "failed\nfalse\n0.0\n0 s\n"})
+    EXPECT_NE(spoken.out.find(words), std::string::npos) << words << " in " << spoken.out;
+  for (const char* words : {"check: current: wants at most 5 A, got 9 A", "curent is not known; did you mean current?",
+                            "there is no protocol 'pusch'; did you mean push?",
+                            "parameters: wants a table, got a number", "protocol: is missing"})
+    EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
+  EXPECT_EQ(place.runs(), 1) << "the dry runs leave no record";
+}
+
+TEST(TerminalPrompt, CtrlCEndsACheckAndKeepsTheSession) {
+  const Workplace place;
+  const std::string hangs =
+      place.write("hangs.lua", "return { title = 'hangs', run = function() while true do end end }\n");
+  Terminal terminal(place.folder());
+  ASSERT_TRUE(terminal.sees("> "));
+  terminal.type("print('loo' .. 'king') check('" + hangs + "')\r");
+  ASSERT_TRUE(terminal.sees("looking")) << terminal.unseen();
+  terminal.type(kCtrlC);
+  EXPECT_TRUE(terminal.sees("stopped")) << terminal.unseen();
+  terminal.type("6 * 7\r");
+  EXPECT_TRUE(terminal.sees("\r42\r\n")) << terminal.unseen();
+}
+
 TEST(PipedPrompt, LongAndOpenEndedInputIsRefusedNotSwallowed) {
   const Workplace place;
   EXPECT_EQ(place.vitreo("", "x = '" + std::string(10'000'000, 'y') + "'\n#x\n").out, "10000000\n");
