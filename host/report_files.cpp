@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/report_files.h"
 
+#include "host/child_process.h"
 #include "host/markup.h"
 #include "host/units.h"
 
@@ -22,7 +23,7 @@ bool is_bad(const Event& event) {
   return false;
 }
 
-std::string file_name(std::size_t number, const std::string& title) {
+std::string file_name(std::size_t number, const std::string& title, const char* ending) {
   std::string name = fmt::format("{:02}_", number);
   for (const char c : title.substr(0, 60)) {
     const auto letter = static_cast<unsigned char>(c);
@@ -32,7 +33,7 @@ std::string file_name(std::size_t number, const std::string& title) {
       name += '_';
   }
   while (name.ends_with('_')) name.pop_back();
-  return name + ".svg";
+  return name + ending;
 }
 
 }  // namespace
@@ -72,11 +73,20 @@ std::string timeline_svg(const RunData& data) {
   return out + "</svg>";
 }
 
-std::vector<fs::path> write_plots(const RunData& data, const fs::path& folder) {
+void write_png_of_svg(const std::string& svg, const fs::path& file) {
+  ChildProcess renderer({"rsvg-convert", "--format", "png", "--zoom", "2", "--output", file.string()},
+                        ChildProcess::Pipe::to_input);
+  const bool taken = renderer.write(svg);
+  if (const int status = renderer.finish(); !taken || status != 0)
+    throw std::runtime_error(fmt::format("{}: rsvg-convert ended with {}", file.string(), status));
+}
+
+std::vector<fs::path> write_plots(const RunData& data, const fs::path& folder, PlotFiles kind) {
   fs::create_directories(folder);
   std::vector<fs::path> files;
   const auto write = [&](const std::string& title, const std::string& svg) {
-    files.push_back(folder / file_name(files.size() + 1, title));
+    files.push_back(folder / file_name(files.size() + 1, title, kind == PlotFiles::png ? ".png" : ".svg"));
+    if (kind == PlotFiles::png) return write_png_of_svg(svg, files.back());
     std::ofstream out(files.back());
     out << svg;
     if (!out.flush()) throw std::runtime_error(files.back().string() + ": cannot be written");

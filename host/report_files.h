@@ -14,8 +14,15 @@ namespace vitreo {
 /// diamond for errors, alarms and the interlock. SVG; "" where there is no event or no time passed.
 std::string timeline_svg(const RunData& data);
 
-/// Each plot and drawing as an SVG file in `folder`, which is made: 01_path_in_depth.svg ... Returns the files. Throws
+enum class PlotFiles { svg, png };
+
+/// Each plot and drawing as a file in `folder`, which is made: 01_path_in_depth.svg ... Returns the files. Throws
 /// std::runtime_error naming the file that cannot be written.
-std::vector<std::filesystem::path> write_plots(const RunData& data, const std::filesystem::path& folder);
+std::vector<std::filesystem::path> write_plots(const RunData& data, const std::filesystem::path& folder,
+                                               PlotFiles kind = PlotFiles::svg);
+
+/// Draws an SVG document as PNG, two pixels a CSS px, by the program rsvg-convert (Debian's librsvg2-bin). Throws
+/// std::runtime_error naming the file, or the program where there is none.
+void write_png_of_svg(const std::string& svg, const std::filesystem::path& file);
 
 }  // namespace vitreo

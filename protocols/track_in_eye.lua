@@ -33,6 +33,13 @@ local function row_of(one)
     tostring(e.lost), tostring(e.wrong) }
 end
 
+-- The outline that was found, unless there was none, beside the true one.
+local function seen(track, outline)
+  local marks = { { label = "true outline", ellipse = outline, dashed = true } }
+  if track.x_px then table.insert(marks, 1, { label = "tracked", ellipse = track }) end
+  return marks
+end
+
 return {
   title = "Tracking in the eye by colour",
   needs = { "top_camera" },
@@ -75,8 +82,8 @@ return {
       if each.frame.image then
         for i, one in ipairs(all) do
           if one.ours and one.channels == all[1].channels then
-            run:picture(("at %.1f s"):format(each.frame.time), each.frame.image:overlay { track = each.frame.tracks[i],
-              expected = each.outline }, one.name)
+            run:image_plot { title = ("at %.1f s, %s"):format(each.frame.time, one.name), image = each.frame.image,
+              marks = seen(each.frame.tracks[i], each.outline) }
           end
         end
       end

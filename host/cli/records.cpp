@@ -3,6 +3,7 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/commands.h"
+#include "host/config.h"
 #include "host/report_files.h"
 #include "host/run_reader.h"
 
@@ -14,13 +15,14 @@ namespace {
 struct Wanted {
   std::string run = "last", parent = "runs", into, format, csv, plots;
   RunFilter filter;
-  bool json = false;
+  bool json = false, png = false;
   std::filesystem::path folder() const { return find_run(run, parent); }
 };
 
 int plots(const Wanted& wanted) {
   nlohmann::json files = nlohmann::json::array();
-  for (const auto& file : write_plots(read_run(wanted.folder()), wanted.plots)) files.push_back(file.string());
+  const PlotFiles kind = wanted.png ? PlotFiles::png : PlotFiles::svg;
+  for (const auto& file : write_plots(read_run(wanted.folder()), wanted.plots, kind)) files.push_back(file.string());
   if (wanted.json) std::cout << files.dump() << "\n";
   for (const auto& file : files)
     if (!wanted.json) std::cout << file.get<std::string>() << "\n";
@@ -62,10 +64,13 @@ void add_records(CommandLine& line, Program& program) {
     return recover_command(w.folder(), w.json, std::cout);
   }).examples({"vitreo recover 2026-11-21T1830"});
   Command report = add_one("report", "makes a run's report anew from its record", [wanted, &w] {
+    if (w.plots.empty() && w.png) throw ConfigError("--png: says how --plots writes, which wants a folder");
     return w.plots.empty() ? report_command(w.folder(), w.json, std::cout) : plots(w);
   });
   report.option("--plots", wanted->plots, "a folder: writes each plot there as an SVG file instead");
-  report.examples({"vitreo report last", "vitreo report last --plots figures"});
+  report.flag("--png", wanted->png, "with --plots: PNG files, by the program rsvg-convert (Debian: librsvg2-bin)");
+  report.examples(
+      {"vitreo report last", "vitreo report last --plots figures", "vitreo report last --plots figures --png"});
   Command exported = add_one("export", "a run in the format of other programs",
                              [wanted, &w] { return export_command(w.folder(), w.format, w.into, w.json, std::cout); });
   exported.option("--into", wanted->into, "a folder (default: export/ in the run's own)");

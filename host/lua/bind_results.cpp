@@ -1,6 +1,7 @@
 // run: what comes out of it: figures, plots, tables.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config.h"
+#include "host/lua/bind_image_plot.h"
 #include "host/lua/bind_vision.h"
 #include "host/lua/context.h"
 #include "host/lua/values.h"
@@ -178,6 +179,7 @@ std::vector<Binding> run_result_rows() {
        "",
        "puts an image into the report",
        picture},
+      image_plot_row(),
       {"table",
        {{.name = "options",
          .type = Type::options,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/plot.h"
 
+#include "host/image_plot.h"
 #include "host/markup.h"
 #include "host/plot_axes.h"
 #include "host/plot_layout.h"
@@ -130,6 +131,49 @@ TEST(Plot, EightCoilsHaveEightColoursAndTheReferenceItsOwn) {
   const auto pens = pens_for(series);
   for (std::size_t i = 0; i < pens.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) EXPECT_NE(pens[i].colour, pens[j].colour);
+  }
+}
+
+TEST(ImagePlot, MarksStandOnThePixelsTheyName) {
+  // 160 x 80 px are drawn four times as large: the centre of pixel (10, 20) is 10.5 and 20.5 pixels from the corner.
+  ImagePlot plot{
+      "Seen & <marked>", cv::Mat(80, 160, CV_8UC1, cv::Scalar(90)), {{"goal", {10}, {20}, Mark::points}}, 20, "1 mm",
+      "a note"};
+  const std::string svg = to_svg(plot);
+  std::string what;
+  EXPECT_TRUE(test::well_formed(svg, &what)) << what;
+  for (const char* part : {"cx=\"42.0\" cy=\"82.0\"", "Seen &amp; &lt;marked&gt;", ">goal</text>", ">u (px)</text>",
+                           ">v (px)</text>", ">1 mm</text>", "width=\"80.0\" height=\"4\"", ">a note</text>",
+                           "overflow=\"hidden\"", "data:image/jpeg;base64,"})
+    EXPECT_NE(svg.find(part), std::string::npos) << part;
+}
+
+TEST(ImagePlot, AnOutlineClosesAndKeepsItsAxes) {
+  const Series ring = outline("e", {{30, 40}, 20, 10, 0.5});
+  EXPECT_NEAR(ring.x.front(), ring.x.back(), 1e-9);
+  double farthest = 0, nearest = 1e9;
+  for (std::size_t i = 0; i < ring.x.size(); ++i) {
+    const double away = std::hypot(ring.x[i] - 30, ring.y[i] - 40);
+    farthest = std::max(farthest, away);
+    nearest = std::min(nearest, away);
+  }
+  EXPECT_NEAR(farthest, 20, 1e-9);
+  EXPECT_NEAR(nearest, 10, 1e-9);
+  EXPECT_NEAR(ring.y.front() - 40, 20 * std::sin(0.5), 1e-9) << "angles go from +u towards +v";
+}
+
+TEST(ImagePlot, RefusesWhatIsNoImageAndSurvivesOddOnes) {
+  EXPECT_THROW(to_svg(ImagePlot{}), std::invalid_argument);
+  EXPECT_THROW(to_svg(ImagePlot{"t", cv::Mat(8, 8, CV_16UC1), {}, 0, "", ""}), std::invalid_argument);
+  EXPECT_THROW(to_svg(ImagePlot{"t", cv::Mat(8, 8, CV_8UC1), {{"s", {1}, {}, Mark::line}}, 0, "", ""}),
+               std::invalid_argument);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(1, 3000), cv::Size(4000, 1), cv::Size(2, 2)}) {
+    const ImagePlot plot{"t", cv::Mat(size, CV_8UC3, cv::Scalar::all(9)), {{"s", {nan, 1, 1e300}, {0, 2, 3}}}, 0, "",
+                         ""};
+    std::string what;
+    EXPECT_TRUE(test::well_formed(to_svg(plot), &what)) << what;
+    for (const char* part : {"\"nan", " nan", "\"inf", " inf"}) EXPECT_EQ(to_svg(plot).find(part), std::string::npos);
   }
 }
 

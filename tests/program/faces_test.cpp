@@ -5,6 +5,7 @@
 #include "tests/program/terminal.h"
 
 #include <gtest/gtest.h>
+#include <opencv2/imgcodecs.hpp>
 
 #include <algorithm>
 #include <utility>
@@ -328,6 +329,9 @@ return { title = "kinds", run = function(rig, p, run)
   plots.trajectory(run, { title = "Way", paths = { { label = "went", points = points } } })
   assert(not plots.expected(run, { title = "Against", rows = { { "a", 1, 1, 0.1 }, { "b", 2 * mm, 3 * mm, 0.1 * mm, "mm" } } }))
   assert(not pcall(plots.histogram, run, { title = "t" }) and not pcall(plots.heat_map, run, { rows = { { 1 }, { 1, 2 } } }))
+  run:image_plot { title = "Seen", image = rig.top_camera:grab().image, scale_bar_px = 80, scale_bar_label = "1 mm",
+    marks = { { label = "way", line = { { 0, 0 }, { 99, 40 } } }, { label = "goals", points = { { 5, 5 } } },
+      { label = "robot", dashed = true, ellipse = { x_px = 50, y_px = 50, major_px = 20, minor_px = 9, angle = 1 } } } }
   run:wait(2) run:note("two seconds") run:wait(2)
 end }
 )");
@@ -336,9 +340,20 @@ end }
   const Spoken files = place.vitreo("report last --plots figures");
   EXPECT_EQ(files.out,
             "figures/01_histogram.svg\nfigures/02_bars.svg\nfigures/03_way_from_above.svg\n"
-            "figures/04_way_from_the_side.svg\nfigures/05_heat_more.svg\n")
+            "figures/04_way_from_the_side.svg\nfigures/05_heat_more.svg\nfigures/06_seen.svg\n")
       << files.err;
   EXPECT_TRUE(contains(place.read("figures/05_heat_more.svg"), "Heat &amp; more"));
+  EXPECT_TRUE(contains(place.read("figures/06_seen.svg"), ">goals</text>"));
+  EXPECT_EQ(place.vitreo("report last --png").exit_code, 2);
+  EXPECT_EQ(place.vitreo("report last --plots figures --png").exit_code, 0);
+  for (const char* name : {"01_histogram", "05_heat_more", "06_seen"}) {
+    const cv::Mat drawn = cv::imread((place.folder() / "figures" / (name + std::string(".png"))).string());
+    ASSERT_GT(drawn.cols, 700) << name;
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(drawn, mean, deviation);
+    EXPECT_GT(deviation[0], 10) << name << ": something is drawn";
+    EXPECT_EQ(drawn.at<cv::Vec3b>(0, 0), cv::Vec3b(255, 255, 255)) << name << ": on white";
+  }
   const std::string report =
       file_text(std::filesystem::directory_iterator(place.folder() / "runs")->path() / "report.html");
   for (const char* part : {"NOT within", "<title>note: two seconds</title>", "role=\"img\""})
