@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/clock.h"
 
+#include "devices/quiet_thread.h"
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <condition_variable>
 #include <mutex>
-#include <signal.h>
 #include <stdexcept>
 #include <thread>
 #include <tuple>
@@ -314,17 +315,7 @@ void VirtualClock::start(Entry& entry, std::thread& thread, std::function<void()
   entry.number = ++births_;
   entry.due = now();
   entries_.reserve(entries_.size() + 1);  // nothing may throw once the thread runs
-  // Signals are for the main task: it is the one that can be interrupted, and a new thread inherits the mask.
-  sigset_t all, before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  try {
-    thread = std::thread([this, &entry, own = std::move(body)]() mutable { run(entry, own); });
-  } catch (...) {
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
-    throw;
-  }
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  thread = quiet_thread([this, &entry, own = std::move(body)]() mutable { run(entry, own); });
   entry.thread = thread.get_id();
   entries_.push_back(&entry);
 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/error.h"
 #include "devices/hid_link.h"
+#include "devices/quiet_thread.h"
 
 #include <algorithm>
 #include <array>
@@ -38,7 +39,7 @@ class Writer {
   explicit Writer(Device device) : device_(std::move(device)) {}
   static std::shared_ptr<Writer> start(Device device) {
     auto writer = std::make_shared<Writer>(std::move(device));
-    std::thread([writer] { writer->run(); }).detach();
+    quiet_thread([writer] { writer->run(); }).detach();
     return writer;
   }
   hid_device* device() const { return device_.get(); }

@@ -1,13 +1,13 @@
 // The wall clock: tasks are threads that share one baton, a mutex, which whoever waits puts down.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/clock.h"
+#include "devices/quiet_thread.h"
 
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
-#include <signal.h>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -263,17 +263,7 @@ std::unique_ptr<Task> WallClock::spawn(std::string, std::function<void()> body) 
 
 void WallClock::start(Entry& entry, std::thread& thread, std::function<void()> body) {
   entries_.reserve(entries_.size() + 1);  // nothing may throw once the thread runs
-  // Signals are for the main task: it is the one that can be interrupted, and a new thread inherits the mask.
-  sigset_t all, before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  try {
-    thread = std::thread([this, &entry, own = std::move(body)]() mutable { run(entry, own); });
-  } catch (...) {
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
-    throw;
-  }
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  thread = quiet_thread([this, &entry, own = std::move(body)]() mutable { run(entry, own); });
   entry.thread = thread.get_id();
   entries_.push_back(&entry);
 }

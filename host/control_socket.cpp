@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/control_socket.h"
 
+#include "devices/quiet_thread.h"
 #include "host/config.h"
 
 #include <fmt/format.h>
@@ -8,7 +9,6 @@
 #include <algorithm>
 #include <cstring>
 #include <poll.h>
-#include <signal.h>
 #include <stdexcept>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -183,11 +183,7 @@ ControlSocket::ControlSocket(const fs::path& path, RunControl& control, Question
     if (listener_ >= 0) close(listener_);
     throw std::runtime_error(path.string() + ": cannot listen: " + why);
   }
-  sigset_t all, before;  // signals are for the script's thread
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  thread_ = std::thread([this] { serve(); });
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  thread_ = quiet_thread([this] { serve(); });
 }
 
 ControlSocket::~ControlSocket() {

@@ -5,6 +5,7 @@
 #include "devices/foot_pedal/emulator.h"
 #include "devices/genicam/camera_server.h"
 #include "devices/peer_end.h"
+#include "devices/quiet_thread.h"
 #include "devices/spacemouse/emulator.h"
 #include "devices/testbed/usb_testbed.h"
 #include "host/rig_settings.h"
@@ -51,7 +52,7 @@ class Emulation {
     for (const auto& [role, value] : description.table)
       if (const auto* const table = std::get_if<ConfigTable>(&value.value))
         offer(role, text_at(*table, "driver"), text_at(*table, "address"));
-    thread_ = std::thread([this] { pump(); });
+    thread_ = quiet_thread([this] { pump(); });
   }
   Emulation(const Emulation&) = delete;
   Emulation& operator=(const Emulation&) = delete;

@@ -2,6 +2,7 @@
 #include "host/guardian.h"
 
 #include "devices/error.h"
+#include "devices/quiet_thread.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -78,7 +79,7 @@ Guardian::Guardian(const std::vector<guardian::Output>& outputs, std::function<b
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
-  thread_ = std::thread([this] { beat(); });
+  thread_ = quiet_thread([this] { beat(); });
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 

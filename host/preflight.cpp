@@ -2,6 +2,7 @@
 #include "host/preflight.h"
 
 #include "devices/error.h"
+#include "devices/quiet_thread.h"
 #include "host/calibrations.h"
 #include "host/disk_need.h"
 #include "host/interrupts.h"
@@ -16,7 +17,6 @@
 #include <iostream>
 #include <optional>
 #include <pthread.h>
-#include <signal.h>
 #include <thread>
 #include <unistd.h>
 
@@ -71,16 +71,12 @@ class PassingFolder {
 class TimeLimit {
  public:
   TimeLimit(RunControl& control, double seconds) {
-    sigset_t all, before;  // signals are for the script's thread
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    thread_ = std::thread([this, &control, seconds] {
+    thread_ = quiet_thread([this, &control, seconds] {
       std::unique_lock lock(mutex_);
       if (done_.wait_for(lock, std::chrono::duration<double>(seconds), [this] { return over_; })) return;
       expired_ = true;
       control.request(StopTier::stop);
     });
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
   }
   ~TimeLimit() { end(); }
   TimeLimit(const TimeLimit&) = delete;

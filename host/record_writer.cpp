@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record_writer.h"
 
+#include "devices/quiet_thread.h"
 #include "host/crc32.h"
 #include "host/frame_store.h"
 
@@ -51,7 +52,7 @@ struct RecordWriter::State {
         file(folder / "run.sqlite", start),
         store(folder, given.largest_stack) {
     disk.make_reserve();
-    thread = std::thread([this] { run(); });
+    thread = quiet_thread([this] { run(); });
   }
   ~State() {
     stop();

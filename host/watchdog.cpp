@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/watchdog.h"
 
-#include <signal.h>
+#include "devices/quiet_thread.h"
 
 namespace vitreo {
 namespace {
@@ -13,11 +13,7 @@ constexpr std::chrono::milliseconds kIdle{50};  // else; a request wakes it
 
 Watchdog::Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limits, WatchdogActions actions)
     : control_(control), clock_(clock), limits_(limits), actions_(std::move(actions)) {
-  sigset_t all, before;  // signals are for the script's thread
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  thread_ = std::thread([this] { watch(); });
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  thread_ = quiet_thread([this] { watch(); });
 }
 
 Watchdog::~Watchdog() {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/camera.h"
 
+#include "devices/contract/examination.h"
 #include "devices/error.h"
 
 #include <opencv2/core.hpp>
@@ -12,24 +13,13 @@
 namespace vitreo::contract {
 namespace {
 
-struct Examiner {
+struct Examiner : Examination<Examiner> {
   Camera& camera;
   Clock& clock;
   const CameraCheck& how;
-  std::vector<std::string> findings{};
+  Examiner(Camera& its, Clock& time, const CameraCheck& check) : camera(its), clock(time), how(check) {}
+  void leave_safe() {}  // it moves nothing
 
-  void expect(bool good, const std::string& finding) {
-    if (!good && std::find(findings.begin(), findings.end(), finding) == findings.end()) findings.push_back(finding);
-  }
-  void duty(const std::string& name, void (Examiner::*examine)()) {
-    try {
-      (this->*examine)();
-    } catch (const Stopped&) {
-      throw;
-    } catch (const std::exception& error) {
-      findings.push_back(name + ": threw " + error.what());
-    }
-  }
   Time patience() const { return from_seconds(std::max(2.0, 20 * camera.info().frame_period)); }
 
   void describes_itself() {
@@ -92,7 +82,7 @@ struct Examiner {
 }  // namespace
 
 std::vector<std::string> check(Camera& camera, Clock& clock, const CameraCheck& how) {
-  Examiner examiner{camera, clock, how};
+  Examiner examiner(camera, clock, how);
   examiner.duty("describe itself", &Examiner::describes_itself);
   if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
   examiner.duty("deliver frames in order", &Examiner::delivers_frames_in_order);

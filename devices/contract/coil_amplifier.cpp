@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/coil_amplifier.h"
 
-#include "devices/clock.h"
+#include "devices/contract/examination.h"
 #include "devices/error.h"
 
 #include <cmath>
@@ -15,25 +15,11 @@ namespace {
 
 using Currents = std::vector<double>;
 
-struct Examiner {
+struct Examiner : Examination<Examiner> {
   CoilAmplifier& amplifier;
   const CoilAmplifierCheck& how;
-  std::vector<std::string> findings{};
-
-  void expect(bool good, const std::string& finding) {
-    if (!good) findings.push_back(finding);
-  }
-
-  void duty(const std::string& name, void (Examiner::*examine)()) {
-    try {
-      (this->*examine)();
-    } catch (const Stopped&) {
-      amplifier.make_safe();
-      throw;
-    } catch (const std::exception& error) {
-      findings.push_back(name + ": threw " + error.what());
-    }
-  }
+  Examiner(CoilAmplifier& its, const CoilAmplifierCheck& check) : amplifier(its), how(check) {}
+  void leave_safe() { amplifier.make_safe(); }
 
   std::size_t count() const { return static_cast<std::size_t>(amplifier.channels()); }
 
@@ -118,13 +104,12 @@ struct Examiner {
     amplifier.set_currents(pattern());
     expect_currents(pattern(), "set after make_safe");
   }
-  void is_left_safe() { amplifier.make_safe(); }
 };
 
 }  // namespace
 
 std::vector<std::string> check(CoilAmplifier& amplifier, const CoilAmplifierCheck& how) {
-  Examiner examiner{amplifier, how};
+  Examiner examiner(amplifier, how);
   examiner.duty("describe itself", &Examiner::describes_itself);
   if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
   examiner.duty("set currents", &Examiner::sets_currents);
@@ -133,7 +118,7 @@ std::vector<std::string> check(CoilAmplifier& amplifier, const CoilAmplifierChec
   examiner.duty("refuse what is beyond the limit", &Examiner::refuses_what_is_beyond_the_limit);
   examiner.duty("make safe", &Examiner::makes_safe);
   examiner.duty("work after make safe", &Examiner::works_after_make_safe);
-  examiner.duty("be left safe", &Examiner::is_left_safe);
+  examiner.duty("be left safe", &Examiner::leave_safe);
   return examiner.findings;
 }
 

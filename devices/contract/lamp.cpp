@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/lamp.h"
 
-#include "devices/clock.h"
+#include "devices/contract/examination.h"
 
 #include <cmath>
 #include <limits>
@@ -11,24 +11,12 @@
 namespace vitreo::contract {
 namespace {
 
-struct Examiner {
+struct Examiner : Examination<Examiner> {
   Lamp& lamp;
   const LampCheck& how;
-  std::vector<std::string> findings{};
+  Examiner(Lamp& its, const LampCheck& check) : lamp(its), how(check) {}
+  void leave_safe() { lamp.make_safe(); }
 
-  void expect(bool good, const std::string& finding) {
-    if (!good) findings.push_back(finding);
-  }
-  void duty(const std::string& name, void (Examiner::*examine)()) {
-    try {
-      (this->*examine)();
-    } catch (const Stopped&) {
-      lamp.make_safe();
-      throw;
-    } catch (const std::exception& error) {
-      findings.push_back(name + ": threw " + error.what());
-    }
-  }
   void expect_level(double level, const std::string& when) {
     expect(lamp.level() == level, when + ", level() is not what was set");
     if (how.measured) expect(std::abs(how.measured() - level) <= how.tolerance, when + ", the light is another");
@@ -67,7 +55,7 @@ struct Examiner {
 }  // namespace
 
 std::vector<std::string> check(Lamp& lamp, const LampCheck& how) {
-  Examiner examiner{lamp, how};
+  Examiner examiner(lamp, how);
   examiner.duty("describe itself", &Examiner::describes_itself);
   examiner.duty("shine", &Examiner::shines);
   examiner.duty("refuse what is no level", &Examiner::refuses_what_is_no_level);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/lens_mover.h"
 
+#include "devices/contract/examination.h"
 #include "devices/error.h"
 
 #include <cmath>
@@ -10,24 +11,11 @@
 namespace vitreo::contract {
 namespace {
 
-struct Examiner {
+struct Examiner : Examination<Examiner> {
   LensMover& mover;
   const LensMoverCheck& how;
-  std::vector<std::string> findings{};
-
-  void expect(bool good, const std::string& finding) {
-    if (!good) findings.push_back(finding);
-  }
-  void duty(const std::string& name, void (Examiner::*examine)()) {
-    try {
-      (this->*examine)();
-    } catch (const Stopped&) {
-      mover.make_safe();
-      throw;
-    } catch (const std::exception& error) {
-      findings.push_back(name + ": threw " + error.what());
-    }
-  }
+  Examiner(LensMover& its, const LensMoverCheck& check) : mover(its), how(check) {}
+  void leave_safe() { mover.make_safe(); }
 
   double middle() const { return (mover.travel_min() + mover.travel_max()) / 2; }
   double reach() const { return how.fraction * (mover.travel_max() - mover.travel_min()); }
@@ -96,13 +84,12 @@ struct Examiner {
     mover.move_to(middle(), how.timeout);
     expect_at(middle(), "moved after make_safe");
   }
-  void is_left_safe() { mover.make_safe(); }
 };
 
 }  // namespace
 
 std::vector<std::string> check(LensMover& mover, const LensMoverCheck& how) {
-  Examiner examiner{mover, how};
+  Examiner examiner(mover, how);
   examiner.duty("describe itself", &Examiner::describes_itself);
   examiner.duty("know its place", &Examiner::knows_its_place);
   if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
@@ -111,7 +98,7 @@ std::vector<std::string> check(LensMover& mover, const LensMoverCheck& how) {
   examiner.duty("stop at the deadline", &Examiner::stops_at_the_deadline);
   examiner.duty("make safe", &Examiner::makes_safe);
   examiner.duty("work after make safe", &Examiner::works_after_make_safe);
-  examiner.duty("be left safe", &Examiner::is_left_safe);
+  examiner.duty("be left safe", &Examiner::leave_safe);
   return examiner.findings;
 }
 

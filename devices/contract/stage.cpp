@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/stage.h"
 
+#include "devices/contract/examination.h"
 #include "devices/error.h"
 
 #include <algorithm>
@@ -36,13 +37,13 @@ class AsStage final : public Stage {
   StageInfo info_;
 };
 
-class Examiner {
+class Examiner : Examination<Examiner> {
  public:
   Examiner(Stage& stage, Clock& clock, const StageCheck& how) : stage_(stage), clock_(clock), how_(how) {}
 
   std::vector<std::string> run() {
     duty("describe itself", &Examiner::describes_itself);
-    if (!findings_.empty()) return findings_;  // nothing else can be asked of it
+    if (!findings.empty()) return findings;  // nothing else can be asked of it
     choose_places();
     if (how_.home) duty("find home", &Examiner::homes);
     duty("go where it is told", &Examiner::goes_where_it_is_told);
@@ -53,24 +54,12 @@ class Examiner {
     duty("stop at the deadline", &Examiner::stops_at_the_deadline);
     duty("make safe", &Examiner::makes_safe);
     duty("be left standing", &Examiner::makes_safe);
-    return findings_;
+    return findings;
   }
 
  private:
-  void expect(bool good, const std::string& finding) {
-    if (!good) findings_.push_back(finding);
-  }
-
-  void duty(const std::string& name, void (Examiner::*examine)()) {
-    try {
-      (this->*examine)();
-    } catch (const Stopped&) {
-      stage_.make_safe();
-      throw;
-    } catch (const std::exception& error) {
-      findings_.push_back(name + ": threw " + error.what());
-    }
-  }
+  friend Examination<Examiner>;
+  void leave_safe() { stage_.make_safe(); }
 
   const std::vector<StageAxis>& axes() const { return stage_.info().axes; }
 
@@ -106,7 +95,7 @@ class Examiner {
   void expect_refusal(const Place& target, double speed, const std::string& name) {
     try {
       stage_.start(target, speed);
-      findings_.push_back(name + " is accepted");
+      findings.push_back(name + " is accepted");
     } catch (const DeviceError& error) {
       expect(std::is_same_v<Error, DeviceError> && error.kind == DeviceErrorKind::refused,
              name + " is refused with another kind of error: " + error.what());
@@ -151,7 +140,7 @@ class Examiner {
   void expect_busy() {
     try {
       stage_.start(near_, speed_);
-      findings_.emplace_back("another motion is begun while it moves");
+      findings.emplace_back("another motion is begun while it moves");
     } catch (const DeviceError& error) {
       expect(error.kind == DeviceErrorKind::refused, "while it moves, start() fails with another kind of error");
     }
@@ -191,7 +180,7 @@ class Examiner {
     expect(!stage_.moving(), "after stop(), it moves");
     try {
       stage_.wait(how_.timeout);
-      findings_.emplace_back("wait() takes a stop for an arrival");
+      findings.emplace_back("wait() takes a stop for an arrival");
     } catch (const DeviceError& error) {
       expect(error.kind == DeviceErrorKind::refused, "after stop(), wait() fails with another kind of error");
     }
@@ -205,7 +194,7 @@ class Examiner {
     stage_.start(far_, speed_);
     try {
       stage_.wait(Time::zero());
-      findings_.emplace_back("wait() does not notice its deadline");
+      findings.emplace_back("wait() does not notice its deadline");
     } catch (const DeviceError& error) {
       expect(error.kind == DeviceErrorKind::timeout, "at the deadline, wait() fails with another kind of error");
     }
@@ -225,7 +214,6 @@ class Examiner {
   Stage& stage_;
   Clock& clock_;
   const StageCheck& how_;
-  std::vector<std::string> findings_;
   Place near_, far_;
   double speed_ = 0;
 };

@@ -12,20 +12,7 @@
 #include <utility>
 
 namespace vitreo::lua {
-namespace {
-
-constexpr std::string_view kModule = "control.";
-
-int unknown_function(lua_State* L) {
-  return guarded(L, "control: ", [L]() -> int {
-    std::vector<std::string> names;
-    for (const Binding& row : control_functions()) names.push_back(row.name.substr(kModule.size()));
-    const std::string word = plain_text(L, 2), near = nearest(word, names);
-    throw std::invalid_argument("there is no " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
-  });
-}
-
-}  // namespace
+namespace {}  // namespace
 
 const std::vector<Binding>& control_functions() {
   static const std::vector<Binding> functions = [] {
@@ -37,19 +24,6 @@ const std::vector<Binding>& control_functions() {
   return functions;
 }
 
-void open_control(lua_State* L) {
-  lua_newtable(L);
-  for (const Binding& row : control_functions()) {
-    push_function(L, nullptr, row);
-    lua_setfield(L, -2, row.name.c_str() + kModule.size());
-  }
-  lua_createtable(L, 0, 1);
-  lua_pushcfunction(L, unknown_function);
-  lua_setfield(L, -2, "__index");
-  lua_setmetatable(L, -2);
-  lua_pushvalue(L, -1);
-  set_module(L, "control");
-  lua_setglobal(L, "control");
-}
+void open_control(lua_State* L) { open_functions(L, "control", control_functions()); }
 
 }  // namespace vitreo::lua

@@ -18,7 +18,6 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr std::string_view kModule = "files.";
 constexpr std::uintmax_t kLargestTable = 64'000'000;  // bytes
 
 std::string trimmed(std::string text) {
@@ -96,13 +95,6 @@ int write_text(Call& call) {
   return call.result(file.string());
 }
 
-int unknown_function(lua_State* L) {
-  return guarded(L, "files: ", [L]() -> int {
-    const std::string word = plain_text(L, 2), near = nearest(word, text_keys(L, 1));
-    throw std::invalid_argument("there is no " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
-  });
-}
-
 }  // namespace
 
 const std::vector<Binding>& files_functions() {
@@ -124,19 +116,6 @@ const std::vector<Binding>& files_functions() {
   return functions;
 }
 
-void open_files(lua_State* L) {
-  lua_newtable(L);
-  for (const Binding& row : files_functions()) {
-    push_function(L, nullptr, row);
-    lua_setfield(L, -2, row.name.c_str() + kModule.size());
-  }
-  lua_createtable(L, 0, 1);
-  lua_pushcfunction(L, unknown_function);
-  lua_setfield(L, -2, "__index");
-  lua_setmetatable(L, -2);
-  lua_pushvalue(L, -1);
-  set_module(L, "files");
-  lua_setglobal(L, "files");
-}
+void open_files(lua_State* L) { open_functions(L, "files", files_functions()); }
 
 }  // namespace vitreo::lua

@@ -18,7 +18,6 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr std::string_view kModule = "optics.";
 constexpr std::uintmax_t kLargestFile = 4'000'000;  // bytes; lens files have some ten thousand
 
 int prescriptions(Call& call) {
@@ -79,15 +78,6 @@ int push_zemax(Call& call, const std::string& bytes) {
 
 int zemax(Call& call) { return push_zemax(call, call.text(0)); }
 int load_zemax(Call& call) { return push_zemax(call, read_text_file(lens_file(call.context(), call.text(0)))); }
-
-int unknown_function(lua_State* L) {
-  return guarded(L, "optics: ", [L]() -> int {
-    std::vector<std::string> names;
-    for (const Binding& row : optics_functions()) names.push_back(row.name.substr(kModule.size()));
-    const std::string word = plain_text(L, 2), near = nearest(word, names);
-    throw std::invalid_argument("there is no " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
-  });
-}
 
 }  // namespace
 
@@ -242,20 +232,7 @@ const std::vector<Binding>& optics_functions() {
   return functions;
 }
 
-void open_optics(lua_State* L) {
-  lua_newtable(L);
-  for (const Binding& row : optics_functions()) {
-    push_function(L, nullptr, row);
-    lua_setfield(L, -2, row.name.c_str() + kModule.size());
-  }
-  lua_createtable(L, 0, 1);
-  lua_pushcfunction(L, unknown_function);
-  lua_setfield(L, -2, "__index");
-  lua_setmetatable(L, -2);
-  lua_pushvalue(L, -1);
-  set_module(L, "optics");
-  lua_setglobal(L, "optics");
-}
+void open_optics(lua_State* L) { open_functions(L, "optics", optics_functions()); }
 
 const Class& optical_system_class() {
   static const Class kind = [] {

@@ -15,48 +15,6 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr std::string_view kModule = "vision.";
-
-/// The upvalue is the table's own name, "vision" or "vision.color_model".
-int unknown_function(lua_State* L) {
-  const std::string table = lua_tostring(L, lua_upvalueindex(1));
-  return guarded(L, table + ": ", [&]() -> int {
-    const std::string word = plain_text(L, 2), near = nearest(word, text_keys(L, 1));
-    throw std::invalid_argument("there is no " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
-  });
-}
-
-void push_table_of_functions(lua_State* L, const std::string& name) {
-  lua_newtable(L);
-  lua_createtable(L, 0, 1);
-  lua_pushstring(L, name.c_str());
-  lua_pushcclosure(L, unknown_function, 1);
-  lua_setfield(L, -2, "__index");
-  lua_setmetatable(L, -2);
-}
-
-/// Puts "vision.color_model.train" into the table `color_model` of the table on top.
-void add_function(lua_State* L, const Binding& row) {
-  const std::string path = row.name.substr(kModule.size());
-  const std::size_t dot = path.find('.');
-  if (dot == std::string::npos) {
-    push_function(L, nullptr, row);
-    lua_setfield(L, -2, path.c_str());
-    return;
-  }
-  const std::string group = path.substr(0, dot);
-  lua_pushstring(L, group.c_str());
-  if (lua_rawget(L, -2) != LUA_TTABLE) {
-    lua_pop(L, 1);
-    push_table_of_functions(L, std::string(kModule) + group);
-    lua_pushvalue(L, -1);
-    lua_setfield(L, -3, group.c_str());
-  }
-  push_function(L, nullptr, row);
-  lua_setfield(L, -2, path.c_str() + dot + 1);
-  lua_pop(L, 1);
-}
-
 double field(lua_State* L, int index, const char* key, const std::string& name) {
   lua_getfield(L, index, key);
   if (lua_type(L, -1) != LUA_TNUMBER || !std::isfinite(lua_tonumber(L, -1)))
@@ -228,12 +186,6 @@ const std::vector<Binding>& vision_functions() {
   return functions;
 }
 
-void open_vision(lua_State* L) {
-  push_table_of_functions(L, "vision");
-  for (const Binding& row : vision_functions()) add_function(L, row);
-  lua_pushvalue(L, -1);
-  set_module(L, "vision");
-  lua_setglobal(L, "vision");
-}
+void open_vision(lua_State* L) { open_functions(L, "vision", vision_functions()); }
 
 }  // namespace vitreo::lua

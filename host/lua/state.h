@@ -12,6 +12,8 @@
 
 namespace vitreo::lua {
 
+struct Binding;
+
 constexpr std::size_t kMemoryLimit = 256u << 20;  // bytes, of one state
 
 class State {
@@ -41,6 +43,9 @@ void open_files(lua_State* L);       // files.*
 void push_units(lua_State* L);
 /// What require(name) gives: [value] -> [].
 void set_module(lua_State* L, const std::string& name);
+/// The rows "optics.trace" or "vision.color_model.train" as functions of the table `name`, which is global and what
+/// require(name) gives. To read what is not there is an error that proposes what may be meant.
+void open_functions(lua_State* L, const std::string& name, const std::vector<Binding>& rows);
 
 /// Loads text; leaves the function on the stack. Throws ScriptError with file and line.
 void load_text(lua_State* L, const std::string& text, const std::string& file);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/web_server.h"
 
+#include "devices/quiet_thread.h"
+
 #include <algorithm>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -343,7 +345,7 @@ WebServer::WebServer(ServerSettings settings, Callbacks callbacks)
   sigset_t all, before;  // signals are for the script's thread
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
-  state_->thread = std::thread([this] { state_->io.run(); });
+  state_->thread = quiet_thread([this] { state_->io.run(); });
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
