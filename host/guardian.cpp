@@ -9,7 +9,6 @@
 #include <cstring>
 #include <filesystem>
 #include <sched.h>
-#include <signal.h>
 #include <spawn.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -76,11 +75,7 @@ Guardian::Guardian(const std::vector<guardian::Output>& outputs, std::function<b
     if (process_ > 0) ::waitpid(process_, nullptr, 0);
     throw;
   }
-  sigset_t all, before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
   thread_ = quiet_thread([this] { beat(); });
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
 /// In a session of its own, so that no terminal's signal reaches it, and with no descriptor of ours but its socket.

@@ -72,8 +72,10 @@ void Interlock::check_slew(std::span<const double> currents) {
   const double since = std::max(to_seconds(clock_->now() - sent_at_), kShortest);
   for (std::size_t channel = 0; channel < currents.size(); ++channel) {
     const double slew = std::abs(currents[channel] - sent_[channel]) / since;
-    // Towards zero may be as fast as it likes.
-    if (slew > limits_.slew && std::abs(currents[channel]) > std::abs(sent_[channel]))
+    // Towards zero may be as fast as it likes; through it is not towards it.
+    const bool towards_zero =
+        currents[channel] * sent_[channel] >= 0 && std::abs(currents[channel]) <= std::abs(sent_[channel]);
+    if (slew > limits_.slew && !towards_zero)
       refuse(fmt::format("coil {}: from {:.3g} A to {:.3g} A within {:.3g} ms is beyond the limit of {:.3g} A/s",
                          channel + 1, sent_[channel], currents[channel], since * 1e3, limits_.slew));
   }

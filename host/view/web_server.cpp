@@ -342,11 +342,7 @@ WebServer::WebServer(ServerSettings settings, Callbacks callbacks)
   }
   state_->accept();
   state_->tick();
-  sigset_t all, before;  // signals are for the script's thread
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
   state_->thread = quiet_thread([this] { state_->io.run(); });
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
 WebServer::~WebServer() {

@@ -102,6 +102,14 @@ TEST_F(TimedInterlockTest, AChangeThatIsTooFastMeansZeroButTowardsZeroNoneIs) {
   EXPECT_EQ(told, "coil 2: from 0.9 A to 3 A within 10 ms is beyond the limit of 100 A/s;");
 }
 
+TEST_F(TimedInterlockTest, ThroughZeroIsNotTowardsZero) {
+  interlock.set_currents(std::vector<double>{5, 0, 0});
+  clock->sleep_for(from_seconds(0.01));
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{-4, 0, 0}), DeviceError);
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_EQ(told, "coil 1: from 5 A to -4 A within 10 ms is beyond the limit of 100 A/s;");
+}
+
 TEST_F(TimedInterlockTest, AHeartThatStopsBeatingMeansZeroWithinTheDeadMansTime) {
   {
     Interlock::Heart heart(interlock, "the loop");
