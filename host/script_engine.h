@@ -37,7 +37,7 @@ struct Parameter {
 struct ProtocolTest {
   enum class Kind { run, fail, stop } kind = Kind::run;
   std::string arguments, answers;  // as on the command line, blanks between
-  std::string rig;                 // a name in scripts/rigs/ or a file; empty: the default
+  std::string rig;                 // a name in scripts/rigs/ or a file; empty: the protocol's own
   std::uint64_t seed = 1;
   std::map<std::string, std::pair<double, double>> figures;  // of run: least and most, SI
   std::string fault, outcome, says;                          // of fail
@@ -48,6 +48,7 @@ struct ProtocolDescription {
   std::string file, name, title, text;  // name: the file's stem; text: the source
   std::string about;                    // the comment at the file's head
   std::vector<std::string> needs;       // roles
+  std::string rig;                      // on which it runs unless another is named; a name in scripts/rigs/, or empty
   std::vector<Parameter> parameters;    // in the order of their names
   std::vector<ProtocolTest> tests;      // as the file lists them
 };

@@ -1,5 +1,5 @@
 -- Moves the sensor through focus on what a window shows, and says how deep in the eye that is, with its uncertainty (thesis
--- 4.1, figure 4.1): on the target of the bench, or on whatever is there. Rig: scripts/rigs/bare_sensor.lua.
+-- 4.1, figure 4.1): on the target of the bench, or on whatever is there.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local focusing = require "focusing"
@@ -12,6 +12,7 @@ local mm, um = units.mm, units.um
 return {
   title = "Autofocus sweep",
   needs = { "top_camera", "stage" },
+  rig = "bare_sensor",
   parameters = {
     depth = { unit = "mm", default = 3*mm, min = 0.1*mm, max = 8*mm,
       help = "where the target is put, before the retina, on the axis" },

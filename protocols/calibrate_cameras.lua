@@ -1,5 +1,5 @@
 -- Calibrates pixel size, rotation, centre and distortion of the cameras from a target that is moved over a grid, "before introducing
--- the eye model" (thesis 5.5). Unattended, with acceptance limits. Rig: scripts/rigs/calibration.lua.
+-- the eye model" (thesis 5.5). Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -9,6 +9,7 @@ local mm, deg = units.mm, units.deg
 return {
   title = "Calibration of the cameras",
   needs = { "top_camera" },
+  rig = "calibration",
   parameters = {
     count = { default = 5, min = 2, max = 31, integer = true, help = "places along each side of the grid" },
     half = { unit = "mm", default = 3*mm, min = 0.5*mm, max = 10*mm, help = "half its width" },

@@ -1,6 +1,5 @@
 -- Calibrates the coils: a field probe on a stage of three axes reads the field of each coil at nine places, and one dipole a coil is
--- fitted; the model goes into octomag_calibrated.yaml, as ETH's software writes it. Unattended, with acceptance limits. Rig:
--- scripts/rigs/calibration.lua.
+-- fitted; the model goes into octomag_calibrated.yaml, as ETH's software writes it. Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -12,6 +11,7 @@ local mm, uT, A = units.mm, units.uT, units.A
 return {
   title = "Calibration of the coils",
   needs = { "coils", "stage", "field_probe" },
+  rig = "calibration",
   parameters = {
     half = { unit = "mm", default = 8*mm, min = 1*mm, max = 20*mm, help = "half the cube's side" },
     current = { unit = "A", default = 8*A, min = 0.5*A, max = 12*A, help = "of each coil, either sign" },

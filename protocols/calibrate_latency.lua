@@ -1,6 +1,6 @@
 -- Measures the loop's latency: how old the cameras' frames are when they arrive, and by a step of current, seen by the field probe,
 -- how late and how slowly the coils follow (facts: 50 ms and 15 Hz; with 80 ms of the camera the loop's 130 ms). Unattended, with
--- acceptance limits. Rig: scripts/rigs/calibration.lua.
+-- acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -11,6 +11,7 @@ local s, ms, A = units.s, units.ms, units.A
 return {
   title = "Calibration of the latency",
   needs = { "top_camera", "coils", "field_probe" },
+  rig = "calibration",
   parameters = {
     coils = { default = 8, min = 1, max = 8, integer = true, help = "channels that are tried" },
     current = { unit = "A", default = 3*A, min = 0.1*A, max = 12*A, help = "height of the step" },

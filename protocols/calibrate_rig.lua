@@ -1,6 +1,5 @@
 -- Calibrates the rig overnight, unattended: cameras, then latency, then coils, each with its acceptance limits. What is accepted goes
--- into calibration.json of the run, under the keys of the rig file where it belongs; one that is refused leaves the others. Rig:
--- scripts/rigs/calibration.lua.
+-- into calibration.json of the run, under the keys of the rig file where it belongs; one that is refused leaves the others.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -47,6 +46,7 @@ end
 return {
   title = "Calibration of the whole rig",
   needs = { "top_camera", "coils", "stage", "field_probe" },
+  rig = "calibration",
   parameters = {
     count = { default = 3, min = 2, max = 31, integer = true, help = "places of the target along each side of the grid" },
   },

@@ -64,6 +64,7 @@ end
 return {
   title = "A step through gel",
   needs = { "coils", "sample" },
+  rig = "gel",
   parameters = {
     feedback = { choices = { "pose_sensor", "one_camera", "two_cameras" }, default = "pose_sensor", help = "of both laws" },
     step = { unit = "mm", default = 1 * mm, min = 0.1 * mm, max = 3 * mm, help = "along x" },

@@ -1,6 +1,6 @@
 -- Localises a target by focus over the field: angles of 0 to 30 degrees, five surfaces, thirty repetitions (thesis 4.4.5, table
 -- 4.1, figure 4.11), in an eye off by table 5.1, calibrated on the retina alone, and with axis and retinal shape; with
--- uncertainties by the GUM and the paraxial model beside it. Rig: scripts/rigs/bare_sensor.lua.
+-- uncertainties by the GUM and the paraxial model beside it.
 -- SPDX-License-Identifier: Apache-2.0
 local by_focus = require "by_focus"
 local expect = require "expect"
@@ -56,6 +56,7 @@ end
 return {
   title = "Localisation by focus",
   needs = { "top_camera", "stage" },
+  rig = "bare_sensor",
   parameters = {
     eye = { choices = { "nominal", "perturbed" }, default = "perturbed",
       help = "on a simulated rig: off by table 5.1, or as believed" },

@@ -111,6 +111,7 @@ end
 return {
   title = "Localisation on a spiral",
   needs = { "top_camera", "coils", "sample" },
+  rig = "spiral_coni",
   parameters = {
     orientation = { choices = { "both", "x", "z" }, default = "x", help = "of a CoNi robot; a sphere has none" },
     eye = { choices = { "nominal", "perturbed" }, default = "perturbed",

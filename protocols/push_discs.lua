@@ -1,5 +1,5 @@
 -- A robot pushes a disc over a surface, and both are tracked by their colours, touching or not (thesis 8.3.1, figures 8.2 and
--- 8.3). On the simulated rig the robot is steered by its pose sensor in the operator's stead. Rig: scripts/rigs/push_discs.lua.
+-- 8.3). On the simulated rig the robot is steered by its pose sensor in the operator's stead.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local units = require "units"
@@ -28,6 +28,7 @@ local away = vector(0, 0, 0.5)
 return {
   title = "Pushing a disc",
   needs = { "top_camera", "coils", "sample" },
+  rig = "push_discs",
   parameters = {
     images = { default = 8, min = 2, max = 100, integer = true, help = "of each object alone, to train with" },
     way = { unit = "mm", default = 3*mm, min = 0.5*mm, max = 6*mm, help = "that the robot goes" },

@@ -1,5 +1,5 @@
 -- Scans the retina with a small sensor that is turned about the axis, focuses at each view, and joins the views to one picture
--- (thesis appendix A, figures A.3 and A.4). Rig: scripts/rigs/fundus_scanner.lua.
+-- (thesis appendix A, figures A.3 and A.4).
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local focusing = require "focusing"
@@ -11,6 +11,7 @@ local mm, um, deg = units.mm, units.um, units.deg
 return {
   title = "Fundus scan",
   needs = { "top_camera", "stage", "rotation_stage" },
+  rig = "fundus_scanner",
   parameters = {
     views = { default = 12, min = 2, max = 60, integer = true, help = "of one turn" },
     turn = { unit = "deg", default = 180*deg, min = 10*deg, max = 360*deg, help = "from the first view to the last" },

@@ -1,6 +1,6 @@
 -- Chooses the colour channels by which the robot is best told from the eye (thesis 8.1, table 8.2, figure 8.6), and the two
 -- thresholds for them (8.2), from images with masks: a folder of NAME.png with NAME_mask.png, or, on a simulated rig, images of its
--- own. Rig: scripts/rigs/colour_eye.lua.
+-- own.
 -- SPDX-License-Identifier: Apache-2.0
 local colour_scene = require "colour_scene"
 local expect = require "expect"
@@ -36,6 +36,7 @@ end
 return {
   title = "Choice of colour channels",
   needs = {},
+  rig = "colour_eye",
   parameters = {
     training = { default = "", help = "folder of images NAME.png with masks NAME_mask.png; empty: from the simulated rig" },
     images = { default = 24, min = 3, max = 1000, integer = true, help = "of the simulated rig's own" },

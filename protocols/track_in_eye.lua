@@ -1,5 +1,5 @@
 -- Tracks the robot in the eye by colour, in three pairs of channels, with and without the two thresholds (thesis 8.3.3, table 8.3,
--- figures 8.7 and 8.9), and says how far each is from its true outline. Rig: scripts/rigs/colour_eye.lua.
+-- figures 8.7 and 8.9), and says how far each is from its true outline.
 -- SPDX-License-Identifier: Apache-2.0
 local colour_scene = require "colour_scene"
 local expect = require "expect"
@@ -43,6 +43,7 @@ end
 return {
   title = "Tracking in the eye by colour",
   needs = { "top_camera" },
+  rig = "colour_eye",
   parameters = {
     channels = { choices = { "all", "RG", "YV", "YU" }, default = "all", help = "pairs of channels of table 8.3" },
     images = { default = 24, min = 3, max = 1000, integer = true, help = "to train with" },

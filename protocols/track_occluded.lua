@@ -1,5 +1,5 @@
 -- Tracks the robot while something lies before it: by colour alone, and with the shape learnt (thesis 8.3.2, figure 8.4; four
--- eigenshapes). On the simulated rig a needle crosses the field above it. Rig: scripts/rigs/colour_occluded.lua.
+-- eigenshapes). On the simulated rig a needle crosses the field above it.
 -- SPDX-License-Identifier: Apache-2.0
 local colour_scene = require "colour_scene"
 local expect = require "expect"
@@ -30,6 +30,7 @@ end
 return {
   title = "Tracking behind an occlusion",
   needs = { "top_camera" },
+  rig = "colour_occluded",
   parameters = {
     images = { default = 20, min = 3, max = 1000, integer = true, help = "to train with" },
     passes = { default = 3, min = 1, max = 100, integer = true, help = "of the robot under the needle" },

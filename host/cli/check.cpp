@@ -35,7 +35,7 @@ int check(Program& program, Check& wanted) {
     _exit(static_cast<int>(ExitCode::not_responding));
   };
   try {
-    const PreflightReport report = preflight(program.engine(), wanted.complete(), limits);
+    const PreflightReport report = preflight(program.engine(), wanted.complete(program), limits);
     show(report, wanted.json);
     return static_cast<int>(report.passed() ? ExitCode::completed : ExitCode::preflight_failed);
   } catch (const Stopped&) {
@@ -51,7 +51,7 @@ void add_check(CommandLine& line, Program& program) {
   Command command = line.command(
       "check", "whether a run would be let, and what it would move and energise: a dry run on the rig's twin",
       [&program, wanted] { return check(program, *wanted); });
-  command.option("--rig", wanted->request.rig_file, "rig file (default: scripts/rigs/simulated.lua)");
+  command.option("--rig", wanted->request.rig_file, "a rig's file or name (default: the protocol's own, else simulated)");
   command.option("--seed", wanted->request.seed, "of everything that is drawn by chance (default: 1)");
   command.option("--out", wanted->request.out, "folder in which the run's would be (default: runs)");
   command.option("--frames", wanted->request.frames, "cameras whose frames would be recorded").delimiter(',');

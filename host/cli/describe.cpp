@@ -48,7 +48,7 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
     parameters.push_back(row);
   }
   return {{"name", protocol.name},   {"file", protocol.file},   {"title", protocol.title},
-          {"about", protocol.about}, {"needs", protocol.needs}, {"parameters", parameters}};
+          {"about", protocol.about}, {"needs", protocol.needs}, {"rig", protocol.rig}, {"parameters", parameters}};
 }
 
 std::string range_text(const Parameter& p) {
@@ -80,12 +80,12 @@ void list(ScriptEngine& engine, bool json) {
       if (json)
         rows.push_back({{"name", protocol.name}, {"file", file}, {"title", protocol.title}});
       else
-        fmt::print("{:<20} {}\n", protocol.name, protocol.title);
+        fmt::print("{:<22} {}\n", protocol.name, protocol.title);
     } catch (const ScriptError& error) {
       if (json)
         rows.push_back({{"file", file}, {"error", error.what()}});
       else
-        fmt::print("{:<20} does not load: {}\n", std::filesystem::path(file).stem().string(), error.what());
+        fmt::print("{:<22} does not load: {}\n", std::filesystem::path(file).stem().string(), error.what());
     }
   }
   if (json) std::cout << rows.dump() << "\n";
@@ -97,6 +97,7 @@ std::string describe_text(const ProtocolDescription& protocol) {
   std::string text = fmt::format(
       "{}: {}\n{}needs: {}\n", protocol.name, protocol.title, protocol.about.empty() ? "" : protocol.about + "\n",
       protocol.needs.empty() ? "nothing" : fmt::format("{}", fmt::join(protocol.needs, ", ")));
+  if (!protocol.rig.empty()) text += "rig: " + protocol.rig + ", unless --rig names another\n";
   for (const Parameter& p : protocol.parameters) {
     const std::string range = range_text(p);
     text += fmt::format("  {:<14} {:<12} {}{}{}\n", p.name, p.required ? "(needed)" : value_text(p.fallback, p.unit),

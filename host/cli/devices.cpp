@@ -18,13 +18,13 @@ struct Wanted {
 
 int devices(Program& program, const Wanted& wanted) {
   if (!wanted.test.empty()) {
-    const std::vector<std::string> findings = test_instrument(program.engine().load_rig(wanted.rig), wanted.test);
+    const std::vector<std::string> findings = test_instrument(program.engine().load_rig(Program::rig_file(wanted.rig)), wanted.test);
     for (const std::string& finding : findings) fmt::print("{}: {}\n", wanted.test, finding);
     if (findings.empty()) fmt::print("{}: keeps its contract\n", wanted.test);
     return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
   }
   const nlohmann::json rows =
-      wanted.rig.empty() ? find_instruments() : examine_rig(program.engine().load_rig(wanted.rig));
+      wanted.rig.empty() ? find_instruments() : examine_rig(program.engine().load_rig(Program::rig_file(wanted.rig)));
   fmt::print("{}", wanted.json ? rows.dump() + "\n" : to_text(rows));
   return 0;
 }
@@ -35,7 +35,7 @@ void add_devices(CommandLine& line, Program& program) {
   const auto wanted = std::make_shared<Wanted>();
   Command command = line.command("devices", "what is plugged in, and which driver would take it",
                                  [&program, wanted] { return devices(program, *wanted); });
-  command.option("--rig", wanted->rig, "open this rig file instead, and show each role");
+  command.option("--rig", wanted->rig, "open this rig instead (a file or a name), and show each role");
   command.option("--test", wanted->test, "a role: run its contract suite (it moves, it drives currents!)")
       .needs("--rig");
   command.flag("--json", wanted->json, "as JSON, SI units");
@@ -44,11 +44,11 @@ void add_devices(CommandLine& line, Program& program) {
   Command emulated = line.command("emulate", "offer a rig's emulated instruments, or run a command among them",
                                   [&program, &line, wanted] {
                                     if (!wanted->command.empty()) restart_in_testbed(line.words());
-                                    return emulate(program.engine().load_rig(wanted->rig), wanted->command);
+                                    return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), wanted->command);
                                   });
-  emulated.option("rig", wanted->rig, "rig file").required();
+  emulated.option("rig", wanted->rig, "a rig's file or name").required();
   emulated.option("command", wanted->command, "after --: the command and its arguments");
-  emulated.examples({"vitreo emulate scripts/rigs/octomag_lab.lua -- vitreo devices"});
+  emulated.examples({"vitreo emulate octomag_lab -- vitreo devices"});
 }
 
 }  // namespace vitreo::cli

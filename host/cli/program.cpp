@@ -42,6 +42,12 @@ std::string Program::protocol_file(const std::string& given) {
   return given.find('/') == std::string::npos && fs::exists(by_name) ? by_name : given;
 }
 
+std::string Program::rig_file(const std::string& given) {
+  if (fs::exists(given)) return given;
+  const std::string by_name = in_data_folder("scripts/rigs/" + given + ".lua");
+  return given.find('/') == std::string::npos && fs::exists(by_name) ? by_name : given;
+}
+
 std::vector<std::string> Program::protocol_files() {
   std::vector<std::string> files;
   for (const auto& entry : fs::directory_iterator(in_data_folder("protocols")))
@@ -63,7 +69,7 @@ std::string exit_codes_text() {
 }
 
 void add_run_options(Command& command, RunOptions& options) {
-  command.option("--rig", options.request.rig_file, "rig file (default: scripts/rigs/simulated.lua)");
+  command.option("--rig", options.request.rig_file, "a rig's file or name (default: the protocol's own, else simulated)");
   command.option("--seed", options.request.seed, "of everything that is drawn by chance (default: 1)");
   command.option("--out", options.request.out, "folder for the run's folder (default: runs)");
   command.option("--operator", options.request.operator_name, "who runs it, for the record");
@@ -81,9 +87,11 @@ void add_run_options(Command& command, RunOptions& options) {
       .delimiter(',');
 }
 
-RunRequest& RunOptions::complete() {
+RunRequest& RunOptions::complete(Program& program) {
   request.control_socket = true;
-  if (request.rig_file.empty()) request.rig_file = Program::in_data_folder("scripts/rigs/simulated.lua");
+  if (request.rig_file.empty() && !request.protocol_file.empty())
+    request.rig_file = program.engine().describe(request.protocol_file).rig;
+  request.rig_file = Program::rig_file(request.rig_file.empty() ? "simulated" : request.rig_file);
   request.view.port = static_cast<unsigned short>(view_port);
   if (real_time) request.pace = Pace::real_time;
   return request;

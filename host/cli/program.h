@@ -26,6 +26,8 @@ class Program {
   /// A path below protocols/, scripts/, docs/ or templates/: in VITREO_ROOT, else here where both protocols/ and
   /// scripts/ are, else beside the installed program (../share/vitreo), else where the program was built.
   static std::string in_data_folder(const std::string& below);
+  /// What `--rig` says: a file, or the name of one in scripts/rigs/.
+  static std::string rig_file(const std::string& given);
   /// A path as given, or a protocol's bare name.
   static std::string protocol_file(const std::string& given);
   static std::vector<std::string> protocol_files();
@@ -39,7 +41,9 @@ struct RunOptions {
   RunRequest request;
   bool real_time = false;
   int view_port = 0;
-  RunRequest& complete();  ///< with the defaults that depend on where the program is
+  /// With the defaults that depend on where the program is, and on the protocol: its own rig. Throws ScriptError when
+  /// that cannot be read.
+  RunRequest& complete(Program& program);
 };
 void add_run_options(Command& command, RunOptions& options);
 

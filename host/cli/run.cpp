@@ -68,7 +68,7 @@ int run(Program& program, Run& wanted) {
   const bool terminal = isatty(STDERR_FILENO) != 0;
   const auto progress =
       wanted.quiet ? std::make_unique<Quiet>(std::cerr, false) : std::make_unique<ProgressLine>(std::cerr, terminal);
-  const RunRequest& request = wanted.complete();
+  const RunRequest& request = wanted.complete(program);
   if (wanted.verbose) tell_before(program.engine(), request);
   const RunResult result = run_protocol(program.engine(), request, *progress);
   progress->clear();
@@ -96,7 +96,7 @@ int prompt(Program& program, RunOptions& options) {
   const auto editor = edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, sits_there);
   PromptLines progress(edits ? std::cout : std::cerr, edits, *editor);
   const RunResult result =
-      run_prompt(program.engine(), options.complete(), progress, *editor, std::cout, edits ? std::cout : std::cerr);
+      run_prompt(program.engine(), options.complete(program), progress, *editor, std::cout, edits ? std::cout : std::cerr);
   progress.clear();
   if (sits_there) fmt::print("run: {}\n", result.folder);
   return static_cast<int>(result.exit_code);

@@ -25,7 +25,7 @@ int soak_protocol(Program& program, Wanted& wanted) {
   SoakRequest request;
   wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
   wanted.request.seed = wanted.run_seed;
-  request.run = wanted.complete();
+  request.run = wanted.complete(program);
   request.first = wanted.seed == kNone ? 1 : wanted.seed;
   request.count = wanted.seed == kNone ? wanted.seeds : 1;
   const SoakResult result = soak(program.engine(), request, [&](const SoakedSeed& one) {
@@ -51,7 +51,7 @@ void add_soak(CommandLine& line, Program& program) {
   command.option("--seeds", wanted->seeds, "how many (default: 100)");
   command.option("--seed", wanted->seed, "only this one: it happens again as it did");
   command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
-  command.option("--rig", wanted->request.rig_file, "rig file (default: scripts/rigs/simulated.lua)");
+  command.option("--rig", wanted->request.rig_file, "a rig's file or name (default: the protocol's own, else simulated)");
   command.option("--out", wanted->request.out, "folder in which the records of bad seeds stay (default: runs)");
   command.flag("--json", wanted->json, "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");
   command.examples({"vitreo soak hello_rig --seeds 20"});

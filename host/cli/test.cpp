@@ -6,8 +6,6 @@
 
 #include <fmt/format.h>
 
-#include <filesystem>
-
 namespace vitreo::cli {
 namespace {
 
@@ -16,14 +14,9 @@ struct Wanted : RunOptions {
   int stops = 0;
 };
 
-std::string rig_of(const std::string& name) {
-  if (name.empty() || std::filesystem::exists(name)) return name;
-  return Program::in_data_folder("scripts/rigs/" + name + ".lua");
-}
-
 int test(Program& program, Wanted& wanted) {
-  RunRequest& base = wanted.complete();
-  base.protocol_file = Program::protocol_file(wanted.protocol);
+  wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
+  const RunRequest& base = wanted.complete(program);
   std::vector<ProtocolTest> tests = program.engine().describe(base.protocol_file).tests;
   if (tests.empty()) {
     tests = usual_tests();
@@ -35,7 +28,7 @@ int test(Program& program, Wanted& wanted) {
   }
   int runs = 0, failed = 0;
   for (ProtocolTest& one : tests) {
-    one.rig = rig_of(one.rig);
+    if (!one.rig.empty()) one.rig = Program::rig_file(one.rig);
     if (wanted.stops > 0) one.times = wanted.stops;
     try_protocol(program.engine(), base, one, [&](const ProtocolTrial& trial) {
       ++runs;

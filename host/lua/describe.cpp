@@ -289,11 +289,12 @@ ProtocolDescription describe_protocol(const std::string& file, const std::vector
                           ": a protocol returns a table {title =, needs =, parameters =, run =}, this one returns " +
                           kind_of(L, -1));
       const Reader root(L, -1, protocol, "");
-      root.known({"title", "needs", "parameters", "run", "tests"});
+      root.known({"title", "needs", "rig", "parameters", "run", "tests"});
       protocol.title = root.text("title", true);
       if (root.push("run") != LUA_TFUNCTION) root.fail("run", "wants a function(rig, p, run), got " + kind_of(L, -1));
       lua_pop(L, 1);
       read_needs(root, protocol);
+      protocol.rig = root.text("rig", false);
       read_parameters(root, protocol);
       read_tests(root, protocol);
       lua_settop(L, 0);

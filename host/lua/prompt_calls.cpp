@@ -217,7 +217,8 @@ void check_roles(const ProtocolDescription& protocol, const Rig& rig) {
   const std::vector<std::string> there = rig.roles();
   for (const std::string& role : protocol.needs)
     if (std::find(there.begin(), there.end(), role) == there.end())
-      throw std::invalid_argument(protocol.name + " needs the role '" + role + "', which this rig has not");
+      throw std::invalid_argument(protocol.name + " needs the role '" + role + "', which this rig has not" +
+                                  (protocol.rig.empty() ? "" : "; the rig " + protocol.rig + " has it"));
 }
 
 void open_prompt_calls(lua_State* L) {

@@ -143,6 +143,17 @@ TEST(CommandLine, HelpListAndDescribeAnswer) {
   EXPECT_EQ(place.vitreo("fly").exit_code, 2);
 }
 
+TEST(CommandLine, AProtocolRunsOnTheRigThatItNamesUnlessAnotherIsAskedFor) {
+  const Workplace place;
+  EXPECT_EQ(nlohmann::json::parse(place.vitreo("describe calibrate_coils --json").out)["rig"], "calibration");
+  EXPECT_NE(place.vitreo("describe calibrate_coils").out.find("\nrig: calibration, unless"), std::string::npos);
+  EXPECT_EQ(place.vitreo("check calibrate_coils").exit_code, 0);
+  const Spoken another = place.vitreo("check calibrate_coils --rig simulated");
+  EXPECT_EQ(another.exit_code, 2);
+  EXPECT_NE(another.err.find("needs the role 'field_probe'"), std::string::npos) << another.err;
+  EXPECT_EQ(place.vitreo("check calibrate_coils --rig no_such_rig").exit_code, 2);
+}
+
 TEST(CommandLine, ItStartsWithoutTheLibrariesThatFewRunsNeed) {
 #if !defined(__x86_64__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "they are linked as usual here";
