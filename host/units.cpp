@@ -11,6 +11,8 @@
 namespace vitreo {
 namespace {
 
+constexpr double kNothing = 1e-8;  // of the smallest unit there is: what a subtraction of doubles leaves
+
 constexpr double kDegree = std::numbers::pi / 180;
 
 /// People's unit for a dimension: used from `from` (SI) upwards; the smallest of a dimension goes down to zero.
@@ -231,7 +233,8 @@ Shown show_quantity(double in_si, std::string_view dimension, int digits) {
   if (dimension == "s" && std::llround(std::fabs(in_si)) >= 60) return {minutes_text(in_si), ""};
   const std::string_view symbol = symbol_for(std::fabs(value), dimension);
   const std::optional<Unit> unit = find_unit(symbol);
-  const double number = unit ? in_si / unit->factor : in_si;
+  double number = unit ? in_si / unit->factor : in_si;
+  if (unit && unit->factor < 1 && std::fabs(number) < kNothing) number = 0;
   return {format_number(number, digits), std::string(symbol)};
 }
 

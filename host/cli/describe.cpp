@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/units.h"
+#include "host/protocol_text.h"
 
 #include <fmt/format.h>
 
@@ -12,13 +12,6 @@
 
 namespace vitreo::cli {
 namespace {
-
-std::string value_text(const ArgumentValue& value, const std::string& unit) {
-  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
-  if (const std::string* text = std::get_if<std::string>(&value)) return *text;
-  const auto known = find_unit(unit);
-  return format_quantity(std::get<double>(value), known ? std::string(known->dimension) : unit);
-}
 
 const char* kind_name(ParameterKind kind) {
   switch (kind) {
@@ -47,16 +40,8 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
     if (!p.choices.empty()) row["choices"] = p.choices;
     parameters.push_back(row);
   }
-  return {{"name", protocol.name},   {"file", protocol.file},   {"title", protocol.title},
-          {"about", protocol.about}, {"needs", protocol.needs}, {"rig", protocol.rig}, {"parameters", parameters}};
-}
-
-std::string range_text(const Parameter& p) {
-  if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
-  if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
-  if (!std::isfinite(p.max)) return "at least " + value_text(p.min, p.unit);
-  if (!std::isfinite(p.min)) return "at most " + value_text(p.max, p.unit);
-  return value_text(p.min, p.unit) + " to " + value_text(p.max, p.unit);
+  return {{"name", protocol.name},   {"file", protocol.file}, {"title", protocol.title}, {"about", protocol.about},
+          {"needs", protocol.needs}, {"rig", protocol.rig},   {"parameters", parameters}};
 }
 
 /// As it could be written on the command line: hold=5s.
@@ -94,16 +79,8 @@ void list(ScriptEngine& engine, bool json) {
 }  // namespace
 
 std::string describe_text(const ProtocolDescription& protocol) {
-  std::string text = fmt::format(
-      "{}: {}\n{}needs: {}\n", protocol.name, protocol.title, protocol.about.empty() ? "" : protocol.about + "\n",
-      protocol.needs.empty() ? "nothing" : fmt::format("{}", fmt::join(protocol.needs, ", ")));
-  if (!protocol.rig.empty()) text += "rig: " + protocol.rig + ", unless --rig names another\n";
-  for (const Parameter& p : protocol.parameters) {
-    const std::string range = range_text(p);
-    text += fmt::format("  {:<14} {:<12} {}{}{}\n", p.name, p.required ? "(needed)" : value_text(p.fallback, p.unit),
-                        p.help, range.empty() || p.help.empty() ? "" : "; ", range);
-  }
-  return text + fmt::format("for instance: vitreo run {}{}\n", protocol.name, argument_example(protocol));
+  return protocol_text(protocol) +
+         fmt::format("for instance: vitreo run {}{}\n", protocol.name, argument_example(protocol));
 }
 
 void add_describe(CommandLine& line, Program& program) {

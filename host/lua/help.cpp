@@ -7,7 +7,7 @@
 #include "host/lua/reference.h"
 #include "host/lua/state.h"
 #include "host/lua/values.h"
-#include "host/units.h"
+#include "host/protocol_text.h"
 
 #include <fmt/format.h>
 
@@ -62,7 +62,7 @@ std::string words_help(lua_State* L, const std::string& word) {
   if (std::string text = lua_function_help(L, word); !text.empty()) return text;
   const Context& context = context_of(L);
   if (const std::string file = find_protocol(context, word); !file.empty() && word.find('/') == std::string::npos)
-    return protocol_help(describe_protocol(file, context.folders));
+    return protocol_text(describe_protocol(file, context.folders));
   return help_about(word);
 }
 
@@ -76,14 +76,6 @@ int help(Call& call) {
   while (text.ends_with('\n')) text.pop_back();
   if (const auto& print = call.context().print) print(text);
   return 0;
-}
-
-std::string default_text(const Parameter& parameter) {
-  if (parameter.required) return "needed";
-  if (const bool* flag = std::get_if<bool>(&parameter.fallback)) return *flag ? "true" : "false";
-  if (const std::string* text = std::get_if<std::string>(&parameter.fallback)) return '"' + *text + '"';
-  const auto unit = find_unit(parameter.unit);
-  return format_quantity(std::get<double>(parameter.fallback), unit ? unit->dimension : "");
 }
 
 }  // namespace
@@ -107,17 +99,6 @@ std::vector<std::string> protocol_names(const Context& context) {
     for (const auto& entry : std::filesystem::directory_iterator(folder, error))
       if (entry.path().extension() == ".lua") names.push_back(entry.path().stem().string());
   return names;
-}
-
-std::string protocol_help(const ProtocolDescription& protocol) {
-  std::string text =
-      protocol.name + ": " + protocol.title + "\n" + (protocol.about.empty() ? "" : protocol.about + "\n");
-  std::string needs;
-  for (const std::string& role : protocol.needs) needs += (needs.empty() ? "" : ", ") + role;
-  text += "needs: " + (needs.empty() ? "nothing" : needs) + "\n";
-  for (const Parameter& parameter : protocol.parameters)
-    text += fmt::format("  {:<14} {:<12} {}\n", parameter.name, default_text(parameter), parameter.help);
-  return text;
 }
 
 const std::vector<Binding>& global_functions() {

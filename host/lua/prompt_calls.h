@@ -16,7 +16,6 @@ namespace vitreo::lua {
 /// A file as given, else the name in one of the protocols' folders; "" where there is none.
 std::string find_protocol(const Context& context, const std::string& name);
 std::vector<std::string> protocol_names(const Context& context);
-std::string protocol_help(const ProtocolDescription& protocol);
 /// Of that name or file; throws std::invalid_argument with what was perhaps meant, ScriptError where it is none.
 ProtocolDescription named_protocol(const Context& context, const std::string& name);
 /// The roles that it needs; throws std::invalid_argument for one that the rig has not.

@@ -81,6 +81,7 @@ TEST(Units, TheCommaOfALocaleDoesNotMatter) {
 
 TEST(Units, PeopleAreShownTheirUnits) {
   EXPECT_EQ(format_quantity(0.0123, "m"), "12.3 mm");
+  EXPECT_EQ(format_quantity(-1.7e-18, "m"), "0 nm") << "what is left of a subtraction";
   EXPECT_EQ(format_quantity(220e-6, "m"), "220 um");
   EXPECT_EQ(format_quantity(0.01, "T"), "10 mT");
   EXPECT_EQ(format_quantity(0.5e-3, "m/s"), "0.5 mm/s");
