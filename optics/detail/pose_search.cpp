@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -82,6 +83,7 @@ class Search {
   std::vector<BodyState> starts() const;
   std::optional<BodyState> mirrored(const BodyState& state) const;
   std::vector<BodyState> tilted(const BodyState& state) const;
+  std::vector<BodyState> scanned(const BodyState& state) const;
   void follow(const BodyState& start);
   Eigen::VectorXd step_between(const BodyState& a, const BodyState& b, Symmetry symmetry) const;
   double widened(const Minimum& minimum, const Eigen::VectorXd& direction, double sigma) const;
@@ -176,6 +178,39 @@ std::vector<BodyState> Search::tilted(const BodyState& state) const {
   return made;
 }
 
+/// For a body that is round about its z: from all tilts against the line of sight, towards where it lies in `state` and
+/// across, at the depth where the size fits, those that fit better than their neighbours. A short cylinder shows one
+/// ellipse at two tilts that are nearer each other than any few starts are.
+std::vector<BodyState> Search::scanned(const BodyState& state) const {
+  constexpr int kTilts = 24;  // of half a turn: 7.5 degrees
+  const auto viewpoint = look_.viewpoint(state.position);
+  if (!viewpoint) return {};
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized(), axis = state.orientation.col(2);
+  Eigen::Vector3d aside = axis - axis.dot(w) * w;
+  if (!(aside.norm() > 0.01)) aside = w.unitOrthogonal();
+  aside.normalize();
+  std::vector<BodyState> made;
+  for (const Eigen::Vector3d& towards : {aside, Eigen::Vector3d(w.cross(aside))}) {
+    std::array<std::optional<BodyState>, kTilts> seen;
+    std::array<double, kTilts> cost;
+    cost.fill(std::numeric_limits<double>::infinity());
+    for (int i = 0; i < kTilts; ++i) {
+      const double tilt = M_PI * (i + 0.5) / kTilts;
+      const Eigen::Matrix3d turn = orientation_along(std::cos(tilt) * w + std::sin(tilt) * towards);
+      const auto there = places(turn);
+      if (there.empty()) continue;
+      seen[i] = BodyState{there.front(), turn, 1};
+      const auto terms = residuals(*seen[i]);
+      if (terms) cost[i] = terms->squaredNorm();
+    }
+    for (int i = 0; i < kTilts; ++i) {
+      const double before = cost[(i + kTilts - 1) % kTilts], after = cost[(i + 1) % kTilts];
+      if (std::isfinite(cost[i]) && cost[i] <= before && cost[i] <= after) made.push_back(*seen[i]);
+    }
+  }
+  return made;
+}
+
 Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b, Symmetry symmetry) const {
   Eigen::VectorXd step(static_cast<Eigen::Index>(free_.size()));
   step.head<3>() = b.position - a.position;
@@ -259,6 +294,11 @@ ObjectPose Search::run() {
     follow(start);
     if (!tilts || !start_.orientation) continue;
     for (const BodyState& other : tilted(start)) follow(other);
+  }
+  if (settings_.rotate && !start_.orientation && measured_.symmetry == Symmetry::about_z && !minima_.empty()) {
+    const auto best = std::min_element(minima_.begin(), minima_.end(),
+                                       [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
+    for (const BodyState& other : scanned(best->state)) follow(other);
   }
   // By index: what is found this way is looked at in its turn. A short cylinder has four poses with the same ellipse.
   for (std::size_t i = 0; rotates_ && i < std::min(minima_.size(), kMost); ++i) {

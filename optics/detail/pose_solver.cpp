@@ -59,9 +59,53 @@ Eigen::VectorXd parameter_units(const FreeParameters& free) {
   return units;
 }
 
+namespace {
+
+constexpr double kSlight = 1e-9;  // damping
+constexpr int kDoublings = 12;
+
+/// Steps of Levenberg and Marquardt from one place, in units.
+class DampedSteps {
+ public:
+  DampedSteps(const Eigen::MatrixXd& scaled, const Eigen::VectorXd& residuals)
+      : information_(scaled.transpose() * scaled), gradient_(scaled.transpose() * residuals) {}
+
+  Eigen::VectorXd damped(double damping) const {
+    Eigen::MatrixXd matrix = information_;
+    // A floor for directions without information, which scaling by the diagonal alone would leave undamped.
+    matrix.diagonal() += damping * (information_.diagonal().array() + 1e-3 + 1e-9 * information_.trace()).matrix();
+    return -matrix.ldlt().solve(gradient_);
+  }
+  double gain(const Eigen::VectorXd& step) const { return -gradient_.dot(step); }  // about twice what a step gains
+
+ private:
+  Eigen::MatrixXd information_;
+  Eigen::VectorXd gradient_;
+};
+
+/// Takes a step if it is a gain. Gauss-Newton knows the residuals' slopes and not their bends: where what is left over
+/// is large against the noise and bends, as a body's length does with its tilt seen from straight above, its steps are
+/// too short by a factor that stays, and a hundred are not enough. So a gain is doubled for as long as that is one too.
+bool go(const BodyResiduals& residuals, const FreeParameters& free, const Eigen::VectorXd& step, int doublings,
+        Minimum& best) {
+  const BodyState from = best.state;
+  double factor = 1;
+  for (int i = 0; i <= doublings; ++i, factor *= 2) {
+    const BodyState there = moved(from, free, factor * step);
+    const auto found = residuals(there);
+    if (!found || !(found->squaredNorm() < best.cost)) return i > 0;
+    best.state = there, best.residuals = *found, best.cost = found->squaredNorm();
+  }
+  return true;
+}
+
+}  // namespace
+
 std::optional<Minimum> minimise(const BodyResiduals& residuals, const FreeParameters& free, const BodyState& start) {
   constexpr int kIterations = 100;
+  constexpr int kSlow = 6;  // steps after which Gauss and Newton should have been there
   constexpr double kHopeless = 1e12;
+  constexpr double kRough = 1e-4;  // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
   const auto first = residuals(start);
   if (!first) return std::nullopt;
   const Eigen::VectorXd units = parameter_units(free);
@@ -71,30 +115,25 @@ std::optional<Minimum> minimise(const BodyResiduals& residuals, const FreeParame
     const auto jacobian = differentiate(residuals, free, best.state, best.residuals.size());
     if (!jacobian) return best;  // at the edge of what can be seen
     best.jacobian = *jacobian;
-    const Eigen::MatrixXd scaled = *jacobian * units.asDiagonal();
-    const Eigen::MatrixXd information = scaled.transpose() * scaled;
-    const Eigen::VectorXd gradient = scaled.transpose() * best.residuals;
+    const DampedSteps steps(*jacobian * units.asDiagonal(), best.residuals);
+    // What a step promises that is hardly damped; a short one because it is damped is no minimum.
+    const double promised = steps.gain(steps.damped(kSlight));
+    best.converged = !(promised > 1e-10 * (1e-2 + best.cost));
     bool better = false;
-    for (; damping < kHopeless && !better; damping *= 8) {
-      Eigen::MatrixXd damped = information;
-      // A floor for directions without information, which scaling by the diagonal alone would leave undamped.
-      damped.diagonal() += damping * (information.diagonal().array() + 1e-3 + 1e-9 * information.trace()).matrix();
-      const Eigen::VectorXd step = -damped.ldlt().solve(gradient);
-      const double gain = -gradient.dot(step);  // about twice what a step gains
-      if (!(gain > 1e-10 * (1e-2 + best.cost)) || step.cwiseAbs().maxCoeff() < 1e-9) {
-        best.converged = true;
-        return best;
-      }
-      constexpr double kLongest = 1.2;  // units
-      const double shorter = std::fmin(1, kLongest / step.cwiseAbs().maxCoeff());
-      const BodyState there = moved(best.state, free, shorter * units.cwiseProduct(step));
-      const auto found = residuals(there);
-      if (!found || !(found->squaredNorm() < best.cost)) continue;
-      best.state = there, best.residuals = *found, best.cost = found->squaredNorm();
-      better = true;
+    for (; !best.converged && damping < kHopeless && !better; damping *= 8) {
+      const Eigen::VectorXd step = steps.damped(damping);
+      constexpr double kLongest = 1.2, kNone = 1e-12;  // units
+      const double length = step.cwiseAbs().maxCoeff();
+      if (length < kNone) break;
+      const Eigen::VectorXd by = std::fmin(1, kLongest / length) * units.cwiseProduct(step);
+      better = go(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
     }
-    if (!better) return best;
-    damping = std::fmax(damping / 64, 1e-9);
+    if (better) {
+      damping = std::fmax(damping / 64, 1e-9);
+      continue;
+    }
+    best.converged = best.converged || promised < kRough;
+    return best;
   }
   return best;
 }
