@@ -9,7 +9,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -263,31 +265,52 @@ cv::Mat Renderer::add_noise(std::uint64_t frame) const {
   return image;
 }
 
+namespace {
+
+Eigen::Vector2d at_depth(const optics::Ray& ray, double z) {
+  return (ray.origin + (z - ray.origin.z()) / ray.direction.z() * ray.direction).head<2>();
+}
+
+/// Half the distance, at depth z, of the two rays that meet in the focus plane's point of the chief ray `in_air` and
+/// cross the aperture on opposite sides; of the largest part of it that the eye's rims let through. Half the difference
+/// is free of coma, which moves both alike.
+std::optional<double> half_spread(const optics::System& eye, const optics::Ray& in_air, double plane, double z,
+                                  const Eigen::Vector3d& rim) {
+  for (const double part : {1.0, 0.75, 0.5, 0.25}) {
+    std::array<std::optional<Eigen::Vector2d>, 2> there;
+    for (const int side : {0, 1}) {
+      optics::Ray ray = in_air;
+      ray.origin += (plane - ray.origin.z()) / ray.direction.z() * ray.direction;
+      ray.direction = -(ray.direction + (side == 0 ? part : -part) * rim).normalized();
+      const optics::TraceResult traced = optics::trace_in(eye, ray);
+      if (traced.status == optics::TraceStatus::ok) there[side] = at_depth(traced.ray, z);
+    }
+    if (there[0] && there[1]) return (*there[0] - *there[1]).norm() / 2;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microscope& microscope,
                                 const optics::ImageScale& scale) {
   return [eye, microscope, scale](const Eigen::Vector2d& pixel, double z) {
-    const auto at_depth = [z](const optics::Ray& ray) -> Eigen::Vector2d {
-      return (ray.origin + (z - ray.origin.z()) / ray.direction.z() * ray.direction).head<2>();
-    };
     const Eigen::Vector2d m = scale.m_from_pixel(pixel);
     const double span = 8 * scale.pixel;  // m of image, for the local scale
+    const double plane = eye.vertex(eye.size()) + microscope.focus;
+    const auto chief = optics::isopixel_line(eye, microscope, m);
+    if (!chief) return 0.0;
+    const optics::Ray in_air = optics::chief_ray_in_air(eye, microscope, m);
     double sum = 0;
     for (int direction = 0; direction < 2; ++direction) {
-      const Eigen::Vector2d along = Eigen::Vector2d::Unit(direction);
-      const auto chief = optics::isopixel_line(eye, microscope, m);
-      const auto beside = optics::isopixel_line(eye, microscope, m + span * along);
-      optics::Ray marginal = optics::chief_ray_in_air(eye, microscope, m);
-      // through the same point of the focus plane, at the aperture's edge; back into the eye
-      const double plane = eye.vertex(eye.size()) + microscope.focus;
-      marginal.origin += (plane - marginal.origin.z()) / marginal.direction.z() * marginal.direction;
-      marginal.direction =
-          -(marginal.direction + microscope.numerical_aperture * Eigen::Vector3d::Unit(direction)).normalized();
-      const optics::TraceResult traced = optics::trace_in(eye, marginal);
-      if (!chief || !beside || traced.status != optics::TraceStatus::ok) return 0.0;
-      const double per_metre = (at_depth(*beside) - at_depth(*chief)).norm() / span;
-      sum += (at_depth(traced.ray) - at_depth(*chief)).norm() / per_metre / microscope.numerical_aperture;
+      const auto beside = optics::isopixel_line(eye, microscope, m + span * Eigen::Vector2d::Unit(direction));
+      const auto spread =
+          half_spread(eye, in_air, plane, z, microscope.numerical_aperture * Eigen::Vector3d::Unit(direction));
+      if (!beside || !spread) return 0.0;
+      const double per_metre = (at_depth(*beside, z) - at_depth(*chief, z)).norm() / span;
+      sum += std::pow(*spread / per_metre / microscope.numerical_aperture, 2);
     }
-    return sum / 2;
+    return std::sqrt(sum / 2);
   };
 }
 

@@ -89,8 +89,9 @@ class Renderer {
 };
 
 /// The defocus of a point at depth z (m, eye frame) seen by pixel `pixel`: marginal rays of the microscope's aperture
-/// are traced in, and their spread at the depth is measured against the pixel's own scale there; mean of tangential and
-/// sagittal.
+/// are traced in, and their spread at the depth is measured against the pixel's own scale there; root mean square of
+/// tangential and sagittal, least midway between their foci. Where rims of the eye cut the aperture, of what they
+/// leave.
 Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microscope& microscope,
                                 const optics::ImageScale& scale);
 
