@@ -74,30 +74,39 @@ PoseSettings scaled(PoseSettings settings, double scale) {
   return settings;
 }
 
-/// The bracket of scales around 1 whose depths enclose `known_z`, then bisection: the depth grows with the scale, but
-/// the localiser may answer nothing at either end.
+/// The scale between `low` and `high` at which the error is zero; the localiser may answer nothing at one of them, as
+/// below the retina, or above a robot that lies on it: then the zero is sought between that side and what it sees.
+template <class Error>
+std::optional<double> zero_between(const Error& error, double low, double high) {
+  constexpr int kBisections = 60;
+  constexpr double kReached = 1e-7;  // m; what ends at the edge of the seen has not got there
+  const auto at_low = error(low), at_high = error(high);
+  if (!at_low && !at_high) return std::nullopt;
+  if (at_low && at_high && (*at_low > 0) == (*at_high > 0)) return std::nullopt;
+  const bool low_is_above = at_low ? *at_low > 0 : !(*at_high > 0);
+  for (int i = 0; i < kBisections; ++i) {
+    const double middle = (low + high) / 2;
+    const auto value = error(middle);
+    const bool towards_low = value ? (*value > 0) == low_is_above : !at_low;
+    (towards_low ? low : high) = middle;
+  }
+  const double found = (low + high) / 2;
+  const auto left = error(found);
+  return left && std::abs(*left) < kReached ? std::optional(found) : std::nullopt;
+}
+
+/// The scale nearest 1 that puts the observed ellipse at the known depth, which grows with the scale.
 double scale_for(const PoseSettings& settings, const EllipseVector& observed, const Eigen::Vector3d& axis,
                  double known_z) {
   constexpr double kSmallest = 0.7, kLargest = 1.4, kStep = 1.02;
-  constexpr int kBisections = 60;
   const auto error = [&](double scale) -> std::optional<double> {
     const auto z = depth_at(scaled(settings, scale), observed, axis);
     return z ? std::optional(*z - known_z) : std::nullopt;
   };
   for (double scale = 1; scale < kLargest; scale *= kStep) {
     for (double low : {scale / kStep, 1 / scale}) {
-      const double high = low * kStep;
       if (low < kSmallest) continue;
-      auto at_low = error(low), at_high = error(high);
-      if (!at_low || !at_high || (*at_low > 0) == (*at_high > 0)) continue;
-      double a = low, b = high;
-      for (int i = 0; i < kBisections; ++i) {
-        const double middle = (a + b) / 2;
-        const auto value = error(middle);
-        if (!value) break;
-        ((*value > 0) == (*at_low > 0) ? a : b) = middle;
-      }
-      return (a + b) / 2;
+      if (const auto found = zero_between(error, low, low * kStep)) return *found;
     }
   }
   throw std::invalid_argument("observed: no image scale from 0.7 to 1.4 puts it at the known height");

@@ -109,6 +109,24 @@ TEST(PoseCalibration, OneLookOnTheKnownRetinaFindsTheImageScale) {
   EXPECT_NEAR((located->position_in_eye - elsewhere).norm(), 0, 1 * kUm);
 }
 
+TEST(PoseCalibration, ARobotFlatOnTheRetinaIsFoundThoughASmallerScaleWouldPutItBelow) {
+  // At 0.27 mm no scale a step smaller has an answer, for there is no place below the retina.
+  const PoseSettings truth = default_settings();
+  for (const double height : {0.05 * kMm, 0.27 * kMm, 0.5 * kMm}) {
+    for (const double scale : {0.95, 0.985, 1.0, 1.013, 1.06}) {
+      PoseSettings believed = truth;
+      believed.image.pixel *= scale;
+      const auto seen = project_spheroid(truth, {0.5 * kMm, 0.5 * kMm, height}, kAlongX);
+      ASSERT_TRUE(seen);
+      EXPECT_NEAR(calibrate_pose(believed, *seen, kAlongX, height).image_scale * scale, 1, 1e-5) << height;
+    }
+  }
+  const auto seen = project_spheroid(truth, {0, 0, 0.27 * kMm}, kAlongX);
+  PoseSettings believed = truth;
+  believed.image.pixel *= 2;
+  EXPECT_THROW(calibrate_pose(believed, *seen, kAlongX, 0.27 * kMm), std::invalid_argument);
+}
+
 TEST(PoseCalibration, TheAdditiveOffsetMendsTheKnownPointItself) {
   const PoseSettings truth = default_settings();
   PoseSettings believed = truth;
