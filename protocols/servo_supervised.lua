@@ -1,8 +1,10 @@
 -- Supervised servoing (thesis 6.2, figures 6.7 and 6.8): the operator names points in the image's plane and a depth; the loop takes
 -- the robot there, and says how near the retina it is beside a zero level that the operator sets. Points come from a script (the
--- parameter), or are asked for one at a time; a rig with a joystick may steer the depth.
+-- parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised points=view`), where a
+-- joystick also pushes the depth.
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "bring"
+local by_hand = require "by_hand"
 local expect = require "expect"
 local statistics = require "statistics"
 local track_errors = require "track_errors"
@@ -31,6 +33,28 @@ local function asked(run, number, limit)
   return vector(coordinate "x", coordinate "y", coordinate "z")
 end
 
+-- Visits what is pointed at in the live view, until the operator says that it is enough; between two places the joystick pushes.
+local function pointed(rig, run, servo, visit)
+  local finished, place, last = false, vector(0, 0, 0), run:now()
+  run:together(function()
+    run:ask("point at places in the live view, or draw a path; when it is enough:", { choices = { "done" }, name = "more" })
+    finished = true
+  end, function()
+    while not finished do
+      for _, target in ipairs(run:operator_target() or {}) do
+        if not finished then
+          visit(target)
+          place = target
+        end
+      end
+      local jogged = by_hand.jogged(rig, place, run:now() - last)
+      last = run:now()
+      if jogged and by_hand.hold(run, servo, jogged) then place = jogged end
+      run:wait(0.1*s)
+    end
+  end)
+end
+
 -- Figure 6.8's bar: how far above the zero level; its precision is the deviation over the last second. The retina lies where the
 -- rig says.
 local function depth_bar(run, rig, servo, p)
@@ -51,7 +75,7 @@ return {
   needs = { "top_camera", "coils", "sample" },
   parameters = {
     points = { default = "2,0,0; 2,1.5,0; -2,1.5,1; -2,-1,1; 0,0,-3",
-      help = "x,y,z in mm, world, with ; between; ask: one at a time" },
+      help = "x,y,z in mm, world, with ; between; ask: one at a time; view: pointed at in the live view" },
     zero_level = { unit = "mm", default = -4.2*mm, min = -10*mm, max = 10*mm,
       help = "depth that the bar counts from, world z" },
     warn = { unit = "mm", default = 1.5*mm, min = 0, max = 10*mm, help = "above it: the operator is warned" },
@@ -60,7 +84,7 @@ return {
     field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
   },
   run = function(rig, p, run)
-    local script = p.points ~= "ask" and read_points(p.points) or nil
+    local script = p.points ~= "ask" and p.points ~= "view" and read_points(p.points) or nil
     rig.sample:remove_robot()
     local background = rig:learn_background { frames = 15 }
     local servo <close> = rig:servo { background = background, field = p.field }
@@ -68,10 +92,7 @@ return {
     bring.trim(servo, vector(0, 0, 0), { rounds = 1 })
     local rows, reached, warned, errors, bars = {}, 0, 0, {}, { x = {}, y = {}, p = {} }
     local number = 1
-    while true do
-      local target
-      if script then target = script[number] else target = asked(run, number, 5*mm) end
-      if not target then break end
+    local function visit(target)
       run:checkpoint("before point " .. number)
       if script then run:progress((number - 1) / #script, ("point %d of %d"):format(number, #script)) end
       local there, problem = pcall(servo.go_to, servo, target, { speed = p.speed, within = p.within, settle = 1*s })
@@ -100,6 +121,16 @@ return {
           bar and bar.near and "near" or "" }
       number = number + 1
     end
+    if p.points == "view" then
+      pointed(rig, run, servo, visit)
+    else
+      local target = script and script[1] or not script and asked(run, 1, 5*mm)
+      while target do
+        visit(target)
+        if script then target = script[number] else target = asked(run, number, 5*mm) end
+      end
+    end
+    if #rows == 0 and p.points == "view" then return run:note("no place was pointed at") end
     if #rows == 0 then error("no point was given", 0) end
     run:table { title = "Points and depth bar, as figures 6.7 and 6.8", rows = rows,
       header = { "point", "x", "y", "z", "", "above the zero level", "precision", "retina" } }

@@ -1,6 +1,8 @@
 -- Steering by hand: the loop holds the robot wherever the operator points in the live view (thesis 6.2, figure 6.7), or takes it
--- along the path that was drawn there. `vitreo view` runs this; it ends by the page's STOP, Ctrl-C, or after the duration.
+-- along the path that was drawn there; a SpaceMouse pushes the depth up and down. `vitreo view` runs this; it ends by the page's STOP,
+-- Ctrl-C, or after the duration.
 -- SPDX-License-Identifier: Apache-2.0
+local by_hand = require "by_hand"
 local units = require "units"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
@@ -22,7 +24,7 @@ return {
     servo:wait_until_tracked { timeout = 10*s }
     run:note("point at a place in the live view, or draw a path")
 
-    local places, next_place, given, checked = {}, 1, 0, run:now()
+    local places, next_place, given, checked, last = { centre }, 1, 0, run:now(), run:now()
     while run:now() < p.duration do
       if run:now() - checked >= 1*s then
         run:checkpoint("steering") -- here a pause takes effect
@@ -35,6 +37,9 @@ return {
         run:note(("target %d: %s, %s, %s%s"):format(given, run:show(places[1].x, "m"), run:show(places[1].y, "m"),
           run:show(places[1].z, "m"), #places > 1 and (", the first of %d"):format(#places) or ""))
       end
+      local jogged = by_hand.jogged(rig, places[#places], run:now() - last)
+      last = run:now()
+      if jogged and by_hand.hold(run, servo, jogged) then places, next_place = { jogged }, 1 end
       local here = servo:position()
       if places[next_place + 1] and here and (here - places[next_place]):norm() < p.within then
         next_place = next_place + 1

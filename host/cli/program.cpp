@@ -80,6 +80,10 @@ void add_run_options(Command& command, RunOptions& options) {
   command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
   command.flag("--view", options.request.view.on, "a page in the browser shows the run; its address is printed");
   command.option("--view-port", options.view_port, "the page's port (default: one that is free)").between(0, 65535);
+  command.option("--listen", options.request.view.address,
+                 "an IP address of this machine at which the page is served (default: 127.0.0.1, this machine alone)");
+  command.option("--token-file", options.token_file,
+                 "a file for you alone (0600; made where there is none) whose token lets browsers in");
   command
       .option("--frames", options.request.frames,
               "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), top_camera@96 (a window of\n"
@@ -93,6 +97,11 @@ RunRequest& RunOptions::complete(Program& program) {
     request.rig_file = program.engine().describe(request.protocol_file).rig;
   request.rig_file = Program::rig_file(request.rig_file.empty() ? "simulated" : request.rig_file);
   request.view.port = static_cast<unsigned short>(view_port);
+  request.view.token_file = token_file;
+  if (!request.view.on && (request.view.address != view::ViewRequest().address || !token_file.empty()))
+    throw ConfigError("--listen, --token-file: are about the page, which wants --view");
+  view::check(request.view);
+  if (!token_file.empty()) view::shared_token(token_file);  // before anything is opened
   if (real_time) request.pace = Pace::real_time;
   return request;
 }

@@ -41,6 +41,7 @@ struct RunOptions {
   RunRequest request;
   bool real_time = false;
   int view_port = 0;
+  std::string token_file;
   /// With the defaults that depend on where the program is, and on the protocol: its own rig. Throws ScriptError when
   /// that cannot be read.
   RunRequest& complete(Program& program);

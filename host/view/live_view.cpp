@@ -66,11 +66,21 @@ struct Told {
 struct LiveView::State {
   State(const ViewRequest& request, ProgressListener& terminal)
       : board(terminal),
-        server({request.address, request.port, page_assets()},
+        token_file(request.token_file),
+        server(settings(request),
                {[this](int viewer) { told[viewer] = {}; }, [this](int viewer) { leave(viewer); },
                 [this](int viewer, const std::string& message) { receive(viewer, message); }, [this] { tick(); }}) {}
 
+  static ServerSettings settings(const ViewRequest& request) {
+    check(request);
+    return {.address = request.address,
+            .port = request.port,
+            .assets = page_assets(),
+            .shared_token = request.token_file.empty() ? "" : shared_token(request.token_file)};
+  }
+
   Board board;
+  const std::filesystem::path token_file;
   std::mutex mutex;  // of what end() takes away
   Session* session = nullptr;
   std::string title, outcome;
@@ -284,6 +294,10 @@ void LiveView::end(const std::string& outcome) {
   state_->farewell_said = false;
 }
 
-std::string LiveView::invitation() { return state_->server.invitation(); }
+std::string LiveView::invitation() {
+  if (state_->token_file.empty()) return state_->server.invitation();
+  return state_->server.address() + "?token=TOKEN, with what stands in " + state_->token_file.string() +
+         " for TOKEN";  // not itself: a screen is seen by more people than the file is
+}
 
 }  // namespace vitreo::view

@@ -5,22 +5,18 @@
 
 #include "host/rights.h"
 #include "host/session.h"
+#include "host/view/admission.h"
 
 #include <memory>
 #include <string>
 
 namespace vitreo::view {
 
-struct ViewRequest {
-  bool on = false;
-  std::string address = "127.0.0.1";
-  unsigned short port = 0;  // 0: any that is free
-};
-
 /// Outlives the session that it shows, but for what begin() gives it.
 class LiveView {
  public:
-  /// Throws std::runtime_error naming an address at which it cannot listen.
+  /// Throws ConfigError as check() and shared_token() do, std::runtime_error naming an address at which it cannot
+  /// listen.
   LiveView(const ViewRequest& request, ProgressListener& terminal);
   ~LiveView();
   /// Stands before the terminal: what the script says goes to both.
@@ -29,7 +25,8 @@ class LiveView {
   void begin(Session& session, const std::string& title, const Rights& rights);
   /// No thread of the view touches the session after this. `outcome` is told to the viewers: "stopped: ...".
   void end(const std::string& outcome);
-  std::string invitation();  // the page's address, with a token that lets one browser in
+  /// Where the page is: with a token that lets one browser in, or saying in which file the token is.
+  std::string invitation();
 
  private:
   struct State;

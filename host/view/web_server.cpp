@@ -2,6 +2,7 @@
 #include "host/view/web_server.h"
 
 #include "devices/quiet_thread.h"
+#include "host/view/admission.h"
 
 #include <algorithm>
 #include <boost/asio/ip/tcp.hpp>
@@ -36,6 +37,7 @@ constexpr std::size_t kMostQueued = 1 << 20;  // bytes of text that wait for one
 constexpr auto kPatience = std::chrono::seconds(10);
 constexpr auto kTick = std::chrono::milliseconds(20);
 constexpr int kMessagesPerSecond = 200;
+constexpr std::size_t kMostCookies = 10000;  // of browsers that came with the shared token
 constexpr const char* kCookie = "vitreo=";
 
 /// In a time that does not tell where two texts differ.
@@ -95,7 +97,7 @@ struct WebServer::State {
   void listen();
   void accept();
   void tick();
-  std::string host() const { return settings.address + ":" + std::to_string(listener.local_endpoint().port()); }
+  std::string host() const { return host_and_port(settings.address, listener.local_endpoint().port()); }
   bool is_ours(std::string_view host_word) const {
     const std::string port = ":" + std::to_string(listener.local_endpoint().port());
     return host_word == host() || (settings.address == "127.0.0.1" && host_word == "localhost" + port);
@@ -107,9 +109,13 @@ struct WebServer::State {
     const std::lock_guard lock(mutex);
     return std::any_of(cookies.begin(), cookies.end(), [&](const std::string& one) { return equal(one, secret); });
   }
-  /// The cookie's value for a token, which is used up by that.
+  /// The cookie's value for a token, which is used up by that, unless it is the shared one.
   std::optional<std::string> exchange(std::string_view token) {
     const std::lock_guard lock(mutex);
+    if (!settings.shared_token.empty() && equal(settings.shared_token, token)) {
+      if (cookies.size() >= kMostCookies) return {};
+      return *cookies.insert(random_token()).first;
+    }
     const auto found =
         std::find_if(tokens.begin(), tokens.end(), [&](const std::string& one) { return equal(one, token); });
     if (found == tokens.end()) return {};
@@ -351,11 +357,13 @@ WebServer::~WebServer() {
   state_->viewers.clear();
 }
 
+std::string WebServer::address() const { return "http://" + state_->host() + "/"; }
+
 unsigned short WebServer::port() const { return state_->listener.local_endpoint().port(); }
 
 std::string WebServer::invitation() {
   const std::lock_guard lock(state_->mutex);
-  return "http://" + state_->host() + "/?token=" + *state_->tokens.insert(random_token()).first;
+  return address() + "?token=" + *state_->tokens.insert(random_token()).first;
 }
 
 void WebServer::send(int viewer, const std::string& text) {

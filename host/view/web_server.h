@@ -23,6 +23,7 @@ struct ServerSettings {
   unsigned short port = 0;  // 0: any that is free
   std::vector<Asset> assets;
   std::size_t most_viewers = 32;
+  std::string shared_token{};  // lets in whoever knows it, as often as they like; empty: there is none
 };
 
 /// 128 bits from the system's generator, as 32 hexadecimal digits.
@@ -44,6 +45,7 @@ class WebServer {
   WebServer& operator=(const WebServer&) = delete;
 
   unsigned short port() const;
+  std::string address() const;  // "http://127.0.0.1:38911/"
   /// An address with a new token in it: it lets one browser in, once. Any thread.
   std::string invitation();
 

@@ -82,7 +82,7 @@ inline const std::set<std::string> kImpure =
 inline const std::set<std::string> kPosix = words(
     "dirent.h dlfcn.h errno.h fcntl.h glob.h netdb.h poll.h pthread.h pty.h pwd.h sched.h semaphore.h signal.h spawn.h "
     "stdlib.h termios.h time.h unistd.h");
-inline const Strings kPosixFolders{"asm/", "linux/", "netinet/", "sys/"};
+inline const Strings kPosixFolders{"arpa/", "asm/", "linux/", "netinet/", "sys/"};
 
 inline bool begins(std::string_view text, std::string_view with) { return text.substr(0, with.size()) == with; }
 inline bool begins_with_any(std::string_view text, const Strings& with) {

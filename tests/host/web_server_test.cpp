@@ -70,9 +70,11 @@ std::string frame(unsigned char opcode, const std::string& payload) {
   return bytes + std::string(4, '\0') + payload;
 }
 
+constexpr const char* kShared = "00112233445566778899aabbccddeeff";
+
 struct Live : testing::Test {
   Live()
-      : server({"127.0.0.1", 0, {{"/index.html", "text/html", "<p>page</p>", false}}, 4},
+      : server({"127.0.0.1", 0, {{"/index.html", "text/html", "<p>page</p>", false}}, 4, kShared},
                {[this](int viewer) { last = viewer, ++joined; }, [this](int) { ++left; },
                 [this](int viewer, const std::string& message) {
                   const std::lock_guard lock(mutex);
@@ -121,6 +123,22 @@ struct Live : testing::Test {
   std::string received;
   WebServer server;
 };
+
+TEST_F(Live, LetsInWhoKnowsTheSharedTokenAndAsOftenAsTheyLike) {
+  std::string before;
+  for (int visit = 0; visit < 3; ++visit) {
+    const std::string reply = get(std::string("/?token=") + kShared);
+    EXPECT_EQ(status(reply), 303) << reply;
+    const std::size_t begin = reply.find("vitreo=");
+    const std::string cookie = reply.substr(begin, reply.find(';', begin) - begin);
+    EXPECT_NE(cookie, before) << "a cookie for each";
+    EXPECT_EQ(cookie.find(kShared), std::string::npos);
+    EXPECT_EQ(status(get("/", "Cookie: " + cookie + "\r\n")), 200);
+    before = cookie;
+  }
+  EXPECT_EQ(status(get("/?token=00112233445566778899aabbccddeefe")), 403);
+  EXPECT_EQ(status(get("/", std::string("Authorization: Bearer ") + kShared + "\r\n")), 403) << "it is no cookie";
+}
 
 TEST_F(Live, LetsInWhoHasAnInvitationAndOnlyOnce) {
   EXPECT_EQ(status(get("/")), 403);

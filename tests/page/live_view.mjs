@@ -1,33 +1,64 @@
-// Works the live view as an operator does, in headless Chromium: takes control, points, answers, stops. Prints one JSON object
-// with what it saw. Arguments: the invitation's address, a folder for screenshots, the browser's program.
+// Works the live view as an operator does, in headless Chromium: takes control, points, draws, answers, pauses, stops. Prints
+// one JSON object with what it saw. Arguments: the invitation's address, a folder for screenshots, the browser's program, and
+// what to do: steer or answer.
 // SPDX-License-Identifier: Apache-2.0
 import { chromium } from 'playwright-core';
 
-const [, , address, folder, executablePath] = process.argv;
+const [, , address, folder, executablePath, task] = process.argv;
 const browser = await chromium.launch({ executablePath, args: ['--no-sandbox'] });
 const seen = { errors: [] };
-try {
-  const page = await browser.newPage({ viewport: { width: 1440, height: 960 } });
-  page.on('pageerror', (error) => seen.errors.push(String(error)));
-  page.on('console', (line) => line.type() === 'error' && seen.errors.push(line.text()));
-  await page.goto(address);
-  seen.addressAfter = page.url();
-  await page.waitForFunction(() => document.querySelector('#top_camera')?.nextSibling.textContent.includes('frame'), null, { timeout: 60000 });
-  await page.waitForFunction(() => document.body.textContent.includes('point at a place'), null, { timeout: 60000 });
-  await page.waitForTimeout(3000);
-  const clickAt = async (u, v) => {
-    const box = await page.locator('#top_camera').boundingBox();
-    await page.mouse.click(box.x + box.width * u, box.y + box.height * v);
-  };
-  await clickAt(0.6, 0.45); // without control: nothing happens
-  await page.waitForTimeout(500);
-  seen.withoutControl = await page.locator('#note').count();
+const patience = { timeout: 60000 };
+
+const says = (page, words) => page.waitForFunction((text) => document.body.textContent.includes(text), words, patience);
+const state = (page, begin) =>
+  page.waitForFunction((text) => document.querySelector('#state').textContent.startsWith(text), begin, patience);
+
+async function takeControl(page) {
   await page.click('#take');
   await page.waitForFunction(() => document.querySelector('#take').textContent === 'release control');
-  await clickAt(0.6, 0.45);
+}
+
+/** How many pixels of the picture about a place of it are as white as a path that is drawn. */
+const white = (page, u, v) =>
+  page.evaluate(([u, v]) => {
+    const canvas = document.querySelector('#top_camera');
+    const side = 8;
+    const { data } = canvas.getContext('2d').getImageData(u * canvas.width - side / 2, v * canvas.height - side / 2, side, side);
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) if (Math.min(data[i], data[i + 1], data[i + 2]) > 240) ++count;
+    return count;
+  }, [u, v]);
+
+async function steer(page) {
+  await page.waitForFunction(() => document.querySelector('#top_camera')?.nextSibling.textContent.includes('frame'), null, patience);
+  await says(page, 'point at a place');
+  const at = async (u, v) => {
+    const box = await page.locator('#top_camera').boundingBox();
+    return [box.x + box.width * u, box.y + box.height * v];
+  };
+  await page.mouse.click(...(await at(0.6, 0.45))); // without control: nothing happens
+  await page.waitForTimeout(500);
+  seen.withoutControl = await page.locator('#note').count();
+  await takeControl(page);
+  // The hand on the SpaceMouse (the rig file's) pushes up now and then, and nobody touches the page: the depth that is aimed at rises.
+  const aim = () => page.textContent('#aim');
+  seen.aimBefore = await aim();
+  await page.waitForFunction((before) => document.querySelector('#aim').textContent !== before, seen.aimBefore, patience);
+  await page.waitForTimeout(2500); // a push takes 1 s
+  seen.aimAfter = await aim();
+  await page.mouse.click(...(await at(0.6, 0.45)));
   await page.waitForSelector('#note', { timeout: 10000 });
   seen.note = await page.textContent('#note');
-  await page.waitForTimeout(4000);
+  seen.whiteBefore = await white(page, 0.5, 0.5);
+  await page.mouse.move(...(await at(0.4, 0.5)));
+  await page.mouse.down();
+  await page.mouse.move(...(await at(0.5, 0.5)), { steps: 12 });
+  await page.mouse.move(...(await at(0.55, 0.6)), { steps: 12 });
+  await page.waitForTimeout(300);
+  seen.whiteDrawing = await white(page, 0.5, 0.5);
+  await page.screenshot({ path: `${folder}/live_view_path.png` });
+  await page.mouse.up();
+  await says(page, 'the first of ');
   seen.distance = await page.textContent('#distance');
   await page.click('#zero');
   await page.keyboard.press('ArrowUp');
@@ -40,8 +71,46 @@ try {
   seen.secondVisit = (await second.goto(address)).status();
   await page.bringToFront();
   await page.keyboard.press('Space');
-  await page.waitForFunction(() => document.querySelector('#state').textContent.startsWith('ended:'), null, { timeout: 20000 });
+  await state(page, 'ended:');
   seen.state = await page.textContent('#state');
+}
+
+async function answer(page) {
+  await says(page, 'Is the eye fixed?');
+  seen.lookingOn = await page.locator('#question button').first().isDisabled();
+  await takeControl(page);
+  await page.screenshot({ path: `${folder}/live_view_question.png` });
+  await page.locator('#question button', { hasText: 'yes' }).click();
+  await says(page, 'How high?');
+  await page.fill('#question input', '5 A'); // of the wrong kind: the question stays
+  await page.locator('#question button').click();
+  await page.waitForSelector('#note', { timeout: 10000 });
+  seen.wrong = await page.textContent('#note');
+  await page.fill('#question input', '1.5 mm');
+  await page.locator('#question button').click();
+  await says(page, 'Which eye?');
+  await page.locator('#question button', { hasText: 'left' }).click();
+  await says(page, 'step 3');
+  await page.locator('.control button', { hasText: 'pause' }).click();
+  await state(page, 'paused');
+  const count = () => page.locator('.log li', { hasText: 'step ' }).count();
+  const before = await count();
+  await page.waitForTimeout(1000);
+  seen.whilePaused = (await count()) - before;
+  await page.screenshot({ path: `${folder}/live_view_paused.png` });
+  await page.locator('.control button', { hasText: 'resume' }).click();
+  await page.waitForFunction((n) => [...document.querySelectorAll('.log li')].filter((li) => li.textContent.includes('step ')).length > n + 2,
+    before, patience);
+  await state(page, 'ended: completed');
+}
+
+try {
+  const page = await browser.newPage({ viewport: { width: 1440, height: 960 } });
+  page.on('pageerror', (error) => seen.errors.push(String(error)));
+  page.on('console', (line) => line.type() === 'error' && seen.errors.push(line.text()));
+  await page.goto(address);
+  seen.addressAfter = page.url();
+  await { steer, answer }[task](page);
 } catch (error) {
   seen.failed = String(error);
   seen.errors = seen.errors.slice(0, 3);

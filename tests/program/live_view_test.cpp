@@ -6,43 +6,140 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <regex>
+#include <sys/stat.h>
+
 namespace vitreo {
 namespace {
 
 bool there(const std::string& what) { return std::system(("command -v " + what + " >/dev/null 2>&1").c_str()) == 0; }
 
-TEST(LiveView, ShowsSteersAndStopsARun) {
-  if (!there("node") || !there("chromium") || !std::filesystem::exists(VITREO_PAGE_TEST "/node_modules"))
-    GTEST_SKIP() << "wants node, chromium, and npm when this was built";
-  const Workplace place;
-  place.write("work.sh", "'" VITREO_PROGRAM
-                         "' view --operator 'Eve <b>Bold</b>' >out 2>err &\n"
-                         "program=$!\n"
-                         "for i in $(seq 150); do\n"
-                         "  address=$(cat out err | grep -o 'http://127.0.0.1:[0-9]*/?token=[0-9a-f]*' | head -n 1)\n"
-                         "  [ -n \"$address\" ] && break\n"
-                         "  sleep 0.1\n"
-                         "done\n"
-                         "timeout 150 node " VITREO_PAGE_TEST
-                         "/live_view.mjs \"$address\" . \"$(command -v chromium)\" >seen 2>seen.err\n"
-                         "kill -INT $program 2>/dev/null\n"
-                         "wait $program\n"
-                         "echo $? >code\n");
-  ASSERT_EQ(std::system(("cd '" + place.folder().string() + "' && sh work.sh").c_str()), 0);
-  const auto seen = nlohmann::json::parse(place.read("seen"), nullptr, false);
-  ASSERT_TRUE(seen.is_object()) << place.read("seen") << place.read("seen.err") << place.read("err");
+bool browser_there() {
+  return there("node") && there("chromium") && std::filesystem::exists(VITREO_PAGE_TEST "/node_modules");
+}
+
+/// Runs `vitreo WORDS` beside the browser, which does `task`; what the browser saw. The program's exit code is in
+/// "code".
+nlohmann::json watched(const Workplace& place, const std::string& words, const std::string& task) {
+  place.write("work.sh",
+              "'" VITREO_PROGRAM "' " + words +
+                  " >out 2>err &\n"
+                  "program=$!\n"
+                  "for i in $(seq 150); do\n"
+                  "  address=$(cat out err | grep -o 'http://127.0.0.1:[0-9]*/?token=[0-9a-f]*' | head -n 1)\n"
+                  "  [ -n \"$address\" ] && break\n"
+                  "  sleep 0.1\n"
+                  "done\n"
+                  "timeout 150 node " VITREO_PAGE_TEST "/live_view.mjs \"$address\" . \"$(command -v chromium)\" " +
+                  task +
+                  " >seen 2>seen.err\n"
+                  "kill -INT $program 2>/dev/null\n"
+                  "wait $program\n"
+                  "echo $? >code\n");
+  EXPECT_EQ(std::system(("cd '" + place.folder().string() + "' && sh work.sh").c_str()), 0);
   if (const char* keep = std::getenv("VITREO_KEEP_PICTURES"))
     std::system(("cp '" + place.folder().string() + "'/*.png '" + keep + "'").c_str());
+  const auto seen = nlohmann::json::parse(place.read("seen"), nullptr, false);
+  EXPECT_TRUE(seen.is_object()) << place.read("seen") << place.read("seen.err") << place.read("err");
+  if (!seen.is_object()) return nlohmann::json::object();
   EXPECT_FALSE(seen.contains("failed")) << seen << place.read("err");
   EXPECT_TRUE(seen["errors"].empty()) << seen["errors"];
+  return seen;
+}
+
+/// "target 0.35 mm"
+double millimetres(const nlohmann::json& text) {
+  std::smatch number;
+  const std::string words = text;
+  return std::regex_search(words, number, std::regex("target (-?[0-9.]+) mm")) ? std::stod(number[1]) : std::nan("");
+}
+
+TEST(LiveView, ShowsSteersAndStopsARun) {
+  if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
+  const Workplace place;
+  std::string rig = place.read(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua");
+  const std::size_t last = rig.rfind('}');
+  ASSERT_NE(last, std::string::npos);
+  // A push of 0.6 of full deflection for 1 s at 0.5 mm/s, up by 0.3 mm, again and again: the browser may be slow to
+  // begin.
+  rig.insert(
+      last,
+      "  joystick = { driver = \"spacemouse\", address = \"emulated\", pushed = { 0, 0, 0.6 }, pushed_from = 6 * s,\n"
+      "    pushed_for = 1 * s, pushed_every = 6 * s },\n");
+  place.write("rig.lua", rig);
+  auto seen = watched(place, "view --operator 'Eve <b>Bold</b>' --rig rig.lua", "steer");
+  ASSERT_TRUE(seen.contains("state")) << seen;
   EXPECT_EQ(seen["addressAfter"].get<std::string>().find("token"), std::string::npos);
   EXPECT_EQ(seen["withoutControl"], 0);
   EXPECT_EQ(seen["note"].get<std::string>().rfind("target ", 0), 0U) << seen["note"];
+  const double rise = millimetres(seen["aimAfter"]) - millimetres(seen["aimBefore"]);
+  EXPECT_GT(rise, 0) << seen;
+  EXPECT_LT(rise, 0.38) << "one push, and a look of 0.1 s at either end";
+  EXPECT_EQ(seen["whiteBefore"], 0);
+  EXPECT_GT(seen["whiteDrawing"], 2) << "the path shows while it is drawn";
   EXPECT_NE(seen["distance"].get<std::string>().find("mm"), std::string::npos);
   EXPECT_EQ(seen["secondVisit"], 403);
   EXPECT_EQ(seen["state"].get<std::string>().rfind("ended: stopped", 0), 0U) << seen["state"];
   EXPECT_EQ(place.read("code"), "3\n") << place.read("out") << place.read("err");
-  EXPECT_NE((place.read("out") + place.read("err")).find("target 1:"), std::string::npos);
+  const std::string said = place.read("out") + place.read("err");
+  EXPECT_NE(said.find("target 1:"), std::string::npos);
+  EXPECT_TRUE(std::regex_search(said, std::regex("target 2: .*, the first of [0-9]{2}"))) << said;
+}
+
+TEST(LiveView, QuestionsAreAnsweredByButtonsAndARunPausesAndGoesOn) {
+  if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
+  const Workplace place;
+  place.write(
+      "asks.lua",
+      "local units = require 'units'\n"
+      "return { title = 'Asks', run = function(rig, p, run)\n"
+      "  run:note('fixed: ' .. tostring(run:confirm('Is the eye fixed?')))\n"
+      "  run:note('height: ' .. run:show(run:ask('How high?', { unit = 'mm', min = 0, max = 5 * units.mm }), 'm'))\n"
+      "  run:note('eye: ' .. run:ask('Which eye?', { choices = { 'left', 'right' } }))\n"
+      "  for step = 1, 30 do run:checkpoint('step') run:note('step ' .. step) run:wait(0.1) end\nend }\n");
+  auto seen = watched(place, "view asks.lua", "answer");
+  EXPECT_EQ(seen["lookingOn"], true) << "who looks on answers nothing";
+  EXPECT_NE(seen["wrong"].get<std::string>().find("refused: "), std::string::npos) << seen["wrong"];
+  EXPECT_LE(seen["whilePaused"], 0);
+  EXPECT_EQ(place.read("code"), "0\n") << place.read("out") << place.read("err");
+  const std::string said = place.read("out") + place.read("err");
+  for (const char* words : {"fixed: true", "height: 1.5 mm", "eye: left", "step 30"})
+    EXPECT_NE(said.find(words), std::string::npos) << words << " in " << said;
+}
+
+TEST(LiveView, IsServedToOtherMachinesOnlyWithATokenFileOfOnesOwn) {
+  const Workplace place;
+  place.write("short", "1234\n");
+  place.write("open", std::string(32, 'a') + "\n");
+  std::filesystem::permissions(place.folder() / "short", std::filesystem::perms(0600));
+  std::filesystem::permissions(place.folder() / "open", std::filesystem::perms(0644));
+  std::filesystem::create_symlink("short", place.folder() / "link");
+  const auto refused = [&place](const std::string& words, const std::string& why) {
+    const Spoken spoken = place.vitreo("run hello_rig " + words);
+    EXPECT_EQ(spoken.exit_code, 2) << words;
+    EXPECT_NE(spoken.err.find(why), std::string::npos) << words << ": " << spoken.err;
+  };
+  refused("--view --listen 192.168.7.7", "can be reached from other machines, so it wants --token-file");
+  refused("--view --listen fd00::5", "so it wants --token-file");
+  refused("--view --listen 0.0.0.0 --token-file mine", "is every address at once");
+  refused("--view --listen :: --token-file mine", "is every address at once");
+  refused("--view --listen laboratory", "wants an IP address");
+  refused("--view --token-file short", "32 or more hexadecimal digits");
+  refused("--view --token-file open", "others may read or write it; chmod 600 open");
+  refused("--view --token-file link", "is a link");
+  refused("--view --token-file .", "is no plain file");
+  refused("--view --token-file no/such/folder/token", "cannot be made");
+  refused("--listen 127.0.0.2", "wants --view");
+  EXPECT_EQ(place.runs(), 0) << "nothing was opened";
+  const Spoken spoken = place.vitreo("run hello_rig --view --listen 127.0.0.2 --token-file made");
+  EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
+  const std::string said = spoken.out + spoken.err, token = place.read("made");
+  EXPECT_NE(said.find("http://127.0.0.2:"), std::string::npos) << said;
+  EXPECT_EQ(token.size(), 33U);
+  EXPECT_EQ(said.find(token.substr(0, 32)), std::string::npos) << "the token stays in its file";
+  struct stat about = {};
+  ASSERT_EQ(stat((place.folder() / "made").c_str(), &about), 0);
+  EXPECT_EQ(about.st_mode & 0777, 0600U);
 }
 
 }  // namespace

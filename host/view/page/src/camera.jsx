@@ -64,7 +64,7 @@ function drawSide(pen, store, scale) {
 const kNames = { top_camera: 'Through the eye', side_camera: 'From the side' };
 
 export function CameraView({ store, camera, slot, depth }) {
-  const canvas = useRef(null), path = useRef(null);
+  const canvas = useRef(null), path = useRef(null), given = useRef(null); // what is being drawn, and what was, until the next
   const frame = store.frames[slot];
   const mine = store.status.control === 'mine' && store.status.takes_targets;
 
@@ -79,11 +79,13 @@ export function CameraView({ store, camera, slot, depth }) {
     pen.drawImage(frame.bitmap, 0, 0);
     if (camera === 'top_camera') drawTop(pen, store, frame, scale);
     else drawSide(pen, store, scale);
-    if (path.current?.length > 1) {
-      pen.strokeStyle = '#ffffff';
+    if (store.note.startsWith('refused')) given.current = null;
+    const drawn = path.current ?? given.current;
+    if (drawn?.length > 1) {
+      pen.strokeStyle = path.current ? '#ffffff' : '#ffffff99';
       pen.lineWidth = 2 * scale;
       pen.beginPath();
-      path.current.forEach(([u, v], i) => (i ? pen.lineTo(u, v) : pen.moveTo(u, v)));
+      drawn.forEach(([u, v], i) => (i ? pen.lineTo(u, v) : pen.moveTo(u, v)));
       pen.stroke();
     }
   });
@@ -98,6 +100,7 @@ export function CameraView({ store, camera, slot, depth }) {
     if (!mine) return;
     canvas.current.setPointerCapture(event.pointerId);
     path.current = [place(event)];
+    given.current = null;
   };
   const move = (event) => {
     if (!path.current) return;
@@ -108,6 +111,7 @@ export function CameraView({ store, camera, slot, depth }) {
     if (!path.current) return;
     const points = path.current.slice(0, 1000);
     path.current = null;
+    given.current = points;
     const row = newest(store, 'servo');
     if (camera === 'top_camera') store.send({ do: 'target', camera, points, z: depth ?? row?.target_z ?? 0 });
     else store.send({ do: 'target', camera, points, y: row?.target_y ?? 0 });

@@ -81,6 +81,7 @@ export function DepthBar({ store, zero, setZero, depth, setDepth }) {
         {distance == null ? 'retina: –' : `retina ${mm(distance)} mm${{ close: ' · VERY CLOSE', near: ' · near' }[level] ?? ''}`}
       </p>
       <p class="quiet">spread {spreadOf(store) ? `${(spreadOf(store).deviation * 1e6).toFixed(0)} µm` : '–'}</p>
+      <p class="quiet" id="aim">{row && row.target_z !== null ? `target ${mm((depth ?? row.target_z) - zero)} mm` : 'no target'}</p>
       <button id="zero" onClick={() => row && row.z !== null && setZero(row.z)}>zero here</button>
       <div class="pair">
         <button disabled={!mine} onClick={() => jog(0.1e-3)} title="target 0.1 mm up (arrow up)">▲</button>

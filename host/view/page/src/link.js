@@ -50,7 +50,10 @@ function take(store, message) {
     held.rows.push(...part.rows);
     if (held.rows.length > kHistory) held.rows.splice(0, held.rows.length - kHistory);
   }
-  for (const line of message.lines ?? []) if (line.kind !== 'checkpoint') store.lines.push(line);
+  for (const line of message.lines ?? []) { // a note comes twice: as an event and as what was said
+    const twin = store.lines[store.lines.length - 1];
+    if (line.kind !== 'checkpoint' && !(twin?.text === line.text && twin.t === line.t)) store.lines.push(line);
+  }
   if (store.lines.length > 300) store.lines.splice(0, store.lines.length - 300);
   if (message.refused) store.note = `refused: ${message.refused}`;
   if (message.target) store.note = `target ${message.target.map((v) => (v * 1e3).toFixed(2)).join(', ')} mm`;

@@ -34,6 +34,13 @@ function Page() {
     });
   }, []);
 
+  // The depth that was asked for here is shown until the loop has it: from then on it follows the loop's, which a SpaceMouse or
+  // the script may move, too.
+  const aimed = newest(store, 'servo')?.target_z ?? null;
+  useEffect(() => {
+    if (depth !== null && aimed !== null && Math.abs(aimed - depth) < 1e-6) setDepthShown(null);
+  }, [aimed, depth]);
+
   const setDepth = (z) => {
     setDepthShown(z);
     const row = newest(store, 'servo');
