@@ -10,9 +10,9 @@ namespace vitreo::view {
 
 struct ViewRequest {
   bool on = false;
-  std::string address = "127.0.0.1";  // of the machine, at which the page is served
-  unsigned short port = 0;            // 0: any that is free
-  std::filesystem::path token_file;   // empty: each browser wants an invitation of its own
+  std::string address = "127.0.0.1";   // of the machine, at which the page is served
+  unsigned short port = 0;             // 0: any that is free
+  std::filesystem::path token_file{};  // empty: each browser wants an invitation of its own
 };
 
 /// Throws ConfigError naming the option: an address that is none, every address at once (nobody could tell then whether

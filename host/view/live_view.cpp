@@ -17,7 +17,7 @@ namespace vitreo::view {
 namespace {
 
 using nlohmann::json;
-constexpr auto kFramePeriod = std::chrono::milliseconds(33);
+constexpr auto kFramePeriod = std::chrono::milliseconds(30);  // a multiple of the tick: 30 frames a second pass
 constexpr auto kStatePeriod = std::chrono::milliseconds(100);
 constexpr Time kLook = std::chrono::milliseconds(500);  // of the experiment, between two readings of temperatures
 constexpr std::size_t kHistory = 600, kMostRows = 200;  // rows of a stream: for who joins, and at once

@@ -35,7 +35,7 @@ using Response = http::response<http::string_body>;
 constexpr std::size_t kLongestHeader = 8 << 10, kLongestBody = 64 << 10, kLongestMessage = 64 << 10;
 constexpr std::size_t kMostQueued = 1 << 20;  // bytes of text that wait for one viewer
 constexpr auto kPatience = std::chrono::seconds(10);
-constexpr auto kTick = std::chrono::milliseconds(20);
+constexpr auto kTick = std::chrono::milliseconds(10);
 constexpr int kMessagesPerSecond = 200;
 constexpr std::size_t kMostCookies = 10000;  // of browsers that came with the shared token
 constexpr const char* kCookie = "vitreo=";

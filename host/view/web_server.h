@@ -35,7 +35,7 @@ class WebServer {
   struct Callbacks {
     std::function<void(int viewer)> joined, left;
     std::function<void(int viewer, const std::string& message)> received;  // text of up to 64 kB
-    std::function<void()> tick;                                            // each 20 ms
+    std::function<void()> tick;                                            // each 10 ms
   };
 
   /// Listens, and serves until it is destroyed. Throws std::runtime_error naming the address.
