@@ -60,13 +60,16 @@ deb: build       ## the Debian package: build/release/vitreo_VERSION_ARCH.deb
 fresh: ## prove the README's two commands in a fresh Debian 12 folder (root, network, half an hour)
 	sh packaging/fresh.sh
 
-SCRIPTS = $(shell git ls-files -co --exclude-standard 'protocols/*.lua' 'scripts/*.lua')
-check-scripts:   ## luacheck, with the names that scripts can see
+SCRIPTS = $(shell git ls-files -co --exclude-standard 'protocols/*.lua' 'scripts/*.lua' 'templates/*.lua')
+STYLUA = $(BUILD)/tests/page
+$(STYLUA)/node_modules: tests/page/package-lock.json
+	mkdir -p $(STYLUA) && cp tests/page/package.json tests/page/package-lock.json $(STYLUA)
+	npm --prefix $(STYLUA) ci --ignore-scripts --no-audit --no-fund --silent && touch $@
+check-scripts: $(STYLUA)/node_modules ## luacheck, with the names that scripts can see, and StyLua (wants node and npm)
 	$(BUILD)/vitreo docs luacheck > $(BUILD)/luacheckrc && luacheck --config $(BUILD)/luacheckrc -q $(SCRIPTS)
-STYLUA = $(BUILD)/stylua
-format-scripts:  ## lay out the Lua scripts with StyLua 2.5.2 (from npm; wants node and npm)
-	npm install --silent --no-audit --no-fund --prefix $(STYLUA) @johnnymorganz/stylua@2.5.2
-	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) $(CHECK) $(SCRIPTS)
+	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) --check $(SCRIPTS)
+format-scripts: $(STYLUA)/node_modules ## lay out the Lua scripts with StyLua
+	node cmake/format_scripts.cjs $(CURDIR)/$(STYLUA) $(SCRIPTS)
 reference:       ## print docs/api.md and the golden help texts anew from the program
 	sh tests/program/print_golden.sh $(BUILD)/vitreo
 

@@ -1,4 +1,5 @@
-// Lays out Lua files with StyLua (its WASM build from npm; `make format-scripts` fetches it). --check: only says which differ.
+// Lays out Lua files with StyLua (its WASM build, of the version in tests/page/package-lock.json). Arguments: the folder with
+// its node_modules, --check to be told only which differ, files.
 // SPDX-License-Identifier: Apache-2.0
 const { readFileSync, writeFileSync } = require('fs');
 const [stylua_folder, ...rest] = process.argv.slice(2);

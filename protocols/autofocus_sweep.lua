@@ -14,14 +14,22 @@ return {
   needs = { "top_camera", "stage" },
   rig = "bare_sensor",
   parameters = {
-    depth = { unit = "mm", default = 3*mm, min = 0.1*mm, max = 8*mm,
-      help = "where the target is put, before the retina, on the axis" },
-    reach = { unit = "mm", default = 0.8*mm, min = 0.1*mm, max = 8*mm, help = "of the sweep, either way" },
+    depth = {
+      unit = "mm",
+      default = 3 * mm,
+      min = 0.1 * mm,
+      max = 8 * mm,
+      help = "where the target is put, before the retina, on the axis",
+    },
+    reach = { unit = "mm", default = 0.8 * mm, min = 0.1 * mm, max = 8 * mm, help = "of the sweep, either way" },
     steps = { default = 21, min = 5, max = 1000, integer = true, help = "positions of the sensor" },
     repetitions = { default = 5, min = 1, max = 200, integer = true, help = "images at each position" },
     window = { default = 120, min = 16, max = 2000, integer = true, help = "side of the window, px" },
-    measure = { choices = vision.focus.measures(), default = "smoothed_tenengrad",
-      help = "normalised_variance is the thesis'" },
+    measure = {
+      choices = vision.focus.measures(),
+      default = "smoothed_tenengrad",
+      help = "normalised_variance is the thesis'",
+    },
   },
   run = function(rig, p, run)
     local eye = rig:eye()
@@ -31,14 +39,23 @@ return {
     run:defer(function() targets.remove(rig, run) end)
     local u, v = focusing.pixel(rig, expected)
     local window = { u = u, v = v, size = p.window }
-    local peaks, distances, values = focusing.sweep(rig, { from = expected.z - p.reach, to = expected.z + p.reach,
+    local peaks, distances, values = focusing.sweep(rig, {
+      from = expected.z - p.reach,
+      to = expected.z + p.reach,
       steps = p.steps,
-      frames = p.repetitions, window = window, measure = p.measure })
+      frames = p.repetitions,
+      window = window,
+      measure = p.measure,
+    })
     local found, missed = focusing.summary(peaks)
     if not found then error("the sweep found no peak: " .. peaks[1].answer .. "; is the target in the window?", 0) end
-    run:plot { title = "Focus against the sensor's place", x = { "d_ls", "mm" }, y = { p.measure, "" },
-      series = { { label = "first sweep", x = distances, y = values, mark = "points" } } }
-    local place = map:locate({ 0, 0, found.mean }, { image_sigma = 3*um, focus_sigma = math.max(found.deviation, 1e-9) })
+    run:plot {
+      title = "Focus against the sensor's place",
+      x = { "d_ls", "mm" },
+      y = { p.measure, "" },
+      series = { { label = "first sweep", x = distances, y = values, mark = "points" } },
+    }
+    local place = map:locate({ 0, 0, found.mean }, { image_sigma = 3 * um, focus_sigma = math.max(found.deviation, 1e-9) })
     if not place then error("where it was sharpest is no place in the eye: d_ls " .. run:show(found.mean, "m"), 0) end
     focusing.move(rig, found.mean)
     rig.top_camera:grab()
@@ -47,16 +64,32 @@ return {
     run:figure("sharpest_deviation", found.deviation, "m")
     run:figure("depth", place.position.z, "m")
     run:figure("depth_sigma", place.sigma.z, "m")
-    run:note(("sharpest at d_ls %s, %d sweeps of %d agree to %s; %s before the retina ± %s, uncalibrated"):format(run:show(found.mean, "m"),
-      found.count, found.count + missed, run:show(found.deviation, "m"), run:show(place.position.z, "m"),
-        run:show(place.sigma.z, "m")))
+    run:note(
+      ("sharpest at d_ls %s, %d sweeps of %d agree to %s; %s before the retina ± %s, uncalibrated"):format(
+        run:show(found.mean, "m"),
+        found.count,
+        found.count + missed,
+        run:show(found.deviation, "m"),
+        run:show(place.position.z, "m"),
+        run:show(place.sigma.z, "m")
+      )
+    )
     local book = expect.book(run, "4.4.3")
-    book:number { id = "4.4.focus_deviation", what = "scatter of the in-focus sensor position",
-      thesis = published.chapter_4.model_eye.depth_of_focus, ours = found.deviation, unit = "m",
-        at_most = published.chapter_4.model_eye.depth_of_focus,
-      reason = "the thesis takes its depth of focus as the variance to be expected" }
-    book:number { id = "4.4.sweeps_found", what = "part of the sweeps that found a peak",
-      ours = found.count / (found.count + missed), at_least = 0.9 }
+    book:number {
+      id = "4.4.focus_deviation",
+      what = "scatter of the in-focus sensor position",
+      thesis = published.chapter_4.model_eye.depth_of_focus,
+      ours = found.deviation,
+      unit = "m",
+      at_most = published.chapter_4.model_eye.depth_of_focus,
+      reason = "the thesis takes its depth of focus as the variance to be expected",
+    }
+    book:number {
+      id = "4.4.sweeps_found",
+      what = "part of the sweeps that found a peak",
+      ours = found.count / (found.count + missed),
+      at_least = 0.9,
+    }
     book:close()
   end,
 }

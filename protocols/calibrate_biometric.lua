@@ -16,8 +16,12 @@ local mm, um = units.mm, units.um
 local function sharp_at(rig, run, law, depth, p)
   targets.put(rig, run, vector(0, 0, depth))
   local model = rig:model()
-  local told = focusing.autofocus(rig, { near = law:distance(depth), reach = p.reach, step = 20*um,
-    window = { u = model.centre_px[1], v = model.centre_px[2], size = 120 } })
+  local told = focusing.autofocus(rig, {
+    near = law:distance(depth),
+    reach = p.reach,
+    step = 20 * um,
+    window = { u = model.centre_px[1], v = model.centre_px[2], size = 120 },
+  })
   if told.answer ~= "found" then
     error(("the target %s before the retina was not found sharp: %s"):format(run:show(depth, "m"), told.answer), 0)
   end
@@ -37,19 +41,33 @@ end
 
 local function plot(run, laws, points)
   local measured = { label = "measured", x = {}, y = {}, mark = "points" }
-  for i, point in ipairs(points) do measured.x[i], measured.y[i] = point.distance, point.depth end
+  for i, point in ipairs(points) do
+    measured.x[i], measured.y[i] = point.distance, point.depth
+  end
   local at, all, errors = statistics.range(measured.x[1], measured.x[#points], 41), { measured }, {}
   for _, one in ipairs(laws) do
     local y, off = {}, {}
-    for i, distance in ipairs(at) do y[i] = one.law:depth(distance) or 0 / 0 end
-    for i, point in ipairs(points) do off[i] = (one.law:depth(point.distance) or 0 / 0) - point.depth end
+    for i, distance in ipairs(at) do
+      y[i] = one.law:depth(distance) or 0 / 0
+    end
+    for i, point in ipairs(points) do
+      off[i] = (one.law:depth(point.distance) or 0 / 0) - point.depth
+    end
     all[#all + 1] = { label = one.name, x = at, y = y, mark = one.mark }
     errors[#errors + 1] = { label = one.name, x = measured.y, y = off, mark = one.mark }
   end
-  run:plot { title = "Depth against the sensor's place, as figure 4.10", x = { "d_ls", "mm" }, y = { "before the retina",
-    "mm" }, series = all }
-  run:plot { title = "Error of depth, as figures 4.5 and 4.6", x = { "before the retina", "mm" }, y = { "error", "mm" },
-    series = errors }
+  run:plot {
+    title = "Depth against the sensor's place, as figure 4.10",
+    x = { "d_ls", "mm" },
+    y = { "before the retina", "mm" },
+    series = all,
+  }
+  run:plot {
+    title = "Error of depth, as figures 4.5 and 4.6",
+    x = { "before the retina", "mm" },
+    y = { "error", "mm" },
+    series = errors,
+  }
 end
 
 -- Figures 4.5 and 4.6 by computation: one parameter off, before and after.
@@ -59,15 +77,25 @@ local function computed(book)
     local off = eye:with { ["lens.index"] = part * eye:parameter "lens.index" }
     local before, after = eye:axis_error(off), eye:axis_error(off, { calibrated = true })
     local sign = part < 1 and "minus" or "plus"
-    book:number { id = "4.5." .. sign .. "_before",
+    book:number {
+      id = "4.5." .. sign .. "_before",
       what = ("index of the lens %+.0f %%, uncalibrated, largest error"):format(100 * (part - 1)),
-      where = "figure 4.5", ours = before, unit = "m", at_least = 1*mm,
-        reason = "4.3: \"original error values were on the order of 1 mm\"" }
-    book:number { id = "4.5." .. sign .. "_after",
+      where = "figure 4.5",
+      ours = before,
+      unit = "m",
+      at_least = 1 * mm,
+      reason = '4.3: "original error values were on the order of 1 mm"',
+    }
+    book:number {
+      id = "4.5." .. sign .. "_after",
       what = ("index of the lens %+.0f %%, calibrated, largest error"):format(100 * (part - 1)),
-      where = "figure 4.5", ours = after, unit = "m", at_most = 0.15 * before,
-        reason = "\"greatly reduce them\": to a seventh or better",
-      why = "by the shift of the sensor alone, which leaves least; the thesis leaves one equation for two unknowns" }
+      where = "figure 4.5",
+      ours = after,
+      unit = "m",
+      at_most = 0.15 * before,
+      reason = '"greatly reduce them": to a seventh or better',
+      why = "by the shift of the sensor alone, which leaves least; the thesis leaves one equation for two unknowns",
+    }
   end
 end
 
@@ -76,12 +104,15 @@ return {
   needs = { "top_camera", "stage" },
   rig = "bare_sensor",
   parameters = {
-    eye = { choices = { "nominal", "perturbed" }, default = "perturbed",
-      help = "on a simulated rig: off by table 5.1, or as believed" },
+    eye = {
+      choices = { "nominal", "perturbed" },
+      default = "perturbed",
+      help = "on a simulated rig: off by table 5.1, or as believed",
+    },
     draw = { default = 1, min = 1, max = 1000000, integer = true, help = "which of the seed's perturbed eyes" },
     points = { default = 6, min = 3, max = 50, integer = true, help = "targets on the axis" },
-    deepest = { unit = "mm", default = 6*mm, min = 1*mm, max = 8*mm, help = "of them, before the retina" },
-    reach = { unit = "mm", default = 3*mm, min = 0.5*mm, max = 8*mm, help = "of each search, either way" },
+    deepest = { unit = "mm", default = 6 * mm, min = 1 * mm, max = 8 * mm, help = "of them, before the retina" },
+    reach = { unit = "mm", default = 3 * mm, min = 0.5 * mm, max = 8 * mm, help = "of each search, either way" },
   },
   run = function(rig, p, run)
     local eye = rig:eye()
@@ -89,20 +120,25 @@ return {
     run:defer(function() targets.remove(rig, run) end)
     local believed = eye:axis_law()
     local points = {}
-    for i, depth in ipairs(statistics.range(0.05*mm, p.deepest, p.points)) do
+    for i, depth in ipairs(statistics.range(0.05 * mm, p.deepest, p.points)) do
       run:progress((i - 1) / p.points, ("target %d of %d"):format(i, p.points))
       run:checkpoint("before target " .. i)
       local distance, sigma = sharp_at(rig, run, believed, depth, p)
       points[i] = { depth = depth, distance = distance }
-      run:record("focus", { depth = depth, distance = distance, sigma = sigma }, { depth = "m", distance = "m",
-        sigma = "m" })
+      run:record("focus", { depth = depth, distance = distance, sigma = sigma }, {
+        depth = "m",
+        distance = "m",
+        sigma = "m",
+      })
     end
     -- On the retina: the target lies 0.05 mm before it, which the law is told.
     local retina = believed:distance(0) + points[1].distance - believed:distance(points[1].depth)
-    local laws = { { name = "as prescribed", law = believed, mark = "dashed" }, { name = "biometric: the retina alone",
-      law = believed:on_retina(retina) },
+    local laws = {
+      { name = "as prescribed", law = believed, mark = "dashed" },
+      { name = "biometric: the retina alone", law = believed:on_retina(retina) },
       { name = "biometric, minimum norm", law = believed:on_retina(retina, { method = "minimum_norm" }), mark = "dashed" },
-      { name = "all points (4.4.4)", law = (believed:fitted(points)) } }
+      { name = "all points (4.4.4)", law = (believed:fitted(points)) },
+    }
     plot(run, laws, points)
     local rows, found = {}, {}
     for i, one in ipairs(laws) do
@@ -113,13 +149,25 @@ return {
     eyes.report(run, eye, truth)
     run:figure("calibrated_error", found[2], "m")
     local book = expect.book(run, "4.4.4")
-    book:number { id = "4.10.biometric", what = "largest error on the axis after calibration on the retina alone",
-      where = "figure 4.10", ours = found[2], unit = "m",
-      at_most = published.chapter_4.model_eye.depth_of_field, reason = "the depth of field of 4.4.3",
-      why = ("uncalibrated %s on this eye; with all points %s"):format(run:show(found[1], "m"), run:show(found[4], "m")) }
-    book:number { id = "4.10.full", what = "largest error with all points", where = "figure 4.10", ours = found[4],
-      unit = "m", at_most = found[2],
-      reason = "more points are not to be worse" }
+    book:number {
+      id = "4.10.biometric",
+      what = "largest error on the axis after calibration on the retina alone",
+      where = "figure 4.10",
+      ours = found[2],
+      unit = "m",
+      at_most = published.chapter_4.model_eye.depth_of_field,
+      reason = "the depth of field of 4.4.3",
+      why = ("uncalibrated %s on this eye; with all points %s"):format(run:show(found[1], "m"), run:show(found[4], "m")),
+    }
+    book:number {
+      id = "4.10.full",
+      what = "largest error with all points",
+      where = "figure 4.10",
+      ours = found[4],
+      unit = "m",
+      at_most = found[2],
+      reason = "more points are not to be worse",
+    }
     computed(book)
     book:close()
   end,

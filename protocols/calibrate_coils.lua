@@ -1,5 +1,5 @@
--- Calibrates the coils: a field probe on a stage of three axes reads the field of each coil at nine places, and one dipole a coil is
--- fitted; the model goes into octomag_calibrated.yaml, as ETH's software writes it. Unattended, with acceptance limits.
+-- Calibrates the coils: a field probe on a stage of three axes reads the field of each coil at nine places, and one dipole a coil
+-- is fitted; the model goes into octomag_calibrated.yaml, as ETH's software writes it. Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -13,8 +13,8 @@ return {
   needs = { "coils", "stage", "field_probe" },
   rig = "calibration",
   parameters = {
-    half = { unit = "mm", default = 8*mm, min = 1*mm, max = 20*mm, help = "half the cube's side" },
-    current = { unit = "A", default = 8*A, min = 0.5*A, max = 12*A, help = "of each coil, either sign" },
+    half = { unit = "mm", default = 8 * mm, min = 1 * mm, max = 20 * mm, help = "half the cube's side" },
+    current = { unit = "A", default = 8 * A, min = 0.5 * A, max = 12 * A, help = "of each coil, either sign" },
     limit = { default = 0.01, min = 1e-4, max = 0.5, help = "that the fit may leave, relative to the field" },
   },
   run = function(rig, p, run)
@@ -24,14 +24,20 @@ return {
       before[i] = ((nominal:field(reading.position, reading.currents)) - reading.field):norm()
       fields[i] = reading.field:norm()
     end
-    run:plot { title = "Readings against the model as it was", x = { "field", "mT" }, y = { "difference", "mT" },
-      series = { { label = "readings", x = fields, y = before, mark = "points" } } }
-    files.write("octomag_calibrated.yaml", model:text { name = "OctoMag", low = { -p.half, -p.half, -p.half },
-      high = { p.half, p.half, p.half } })
+    run:plot {
+      title = "Readings against the model as it was",
+      x = { "field", "mT" },
+      y = { "difference", "mT" },
+      series = { { label = "readings", x = fields, y = before, mark = "points" } },
+    }
+    files.write(
+      "octomag_calibrated.yaml",
+      model:text { name = "OctoMag", low = { -p.half, -p.half, -p.half }, high = { p.half, p.half, p.half } }
+    )
     local book = acceptance.new(run, "Coils")
     book:check { name = "residual, relative", value = told.residual_relative, least = 0, most = p.limit }
     book:check { name = "residual, largest", value = told.residual_largest, unit = "T", least = 0, most = 1 * units.mT }
-    book:check { name = "background", value = vector(told.background):norm(), unit = "T", least = 0, most = 500*uT }
+    book:check { name = "background", value = vector(told.background):norm(), unit = "T", least = 0, most = 500 * uT }
     book:check { name = "converged", value = told.converged and 1 or 0, least = 1, most = 1 }
     run:figure("residual_rms", told.residual_rms, "T")
     run:figure("residual_relative", told.residual_relative)

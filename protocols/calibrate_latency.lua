@@ -1,6 +1,6 @@
--- Measures the loop's latency: how old the cameras' frames are when they arrive, and by a step of current, seen by the field probe,
--- how late and how slowly the coils follow (facts: 50 ms and 15 Hz; with 80 ms of the camera the loop's 130 ms). Unattended, with
--- acceptance limits.
+-- Measures the loop's latency: how old the cameras' frames are when they arrive, and by a step of current, seen by the field
+-- probe, how late and how slowly the coils follow (facts: 50 ms and 15 Hz; with 80 ms of the camera the loop's 130 ms).
+-- Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -14,10 +14,15 @@ return {
   rig = "calibration",
   parameters = {
     coils = { default = 8, min = 1, max = 8, integer = true, help = "channels that are tried" },
-    current = { unit = "A", default = 3*A, min = 0.1*A, max = 12*A, help = "height of the step" },
+    current = { unit = "A", default = 3 * A, min = 0.1 * A, max = 12 * A, help = "height of the step" },
     frames = { default = 30, min = 2, max = 1000, integer = true, help = "of which the age is taken" },
-    limit = { unit = "ms", default = 20*ms, min = 1*ms, max = 500*ms,
-      help = "by which the delay may differ from what the rig file says" },
+    limit = {
+      unit = "ms",
+      default = 20 * ms,
+      min = 1 * ms,
+      max = 500 * ms,
+      help = "by which the delay may differ from what the rig file says",
+    },
   },
   run = function(rig, p, run)
     local book, model = acceptance.new(run, "Latency"), rig:model()
@@ -31,16 +36,35 @@ return {
     end
     run:plot { title = "Field after a step of current", x = { "time", "s" }, y = { "field", "mT" }, series = curves }
     local delay, constant = statistics.median(delays), statistics.median(constants)
-    book:check { name = "coils: delay", key = "model.coil_delay", believed = model.command_delay, value = delay,
+    book:check {
+      name = "coils: delay",
+      key = "model.coil_delay",
+      believed = model.command_delay,
+      value = delay,
       sigma = statistics.deviation(delays),
-      unit = "s", least = model.command_delay - p.limit, most = model.command_delay + p.limit }
-    book:check { name = "coils: bandwidth", key = "model.coil_bandwidth", value = 1 / (2 * math.pi * constant),
-      unit = "Hz", least = 1, most = 1000 }
+      unit = "s",
+      least = model.command_delay - p.limit,
+      most = model.command_delay + p.limit,
+    }
+    book:check {
+      name = "coils: bandwidth",
+      key = "model.coil_bandwidth",
+      value = 1 / (2 * math.pi * constant),
+      unit = "Hz",
+      least = 1,
+      most = 1000,
+    }
     for _, role in ipairs { "top_camera", "side_camera" } do
       if rig[role] then
         local age, deviation = calibrations.camera_latency(rig[role], p.frames)
-        book:check { name = role .. ": age of its frames", value = age, sigma = deviation, unit = "s", least = 0,
-          most = 0.4*s }
+        book:check {
+          name = role .. ": age of its frames",
+          value = age,
+          sigma = deviation,
+          unit = "s",
+          least = 0,
+          most = 0.4 * s,
+        }
         if role == "top_camera" then run:figure("loop_latency", age + delay, "s") end
       end
     end

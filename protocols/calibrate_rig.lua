@@ -1,5 +1,5 @@
--- Calibrates the rig overnight, unattended: cameras, then latency, then coils, each with its acceptance limits. What is accepted goes
--- into calibration.json of the run, under the keys of the rig file where it belongs; one that is refused leaves the others.
+-- Calibrates the rig overnight, unattended: cameras, then latency, then coils, each with its acceptance limits. What is accepted
+-- goes into calibration.json of the run, under the keys of the rig file where it belongs; one that is refused leaves the others.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -11,12 +11,25 @@ local function cameras(rig, run, p, book)
   local model = rig:model()
   for role, pixel in pairs { top_camera = model.pixel, side_camera = model.side_pixel } do
     if rig[role] then
-      local fit = calibrations.camera(rig, run, role, { count = p.count, half = 3*mm })
-      book:check { name = role .. ": pixel", key = role .. ".effective_pixel", believed = pixel, value = fit.pixel,
-        sigma = fit.pixel_sigma, unit = "m",
-        least = 0.98 * pixel, most = 1.02 * pixel }
-      book:check { name = role .. ": rotation", believed = 0, value = fit.rotation, unit = "rad", least = -1*deg,
-        most = 1*deg }
+      local fit = calibrations.camera(rig, run, role, { count = p.count, half = 3 * mm })
+      book:check {
+        name = role .. ": pixel",
+        key = role .. ".effective_pixel",
+        believed = pixel,
+        value = fit.pixel,
+        sigma = fit.pixel_sigma,
+        unit = "m",
+        least = 0.98 * pixel,
+        most = 1.02 * pixel,
+      }
+      book:check {
+        name = role .. ": rotation",
+        believed = 0,
+        value = fit.rotation,
+        unit = "rad",
+        least = -1 * deg,
+        most = 1 * deg,
+      }
       book:check { name = role .. ": what the fit leaves, px rms", value = fit.rms_residual_px, least = 0, most = 0.5 }
     end
   end
@@ -24,11 +37,24 @@ end
 
 local function latency(rig, run, _, book)
   local believed = rig:model().command_delay
-  local delay, constant = calibrations.coil_latency(rig, run, { coil = 1, current = 3*A })
-  book:check { name = "coils: delay", key = "model.coil_delay", believed = believed, value = delay, unit = "s",
-    least = believed - 20*ms, most = believed + 20*ms }
-  book:check { name = "coils: bandwidth", key = "model.coil_bandwidth", value = 1 / (2 * math.pi * constant),
-    unit = "Hz", least = 1, most = 1000 }
+  local delay, constant = calibrations.coil_latency(rig, run, { coil = 1, current = 3 * A })
+  book:check {
+    name = "coils: delay",
+    key = "model.coil_delay",
+    believed = believed,
+    value = delay,
+    unit = "s",
+    least = believed - 20 * ms,
+    most = believed + 20 * ms,
+  }
+  book:check {
+    name = "coils: bandwidth",
+    key = "model.coil_bandwidth",
+    value = 1 / (2 * math.pi * constant),
+    unit = "Hz",
+    least = 1,
+    most = 1000,
+  }
   local age = calibrations.camera_latency(rig.top_camera, 10)
   book:check { name = "top_camera: age of its frames", value = age, unit = "s", least = 0, most = 0.4 }
 end
@@ -37,8 +63,10 @@ local function coils(rig, run, _, book)
   local model, told = calibrations.field(rig, run, {})
   local well = book:check { name = "coils: residual, relative", value = told.residual_relative, least = 0, most = 0.01 }
   if well then
-    files.write("octomag_calibrated.yaml", model:text { name = "OctoMag", low = { -8*mm, -8*mm, -8*mm }, high = { 8*mm,
-      8*mm, 8*mm } })
+    files.write(
+      "octomag_calibrated.yaml",
+      model:text { name = "OctoMag", low = { -8 * mm, -8 * mm, -8 * mm }, high = { 8 * mm, 8 * mm, 8 * mm } }
+    )
     book:keep("model.calibration", "octomag_calibrated.yaml")
   end
 end

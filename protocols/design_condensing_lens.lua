@@ -14,13 +14,17 @@ local orders = { "a4", "a6", "a8", "a10" }
 -- Height of the asphere's polynomial over its conic at radius r.
 local function polynomial(coefficients, r)
   local sag = 0
-  for i, name in ipairs(orders) do sag = sag + coefficients[name] * r ^ (2 * i + 2) end
+  for i, name in ipairs(orders) do
+    sag = sag + coefficients[name] * r ^ (2 * i + 2)
+  end
   return sag
 end
 
 local function coefficients_of(eye)
   local found = {}
-  for _, name in ipairs(orders) do found[name] = eye:parameter(surface .. name) end
+  for _, name in ipairs(orders) do
+    found[name] = eye:parameter(surface .. name)
+  end
   return found
 end
 
@@ -40,18 +44,23 @@ local function plot_fields(run, angles, lenses)
   local series = {}
   for i, one in ipairs(lenses) do
     local y = {}
-    for k, point in ipairs((one.eye:field_curvature(angles))) do y[k] = point.best_focus or 0 / 0 end
+    for k, point in ipairs((one.eye:field_curvature(angles))) do
+      y[k] = point.best_focus or 0 / 0
+    end
     series[i] = { label = one.label, x = angles, y = y, mark = one.mark }
   end
-  run:plot { title = "The aerial image of the retina", x = { "field angle", "deg" }, y = { "best focus behind the lens",
-    "mm" },
-    series = series }
+  run:plot {
+    title = "The aerial image of the retina",
+    x = { "field angle", "deg" },
+    y = { "best focus behind the lens", "mm" },
+    series = series,
+  }
 end
 
 return {
   title = "Design of the condensing lens",
   parameters = {
-    field = { unit = "deg", default = 30*deg, min = 5*deg, max = 35*deg, help = "half field that is to be flat" },
+    field = { unit = "deg", default = 30 * deg, min = 5 * deg, max = 35 * deg, help = "half field that is to be flat" },
     fields = { default = 11, min = 3, max = 101, integer = true, help = "angles in the sum" },
     spot_weight = { default = 0.05, min = 0, max = 10, help = "of the spots' radius beside the flatness" },
   },
@@ -65,7 +74,9 @@ return {
     run:progress(5 / 6, "from spheres")
     local spheres = conic:with { ["condensing.posterior.conic"] = 0, ["condensing.anterior.conic"] = 0 }
     local free = { "condensing.anterior.conic", "condensing.posterior.conic" }
-    for _, name in ipairs(orders) do free[#free + 1] = surface .. name end
+    for _, name in ipairs(orders) do
+      free[#free + 1] = surface .. name
+    end
     local free_lens, told = spheres:designed { variables = free, angles = angles, spot_weight = p.spot_weight }
 
     local _, span_conic = conic:field_curvature(angles)
@@ -75,28 +86,44 @@ return {
     for _, step in ipairs(steps) do
       rows[#rows + 1] = { "up to " .. step.name, run:show(step.span, "m"), run:show(step.spot, "m"), step.status }
     end
-    rows[#rows + 1] = { "a4 to a10 together", run:show(together.after.span, "m"), run:show(together.after.max_spot, "m"),
-      together.status }
+    rows[#rows + 1] =
+      { "a4 to a10 together", run:show(together.after.span, "m"), run:show(together.after.max_spot, "m"), together.status }
     rows[#rows + 1] = { "table 3.4 as printed", run:show(span_printed, "m"), "", "" }
     rows[#rows + 1] = { "two spheres", run:show(span_spheres, "m"), "", "" }
-    rows[#rows + 1] = { "all shapes free, from two spheres", run:show(told.after.span, "m"),
-      run:show(told.after.max_spot, "m"), told.status }
-    run:table { title = "How far best focus varies over the field", header = { "lens", "span", "largest spot", "end" },
-      rows = rows }
-    plot_fields(run, angles, { { label = "table 3.3", eye = conic, mark = "dashed" }, { label = "table 3.4",
-      eye = printed, mark = "dashed" },
-      { label = "one by one, ours", eye = designed }, { label = "together, ours", eye = together_lens },
-        { label = "from spheres, ours", eye = free_lens } })
+    rows[#rows + 1] = {
+      "all shapes free, from two spheres",
+      run:show(told.after.span, "m"),
+      run:show(told.after.max_spot, "m"),
+      told.status,
+    }
+    run:table {
+      title = "How far best focus varies over the field",
+      header = { "lens", "span", "largest spot", "end" },
+      rows = rows,
+    }
+    plot_fields(run, angles, {
+      { label = "table 3.3", eye = conic, mark = "dashed" },
+      { label = "table 3.4", eye = printed, mark = "dashed" },
+      { label = "one by one, ours", eye = designed },
+      { label = "together, ours", eye = together_lens },
+      { label = "from spheres, ours", eye = free_lens },
+    })
 
     local ours, thesis = coefficients_of(designed), published.table_3_4
-    local radii, sag_ours, sag_thesis, apart = statistics.range(0, 8*mm, 33), {}, {}, 0
+    local radii, sag_ours, sag_thesis, apart = statistics.range(0, 8 * mm, 33), {}, {}, 0
     for i, r in ipairs(radii) do
       sag_ours[i], sag_thesis[i] = polynomial(ours, r), polynomial(thesis, r)
       apart = math.max(apart, math.abs((sag_ours[i] - sag_ours[1]) - (sag_thesis[i] - sag_thesis[1])))
     end
-    run:plot { title = "The asphere over its conic", x = { "from the axis", "mm" }, y = { "sag", "um" },
-      series = { { label = "ours", x = radii, y = sag_ours }, { label = "table 3.4", x = radii, y = sag_thesis,
-        mark = "dashed" } } }
+    run:plot {
+      title = "The asphere over its conic",
+      x = { "from the axis", "mm" },
+      y = { "sag", "um" },
+      series = {
+        { label = "ours", x = radii, y = sag_ours },
+        { label = "table 3.4", x = radii, y = sag_thesis, mark = "dashed" },
+      },
+    }
     local coefficients = {}
     for i, name in ipairs(orders) do
       local scale = mm ^ (2 * i + 1)
@@ -105,21 +132,57 @@ return {
     run:table { title = "Coefficients, per mm^3, mm^5, mm^7, mm^9", header = { "", "thesis", "ours" }, rows = coefficients }
 
     local book = expect.book(run, "table 3.4")
-    book:number { id = "3.4.printed_span", what = "span of best focus of the printed lens", ours = span_printed, unit = "m",
-      at_most = span_conic, reason = "the asphere is to flatten what the conics leave" }
-    book:number { id = "3.4.designed_span", what = "span of our a4 to a10", thesis = span_printed,
-      ours = steps[4].span, unit = "m", at_most = span_printed, reason = "the printed lens, traced by the same program" }
-    book:number { id = "3.4.together_span", what = "span of a4 to a10 found together", thesis = span_printed,
-      ours = together.after.span, unit = "m", at_most = span_printed, reason = "as before" }
-    book:number { id = "3.4.free_span", what = "span with all shapes free, from two spheres", thesis = span_printed,
-      ours = told.after.span, unit = "m", at_most = span_printed, reason = "as before" }
-    book:number { id = "3.4.sag_apart", what = "our asphere and the printed one, largest distance to 8 mm", ours = apart,
+    book:number {
+      id = "3.4.printed_span",
+      what = "span of best focus of the printed lens",
+      ours = span_printed,
       unit = "m",
-      why = "many aspheres are flat to micrometres; the thesis states neither fields nor weights, and its own is flat to 0.2 mm only" }
-    book:number { id = "3.4.a4", what = "a4, which does most, per m^3", thesis = thesis.a4, ours = ours.a4,
+      at_most = span_conic,
+      reason = "the asphere is to flatten what the conics leave",
+    }
+    book:number {
+      id = "3.4.designed_span",
+      what = "span of our a4 to a10",
+      thesis = span_printed,
+      ours = steps[4].span,
+      unit = "m",
+      at_most = span_printed,
+      reason = "the printed lens, traced by the same program",
+    }
+    book:number {
+      id = "3.4.together_span",
+      what = "span of a4 to a10 found together",
+      thesis = span_printed,
+      ours = together.after.span,
+      unit = "m",
+      at_most = span_printed,
+      reason = "as before",
+    }
+    book:number {
+      id = "3.4.free_span",
+      what = "span with all shapes free, from two spheres",
+      thesis = span_printed,
+      ours = told.after.span,
+      unit = "m",
+      at_most = span_printed,
+      reason = "as before",
+    }
+    book:number {
+      id = "3.4.sag_apart",
+      what = "our asphere and the printed one, largest distance to 8 mm",
+      ours = apart,
+      unit = "m",
+      why = "many aspheres are flat to micrometres; the thesis states neither fields nor weights, its own is flat to 0.2 mm",
+    }
+    book:number {
+      id = "3.4.a4",
+      what = "a4, which does most, per m^3",
+      thesis = thesis.a4,
+      ours = ours.a4,
       within = 0.5 * thesis.a4,
       reason = "sign and size: its share depends on the fields and weights, which the thesis leaves open",
-      why = "a6 to a10 found after it hardly matter, here; found together they trade with a4" }
+      why = "a6 to a10 found after it hardly matter, here; found together they trade with a4",
+    }
     book:close()
   end,
 }

@@ -62,8 +62,11 @@ local function leave_alone(run, rig, p, background, kind, found)
       bring(run, rig, servo, place, kind == "none" and p.scatter_open or p.scatter)
       local velocity = watch(run, servo, function() servo:release() end, p.hold)
       speeds[repetition] = velocity:norm()
-      run:record("drift", { machine = found.machine, feedback = drift.index(kinds, kind), velocity = velocity },
-        { velocity = "m/s" })
+      run:record(
+        "drift",
+        { machine = found.machine, feedback = drift.index(kinds, kind), velocity = velocity },
+        { velocity = "m/s" }
+      )
     end
     drift.add(found, kind, place.name, (drift.mean(speeds)))
   end
@@ -96,7 +99,11 @@ return {
     hold = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "how long it is left alone" },
     settle = { unit = "s", default = 3 * s, min = 0.5 * s, max = 60 * s, help = "of the estimator, before its hold" },
     tolerance = {
-      unit = "um/s", default = 100 * um / s, min = 0, max = 1000 * um / s, help = "drift that the trim leaves at the centre",
+      unit = "um/s",
+      default = 100 * um / s,
+      min = 0,
+      max = 1000 * um / s,
+      help = "drift that the trim leaves at the centre",
     },
     scatter_open = { unit = "mm", default = 1 * mm, min = 0, max = 2 * mm, help = "of the placement, with constant currents" },
     scatter = { unit = "mm", default = 0.3 * mm, min = 0, max = 2 * mm, help = "of the placement, with feedback" },
@@ -113,7 +120,9 @@ return {
     for machine in run:each(machines, "machine") do
       if rig.simulation then rig.simulation:draw_machine(machine - 1) end
       found.trim, found.machine = nil, machine
-      for kind in run:each(asked, "feedback") do leave_alone(run, rig, p, background, kind, found) end
+      for kind in run:each(asked, "feedback") do
+        leave_alone(run, rig, p, background, kind, found)
+      end
       hold_on(run, rig, p, background, found)
     end
     drift.report(run, found, asked, { machines = machines, repetitions = p.repetitions })

@@ -10,21 +10,33 @@ local centre = vector(0, 0, 0)
 local laws = { "pid", "velocity" }
 
 -- The PID of section 7.3, tuned in oil by the rule of Ziegler and Nichols: behind the loop's dead time T of 174 ms (latency
--- 80 ms, coils 50 + 10.6 ms, half a frame) a robot in oil is an integrator, so Ku = pi / 2 T and Tu = 4 T; 0.6 Ku, Tu / 2, Tu / 8.
+-- 80 ms, coils 50 + 10.6 ms, half a frame) a robot in oil is an integrator, so Ku = pi / 2 T and Tu = 4 T; 0.6 Ku, Tu / 2, Tu /
+-- 8.
 local function open(rig, p, law, background)
   if law == "velocity" then
     return rig:servo {
-      law = "velocity", integral = p.velocity_integral, feedback = p.feedback, background = background, field = p.field,
+      law = "velocity",
+      integral = p.velocity_integral,
+      feedback = p.feedback,
+      background = background,
+      field = p.field,
     }
   end
   return rig:servo {
-    law = "pd", proportional = p.proportional, integral = p.integral, derivative = p.derivative, derivative_time = 50e-3,
-    max_speed = p.max_speed, feedback = p.feedback, background = background, field = p.field,
+    law = "pd",
+    proportional = p.proportional,
+    integral = p.integral,
+    derivative = p.derivative,
+    derivative_time = 50e-3,
+    max_speed = p.max_speed,
+    feedback = p.feedback,
+    background = background,
+    field = p.field,
   }
 end
 
--- How the coordinate along the step, from the centre on, went: its highest part of the step, its turns while it is `watched`, and when it was
--- there for good.
+-- How the coordinate along the step, from the centre on, went: its highest part of the step, its turns while it is `watched`, and
+-- when it was there for good.
 local function follow_up(x, times, step, begin)
   local highest, reversals, direction, arrived = 0, 0, 0, nil
   local turned_at = x[1] -- the last extreme
@@ -57,7 +69,9 @@ local function step(run, servo, p)
   local x, times = run:samples(reference, "x", span)
   local found = follow_up(x, times, p.step, span.from)
   found.x, found.times = x, {}
-  for i, time in ipairs(times) do found.times[i] = time - span.from end
+  for i, time in ipairs(times) do
+    found.times[i] = time - span.from
+  end
   return found
 end
 
@@ -74,7 +88,10 @@ return {
     integral = { default = 15.6, min = 0, max = 50, help = "of the PID, 1/s^2: speed per distance and time" },
     derivative = { default = 0.47, min = 0, max = 2, help = "of the PID: speed per speed" },
     velocity_integral = {
-      default = 0.01, min = 1e-4, max = 1, help = "of velocity control, N/m; 0.01 suits gels from 2.8 Pa and oil of 500 cSt",
+      default = 0.01,
+      min = 1e-4,
+      max = 1,
+      help = "of velocity control, N/m; 0.01 suits gels from 2.8 Pa and oil of 500 cSt",
     },
     max_speed = { unit = "mm/s", default = 60 * mm / s, min = 0.1 * mm / s, max = 100 * mm / s, help = "that the PID asks for" },
     field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
@@ -99,8 +116,11 @@ return {
       run:figure(law .. "_reversals", found.reversals, "")
       run:figure(law .. "_last", found.last, "")
       rows[#rows + 1] = {
-        law, ("%.0f %%"):format(100 * found.overshoot), tostring(found.reversals),
-        found.arrived and ("%.1f s"):format(found.arrived) or "never", ("%.0f %%"):format(100 * found.last),
+        law,
+        ("%.0f %%"):format(100 * found.overshoot),
+        tostring(found.reversals),
+        found.arrived and ("%.1f s"):format(found.arrived) or "never",
+        ("%.0f %%"):format(100 * found.last),
       }
       series[#series + 1] = { label = law, x = found.times, y = found.x }
       rig.sample:remove_robot()

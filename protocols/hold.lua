@@ -11,9 +11,7 @@ local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 -- Away from the centre, where the model is worse; and not on the way of the square.
 local place = vector(2 * mm, 0, 1 * mm)
 
-local function name_of(kind, law, main)
-  return law == main and kind .. "_error_rms" or kind .. "_error_rms_" .. law
-end
+local function name_of(kind, law, main) return law == main and kind .. "_error_rms" or kind .. "_error_rms_" .. law end
 
 -- Errors of the robot's true place, in the frames from `from` on.
 local function errors(run, from)
@@ -26,7 +24,9 @@ local function error_plot(run, title, spans)
   for _, span in ipairs(spans) do
     local distance = judge.distances(run, span, "target_")
     local x = {}
-    for i, time in ipairs(distance.x) do x[i] = time - span.from end
+    for i, time in ipairs(distance.x) do
+      x[i] = time - span.from
+    end
     all[#all + 1] = { label = span.law, x = x, y = distance.y }
   end
   run:plot { title = title, x = { "time", "s" }, y = { "error in 3-D", "um" }, series = all }
@@ -35,7 +35,9 @@ end
 local function mean(run, stream, channel, span)
   local sum, count = 0, 0
   for _, value in ipairs((run:samples(stream, channel, span))) do
-    if value == value then sum, count = sum + value, count + 1 end -- an unseen robot is not a number
+    if value == value then
+      sum, count = sum + value, count + 1
+    end -- an unseen robot is not a number
   end
   if count == 0 then error("align: the stream " .. stream .. " has not seen the robot", 0) end
   return sum / count
@@ -81,7 +83,8 @@ return {
   needs = { "coils", "sample" },
   parameters = {
     feedback = {
-      choices = { "one_camera", "two_cameras", "pose_sensor" }, default = "one_camera",
+      choices = { "one_camera", "two_cameras", "pose_sensor" },
+      default = "one_camera",
       help = "pose_sensor: the simulator's truth, late and noisy; simulated rigs only",
     },
     law = { choices = { "estimator", "pd" }, default = "estimator", help = "whose figures are the main ones" },
@@ -124,8 +127,13 @@ return {
       for _, part in ipairs { { "hold", held }, { "square", went } } do
         local e = part[2].found
         rows[#rows + 1] = {
-          part[1], law, ("%.2f"):format(e.rms / um), ("%.2f"):format(e.max / um), ("%.2f"):format(e.lateral_rms / um),
-          ("%.2f"):format(e.depth_rms / um), tostring(e.count // 1 | 0),
+          part[1],
+          law,
+          ("%.2f"):format(e.rms / um),
+          ("%.2f"):format(e.max / um),
+          ("%.2f"):format(e.lateral_rms / um),
+          ("%.2f"):format(e.depth_rms / um),
+          tostring(e.count // 1 | 0),
         }
       end
       rig.sample:remove_robot()

@@ -8,8 +8,8 @@ local published = require "published"
 local units = require "units"
 local mm, s, mT = units.mm, units.s, units.mT
 
-local robots = { coni = { name = "coni_2mm", title = "CoNi, 2 mm" }, ndfeb = { name = "ndfeb_cylinder_1mm",
-  title = "NdFeB, 1 mm" } }
+local robots =
+  { coni = { name = "coni_2mm", title = "CoNi, 2 mm" }, ndfeb = { name = "ndfeb_cylinder_1mm", title = "NdFeB, 1 mm" } }
 local ways = { "pull", "tumble" }
 
 -- On a simulated rig the next vial is there at once; in the laboratory the operator puts it in and says so.
@@ -25,11 +25,11 @@ end
 -- Where the robot is: of the simulator's truth where there is one, else as the side camera sees it.
 local function place(run)
   local stream = run:has_stream("truth") and "truth" or "side_camera"
-  run:wait(0.3*s)
+  run:wait(0.3 * s)
   local now = {}
   for i, axis in ipairs { "x", "y", "z" } do
     local has = stream == "truth" or axis ~= "y"
-    local values = has and run:samples(stream, axis, { from = run:now() - 1*s, to = run:now() }) or { 0 }
+    local values = has and run:samples(stream, axis, { from = run:now() - 1 * s, to = run:now() }) or { 0 }
     now[i] = values[#values] or error("the robot is not seen", 0)
   end
   return vector(now)
@@ -38,10 +38,17 @@ end
 -- Currents for a direction of the field and as much force along x, up to `force`, as the sum of all currents allows.
 local function currents_for(model, robot, p, direction, force, each)
   while true do
-    local found = model:allocate { position = { 0, 0, 0 }, field = direction * p.field, force = { force, 0, 0 },
-      robot = robot.name, limit = each }
+    local found = model:allocate {
+      position = { 0, 0, 0 },
+      field = direction * p.field,
+      force = { force, 0, 0 },
+      robot = robot.name,
+      limit = each,
+    }
     local sum = 0
-    for _, current in ipairs(found.currents) do sum = sum + math.abs(current) end
+    for _, current in ipairs(found.currents) do
+      sum = sum + math.abs(current)
+    end
     if sum <= p.total or force == 0 then return found.currents end
     force = force > 1e-6 and 0.9 * force or 0
   end
@@ -52,7 +59,7 @@ local function push(rig, run, model, robot, p, time, direction_at, force)
   local began = run:now()
   while run:now() - began < time do
     rig.coils:set_currents(currents_for(model, robot, p, direction_at(run:now() - began), force, rig.coils:limit()))
-    run:wait(0.05*s)
+    run:wait(0.05 * s)
   end
 end
 
@@ -60,18 +67,20 @@ local function along_x() return vector(1, 0, 0) end
 
 local function attempt(rig, run, model, robot, p, gel, way)
   next_vial(rig, run, gel, robot)
-  push(rig, run, model, robot, p, 1*s, along_x, 0) -- lies along the field, held up
+  push(rig, run, model, robot, p, 1 * s, along_x, 0) -- lies along the field, held up
   local from = place(run)
   local function turning(time)
     local angle = 2 * math.pi * p.rate * time
     return vector(math.cos(angle), 0, math.sin(angle))
   end
   push(rig, run, model, robot, p, p.time, way == "tumble" and turning or along_x, p.force)
-  push(rig, run, model, robot, p, 2*s, along_x, 0)
+  push(rig, run, model, robot, p, 2 * s, along_x, 0)
   local went = (place(run) - from):norm()
-  run:record("motion", { gel = gel, hard = robot == robots.ndfeb and 1 or 0, tumbled = way == "tumble" and 1 or 0,
-    distance = went },
-    { distance = "m" })
+  run:record(
+    "motion",
+    { gel = gel, hard = robot == robots.ndfeb and 1 or 0, tumbled = way == "tumble" and 1 or 0, distance = went },
+    { distance = "m" }
+  )
   return went
 end
 
@@ -81,14 +90,24 @@ return {
   parameters = {
     gels = { default = 11, min = 1, max = 11, integer = true, help = "the first of tables 7.1 and 7.2" },
     robot = { choices = { "both", "coni", "ndfeb" }, default = "both", help = "which are tried" },
-    time = { unit = "s", default = 4*s, min = 0.5*s, max = 60*s, help = "of each attempt" },
-    field = { unit = "mT", default = 20*mT, min = 2*mT, max = 40*mT, help = "magnitude of the magnetic field" },
-    force = { unit = "mN", default = 0.4 * units.mN, min = 0.001 * units.mN, max = 10 * units.mN,
-      help = "asked for; the coils give what they can" },
-    total = { unit = "A", default = 57 * units.A, min = 1 * units.A, max = 160 * units.A,
-      help = "that all currents together may be" },
+    time = { unit = "s", default = 4 * s, min = 0.5 * s, max = 60 * s, help = "of each attempt" },
+    field = { unit = "mT", default = 20 * mT, min = 2 * mT, max = 40 * mT, help = "magnitude of the magnetic field" },
+    force = {
+      unit = "mN",
+      default = 0.4 * units.mN,
+      min = 0.001 * units.mN,
+      max = 10 * units.mN,
+      help = "asked for; the coils give what they can",
+    },
+    total = {
+      unit = "A",
+      default = 57 * units.A,
+      min = 1 * units.A,
+      max = 160 * units.A,
+      help = "that all currents together may be",
+    },
     rate = { unit = "Hz", default = 0.5, min = 0.05, max = 10, help = "of the field's turning when it tumbles" },
-    moved = { unit = "mm", default = 0.3*mm, min = 0.05*mm, max = 5*mm, help = "from how far on it has moved" },
+    moved = { unit = "mm", default = 0.3 * mm, min = 0.05 * mm, max = 5 * mm, help = "from how far on it has moved" },
   },
   run = function(rig, p, run)
     local model, tried = control.octomag(), p.robot == "both" and { "coni", "ndfeb" } or { p.robot }
@@ -107,14 +126,18 @@ return {
     end
     local header = { "gel", "agar, mg/mL" }
     for _, key in ipairs(tried) do
-      for _, way in ipairs(ways) do header[#header + 1] = ("%s, %s"):format(robots[key].title, way) end
+      for _, way in ipairs(ways) do
+        header[#header + 1] = ("%s, %s"):format(robots[key].title, way)
+      end
     end
     run:table { title = "Figure 7.1: which moved in which", header = header, rows = rows }
     local series = {}
     for _, key in ipairs(tried) do
       for _, way in ipairs(ways) do
         local x, y = {}, {}
-        for gel = 1, p.gels do x[gel], y[gel] = published.gels.agar[gel], went[key][way][gel] end
+        for gel = 1, p.gels do
+          x[gel], y[gel] = published.gels.agar[gel], went[key][way][gel]
+        end
         series[#series + 1] = { label = robots[key].title .. ", " .. way, x = x, y = y, mark = "points" }
       end
     end
@@ -122,22 +145,42 @@ return {
     local book = expect.book(run, "figure 7.1")
     local function row(id, what, key, way, gel, expected, why)
       if not (went[key] and went[key][way][gel]) then return end
-      book:number { id = id, what = what, thesis = expected, ours = went[key][way][gel] >= p.moved and 1 or 0, within = 0,
-        reason = "1: moves, 0: does not", why = why }
+      book:number {
+        id = id,
+        what = what,
+        thesis = expected,
+        ours = went[key][way][gel] >= p.moved and 1 or 0,
+        within = 0,
+        reason = "1: moves, 0: does not",
+        why = why,
+      }
     end
     local fitted = "the gels' stiffness and yield strain are assumed, fitted to this sentence (docs/simulated_laboratory.md)"
     row("7.1.coni_pull_pig", "CoNi is pulled through the thinnest gel", "coni", "pull", 1, 0, fitted)
-    row("7.1.coni_tumble_pig", "CoNi tumbles through the thinnest gel", "coni", "tumble", 1, 1,
-      "one yield surface for force and torque: assumed")
+    row(
+      "7.1.coni_tumble_pig",
+      "CoNi tumbles through the thinnest gel",
+      "coni",
+      "tumble",
+      1,
+      1,
+      "one yield surface for force and torque: assumed"
+    )
     row("7.1.ndfeb_pull_pig", "NdFeB is pulled through the thinnest gel", "ndfeb", "pull", 1, 1, fitted)
     row("7.1.ndfeb_pull_human", "NdFeB is pulled through the first human gel", "ndfeb", "pull", 6, 1, fitted)
     local most = 0
     for _, key in ipairs(tried) do
-      for gel = 1, p.gels do if key == "ndfeb" and went[key].pull[gel] >= p.moved then most = gel end end
+      for gel = 1, p.gels do
+        if key == "ndfeb" and went[key].pull[gel] >= p.moved then most = gel end
+      end
     end
     if went.ndfeb then
-      book:number { id = "7.1.ndfeb_pull_last", what = "last gel that NdFeB is pulled through", ours = most,
-        why = "the text has no more than \"from the simulated porcine vitreous to reported human-eye values\"" }
+      book:number {
+        id = "7.1.ndfeb_pull_last",
+        what = "last gel that NdFeB is pulled through",
+        ours = most,
+        why = 'the text has no more than "from the simulated porcine vitreous to reported human-eye values"',
+      }
     end
     book:close()
   end,

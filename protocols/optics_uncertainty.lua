@@ -9,7 +9,9 @@ local mm, um, deg = units.mm, units.um, units.deg
 -- `count` values from `first` to `last`.
 local function range(first, last, count)
   local values = {}
-  for i = 1, count do values[i] = first + (last - first) * (i - 1) / (count - 1) end
+  for i = 1, count do
+    values[i] = first + (last - first) * (i - 1) / (count - 1)
+  end
   return values
 end
 
@@ -61,7 +63,11 @@ local function sensitivity(run, eye, p)
       table.sort(rows, function(a, b) return (a.values[1] or -1) > (b.values[1] or -1) end)
       if rows[1].values[1] then run:figure("worst_error_" .. method.name, rows[1].values[1], "m") end
       bar_chart(run, method.title .. ", one parameter off by one sigma", {
-        rows = rows, labels = { "as prescribed", "calibrated on the retina" }, unit = "mm", divisor = mm })
+        rows = rows,
+        labels = { "as prescribed", "calibrated on the retina" },
+        unit = "mm",
+        divisor = mm,
+      })
     end
   end
 end
@@ -70,19 +76,36 @@ local function monte_carlo(run, eye, p)
   local rows = {}
   local function in_mm(value) return ("%.3f"):format(value / mm) end
   for _, method in ipairs(methods) do
-    for _, how in ipairs { { "as prescribed", false, 0 }, { "calibrated", true, 0 }, { "calibrated, retina ±0.3 mm", true,
-      0.3*mm } } do
-      local found = attempt(run, "Monte Carlo by " .. method.name, eye.monte_carlo, eye,
-        asked(method, p, { calibrated = how[2], retinal_depth_error = how[3], count = p.eyes }))
+    for _, how in ipairs {
+      { "as prescribed", false, 0 },
+      { "calibrated", true, 0 },
+      { "calibrated, retina ±0.3 mm", true, 0.3 * mm },
+    } do
+      local found = attempt(
+        run,
+        "Monte Carlo by " .. method.name,
+        eye.monte_carlo,
+        eye,
+        asked(method, p, { calibrated = how[2], retinal_depth_error = how[3], count = p.eyes })
+      )
       if found then
-        rows[#rows + 1] = { method.name .. ", " .. how[1], in_mm(found.median), in_mm(found.rms),
-          in_mm(found.percentile_95), in_mm(found.max), found.failed }
+        rows[#rows + 1] = {
+          method.name .. ", " .. how[1],
+          in_mm(found.median),
+          in_mm(found.rms),
+          in_mm(found.percentile_95),
+          in_mm(found.max),
+          found.failed,
+        }
       end
     end
   end
   if #rows > 0 then
-    run:table { title = ("All of table 5.1 at once, %d eyes: error, mm"):format(p.eyes),
-      header = { "", "median", "rms", "95 %", "largest", "without an answer" }, rows = rows }
+    run:table {
+      title = ("All of table 5.1 at once, %d eyes: error, mm"):format(p.eyes),
+      header = { "", "median", "rms", "95 %", "largest", "without an answer" },
+      rows = rows,
+    }
   end
 end
 
@@ -96,8 +119,11 @@ local function worth_measuring(run, eye, p)
   for i, one in ipairs(before) do
     rows[i] = { name = one.parameter, values = { math.max(one.reduction, 0), math.max(after[one.parameter] or 0, 0) } }
   end
-  bar_chart(run, "Which measurement of the patient helps depth by focus", { rows = rows,
-    labels = { "as prescribed", "calibrated on the retina" }, unit = "% less rms error", divisor = 0.01 })
+  bar_chart(
+    run,
+    "Which measurement of the patient helps depth by focus",
+    { rows = rows, labels = { "as prescribed", "calibrated on the retina" }, unit = "% less rms error", divisor = 0.01 }
+  )
 end
 
 -- The parameter that costs most is off by one sigma; (4.10) to (4.12) calibrated in the three ways.
@@ -113,20 +139,27 @@ local function calibration(run, eye, p)
     if i % 4 == 1 then points[#points + 1] = { depth = depth, distance = image.distance } end
   end
   local law = eye:axis_law()
-  local laws = { { "as prescribed", law }, { "on the retina, sensor shifted", law:on_retina(sharp[1]) },
+  local laws = {
+    { "as prescribed", law },
+    { "on the retina, sensor shifted", law:on_retina(sharp[1]) },
     { "on the retina, minimum norm", law:on_retina(sharp[1], { method = "minimum_norm" }) },
-    { "at five depths (4.4.4)", (law:fitted(points)) } }
+    { "at five depths (4.4.4)", (law:fitted(points)) },
+  }
   local series = {}
   for k, one in ipairs(laws) do
     local errors = {}
     for i, depth in ipairs(depths) do
       local found = one[2]:depth(sharp[i])
-      errors[i] = found and found - depth or 0/0
+      errors[i] = found and found - depth or 0 / 0
     end
     series[k] = { label = one[1], x = depths, y = errors, mark = k == 1 and "dashed" or "line" }
   end
-  run:plot { title = ("Calibration on the axis: %s is 2 %% more"):format(worst.parameter),
-    x = { "object before the retina", "mm" }, y = { "error of depth by focus", "mm" }, series = series }
+  run:plot {
+    title = ("Calibration on the axis: %s is 2 %% more"):format(worst.parameter),
+    x = { "object before the retina", "mm" },
+    y = { "error of depth by focus", "mm" },
+    series = series,
+  }
   if math.max(math.abs(eye:axial_image().distance), math.abs(sharp[1])) > 1 then
     return run:note "the retina's image is too far away to tell of the eye"
   end
@@ -137,8 +170,13 @@ local function calibration(run, eye, p)
   end
   table.sort(rows, function(a, b) return a.values[1] > b.values[1] end)
   if #rows > 0 then
-    bar_chart(run, "What five foci on the axis, of 20 µm, tell of the eye", { rows = rows, labels = {
-      "part of the doubt that is resolved", "sigma afterwards over sigma before" } })
+    bar_chart(run, "What five foci on the axis, of 20 µm, tell of the eye", {
+      rows = rows,
+      labels = {
+        "part of the doubt that is resolved",
+        "sigma afterwards over sigma before",
+      },
+    })
   end
 end
 
@@ -152,16 +190,16 @@ local function add_ellipse(curve, at, c, times)
     curve.x[#curve.x + 1] = at.z + times * (l21 * math.cos(t) + l22 * math.sin(t))
     curve.y[#curve.y + 1] = at.x + times * l11 * math.cos(t)
   end
-  curve.x[#curve.x + 1], curve.y[#curve.y + 1] = 0/0, 0/0
+  curve.x[#curve.x + 1], curve.y[#curve.y + 1] = 0 / 0, 0 / 0
 end
 
 local function by_pose(run, eye, p, each_place)
   local near, far = eye:axial_image(), eye:axial_image(p.depth)
   if not (near and far) then return run:note "the image lies at infinity: nothing to localise by" end
-  local view = attempt(run, "localiser", eye.localiser, eye,
-    { microscope = { focus = (near.distance + far.distance) / 2 }, max_m = 7*mm })
+  local view =
+    attempt(run, "localiser", eye.localiser, eye, { microscope = { focus = (near.distance + far.distance) / 2 }, max_m = 7 * mm })
   if not view then return end
-  local robot, curve = { shape = "spheroid", half_length = 1*mm, radius = 0.5*mm }, { label = "by pose", x = {}, y = {} }
+  local robot, curve = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }, { label = "by pose", x = {}, y = {} }
   each_place(function(place)
     local seen = view:ellipse(robot, { position = place, axis = { 0, 1, 0 } })
     local pose = seen and view:locate(robot, seen, { position = place, axis = { 0, 1, 0 } })
@@ -176,7 +214,7 @@ local function by_focus(run, eye, p, each_place)
   local curve = { label = "by focus", x = {}, y = {}, mark = "dashed" }
   each_place(function(place)
     local image = map:image(place)
-    local found = image and map:locate(image, { image_sigma = 3*um, focus_sigma = 50*um })
+    local found = image and map:locate(image, { image_sigma = 3 * um, focus_sigma = 50 * um })
     if found then add_ellipse(curve, place, found.covariance, p.magnified) end
   end)
   return curve
@@ -185,7 +223,7 @@ end
 local function localisation(run, eye, p)
   local function each_place(f)
     for _, angle in ipairs(range(0, 5 / 6 * p.field, 4)) do
-      for _, depth in ipairs(range(1*mm, p.depth - 0.5*mm, 4)) do
+      for _, depth in ipairs(range(1 * mm, p.depth - 0.5 * mm, 4)) do
         local place = eye:point_at_field(angle, depth)
         if place then f(place) end
       end
@@ -196,9 +234,14 @@ local function localisation(run, eye, p)
     if #curve.x > 0 then series[#series + 1] = curve end
   end
   if #series == 0 then return end
-  run:plot { title = ("Where it is, one sigma, %g times as large"):format(p.magnified), equal_aspect = true,
-    x = { "z, from the retina", "mm" }, y = { "from the axis", "mm" }, series = series,
-    note = "by pose: a robot of 2 mm by 1 mm across the plane, 0.2 px of noise; by focus: 3 µm in the image, 50 µm of focus" }
+  run:plot {
+    title = ("Where it is, one sigma, %g times as large"):format(p.magnified),
+    equal_aspect = true,
+    x = { "z, from the retina", "mm" },
+    y = { "from the axis", "mm" },
+    series = series,
+    note = "by pose: a robot of 2 mm by 1 mm across the plane, 0.2 px of noise; by focus: 3 µm in the image, 50 µm of focus",
+  }
 end
 
 local function design(run, eye, p)
@@ -210,19 +253,31 @@ local function design(run, eye, p)
   if #variables < 2 then return run:note "no aspheric condensing lens in this system: no lens is designed" end
   local lens, told = attempt(run, "lens design", eye.designed, eye, { variables = variables })
   if not lens then return end
-  run:note(("lens design: %s%s, span of best focus %s, before %s"):format(told.status,
-    told.reason == "" and "" or " (" .. told.reason .. ")", run:show(told.after.span, "m"), run:show(told.before.span, "m")))
+  run:note(
+    ("lens design: %s%s, span of best focus %s, before %s"):format(
+      told.status,
+      told.reason == "" and "" or " (" .. told.reason .. ")",
+      run:show(told.after.span, "m"),
+      run:show(told.before.span, "m")
+    )
+  )
   run:figure("design_span_before", told.before.span, "m")
   run:figure("design_span_after", told.after.span, "m")
   local angles, series = range(0, p.field, 31), {}
   for k, one in ipairs { { "as prescribed", eye }, { "designed", lens } } do
     local y = {}
-    for i, point in ipairs((one[2]:field_curvature(angles))) do y[i] = point.best_focus or 0/0 end
+    for i, point in ipairs((one[2]:field_curvature(angles))) do
+      y[i] = point.best_focus or 0 / 0
+    end
     series[k] = { label = one[1], x = angles, y = y, mark = k == 1 and "dashed" or "line" }
   end
-  run:plot { title = "Lens design: the image of the retina", x = { "field angle", "deg" },
-    y = { "best focus behind the last vertex", "mm" }, series = series,
-    note = "variables: " .. table.concat(variables, ", ") }
+  run:plot {
+    title = "Lens design: the image of the retina",
+    x = { "field angle", "deg" },
+    y = { "best focus behind the last vertex", "mm" },
+    series = series,
+    note = "variables: " .. table.concat(variables, ", "),
+  }
 end
 
 return {
@@ -230,8 +285,8 @@ return {
   parameters = {
     prescription = { choices = optics.prescriptions(), default = "navarro_condensing", help = "eye and lenses" },
     eyes = { default = 60, min = 2, max = 10000, integer = true, help = "drawn by chance" },
-    field = { unit = "deg", default = 30*deg, min = 1*deg, max = 45*deg, help = "half field, at the pupil's centre" },
-    depth = { unit = "mm", default = 8*mm, min = 2*mm, max = 12*mm, help = "deepest object before the retina" },
+    field = { unit = "deg", default = 30 * deg, min = 1 * deg, max = 45 * deg, help = "half field, at the pupil's centre" },
+    depth = { unit = "mm", default = 8 * mm, min = 2 * mm, max = 12 * mm, help = "deepest object before the retina" },
     magnified = { default = 12, min = 1, max = 1000, help = "how much the plotted ellipses are" },
   },
   run = function(_, p, run)

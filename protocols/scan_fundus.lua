@@ -14,8 +14,8 @@ return {
   rig = "fundus_scanner",
   parameters = {
     views = { default = 12, min = 2, max = 60, integer = true, help = "of one turn" },
-    turn = { unit = "deg", default = 180*deg, min = 10*deg, max = 360*deg, help = "from the first view to the last" },
-    reach = { unit = "mm", default = 1*mm, min = 0.1*mm, max = 5*mm, help = "of the search for focus, either way" },
+    turn = { unit = "deg", default = 180 * deg, min = 10 * deg, max = 360 * deg, help = "from the first view to the last" },
+    reach = { unit = "mm", default = 1 * mm, min = 0.1 * mm, max = 5 * mm, help = "of the search for focus, either way" },
     refocus = { default = true, help = "at each view; else at the first alone" },
   },
   run = function(rig, p, run)
@@ -28,8 +28,10 @@ return {
       run:checkpoint("before view " .. i)
       rig.rotation_stage:turn_to(angle)
       if i == 1 or p.refocus then
-        local told = focusing.autofocus(rig, { near = focus[1] or near, reach = focus[1] and p.reach or 2 * p.reach,
-          step = 50*um, window = window })
+        local told = focusing.autofocus(
+          rig,
+          { near = focus[1] or near, reach = focus[1] and p.reach or 2 * p.reach, step = 50 * um, window = window }
+        )
         if told.answer ~= "found" then error(("view %d: no focus was found: %s"):format(i, told.answer), 0) end
         focus[i] = told.position
       else
@@ -44,21 +46,40 @@ return {
     run:picture("mosaic", made.image, ("%d views joined"):format(made.joined))
     run:picture("first view", images[1], "d_ls " .. run:show(focus[1], "m"))
     made.image:save("mosaic.png")
-    run:plot { title = "Where each view was sharp", x = { "view", "" }, y = { "d_ls", "mm" },
-      series = { { label = "focus", x = statistics.range(1, p.views, p.views), y = focus, mark = "points" } } }
+    run:plot {
+      title = "Where each view was sharp",
+      x = { "view", "" },
+      y = { "d_ls", "mm" },
+      series = { { label = "focus", x = statistics.range(1, p.views, p.views), y = focus, mark = "points" } },
+    }
     local width, height = made.image:size()
     run:figure("views_joined", made.joined)
     run:figure("seam_rms_px", made.rms_px)
     run:figure("mosaic_pixels", width * height)
     local book = expect.book(run, "appendix A")
-    book:number { id = "A.joined", what = "views that were joined, of " .. p.views, thesis = p.views, ours = made.joined,
+    book:number {
+      id = "A.joined",
+      what = "views that were joined, of " .. p.views,
+      thesis = p.views,
+      ours = made.joined,
       within = 0,
-      reason = "\"we tested the autofocusing and mosaicing concept of our device\": all of them" }
-    book:number { id = "A.seams", what = "how well neighbours agree, px rms", ours = made.rms_px, at_most = 0.5,
-      reason = "half a pixel" }
-    book:number { id = "A.focus_spread", what = "scatter of focus over the views", ours = statistics.deviation(focus),
-      unit = "m", at_most = 95*um,
-      reason = "the depth of focus of 4.1: the retina turns about the axis" }
+      reason = '"we tested the autofocusing and mosaicing concept of our device": all of them',
+    }
+    book:number {
+      id = "A.seams",
+      what = "how well neighbours agree, px rms",
+      ours = made.rms_px,
+      at_most = 0.5,
+      reason = "half a pixel",
+    }
+    book:number {
+      id = "A.focus_spread",
+      what = "scatter of focus over the views",
+      ours = statistics.deviation(focus),
+      unit = "m",
+      at_most = 95 * um,
+      reason = "the depth of focus of 4.1: the retina turns about the axis",
+    }
     book:close()
   end,
 }

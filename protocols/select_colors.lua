@@ -1,15 +1,20 @@
 -- Chooses the colour channels by which the robot is best told from the eye (thesis 8.1, table 8.2, figure 8.6), and the two
--- thresholds for them (8.2), from images with masks: a folder of NAME.png with NAME_mask.png, or, on a simulated rig, images of its
--- own.
+-- thresholds for them (8.2), from images with masks: a folder of NAME.png with NAME_mask.png, or, on a simulated rig, images of
+-- its own.
 -- SPDX-License-Identifier: Apache-2.0
 local colour_scene = require "colour_scene"
 local expect = require "expect"
 local published = require "published"
 local vision = require "vision"
 
-local printed_pairs = { RGB = { "RG", "GB", "RB" }, YUV = { "YU", "UV", "YV" }, YIQ = { "YI", "IQ", "YQ" }, HSV = { "HS",
-  "SV", "HV" },
-  XYZ = { "XY", "YZ", "XZ" }, nRGB = { "nRnG", "nGnB", "nRnB" } }
+local printed_pairs = {
+  RGB = { "RG", "GB", "RB" },
+  YUV = { "YU", "UV", "YV" },
+  YIQ = { "YI", "IQ", "YQ" },
+  HSV = { "HS", "SV", "HV" },
+  XYZ = { "XY", "YZ", "XZ" },
+  nRGB = { "nRnG", "nGnB", "nRnB" },
+}
 
 local function images_of(rig, run, p)
   if p.training ~= "" then return vision.training(p.training) end
@@ -19,7 +24,9 @@ end
 
 local function table_8_2(run, ranks)
   local by_name, rows = {}, {}
-  for _, rank in ipairs(ranks) do by_name[rank.channels] = rank end
+  for _, rank in ipairs(ranks) do
+    by_name[rank.channels] = rank
+  end
   for i, line in ipairs(published.table_8_2) do
     rows[i] = { line[1] }
     for k, channels in ipairs(printed_pairs[line[1]]) do
@@ -28,8 +35,11 @@ local function table_8_2(run, ranks)
       rows[i][#rows[i] + 1] = ("%.2f ± %.2f"):format(line[k + 1][1], line[k + 1][2])
     end
   end
-  run:table { title = "Quality (8.1) of every pair of channels, as table 8.2", rows = rows,
-    header = { "space", "1 – 2", "thesis", "2 – 3", "thesis", "1 – 3", "thesis" } }
+  run:table {
+    title = "Quality (8.1) of every pair of channels, as table 8.2",
+    rows = rows,
+    header = { "space", "1 – 2", "thesis", "2 – 3", "thesis", "1 – 3", "thesis" },
+  }
   return by_name
 end
 
@@ -53,32 +63,63 @@ return {
     for i, channels in ipairs { "RG", "YV", "HS", "YU" } do
       local model = vision.color_model.train { images = training, channels = channels }
       local found, thesis, _, _, list = model:thresholds(), published.thresholds[channels], model:quality()
-      for k = 1, #list do x[k] = k end
+      for k = 1, #list do
+        x[k] = k
+      end
       series[i] = { label = channels, x = x, y = list }
-      rows[i] = { channels, ("%.2f"):format(found.low), ("%.2f"):format(found.high), ("%.2f"):format(found.flat_low),
+      rows[i] = {
+        channels,
+        ("%.2f"):format(found.low),
+        ("%.2f"):format(found.high),
+        ("%.2f"):format(found.flat_low),
         ("%.2f"):format(found.flat_high),
-        ("%.2f"):format(thesis[1]), ("%.2f"):format(thesis[2]) }
+        ("%.2f"):format(thesis[1]),
+        ("%.2f"):format(thesis[2]),
+      }
     end
-    run:table { title = "Thresholds of F", rows = rows,
-      header = { "channels", "low", "high", "low of (8.2) as it stands", "high", "thesis, low", "thesis, high" } }
-    run:plot { title = "Quality image by image, as figure 8.6", x = { "image", "" }, y = { "r (8.1)", "" },
-      series = series }
+    run:table {
+      title = "Thresholds of F",
+      rows = rows,
+      header = { "channels", "low", "high", "low of (8.2) as it stands", "high", "thesis, low", "thesis, high" },
+    }
+    run:plot { title = "Quality image by image, as figure 8.6", x = { "image", "" }, y = { "r (8.1)", "" }, series = series }
     run:picture("a training image", training[1].image, training[1].name or "")
-    run:note(("best pair of channels: %s, quality %.2f ± %.2f over %d images"):format(best.channels, best.mean,
-      best.deviation, #training))
+    run:note(
+      ("best pair of channels: %s, quality %.2f ± %.2f over %d images"):format(
+        best.channels,
+        best.mean,
+        best.deviation,
+        #training
+      )
+    )
     local book = expect.book(run, "table 8.2")
     local scene = "another scene than the thesis': its robot, retina and light are not public"
-    book:number { id = "8.2.RG", what = "quality of R-G, the thesis' best", thesis = published.table_8_2[1][2][1],
+    book:number {
+      id = "8.2.RG",
+      what = "quality of R-G, the thesis' best",
+      thesis = published.table_8_2[1][2][1],
       ours = by_name.RG.mean,
       at_least = published.table_8_2[1][2][1] - 2 * published.table_8_2[1][2][2],
-        reason = "two of its standard deviations below it", why = scene }
-    book:number { id = "8.2.YV", what = "quality of Y-V, \"another good selection\"",
-      thesis = published.table_8_2[2][4][1], ours = by_name.YV.mean,
+      reason = "two of its standard deviations below it",
+      why = scene,
+    }
+    book:number {
+      id = "8.2.YV",
+      what = 'quality of Y-V, "another good selection"',
+      thesis = published.table_8_2[2][4][1],
+      ours = by_name.YV.mean,
       at_least = published.table_8_2[2][4][1] - 2 * published.table_8_2[2][4][2],
-        reason = "two of its standard deviations below it", why = scene }
-    book:number { id = "8.2.best", what = "quality of our best pair: " .. best.channels,
-      thesis = published.table_8_2[1][2][1], ours = best.mean,
-      at_least = published.table_8_2[1][2][1] - published.table_8_2[1][2][2], why = scene }
+      reason = "two of its standard deviations below it",
+      why = scene,
+    }
+    book:number {
+      id = "8.2.best",
+      what = "quality of our best pair: " .. best.channels,
+      thesis = published.table_8_2[1][2][1],
+      ours = best.mean,
+      at_least = published.table_8_2[1][2][1] - published.table_8_2[1][2][2],
+      why = scene,
+    }
     book:close()
   end,
 }

@@ -17,14 +17,16 @@ end
 
 local function by_name(list)
   local found = {}
-  for i, one in ipairs(list) do found[one.parameter] = { worst = worst(one), rank = i } end
+  for i, one in ipairs(list) do
+    found[one.parameter] = { worst = worst(one), rank = i }
+  end
   return found
 end
 
 -- Figure 4.2e: what a wrong focus costs on the axis.
 local function focus_error(run, eye, p)
-  local law, depths = eye:axis_law(), statistics.range(0.3*mm, p.depth - 0.3*mm, 25)
-  local errors, means, largest = statistics.range(0, 0.3*mm, 7), {}, {}
+  local law, depths = eye:axis_law(), statistics.range(0.3 * mm, p.depth - 0.3 * mm, 25)
+  local errors, means, largest = statistics.range(0, 0.3 * mm, 7), {}, {}
   for i, off in ipairs(errors) do
     local all = {}
     for _, depth in ipairs(depths) do
@@ -35,10 +37,12 @@ local function focus_error(run, eye, p)
     end
     means[i], largest[i] = statistics.mean(all), statistics.max(all)
   end
-  run:plot { title = "What a wrong focus costs, as figure 4.2e", x = { "error of the sensor's place", "mm" },
+  run:plot {
+    title = "What a wrong focus costs, as figure 4.2e",
+    x = { "error of the sensor's place", "mm" },
     y = { "error of depth", "mm" },
-    series = { { label = "mean", x = errors, y = means }, { label = "largest", x = errors, y = largest,
-      mark = "dashed" } } }
+    series = { { label = "mean", x = errors, y = means }, { label = "largest", x = errors, y = largest, mark = "dashed" } },
+  }
 end
 
 -- Error over the uncertainty's span, one curve a parameter, as figure 4.2a to d.
@@ -47,24 +51,34 @@ local function curves(run, eye, parameters, p)
   for _, name in ipairs(parameters) do
     local sigma, y = p.uncertainties[name], {}
     for i, part in ipairs(parts) do
-      y[i] = part == 0 and 0 or eye:axis_error(eye:with { [name] = (1 + part * sigma) * eye:parameter(name) },
-        { depth_to = p.depth }) or 0 / 0
+      y[i] = part == 0 and 0
+        or eye:axis_error(eye:with { [name] = (1 + part * sigma) * eye:parameter(name) }, { depth_to = p.depth })
+        or 0 / 0
     end
     series[#series + 1] = { label = name, x = statistics.map(parts, function(part) return part * sigma * 100 end), y = y }
   end
-  run:plot { title = "Largest error on the axis against each parameter, as figure 4.2", x = { "parameter off by, %", "" },
-    y = { "error", "mm" }, series = series }
+  run:plot {
+    title = "Largest error on the axis against each parameter, as figure 4.2",
+    x = { "parameter off by, %", "" },
+    y = { "error", "mm" },
+    series = series,
+  }
 end
 
 -- Table 5.1, one sigma of each, as far as the five that matter go (the index of the lens as in the text of 4.2).
-local uncertainties = { ["lens.index"] = 0.04, ["vitreous.index"] = 0.02, ["cornea.anterior.radius"] = 0.03,
-  ["aqueous.index"] = 0.02, ["cornea.index"] = 0.03 }
+local uncertainties = {
+  ["lens.index"] = 0.04,
+  ["vitreous.index"] = 0.02,
+  ["cornea.anterior.radius"] = 0.03,
+  ["aqueous.index"] = 0.02,
+  ["cornea.index"] = 0.03,
+}
 
 return {
   title = "Sensitivity of localisation by focus",
   parameters = {
-    depth = { unit = "mm", default = 8*mm, min = 2*mm, max = 12*mm, help = "deepest object before the retina" },
-    field = { unit = "deg", default = 35*deg, min = 5*deg, max = 35*deg, help = "half field, at the pupil's centre" },
+    depth = { unit = "mm", default = 8 * mm, min = 2 * mm, max = 12 * mm, help = "deepest object before the retina" },
+    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's centre" },
   },
   run = function(_, p, run)
     local eye, book, rows = optics.prescription "navarro_condensing", expect.book(run, "figure 4.2"), {}
@@ -74,43 +88,73 @@ return {
     local field = by_name(eye:sensitivity { error = "field", max_angle = p.field, depth_to = p.depth })
     run:progress(0.5, "calibrated")
     local after = by_name(eye:sensitivity { depth_to = p.depth, calibrated = true })
-    local wrong = by_name(eye:sensitivity { depth_to = p.depth, calibrated = true, retinal_depth_error = 0.3*mm })
+    local wrong = by_name(eye:sensitivity { depth_to = p.depth, calibrated = true, retinal_depth_error = 0.3 * mm })
     for i, one in ipairs(axis) do
       local name = one.parameter
       rows[i] = { name = name, values = { before[name].worst, field[name].worst, after[name].worst, wrong[name].worst } }
     end
     local function shown(value) return value == value and ("%.2f"):format(value / mm) or "–" end
-    run:table { title = "Largest error by focus, mm, one parameter off by one sigma of table 5.1",
+    run:table {
+      title = "Largest error by focus, mm, one parameter off by one sigma of table 5.1",
       header = { "parameter", "on the axis", "over the field", "calibrated", "calibrated, retina 0.3 mm wrong" },
-      rows = statistics.map(rows, function(row) return { row.name, table.unpack(statistics.map(row.values, shown)) } end) }
-    run:drawing("Which parameters matter", bars.svg { title = "Largest error by focus, one parameter off by one sigma",
-      unit = "mm", divisor = mm,
-      rows = rows, labels = { "on the axis", "over the field", "calibrated on the retina",
-        "calibrated, retina 0.3 mm wrong" } })
+      rows = statistics.map(rows, function(row) return { row.name, table.unpack(statistics.map(row.values, shown)) } end),
+    }
+    run:drawing(
+      "Which parameters matter",
+      bars.svg {
+        title = "Largest error by focus, one parameter off by one sigma",
+        unit = "mm",
+        divisor = mm,
+        rows = rows,
+        labels = { "on the axis", "over the field", "calibrated on the retina", "calibrated, retina 0.3 mm wrong" },
+      }
+    )
     focus_error(run, eye, p)
     curves(run, eye, published.figure_4_2.ranking, { uncertainties = uncertainties, depth = p.depth })
 
-    book:number { id = "4.2.lens_index", what = "largest error by the index of the lens",
+    book:number {
+      id = "4.2.lens_index",
+      what = "largest error by the index of the lens",
       thesis = published.figure_4_2.lens_index,
-      ours = before["lens.index"].worst, unit = "m", within = 0.5*mm,
-        reason = "\"approximately 4.5 mm\", and \"up to 4 mm\" in 4.3",
-      why = "the index taken as off by 4 %, the range 1.363 to 1.476 of the text; table 5.1 prints 8 %, its whole span" }
+      ours = before["lens.index"].worst,
+      unit = "m",
+      within = 0.5 * mm,
+      reason = '"approximately 4.5 mm", and "up to 4 mm" in 4.3',
+      why = "the index taken as off by 4 %, the range 1.363 to 1.476 of the text; table 5.1 prints 8 %, its whole span",
+    }
     local among = 0
     for rank, name in ipairs(published.figure_4_2.ranking) do
       if before[name].rank <= 5 then among = among + 1 end
-      book:number { id = "4.2.rank." .. name, what = "rank of " .. name, thesis = rank, ours = before[name].rank,
+      book:number {
+        id = "4.2.rank." .. name,
+        what = "rank of " .. name,
+        thesis = rank,
+        ours = before[name].rank,
         within = 1,
         reason = "neighbours are apart by less than their own uncertainties",
-          why = (name:find "cornea.anterior" or name:find "aqueous") and
-        "the thesis has the cornea's radius before the aqueous' index; its spread over the field is not stated" or nil }
+        why = (name:find "cornea.anterior" or name:find "aqueous")
+            and "the thesis has the cornea's radius before the aqueous' index; its spread over the field is not stated"
+          or nil,
+      }
     end
-    book:number { id = "4.2.five_crucial", what = "of the thesis' five crucial parameters, how many are our five",
-      thesis = 5, ours = among, within = 0 }
-    book:number { id = "4.6.lens_index_calibrated", what = "index of the lens, calibrated, retinal depth 0.3 mm wrong",
+    book:number {
+      id = "4.2.five_crucial",
+      what = "of the thesis' five crucial parameters, how many are our five",
+      thesis = 5,
+      ours = among,
+      within = 0,
+    }
+    book:number {
+      id = "4.6.lens_index_calibrated",
+      what = "index of the lens, calibrated, retinal depth 0.3 mm wrong",
       where = "figure 4.6",
-      thesis = published.figure_4_6.lens_index_before, ours = wrong["lens.index"].worst, unit = "m", at_most = 1*mm,
-      reason = "\"up to 4 mm\" before; the figure's axis is in fractions of a millimetre",
-        why = "the figure's own numbers are not in the text" }
+      thesis = published.figure_4_6.lens_index_before,
+      ours = wrong["lens.index"].worst,
+      unit = "m",
+      at_most = 1 * mm,
+      reason = '"up to 4 mm" before; the figure\'s axis is in fractions of a millimetre',
+      why = "the figure's own numbers are not in the text",
+    }
     book:close()
   end,
 }

@@ -15,8 +15,8 @@ return {
   title = "Sensitivity of localisation by pose",
   parameters = {
     eyes = { default = 40, min = 2, max = 10000, integer = true, help = "drawn by chance, all of table 5.1 at once" },
-    depth = { unit = "mm", default = 8*mm, min = 2*mm, max = 12*mm, help = "deepest object before the retina" },
-    field = { unit = "deg", default = 35*deg, min = 5*deg, max = 35*deg, help = "half field, at the pupil's centre" },
+    depth = { unit = "mm", default = 8 * mm, min = 2 * mm, max = 12 * mm, help = "deepest object before the retina" },
+    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's centre" },
   },
   run = function(_, p, run)
     local eye, book = optics.prescription "navarro_condensing", expect.book(run, "table 5.2")
@@ -26,7 +26,9 @@ return {
     end
     local found, after = eye:sensitivity(how {}), {}
     run:progress(0.4, "calibrated")
-    for _, one in ipairs(eye:sensitivity(how { calibrated = true })) do after[one.parameter] = worst(one) end
+    for _, one in ipairs(eye:sensitivity(how { calibrated = true })) do
+      after[one.parameter] = worst(one)
+    end
     local rows, ours, theirs = {}, {}, {}
     for i, one in ipairs(found) do
       local name, printed = one.parameter, published.table_5_2[one.parameter]
@@ -37,51 +39,101 @@ return {
     local line = statistics.line(ours, theirs)
     local mean_x, mean_y, xy, xx, yy = statistics.mean(ours), statistics.mean(theirs), 0, 0, 0
     for i = 1, #ours do
-      xy, xx, yy = xy + (ours[i] - mean_x) * (theirs[i] - mean_y), xx + (ours[i] - mean_x) ^ 2,
-        yy + (theirs[i] - mean_y) ^ 2
+      xy, xx, yy = xy + (ours[i] - mean_x) * (theirs[i] - mean_y), xx + (ours[i] - mean_x) ^ 2, yy + (theirs[i] - mean_y) ^ 2
     end
-    run:table { title = "Mean error over the field, µm, one parameter off by one sigma",
+    run:table {
+      title = "Mean error over the field, µm, one parameter off by one sigma",
       header = { "parameter", "ours", "table 5.2", "on our line", "calibrated on the retina" },
       rows = statistics.map(rows, function(row)
         local function in_um(value) return value and ("%.0f"):format(value / um) or "–" end
-        return { row.name, in_um(row.values[1]), in_um(row.values[2]),
-          in_um(line.intercept + line.slope * row.values[1]), in_um(row.values[3]) }
-      end) }
-    run:drawing("Table 5.2", bars.svg { title = "Mean error by pose, one parameter off by one sigma", unit = "um",
-      divisor = um,
-      rows = rows, labels = { "ours", "table 5.2", "ours, calibrated on the retina" } })
-    run:plot { title = "Table 5.2 against ours", x = { "ours", "um" }, y = { "table 5.2", "um" }, series = {
-      { label = "parameters", x = ours, y = theirs, mark = "points" },
-      { label = "least squares", x = { 0, statistics.max(ours) }, y = { line.intercept,
-        line.intercept + line.slope * statistics.max(ours) }, mark = "dashed" } } }
+        return {
+          row.name,
+          in_um(row.values[1]),
+          in_um(row.values[2]),
+          in_um(line.intercept + line.slope * row.values[1]),
+          in_um(row.values[3]),
+        }
+      end),
+    }
+    run:drawing(
+      "Table 5.2",
+      bars.svg {
+        title = "Mean error by pose, one parameter off by one sigma",
+        unit = "um",
+        divisor = um,
+        rows = rows,
+        labels = { "ours", "table 5.2", "ours, calibrated on the retina" },
+      }
+    )
+    run:plot {
+      title = "Table 5.2 against ours",
+      x = { "ours", "um" },
+      y = { "table 5.2", "um" },
+      series = {
+        { label = "parameters", x = ours, y = theirs, mark = "points" },
+        {
+          label = "least squares",
+          x = { 0, statistics.max(ours) },
+          y = { line.intercept, line.intercept + line.slope * statistics.max(ours) },
+          mark = "dashed",
+        },
+      },
+    }
     run:progress(0.7, "Monte Carlo")
     local all = eye:monte_carlo(how { count = p.eyes })
     local calibrated = eye:monte_carlo(how { count = p.eyes, calibrated = true })
-    local wrong = eye:monte_carlo(how { count = p.eyes, calibrated = true, retinal_depth_error = 0.3*mm })
-    run:table { title = ("All of table 5.1 at once, %d eyes: mean error over the field"):format(p.eyes), header = { "",
-      "median", "95 %", "largest" },
-      rows = statistics.map({ { "as prescribed", all }, { "calibrated", calibrated },
-        { "calibrated, retina 0.3 mm wrong", wrong } }, function(one)
-        return { one[1], run:show(one[2].median, "m"), run:show(one[2].percentile_95, "m"), run:show(one[2].max, "m") }
-      end) }
+    local wrong = eye:monte_carlo(how { count = p.eyes, calibrated = true, retinal_depth_error = 0.3 * mm })
+    run:table {
+      title = ("All of table 5.1 at once, %d eyes: mean error over the field"):format(p.eyes),
+      header = { "", "median", "95 %", "largest" },
+      rows = statistics.map(
+        { { "as prescribed", all }, { "calibrated", calibrated }, { "calibrated, retina 0.3 mm wrong", wrong } },
+        function(one)
+          return { one[1], run:show(one[2].median, "m"), run:show(one[2].percentile_95, "m"), run:show(one[2].max, "m") }
+        end
+      ),
+    }
 
     for i, one in ipairs(found) do
-      book:number { id = "5.2." .. one.parameter, what = one.parameter .. " off by one sigma: mean error",
-        thesis = theirs[i], ours = ours[i],
-        unit = "m", at_most = theirs[i], reason = "an error: at most the thesis' own",
-          why = ("ours is the parameter's effect alone; the thesis' numbers "
-        .. "have a floor of about %s even where the effect is nothing, whose origin it does not tell"):format(run:show(line.intercept, "m")) }
+      book:number {
+        id = "5.2." .. one.parameter,
+        what = one.parameter .. " off by one sigma: mean error",
+        thesis = theirs[i],
+        ours = ours[i],
+        unit = "m",
+        at_most = theirs[i],
+        reason = "an error: at most the thesis' own",
+        why = (
+          "ours is the parameter's effect alone; the thesis' numbers "
+          .. "have a floor of about %s even where the effect is nothing, whose origin it does not tell"
+        ):format(run:show(line.intercept, "m")),
+      }
     end
-    book:number { id = "5.2.correlation", what = "correlation of the eleven with ours", ours = xy / math.sqrt(xx * yy),
+    book:number {
+      id = "5.2.correlation",
+      what = "correlation of the eleven with ours",
+      ours = xy / math.sqrt(xx * yy),
       at_least = 0.95,
-      reason = "11 numbers, two constants fitted" }
-    book:number { id = "5.2.pure_at_most", what = "largest pure effect of one parameter",
-      thesis = statistics.max(theirs), ours = statistics.max(ours),
-      unit = "m", at_most = statistics.max(theirs), reason = "table 5.2's largest" }
-    book:number { id = "5.4.calibrated_median", what = "all parameters off, one point on the known retina: median error",
+      reason = "11 numbers, two constants fitted",
+    }
+    book:number {
+      id = "5.2.pure_at_most",
+      what = "largest pure effect of one parameter",
+      thesis = statistics.max(theirs),
+      ours = statistics.max(ours),
+      unit = "m",
+      at_most = statistics.max(theirs),
+      reason = "table 5.2's largest",
+    }
+    book:number {
+      id = "5.4.calibrated_median",
+      what = "all parameters off, one point on the known retina: median error",
       where = "5.4",
-      ours = calibrated.median, unit = "m", at_most = 310*um,
-        reason = "the largest mean of table 5.4, where the eye was calibrated" }
+      ours = calibrated.median,
+      unit = "m",
+      at_most = 310 * um,
+      reason = "the largest mean of table 5.4, where the eye was calibrated",
+    }
     book:close()
   end,
 }

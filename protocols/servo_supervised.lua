@@ -1,7 +1,7 @@
--- Supervised servoing (thesis 6.2, figures 6.7 and 6.8): the operator names points in the image's plane and a depth; the loop takes
--- the robot there, and says how near the retina it is beside a zero level that the operator sets. Points come from a script (the
--- parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised points=view`), where a
--- joystick also pushes the depth.
+-- Supervised servoing (thesis 6.2, figures 6.7 and 6.8): the operator names points in the image's plane and a depth; the loop
+-- takes the robot there, and says how near the retina it is beside a zero level that the operator sets. Points come from a script
+-- (the parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised points=view`),
+-- where a joystick also pushes the depth.
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "bring"
 local by_hand = require "by_hand"
@@ -26,10 +26,12 @@ end
 
 -- The next place, or nothing when the operator is done.
 local function asked(run, number, limit)
-  if run:ask(("point %d: another, or done?"):format(number), { choices = { "another", "done" },
-    name = "more" }) == "done" then return nil end
-  local function coordinate(name) return run:ask("its " .. name, { unit = "mm", min = -limit, max = limit, default = 0,
-    name = name }) end
+  if run:ask(("point %d: another, or done?"):format(number), { choices = { "another", "done" }, name = "more" }) == "done" then
+    return nil
+  end
+  local function coordinate(name)
+    return run:ask("its " .. name, { unit = "mm", min = -limit, max = limit, default = 0, name = name })
+  end
   return vector(coordinate "x", coordinate "y", coordinate "z")
 end
 
@@ -50,7 +52,7 @@ local function pointed(rig, run, servo, visit)
       local jogged = by_hand.jogged(rig, place, run:now() - last)
       last = run:now()
       if jogged and by_hand.hold(run, servo, jogged) then place = jogged end
-      run:wait(0.1*s)
+      run:wait(0.1 * s)
     end
   end)
 end
@@ -59,29 +61,40 @@ end
 -- rig says.
 local function depth_bar(run, rig, servo, p)
   local values = {}
-  for _, z in ipairs((run:samples("servo", "z", { from = run:now() - 1*s, to = run:now() }))) do
+  for _, z in ipairs((run:samples("servo", "z", { from = run:now() - 1 * s, to = run:now() }))) do
     if z == z then values[#values + 1] = z end
   end
   if #values == 0 then return nil end
   local model, place = rig:model(), servo:position()
   local above = statistics.mean(values) - p.zero_level
   local from_centre = (place - model.eye_in_world - vector(0, 0, model.retina_radius)):norm()
-  return { above = above, precision = statistics.deviation(values), from_retina = model.retina_radius - from_centre,
-    near = above < p.warn }
+  return {
+    above = above,
+    precision = statistics.deviation(values),
+    from_retina = model.retina_radius - from_centre,
+    near = above < p.warn,
+  }
 end
 
 return {
   title = "Supervised servoing",
   needs = { "top_camera", "coils", "sample" },
   parameters = {
-    points = { default = "2,0,0; 2,1.5,0; -2,1.5,1; -2,-1,1; 0,0,-3",
-      help = "x,y,z in mm, world, with ; between; ask: one at a time; view: pointed at in the live view" },
-    zero_level = { unit = "mm", default = -4.2*mm, min = -10*mm, max = 10*mm,
-      help = "depth that the bar counts from, world z" },
-    warn = { unit = "mm", default = 1.5*mm, min = 0, max = 10*mm, help = "above it: the operator is warned" },
-    within = { unit = "mm", default = 0.3*mm, min = 0.02*mm, max = 2*mm, help = "how near is there" },
-    speed = { unit = "mm/s", default = 0.5*mm/s, min = 0.05*mm/s, max = 2*mm/s, help = "along the way" },
-    field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
+    points = {
+      default = "2,0,0; 2,1.5,0; -2,1.5,1; -2,-1,1; 0,0,-3",
+      help = "x,y,z in mm, world, with ; between; ask: one at a time; view: pointed at in the live view",
+    },
+    zero_level = {
+      unit = "mm",
+      default = -4.2 * mm,
+      min = -10 * mm,
+      max = 10 * mm,
+      help = "depth that the bar counts from, world z",
+    },
+    warn = { unit = "mm", default = 1.5 * mm, min = 0, max = 10 * mm, help = "above it: the operator is warned" },
+    within = { unit = "mm", default = 0.3 * mm, min = 0.02 * mm, max = 2 * mm, help = "how near is there" },
+    speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "along the way" },
+    field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
   },
   run = function(rig, p, run)
     local script = p.points ~= "ask" and p.points ~= "view" and read_points(p.points) or nil
@@ -95,58 +108,95 @@ return {
     local function visit(target)
       run:checkpoint("before point " .. number)
       if script then run:progress((number - 1) / #script, ("point %d of %d"):format(number, #script)) end
-      local there, problem = pcall(servo.go_to, servo, target, { speed = p.speed, within = p.within, settle = 1*s })
+      local there, problem = pcall(servo.go_to, servo, target, { speed = p.speed, within = p.within, settle = 1 * s })
       if not there and not servo:status().position then error(problem, 0) end
-      local from = run:now() - 1*s
-      run:wait(0.3*s)
+      local from = run:now() - 1 * s
+      run:wait(0.3 * s)
       local bar = depth_bar(run, rig, servo, p)
       if there then reached = reached + 1 end
       if bar then
         if bar.near then
           warned = warned + 1
-          run:note(("point %d: %s above the zero level, %s from the retina"):format(number, run:show(bar.above, "m"),
-            run:show(bar.from_retina, "m")))
+          run:note(
+            ("point %d: %s above the zero level, %s from the retina"):format(
+              number,
+              run:show(bar.above, "m"),
+              run:show(bar.from_retina, "m")
+            )
+          )
         end
         bars.x[#bars.x + 1], bars.y[#bars.y + 1], bars.p[#bars.p + 1] = number, bar.above, bar.above + bar.precision
       end
       if run:has_stream("truth") or run:has_stream("side_camera") then
-        local x, z = track_errors.along(run, "x", { from = from, to = run:now() }, { prefix = "target_" }),
+        local x, z =
+          track_errors.along(run, "x", { from = from, to = run:now() }, { prefix = "target_" }),
           track_errors.along(run, "z", { from = from, to = run:now() }, { prefix = "target_" })
         if #x > 0 and #z > 0 then errors[#errors + 1] = statistics.combined(statistics.mean(x), statistics.mean(z)) end
       end
       servo:snapshot(("point %d"):format(number))
-      rows[number] = { tostring(number), run:show(target.x, "m"), run:show(target.y, "m"), run:show(target.z, "m"),
+      rows[number] = {
+        tostring(number),
+        run:show(target.x, "m"),
+        run:show(target.y, "m"),
+        run:show(target.z, "m"),
         there and "reached" or "not reached",
-        bar and run:show(bar.above, "m") or "–", bar and "± " .. run:show(bar.precision, "m") or "–",
-          bar and bar.near and "near" or "" }
+        bar and run:show(bar.above, "m") or "–",
+        bar and "± " .. run:show(bar.precision, "m") or "–",
+        bar and bar.near and "near" or "",
+      }
       number = number + 1
     end
     if p.points == "view" then
       pointed(rig, run, servo, visit)
     else
-      local target = script and script[1] or not script and asked(run, 1, 5*mm)
+      local target = script and script[1] or not script and asked(run, 1, 5 * mm)
       while target do
         visit(target)
-        if script then target = script[number] else target = asked(run, number, 5*mm) end
+        if script then
+          target = script[number]
+        else
+          target = asked(run, number, 5 * mm)
+        end
       end
     end
     if #rows == 0 and p.points == "view" then return run:note("no place was pointed at") end
     if #rows == 0 then error("no point was given", 0) end
-    run:table { title = "Points and depth bar, as figures 6.7 and 6.8", rows = rows,
-      header = { "point", "x", "y", "z", "", "above the zero level", "precision", "retina" } }
-    run:plot { title = "The depth bar at each point", x = { "point", "" }, y = { "above the zero level", "mm" },
-      series = { { label = "depth", x = bars.x, y = bars.y, mark = "points" }, { label = "and its precision", x = bars.x,
-        y = bars.p, mark = "dashed" } } }
+    run:table {
+      title = "Points and depth bar, as figures 6.7 and 6.8",
+      rows = rows,
+      header = { "point", "x", "y", "z", "", "above the zero level", "precision", "retina" },
+    }
+    run:plot {
+      title = "The depth bar at each point",
+      x = { "point", "" },
+      y = { "above the zero level", "mm" },
+      series = {
+        { label = "depth", x = bars.x, y = bars.y, mark = "points" },
+        { label = "and its precision", x = bars.x, y = bars.p, mark = "dashed" },
+      },
+    }
     run:figure("points_reached", reached)
     run:figure("points_warned", warned)
     local book = expect.book(run, "figure 6.7")
-    book:number { id = "6.7.reached", what = "points that were reached, of " .. #rows, thesis = #rows, ours = reached,
+    book:number {
+      id = "6.7.reached",
+      what = "points that were reached, of " .. #rows,
+      thesis = #rows,
+      ours = reached,
       within = 0,
-      reason = "\"servo the device to user specified points\"" }
+      reason = '"servo the device to user specified points"',
+    }
     if #errors > 0 then
-      book:number { id = "6.7.error", what = "how far from them, by truth or the side camera, mean", thesis = 266*um,
-        ours = statistics.mean(errors), unit = "m",
-        at_most = 266*um, reason = "93 and 249 um along x and z of table 5.4, together", where = "table 5.4" }
+      book:number {
+        id = "6.7.error",
+        what = "how far from them, by truth or the side camera, mean",
+        thesis = 266 * um,
+        ours = statistics.mean(errors),
+        unit = "m",
+        at_most = 266 * um,
+        reason = "93 and 249 um along x and z of table 5.4, together",
+        where = "table 5.4",
+      }
     end
     book:close()
   end,

@@ -1,6 +1,6 @@
 -- Steering by hand: the loop holds the robot wherever the operator points in the live view (thesis 6.2, figure 6.7), or takes it
--- along the path that was drawn there; a SpaceMouse pushes the depth up and down. `vitreo view` runs this; it ends by the page's STOP,
--- Ctrl-C, or after the duration.
+-- along the path that was drawn there; a SpaceMouse pushes the depth up and down. `vitreo view` runs this; it ends by the page's
+-- STOP, Ctrl-C, or after the duration.
 -- SPDX-License-Identifier: Apache-2.0
 local by_hand = require "by_hand"
 local units = require "units"
@@ -10,9 +10,9 @@ return {
   title = "Steering by hand",
   needs = { "top_camera", "coils", "sample" },
   parameters = {
-    duration = { unit = "min", default = 60 * 60*s, min = 1*s, max = 5 * 3600*s, help = "then it ends by itself" },
-    within = { unit = "um", default = 300*um, min = 20*um, max = 2*mm, help = "so near a place, the path's next one is due" },
-    field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
+    duration = { unit = "min", default = 60 * 60 * s, min = 1 * s, max = 5 * 3600 * s, help = "then it ends by itself" },
+    within = { unit = "um", default = 300 * um, min = 20 * um, max = 2 * mm, help = "so near, the path's next place is due" },
+    field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
   },
   run = function(rig, p, run)
     rig.sample:remove_robot()
@@ -21,12 +21,12 @@ return {
     local centre = vector(0, 0, 0)
     servo:hold(centre)
     rig.sample:insert_robot(centre)
-    servo:wait_until_tracked { timeout = 10*s }
+    servo:wait_until_tracked { timeout = 10 * s }
     run:note("point at a place in the live view, or draw a path")
 
     local places, next_place, given, checked, last = { centre }, 1, 0, run:now(), run:now()
     while run:now() < p.duration do
-      if run:now() - checked >= 1*s then
+      if run:now() - checked >= 1 * s then
         run:checkpoint("steering") -- here a pause takes effect
         checked = run:now()
       end
@@ -34,18 +34,27 @@ return {
       if wanted then
         places, next_place, given = wanted, 1, given + 1
         servo:hold(places[1])
-        run:note(("target %d: %s, %s, %s%s"):format(given, run:show(places[1].x, "m"), run:show(places[1].y, "m"),
-          run:show(places[1].z, "m"), #places > 1 and (", the first of %d"):format(#places) or ""))
+        run:note(
+          ("target %d: %s, %s, %s%s"):format(
+            given,
+            run:show(places[1].x, "m"),
+            run:show(places[1].y, "m"),
+            run:show(places[1].z, "m"),
+            #places > 1 and (", the first of %d"):format(#places) or ""
+          )
+        )
       end
       local jogged = by_hand.jogged(rig, places[#places], run:now() - last)
       last = run:now()
-      if jogged and by_hand.hold(run, servo, jogged) then places, next_place = { jogged }, 1 end
+      if jogged and by_hand.hold(run, servo, jogged) then
+        places, next_place = { jogged }, 1
+      end
       local here = servo:position()
       if places[next_place + 1] and here and (here - places[next_place]):norm() < p.within then
         next_place = next_place + 1
         servo:hold(places[next_place])
       end
-      run:wait(0.1*s)
+      run:wait(0.1 * s)
     end
     run:figure("targets_given", given)
   end,

@@ -1,5 +1,5 @@
--- Tracks the robot in the eye by colour, in three pairs of channels, with and without the two thresholds (thesis 8.3.3, table 8.3,
--- figures 8.7 and 8.9), and says how far each is from its true outline.
+-- Tracks the robot in the eye by colour, in three pairs of channels, with and without the two thresholds (thesis 8.3.3, table
+-- 8.3, figures 8.7 and 8.9), and says how far each is from its true outline.
 -- SPDX-License-Identifier: Apache-2.0
 local colour_scene = require "colour_scene"
 local expect = require "expect"
@@ -14,14 +14,25 @@ local function trackers(training, pairs_of)
   for _, channels in ipairs(pairs_of) do
     local model = vision.color_model.train { images = training, channels = channels }
     local limits = published.thresholds[channels]
-    made[#made + 1] = { channels = channels, name = channels .. ", one threshold",
-      tracker = vision.tracker { model = model, shape_prior = false,
-      refine = false, threshold_low = 0, threshold_high = 0 } }
-    made[#made + 1] = { channels = channels, name = channels .. ", thesis' thresholds", thesis = true,
-      tracker = vision.tracker { model = model,
-      shape_prior = false, refine = false, threshold_low = limits[1], threshold_high = limits[2] } }
-    made[#made + 1] = { channels = channels, name = channels .. ", shape and rim", ours = true,
-      tracker = vision.tracker { model = model } }
+    made[#made + 1] = {
+      channels = channels,
+      name = channels .. ", one threshold",
+      tracker = vision.tracker { model = model, shape_prior = false, refine = false, threshold_low = 0, threshold_high = 0 },
+    }
+    made[#made + 1] = {
+      channels = channels,
+      name = channels .. ", thesis' thresholds",
+      thesis = true,
+      tracker = vision.tracker {
+        model = model,
+        shape_prior = false,
+        refine = false,
+        threshold_low = limits[1],
+        threshold_high = limits[2],
+      },
+    }
+    made[#made + 1] =
+      { channels = channels, name = channels .. ", shape and rim", ours = true, tracker = vision.tracker { model = model } }
   end
   return made
 end
@@ -29,8 +40,17 @@ end
 local function row_of(one)
   local e = one.errors
   local function px(value) return value == value and ("%.2f"):format(value) or "–" end
-  return { one.name, px(e.x), px(e.y), px(e.major), px(e.minor), px(e.angle / deg), tostring(e.tracked),
-    tostring(e.lost), tostring(e.wrong) }
+  return {
+    one.name,
+    px(e.x),
+    px(e.y),
+    px(e.major),
+    px(e.minor),
+    px(e.angle / deg),
+    tostring(e.tracked),
+    tostring(e.lost),
+    tostring(e.wrong),
+  }
 end
 
 -- The outline that was found, unless there was none, beside the true one.
@@ -47,9 +67,14 @@ return {
   parameters = {
     channels = { choices = { "all", "RG", "YV", "YU" }, default = "all", help = "pairs of channels of table 8.3" },
     images = { default = 24, min = 3, max = 1000, integer = true, help = "to train with" },
-    legs = { default = 6, min = 1, max = 100, integer = true,
-      help = "ways across the field, each with another direction of the robot" },
-    speed = { unit = "mm/s", default = 1*mm/s, min = 0.05*mm/s, max = 3*mm/s, help = "along them" },
+    legs = {
+      default = 6,
+      min = 1,
+      max = 100,
+      integer = true,
+      help = "ways across the field, each with another direction of the robot",
+    },
+    speed = { unit = "mm/s", default = 1 * mm / s, min = 0.05 * mm / s, max = 3 * mm / s, help = "along them" },
     judged = { default = 40, min = 1, max = 10000, integer = true, help = "equally spaced frames, as the thesis'" },
   },
   run = function(rig, p, run)
@@ -58,11 +83,13 @@ return {
     local frames = {}
     colour_scene.watch(rig, run, colour_scene.legs(p.legs), p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
-      for i, one in ipairs(all) do looked.tracks[i] = one.tracker:update(frame.image) end
+      for i, one in ipairs(all) do
+        looked.tracks[i] = one.tracker:update(frame.image)
+      end
       frames[#frames + 1] = looked
       if #frames % 60 == 1 then looked.image = frame.image end
     end)
-    run:wait(0.3*s)
+    run:wait(0.3 * s)
     local view, judged = rig:view(), {}
     local every = math.max(#frames // p.judged, 1)
     for k = 1, #frames do
@@ -73,18 +100,26 @@ return {
     local rows = {}
     for i, one in ipairs(all) do
       local both = {}
-      for k, each in ipairs(judged) do both[k] = { track = each.frame.tracks[i], outline = each.outline } end
+      for k, each in ipairs(judged) do
+        both[k] = { track = each.frame.tracks[i], outline = each.outline }
+      end
       one.errors = colour_scene.compare(both)
       rows[i] = row_of(one)
     end
-    run:table { title = ("Mean errors in %d frames, as table 8.3; lost: said so, wrong: over 20 px off"):format(#judged),
-      header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" }, rows = rows }
+    run:table {
+      title = ("Mean errors in %d frames, as table 8.3; lost: said so, wrong: over 20 px off"):format(#judged),
+      header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" },
+      rows = rows,
+    }
     for _, each in ipairs(judged) do
       if each.frame.image then
         for i, one in ipairs(all) do
           if one.ours and one.channels == all[1].channels then
-            run:image_plot { title = ("at %.1f s, %s"):format(each.frame.time, one.name), image = each.frame.image,
-              marks = seen(each.frame.tracks[i], each.outline) }
+            run:image_plot {
+              title = ("at %.1f s, %s"):format(each.frame.time, one.name),
+              image = each.frame.image,
+              marks = seen(each.frame.tracks[i], each.outline),
+            }
           end
         end
       end
@@ -94,14 +129,24 @@ return {
       local thesis = published.table_8_3[one.channels]
       if one.ours and thesis then
         for k, name in ipairs { "x", "y", "major", "minor", "angle" } do
-          book:number { id = ("8.3.%s.%s"):format(one.channels, name), what = ("%s: mean error of %s"):format(one.name,
-            name), thesis = thesis[k],
-            ours = one.errors[name], unit = name == "angle" and "rad" or "", at_most = thesis[k],
-              reason = "an error, in px: at most the thesis' own",
-            why = "full axes; another scene, drawn by the simulator, with the truth in the place of segmentation by hand" }
+          book:number {
+            id = ("8.3.%s.%s"):format(one.channels, name),
+            what = ("%s: mean error of %s"):format(one.name, name),
+            thesis = thesis[k],
+            ours = one.errors[name],
+            unit = name == "angle" and "rad" or "",
+            at_most = thesis[k],
+            reason = "an error, in px: at most the thesis' own",
+            why = "full axes; another scene, drawn by the simulator, with the truth in the place of segmentation by hand",
+          }
         end
-        book:number { id = ("8.3.%s.lost"):format(one.channels), what = one.name .. ": part of the frames lost or wrong",
-          ours = (one.errors.lost + one.errors.wrong) / #judged, at_most = 0.05, reason = "one frame in twenty" }
+        book:number {
+          id = ("8.3.%s.lost"):format(one.channels),
+          what = one.name .. ": part of the frames lost or wrong",
+          ours = (one.errors.lost + one.errors.wrong) / #judged,
+          at_most = 0.05,
+          reason = "one frame in twenty",
+        }
       end
     end
     book:close()

@@ -10,8 +10,10 @@ local mm, s, deg = units.mm, units.s, units.deg
 -- The needle stands aside while the tracker learns, and across the way while it is tested.
 local function put_needle(rig, run, across)
   if rig.simulation then
-    rig.simulation:move_body("needle", across and vector(0, 0, 4.5*mm) or vector(0, 0, 0.5))
-  elseif not run:confirm(across and "hold the needle across the field; is it there?" or "take the needle out of the field; is it out?") then
+    rig.simulation:move_body("needle", across and vector(0, 0, 4.5 * mm) or vector(0, 0, 0.5))
+  elseif
+    not run:confirm(across and "hold the needle across the field; is it there?" or "take the needle out of the field; is it out?")
+  then
     run:stop "there is no needle to be occluded by"
   end
 end
@@ -21,8 +23,17 @@ local function rows_of(found)
   for i, one in ipairs(found) do
     local e = one.errors
     local function px(value) return value == value and ("%.2f"):format(value) or "–" end
-    rows[i] = { one.name, px(e.x), px(e.y), px(e.major), px(e.minor), px(e.angle / deg), tostring(e.tracked),
-      tostring(e.lost), tostring(e.wrong) }
+    rows[i] = {
+      one.name,
+      px(e.x),
+      px(e.y),
+      px(e.major),
+      px(e.minor),
+      px(e.angle / deg),
+      tostring(e.tracked),
+      tostring(e.lost),
+      tostring(e.wrong),
+    }
   end
   return rows
 end
@@ -34,7 +45,7 @@ return {
   parameters = {
     images = { default = 20, min = 3, max = 1000, integer = true, help = "to train with" },
     passes = { default = 3, min = 1, max = 100, integer = true, help = "of the robot under the needle" },
-    speed = { unit = "mm/s", default = 1*mm/s, min = 0.05*mm/s, max = 3*mm/s, help = "of each" },
+    speed = { unit = "mm/s", default = 1 * mm / s, min = 0.05 * mm / s, max = 3 * mm / s, help = "of each" },
     channels = { default = "RGB", help = "that the colour model looks at: RGB, or a pair such as RG" },
   },
   run = function(rig, p, run)
@@ -43,49 +54,70 @@ return {
     local model = vision.color_model.train { images = training, channels = p.channels }
     put_needle(rig, run, true)
     run:defer(function() put_needle(rig, run, false) end)
-    local found = { { name = "colour alone", tracker = vision.tracker { model = model, shape_prior = false,
-      refine = false } },
+    local found = {
+      { name = "colour alone", tracker = vision.tracker { model = model, shape_prior = false, refine = false } },
       { name = "colour and shape", tracker = vision.tracker { model = model, refine = false } },
-      { name = "colour, shape and rim", tracker = vision.tracker { model = model } } }
+      { name = "colour, shape and rim", tracker = vision.tracker { model = model } },
+    }
     local legs = {}
     for k = 1, p.passes do
-      local y = (k - (p.passes + 1) / 2) * 0.8*mm / math.max(p.passes - 1, 1)
+      local y = (k - (p.passes + 1) / 2) * 0.8 * mm / math.max(p.passes - 1, 1)
       local turn = (k - 1) * 60 * deg
-      legs[k] = { points = { vector(2.6*mm, y, 0), vector(-2.6*mm, y, 0) }, axis = vector(math.cos(turn), math.sin(turn),
-        0) } -- from right to left
+      local from, to = vector(2.6 * mm, y, 0), vector(-2.6 * mm, y, 0) -- from right to left
+      legs[k] = { points = { from, to }, axis = vector(math.cos(turn), math.sin(turn), 0) }
     end
     local frames = {}
     colour_scene.watch(rig, run, legs, p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
-      for i, one in ipairs(found) do looked.tracks[i] = one.tracker:update(frame.image) end
+      for i, one in ipairs(found) do
+        looked.tracks[i] = one.tracker:update(frame.image)
+      end
       frames[#frames + 1] = looked
       if #frames % 20 == 0 then looked.image = frame.image end
     end)
-    run:wait(0.3*s)
+    run:wait(0.3 * s)
     local view = rig:view()
-    for _, one in ipairs(found) do one.both = {} end
+    for _, one in ipairs(found) do
+      one.both = {}
+    end
     for _, looked in ipairs(frames) do
       local outline = colour_scene.outline(rig, run, looked, view)
       for i, one in ipairs(found) do
         if outline then one.both[#one.both + 1] = { track = looked.tracks[i], outline = outline } end
       end
       if looked.image and outline then
-        run:picture(("at %.1f s"):format(looked.time), looked.image:overlay { track = looked.tracks[2],
-          expected = outline }, "colour and shape")
+        run:picture(
+          ("at %.1f s"):format(looked.time),
+          looked.image:overlay { track = looked.tracks[2], expected = outline },
+          "colour and shape"
+        )
       end
     end
-    for _, one in ipairs(found) do one.errors = colour_scene.compare(one.both) end
-    run:table { title = "Mean errors, beside figure 8.4; lost: said so, wrong: over 20 px off", rows = rows_of(found),
-      header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" } }
+    for _, one in ipairs(found) do
+      one.errors = colour_scene.compare(one.both)
+    end
+    run:table {
+      title = "Mean errors, beside figure 8.4; lost: said so, wrong: over 20 px off",
+      rows = rows_of(found),
+      header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" },
+    }
     local alone, shape = found[1].errors, found[3].errors
     local count = #found[1].both
     local book = expect.book(run, "figure 8.4")
-    book:number { id = "8.4.shape_lost", what = "with shape: part of the frames lost or wrong",
-      ours = (shape.lost + shape.wrong) / count, at_most = 0.1,
-      reason = "\"the statistical shape information results in successful tracking\"" }
-    book:number { id = "8.4.shape_axis", what = "with shape, mean error of the long axis over that by colour alone",
-      ours = shape.major / alone.major, at_most = 1,
-        reason = "the occlusion cuts off what colour alone takes for the whole" }
+    book:number {
+      id = "8.4.shape_lost",
+      what = "with shape: part of the frames lost or wrong",
+      ours = (shape.lost + shape.wrong) / count,
+      at_most = 0.1,
+      reason = '"the statistical shape information results in successful tracking"',
+    }
+    book:number {
+      id = "8.4.shape_axis",
+      what = "with shape, mean error of the long axis over that by colour alone",
+      ours = shape.major / alone.major,
+      at_most = 1,
+      reason = "the occlusion cuts off what colour alone takes for the whole",
+    }
     book:close()
   end,
 }

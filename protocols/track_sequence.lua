@@ -15,7 +15,8 @@ local function open_frames(path)
       at = at + 1
       local image = video:read()
       if image then return image, at end
-    end, video:count()
+    end,
+      video:count()
   end
   local list, seen, numbered = vision.images(path), {}, true
   if #list == 0 then error("images: there is no PNG, JPEG, TIFF or BMP in " .. path, 0) end
@@ -28,7 +29,8 @@ local function open_frames(path)
     at = at + 1
     local file = list[at]
     if file then return vision.load_image(file.path), numbered and file.number or at - 1 end
-  end, #list
+  end,
+    #list
 end
 
 local function number_cell(row, name, line)
@@ -53,7 +55,9 @@ end
 local function read_truth(path, axes)
   local rows, names = files.read_csv(path)
   local has, truth, first, last = {}, {}, math.huge, -math.huge
-  for _, name in ipairs(names) do has[name] = true end
+  for _, name in ipairs(names) do
+    has[name] = true
+  end
   for _, name in ipairs { "frame", "cx", "cy" } do
     if not has[name] then error("truth: has no column " .. name .. "; it has " .. table.concat(names, ", "), 0) end
   end
@@ -103,16 +107,24 @@ end
 local function write_tracks(tracks)
   local lines = { "frame,state,x_px,y_px,major_px,minor_px,angle_deg,covariance,microseconds" }
   for _, t in ipairs(tracks) do
-    lines[#lines + 1] = table.concat({ ("%d"):format(t.frame), t.state, show(t.x_px), show(t.y_px), show(t.major_px),
-      show(t.minor_px), show(t.angle and t.angle / deg), covariance_text(t), ("%.1f"):format(1e6 * t.cpu_time) }, ",")
+    lines[#lines + 1] = table.concat({
+      ("%d"):format(t.frame),
+      t.state,
+      show(t.x_px),
+      show(t.y_px),
+      show(t.major_px),
+      show(t.minor_px),
+      show(t.angle and t.angle / deg),
+      covariance_text(t),
+      ("%.1f"):format(1e6 * t.cpu_time),
+    }, ",")
   end
   files.write("track.csv", table.concat(lines, "\n") .. "\n")
 end
 
 -- Sums of absolute errors over the frames where it was tracked and something of it could be seen.
 local function compare(tracks, truth)
-  local sum = { lost = 0, wrong = 0, frames = 0, centre = 0, major = 0, minor = 0, angle = 0, tracked = 0, ratio = 0,
-    inside = 0 }
+  local sum = { lost = 0, wrong = 0, frames = 0, centre = 0, major = 0, minor = 0, angle = 0, tracked = 0, ratio = 0, inside = 0 }
   for _, t in ipairs(tracks) do
     local true_one = truth[t.frame]
     if true_one then
@@ -148,7 +160,9 @@ local function judge(run, tracks, p)
   local offset = offset_of(tracks, truth, first)
   if offset ~= 0 then
     run:note(("the truth's frames count from %d, the images' from %d: taken as the same"):format(first, tracks[1].frame))
-    for _, t in ipairs(tracks) do t.frame = math.tointeger(t.frame + offset) or t.frame + offset end
+    for _, t in ipairs(tracks) do
+      t.frame = math.tointeger(t.frame + offset) or t.frame + offset
+    end
   end
   local sum = compare(tracks, truth)
   if sum.frames == 0 then error("truth: none of its frames is among the images", 0) end
@@ -174,19 +188,30 @@ local function colour_table(run, training)
   for _, rank in ipairs(vision.color_model.rank { images = training }) do
     rows[#rows + 1] = { rank.channels, ("%.2f"):format(rank.mean), ("%.2f"):format(rank.deviation) }
   end
-  run:table { title = "Quality (8.1) of every pair of channels, as thesis table 8.2",
-    header = { "channels", "mean r", "deviation" }, rows = rows }
+  run:table {
+    title = "Quality (8.1) of every pair of channels, as thesis table 8.2",
+    header = { "channels", "mean r", "deviation" },
+    rows = rows,
+  }
 end
 
 local function plots(run, tracks)
   local frames, x, y, time = {}, {}, {}, {}
   for i, t in ipairs(tracks) do
-    frames[i], x[i], y[i], time[i] = t.frame, t.x_px or 0/0, t.y_px or 0/0, t.cpu_time
+    frames[i], x[i], y[i], time[i] = t.frame, t.x_px or 0 / 0, t.y_px or 0 / 0, t.cpu_time
   end
-  run:plot { title = "Where it was seen", x = { "frame", "" }, y = { "px", "" },
-    series = { { label = "x", x = frames, y = x }, { label = "y", x = frames, y = y, mark = "dashed" } } }
-  run:plot { title = "CPU time of a frame", x = { "frame", "" }, y = { "time", "us" },
-    series = { { label = "tracker", x = frames, y = time, mark = "points" } } }
+  run:plot {
+    title = "Where it was seen",
+    x = { "frame", "" },
+    y = { "px", "" },
+    series = { { label = "x", x = frames, y = x }, { label = "y", x = frames, y = y, mark = "dashed" } },
+  }
+  run:plot {
+    title = "CPU time of a frame",
+    x = { "frame", "" },
+    y = { "time", "us" },
+    series = { { label = "tracker", x = frames, y = time, mark = "points" } },
+  }
 end
 
 return {
@@ -222,8 +247,16 @@ return {
       if #trail > 60 then table.remove(trail, 1) end
       if (#tracks - 1) % every == 0 and shown < p.pictures then
         shown = shown + 1
-        run:picture(("frame %d"):format(frame), image:overlay { track = track, expected = track.expected, trail = trail,
-          caption = ("%d %s"):format(frame, track.state) }, track.state)
+        run:picture(
+          ("frame %d"):format(frame),
+          image:overlay {
+            track = track,
+            expected = track.expected,
+            trail = trail,
+            caption = ("%d %s"):format(frame, track.state),
+          },
+          track.state
+        )
       end
       if count > 0 then run:progress(math.min(#tracks / count, 1), "frame " .. #tracks) end
       image, frame = next_frame()
@@ -232,7 +265,9 @@ return {
     if p.truth ~= "" then judge(run, tracks, p) end
     write_tracks(tracks)
     local tracked = 0
-    for _, t in ipairs(tracks) do tracked = tracked + (t.x_px and 1 or 0) end
+    for _, t in ipairs(tracks) do
+      tracked = tracked + (t.x_px and 1 or 0)
+    end
     run:figure("frames", #tracks)
     run:figure("tracked", tracked)
     run:figure("frames_per_second", #tracks / cpu)

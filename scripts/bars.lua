@@ -5,7 +5,7 @@ local bars = {}
 local colours = { "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728" }
 
 local function escaped(text)
-  return (tostring(text):gsub("[&<>\"]", { ["&"] = "&amp;", ["<"] = "&lt;", [">"] = "&gt;", ["\""] = "&quot;" }))
+  return (tostring(text):gsub('[&<>"]', { ["&"] = "&amp;", ["<"] = "&lt;", [">"] = "&gt;", ['"'] = "&quot;" }))
 end
 
 local function finite(value) return type(value) == "number" and value == value and math.abs(value) < math.huge end
@@ -14,7 +14,9 @@ local function finite(value) return type(value) == "number" and value == value a
 local function scale(rows, divisor)
   local largest = 0
   for _, row in ipairs(rows) do
-    for _, value in pairs(row.values) do if finite(value) then largest = math.max(largest, value / divisor) end end
+    for _, value in pairs(row.values) do
+      if finite(value) then largest = math.max(largest, value / divisor) end
+    end
   end
   if largest <= 0 then largest = 1 end
   local ten = 10 ^ math.floor(math.log(largest / 6, 10))
@@ -41,9 +43,12 @@ function bars.svg(options)
   local first = options.title and 22 or 0
   local top = first + 14 + 14 * #labels
   local bottom = top + tall * #rows
-  local out = { ('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 %d %d" width="%d" height="%d" '
-    .. 'font-family="sans-serif" font-size="10"><rect width="100%%" height="100%%" fill="white"/>'):format(
-    left + across + 70, bottom + 34, left + across + 70, bottom + 34) }
+  local out = {
+    (
+      '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 %d %d" width="%d" height="%d" '
+      .. 'font-family="sans-serif" font-size="10"><rect width="100%%" height="100%%" fill="white"/>'
+    ):format(left + across + 70, bottom + 34, left + across + 70, bottom + 34),
+  }
   if options.title then
     out[#out + 1] = ('<text x="6" y="16" font-size="12" font-weight="bold">%s</text>'):format(escaped(options.title))
   end
@@ -65,8 +70,14 @@ function bars.svg(options)
     for k = 1, #labels do
       local value = row.values[k]
       local known = finite(value)
-      bar(out, left, y + 4 + 10 * (k - 1), known and across * math.max(value, 0) / divisor / largest or 0, colours[k],
-        known and ("%.3g"):format(value / divisor) or "–")
+      bar(
+        out,
+        left,
+        y + 4 + 10 * (k - 1),
+        known and across * math.max(value, 0) / divisor / largest or 0,
+        colours[k],
+        known and ("%.3g"):format(value / divisor) or "–"
+      )
     end
   end
   out[#out + 1] = "</svg>"

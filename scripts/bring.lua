@@ -8,7 +8,7 @@ local bring = {}
 function bring.insert(rig, servo, place)
   servo:hold(place)
   rig.sample:insert_robot(place)
-  return servo:wait_until_tracked { timeout = 10*s }
+  return servo:wait_until_tracked { timeout = 10 * s }
 end
 
 --- The thesis' hand trim ("manually adjusted for local stability at the center", 6.1), by measurement: at rest in the centre,
@@ -16,8 +16,8 @@ end
 function bring.trim(servo, centre, options)
   options = options or {}
   for _ = 1, options.rounds or 2 do
-    servo:go_to(centre, { within = options.within or 400*um, settle = 2*s })
-    servo:trim(vector(servo:trim()) + servo:mean_correction(options.listen or 3*s))
+    servo:go_to(centre, { within = options.within or 400 * um, settle = 2 * s })
+    servo:trim(vector(servo:trim()) + servo:mean_correction(options.listen or 3 * s))
   end
 end
 
@@ -25,18 +25,18 @@ end
 --- bring.lift.
 function bring.sink(run, servo, above, options)
   options = options or {}
-  servo:go_to(above, { within = 1*mm, settle = 0, speed = 1*mm/s })
+  servo:go_to(above, { within = 1 * mm, settle = 0, speed = 1 * mm / s })
   local trim = vector(servo:trim())
-  servo:trim(trim + servo:force_for { 0, 0, -(options.speed or 0.6*mm/s) })
+  servo:trim(trim + servo:force_for { 0, 0, -(options.speed or 0.6 * mm / s) })
   servo:release()
-  run:wait(options.time or 6*s)
+  run:wait(options.time or 6 * s)
   return trim
 end
 
 --- Takes back what pressed it down, and holds a place again.
 function bring.lift(servo, trim, place)
   servo:trim(trim)
-  servo:go_to(place, { within = 1*mm, settle = 0, speed = 1*mm/s, timeout = 60*s })
+  servo:go_to(place, { within = 1 * mm, settle = 0, speed = 1 * mm / s, timeout = 60 * s })
 end
 
 return bring

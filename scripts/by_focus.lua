@@ -10,20 +10,22 @@ local mm, um = units.mm, units.um
 local by_focus = {}
 
 local window = 120 -- px
-local retina_gap = 0.1*mm -- a target on the retina is as far before it
+local retina_gap = 0.1 * mm -- a target on the retina is as far before it
 local pixel_sigma = 0.5 -- px, of the target's centre
 -- 4.4.4: the retinal depth of the model eye was measured to 0.55 mm (33.1 mm), one of thirty; the mean of thirty:
-local retina_sigma = 0.55*mm / math.sqrt(30)
+local retina_sigma = 0.55 * mm / math.sqrt(30)
 
 --- What is believed: the eye, its map, its law on the axis.
 function by_focus.model(eye)
-  return { eye = eye, map = eye:wide_angle_map { max_angle = 35 * units.deg, max_depth = 8*mm }, law = eye:axis_law() }
+  return { eye = eye, map = eye:wide_angle_map { max_angle = 35 * units.deg, max_depth = 8 * mm }, law = eye:axis_law() }
 end
 
 -- Images of the target as the sensor is moved about `near`: peaks of each repetition.
 local function sweep(rig, near, u, v, reach, steps, frames)
-  return focusing.sweep(rig, { from = near - reach, to = near + reach, steps = steps, frames = frames, window = { u = u,
-    v = v, size = window } })
+  return focusing.sweep(
+    rig,
+    { from = near - reach, to = near + reach, steps = steps, frames = frames, window = { u = u, v = v, size = window } }
+  )
 end
 
 -- Centre of the target, px: what differs from the same view without it.
@@ -31,7 +33,9 @@ local function centre(rig, run, place)
   targets.remove(rig, run)
   local tracker = vision.background_tracker { threshold = 12, max_area_px = 1e6 }
   rig.top_camera:grab()
-  for _ = 1, 3 do tracker:learn(rig.top_camera:grab().image) end
+  for _ = 1, 3 do
+    tracker:learn(rig.top_camera:grab().image)
+  end
   targets.put(rig, run, place)
   rig.top_camera:grab()
   return tracker:update(rig.top_camera:grab().image)
@@ -40,16 +44,19 @@ end
 -- Where the target at `place` was sharp and seen: {x, y, distance, deviation of one sweep, sigma of the mean}, or nothing.
 local function see(rig, run, place, near, u, v, reach, steps, frames)
   targets.put(rig, run, place)
-  local coarse = focusing.coarse(rig, { from = near - reach, to = near + reach, steps = math.ceil(reach / (0.2*mm)) + 1,
-    window = { u = u, v = v, size = window } })
-  local found = focusing.summary((sweep(rig, coarse, u, v, 0.45*mm, steps, frames)))
+  local coarse = focusing.coarse(rig, {
+    from = near - reach,
+    to = near + reach,
+    steps = math.ceil(reach / (0.2 * mm)) + 1,
+    window = { u = u, v = v, size = window },
+  })
+  local found = focusing.summary((sweep(rig, coarse, u, v, 0.45 * mm, steps, frames)))
   if not found then return end
   focusing.move(rig, found.mean)
   local spot = centre(rig, run, place)
   if not spot then return end
   local x, y = focusing.aerial(rig, spot.x_px, spot.y_px)
-  return { x = x, y = y, distance = found.mean, deviation = math.max(found.deviation,
-    found.claimed / math.sqrt(found.count)) }
+  return { x = x, y = y, distance = found.mean, deviation = math.max(found.deviation, found.claimed / math.sqrt(found.count)) }
 end
 
 --- Thirty looks at a target. `calibration` tells where to look for it.
@@ -58,7 +65,7 @@ function by_focus.look(rig, run, model, calibration, place, p)
   if not image then return end
   local near = by_focus.raw_distance(calibration, model, image)
   local u, v = focusing.pixel(rig, image)
-  return see(rig, run, place, near, u, v, 1*mm, p.steps, p.repetitions)
+  return see(rig, run, place, near, u, v, 1 * mm, p.steps, p.repetitions)
 end
 
 -- Linear between neighbours, flat beyond the ends.
@@ -81,10 +88,10 @@ function by_focus.learn(model, angles, measure)
   local image = model.map:image(retina)
   local seen = measure(retina, image) or error("the target on the retina was not found sharp: nothing to calibrate on", 0)
   made.retina_shift = seen.distance - image.z
-  for i, depth in ipairs { retina_gap, 1.5*mm, 3*mm, 4.5*mm, 6*mm } do
+  for i, depth in ipairs { retina_gap, 1.5 * mm, 3 * mm, 4.5 * mm, 6 * mm } do
     local place = vector(0, 0, depth)
     local there = model.map:image(place)
-    local got = i == 1 and seen or measure(place, vector(there.x, there.y, there.z + made.retina_shift) )
+    local got = i == 1 and seen or measure(place, vector(there.x, there.y, there.z + made.retina_shift))
     if got then made.axis[#made.axis + 1] = { got.distance, got.distance - there.z } end
   end
   for _, angle in ipairs(angles) do
@@ -93,8 +100,8 @@ function by_focus.learn(model, angles, measure)
     local got = there and measure(place, vector(there.x, there.y, there.z + made.retina_shift))
     if got then
       local radius = math.sqrt(got.x ^ 2 + got.y ^ 2)
-      made.shape[#made.shape + 1] = { radius, got.distance - there.z - made.retina_shift,
-        radius / math.sqrt(there.x ^ 2 + there.y ^ 2) }
+      made.shape[#made.shape + 1] =
+        { radius, got.distance - there.z - made.retina_shift, radius / math.sqrt(there.x ^ 2 + there.y ^ 2) }
     end
   end
   table.insert(made.shape, 1, { 0, 0, made.shape[1] and made.shape[1][3] or 1 })
@@ -106,7 +113,7 @@ function by_focus.calibrate(rig, run, model, angles)
   local calibrated = false -- the first target, on the retina, is looked for in a wider range
   return by_focus.learn(model, angles, function(place, near)
     local u, v = focusing.pixel(rig, near)
-    local seen = see(rig, run, place, near.z, u, v, calibrated and 1.2*mm or 2.4*mm, 9, 3)
+    local seen = see(rig, run, place, near.z, u, v, calibrated and 1.2 * mm or 2.4 * mm, 9, 3)
     calibrated = calibrated or seen ~= nil
     return seen
   end)
@@ -128,14 +135,21 @@ end
 --- the centre's half pixel, and what the retinal depth was known to (type B). Nothing outside the map.
 function by_focus.locate(model, calibration, seen, place, kind)
   local radius = math.sqrt(seen.x ^ 2 + seen.y ^ 2)
-  local scale = kind == "full" and interpolated(statistics.map(calibration.shape, function(one) return { one[1],
-    one[3] } end), radius) or 1
+  local scale = kind == "full"
+      and interpolated(statistics.map(calibration.shape, function(one) return { one[1], one[3] } end), radius)
+    or 1
   local distance = seen.distance - correction(calibration, kind, seen.distance, radius)
-  local found = model.map:locate({ seen.x / scale, seen.y / scale, distance },
-    { image_sigma = math.max(pixel_sigma * 9.9*um, 1e-9), focus_sigma = math.max(seen.deviation, 1e-9) })
+  local found = model.map:locate(
+    { seen.x / scale, seen.y / scale, distance },
+    { image_sigma = math.max(pixel_sigma * 9.9 * um, 1e-9), focus_sigma = math.max(seen.deviation, 1e-9) }
+  )
   if not found then return end
-  return { place = place, found = found.position, error = (found.position - place):norm(),
-    uncertainty = statistics.combined(found.sigma:norm(), retina_sigma) }
+  return {
+    place = place,
+    found = found.position,
+    error = (found.position - place):norm(),
+    uncertainty = statistics.combined(found.sigma:norm(), retina_sigma),
+  }
 end
 
 --- Figure 4.11's comparison: first order for the points on the retina: depth by the law on the axis, height by magnification.
@@ -153,13 +167,17 @@ end
 
 -- Median error over the places in one computed eye, by each calibration.
 local function one_eye(eye, model, angles, surfaces, focus_sigma)
-  local map = eye:wide_angle_map { max_angle = 35 * units.deg, max_depth = 8*mm }
+  local map = eye:wide_angle_map { max_angle = 35 * units.deg, max_depth = 8 * mm }
   local function measure(place)
     local image = map:image(place)
     if not image then return end
-    local blur = pixel_sigma * 9.9*um
-    return { x = image.x + blur * statistics.normal(), y = image.y + blur * statistics.normal(),
-      distance = image.z + focus_sigma * statistics.normal(), deviation = focus_sigma }
+    local blur = pixel_sigma * 9.9 * um
+    return {
+      x = image.x + blur * statistics.normal(),
+      y = image.y + blur * statistics.normal(),
+      distance = image.z + focus_sigma * statistics.normal(),
+      deviation = focus_sigma,
+    }
   end
   local calibration = by_focus.learn(model, angles, measure)
   local errors = { none = {}, retina = {}, full = {} }
@@ -191,23 +209,53 @@ function by_focus.many_eyes(run, book, believed, model, angles, surfaces, count,
     end
   end
   local rows = {}
-  for i, one in ipairs { { "none", "uncalibrated" }, { "retina", "the retina alone" }, { "full",
-    "axis and retinal shape" } } do
+  for i, one in ipairs { { "none", "uncalibrated" }, { "retina", "the retina alone" }, { "full", "axis and retinal shape" } } do
     local list = medians[one[1]]
-    rows[i] = { one[2], #list, run:show(statistics.median(list), "m"), run:show(statistics.percentile(list, 0.9), "m"),
-      run:show(statistics.max(list), "m") }
+    rows[i] = {
+      one[2],
+      #list,
+      run:show(statistics.median(list), "m"),
+      run:show(statistics.percentile(list, 0.9), "m"),
+      run:show(statistics.max(list), "m"),
+    }
   end
-  run:table { title = ("Median error of %d eyes off by table 5.1, images computed"):format(count),
-    header = { "calibration", "eyes", "median of eyes", "90 %", "worst eye" }, rows = rows }
-  book:number { id = "4.4.eyes_retina_median", what = "eyes off by table 5.1, retina alone: median", where = "goal",
+  run:table {
+    title = ("Median error of %d eyes off by table 5.1, images computed"):format(count),
+    header = { "calibration", "eyes", "median of eyes", "90 %", "worst eye" },
+    rows = rows,
+  }
+  book:number {
+    id = "4.4.eyes_retina_median",
+    what = "eyes off by table 5.1, retina alone: median",
+    where = "goal",
     ours = statistics.median(medians.retina),
-    unit = "m", at_most = 300*um, reason = "this project's goal" }
-  book:number { id = "4.4.eyes_retina_90", what = "the same, 90th percentile", where = "goal",
-    ours = statistics.percentile(medians.retina, 0.9), unit = "m" }
-  book:number { id = "4.4.eyes_full_median", what = "eyes off by table 5.1, axis and retinal shape: median", where = "goal",
-    ours = statistics.median(medians.full), unit = "m", at_most = 150*um, reason = "this project's goal" }
-  book:number { id = "4.4.eyes_full_90", what = "the same, 90th percentile", where = "goal",
-    ours = statistics.percentile(medians.full, 0.9), unit = "m" }
+    unit = "m",
+    at_most = 300 * um,
+    reason = "this project's goal",
+  }
+  book:number {
+    id = "4.4.eyes_retina_90",
+    what = "the same, 90th percentile",
+    where = "goal",
+    ours = statistics.percentile(medians.retina, 0.9),
+    unit = "m",
+  }
+  book:number {
+    id = "4.4.eyes_full_median",
+    what = "eyes off by table 5.1, axis and retinal shape: median",
+    where = "goal",
+    ours = statistics.median(medians.full),
+    unit = "m",
+    at_most = 150 * um,
+    reason = "this project's goal",
+  }
+  book:number {
+    id = "4.4.eyes_full_90",
+    what = "the same, 90th percentile",
+    where = "goal",
+    ours = statistics.percentile(medians.full, 0.9),
+    unit = "m",
+  }
 end
 
 return by_focus

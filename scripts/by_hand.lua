@@ -11,7 +11,7 @@ function by_hand.jogged(rig, place, dt, speed)
   if not rig.joystick then return nil end
   local push = rig.joystick:state().translation.z
   if push == 0 then return nil end
-  return place + vector(0, 0, push * (speed or 0.5*mm/s) * dt)
+  return place + vector(0, 0, push * (speed or 0.5 * mm / s) * dt)
 end
 
 --- Holds the place, if the servo lets it: what is out of reach leaves the robot where it was. Returns whether it does.

@@ -1,5 +1,5 @@
--- The rig's calibrations, one function each, so that a protocol of its own and calibrate_rig both have them: pixel sizes by a target,
--- latency by a step.
+-- The rig's calibrations, one function each, so that a protocol of its own and calibrate_rig both have them: pixel sizes by a
+-- target, latency by a step.
 -- SPDX-License-Identifier: Apache-2.0
 local control = require "control"
 local optics = require "optics"
@@ -21,16 +21,18 @@ local function grid(side, count, half)
   return places
 end
 
---- Pixel size, rotation and centre of one camera ("top_camera", "side_camera") from a target on a grid of places. `half`: half its
---- width, m. Returns what optics.camera_calibration says, and the largest part of the residual that grows with the cube of the
---- distance from the centre (distortion, relative at the grid's corner).
+--- Pixel size, rotation and centre of one camera ("top_camera", "side_camera") from a target on a grid of places. `half`: half
+--- its width, m. Returns what optics.camera_calibration says, and the largest part of the residual that grows with the cube of
+--- the distance from the centre (distortion, relative at the grid's corner).
 function calibrations.camera(rig, run, role, options)
   local camera, points, believed = rig[role], {}, rig:model()
   local world = believed.eye_in_world
   targets.remove(rig, run)
   local tracker = vision.background_tracker { threshold = options.threshold or 20, min_area_px = 30 }
   camera:grab()
-  for _ = 1, 4 do tracker:learn(camera:grab().image) end
+  for _ = 1, 4 do
+    tracker:learn(camera:grab().image)
+  end
   for _, place in ipairs(grid(role == "side_camera", options.count, options.half)) do
     targets.put(rig, run, place - world)
     camera:grab()
@@ -59,54 +61,60 @@ end
 -- Holds one coil's current for `time`, setting it again and again, or the dead-man takes it for abandoned.
 local function hold_current(rig, run, coil, current, time)
   local currents, began = {}, run:now()
-  for k = 1, #rig.coils:currents() do currents[k] = k == coil and current or 0 end
+  for k = 1, #rig.coils:currents() do
+    currents[k] = k == coil and current or 0
+  end
   repeat
     rig.coils:set_currents(currents)
-    run:wait(math.min(0.04*s, began + time - run:now()))
+    run:wait(math.min(0.04 * s, began + time - run:now()))
   until run:now() >= began + time - 1e-9
 end
 
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
---- field probe, the straight line of log(1 - B/B_end) fitted. A teslameter is slower than the coils: the step is repeated, each time
---- asked a little later. A reading counts at its end. Returns delay, time constant (s), and the points.
+--- field probe, the straight line of log(1 - B/B_end) fitted. A teslameter is slower than the coils: the step is repeated, each
+--- time asked a little later. A reading counts at its end. Returns delay, time constant (s), and the points.
 function calibrations.coil_latency(rig, run, options)
-  local coil, current, repeats = options.coil or 1, options.current or 2*A, options.repeats or 8
+  local coil, current, repeats = options.coil or 1, options.current or 2 * A, options.repeats or 8
   local function field() return vector(rig.field_probe:measure()) end
   local times, values, zero, final = {}, {}, nil, nil
   for k = 1, repeats do
-    hold_current(rig, run, coil, 0, 0.5*s)
+    hold_current(rig, run, coil, 0, 0.5 * s)
     zero = zero or field()
     local began = run:now()
-    hold_current(rig, run, coil, current, 1*ms + 20*ms * (k - 1) / repeats)
+    hold_current(rig, run, coil, current, 1 * ms + 20 * ms * (k - 1) / repeats)
     repeat
       local value = (field() - zero):norm()
       times[#times + 1], values[#values + 1] = run:now() - began, value
-      hold_current(rig, run, coil, current, 1*ms)
-    until run:now() - began > 0.15*s
+      hold_current(rig, run, coil, current, 1 * ms)
+    until run:now() - began > 0.15 * s
     if not final then
-      hold_current(rig, run, coil, current, 0.4*s)
+      hold_current(rig, run, coil, current, 0.4 * s)
       final = (field() - zero):norm()
     end
   end
-  hold_current(rig, run, coil, 0, 1*ms)
+  hold_current(rig, run, coil, 0, 1 * ms)
   local x, y = {}, {}
   for i = 1, #times do
     local part = values[i] / final
-    if part > 0.1 and part < 0.9 then x[#x + 1], y[#y + 1] = times[i], -math.log(1 - part) end
+    if part > 0.1 and part < 0.9 then
+      x[#x + 1], y[#y + 1] = times[i], -math.log(1 - part)
+    end
   end
   if #x < 3 then error("the step is too fast for the probe, or was not seen", 0) end
   local line = statistics.line(x, y)
   return -line.intercept / line.slope, 1 / line.slope, { times = times, values = values }
 end
 
---- The coils' field from a probe on a stage of three axes: at the corners of a cube and its middle, one coil at a time with either
---- sign; dipoles fitted. Returns the model, what the fit says, and the readings.
+--- The coils' field from a probe on a stage of three axes: at the corners of a cube and its middle, one coil at a time with
+--- either sign; dipoles fitted. Returns the model, what the fit says, and the readings.
 function calibrations.field(rig, run, options)
-  local readings, half, count = {}, options.half or 8*mm, #rig.coils:currents()
+  local readings, half, count = {}, options.half or 8 * mm, #rig.coils:currents()
   local places = { vector(0, 0, 0) }
   for _, x in ipairs { -half, half } do
     for _, y in ipairs { -half, half } do
-      for _, z in ipairs { -half, half } do places[#places + 1] = vector(x, y, z) end
+      for _, z in ipairs { -half, half } do
+        places[#places + 1] = vector(x, y, z)
+      end
     end
   end
   for number, place in ipairs(places) do
@@ -115,18 +123,22 @@ function calibrations.field(rig, run, options)
     rig.stage:move_to({ place.x, place.y, place.z })
     for coil = 1, count do
       local currents = {}
-      for k = 1, count do currents[k] = k == coil and (number % 2 == 0 and 1 or -1) * (options.current or 8*A) or 0 end
+      for k = 1, count do
+        currents[k] = k == coil and (number % 2 == 0 and 1 or -1) * (options.current or 8 * A) or 0
+      end
       for _ = 1, 8 do -- until it stands; refreshed, or the dead-man takes it for abandoned
         rig.coils:set_currents(currents)
-        run:wait(0.05*s)
+        run:wait(0.05 * s)
       end
       local at = rig.stage:position()
-      readings[#readings + 1] = { position = vector(at[1], at[2], at[3]), currents = currents,
-        field = vector(rig.field_probe:measure()) }
+      readings[#readings + 1] =
+        { position = vector(at[1], at[2], at[3]), currents = currents, field = vector(rig.field_probe:measure()) }
     end
   end
   local zero = {}
-  for k = 1, count do zero[k] = 0 end
+  for k = 1, count do
+    zero[k] = 0
+  end
   rig.coils:set_currents(zero)
   local model, told = control.fit_dipoles(readings)
   return model, told, readings

@@ -1,5 +1,5 @@
--- Check-lists and times for sessions with people: what must be done, in order, each confirmed and kept, with pictures where they are
--- asked for, and a window of time that runs out.
+-- Check-lists and times for sessions with people: what must be done, in order, each confirmed and kept, with pictures where they
+-- are asked for, and a window of time that runs out.
 -- SPDX-License-Identifier: Apache-2.0
 local vision = require "vision"
 local checklist = {}
@@ -8,8 +8,7 @@ checklist.__index = checklist
 --- `window` = { least, most } in s: how long there is; nothing for no end.
 function checklist.new(run, rig, options)
   options = options or {}
-  return setmetatable({ run = run, rig = rig, began = run:now(), window = options.window, rows = {}, missed = 0 },
-    checklist)
+  return setmetatable({ run = run, rig = rig, began = run:now(), window = options.window, rows = {}, missed = 0 }, checklist)
 end
 
 local function clock(seconds)
@@ -61,8 +60,10 @@ end
 
 --- A photograph for the record: a file that the operator names, or, with "camera", what the top camera sees.
 function checklist:photograph(caption, options)
-  local path = self.run:ask("photograph: " .. caption .. " (a file, or camera, or none)", { type = "text",
-    default = "camera", name = options and options.name })
+  local path = self.run:ask(
+    "photograph: " .. caption .. " (a file, or camera, or none)",
+    { type = "text", default = "camera", name = options and options.name }
+  )
   if path == "none" then
     self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), "photograph: " .. caption, "none" }
     return nil

@@ -7,7 +7,9 @@ function curves.family(label, values, draw, mark)
   local all = { label = label, mark = mark, x = {}, y = {} }
   for _, value in ipairs(values) do
     local r, z = draw(value)
-    for i = 1, #r do all.x[#all.x + 1], all.y[#all.y + 1] = z[i], r[i] end
+    for i = 1, #r do
+      all.x[#all.x + 1], all.y[#all.y + 1] = z[i], r[i]
+    end
     all.x[#all.x + 1], all.y[#all.y + 1] = 0 / 0, 0 / 0
   end
   return all
@@ -19,7 +21,9 @@ function curves.cubic(c, x) return c[1] + x * (c[2] + x * (c[3] + x * c[4])) end
 --- Values of one field of a list of tables.
 function curves.field(list, name)
   local values = {}
-  for i, one in ipairs(list) do values[i] = one[name] end
+  for i, one in ipairs(list) do
+    values[i] = one[name]
+  end
   return values
 end
 

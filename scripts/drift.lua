@@ -8,9 +8,7 @@ local drift = {}
 local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
 
 --- A number of the standard normal distribution, from the run's seed.
-function drift.normal()
-  return (-2 * math.log(1 - math.random())) ^ 0.5 * math.cos(2 * math.pi * math.random())
-end
+function drift.normal() return (-2 * math.log(1 - math.random())) ^ 0.5 * math.cos(2 * math.pi * math.random()) end
 
 --- A unit vector, all directions alike.
 function drift.any_direction()
@@ -37,9 +35,13 @@ end
 --- Mean and standard deviation of a sample (0 of a single one).
 function drift.mean(values)
   local sum, squares = 0, 0
-  for _, value in ipairs(values) do sum = sum + value end
+  for _, value in ipairs(values) do
+    sum = sum + value
+  end
   local mean = sum / #values
-  for _, value in ipairs(values) do squares = squares + (value - mean) ^ 2 end
+  for _, value in ipairs(values) do
+    squares = squares + (value - mean) ^ 2
+  end
   return mean, #values > 1 and (squares / (#values - 1)) ^ 0.5 or 0
 end
 
@@ -70,9 +72,7 @@ function drift.velocity(run, servo, time)
   return (to - from) / (ended - started)
 end
 
-local function in_um(value, digits)
-  return ("%." .. (digits or 0) .. "f"):format(value / um)
-end
+local function in_um(value, digits) return ("%." .. (digits or 0) .. "f"):format(value / um) end
 
 local function rows_of(found, asked)
   local rows = {}
@@ -111,7 +111,9 @@ end
 
 local function smallest(found, kind)
   local least = math.huge
-  for _, place in ipairs(places.six) do least = math.min(least, drift.median(found[kind][place.name])) end
+  for _, place in ipairs(places.six) do
+    least = math.min(least, drift.median(found[kind][place.name]))
+  end
   return least
 end
 
@@ -134,7 +136,9 @@ local function figures(run, found, asked)
   run:figure("drift_hold_max", largest(found, "hold"), "um/s")
   local worst = 0
   for _, speeds in pairs(found.hold) do
-    for _, speed in ipairs(speeds) do worst = math.max(worst, speed) end
+    for _, speed in ipairs(speeds) do
+      worst = math.max(worst, speed)
+    end
   end
   run:figure("drift_hold_worst_machine", worst, "um/s")
 end
@@ -151,7 +155,10 @@ local function plot(run, found, asked)
   end
   table.move(marks, 1, #marks, #series + 1, series)
   run:plot {
-    title = "Drift at the six places, in the table's order", x = { "place", "" }, y = { "drift", "um/s" }, series = series,
+    title = "Drift at the six places, in the table's order",
+    x = { "place", "" },
+    y = { "drift", "um/s" },
+    series = series,
   }
 end
 
@@ -159,7 +166,9 @@ end
 function drift.report(run, found, asked, counts)
   run:table {
     title = ("Drift in µm/s: medians over %d machine(s), %d run(s) each, beside thesis table 6.1"):format(
-      counts.machines, counts.repetitions),
+      counts.machines,
+      counts.repetitions
+    ),
     header = header_of(asked),
     rows = rows_of(found, asked),
   }

@@ -30,9 +30,7 @@ local function tolerance_text(run, row)
 end
 
 --- `where` names the table or figure that the rows belong to, unless a row names its own.
-function expect.book(run, where)
-  return setmetatable({ run = run, where = where, rows = {}, known = {} }, book)
-end
+function expect.book(run, where) return setmetatable({ run = run, where = where, rows = {}, known = {} }, book) end
 
 --- One number: { id =, what =, thesis = (may be left out), ours =, unit = "" (SI: m, rad, m/s), why = "" } and one of
 --- within = tolerance, at_most =, at_least =, between = { least, most }; none of them: printed only. `reason` says where
@@ -41,13 +39,22 @@ function book:number(row)
   if type(row.id) ~= "string" or row.id == "" then error("expect: id: wants a name", 2) end
   if self.known[row.id] then error("expect: id: " .. row.id .. " comes twice", 2) end
   if type(row.ours) ~= "number" then error("expect: " .. row.id .. ": ours: wants a number, got " .. type(row.ours), 2) end
-  if row.within and type(row.thesis) ~= "number" then error("expect: " .. row.id .. ": within wants the thesis' number",
-    2) end
+  if row.within and type(row.thesis) ~= "number" then error("expect: " .. row.id .. ": within wants the thesis' number", 2) end
   self.known[row.id] = true
-  local made = { id = row.id, what = row.what or row.id, where = row.where or self.where, thesis = row.thesis,
+  local made = {
+    id = row.id,
+    what = row.what or row.id,
+    where = row.where or self.where,
+    thesis = row.thesis,
     ours = row.ours,
-    unit = row.unit or "", why = row.why or "", reason = row.reason or "", within = row.within, at_most = row.at_most,
-    at_least = row.at_least, between = row.between }
+    unit = row.unit or "",
+    why = row.why or "",
+    reason = row.reason or "",
+    within = row.within,
+    at_most = row.at_most,
+    at_least = row.at_least,
+    between = row.between,
+  }
   made.verdict = judged(made)
   made.tolerance = tolerance_text(self.run, made)
   self.rows[#self.rows + 1] = made
@@ -70,22 +77,48 @@ function book:close()
   for i, row in ipairs(self.rows) do
     local why = row.why
     if row.reason ~= "" then why = (why == "" and "" or why .. "; ") .. "tolerance: " .. row.reason end
-    cells[i] = { row.where, row.what, row.thesis and self.run:show(row.thesis, row.unit) or "–",
-      self.run:show(row.ours, row.unit), row.tolerance, row.verdict, why }
-    data[i] = { id = row.id, what = row.what, where = row.where, thesis = row.thesis or 0 / 0, ours = row.ours,
+    cells[i] = {
+      row.where,
+      row.what,
+      row.thesis and self.run:show(row.thesis, row.unit) or "–",
+      self.run:show(row.ours, row.unit),
+      row.tolerance,
+      row.verdict,
+      why,
+    }
+    data[i] = {
+      id = row.id,
+      what = row.what,
+      where = row.where,
+      thesis = row.thesis or 0 / 0,
+      ours = row.ours,
       unit = row.unit,
-      tolerance = row.tolerance, verdict = row.verdict, why = row.why, reason = row.reason }
+      tolerance = row.tolerance,
+      verdict = row.verdict,
+      why = row.why,
+      reason = row.reason,
+    }
   end
-  self.run:table { title = "Beside the thesis",
-    header = { "where", "what", "thesis", "ours", "tolerance", "verdict", "why" }, rows = cells }
+  self.run:table {
+    title = "Beside the thesis",
+    header = { "where", "what", "thesis", "ours", "tolerance", "verdict", "why" },
+    rows = cells,
+  }
   files.write("expectations.json", json.text(data) .. "\n")
   local well, ill = self:count()
   self.run:figure("expectations_met", well)
   self.run:figure("expectations_missed", ill)
   for _, row in ipairs(self.rows) do
     if row.verdict == "differs" or row.verdict == "worse" or row.verdict == "no answer" then
-      self.run:note(("%s: %s here, %s in the thesis, tolerance %s: %s"):format(row.what, self.run:show(row.ours, row.unit),
-        row.thesis and self.run:show(row.thesis, row.unit) or "–", row.tolerance, row.verdict))
+      self.run:note(
+        ("%s: %s here, %s in the thesis, tolerance %s: %s"):format(
+          row.what,
+          self.run:show(row.ours, row.unit),
+          row.thesis and self.run:show(row.thesis, row.unit) or "–",
+          row.tolerance,
+          row.verdict
+        )
+      )
     end
   end
 end

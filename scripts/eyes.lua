@@ -21,8 +21,12 @@ function eyes.differences(believed, eye)
   for _, one in ipairs(eye:parameters()) do
     local before = believed:parameter(one.name)
     if one.value ~= before and before == before then
-      rows[#rows + 1] = { one.name, ("%.6g"):format(before), ("%.6g"):format(one.value),
-        ("%+.2f %%"):format(100 * (one.value / before - 1)) }
+      rows[#rows + 1] = {
+        one.name,
+        ("%.6g"):format(before),
+        ("%.6g"):format(one.value),
+        ("%+.2f %%"):format(100 * (one.value / before - 1)),
+      }
     end
   end
   return rows
@@ -32,8 +36,11 @@ function eyes.report(run, believed, eye)
   if not eye then return end
   local rows = eyes.differences(believed, eye)
   if #rows > 0 then
-    run:table { title = "The eye on the bench, which the loop does not know", header = { "parameter", "believed", "true",
-      "differs by" }, rows = rows }
+    run:table {
+      title = "The eye on the bench, which the loop does not know",
+      header = { "parameter", "believed", "true", "differs by" },
+      rows = rows,
+    }
   end
 end
 

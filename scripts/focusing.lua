@@ -16,8 +16,7 @@ local function cut(window, width, height)
   local x, y = math.max(0, math.floor(window.u - window.size / 2)), math.max(0, math.floor(window.v - window.size / 2))
   local right, bottom = math.min(width, x + window.size), math.min(height, y + window.size)
   if right - x < 16 or bottom - y < 16 then
-    error(("the window at (%.0f, %.0f) px is outside of the image of %d x %d px"):format(window.u, window.v, width,
-      height), 3)
+    error(("the window at (%.0f, %.0f) px is outside of the image of %d x %d px"):format(window.u, window.v, width, height), 3)
   end
   return { x = x, y = y, width = math.floor(right - x), height = math.floor(bottom - y) }
 end
@@ -28,7 +27,9 @@ end
 function focusing.sweep(rig, options)
   local distances, values = statistics.range(options.from, options.to, options.steps), {}
   local frames = options.frames or 1
-  for k = 1, frames do values[k] = {} end
+  for k = 1, frames do
+    values[k] = {}
+  end
   for i, distance in ipairs(distances) do
     focusing.move(rig, distance)
     rig.top_camera:grab() -- was exposed on the way
@@ -40,14 +41,18 @@ function focusing.sweep(rig, options)
     end
   end
   local peaks = {}
-  for k = 1, frames do peaks[k] = vision.focus.peak(distances, values[k]) end
+  for k = 1, frames do
+    peaks[k] = vision.focus.peak(distances, values[k])
+  end
   return peaks, distances, values[1]
 end
 
 --- The sharpest of `steps` positions, one image each: where a finer sweep is to look.
 function focusing.coarse(rig, options)
-  local _, distances, values = focusing.sweep(rig, { from = options.from, to = options.to, steps = options.steps,
-    window = options.window, measure = options.measure })
+  local _, distances, values = focusing.sweep(
+    rig,
+    { from = options.from, to = options.to, steps = options.steps, window = options.window, measure = options.measure }
+  )
   local best = 1
   for i = 2, #values do
     if values[i] > values[best] then best = i end
@@ -59,20 +64,31 @@ end
 function focusing.summary(peaks)
   local found, claimed = {}, {}
   for _, peak in ipairs(peaks) do
-    if peak.answer == "found" then found[#found + 1], claimed[#claimed + 1] = peak.position, peak.sigma end
+    if peak.answer == "found" then
+      found[#found + 1], claimed[#claimed + 1] = peak.position, peak.sigma
+    end
   end
   if #found == 0 then return nil, #peaks end
-  return { mean = statistics.mean(found), deviation = statistics.deviation(found), claimed = statistics.mean(claimed),
-    count = #found },
+  return {
+    mean = statistics.mean(found),
+    deviation = statistics.deviation(found),
+    claimed = statistics.mean(claimed),
+    count = #found,
+  },
     #peaks - #found
 end
 
 --- Coarse to fine with vision.autofocus about `near`, ± `reach`. Returns what the search says, parked at the best place;
 --- its position and sigma are d_ls.
 function focusing.autofocus(rig, options)
-  local search = vision.autofocus { low = options.near - options.reach, high = options.near + options.reach,
-    step = options.step or 50e-6, strategy = options.strategy, repeats = options.repeats,
-    coarse = math.max(11, math.ceil(2 * options.reach / (options.coarse_step or 250e-6)) + 1) }
+  local search = vision.autofocus {
+    low = options.near - options.reach,
+    high = options.near + options.reach,
+    step = options.step or 50e-6,
+    strategy = options.strategy,
+    repeats = options.repeats,
+    coarse = math.max(11, math.ceil(2 * options.reach / (options.coarse_step or 250e-6)) + 1),
+  }
   local at, told = search:start(), nil
   while at do
     focusing.move(rig, at)

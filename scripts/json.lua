@@ -2,7 +2,7 @@
 -- SPDX-License-Identifier: Apache-2.0
 local json = {}
 
-local short = { ["\""] = "\\\"", ["\\"] = "\\\\", ["\n"] = "\\n", ["\r"] = "\\r", ["\t"] = "\\t" }
+local short = { ['"'] = '\\"', ["\\"] = "\\\\", ["\n"] = "\\n", ["\r"] = "\\r", ["\t"] = "\\t" }
 
 local function quoted(text)
   return '"' .. text:gsub('[%c"\\]', function(c) return short[c] or ("\\u%04x"):format(c:byte()) end) .. '"'
@@ -24,13 +24,19 @@ function json.text(value)
   if kind ~= "table" then error("json: cannot write a " .. kind, 2) end
   local parts = {}
   if value[1] ~= nil or next(value) == nil then
-    for i = 1, #value do parts[i] = json.text(value[i]) end
+    for i = 1, #value do
+      parts[i] = json.text(value[i])
+    end
     return "[" .. table.concat(parts, ",") .. "]"
   end
   local keys = {}
-  for key in pairs(value) do keys[#keys + 1] = key end
+  for key in pairs(value) do
+    keys[#keys + 1] = key
+  end
   table.sort(keys)
-  for i, key in ipairs(keys) do parts[i] = quoted(key) .. ":" .. json.text(value[key]) end
+  for i, key in ipairs(keys) do
+    parts[i] = quoted(key) .. ":" .. json.text(value[key])
+  end
   return "{" .. table.concat(parts, ",") .. "}"
 end
 

@@ -7,15 +7,11 @@ local judge = {}
 local um = units.um
 
 -- Thesis table 5.4, experiment 1 (robot along x), in m: mean, standard deviation, maximum.
-judge.thesis = { lateral = { 93*um, 49*um, 248*um }, depth = { 249*um, 177*um, 721*um } }
+judge.thesis = { lateral = { 93 * um, 49 * um, 248 * um }, depth = { 249 * um, 177 * um, 721 * um } }
 
-local function in_um(value)
-  return ("%.0f"):format(value / um)
-end
+local function in_um(value) return ("%.0f"):format(value / um) end
 
-local function mean_and_max(mean, deviation, max)
-  return { in_um(mean) .. " ± " .. in_um(deviation), in_um(max) }
-end
+local function mean_and_max(mean, deviation, max) return { in_um(mean) .. " ± " .. in_um(deviation), in_um(max) } end
 
 --- Which stream tells where the robot really was, and what to call it.
 function judge.reference(run)
@@ -40,7 +36,9 @@ function judge.localisation_table(run, found)
   local thesis = judge.thesis
   local function row(name, mean, deviation, max, printed)
     local cells = { name, table.unpack(mean_and_max(mean, deviation, max)) }
-    for _, cell in ipairs(mean_and_max(table.unpack(printed))) do cells[#cells + 1] = cell end
+    for _, cell in ipairs(mean_and_max(table.unpack(printed))) do
+      cells[#cells + 1] = cell
+    end
     return cells
   end
   run:table {
@@ -56,8 +54,10 @@ end
 -- What a stream holds of the path's time, as x and y of a series; nil where it has not got the channels.
 local function series(run, span, stream, x, y, label, mark)
   return {
-    label = label, mark = mark,
-    x = (run:samples(stream, x, span)), y = (run:samples(stream, y, span)),
+    label = label,
+    mark = mark,
+    x = (run:samples(stream, x, span)),
+    y = (run:samples(stream, y, span)),
   }
 end
 
@@ -86,7 +86,9 @@ local function distances(run, span, prefix, axes)
       distance[i] = (distance[i] or 0) + (truth[near] and (truth[near] - servo[i]) ^ 2 or 0)
     end
   end
-  for i = 1, #distance do distance[i] = distance[i] ^ 0.5 end
+  for i = 1, #distance do
+    distance[i] = distance[i] ^ 0.5
+  end
   return { x = times, y = distance }
 end
 

@@ -26,7 +26,10 @@ end
 --- A rectangle as wide as it is deep.
 function paths.square(options)
   return paths.rectangle {
-    width = options.side, depth = options.side, centre = options.centre, laps = options.laps,
+    width = options.side,
+    depth = options.side,
+    centre = options.centre,
+    laps = options.laps,
   }
 end
 

@@ -11,8 +11,13 @@ function plant.calibrate(rig, run, file)
   end
   local found = rig.simulation:use_calibration(file)
   local name = found.name ~= "" and (" (%s)"):format(found.name) or ""
-  run:note(("the plant is the measured machine of %s%s: its coils differ from the loop's model by %.1f %% at the centre")
-    :format(file, name, 100 * found.difference))
+  run:note(
+    ("the plant is the measured machine of %s%s: its coils differ from the loop's model by %.1f %% at the centre"):format(
+      file,
+      name,
+      100 * found.difference
+    )
+  )
   local channels, same = {}, true
   for coil, channel in ipairs(found.channels) do
     channels[coil] = ("%d"):format(channel)

@@ -1,9 +1,13 @@
--- What `vitreo reproduce` runs: protocols with numbers of the thesis, their rigs, arguments and seeds. Started in the order of the
--- keys, the long ones first; `brief` is the short form, for seeing that all of it works ("-": left out there).
+-- What `vitreo reproduce` runs: protocols with numbers of the thesis, their rigs, arguments and seeds. Started in the order of
+-- the keys, the long ones first; `brief` is the short form, for seeing that all of it works ("-": left out there).
 -- SPDX-License-Identifier: Apache-2.0
 return {
-  a1_spiral = { protocol = "localise_spiral", rig = "spiral_coni", arguments = "orientation=x eyes=10 pictures=1",
-    brief = "eyes=1 orientation=x turns=0.5 height=2mm" },
+  a1_spiral = {
+    protocol = "localise_spiral",
+    rig = "spiral_coni",
+    arguments = "orientation=x eyes=10 pictures=1",
+    brief = "eyes=1 orientation=x turns=0.5 height=2mm",
+  },
   a2_spiral_z = { protocol = "localise_spiral", rig = "spiral_coni_z", arguments = "orientation=z eyes=10 pictures=1" },
   a3_spiral_sphere = { protocol = "localise_spiral", rig = "spiral_sphere", arguments = "eyes=10 pictures=1" },
   a4_focus = { protocol = "localise_by_focus", rig = "bare_sensor" },

@@ -17,8 +17,13 @@ end
 -- The tracker's mean ellipse since `from`; nothing when it was not seen.
 local function ellipse_since(run, from)
   local seen = {}
-  for name, channel in pairs { u = "u_px", v = "v_px", semi_major = "semi_major_px", semi_minor = "semi_minor_px",
-    angle = "angle" } do
+  for name, channel in pairs {
+    u = "u_px",
+    v = "v_px",
+    semi_major = "semi_major_px",
+    semi_minor = "semi_minor_px",
+    angle = "angle",
+  } do
     local good = {}
     for _, value in ipairs((run:samples("servo", channel, { from = from, to = run:now() }))) do
       if value == value then good[#good + 1] = value end
@@ -33,10 +38,10 @@ end
 --- `depth_error`: by how much the retina's depth is known wrongly, m (0). The robot is left where it lies, `trim` to take back.
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
-  local above = options.above or model.eye_in_world + vector(0, 0, 2*mm)
+  local above = options.above or model.eye_in_world + vector(0, 0, 2 * mm)
   local trim = bring.sink(run, servo, above, { time = options.time })
   local from = run:now()
-  run:wait(options.listen or 2*s)
+  run:wait(options.listen or 2 * s)
   local seen = ellipse_since(run, from)
   if not seen then error("the robot was not seen on the retina: nothing to calibrate with", 0) end
   local view = rig:view()
@@ -47,12 +52,17 @@ function retina.calibrate(rig, run, servo, options)
   local aside = math.sqrt((seen.u - model.centre_px[1]) ^ 2 + (seen.v - model.centre_px[2]) ^ 2) * model.pixel / magnification
   local upright = math.abs(axis.z) / axis:norm() > 0.7
   local thin = upright and model.robot.half_length or model.robot.radius
-  lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside,
-    0.5 * model.retina_radius)) + (options.depth_error or 0)
-  local corrected, told = view:calibrated(model.robot, seen, { axis = axis, known_z = lies.height,
-    correction = options.correction })
-  run:note(("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(told.image_scale,
-    run:show(vector(told.offset):norm(), "m"), told.residual))
+  lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside, 0.5 * model.retina_radius))
+    + (options.depth_error or 0)
+  local corrected, told =
+    view:calibrated(model.robot, seen, { axis = axis, known_z = lies.height, correction = options.correction })
+  run:note(
+    ("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(
+      told.image_scale,
+      run:show(vector(told.offset):norm(), "m"),
+      told.residual
+    )
+  )
   return corrected, told, trim
 end
 

@@ -9,20 +9,26 @@ end
 
 function statistics.mean(values)
   local sum = 0
-  for _, value in ipairs(some(values, "mean")) do sum = sum + value end
+  for _, value in ipairs(some(values, "mean")) do
+    sum = sum + value
+  end
   return sum / #values
 end
 
 --- Standard deviation of a sample (n - 1); 0 of a single number.
 function statistics.deviation(values)
   local mean, squares = statistics.mean(values), 0
-  for _, value in ipairs(values) do squares = squares + (value - mean) ^ 2 end
+  for _, value in ipairs(values) do
+    squares = squares + (value - mean) ^ 2
+  end
   return #values > 1 and math.sqrt(squares / (#values - 1)) or 0
 end
 
 function statistics.rms(values)
   local squares = 0
-  for _, value in ipairs(some(values, "rms")) do squares = squares + value ^ 2 end
+  for _, value in ipairs(some(values, "rms")) do
+    squares = squares + value ^ 2
+  end
   return math.sqrt(squares / #values)
 end
 
@@ -45,7 +51,9 @@ function statistics.median(values) return statistics.percentile(values, 0.5) end
 --- Independent uncertainties together (GUM 5.1.2): the root of the sum of squares.
 function statistics.combined(...)
   local squares = 0
-  for _, value in ipairs { ... } do squares = squares + value ^ 2 end
+  for _, value in ipairs { ... } do
+    squares = squares + value ^ 2
+  end
   return math.sqrt(squares)
 end
 
@@ -60,7 +68,9 @@ function statistics.line(x, y)
   if along == 0 then error("line: all x are alike", 2) end
   local slope = across / along
   local intercept, worst = mean_y - slope * mean_x, 0
-  for i = 1, #x do worst = math.max(worst, math.abs(y[i] - intercept - slope * x[i])) end
+  for i = 1, #x do
+    worst = math.max(worst, math.abs(y[i] - intercept - slope * x[i]))
+  end
   return { slope = slope, intercept = intercept, max_residual = worst }
 end
 
@@ -68,19 +78,21 @@ end
 function statistics.range(first, last, count)
   if count < 1 then error("range: count: wants at least 1", 2) end
   local values = {}
-  for i = 1, count do values[i] = count == 1 and first or first + (last - first) * (i - 1) / (count - 1) end
+  for i = 1, count do
+    values[i] = count == 1 and first or first + (last - first) * (i - 1) / (count - 1)
+  end
   return values
 end
 
 --- A number of the standard normal distribution.
-function statistics.normal()
-  return math.sqrt(-2 * math.log(1 - math.random())) * math.cos(2 * math.pi * math.random())
-end
+function statistics.normal() return math.sqrt(-2 * math.log(1 - math.random())) * math.cos(2 * math.pi * math.random()) end
 
 --- f of each, as a list.
 function statistics.map(values, f)
   local made = {}
-  for i, value in ipairs(values) do made[i] = f(value, i) end
+  for i, value in ipairs(values) do
+    made[i] = f(value, i)
+  end
   return made
 end
 

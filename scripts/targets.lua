@@ -6,15 +6,18 @@ local targets = {}
 
 local away = vector(0, 0, 0.5) -- where it cannot be seen: half a metre off
 
-local function set(rig, position)
-  rig.simulation:move_body("target", position)
-end
+local function set(rig, position) rig.simulation:move_body("target", position) end
 
 --- Puts the target's middle at a place of the eye's frame.
 function targets.put(rig, run, place)
   if rig.simulation then return set(rig, rig:model().eye_in_world + place) end
-  run:confirm(("put the target at x %.2f, y %.2f mm, %.2f mm before the retina; is it there?"):format(
-    place.x / units.mm, place.y / units.mm, place.z / units.mm))
+  run:confirm(
+    ("put the target at x %.2f, y %.2f mm, %.2f mm before the retina; is it there?"):format(
+      place.x / units.mm,
+      place.y / units.mm,
+      place.z / units.mm
+    )
+  )
 end
 
 --- Takes it out of sight.

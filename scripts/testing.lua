@@ -7,31 +7,39 @@ local function entry(kind, given, known)
   local made = { test = kind }
   for key, value in pairs(given) do
     if not known[key] then error(("test_%s: %s is not known"):format(kind, tostring(key)), 3) end
-    if type(value) ~= known[key] then error(("test_%s: %s: wants a %s, got %s"):format(kind, key, known[key],
-      type(value)), 3) end
+    if type(value) ~= known[key] then error(("test_%s: %s: wants a %s, got %s"):format(kind, key, known[key], type(value)), 3) end
     made[key] = value
   end
   return made
 end
 
---- Completes; `figures` = { name = { least, most } } in SI. `arguments` and `answers` as on the command line, blanks between; `rig`
---- a name in scripts/rigs/ or a file.
+--- Completes; `figures` = { name = { least, most } } in SI. `arguments` and `answers` as on the command line, blanks between;
+--- `rig` a name in scripts/rigs/ or a file.
 function testing.test_run(options)
-  return entry("run", options, { arguments = "string", answers = "string", rig = "string", seed = "number",
-    figures = "table" })
+  return entry("run", options, { arguments = "string", answers = "string", rig = "string", seed = "number", figures = "table" })
 end
 
 --- Does not complete, and is safe: with `fault` (as run --fault takes it; `vitreo faults` lists them) or with arguments that it
 --- must refuse; `outcome` ("aborted", "failed", "refused": any that is not completed), and `says`, a part of the reason.
 function testing.test_fail(options)
-  return entry("fail", options, { arguments = "string", answers = "string", rig = "string", seed = "number",
-    fault = "string", outcome = "string", says = "string" })
+  return entry("fail", options, {
+    arguments = "string",
+    answers = "string",
+    rig = "string",
+    seed = "number",
+    fault = "string",
+    outcome = "string",
+    says = "string",
+  })
 end
 
 --- Stopped `times` (100) times at moments drawn by chance: each ends as stopped, and safe.
 function testing.test_stop(options)
-  return entry("stop", options or {}, { arguments = "string", answers = "string", rig = "string", seed = "number",
-    times = "number" })
+  return entry(
+    "stop",
+    options or {},
+    { arguments = "string", answers = "string", rig = "string", seed = "number", times = "number" }
+  )
 end
 
 return testing

@@ -14,9 +14,13 @@ function track_errors.along(run, axis, span, options)
   local values, times = run:samples(stream, prefix .. axis, { from = span.from, to = span.to })
   local errors, at, near = {}, {}, 1
   for i = 1, #values do
-    while near < #truth and math.abs(truth_times[near + 1] - times[i]) <= math.abs(truth_times[near] - times[i]) do near = near + 1 end
+    while near < #truth and math.abs(truth_times[near + 1] - times[i]) <= math.abs(truth_times[near] - times[i]) do
+      near = near + 1
+    end
     local off = truth[near] and values[i] - truth[near]
-    if off and off == off then errors[#errors + 1], at[#at + 1] = math.abs(off), times[i] end
+    if off and off == off then
+      errors[#errors + 1], at[#at + 1] = math.abs(off), times[i]
+    end
   end
   return errors, at
 end
@@ -24,8 +28,12 @@ end
 --- mean, deviation, max of a list of errors; an error when there are none.
 function track_errors.statistics(errors)
   if #errors == 0 then error("the robot was not localised in this span", 2) end
-  return { mean = statistics.mean(errors), deviation = statistics.deviation(errors), max = statistics.max(errors),
-    count = #errors }
+  return {
+    mean = statistics.mean(errors),
+    deviation = statistics.deviation(errors),
+    max = statistics.max(errors),
+    count = #errors,
+  }
 end
 
 return track_errors

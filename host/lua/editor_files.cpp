@@ -240,7 +240,7 @@ std::map<std::string, std::string> lua_stubs() {
 std::string luacheck_standard() {
   std::string text =
       "-- For luacheck, printed by the program from what its scripts can see (vitreo docs luacheck).\n"
-      "max_line_length = 170\nunused_args = false  -- every protocol takes rig, p and run\nstd = \"vitreo\"\nstds.vitreo = { read_globals = {\n";
+      "max_line_length = 130\nunused_args = false  -- every protocol takes rig, p and run\nstd = \"vitreo\"\nstds.vitreo = { read_globals = {\n";
   const State state(nullptr, {});
   lua_State* const L = state.main();
   in_lua(L, 0, [&] {

@@ -35,8 +35,17 @@ return {
 
   truth = {
     bodies = {
-      target = { shape = "disc", semi_axis = 20 * um, semi_radius = 0.6 * mm, position = { 0, 0, 0 }, axis = { 0, 0, 1 },
-        fixed = true, dotted = true, dot_pitch = 0.15 * mm, colour = { 1, 1, 1 } },
+      target = {
+        shape = "disc",
+        semi_axis = 20 * um,
+        semi_radius = 0.6 * mm,
+        position = { 0, 0, 0 },
+        axis = { 0, 0, 1 },
+        fixed = true,
+        dotted = true,
+        dot_pitch = 0.15 * mm,
+        colour = { 1, 1, 1 },
+      },
     },
   },
 }

@@ -1,5 +1,5 @@
--- The rig as it is calibrated at night: the coils with a teslameter on a stage of three axes, both cameras, and a ball of 0.8 mm as
--- the target. Otherwise scripts/rigs/simulated.lua.
+-- The rig as it is calibrated at night: the coils with a teslameter on a stage of three axes, both cameras, and a ball of 0.8 mm
+-- as the target. Otherwise scripts/rigs/simulated.lua.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um, uT, ms, Hz, A, cSt = units.mm, units.um, units.uT, units.ms, units.Hz, units.A, units.cSt
@@ -29,8 +29,13 @@ return {
 
   side_camera = { driver = "simulated", frame_rate = 15 * Hz, latency = 80 * ms, effective_pixel = 20.4 * um },
 
-  coils = { driver = "usb3103", address = "emulated", amperes_per_volt = 2, current_limit = 12 * A,
-    interlock_total_current = 60 * A },
+  coils = {
+    driver = "usb3103",
+    address = "emulated",
+    amperes_per_volt = 2,
+    current_limit = 12 * A,
+    interlock_total_current = 60 * A,
+  },
   stage = { driver = "simulated", carries = "probe", travel = 20 * mm, max_speed = 20 * mm },
   field_probe = { driver = "simulated", noise = 10 * uT, range = 0.2 },
   sample = { driver = "simulated", placement_scatter = 0 },
@@ -44,8 +49,14 @@ return {
     coil_axis_sigma = 1.5 * deg,
     dac_offset_sigma = 2,
     bodies = {
-      target = { shape = "spheroid", semi_axis = 0.4 * mm, semi_radius = 0.4 * mm, position = { 0, 0, 0 }, axis = { 0, 0,
-        1 }, fixed = true },
+      target = {
+        shape = "spheroid",
+        semi_axis = 0.4 * mm,
+        semi_radius = 0.4 * mm,
+        position = { 0, 0, 0 },
+        axis = { 0, 0, 1 },
+        fixed = true,
+      },
     },
   },
 }

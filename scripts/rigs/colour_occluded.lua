@@ -1,5 +1,6 @@
--- scripts/rigs/colour_eye.lua with a needle above the robot (thesis 8.3.2): Bayer filters, 656 x 490 px of 20.7 um. For what the robot does
--- meanwhile a pose sensor stands in for the operator's hand. The robot is drawn as the ellipsoid that its outline is compared with.
+-- scripts/rigs/colour_eye.lua with a needle above the robot (thesis 8.3.2): Bayer filters, 656 x 490 px of 20.7 um. For what the
+-- robot does meanwhile a pose sensor stands in for the operator's hand. The robot is drawn as the ellipsoid that its outline is
+-- compared with.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um, ms, Hz, A, cSt = units.mm, units.um, units.ms, units.Hz, units.A, units.cSt
@@ -29,8 +30,13 @@ return {
     sensor = { colour = "bayer", full_well = 20000, read_noise = 15, brightness = 255, vignette = 0.3 },
   },
 
-  coils = { driver = "usb3103", address = "emulated", amperes_per_volt = 2, current_limit = 12 * A,
-    interlock_total_current = 60 * A },
+  coils = {
+    driver = "usb3103",
+    address = "emulated",
+    amperes_per_volt = 2,
+    current_limit = 12 * A,
+    interlock_total_current = 60 * A,
+  },
   pose_sensor = { driver = "simulated", frame_rate = 60 * Hz, latency = 20 * ms, noise = 4 * um },
   sample = { driver = "simulated", placement_scatter = 0 },
 
@@ -41,9 +47,15 @@ return {
     coil_position_sigma = 1.2 * mm,
     coil_axis_sigma = 1.5 * deg,
     bodies = {
-      needle = { shape = "rod", semi_axis = 8 * mm, semi_radius = 0.2 * mm, position = { 0, 0, 4.5 * mm }, axis = { 0, 1,
-        0 }, fixed = true,
-        colour = { 0.55, 0.55, 0.58 } },
+      needle = {
+        shape = "rod",
+        semi_axis = 8 * mm,
+        semi_radius = 0.2 * mm,
+        position = { 0, 0, 4.5 * mm },
+        axis = { 0, 1, 0 },
+        fixed = true,
+        colour = { 0.55, 0.55, 0.58 },
+      },
     },
   },
 }

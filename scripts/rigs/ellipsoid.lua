@@ -1,5 +1,5 @@
--- scripts/rigs/simulated.lua with the robot drawn as the ellipsoid that the localiser takes it for: for a robot along z, whose two
--- plates are a cross of thin lines from above, which the tracker does not find.
+-- scripts/rigs/simulated.lua with the robot drawn as the ellipsoid that the localiser takes it for: for a robot along z, whose
+-- two plates are a cross of thin lines from above, which the tracker does not find.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um, ms, s, Hz, A, cSt = units.mm, units.um, units.ms, units.s, units.Hz, units.A, units.cSt

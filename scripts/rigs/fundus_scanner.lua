@@ -32,5 +32,4 @@ return {
   rotation_stage = { driver = "simulated", max_speed = 3 },
 
   sample = { driver = "simulated" },
-
 }

@@ -28,8 +28,13 @@ return {
     sensor = { colour = "bayer", full_well = 20000, read_noise = 15, brightness = 200, vignette = 0 },
   },
 
-  coils = { driver = "usb3103", address = "emulated", amperes_per_volt = 2, current_limit = 12 * A,
-    interlock_total_current = 60 * A },
+  coils = {
+    driver = "usb3103",
+    address = "emulated",
+    amperes_per_volt = 2,
+    current_limit = 12 * A,
+    interlock_total_current = 60 * A,
+  },
   pose_sensor = { driver = "simulated", frame_rate = 60 * Hz, latency = 20 * ms, noise = 4 * um },
   sample = { driver = "simulated", placement_scatter = 0 },
 
@@ -37,9 +42,15 @@ return {
     drawn_as = "ellipsoid",
     current_noise = 10 * mA,
     bodies = {
-      disc = { shape = "disc", semi_axis = 0.3 * mm, semi_radius = 0.5 * mm, position = { 0.4 * mm, 0, -4.65 * mm },
+      disc = {
+        shape = "disc",
+        semi_axis = 0.3 * mm,
+        semi_radius = 0.5 * mm,
+        position = { 0.4 * mm, 0, -4.65 * mm },
         axis = { 0, 0, 1 },
-        density = 1200, colour = { 0.9, 0.2, 0.05 } },
+        density = 1200,
+        colour = { 0.9, 0.2, 0.05 },
+      },
     },
   },
 }

@@ -360,6 +360,25 @@ end }
     EXPECT_TRUE(contains(report, part)) << part;
 }
 
+TEST(Scripts, AreLaidOutByStyLua) {
+  if (std::system("command -v node >/dev/null") != 0 || !std::filesystem::exists(VITREO_PAGE_TEST "/node_modules"))
+    GTEST_SKIP() << "wants node, and npm when this was built";
+  const Workplace place;
+  const std::string tool = "node " VITREO_SOURCE_DIR "/cmake/format_scripts.cjs " VITREO_PAGE_TEST " ";
+  const auto differing = [&](const std::string& files) {
+    return std::system((tool + "--check " + files + " >'" + (place.folder() / "said").string() + "' 2>&1").c_str());
+  };
+  std::string files;
+  for (const char* folder : {"protocols", "scripts", "templates"})
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(VITREO_SOURCE_DIR "/" + std::string(folder)))
+      if (entry.path().extension() == ".lua") files += " '" + entry.path().string() + "'";
+  EXPECT_EQ(differing(files), 0) << "make format-scripts lays these out: " << place.read("said");
+  const std::string odd = place.write("odd.lua", "return   { a=1 }\n");
+  EXPECT_NE(differing("'" + odd + "'"), 0);
+  EXPECT_EQ(std::system((tool + "'" + odd + "' >/dev/null").c_str()), 0);
+  EXPECT_EQ(place.read("odd.lua"), "return { a = 1 }\n");
+}
+
 TEST(NewDriver, BeginsAsADriverOfItsRoleUnderItsOwnNameAndCompiles) {
   const Workplace place;
   const std::filesystem::path source = VITREO_SOURCE_DIR;
