@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/prompt_show.h"
 
+#include "host/lua/bind_rig.h"
 #include "host/lua/reference.h"
 #include "host/lua/values.h"
+#include "host/session.h"
 #include "host/units.h"
 
 #include <fstream>
@@ -63,10 +65,28 @@ std::string long_table(lua_State* L, int index) {
   return text + "\n}";
 }
 
+/// A handle: what it is, and what can be asked of it.
+std::string handle_text(lua_State* L, const Class& kind) {
+  std::vector<std::string> names;
+  if (kind.name == rig_class().name) names = context_of(L).session->rig.roles();
+  for (const Binding& row : kind.methods) names.push_back(row.name);
+  std::string text = kind.name + ":";
+  for (const std::string& name : names) {
+    if (text.size() - text.rfind('\n') - 1 + name.size() > kLineWidth) text += "\n ";
+    text += " " + name;
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string show_value(lua_State* L, int index, const Context::Result& from) {
   index = lua_absindex(L, index);
+  if (lua_type(L, index) == LUA_TUSERDATA && luaL_getmetafield(L, index, "__name") == LUA_TSTRING) {
+    const Class* const kind = find_class(lua_tostring(L, -1));
+    lua_pop(L, 1);
+    if (kind != nullptr) return handle_text(L, *kind);
+  }
   const std::string unit = from.call != nullptr ? unit_of_result(*from.call) : "";
   if (!unit.empty() && lua_type(L, index) == LUA_TNUMBER && lua_tonumber(L, index) == from.number)
     return format_quantity(lua_tonumber(L, index), unit, 6);

@@ -177,6 +177,14 @@ TEST(TerminalPrompt, CtrlCEndsACheckAndKeepsTheSession) {
   EXPECT_TRUE(terminal.sees("\r42\r\n")) << terminal.unseen();
 }
 
+TEST(PipedPrompt, AHandleSaysWhatCanBeAskedOfIt) {
+  const Workplace place;
+  const std::string said = place.vitreo("", "rig\nrig.lens_mover\n").out;
+  EXPECT_TRUE(said.starts_with("rig: coils lens_mover pose_sensor")) << said;
+  EXPECT_NE(said.find("\nlens_mover: "), std::string::npos) << said;
+  EXPECT_NE(said.find(" home"), std::string::npos) << said;
+}
+
 TEST(PipedPrompt, LongAndOpenEndedInputIsRefusedNotSwallowed) {
   const Workplace place;
   EXPECT_EQ(place.vitreo("", "x = '" + std::string(10'000'000, 'y') + "'\n#x\n").out, "10000000\n");
