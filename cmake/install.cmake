@@ -5,7 +5,7 @@ install(TARGETS vitreo vitreo_guardian RUNTIME)
 foreach(folder protocols scripts templates docs)
   install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_DATADIR}/vitreo)
 endforeach()
-install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
+install(FILES packaging/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES packaging/60-vitreo.rules DESTINATION lib/udev/rules.d)
 
 set(VITREO_PRINTED ${CMAKE_BINARY_DIR}/printed)
@@ -18,9 +18,13 @@ install(CODE "
     execute_process(COMMAND \"$<TARGET_FILE:vitreo>\" \${words} OUTPUT_FILE \"${VITREO_PRINTED}/\${file}\" COMMAND_ERROR_IS_FATAL ANY)
   endforeach()
   execute_process(COMMAND \"$<TARGET_FILE:vitreo>\" docs stubs \"${VITREO_PRINTED}/stubs\" COMMAND_ERROR_IS_FATAL ANY)
-  execute_process(COMMAND gzip -9nf \"${VITREO_PRINTED}/vitreo.1\" COMMAND_ERROR_IS_FATAL ANY)
+  file(COPY \"${CMAKE_SOURCE_DIR}/packaging/vitreo_guardian.1\" \"${CMAKE_SOURCE_DIR}/packaging/changelog\"
+       DESTINATION \"${VITREO_PRINTED}\")
+  execute_process(COMMAND gzip -9nf vitreo.1 vitreo_guardian.1 changelog WORKING_DIRECTORY \"${VITREO_PRINTED}\"
+                  COMMAND_ERROR_IS_FATAL ANY)
 ")
-install(FILES ${VITREO_PRINTED}/vitreo.1.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+install(FILES ${VITREO_PRINTED}/vitreo.1.gz ${VITREO_PRINTED}/vitreo_guardian.1.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+install(FILES ${VITREO_PRINTED}/changelog.gz DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES ${VITREO_PRINTED}/vitreo DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
 install(FILES ${VITREO_PRINTED}/_vitreo DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
 install(FILES ${VITREO_PRINTED}/vitreo.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
@@ -33,11 +37,17 @@ set(CPACK_PACKAGE_NAME vitreo)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
 set(CPACK_PACKAGE_CONTACT "Vitreo's developers <vitreo@localhost>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "instrument control for magnetic microrobots inside the eye")
+set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
+"A runtime for laboratories that steer magnetic microrobots inside the eye: it drives
+cameras, stages and coils, knows the optics of the eye, tracks and localises the
+robot, and closes the servo loop. Experiments are Lua scripts. A simulated
+laboratory comes with it, so they run with no hardware.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "libopencv-imgcodecs406, libopencv-videoio406, libopencv-video406, libaravis-0.8-0")
+# Its fonts come with Debian's fontconfig.
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS "ffmpeg, librsvg2-bin")
 include(CPack)

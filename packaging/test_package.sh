@@ -20,9 +20,19 @@ chroot "$work" sh -ec '
   useradd -m lab
   test -s /lib/udev/rules.d/60-vitreo.rules
   test -s /usr/share/man/man1/vitreo.1.gz
+  test -s /usr/share/man/man1/vitreo_guardian.1.gz
   test -s /usr/share/bash-completion/completions/vitreo
+  test -s /usr/share/zsh/vendor-completions/_vitreo
+  test -s /usr/share/fish/vendor_completions.d/vitreo.fish
+  test -s /usr/share/doc/vitreo/copyright
+  dpkg --verify vitreo
   su lab -c "cd && vitreo --version && vitreo list && vitreo run hello_rig && vitreo show last"
   su lab -c "cd && vitreo new protocol first_one && vitreo run first_one.lua wait=0.1s && echo \"1 + 1\" | vitreo"
+  su lab -c "cd && echo \"check(\\\"hello_rig\\\")\" | vitreo | grep passed"
   su lab -c "cd && vitreo export last --csv && vitreo docs safety | head -1"
 '
+# What a packager would say, where the tool is there; there is no address to write to, and no older version.
+if command -v lintian >/dev/null; then
+  lintian --allow-root --fail-on error --suppress-tags bogus-mail-host "$package"
+fi
 echo "the package installs and runs"

@@ -6,6 +6,7 @@
 #include "host/lua/editor_files.h"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <filesystem>
@@ -40,14 +41,20 @@ std::string replaced(std::string text, const std::string& mark, const std::strin
   return text;
 }
 
+/// What was written, and what to do with it.
+struct Made {
+  std::vector<std::string> files, changed;  // new ones; those that got a line more
+  std::string next;                         // for people
+};
+
 /// Never over a file that is there.
-void write_new(const fs::path& file, const std::string& text) {
+void write_new(Made& made, const fs::path& file, const std::string& text) {
   if (fs::exists(file)) throw ConfigError(file.string() + ": is there already");
   if (file.has_parent_path()) fs::create_directories(file.parent_path());
   std::ofstream out(file);
   out << text;
   if (!out.flush()) throw ConfigError(file.string() + ": cannot be written");
-  fmt::print("{}\n", file.string());
+  made.files.push_back(file.string());
 }
 
 std::string template_text(const fs::path& file) {
@@ -59,7 +66,7 @@ std::string template_text(const fs::path& file) {
 }
 
 /// What the Lua language server and luacheck read, where they are not there yet.
-void write_editor_files(const fs::path& folder) {
+void write_editor_files(Made& made, const fs::path& folder) {
   if (!fs::exists(folder / ".luarc.json")) {
     const fs::path stubs = folder / ".vitreo";
     fs::create_directories(stubs);
@@ -69,17 +76,18 @@ void write_editor_files(const fs::path& folder) {
         {"workspace.library",
          {".vitreo", fs::absolute(Program::in_data_folder("scripts")).lexically_normal().string()}},
         {"workspace.checkThirdParty", false}};
-    write_new(folder / ".luarc.json", settings.dump(2) + "\n");
+    write_new(made, folder / ".luarc.json", settings.dump(2) + "\n");
   }
-  if (!fs::exists(folder / ".luacheckrc")) write_new(folder / ".luacheckrc", luacheck_standard());
+  if (!fs::exists(folder / ".luacheckrc")) write_new(made, folder / ".luacheckrc", luacheck_standard());
 }
 
-int new_protocol(const std::string& name) {
+Made new_protocol(const std::string& name) {
+  Made made;
   const std::string text = template_text(Program::in_data_folder("templates/protocol.lua"));
-  write_new(name + ".lua", replaced(text, "@NAME@", name));
-  write_editor_files(".");
-  fmt::print("try it: vitreo run {}.lua\n", name);
-  return 0;
+  write_new(made, name + ".lua", replaced(text, "@NAME@", name));
+  write_editor_files(made, ".");
+  made.next = "try it: vitreo run " + name + ".lua";
+  return made;
 }
 
 /// A driver of the project that a new one of the same role begins as: it speaks, has an emulator, and its tests pass.
@@ -104,18 +112,19 @@ const Model& model_for(const std::string& role) {
 }
 
 /// Puts a line below the one that holds `after`, the same but for the names.
-void add_row(const fs::path& file, const std::string& after, const Model& model, const std::string& name) {
+void add_row(Made& made, const fs::path& file, const std::string& after, const Model& model, const std::string& name) {
   std::string text = template_text(file);
   const std::size_t at = text.find(after);
   if (at == std::string::npos) throw ConfigError(file.string() + ": has no line for " + model.driver);
   const std::size_t begin = text.rfind('\n', at) + 1, end = text.find('\n', at) + 1;
   text.insert(end, replaced(text.substr(begin, end - begin), model.driver, name));
   std::ofstream(file) << text;
-  fmt::print("{} (a line)\n", file.string());
+  made.changed.push_back(file.string());
 }
 
 /// In Vitreo's source folder: devices/NAME/, its row in the registry, its tests; a copy of a driver of that role.
-int new_driver(const std::string& name, const std::string& role) {
+Made new_driver(const std::string& name, const std::string& role) {
+  Made made;
   const Model& model = model_for(role);
   if (!fs::is_directory(fs::path("devices") / model.driver))
     throw ConfigError("new driver: is called in Vitreo's source folder, where devices/" + model.driver + " is");
@@ -125,19 +134,18 @@ int new_driver(const std::string& name, const std::string& role) {
     return replaced(text, model.camel, camel_case(name));
   };
   for (const char* part : {"wire.h", "driver.h", "driver.cpp", "emulator.h", "emulator.cpp"})
-    write_new(fs::path("devices") / name / part, renamed(fs::path("devices") / model.driver / part));
-  write_new("host/drivers/" + name + ".cpp", renamed("host/drivers/" + model.driver + ".cpp"));
-  write_new("tests/devices/" + name + "_test.cpp", renamed("tests/devices/" + model.driver + "_test.cpp"));
-  add_row("host/drivers/drivers.h", "read_" + model.driver + "(", model, name);
-  add_row("host/registry.cpp", "{\"" + model.driver + "\"", model, name);
-  fmt::print(
-      "it begins as {}: change wire.h and emulator.h first, then driver.cpp, until the tests are your "
-      "instrument's; vitreo docs add_an_instrument\n",
-      model.driver);
-  return 0;
+    write_new(made, fs::path("devices") / name / part, renamed(fs::path("devices") / model.driver / part));
+  write_new(made, "host/drivers/" + name + ".cpp", renamed("host/drivers/" + model.driver + ".cpp"));
+  write_new(made, "tests/devices/" + name + "_test.cpp", renamed("tests/devices/" + model.driver + "_test.cpp"));
+  add_row(made, "host/drivers/drivers.h", "read_" + model.driver + "(", model, name);
+  add_row(made, "host/registry.cpp", "{\"" + model.driver + "\"", model, name);
+  made.next = "it begins as " + model.driver +
+              ": change wire.h and emulator.h first, then driver.cpp, until the tests are your instrument's; "
+              "vitreo docs add_an_instrument";
+  return made;
 }
 
-int make_new(const std::string& kind, const std::string& name, const std::string& role) {
+Made make_new(const std::string& kind, const std::string& name, const std::string& role) {
   if (kind != "protocol" && kind != "driver")
     throw ConfigError("'" + kind + "' is not understood: vitreo new protocol NAME, or vitreo new driver NAME ROLE");
   if (!is_name(name)) throw ConfigError("'" + name + "' is not a name: small letters, digits and _, a letter first");
@@ -146,18 +154,32 @@ int make_new(const std::string& kind, const std::string& name, const std::string
   return new_driver(name, role);
 }
 
+int show(const Made& made, bool json) {
+  if (json) {
+    fmt::print("{}\n", nlohmann::json{{"files", made.files}, {"changed", made.changed}}.dump());
+    return 0;
+  }
+  for (const std::string& file : made.files) fmt::print("{}\n", file);
+  for (const std::string& file : made.changed) fmt::print("{} (a line)\n", file);
+  fmt::print("{}\n", made.next);
+  return 0;
+}
+
 }  // namespace
 
 void add_new(CommandLine& line, Program&) {
   struct Wanted {
     std::string kind, name, role;
+    bool json = false;
   };
   const auto wanted = std::make_shared<Wanted>();
-  Command command = line.command("new", "a starting point that runs: a protocol, or a driver with emulator and test",
-                                 [wanted] { return make_new(wanted->kind, wanted->name, wanted->role); });
+  Command command =
+      line.command("new", "a starting point that runs: a protocol, or a driver with emulator and test",
+                   [wanted] { return show(make_new(wanted->kind, wanted->name, wanted->role), wanted->json); });
   command.option("kind", wanted->kind, "protocol or driver").required();
   command.option("name", wanted->name, "small letters, digits and _").required();
   command.option("role", wanted->role, "of a driver: stage, coils or field_probe");
+  command.flag("--json", wanted->json, "one JSON object: the files that were made and those that were changed");
   command.examples({"vitreo new protocol depth_scan", "vitreo new driver acme_stage stage"});
 }
 

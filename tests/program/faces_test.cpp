@@ -311,6 +311,7 @@ TEST(NewProtocol, RunsAtOnceAndIsWhatTheEditorNeeds) {
   EXPECT_EQ(ran.out + ran.err, "") << "quiet";
   EXPECT_TRUE(contains(place.vitreo("run depth_scan.lua wait=0.1s places=1 --verbose").err, "wait = 100 ms"));
   EXPECT_EQ(place.vitreo("new protocol depth_scan").exit_code, 2) << "never over a file that is there";
+  EXPECT_EQ(place.vitreo("new protocol second_scan --json").out, "{\"changed\":[],\"files\":[\"second_scan.lua\"]}\n");
   if (std::system("command -v luacheck >/dev/null") == 0) {
     EXPECT_EQ(std::system(("cd '" + place.folder().string() + "' && luacheck -q depth_scan.lua >said").c_str()), 0)
         << place.read("said");
