@@ -5,6 +5,7 @@ set -eu
 [ "$(id -u)" = 0 ] || { echo "fresh: debootstrap and chroot want root" >&2; exit 2; }
 command -v debootstrap >/dev/null || { echo "fresh: apt-get install debootstrap" >&2; exit 2; }
 work=$(mktemp -d "${WORK:-/var/tmp}/vitreo_fresh.XXXXXX")
+chmod 755 "$work"  # an ordinary user is to live in it
 clean() {
   umount "$work/proc" 2>/dev/null || true
   [ -n "${KEEP:-}" ] || rm -rf "$work"

@@ -6,6 +6,7 @@ set -eu
 (cd "$1" && rm -f vitreo_*.deb && cpack -G DEB >/dev/null)
 package=$(ls "$1"/vitreo_*.deb)
 work=$(mktemp -d /var/tmp/vitreo_package.XXXXXX)
+chmod 755 "$work"  # an ordinary user is to live in it
 trap 'umount "$work/proc" 2>/dev/null || true; rm -rf "$work"' EXIT INT TERM
 debootstrap --variant=minbase --include=ca-certificates bookworm "$work" >"$work.log" 2>&1 || { tail "$work.log"; exit 1; }
 rm -f "$work.log"
