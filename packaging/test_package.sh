@@ -7,12 +7,14 @@ set -eu
 package=$(ls "$1"/vitreo_*.deb)
 work=$(mktemp -d /var/tmp/vitreo_package.XXXXXX)
 chmod 755 "$work"  # an ordinary user is to live in it
-trap 'umount "$work/proc" 2>/dev/null || true; rm -rf "$work"' EXIT INT TERM
+trap 'umount "$work/dev/pts" "$work/proc" 2>/dev/null || true; rm -rf --one-file-system "$work"' EXIT INT TERM
 debootstrap --variant=minbase --include=ca-certificates bookworm "$work" >"$work.log" 2>&1 || { tail "$work.log"; exit 1; }
 rm -f "$work.log"
 cp /etc/apt/sources.list "$work/etc/apt/" 2>/dev/null || true
 cp -r /etc/apt/apt.conf.d /etc/apt/sources.list.d "$work/etc/apt/" 2>/dev/null || true
 mount -t proc proc "$work/proc"
+mkdir -p "$work/dev/pts"
+mount -t devpts -o newinstance,ptmxmode=0666,mode=0620 devpts "$work/dev/pts"
 cp "$package" "$work/tmp/vitreo.deb"
 chroot "$work" sh -ec '
   export DEBIAN_FRONTEND=noninteractive
