@@ -38,10 +38,10 @@ set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
 set(CPACK_PACKAGE_CONTACT "Vitreo's developers <vitreo@localhost>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "instrument control for magnetic microrobots inside the eye")
 set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
-"A runtime for laboratories that steer magnetic microrobots inside the eye: it drives
-cameras, stages and coils, knows the optics of the eye, tracks and localises the
-robot, and closes the servo loop. Experiments are Lua scripts. A simulated
-laboratory comes with it, so they run with no hardware.")
+"A runtime for laboratories that steer magnetic microrobots inside the eye:
+it drives cameras, stages and coils, knows the optics of the eye, tracks and
+localises the robot, and closes the servo loop. Experiments are Lua scripts.
+A simulated laboratory comes with it, so they run with no hardware.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
