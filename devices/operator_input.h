@@ -20,7 +20,8 @@ class OperatorInput {
  public:
   virtual ~OperatorInput() = default;
   virtual std::string identity() const = 0;
-  /// What the operator does now; does not wait. Throws DeviceError{lost}, and then for ever: nobody holds it any more.
+  /// What the operator does now; does not wait. Throws DeviceError{lost}. One that comes back (devices/reopening.h) is
+  /// neither pressed nor deflected until it says so itself.
   virtual OperatorState state() = 0;
 };
 

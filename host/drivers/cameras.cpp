@@ -5,6 +5,7 @@
 #include "devices/image_sequence/driver.h"
 #include "devices/opencv_camera/driver.h"
 #include "host/drivers/drivers.h"
+#include "host/drivers/reopened.h"
 #include "host/drivers/serial.h"
 
 namespace vitreo {
@@ -36,9 +37,8 @@ Opener<Camera> read_genicam(const InstrumentReader& instrument) {
   settings.packet_size = reader.integer("packet_size", settings.packet_size, 576, 9000);
   settings.socket_buffer = reader.integer("socket_buffer", settings.socket_buffer, 1 << 12, 1 << 28);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
-  return [settings](const Surroundings& where) {
-    return Opened<Camera>{nullptr, genicam::open(settings, where.clock)};
-  };
+  return reopened<Camera>(instrument.role,
+                          [settings](const Surroundings& where) { return genicam::open(settings, where.clock); });
 }
 
 /// "iidc:GUID", or "iidc:any" where there is only one camera.
@@ -56,7 +56,8 @@ Opener<Camera> read_iidc(const InstrumentReader& instrument) {
   settings.fast_bus = reader.flag("fast_bus", settings.fast_bus);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
   check_settings(instrument, settings);
-  return [settings](const Surroundings& where) { return Opened<Camera>{nullptr, iidc::open(settings, where.clock)}; };
+  return reopened<Camera>(instrument.role,
+                          [settings](const Surroundings& where) { return iidc::open(settings, where.clock); });
 }
 
 Opener<Camera> read_image_sequence(const InstrumentReader& instrument) {
@@ -83,8 +84,10 @@ Opener<Camera> read_opencv_camera(const InstrumentReader& instrument) {
   settings.height_px = reader.integer("height_px", 0, 0, 1 << 16);
   settings.frame_rate = reader.number("frame_rate", 0, {0, 1e4, "Hz"});
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
-  return [settings](const Surroundings& where) {
-    return Opened<Camera>{nullptr, opencv_camera::open(settings, where.clock)};
+  const auto open = [settings](const Surroundings& where) { return opencv_camera::open(settings, where.clock); };
+  if (settings.source.rfind("/dev/", 0) == 0) return reopened<Camera>(instrument.role, open);
+  return [open](const Surroundings& where) {  // a video that is over does not begin again
+    return Opened<Camera>{nullptr, open(where)};
   };
 }
 

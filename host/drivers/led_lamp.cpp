@@ -4,6 +4,7 @@
 #include "devices/usb3103/driver.h"
 #include "devices/usb3103/emulator.h"
 #include "host/drivers/drivers.h"
+#include "host/drivers/reopened.h"
 #include "host/drivers/serial.h"
 
 namespace vitreo {
@@ -25,9 +26,10 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
     return led_lamp::open(usb3103::open(std::move(link), outputs, clock), lamp);
   };
   if (!instrument.emulated())
-    return [open, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
-      return Opened<Lamp>{nullptr, open(open_hid_link(address, where.clock), where.clock)};
-    };
+    return reopened<Lamp>(instrument.role,
+                          [open, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
+                            return open(open_hid_link(address, where.clock), where.clock);
+                          });
   return [open, outputs, lamp](const Surroundings& where) {
     // The light in the simulated eye is what the output puts out.
     std::shared_ptr<usb3103::Emulator> unit =

@@ -5,6 +5,7 @@
 #include "devices/spacemouse/driver.h"
 #include "devices/spacemouse/emulator.h"
 #include "host/drivers/drivers.h"
+#include "host/drivers/reopened.h"
 
 #include <cmath>
 
@@ -72,9 +73,10 @@ Opener<OperatorInput> read_spacemouse(const InstrumentReader& instrument) {
     return [settings, push = read_push(reader)](const Surroundings& where) {
       return Opened<OperatorInput>{nullptr, std::make_unique<Pushed>(settings, where.clock, push)};
     };
-  return [settings, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
-    return Opened<OperatorInput>{nullptr, spacemouse::open(open_hid_link(address, where.clock), settings, where.clock)};
+  const auto open = [settings, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
+    return spacemouse::open(open_hid_link(address, where.clock), settings, where.clock);
   };
+  return reopened<OperatorInput>(instrument.role, open);
 }
 
 Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
@@ -88,9 +90,10 @@ Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
       auto link = memory_hid_link(*nobody, where.clock, Time(0));
       return Opened<OperatorInput>{nobody, foot_pedal::open(std::move(link), settings)};
     };
-  return [settings, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
-    return Opened<OperatorInput>{nullptr, foot_pedal::open(open_hid_link(address, where.clock), settings)};
+  const auto open = [settings, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
+    return foot_pedal::open(open_hid_link(address, where.clock), settings);
   };
+  return reopened<OperatorInput>(instrument.role, open);
 }
 
 }  // namespace vitreo

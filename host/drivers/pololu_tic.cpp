@@ -3,6 +3,7 @@
 #include "devices/pololu_tic/driver.h"
 #include "devices/sim/faulty_links.h"
 #include "host/drivers/drivers.h"
+#include "host/drivers/reopened.h"
 
 namespace vitreo {
 namespace {
@@ -45,15 +46,16 @@ Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument) {
   const pololu_tic::Settings settings = read_settings(instrument);
   const Time latency = from_seconds(instrument.reader.number("link_latency", 0, {0, 0.05, "s"}));
   if (!instrument.emulated())
-    return [settings, address = read_usb_address(instrument, "usb")](const Surroundings& where) {
-      return Opened<LensMover>{nullptr, pololu_tic::open(open_usb_link(address, where.clock), settings, where.clock)};
-    };
+    return reopened<LensMover>(instrument.role,
+                               [settings, address = read_usb_address(instrument, "usb")](const Surroundings& where) {
+                                 return pololu_tic::open(open_usb_link(address, where.clock), settings, where.clock);
+                               });
   instrument.laboratory.lens = settings;
-  return [settings, latency](const Surroundings& where) {
+  return reopened<LensMover>(instrument.role, [settings, latency](const Surroundings& where) {
     auto link = sim::faulty_usb_link(memory_usb_link(where.laboratory->lens_motor(), where.clock, latency),
                                      where.laboratory->faults().links["lens_mover"], where.clock);
-    return Opened<LensMover>{nullptr, pololu_tic::open(std::move(link), settings, where.clock)};
-  };
+    return pololu_tic::open(std::move(link), settings, where.clock);
+  });
 }
 
 }  // namespace vitreo

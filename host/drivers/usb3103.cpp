@@ -3,6 +3,7 @@
 #include "devices/sim/faulty_links.h"
 #include "devices/usb3103/driver.h"
 #include "host/drivers/drivers.h"
+#include "host/drivers/reopened.h"
 
 namespace vitreo {
 
@@ -17,14 +18,15 @@ Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
   const Time latency = from_seconds(reader.number("link_latency", 0, {0, 0.05, "s"}));
   instrument.laboratory.amperes_per_volt = settings.amperes_per_volt;
   if (!instrument.emulated())
-    return [settings, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
-      return Opened<CoilAmplifier>{nullptr, usb3103::open(open_hid_link(address, where.clock), settings, where.clock)};
-    };
-  return [settings, latency](const Surroundings& where) -> Opened<CoilAmplifier> {
+    return reopened<CoilAmplifier>(
+        instrument.role, [settings, address = read_usb_address(instrument, "hid")](const Surroundings& where) {
+          return usb3103::open(open_hid_link(address, where.clock), settings, where.clock);
+        });
+  return reopened<CoilAmplifier>(instrument.role, [settings, latency](const Surroundings& where) {
     auto link = sim::faulty_hid_link(memory_hid_link(where.laboratory->coil_outputs(), where.clock, latency),
                                      where.laboratory->faults().links["coils"], where.clock);
-    return {nullptr, usb3103::open(std::move(link), settings, where.clock)};
-  };
+    return usb3103::open(std::move(link), settings, where.clock);
+  });
 }
 
 }  // namespace vitreo

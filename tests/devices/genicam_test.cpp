@@ -4,6 +4,7 @@
 #include "devices/error.h"
 #include "devices/genicam/camera_server.h"
 #include "devices/genicam/driver.h"
+#include "devices/reopening.h"
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
@@ -90,8 +91,8 @@ TEST_F(GigeCamera, CountsFramesThatLostAPacketAndDeliversNoneOfThem) {
 
 TEST_F(GigeCamera, IsLostWhenItIsKilledAndOpensAgainWhenItIsBack) {
   auto server = serve_camera({}, draw);
-  auto camera = open(camera_settings(), *clock);
-  camera->grab(5s);
+  const auto camera = reopening([this] { return open(camera_settings(), *clock); }, {.name = "camera"}, *clock);
+  const std::uint64_t before = camera->grab(5s).number;
   server.reset();
   const Time start = clock->now();
   EXPECT_EQ(kind_of([&] {
@@ -100,9 +101,9 @@ TEST_F(GigeCamera, IsLostWhenItIsKilledAndOpensAgainWhenItIsBack) {
             DeviceErrorKind::lost);
   EXPECT_LT(clock->now() - start, 4s);  // of the five that a grab may take; the figure of 0.5 s is the bench's
   server = serve_camera({}, draw);
-  camera.reset();
-  camera = open(camera_settings(), *clock);
-  EXPECT_EQ(wrong_with(camera->grab(5s).image), "");
+  const Frame back = camera->grab(5s);
+  EXPECT_EQ(wrong_with(back.image), "");
+  EXPECT_GT(back.number, before);
 }
 
 /// The receive buffers of this process' datagram sockets, in bytes; -1 for a packet socket, whose ring needs none.

@@ -11,6 +11,7 @@
 #include "devices/foot_pedal/emulator.h"
 #include "devices/pololu_tic/driver.h"
 #include "devices/pololu_tic/emulator.h"
+#include "devices/reopening.h"
 #include "devices/spacemouse/driver.h"
 #include "devices/spacemouse/emulator.h"
 #include "devices/usb3103/driver.h"
@@ -86,6 +87,20 @@ TEST_F(TicOverLibusb, KeepsTheContractOfALensMover) {
 TEST_F(TicOverLibusb, IsNotThereUnderAnotherSerialNumber) {
   const auto other = [&] { open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3:99"), *clock); };
   EXPECT_EQ(kind_of(other), DeviceErrorKind::not_found);
+}
+
+TEST_F(TicOverLibusb, AnswersAgainWhenItIsPluggedInAgainAndStandsUntilItIsToldToMove) {
+  const auto lens_mover = reopening([this] { return open(); }, {.name = "lens_mover"}, *clock);
+  lens_mover->home(10s);
+  testbed->unplug(plug);
+  EXPECT_EQ(kind_of([&] { lens_mover->move_to(0, 10s); }), DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { lens_mover->position(); }), DeviceErrorKind::lost);  // nobody is there
+  testbed->plug(*emulator);
+  clock->sleep_for(100ms);
+  EXPECT_TRUE(lens_mover->homed());
+  EXPECT_DOUBLE_EQ(lens_mover->position(), -0.1e-3);
+  lens_mover->move_to(0, 10s);
+  EXPECT_NEAR(lens_mover->position(), 0, 1e-6);
 }
 
 TEST_F(TicOverLibusb, MustBeNamedByItsSerialNumberWhenThereAreTwo) {
@@ -186,6 +201,22 @@ TEST_F(Usb3103OverHidraw, GivesUpOnASilentDeviceAtTheDeadline) {
   EXPECT_EQ(outputs(), usb3103::Voltages{});
 }
 
+TEST_F(Usb3103OverHidraw, ComesBackAtZeroWhenItIsMadeSafeAfterAReplug) {
+  const auto coils = reopening([this] { return open(); }, {.name = "coils"}, *clock);
+  coils->set_currents(std::vector<double>(8, 1));
+  testbed->unplug(plug);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);  // nobody is there
+  EXPECT_NE(outputs(), usb3103::Voltages{});
+  testbed->plug(*emulator, kUsb3103);
+  clock->sleep_for(100ms);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  coils->make_safe();
+  EXPECT_EQ(outputs(), usb3103::Voltages{});
+  coils->set_currents(std::vector<double>(8, 2));
+  EXPECT_NE(outputs(), usb3103::Voltages{});
+}
+
 TEST_F(Usb3103OverHidraw, NoticesAnUnplugInsideAReadAndComesBackAtZero) {
   auto coils = open();
   coils->set_currents(std::vector<double>(8, 1));
@@ -249,6 +280,22 @@ struct OperatorOverHidraw : UsbTestbedTest {
 TEST_F(OperatorOverHidraw, KeepTheContractOfAnOperatorInput) {
   EXPECT_EQ(contract::check(*open_pedal(), *clock), Findings{});
   EXPECT_EQ(contract::check(*open_mouse(), *clock), Findings{});
+}
+
+TEST_F(OperatorOverHidraw, APedalThatIsPluggedInAgainWorksAgainAndIsNotHeldBecauseItWas) {
+  const auto input = reopening([this] { return open_pedal(); }, {.name = "pedal"}, *clock);
+  testbed->with_emulators([&] { foot.press(2); });
+  EXPECT_TRUE(soon([&] { return is_held(input.get(), 2); }));
+  testbed->unplug(pedal);
+  EXPECT_TRUE(soon([&] { return !is_held(input.get(), 2); }));
+  EXPECT_EQ(kind_of([&] { input->state(); }), DeviceErrorKind::lost);
+  foot_pedal::Emulator other;  // its foot is still on it: it says so when that changes
+  testbed->plug(other, {0x05F3, 0x0268, 0x0100, "", "P.I. Engineering", "XK-3", ""});
+  clock->sleep_for(120ms);
+  EXPECT_EQ(input->state().pressed, 0U);
+  testbed->with_emulators([&] { other.press(2); });
+  EXPECT_TRUE(soon([&] { return is_held(input.get(), 2); }));
+  testbed.reset();  // before `other`
 }
 
 TEST_F(OperatorOverHidraw, TheMouseIsFeltInOurAxesAndLetGoWhenItFallsSilent) {
