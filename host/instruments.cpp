@@ -9,51 +9,17 @@
 #include "devices/contract/operator_input.h"
 #include "devices/contract/stage.h"
 #include "devices/error.h"
-#include "devices/genicam/driver.h"
-#include "devices/pololu_tic/wire.h"
 #include "host/rig_settings.h"
-#include "host/units.h"
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <functional>
 #include <map>
 
 namespace vitreo {
 namespace {
 
 using Json = nlohmann::json;
-
-/// Adds what `find` finds, or why it cannot look.
-void look(Json& rows, const std::string& bus, const std::function<void()>& find) {
-  try {
-    find();
-  } catch (const std::exception& problem) {
-    rows.push_back({{"bus", bus}, {"problem", problem.what()}});
-  }
-}
-
-Json row_of(const std::string& bus, const UsbIdentity& found) {
-  return {{"bus", bus},
-          {"address", to_string(bus, {found.vendor, found.product, found.serial})},
-          {"name", found.manufacturer + (found.manufacturer.empty() ? "" : " ") + found.name},
-          {"place", found.place},
-          {"driver", driver_for(found.vendor, found.product)}};
-}
-
-/// Ports that the system knows to be serial: those with a device behind them.
-void find_ports(Json& rows) {
-  std::error_code none;
-  for (std::filesystem::directory_iterator port("/sys/class/tty", none), end; !none && port != end;
-       port.increment(none)) {
-    if (!std::filesystem::exists(port->path() / "device/driver", none)) continue;
-    const std::string node = "/dev/" + port->path().filename().string();
-    rows.push_back({{"bus", "serial"}, {"address", "serial:" + node}, {"name", ""}, {"place", node}, {"driver", ""}});
-  }
-}
 
 Json text_of(const ConfigValue& table, const char* key, const char* fallback) {
   const auto& keys = std::get<ConfigTable>(table.value);
@@ -197,44 +163,6 @@ struct Tester {
 
 }  // namespace
 
-std::string driver_for(int vendor, int product) {
-  const auto is = [product](std::initializer_list<int> ids) {
-    return std::find(ids.begin(), ids.end(), product) != ids.end();
-  };
-  if (vendor == 0x09DB && product == 0x009C) return "usb3103";
-  const auto& tics = pololu_tic::kProducts;
-  if (vendor == pololu_tic::kVendor && std::find(tics.begin(), tics.end(), product) != tics.end()) return "pololu_tic";
-  if (vendor == 0x046D && is({0xC603, 0xC605, 0xC606, 0xC621, 0xC623, 0xC625, 0xC626, 0xC627, 0xC628, 0xC629, 0xC62B}))
-    return "spacemouse";
-  if (vendor == 0x256F && is({0xC62E, 0xC62F, 0xC631, 0xC632, 0xC633, 0xC635, 0xC636, 0xC638, 0xC63A, 0xC652}))
-    return "spacemouse";
-  if (vendor == 0x05F3 && is({0x0268, 0x00FF})) return "foot_pedal";
-  return "";
-}
-
-Json find_instruments() {
-  Json rows = Json::array();
-  look(rows, "serial", [&] { find_ports(rows); });
-  look(rows, "usb", [&] {
-    for (const UsbIdentity& found : list_usb_devices()) rows.push_back(row_of("usb", found));
-  });
-  look(rows, "hid", [&] {
-    for (const UsbIdentity& found : list_hid_devices()) rows.push_back(row_of("hid", found));
-  });
-  look(rows, "genicam", [&] {
-    for (const genicam::Found& found : genicam::list_cameras())
-      rows.push_back({{"bus", "genicam"},
-                      {"address", "genicam:" + found.identity},
-                      {"name", found.vendor + " " + found.model},
-                      {"place", found.protocol + " " + found.address},
-                      {"driver", "genicam"}});
-  });
-  // The same device as a USB and as a HID one: the driver takes it by one of them.
-  for (Json& row : rows)
-    if (row.value("bus", "") == "usb" && row["driver"] != "pololu_tic") row["driver"] = "";
-  return rows;
-}
-
 Json examine_rig(const RigDescription& description) {
   Opening opening(description);
   Json rows = Json::array();
@@ -274,57 +202,6 @@ std::vector<std::string> test_instrument(const RigDescription& description, cons
   std::vector<std::string> findings;
   opening.with(name, Tester{opening.clock(), findings});
   return findings;
-}
-
-namespace {
-
-/// "; at 1 mm, 0 m; x: -5 mm to 5 mm, 3 mm/s": what a role's row says about place and limits, in people's units.
-std::string place_and_limits(const Json& row) {
-  const std::string length = row["role"] == "rotation_stage" ? "rad" : "m", speed = length + "/s";
-  std::string text;
-  const auto add = [&text](const std::string& more) { text += (text.empty() ? "" : ", ") + more; };
-  if (row.contains("position"))
-    for (const Json& axis : row["position"].is_array() ? row["position"] : Json::array({row["position"]}))
-      add((text.empty() ? "at " : "") + format_quantity(axis.get<double>(), length));
-  if (!row.contains("limits")) return text;
-  for (const Json& limits : row["limits"].is_array() ? row["limits"] : Json::array({row["limits"]})) {
-    text += text.empty() ? "" : "; ";
-    std::string of = limits.value("name", "");
-    const auto say = [&](const std::string& more) { of += (of.empty() ? "" : " ") + more; };
-    if (limits.contains("travel_min") && limits.contains("travel_max"))
-      say(format_quantity(limits["travel_min"], length) + " to " + format_quantity(limits["travel_max"], length));
-    if (limits.contains("max_speed")) say("up to " + format_quantity(limits["max_speed"], speed));
-    if (limits.contains("channels")) say(fmt::format("{} channels", limits["channels"].get<int>()));
-    if (limits.contains("current")) say("up to " + format_quantity(limits["current"], "A"));
-    if (limits.contains("range")) say("up to " + format_quantity(limits["range"], "T"));
-    if (limits.contains("width_px"))
-      say(fmt::format("{} x {} px, {}", limits["width_px"].get<int>(), limits["height_px"].get<int>(),
-                      format_quantity(limits["frame_rate"], "Hz")));
-    text += of;
-  }
-  return text;
-}
-
-std::string with(const std::string& separator, const std::string& text) { return text.empty() ? "" : separator + text; }
-
-}  // namespace
-
-std::string to_text(const Json& rows) {
-  std::string text;
-  for (const Json& row : rows) {
-    const auto of = [&row](const char* key) { return row.contains(key) ? row[key].get<std::string>() : std::string(); };
-    if (row.contains("problem"))
-      text += fmt::format("{:<8} cannot be looked at: {}\n", of("bus"), of("problem"));
-    else if (row.contains("role"))
-      text += fmt::format("{:<14} {:<16} {:<28} {}\n", of("role"), of("driver"), of("link"),
-                          row["present"].get<bool>()
-                              ? of("identity") + with("; ", of("state")) + with("; ", place_and_limits(row))
-                              : "missing: " + of("why"));
-    else
-      text += fmt::format("{:<36} {:<36} {:<24} {}\n", of("address"), of("name"), of("place"),
-                          of("driver").empty() ? "no driver" : "driver " + of("driver"));
-  }
-  return text.empty() ? "nothing is plugged in\n" : text;
 }
 
 }  // namespace vitreo

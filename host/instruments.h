@@ -1,4 +1,4 @@
-// What is plugged in, what a rig file's roles find, and the contract suites on real instruments: `vitreo devices`.
+// What a rig file's roles find, and the contract suites on real instruments: `vitreo devices --rig`.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,12 +11,6 @@
 
 namespace vitreo {
 
-/// What is plugged in: [{"bus", "address", "name", "place", "driver"}], driver empty where none would take it.
-/// Looking for GenICam cameras takes a second. A bus that cannot be looked at is a row with "problem".
-nlohmann::json find_instruments();
-/// The driver that would take a USB or HID device; empty: none.
-std::string driver_for(int vendor, int product);
-
 /// Opens each role of the rig on its own, and closes it again: [{"role", "driver", "link", "present", "identity",
 /// "state", ...}]; where it is not present, "why". Currents and motion stay as open() leaves them: zero and still.
 /// Throws ConfigError.
@@ -26,7 +20,7 @@ nlohmann::json examine_rig(const RigDescription& description);
 /// for each duty that fails. Throws ConfigError for a role that the rig has not or that has no suite, DeviceError.
 std::vector<std::string> test_instrument(const RigDescription& description, const std::string& name);
 
-/// As a table for people.
+/// As a table for people; also of what find_instruments() finds.
 std::string to_text(const nlohmann::json& rows);
 
 }  // namespace vitreo

@@ -4,6 +4,7 @@
 #include "host/cli/program.h"
 #include "host/emulate.h"
 #include "host/instruments.h"
+#include "host/plugged_in.h"
 
 #include <fmt/format.h>
 

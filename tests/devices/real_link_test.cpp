@@ -2,12 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/address.h"
 #include "devices/error.h"
+#include "devices/serial_ports.h"
 #include "devices/tcp_link.h"
 #include "tests/devices/echo_peer.h"
 #include "tests/devices/real_end.h"
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <numeric>
 #include <stdexcept>
@@ -16,6 +19,7 @@ namespace vitreo {
 namespace {
 
 using namespace std::chrono_literals;
+namespace fs = std::filesystem;
 
 struct RealLink : ::testing::Test {
   DeviceErrorKind kind_of(const std::function<void()>& work) {
@@ -138,6 +142,61 @@ TEST_F(RealLink, ThrowsForWhatIsNoAddress) {
 
 TEST_F(RealLink, TakesAnAddressOfTheSixthVersionInBrackets) {
   EXPECT_EQ(kind_of([&] { open("tcp:[::1]:1"); }), DeviceErrorKind::not_found);
+}
+
+/// The kernel's listing as it is in /sys, in a folder: the numbers stand above the port, at the USB device.
+struct KernelListing : ::testing::Test {
+  KernelListing() {
+    std::string name = (fs::temp_directory_path() / "vitreo_ports_XXXXXX").string();
+    root = mkdtemp(name.data());
+    fs::create_directories(root / "class/tty");
+  }
+  ~KernelListing() override { fs::remove_all(root); }
+  /// `device`: where the kernel has it, below the folder; null: a terminal without a device.
+  void add(const std::string& port, const char* device) {
+    fs::create_directories(root / "class/tty" / port);
+    if (device == nullptr) return;
+    fs::create_directories(root / device / "driver");
+    fs::create_directory_symlink(root / device, root / "class/tty" / port / "device");
+  }
+  void write(const char* file, const std::string& text) { std::ofstream(root / file) << text << "\n"; }
+  std::vector<SerialPort> ports() const { return list_serial_ports(root / "class/tty"); }
+  fs::path root;
+};
+
+TEST_F(KernelListing, TellsWhatTheAdapterOfASerialPortSaysOfItself) {
+  add("ttyUSB0", "devices/usb1/1-2/1-2:1.0/ttyUSB0");
+  write("devices/usb1/1-2/idVendor", "0403");
+  write("devices/usb1/1-2/idProduct", "6001");
+  write("devices/usb1/1-2/bcdDevice", "0600");
+  write("devices/usb1/1-2/manufacturer", "FTDI");
+  write("devices/usb1/1-2/product", "FT232R USB UART");
+  write("devices/usb1/1-2/serial", "A50285BI");
+  add("ttyACM1", "devices/usb1/1-3/1-3:1.0");
+  write("devices/usb1/1-3/idVendor", "1342");
+  write("devices/usb1/1-3/idProduct", "0001");
+  add("ttyS0", "devices/pnp0/00:01");
+  add("tty7", nullptr);
+  const auto found = ports();
+  ASSERT_EQ(found.size(), 3U) << "a console is no serial port";
+  EXPECT_EQ(found[0].node, "/dev/ttyACM1");
+  ASSERT_TRUE(found[0].usb);
+  EXPECT_EQ(found[0].usb->vendor, 0x1342);
+  EXPECT_EQ(found[0].usb->serial, "");
+  EXPECT_EQ(found[1].node, "/dev/ttyS0");
+  EXPECT_FALSE(found[1].usb);
+  ASSERT_TRUE(found[2].usb);
+  EXPECT_EQ(found[2].usb->vendor, 0x0403);
+  EXPECT_EQ(found[2].usb->product, 0x6001);
+  EXPECT_EQ(found[2].usb->release, 0x0600);
+  EXPECT_EQ(found[2].usb->manufacturer + "/" + found[2].usb->name, "FTDI/FT232R USB UART");
+  EXPECT_EQ(found[2].usb->serial, "A50285BI");
+  EXPECT_EQ(found[2].usb->place, "1-2");
+}
+
+TEST_F(KernelListing, IsEmptyWhereThereIsNone) {
+  EXPECT_TRUE(ports().empty());
+  EXPECT_TRUE(list_serial_ports(root / "nowhere").empty());
 }
 
 }  // namespace

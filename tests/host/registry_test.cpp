@@ -3,7 +3,9 @@
 #include "host/registry.h"
 
 #include "devices/error.h"
+#include "host/instruments.h"
 #include "host/open_rig.h"
+#include "host/plugged_in.h"
 #include "host/rig_settings.h"
 
 #include <gtest/gtest.h>
@@ -179,6 +181,33 @@ TEST(Registry, KnowsARigWhoseInstrumentsAreReal) {
   EXPECT_FALSE(has_real_instruments(rig_with("coils", {})));
   EXPECT_FALSE(has_real_instruments(rig_with("coils", {{"address", text("emulated")}})));
   EXPECT_TRUE(has_real_instruments(rig_with("stage", {{"address", text("serial:/dev/ttyUSB0")}})));
+}
+
+TEST(PluggedIn, NamesTheDriverOfAPortWhoseIdentityTellsAndTheCandidatesOfAnother) {
+  using Names = std::vector<std::string>;
+  const auto drivers = [](const char* maker, const char* name, std::uint16_t vendor, std::uint16_t product) {
+    return drivers_for({"/dev/ttyUSB0", UsbIdentity{vendor, product, 0, "", maker, name, ""}});
+  };
+  EXPECT_EQ(drivers("", "", 0x1342, 0x0001), Names{"sutter_mpc200"});
+  EXPECT_EQ(drivers("Zaber Technologies", "X-MCC2", 0x2939, 1), Names{"zaber"});
+  EXPECT_EQ(drivers("Sutter", "", 0x0403, 0x6001), (Names{"sutter_mp285", "sutter_mpc200"}));
+  const Names any{"kepco_bop", "scpi_probe", "sutter_mp285", "zaber"};
+  EXPECT_EQ(drivers("FTDI", "FT232R USB UART", 0x0403, 0x6001), any);
+  EXPECT_EQ(drivers_for({"/dev/ttyS0", std::nullopt}), any);
+}
+
+TEST(PluggedIn, SaysToPeopleThatTheRigFileDecides) {
+  const nlohmann::json rows = {{{"bus", "serial"},
+                                {"address", "serial:/dev/ttyUSB0"},
+                                {"name", "FTDI FT232R USB UART"},
+                                {"place", "usb 1-2"},
+                                {"driver", ""},
+                                {"candidates", {"sutter_mp285", "zaber"}}},
+                               {{"bus", "usb"}, {"address", "usb:1234:5678"}, {"name", "x"}, {"driver", ""}}};
+  const std::string said = to_text(rows);
+  EXPECT_NE(said.find("FTDI FT232R USB UART"), std::string::npos) << said;
+  EXPECT_NE(said.find("driver one of sutter_mp285, zaber, as the rig file says"), std::string::npos) << said;
+  EXPECT_NE(said.find("no driver"), std::string::npos) << said;
 }
 
 }  // namespace
