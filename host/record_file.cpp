@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record_file.h"
 
+#include "host/posix_file.h"
 #include "host/record_json.h"
 #include "host/record_schema.h"
 #include "host/run_folder.h"
@@ -8,11 +9,12 @@
 
 #include <exception>
 #include <set>
+#include <utility>
 
 namespace vitreo {
 namespace {
 
-constexpr auto kCommitAfter = std::chrono::milliseconds(100);
+constexpr auto kCommitAfter = std::chrono::milliseconds(100), kSyncAfter = std::chrono::milliseconds(400);
 constexpr int kCommitRows = 1000;
 
 std::int64_t whole(std::size_t number) { return static_cast<std::int64_t>(number); }
@@ -26,7 +28,7 @@ bool is_grave(const std::string& kind) {
 }  // namespace
 
 RecordFile::RecordFile(const std::filesystem::path& file, const RunStart& start)
-    : database_(file.string(), Database::Mode::create) {
+    : wal_(file.string() + "-wal"), database_(file.string(), Database::Mode::create) {
   database_.execute("PRAGMA busy_timeout=5000");  // ms: somebody who writes into it by hand for a moment ends no run
   database_.execute("PRAGMA journal_mode=WAL");
   database_.execute("PRAGMA synchronous=FULL");
@@ -320,7 +322,23 @@ void RecordFile::row_written() {
 }
 
 void RecordFile::commit_if_due() {
-  if (in_transaction_ && std::chrono::steady_clock::now() - begun_ >= kCommitAfter) commit();
+  const auto now = std::chrono::steady_clock::now();
+  if (in_transaction_ && now - begun_ >= kCommitAfter) commit();
+  if (unsynced_ && now - unsynced_since_ >= kSyncAfter) sync();
+}
+
+/// A commit leaves its rows to the system, which may take half a minute to write them. No lock of SQLite's is on this
+/// file, so that closing it again takes none away.
+void RecordFile::sync() {
+  int descriptor = open_existing_file(wal_);
+  try {
+    sync_file(descriptor, wal_);
+  } catch (const std::exception&) {
+    close_file(descriptor);
+    throw;
+  }
+  close_file(descriptor);
+  unsynced_ = false;
 }
 
 void RecordFile::commit() {
@@ -332,6 +350,7 @@ void RecordFile::commit() {
     throw;
   }
   in_transaction_ = false;
+  if (!std::exchange(unsynced_, true)) unsynced_since_ = std::chrono::steady_clock::now();
 }
 
 /// After an error of the disk: SQLite may or may not have rolled back by itself, and what was pending is to be written
