@@ -20,6 +20,7 @@ using Roles = std::vector<std::string>;
 
 const Roles kLinks{"coils", "lens_mover", "stage", "rotation_stage", "field_probe"};
 const Roles kLooks{"top_camera", "side_camera", "pose_sensor"};
+const Roles kCameras{"top_camera", "side_camera"};
 const Roles kMotions{"lens_mover", "stage", "rotation_stage"};
 constexpr double kLongest = 1e5;  // s
 
@@ -75,6 +76,10 @@ const std::vector<FaultKind>& fault_kinds() {
       {"drops", "one of `by` frames or readings never comes", kLooks, "n", 5, 1, 1000},
       {"torn", "one of `by` frames comes in part, and is dropped", kLooks, "n", 5, 1, 1000},
       {"frozen", "the same picture, or place, again and again", kLooks, "", 0, 0, 0},
+      {"overexposed", "`by` times too much light: what is too bright is white", kCameras, "n", 20, 1, 1000},
+      {"dark", "`by` times too little light", kCameras, "n", 50, 1, 1e6},
+      {"defocused", "each point of its picture is a disc with a radius of `by` px", kCameras, "n", 12, 1, 100},
+      {"floater", "a dark speck with a radius of `by` px drifts through its picture", kCameras, "n", 10, 1, 200},
       {"nan", "places that are not numbers", {"pose_sensor"}, "", 0, 0, 0},
       {"jump", "the clock of its time stamps is wrong by `by`", kLooks, "s", 3600, -1e5, 1e5},
       {"saturated", "the amplifiers give no more than `by`", {"coils"}, "A", 0.5, 0, 100},
@@ -223,6 +228,12 @@ void FaultDesk::set_looks(sim::ImagingFaults& looks, const Fault& fault, double 
   if (fault.kind == "frozen") looks.frozen = on;
   if (fault.kind == "nan") looks.nan = on;
   if (fault.kind == "jump") looks.jump = time;
+  if (fault.kind == "overexposed") looks.picture.light = on ? by : 1;
+  if (fault.kind == "dark") looks.picture.light = on ? 1 / by : 1;
+  if (fault.kind == "defocused") looks.picture.blur_px = count;
+  if (fault.kind != "floater") return;
+  looks.picture.floater_px = count;
+  looks.picture.floater_since = place_.clock.now();
 }
 
 /// The recorder's thread looks at the disk once a second of wall time: the run's own time waits for it here, so that a

@@ -13,6 +13,14 @@
 
 namespace vitreo::sim {
 
+/// Of a camera's pictures.
+struct PictureFaults {
+  double light = 1;      ///< times as much as it should be: what is brighter than the sensor can tell is white
+  int blur_px = 0;       ///< radius of the disc into which a point is smeared
+  int floater_px = 0;    ///< radius of a dark speck that drifts through the picture; 0: none
+  Time floater_since{};  ///< when it came in
+};
+
 /// Of what looks: a camera, or the pose sensor.
 struct ImagingFaults {
   bool unplugged = false;  ///< every call throws DeviceError{lost}
@@ -23,6 +31,7 @@ struct ImagingFaults {
   Time jump{};             ///< how wrong the time stamps of the exposures are
   int drops = 0;           ///< each n-th never comes; 0: all come
   int torn = 0;            ///< each n-th comes in part, and is dropped and counted
+  PictureFaults picture;   ///< of a camera
 };
 
 /// Of what moves.

@@ -3,6 +3,7 @@
 
 #include "devices/error.h"
 #include "devices/sim/hardware_draw.h"
+#include "devices/sim/spoiled_picture.h"
 
 #include <algorithm>
 #include <cmath>
@@ -77,7 +78,7 @@ Frame SimulatedCamera::grab(Time timeout) {
     last_ = number;
     if (!comes(number)) continue;
     const auto count = static_cast<std::uint64_t>(number);
-    if (!faults_.frozen || picture_.empty()) picture_ = draw_(exposed, count);
+    if (!faults_.frozen || picture_.empty()) picture_ = spoiled(draw_(exposed, count), faults_.picture, exposed);
     if (faults_.late > Time::zero()) wait_until(later(arrives, faults_.late));
     ++statistics_.delivered;
     return {picture_, count, exposed + faults_.jump, std::max(arrives, later(arrives, faults_.late))};

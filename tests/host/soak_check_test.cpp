@@ -45,7 +45,8 @@ TEST(SoakCheck, CondemnsAnEndRecordThatIsNotTrue) {
 }
 
 TEST(SoakPlan, FollowsFromItsSeedAloneAndHasEveryKindOfEnd) {
-  const SimulatedRoles roles{{"coils", {true, false}}, {"pose_sensor", {}}, {"lens_mover", {true, true}}};
+  const SimulatedRoles roles{
+      {"coils", {true, false}}, {"pose_sensor", {}}, {"top_camera", {}}, {"lens_mover", {true, true}}};
   int kills = 0, stops = 0, alone = 0;
   std::map<std::string, int> kinds;
   for (std::uint64_t seed = 1; seed <= 500; ++seed) {

@@ -3,72 +3,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/web_server.h"
 
+#include "tests/host/web_client.h"
+
 #include <gtest/gtest.h>
 
-#include <arpa/inet.h>
 #include <atomic>
 #include <chrono>
 #include <mutex>
-#include <netinet/in.h>
-#include <poll.h>
 #include <string>
-#include <sys/socket.h>
 #include <thread>
-#include <unistd.h>
 
 namespace vitreo::view {
 namespace {
-
-/// A connection that says what it is told, byte by byte.
-class Wire {
- public:
-  explicit Wire(unsigned short port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
-    sockaddr_in address = {};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(port);
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-  }
-  ~Wire() { close(socket_); }
-  Wire(const Wire&) = delete;
-  Wire& operator=(const Wire&) = delete;
-  void say(const std::string& bytes) { ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL); }
-  void finish() { shutdown(socket_, SHUT_WR); }
-  /// What comes until the other side closes, or `until` has come, or 5 s have passed.
-  std::string hear(const std::string& until = "") {
-    std::string heard;
-    while (until.empty() || heard.find(until) == std::string::npos) {
-      pollfd watched{socket_, POLLIN, 0};
-      if (poll(&watched, 1, 5000) <= 0) return heard;
-      char bytes[65536];
-      const ssize_t count = recv(socket_, bytes, sizeof bytes, 0);
-      if (count <= 0) {
-        closed_ = true;
-        return heard;
-      }
-      heard.append(bytes, static_cast<std::size_t>(count));
-    }
-    return heard;
-  }
-  bool closed() const { return closed_; }
-
- private:
-  int socket_;
-  bool closed_ = false;
-};
-
-/// A client's frame: masked, with a mask of zero.
-std::string frame(unsigned char opcode, const std::string& payload) {
-  std::string bytes(1, static_cast<char>(0x80 | opcode));
-  if (payload.size() < 126) {
-    bytes += static_cast<char>(0x80 | payload.size());
-  } else {
-    bytes += static_cast<char>(0x80 | 126);
-    bytes += static_cast<char>(payload.size() >> 8);
-    bytes += static_cast<char>(payload.size() & 0xff);
-  }
-  return bytes + std::string(4, '\0') + payload;
-}
 
 constexpr const char* kShared = "00112233445566778899aabbccddeeff";
 
@@ -107,10 +53,7 @@ struct Live : testing::Test {
   }
   static int status(const std::string& reply) { return reply.size() > 12 ? std::stoi(reply.substr(9, 3)) : 0; }
   std::string upgrade(const std::string& origin, const std::string& more) const {
-    return "GET /live HTTP/1.1\r\nHost: " + host() +
-           "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-           "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
-           (origin.empty() ? "" : "Origin: " + origin + "\r\n") + more + "\r\n";
+    return upgrade_request(host(), origin, more);
   }
   template <class Ready>
   static bool soon(Ready ready) {
@@ -234,6 +177,28 @@ TEST_F(Live, DropsAViewerWhoDoesNotListen) {
   EXPECT_TRUE(soon([this] { return joined == 1; }));
   flood = 1;  // 10 MB/s that nobody reads
   EXPECT_TRUE(soon([this] { return left == 1; }));
+}
+
+TEST_F(Live, AViewerWhoDoesNotListenHoldsNobodyElseUp) {
+  const std::string known = "Cookie: " + cookie() + "\r\n", ours = "http://" + host();
+  const auto open = [&](Wire& wire) {
+    wire.say(upgrade(ours, known));
+    EXPECT_EQ(status(wire.hear("\r\n\r\n")), 101);
+  };
+  Wire good(server.port());
+  open(good);
+  Wire deaf(server.port());
+  open(deaf);
+  EXPECT_TRUE(soon([this] { return joined == 2; }));
+  flood = 1;  // 10 MB/s for the last who joined
+  for (int i = 1; i <= 20; ++i) {
+    good.say(frame(1, std::string(static_cast<std::size_t>(100 + i), ' ')));
+    EXPECT_NE(good.hear("heard " + std::to_string(100 + i)).find("heard"), std::string::npos) << i;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  EXPECT_TRUE(soon([this] { return left == 1; })) << "it is dropped";
+  good.say(frame(1, "{}"));
+  EXPECT_NE(good.hear("heard 2").find("heard 2"), std::string::npos);
 }
 
 TEST_F(Live, HasRoomForSoManyViewersAndNoMore) {

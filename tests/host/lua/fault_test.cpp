@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -47,14 +48,41 @@ struct Ending {
   RunResult result;
   std::string events;  // "kind: text", a line each
   double volts = 0;    // largest, at the end
+  double wrong = 0;    // m: how far a tracked place was from the truth, at most
   bool says(const std::string& text) const {
     return events.find(text) != std::string::npos || result.reason.find(text) != std::string::npos;
   }
 };
 
+/// Of a place: an ellipse's depth is uncertain by some tenths of a millimetre; what is farther off is something else.
+constexpr double kBelievable = 1.5e-3;
+/// As far as something at the robot's edge pulls it before the outline no longer looks like the robot's.
+constexpr double kPulled = 2.8e-3;
+
+double worst_error(const Recorder& recorder) {
+  const auto stream = [&recorder](const char* name) {
+    const auto& streams = recorder.streams();
+    const auto found =
+        std::find_if(streams.begin(), streams.end(), [&](const auto& one) { return one.info.name == name; });
+    return found == streams.end() ? nullptr : &*found;
+  };
+  const Stream *const servo = stream("servo"), *const truth = stream("truth");
+  if (servo == nullptr || truth == nullptr) return 0;
+  double worst = 0;
+  for (std::size_t i = 0; i < servo->times.size(); ++i) {
+    const auto same = std::find(truth->times.begin(), truth->times.end(), servo->times[i]);
+    if (same == truth->times.end() || !std::isfinite(servo->at(i, 0))) continue;
+    const auto j = static_cast<std::size_t>(same - truth->times.begin());
+    const auto off = [&](std::size_t axis) { return servo->at(i, axis) - truth->at(j, axis); };
+    worst = std::max(worst, std::hypot(off(0), off(1), off(2)));
+  }
+  return worst;
+}
+
 class FaultTest : public ::testing::Test {
  protected:
-  Ending run(const std::string& rig, const std::string& body, const std::vector<std::string>& faults) {
+  Ending run(const std::string& rig, const std::string& body, const std::vector<std::string>& faults,
+             Pace pace = Pace::as_fast_as_possible) {
     const auto write = [this](const char* name, const std::string& text) {
       std::ofstream(folder.path() / name) << text;
       return (folder.path() / name).string();
@@ -67,10 +95,12 @@ class FaultTest : public ::testing::Test {
     request.rig_file = rig.starts_with("\n") ? write("rig.lua", rig) : rig;
     request.out = (folder.path() / "runs").string();
     request.faults = faults;
+    request.pace = pace;
     Ending ending;
     ending.result = run_protocol(*engine, request, listener, [&](const Recorder& recorder, OpenRig& open) {
       for (const double volts : open.laboratory()->coil_outputs().outputs())
         ending.volts = std::max(ending.volts, std::abs(volts));
+      ending.wrong = worst_error(recorder);
       for (const Event& event : recorder.events()) ending.events += event.kind + ": " + event.text + "\n";
     });
     return ending;
@@ -163,6 +193,31 @@ TEST_F(FaultTest, FramesThatAreDroppedOrTornLeaveTheLoopAlive) {
   expect(watched_with("top_camera:torn:after=1s,by=4"), Outcome::completed, "fault: top_camera torn by 4");
 }
 
+TEST_F(FaultTest, ACameraThatSeesTooMuchOrTooLittleOrNothingSharpSaysSoOrIsRight) {
+  for (const char* fault : {"overexposed:after=2s", "overexposed:after=2s,by=1000", "dark:after=2s",
+                            "dark:after=2s,by=1000000", "defocused:after=2s", "defocused:after=2s,by=60"}) {
+    SCOPED_TRACE(fault);
+    const Ending ending = watched_with(std::string("top_camera:") + fault);
+    EXPECT_NE(ending.events.find("fault: top_camera"), std::string::npos) << ending.events;
+    EXPECT_LT(ending.wrong, kBelievable) << ending.events;
+    EXPECT_LT(ending.volts, kZeroVolts);
+    if (ending.result.outcome == Outcome::completed) continue;
+    EXPECT_TRUE(ending.says("lost: ") || ending.says("its picture stands still")) << ending.result.reason;
+  }
+}
+
+TEST_F(FaultTest, ASpeckThatDriftsThroughThePictureDoesNotTakeTheTrackerAlong) {
+  for (const char* fault : {"floater:after=1s,by=6", "floater:after=1s,by=20", "floater:after=1s,by=80"}) {
+    SCOPED_TRACE(fault);
+    const Ending ending = run(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua", std::string(kLook) + "run:wait(14*s)\n",
+                              {std::string("top_camera:") + fault});
+    EXPECT_LT(ending.wrong, kPulled) << ending.events;
+    EXPECT_LT(ending.volts, kZeroVolts);
+    if (ending.result.outcome == Outcome::completed) continue;
+    EXPECT_TRUE(ending.says("lost: ")) << ending.result.reason;
+  }
+}
+
 TEST_F(FaultTest, ALensMoverWhoseLimitSwitchIsPressedRefusesToMove) {
   expect(run(kPoseRig, "run:wait(1*s)\nrig.lens_mover:move_to(1*mm)", {"lens_mover:limit:after=0.5s"}),
          Outcome::aborted, "lens_mover");
@@ -172,6 +227,16 @@ TEST_F(FaultTest, ALensMoverThatLosesItsStepsBelievesThatItIsThere) {
   const Ending ending = run(kPoseRig, "run:wait(1*s)\nrig.lens_mover:move_to(1*mm)\nprint(rig.lens_mover:position())",
                             {"lens_mover:stuck:after=0.5s"});
   expect(ending, Outcome::completed, "fault: lens_mover stuck");
+}
+
+TEST_F(FaultTest, ALensMoverThatIsPluggedInAgainAnswersAgainAndHasNotMoved) {
+  const Ending ending = run(kPoseRig,
+                            "local lens = rig.lens_mover\nrun:wait(1*s)\n"
+                            "assert(not pcall(lens.move_to, lens, 1*mm))\nrun:wait(2*s)\n"
+                            "assert(math.abs(lens:position()) < 1e-6)\n"
+                            "lens:move_to(1*mm)\nassert(math.abs(lens:position() - 1*mm) < 1e-5)",
+                            {"lens_mover:unplugged:after=0.5s,lasting=1s"});
+  expect(ending, Outcome::completed, "fault over: lens_mover unplugged");
 }
 
 TEST_F(FaultTest, AStageThatIsHeldStallsAndSaysSo) {
@@ -242,6 +307,26 @@ TEST_F(FaultTest, AProgramThatDoesNotMoveLosesItsCoilsWhileItIsStillStuck) {
   const auto milliseconds = [&](auto span) { return std::chrono::duration<double, std::milli>(span).count(); };
   std::printf("stuck for %.0f ms; coils at zero after %.0f ms\n", milliseconds(ear.out - ear.in),
               milliseconds(zero - ear.in));
+}
+
+/// At the pace of the wall clock, with four times as many threads that only compute as there are cores.
+TEST_F(FaultTest, TooLittleProcessorTimeMayEndTheRunButIsNeverUnsafe) {
+  std::atomic<bool> done{false};
+  std::vector<std::thread> hogs;
+  for (unsigned i = 0; i < 4 * std::max(1U, std::thread::hardware_concurrency()); ++i)
+    hogs.emplace_back([&done] {
+      while (!done) continue;
+    });
+  const Ending ending = run(kPoseRig, kHold, {"pose_sensor:drops:after=1s,by=4"}, Pace::real_time);
+  done = true;
+  for (std::thread& hog : hogs) hog.join();
+  EXPECT_LT(ending.volts, kZeroVolts);
+  EXPECT_EQ(ending.events.find("unsafe: "), std::string::npos) << ending.events;
+  if (ending.result.outcome == Outcome::completed) return;
+  EXPECT_TRUE(ending.says("dead-man") || ending.says("cannot be believed") || ending.says("lost") ||
+              ending.says("timeout"))
+      << ending.result.reason << "\n"
+      << ending.events;
 }
 
 TEST_F(FaultTest, WhatMakesNoSenseIsRefusedByName) {

@@ -1,0 +1,15 @@
+// What bad light, bad focus and things in the way do to a picture.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/sim/faults.h"
+
+#include <opencv2/core/mat.hpp>
+
+namespace vitreo::sim {
+
+/// Of an 8-bit picture exposed at `exposed`, grey or colour: `picture` itself where nothing is wrong with it, else a
+/// new one. The noise is taken as it is, so it is blurred, amplified and dimmed with the rest.
+cv::Mat spoiled(const cv::Mat& picture, const PictureFaults& faults, Time exposed);
+
+}  // namespace vitreo::sim
