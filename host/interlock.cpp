@@ -242,6 +242,7 @@ Interlock::Heart::Heart(Interlock& interlock, std::string name)
     : interlock_(interlock), name_(std::move(name)), last_{} {
   beat();
   interlock_.hearts_.push_back(this);
+  if (!interlock_.energised_) interlock_.forget_slew();  // the loop before may have ended at zero this very moment
 }
 
 Interlock::Heart::~Heart() { std::erase(interlock_.hearts_, this); }

@@ -110,6 +110,21 @@ TEST_F(TimedInterlockTest, ThroughZeroIsNotTowardsZero) {
   EXPECT_EQ(told, "coil 1: from 5 A to -4 A within 10 ms is beyond the limit of 100 A/s;");
 }
 
+TEST_F(TimedInterlockTest, ALoopThatTakesOverCoilsAtRestMayBeginWithAStepAndOneThatTakesOverCurrentsMayNot) {
+  const std::vector<double> nothing(3, 0.0), step{4, 0, 0};
+  {
+    Interlock::Heart heart(interlock, "the loop before");
+    interlock.set_currents(step);
+    interlock.set_currents(nothing);
+  }
+  {
+    Interlock::Heart heart(interlock, "the next loop, at once");
+    EXPECT_NO_THROW(interlock.set_currents(step));
+  }
+  Interlock::Heart heart(interlock, "a loop beside another");
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{4.5, 0, 0}), DeviceError);
+}
+
 TEST_F(TimedInterlockTest, AHeartThatStopsBeatingMeansZeroWithinTheDeadMansTime) {
   {
     Interlock::Heart heart(interlock, "the loop");
