@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/observers.h"
 
+#include "host/imagined_side.h"
 #include "vision/blob_tracker.h"
 
 #include <algorithm>
@@ -56,9 +57,7 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
 
 std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background, Recorder& recorder,
                                    SideWatch& watch) {
-  const int stream = recorder.add_stream({"side_camera",
-                                          "the side camera's view, orthographic",
-                                          {{"x", "m"}, {"z", "m"}, {"semi_major_px", ""}, {"semi_minor_px", ""}}});
+  const int stream = recorder.add_stream(side_stream("the side camera's view, orthographic"));
   return clock.spawn("side camera", [&rig, &recorder, &watch, stream, learnt = std::move(background)] {
     vision::BlobTracker tracker(learnt, {});
     std::optional<Time> last;

@@ -5,6 +5,7 @@
 #include "devices/quiet_thread.h"
 #include "host/calibrations.h"
 #include "host/disk_need.h"
+#include "host/imagined_side.h"
 #include "host/interrupts.h"
 #include "host/registry.h"
 #include "host/rig_settings.h"
@@ -160,6 +161,9 @@ class DryRun {
                               },
                               [&] { return twin_.open_rig().make_safe(); }});
       if (!has_real_instruments(checked_.rig)) keep_truth(session);
+      if (rig.side_camera != nullptr)
+        session.keep(
+            imagine_side(*clock_, *twin_.open_rig().laboratory(), rig.side_camera->info().frame_period, recorder_));
       play(session);
       session.control.detach();
       for (const std::string& assumed : session.questions.assumed())
