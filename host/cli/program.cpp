@@ -37,7 +37,7 @@ std::string Program::in_data_folder(const std::string& below) {
 }
 
 std::string Program::protocol_file(const std::string& given) {
-  if (fs::exists(given)) return given;
+  if (fs::exists(given) && !fs::is_directory(given)) return given;  // a folder may have a protocol's name
   const std::string by_name = in_data_folder("protocols/" + given + ".lua");
   return given.find('/') == std::string::npos && fs::exists(by_name) ? by_name : given;
 }

@@ -1,6 +1,7 @@
 // The command line: what it accepts, how it refuses, and the codes it leaves with.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
+#include "tests/program/terminal.h"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -123,6 +124,28 @@ TEST(CommandLine, AnEndlessLoopWithoutAWaitIsStoppedToo) {
                               "' && timeout --foreground -s INT 1 '" VITREO_PROGRAM "' run busy.lua --json >out 2>err";
   EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), 124);
   EXPECT_EQ(nlohmann::json::parse(place.read("out"))["outcome"], "stopped");
+}
+
+/// A call of C's that no hook reaches: after two Ctrl-C and a grace of 5 s the program says so and leaves.
+TEST(CommandLine, APromptWhoseStatementIsStuckSaysSoAndLeaves) {
+  const Workplace place;
+  Terminal terminal(place.folder());
+  ASSERT_TRUE(terminal.sees("> "));
+  terminal.type("rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\r");
+  terminal.type("print('st' .. 'uck') string.find(string.rep('a', 60), string.rep('a-', 60) .. 'b')\r");
+  ASSERT_TRUE(terminal.sees("stuck")) << terminal.unseen();
+  terminal.type("\x03");
+  usleep(100'000);
+  terminal.type("\x03");
+  EXPECT_TRUE(terminal.sees("not responding")) << terminal.unseen();
+  EXPECT_EQ(terminal.end(), 6);
+}
+
+TEST(CommandLine, AFolderWithAProtocolsNameIsNotTakenForTheProtocol) {
+  const Workplace place;
+  std::filesystem::create_directory(place.folder() / "hello_rig");
+  const Spoken said = place.vitreo("describe hello_rig");
+  EXPECT_EQ(said.exit_code, 0) << said.err;
 }
 
 TEST(CommandLine, HelpListAndDescribeAnswer) {
