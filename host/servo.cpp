@@ -17,8 +17,8 @@ namespace vitreo {
 namespace {
 
 constexpr double kKeptCorrections = 30;  // s
-/// Between outlines: on the nominal eye a robot leaves 0.1 px, in one whose magnification is off by a percent 0.7; a
-/// speck of the robot's width before it 1 to 5, and then the place is millimetres off (docs/localisation.md).
+/// Of the pose against the ellipse: on the nominal eye a robot leaves at most 0.1 px, in nine eyes off by table 5.1
+/// 0.43; a speck of the robot's width behind it 1 to 5, and then the place is millimetres off (docs/safety.md).
 constexpr double kLargestResidual_px = 1.5;
 
 control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
