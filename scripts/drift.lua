@@ -1,5 +1,6 @@
 -- What protocols/drift_test needs besides its course of events: chance, statistics, and the report beside thesis table 6.1.
 -- SPDX-License-Identifier: Apache-2.0
+local expect = require "expect"
 local units = require "units"
 local places = require "places"
 local um, s = units.um, units.s
@@ -117,18 +118,24 @@ local function smallest(found, kind)
   return least
 end
 
+-- The largest ratio, at the edge, of a drift with feedback to that without; and how far one camera is from two.
+local function between_kinds(found)
+  local ratio, apart = 0, 0
+  for _, place in ipairs(places.six) do
+    local function of(kind) return drift.median(found[kind][place.name]) end
+    if place.edge then ratio = math.max(ratio, math.max(of "one_camera", of "two_cameras") / of "none") end
+    apart = math.max(apart, math.abs(of "one_camera" - of "two_cameras"))
+  end
+  return ratio, apart
+end
+
 local function figures(run, found, asked)
   for _, kind in ipairs(asked) do
     run:figure("drift_" .. kind .. "_min", smallest(found, kind), "um/s")
     run:figure("drift_" .. kind .. "_max", largest(found, kind), "um/s")
   end
   if #asked == 3 then
-    local ratio, apart = 0, 0
-    for _, place in ipairs(places.six) do
-      local function of(kind) return drift.median(found[kind][place.name]) end
-      if place.edge then ratio = math.max(ratio, math.max(of "one_camera", of "two_cameras") / of "none") end
-      apart = math.max(apart, math.abs(of "one_camera" - of "two_cameras"))
-    end
+    local ratio, apart = between_kinds(found)
     run:figure("drift_ratio_at_edge_max", ratio, "")
     run:figure("drift_one_two_cameras_apart", apart, "um/s")
   end
@@ -141,6 +148,34 @@ local function figures(run, found, asked)
     end
   end
   run:figure("drift_hold_worst_machine", worst, "um/s")
+end
+
+-- Each place beside table 6.1, printed, and this project's goals over them.
+local function expected(run, found, asked)
+  local book = expect.book(run, "table 6.1")
+  local all = { none = { 100 * um / s, 800 * um / s }, one_camera = { 30 * um / s, 250 * um / s },
+    two_cameras = { 30 * um / s, 250 * um / s } }
+  for _, kind in ipairs(asked) do
+    for _, place in ipairs(places.six) do
+      book:number { id = ("6.1.%s.%s"):format(kind, place.name), what = ("%s, %s"):format(place.name, names[kind]),
+        thesis = places.table_6_1[place.name][kind] * um, ours = drift.median(found[kind][place.name]), unit = "m/s",
+        between = all[kind], reason = "this project's goal; the thesis' own spread is not printed",
+        why = place.edge and "the thesis gives no coordinates: 3.5 mm aside is as far as a robot placed by hand stays in sight"
+          or nil }
+    end
+  end
+  if #asked == 3 then
+    local ratio, apart = between_kinds(found)
+    book:number { id = "6.1.ratio", what = "at the edge, feedback over constant currents, largest", where = "goal", ours = ratio,
+      at_most = 0.6, reason = "this project's goal" }
+    book:number { id = "6.1.apart", what = "one camera from two cameras, largest", where = "goal", ours = apart, unit = "m/s",
+      at_most = 60 * um / s, reason = "this project's goal" }
+  end
+  book:number { id = "6.1.hold", what = "held by the estimator, worst place", where = "goal", ours = largest(found, "hold"),
+    unit = "m/s", at_most = 5 * um / s, reason = "this project's goal" }
+  book:number { id = "6.1.cancel", what = "disturbance cancelled, place left alone, worst place", where = "goal",
+    ours = largest(found, "cancel"), unit = "m/s" }
+  book:close()
 end
 
 local function plot(run, found, asked)
@@ -174,6 +209,7 @@ function drift.report(run, found, asked, counts)
   }
   plot(run, found, asked)
   figures(run, found, asked)
+  expected(run, found, asked)
 end
 
 return drift
