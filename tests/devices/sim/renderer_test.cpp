@@ -3,6 +3,7 @@
 #include "devices/sim/renderer.h"
 
 #include "optics/trace.h"
+#include "optics/wide_angle_map.h"
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
@@ -187,6 +188,29 @@ TEST(Renderer, ASilhouetteHasTheRobotsSizeToATenthOfAPixel) {
   const double expected = M_PI * 50 * 25;  // px^2: 1 mm and 0.5 mm at 20 um
   // 0.3 px all round would be 74 px^2: the blur moves the half-way line inwards by about sigma^2 / 2R there
   EXPECT_NEAR(cv::countNonZero(mask), expected, 0.3 * M_PI * 75);
+}
+
+TEST(EyeDefocus, ABareSensorGoesThroughFocusAtEveryAngleWhereTheMapHasTheImage) {
+  const optics::System eye = optics::model_eye_5_3();
+  const optics::WideAngleMap map(eye);
+  for (const double aside : {0.0, 1.5e-3, 3e-3, 5.5e-3}) {
+    const Eigen::Vector3d point(aside, 0, 1.47e-3 + aside * aside / 23e-3);  // along the retina
+    const auto image = map.image(point);
+    ASSERT_TRUE(image) << aside;
+    constexpr double kAperture = 0.12, kApart = 0.1e-3;
+    double least = 1, best = 0, farthest = 0;
+    for (int i = -10; i <= 10; ++i) {
+      const optics::Microscope sensor = bare_sensor(eye, image->focus + i * kApart, kAperture);
+      optics::ImageScale scale = scale_for({1760, 160});
+      scale.pixel = 9.9e-6;
+      const double blur = eye_defocus(eye, sensor, scale)(scale.pixel_from_m(image->m), point.z());
+      if (blur < least) least = blur, best = i * kApart;
+      farthest = std::max(farthest, blur);
+    }
+    EXPECT_NEAR(best, 0, 0.35e-3) << aside << ": rim rays and the whole bundle differ by spherical aberration";
+    EXPECT_GT(farthest, 2 * least) << aside
+                                   << ": astigmatism leaves half a millimetre at 5.5 mm, a millimetre off adds";
+  }
 }
 
 TEST(EyeDefocus, ItIsTheDistanceOfTheAerialImageFromTheFocus) {
