@@ -1,7 +1,7 @@
 -- How well one camera localises the robot on a spiral that widens as it climbs: CoNi along x, along z, or an NdFeB sphere,
 -- against truth or the side camera (thesis 5.5, table 5.4, figure 5.7). The eye is off by table 5.1 and is calibrated by one
--- look at the robot on the known retina. Rigs: scripts/rigs/spiral_coni.lua, spiral_coni_z.lua, spiral_sphere.lua (20.7 and 20.4 um a
--- pixel).
+-- look at the robot on the known retina. Rigs: scripts/rigs/spiral_coni.lua, spiral_coni_z.lua, spiral_sphere.lua (20.7 and 20.4
+-- um a pixel).
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "bring"
 local control = require "control"
@@ -28,28 +28,43 @@ local function one_spiral(rig, run, p, orientation)
   local background = rig:learn_background { frames = 10 }
   local view
   do
-    local servo <close> = rig:servo { background = background, field = p.field, axis = axis, lost_timeout = 5*s }
+    local servo <close> = rig:servo { background = background, field = p.field, axis = axis, lost_timeout = 5 * s }
     bring.insert(rig, servo, centre)
-    bring.trim(servo, centre, { rounds = 1, within = 1*mm })
+    bring.trim(servo, centre, { rounds = 1, within = 1 * mm })
     -- Upright it shows its round end, which a pitch makes longer and not wider.
-    view = retina.calibrate(rig, run, servo, { axis = axis, depth_error = p.retina_error, correction = p.correction,
-      by_width = doubt > 0 and orientation == "z" })
+    view = retina.calibrate(
+      rig,
+      run,
+      servo,
+      { axis = axis, depth_error = p.retina_error, correction = p.correction, by_width = doubt > 0 and orientation == "z" }
+    )
     rig.sample:remove_robot()
   end
-  run:wait(0.2*s) -- the next loop's currents must not follow these at once
-  local servo <close> = rig:servo { background = background, field = p.field, axis = axis, view = view, lost_timeout = 5*s,
-    axis_uncertainty = doubt }
+  run:wait(0.2 * s) -- the next loop's currents must not follow these at once
+  local servo <close> = rig:servo {
+    background = background,
+    field = p.field,
+    axis = axis,
+    view = view,
+    lost_timeout = 5 * s,
+    axis_uncertainty = doubt,
+  }
   bring.insert(rig, servo, centre)
-  bring.trim(servo, centre, { within = 0.8*mm })
-  local spiral = control.spiral { bottom = { 0, 0, -p.height / 2 }, height = p.height, first_radius = p.width / 8,
+  bring.trim(servo, centre, { within = 0.8 * mm })
+  local spiral = control.spiral {
+    bottom = { 0, 0, -p.height / 2 },
+    height = p.height,
+    first_radius = p.width / 8,
     last_radius = p.width / 2,
-    turns = p.turns, speed = p.speed }
-  servo:go_to((spiral:at(0)), { speed = 1*mm/s, within = 0.8*mm, settle = 0, timeout = 60*s })
+    turns = p.turns,
+    speed = p.speed,
+  }
+  servo:go_to((spiral:at(0)), { speed = 1 * mm / s, within = 0.8 * mm, settle = 0, timeout = 60 * s })
   run:checkpoint "before the spiral"
   local span = { from = run:now() }
   servo:follow(spiral, { pictures = p.pictures, label = "spiral" })
   span.to = run:now()
-  run:wait(0.2*s)
+  run:wait(0.2 * s)
   span.x = track_errors.statistics((track_errors.along(run, "x", span)))
   span.z = track_errors.statistics((track_errors.along(run, "z", span)))
   return span
@@ -62,10 +77,16 @@ end
 
 local function pictures(run, span, name)
   local reference, called = judge.reference(run)
-  run:plot { title = "Spiral from the side, " .. name .. ", as figure 5.7", equal_aspect = true, x = { "x", "mm" },
+  run:plot {
+    title = "Spiral from the side, " .. name .. ", as figure 5.7",
+    equal_aspect = true,
+    x = { "x", "mm" },
     y = { "z", "mm" },
-    series = { series(run, span, reference, "x", "z", called), series(run, span, "servo", "x", "z", "top camera",
-      "points") } }
+    series = {
+      series(run, span, reference, "x", "z", called),
+      series(run, span, "servo", "x", "z", "top camera", "points"),
+    },
+  }
   local all = {}
   for i, axis in ipairs { "x", "z" } do
     local errors, times = track_errors.along(run, axis, span)
@@ -80,37 +101,66 @@ local function rows(run, book, found, number, p)
     local ours = {}
     for k, what in ipairs { "mean", "deviation", "max" } do
       ours[k] = statistics.median(statistics.map(found, function(span) return span[axis][what] end))
-      book:number { id = ("5.4.%d.%s_%s"):format(number, axis, what),
-        what = ("%s, %s error along %s, median of %d eyes"):format(
-        thesis.name, what, axis, #found), where = "table 5.4", thesis = thesis[axis][k], ours = ours[k], unit = "m",
-          at_most = thesis[axis][k],
+      book:number {
+        id = ("5.4.%d.%s_%s"):format(number, axis, what),
+        what = ("%s, %s error along %s, median of %d eyes"):format(thesis.name, what, axis, #found),
+        where = "table 5.4",
+        thesis = thesis[axis][k],
+        ours = ours[k],
+        unit = "m",
+        at_most = thesis[axis][k],
         reason = "an error: at most the thesis' own",
-          why = p.eye == "perturbed" and "eyes off by table 5.1, calibrated on the retina" or "the eye is as believed" }
+        why = p.eye == "perturbed" and "eyes off by table 5.1, calibrated on the retina" or "the eye is as believed",
+      }
     end
-    cells[i] = { axis, ("%.0f ± %.0f"):format(ours[1] / um, ours[2] / um), ("%.0f"):format(ours[3] / um),
-      ("%.0f ± %.0f"):format(thesis[axis][1] / um, thesis[axis][2] / um), ("%.0f"):format(thesis[axis][3] / um) }
+    cells[i] = {
+      axis,
+      ("%.0f ± %.0f"):format(ours[1] / um, ours[2] / um),
+      ("%.0f"):format(ours[3] / um),
+      ("%.0f ± %.0f"):format(thesis[axis][1] / um, thesis[axis][2] / um),
+      ("%.0f"):format(thesis[axis][3] / um),
+    }
   end
-  run:table { title = ("Localisation errors, µm: %s, median of %d eyes, as table 5.4"):format(thesis.name, #found),
-    header = { "axis", "mean ± deviation", "maximum", "thesis", "thesis maximum" }, rows = cells }
+  run:table {
+    title = ("Localisation errors, µm: %s, median of %d eyes, as table 5.4"):format(thesis.name, #found),
+    header = { "axis", "mean ± deviation", "maximum", "thesis", "thesis maximum" },
+    rows = cells,
+  }
 end
 
 -- This project's own goals over the eyes, and how many gave no answer.
 local function goals(book, found, failed, count, orientation)
-  for axis, goal in pairs { x = 50*um, z = 150*um } do
+  for axis, goal in pairs { x = 50 * um, z = 150 * um } do
     local means = statistics.map(found, function(span) return span[axis].mean end)
-    book:number { id = ("5.5.goal.%s.%s"):format(orientation, axis),
-      what = ("%s, mean error along %s, median of the eyes"):format(orientation, axis), where = "goal",
-      ours = statistics.median(means), unit = "m", at_most = goal, reason = "this project's goal",
-      why = axis == "z" and "one look at the retina puts the image's scale right there; how it changes with depth stays as uncertain as the eye"
-        .. (orientation == "x" and ", and lying plates seen askew lose more width than the ellipsoid they are taken for" or "")
-        or nil }
-    book:number { id = ("5.5.goal.%s.%s_90"):format(orientation, axis),
+    book:number {
+      id = ("5.5.goal.%s.%s"):format(orientation, axis),
+      what = ("%s, mean error along %s, median of the eyes"):format(orientation, axis),
+      where = "goal",
+      ours = statistics.median(means),
+      unit = "m",
+      at_most = goal,
+      reason = "this project's goal",
+      why = axis == "z"
+          and "one look puts the image's scale right on the retina, not its change with depth; plates are no ellipsoid"
+        or nil,
+    }
+    book:number {
+      id = ("5.5.goal.%s.%s_90"):format(orientation, axis),
       what = ("%s, mean error along %s, 90th percentile"):format(orientation, axis),
-      where = "goal", ours = statistics.percentile(means, 0.9), unit = "m" }
+      where = "goal",
+      ours = statistics.percentile(means, 0.9),
+      unit = "m",
+    }
   end
-  book:number { id = ("5.5.failed.%s"):format(orientation),
-    what = ("%s: eyes without an answer, of %d"):format(orientation, count), where = "goal", thesis = 0,
-    ours = failed, at_most = 0.1 * count, reason = "one in ten" }
+  book:number {
+    id = ("5.5.failed.%s"):format(orientation),
+    what = ("%s: eyes without an answer, of %d"):format(orientation, count),
+    where = "goal",
+    thesis = 0,
+    ours = failed,
+    at_most = 0.1 * count,
+    reason = "one in ten",
+  }
 end
 
 return {
@@ -119,22 +169,41 @@ return {
   rig = "spiral_coni",
   parameters = {
     orientation = { choices = { "both", "x", "z" }, default = "x", help = "of a CoNi robot; a sphere has none" },
-    eye = { choices = { "nominal", "perturbed" }, default = "perturbed",
-      help = "on a simulated rig: off by table 5.1, or as believed" },
-    eyes = { default = 3, min = 1, max = 1000, integer = true,
-      help = "perturbed eyes, one spiral each, each under another machine" },
+    eye = {
+      choices = { "nominal", "perturbed" },
+      default = "perturbed",
+      help = "on a simulated rig: off by table 5.1, or as believed",
+    },
+    eyes = {
+      default = 3,
+      min = 1,
+      max = 1000,
+      integer = true,
+      help = "perturbed eyes, one spiral each, each under another machine",
+    },
     first = { default = 1, min = 1, max = 1000000, integer = true, help = "number of the first of them" },
-    retina_error = { unit = "mm", default = 0, min = -2*mm, max = 2*mm,
-      help = "by which the retinal depth is known wrongly" },
-    correction = { choices = { "image_scale", "additive_offset" }, default = "image_scale",
-      help = "what the look at the retina puts right" },
-    attitude = { choices = { "estimated", "taken" }, default = "estimated",
-      help = "how the robot lies: estimated with its place, or taken for the commanded axis, as the thesis" },
-    height = { unit = "mm", default = 5*mm, min = 1*mm, max = 6*mm, help = "of the spiral, along the axis" },
-    width = { unit = "mm", default = 7*mm, min = 1*mm, max = 7.5*mm, help = "at its top, side to side" },
+    retina_error = {
+      unit = "mm",
+      default = 0,
+      min = -2 * mm,
+      max = 2 * mm,
+      help = "by which the retinal depth is known wrongly",
+    },
+    correction = {
+      choices = { "image_scale", "additive_offset" },
+      default = "image_scale",
+      help = "what the look at the retina puts right",
+    },
+    attitude = {
+      choices = { "estimated", "taken" },
+      default = "estimated",
+      help = "how the robot lies: estimated with its place, or taken for the commanded axis, as the thesis",
+    },
+    height = { unit = "mm", default = 5 * mm, min = 1 * mm, max = 6 * mm, help = "of the spiral, along the axis" },
+    width = { unit = "mm", default = 7 * mm, min = 1 * mm, max = 7.5 * mm, help = "at its top, side to side" },
     turns = { default = 3, min = 0.5, max = 20, help = "of the spiral" },
-    speed = { unit = "mm/s", default = 1*mm/s, min = 0.05*mm/s, max = 2*mm/s, help = "along it" },
-    field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
+    speed = { unit = "mm/s", default = 1 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "along it" },
+    field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
     pictures = { default = 1, min = 0, max = 20, integer = true, help = "of each spiral for the report" },
   },
   run = function(rig, p, run)
@@ -154,9 +223,15 @@ return {
           goto next_eye
         end
         found[#found + 1] = span
-        run:note(("eye %d: x %s ± %s, z %s ± %s"):format(p.first + number - 1, run:show(span.x.mean, "m"),
-          run:show(span.x.deviation, "m"),
-          run:show(span.z.mean, "m"), run:show(span.z.deviation, "m")))
+        run:note(
+          ("eye %d: x %s ± %s, z %s ± %s"):format(
+            p.first + number - 1,
+            run:show(span.x.mean, "m"),
+            run:show(span.x.deviation, "m"),
+            run:show(span.z.mean, "m"),
+            run:show(span.z.deviation, "m")
+          )
+        )
         if #found == 1 then
           pictures(run, span, published.table_5_4[experiments[orientation]].name)
           eyes.report(run, rig:eye(), truth)

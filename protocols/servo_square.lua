@@ -17,9 +17,9 @@ local centre = vector(0, 0, 0)
 
 -- A view put right on the retina, with a loop of its own, which ends here.
 local function calibrated_view(rig, run, background, p, axis, doubt)
-  local servo <close> = rig:servo { background = background, field = p.field, axis = axis, lost_timeout = 5*s }
+  local servo <close> = rig:servo { background = background, field = p.field, axis = axis, lost_timeout = 5 * s }
   bring.insert(rig, servo, centre)
-  bring.trim(servo, centre, { rounds = 1, within = 1*mm })
+  bring.trim(servo, centre, { rounds = 1, within = 1 * mm })
   local view = retina.calibrate(rig, run, servo, { axis = axis, by_width = doubt > 0 and p.orientation == "z" })
   servo:snapshot("on the retina, for calibration")
   rig.sample:remove_robot()
@@ -40,22 +40,28 @@ local function round(rig, run, p, truth)
   if calibrates then
     run:progress(0.01, "calibrating on the retina")
     view = calibrated_view(rig, run, background, p, axis, doubt)
-    run:wait(0.2*s) -- the next loop's currents must not follow these at once
+    run:wait(0.2 * s) -- the next loop's currents must not follow these at once
   end
 
   run:progress(0.02, "bringing the robot in")
-  local servo <close> = rig:servo { background = background, law = p.law, field = p.field, axis = axis, view = view,
-    axis_uncertainty = (doubt > 0 or p.law == "pd") and doubt or nil } -- the estimator's own default otherwise
+  local servo <close> = rig:servo {
+    background = background,
+    law = p.law,
+    field = p.field,
+    axis = axis,
+    view = view,
+    axis_uncertainty = (doubt > 0 or p.law == "pd") and doubt or nil,
+  } -- the estimator's own default otherwise
   bring.insert(rig, servo, centre)
 
   run:progress(0.05, "trimming at the centre")
   run:checkpoint("before the trim")
-  bring.trim(servo, centre, { within = view and 0.8*mm or nil })
+  bring.trim(servo, centre, { within = view and 0.8 * mm or nil })
   servo:snapshot("at the centre, trimmed")
 
   run:progress(0.2, "going to the first corner")
   run:checkpoint("before the path")
-  servo:go_to(square[1], { speed = p.speed, within = view and 0.8*mm or 400*um, timeout = 60*s })
+  servo:go_to(square[1], { speed = p.speed, within = view and 0.8 * mm or 400 * um, timeout = 60 * s })
   servo:snapshot("at the first corner")
 
   local span = { from = run:now(), square = square }
@@ -63,7 +69,7 @@ local function round(rig, run, p, truth)
   servo:follow(square, { speed = p.speed, progress_to = 0.99, pictures = 3, label = "round the square" })
   servo:snapshot("at the end of the path")
   span.to = run:now()
-  run:wait(0.2*s)
+  run:wait(0.2 * s)
   eyes.report(run, rig:eye(), truth)
   return span
 end
@@ -73,46 +79,92 @@ local function many(run, p, found, failed, book)
   local rms = statistics.map(found, function(one) return one.rms end)
   local name = ("6.5.%s.eyes."):format(p.orientation)
   local what = ("robot along %s, rms in 3-D in %d eyes and machines"):format(p.orientation, #found)
-  book:number { id = name .. "median", what = what .. ": median", where = "goal", ours = statistics.median(rms), unit = "m",
-    at_most = 150*um, reason = "this project's goal" }
-  book:number { id = name .. "90", what = what .. ": 90th percentile", where = "goal", ours = statistics.percentile(rms, 0.9),
-    unit = "m", at_most = 250*um, reason = "this project's goal" }
-  book:number { id = name .. "failed", what = "eyes in which it did not get round", where = "goal", ours = failed,
-    at_most = 0.1 * (#found + failed), reason = "one in ten" }
+  book:number {
+    id = name .. "median",
+    what = what .. ": median",
+    where = "goal",
+    ours = statistics.median(rms),
+    unit = "m",
+    at_most = 150 * um,
+    reason = "this project's goal",
+  }
+  book:number {
+    id = name .. "90",
+    what = what .. ": 90th percentile",
+    where = "goal",
+    ours = statistics.percentile(rms, 0.9),
+    unit = "m",
+    at_most = 250 * um,
+    reason = "this project's goal",
+  }
+  book:number {
+    id = name .. "failed",
+    what = "eyes in which it did not get round",
+    where = "goal",
+    ours = failed,
+    at_most = 0.1 * (#found + failed),
+    reason = "one in ten",
+  }
 end
 
 -- Beside the thesis, for one eye.
 local function expected(book, p, path, localisation)
   local name = ("6.5.%s.%s."):format(p.orientation, p.eye)
-  book:number { id = name .. "path_rms", what = "distance from the square, rms in 3-D", ours = path.rms, unit = "m",
-    at_most = p.eye == "perturbed" and 250*um or 300*um,
-      reason = "this project's goal for every eye; the figure has no number",
-    why = "the thesis: \"errors are due to inaccuracy in the estimates of the localization algorithm\"" }
-  book:number { id = name .. "localisation", what = "localisation, mean in 3-D", thesis = 266*um,
-    ours = localisation.mean, unit = "m",
-    at_most = 266*um, reason = "93 and 249 um along x and z of table 5.4, together", where = "table 5.4" }
+  book:number {
+    id = name .. "path_rms",
+    what = "distance from the square, rms in 3-D",
+    ours = path.rms,
+    unit = "m",
+    at_most = p.eye == "perturbed" and 250 * um or 300 * um,
+    reason = "this project's goal for every eye; the figure has no number",
+    why = 'the thesis: "errors are due to inaccuracy in the estimates of the localization algorithm"',
+  }
+  book:number {
+    id = name .. "localisation",
+    what = "localisation, mean in 3-D",
+    thesis = 266 * um,
+    ours = localisation.mean,
+    unit = "m",
+    at_most = 266 * um,
+    reason = "93 and 249 um along x and z of table 5.4, together",
+    where = "table 5.4",
+  }
 end
 
 return {
   title = "Servo round a square",
   needs = { "top_camera", "coils", "sample" },
   parameters = {
-    width = { unit = "mm", default = 8*mm, min = 1*mm, max = 9*mm, help = "along x" },
-    depth = { unit = "mm", default = 6*mm, min = 1*mm, max = 7*mm, help = "along the eye's axis" },
-    speed = { unit = "mm/s", default = 0.5*mm/s, min = 0.05*mm/s, max = 2*mm/s, help = "along the path" },
-    field = { unit = "mT", default = 10*mT, min = 2*mT, max = 30*mT, help = "magnitude of the magnetic field" },
+    width = { unit = "mm", default = 8 * mm, min = 1 * mm, max = 9 * mm, help = "along x" },
+    depth = { unit = "mm", default = 6 * mm, min = 1 * mm, max = 7 * mm, help = "along the eye's axis" },
+    speed = { unit = "mm/s", default = 0.5 * mm / s, min = 0.05 * mm / s, max = 2 * mm / s, help = "along the path" },
+    field = { unit = "mT", default = 10 * mT, min = 2 * mT, max = 30 * mT, help = "magnitude of the magnetic field" },
     law = { choices = { "pd", "estimator" }, default = "pd", help = "pd is the thesis'" },
     laps = { default = 1, min = 1, max = 20, integer = true, help = "times round" },
     orientation = { choices = { "x", "z" }, default = "x", help = "where the robot's axis points: figure 6.5a, 6.5b" },
-    eye = { choices = { "nominal", "perturbed" }, default = "nominal",
-      help = "on a simulated rig: as believed, or off by table 5.1" },
+    eye = {
+      choices = { "nominal", "perturbed" },
+      default = "nominal",
+      help = "on a simulated rig: as believed, or off by table 5.1",
+    },
     draw = { default = 1, min = 1, max = 1000000, integer = true, help = "which of the seed's perturbed eyes" },
-    eyes = { default = 1, min = 1, max = 1000, integer = true,
-      help = "perturbed eyes, from draw on, once round in each, each under another machine" },
-    attitude = { choices = { "auto", "taken", "estimated" }, default = "auto",
-      help = "how the robot lies: taken for the commanded axis, as the thesis, or estimated with its place; auto: in an eye that is calibrated" },
-    calibrate = { choices = { "auto", "yes", "no" }, default = "auto",
-      help = "on the retina, before; auto: when the eye is perturbed" },
+    eyes = {
+      default = 1,
+      min = 1,
+      max = 1000,
+      integer = true,
+      help = "perturbed eyes, from draw on, once round in each, each under another machine",
+    },
+    attitude = {
+      choices = { "auto", "taken", "estimated" },
+      default = "auto",
+      help = "how the robot lies: taken for the commanded axis, as the thesis, or estimated; auto: in an eye that is calibrated",
+    },
+    calibrate = {
+      choices = { "auto", "yes", "no" },
+      default = "auto",
+      help = "on the retina, before; auto: when the eye is perturbed",
+    },
   },
   run = function(rig, p, run)
     local book = expect.book(run, "figure 6.5")

@@ -6,9 +6,7 @@ local bring = {}
 
 --- How far a loop is to doubt that the robot lies along the commanded axis (axis_uncertainty of rig:servo): not at all, as the
 --- thesis, or by as much as coils that nobody measured turn the field.
-function bring.axis_uncertainty(attitude)
-  return attitude == "estimated" and 4 * units.deg or 0
-end
+function bring.axis_uncertainty(attitude) return attitude == "estimated" and 4 * units.deg or 0 end
 
 --- Puts the robot in near a place and waits until the loop sees it.
 function bring.insert(rig, servo, place)

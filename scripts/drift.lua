@@ -153,28 +153,62 @@ end
 -- Each place beside table 6.1, printed, and this project's goals over them.
 local function expected(run, found, asked)
   local book = expect.book(run, "table 6.1")
-  local all = { none = { 100 * um / s, 800 * um / s }, one_camera = { 30 * um / s, 250 * um / s },
-    two_cameras = { 30 * um / s, 250 * um / s } }
+  local all = {
+    none = { 100 * um / s, 800 * um / s },
+    one_camera = { 30 * um / s, 250 * um / s },
+    two_cameras = { 30 * um / s, 250 * um / s },
+  }
   for _, kind in ipairs(asked) do
     for _, place in ipairs(places.six) do
-      book:number { id = ("6.1.%s.%s"):format(kind, place.name), what = ("%s, %s"):format(place.name, names[kind]),
-        thesis = places.table_6_1[place.name][kind] * um, ours = drift.median(found[kind][place.name]), unit = "m/s",
-        between = all[kind], reason = "this project's goal; the thesis' own spread is not printed",
+      book:number {
+        id = ("6.1.%s.%s"):format(kind, place.name),
+        what = ("%s, %s"):format(place.name, names[kind]),
+        thesis = places.table_6_1[place.name][kind] * um,
+        ours = drift.median(found[kind][place.name]),
+        unit = "m/s",
+        between = all[kind],
+        reason = "this project's goal; the thesis' own spread is not printed",
         why = place.edge and "the thesis gives no coordinates: 3.5 mm aside is as far as a robot placed by hand stays in sight"
-          or nil }
+          or nil,
+      }
     end
   end
   if #asked == 3 then
     local ratio, apart = between_kinds(found)
-    book:number { id = "6.1.ratio", what = "at the edge, feedback over constant currents, largest", where = "goal", ours = ratio,
-      at_most = 0.6, reason = "this project's goal" }
-    book:number { id = "6.1.apart", what = "one camera from two cameras, largest", where = "goal", ours = apart, unit = "m/s",
-      at_most = 60 * um / s, reason = "this project's goal" }
+    book:number {
+      id = "6.1.ratio",
+      what = "at the edge, feedback over constant currents, largest",
+      where = "goal",
+      ours = ratio,
+      at_most = 0.6,
+      reason = "this project's goal",
+    }
+    book:number {
+      id = "6.1.apart",
+      what = "one camera from two cameras, largest",
+      where = "goal",
+      ours = apart,
+      unit = "m/s",
+      at_most = 60 * um / s,
+      reason = "this project's goal",
+    }
   end
-  book:number { id = "6.1.hold", what = "held by the estimator, worst place", where = "goal", ours = largest(found, "hold"),
-    unit = "m/s", at_most = 5 * um / s, reason = "this project's goal" }
-  book:number { id = "6.1.cancel", what = "disturbance cancelled, place left alone, worst place", where = "goal",
-    ours = largest(found, "cancel"), unit = "m/s" }
+  book:number {
+    id = "6.1.hold",
+    what = "held by the estimator, worst place",
+    where = "goal",
+    ours = largest(found, "hold"),
+    unit = "m/s",
+    at_most = 5 * um / s,
+    reason = "this project's goal",
+  }
+  book:number {
+    id = "6.1.cancel",
+    what = "disturbance cancelled, place left alone, worst place",
+    where = "goal",
+    ours = largest(found, "cancel"),
+    unit = "m/s",
+  }
   book:close()
 end
 

@@ -17,8 +17,13 @@ end
 -- The tracker's mean ellipse since `from`; nothing when it was not seen.
 local function ellipse_since(run, from)
   local seen = {}
-  for name, channel in pairs { u = "u_px", v = "v_px", semi_major = "semi_major_px", semi_minor = "semi_minor_px",
-    angle = "angle" } do
+  for name, channel in pairs {
+    u = "u_px",
+    v = "v_px",
+    semi_major = "semi_major_px",
+    semi_minor = "semi_minor_px",
+    angle = "angle",
+  } do
     local good = {}
     for _, value in ipairs((run:samples("servo", channel, { from = from, to = run:now() }))) do
       if value == value then good[#good + 1] = value end
@@ -29,26 +34,29 @@ local function ellipse_since(run, from)
   return seen
 end
 
--- What the tracker saw, with the length that goes with its width for a robot that lies straight at `place`: what a loop that takes
--- the depth from the width alone believes. The outline of plates is some tenths of a pixel too short for its width.
+-- What the tracker saw, with the length that goes with its width for a robot that lies straight at `place`: what a loop that
+-- takes the depth from the width alone believes.
 local function by_width(view, robot, seen, place, axis)
   local straight = view:ellipse(robot, { position = place, axis = axis })
   if not straight then error("the robot on the retina is outside of the view", 0) end
   local same = {}
-  for name, value in pairs(seen) do same[name] = value end
+  for name, value in pairs(seen) do
+    same[name] = value
+  end
   same.semi_major = seen.semi_minor * straight.semi_major / straight.semi_minor
   return same
 end
 
 --- Lays the robot on the retina under `above` and returns the corrected view for rig:servo, and what was corrected.
 --- `depth_error`: by how much the retina's depth is known wrongly, m (0). `by_width`: for a loop that estimates how the robot
---- lies (axis_uncertainty of rig:servo) and so takes the depth from its width alone. The robot is left where it lies, `trim` to take back.
+--- lies (axis_uncertainty of rig:servo) and so takes the depth from its width alone. The robot is left where it lies, `trim`
+--- to take back.
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
-  local above = options.above or model.eye_in_world + vector(0, 0, 2*mm)
+  local above = options.above or model.eye_in_world + vector(0, 0, 2 * mm)
   local trim = bring.sink(run, servo, above, { time = options.time })
   local from = run:now()
-  run:wait(options.listen or 2*s)
+  run:wait(options.listen or 2 * s)
   local seen = ellipse_since(run, from)
   if not seen then error("the robot was not seen on the retina: nothing to calibrate with", 0) end
   local view = rig:view()
@@ -61,13 +69,18 @@ function retina.calibrate(rig, run, servo, options)
   local aside = math.sqrt(x ^ 2 + y ^ 2)
   local upright = math.abs(axis.z) / axis:norm() > 0.7
   local thin = upright and model.robot.half_length or model.robot.radius
-  lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside,
-    0.5 * model.retina_radius)) + (options.depth_error or 0)
+  lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside, 0.5 * model.retina_radius))
+    + (options.depth_error or 0)
   if options.by_width then seen = by_width(view, model.robot, seen, vector(x, y, lies.height), axis) end
-  local corrected, told = view:calibrated(model.robot, seen, { axis = axis, known_z = lies.height,
-    correction = options.correction })
-  run:note(("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(told.image_scale,
-    run:show(vector(told.offset):norm(), "m"), told.residual))
+  local corrected, told =
+    view:calibrated(model.robot, seen, { axis = axis, known_z = lies.height, correction = options.correction })
+  run:note(
+    ("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(
+      told.image_scale,
+      run:show(vector(told.offset):norm(), "m"),
+      told.residual
+    )
+  )
   return corrected, told, trim
 end
 
