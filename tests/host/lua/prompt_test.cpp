@@ -9,7 +9,8 @@ using Prompt = LuaBench;
 TEST_F(Prompt, ShowsWhatExpressionsAreWorth) {
   EXPECT_EQ(prompt("1 + 1\n'a', nil\nx = 5\nx * 2\n"), "2\n\"a\"\tnil\n10\n");
   EXPECT_EQ(prompt("{ 1, 2, a = { b = { c = { d = 1 } } } }\n"), "{1, 2, a = {b = {c = {...}}}}\n");
-  EXPECT_EQ(prompt("vector(1, 2, 3) * 2\nrig\nprint\n"), "{2, 4, 6}\nrig\nfunction\n");
+  EXPECT_EQ(prompt("vector(1, 2, 3) * 2\nprint\n"), "{2, 4, 6}\nfunction\n");
+  EXPECT_TRUE(prompt("rig\n").starts_with("rig: coils lens_mover top_camera ")) << "what can be asked of a handle";
   EXPECT_EQ(prompt("print('said')\nunits.mm\n\n   \n-- nothing\n"), "said\n0.001\n");
 }
 
