@@ -8,11 +8,13 @@
 
 namespace vitreo::control {
 
-/// The defaults suit a 1 mm NdFeB cylinder in gels like porcine vitreous, at 15 frames/s and 130 ms latency.
+/// The defaults suit a 1 mm NdFeB cylinder at 15 frames/s and 130 ms latency, in gels from 2.8 Pa on and in oil of 500
+/// cSt. In a gel of modulus G' an `integral` of up to 0.4 * 6 pi G' r is as safe, and faster (r: of the ball with the
+/// robot's drag).
 struct VelocityGains {
   double proportional = 0.3;    // 1/s: velocity wanted per position error
   double max_speed = 0.2e-3;    // m/s wanted at most: what makes the approach slow enough to stop
-  double integral = 0.05;       // N/m: force per unit of distance that the robot has stayed behind
+  double integral = 0.01;       // N/m: force per unit of distance that the robot has stayed behind
   double velocity_time = 0.13;  // s, of the low-pass on the measured velocity
   double max_force = 200e-6;    // N
   void check() const;           // throws std::invalid_argument naming the gain
