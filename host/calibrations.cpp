@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <limits>
 #include <optional>
 
 namespace vitreo {
@@ -37,8 +38,20 @@ Calibration read_one(ConfigReader& rig, ConfigReader reader, const std::string& 
     one.devices[role] = devices.text(role, "");
   }
   devices.finish();
+  if (reader.has("instead_of"))
+    one.instead_of = reader.number(
+        "instead_of", 0, {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), ""});
   reader.finish();
   return one;
+}
+
+InstalledCalibration read_installed(ConfigReader reader) {
+  InstalledCalibration installed;
+  installed.file = reader.text("file", "");
+  if (!installed.file.ends_with(".json")) reader.fail("file", "wants the name of a file, such as \"octomag.json\"");
+  installed.valid_days = reader.integer("valid_days", installed.valid_days, 1, 36500);
+  reader.finish();
+  return installed;
 }
 
 }  // namespace
@@ -51,7 +64,10 @@ Calibrations Calibrations::read(ConfigReader& rig) {
   ConfigReader reader = rig.table("calibrations");
   calibrations.refuse_stale = reader.choice("when_stale", "warn", {"warn", "refuse"}) == "refuse";
   for (const std::string& name : reader.keys())
-    if (name != "when_stale") calibrations.list.push_back(read_one(rig, reader.table(name), name));
+    if (name == "installed")
+      calibrations.installed = read_installed(reader.table(name));
+    else if (name != "when_stale")
+      calibrations.list.push_back(read_one(rig, reader.table(name), name));
   reader.finish();
   return calibrations;
 }

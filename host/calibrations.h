@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,10 +20,19 @@ struct Calibration {
   std::string date;        // "2026-10-01"
   int valid_days = 365;
   std::map<std::string, std::string> devices;  // role: what its identity must hold, such as a serial number
+  std::optional<double> instead_of;            // what the rig file itself says, where an installed value replaces it
+};
+
+/// calibrations.installed = { file = "octomag.json", valid_days = 180 }: the file that `calibrate_rig` writes and the
+/// next start reads (host/installed_calibration.h).
+struct InstalledCalibration {
+  std::string file;
+  int valid_days = 365;
 };
 
 struct Calibrations {
   bool refuse_stale = false;  // when_stale = "refuse"; else a warning
+  std::optional<InstalledCalibration> installed;
   std::vector<Calibration> list;
 
   /// Throws ConfigError with file and line: a date that is none, or later than today; a device that the rig has not.

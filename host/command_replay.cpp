@@ -1,6 +1,7 @@
 // `vitreo replay RUN`: the recorded frames through today's tracker and localiser, and how that differs from then.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/commands.h"
+#include "host/installed_calibration.h"
 #include "host/record_json.h"
 #include "host/replay.h"
 #include "host/rig_settings.h"
@@ -31,7 +32,8 @@ RigModel model_of(ScriptEngine& engine, const RunData& data) {
     }
     const std::filesystem::path& file;
   } const removal{copy};
-  const RigDescription description = engine.load_rig(copy.string());
+  RigDescription description = engine.load_rig(copy.string());
+  take_recorded_calibration(description, rig.value("resolved", nlohmann::json()));
   ConfigReader reader(description);
   const RigSettings settings = read_rig_settings(reader);
   RigModel model = settings.model;

@@ -4,6 +4,7 @@
 #include "control/field_calibration_file.h"
 #include "control/robots.h"
 #include "control/vitreous.h"
+#include "host/calibrations.h"
 #include "host/guardian.h"
 #include "host/plant_settings.h"
 #include "host/rig_settings.h"
@@ -146,6 +147,15 @@ control::MultipoleField model_calibration(const std::string& file) {
   }
 }
 
+/// A calibration changes what the loop believes; the simulated cameras stay as the rig file has them.
+void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& laboratory) {
+  for (const Calibration& one : Calibrations::of(rig).list) {
+    if (!one.instead_of) continue;
+    if (one.name == "top_camera.effective_pixel") laboratory.top_image.pixel = *one.instead_of;
+    if (one.name == "side_camera.effective_pixel") laboratory.side_pixel = *one.instead_of;
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> Rig::roles() const {
@@ -177,6 +187,7 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   if (!settings.field_calibration.empty())
     settings.model.field = laboratory.believed_field =
         model_calibration(beside(description.file, settings.field_calibration));
+  keep_simulated_cameras(description, laboratory);
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
   try {

@@ -6,6 +6,7 @@
 #include "host/calibrations.h"
 #include "host/disk_need.h"
 #include "host/imagined_side.h"
+#include "host/installed_calibration.h"
 #include "host/interrupts.h"
 #include "host/registry.h"
 #include "host/rig_settings.h"
@@ -245,6 +246,7 @@ CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
   checked.protocol = engine.describe(request.protocol_file);
   checked.arguments = check_arguments(checked.protocol, request.arguments);
   checked.rig = engine.load_rig(request.rig_file);
+  take_installed_calibration(checked.rig, request.out);
   const std::vector<std::string> roles = check_rig(checked.rig);
   check_needs(checked.protocol, roles, request.rig_file);
   check_frames(request.frames, roles);

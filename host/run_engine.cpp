@@ -6,6 +6,7 @@
 #include "host/disk_need.h"
 #include "host/faults.h"
 #include "host/identities.h"
+#include "host/installed_calibration.h"
 #include "host/interrupts.h"
 #include "host/log.h"
 #include "host/observers.h"
@@ -293,7 +294,8 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
 
 RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener, LineEditor& in,
                      std::ostream& out, std::ostream& err) {
-  const RigDescription description = engine.load_rig(request.rig_file);
+  RigDescription description = engine.load_rig(request.rig_file);
+  take_installed_calibration(description, request.out);
   Rights::of(description).require_researcher(operator_of(request), "the prompt");
   Preparation preparation;
   RunStage stage = build_stage(request, description);

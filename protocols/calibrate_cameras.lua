@@ -33,6 +33,7 @@ return {
         local pixel = believed[role]
         book:check {
           name = role .. ": pixel",
+          part = role,
           key = role .. ".effective_pixel",
           believed = pixel,
           value = fit.pixel,
@@ -43,6 +44,7 @@ return {
         }
         book:check {
           name = role .. ": rotation",
+          part = role,
           believed = 0,
           value = fit.rotation,
           sigma = fit.rotation_sigma,
@@ -52,12 +54,14 @@ return {
         }
         book:check {
           name = role .. ": what the fit leaves, px rms",
+          part = role,
           value = fit.rms_residual_px,
           least = 0,
           most = p.residual,
         }
         book:check {
           name = role .. ": distortion at the corner",
+          part = role,
           believed = 0,
           value = fit.distortion,
           least = -0.01,

@@ -38,6 +38,7 @@ return {
     local delay, constant = statistics.median(delays), statistics.median(constants)
     book:check {
       name = "coils: delay",
+      part = "latency",
       key = "model.coil_delay",
       believed = model.command_delay,
       value = delay,
@@ -48,6 +49,7 @@ return {
     }
     book:check {
       name = "coils: bandwidth",
+      part = "latency",
       key = "model.coil_bandwidth",
       value = 1 / (2 * math.pi * constant),
       unit = "Hz",

@@ -1,5 +1,6 @@
 -- Calibrates the rig overnight, unattended: cameras, then latency, then coils, each with its acceptance limits. What is accepted
--- goes into calibration.json of the run, under the keys of the rig file where it belongs; one that is refused leaves the others.
+-- goes into calibration.json of the run and into the rig's calibration file, for the next start (docs/how-to/calibrate.md); one
+-- that is refused leaves the others.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
@@ -14,6 +15,7 @@ local function cameras(rig, run, p, book)
       local fit = calibrations.camera(rig, run, role, { count = p.count, half = 3 * mm })
       book:check {
         name = role .. ": pixel",
+        part = role,
         key = role .. ".effective_pixel",
         believed = pixel,
         value = fit.pixel,
@@ -24,13 +26,20 @@ local function cameras(rig, run, p, book)
       }
       book:check {
         name = role .. ": rotation",
+        part = role,
         believed = 0,
         value = fit.rotation,
         unit = "rad",
         least = -1 * deg,
         most = 1 * deg,
       }
-      book:check { name = role .. ": what the fit leaves, px rms", value = fit.rms_residual_px, least = 0, most = 0.5 }
+      book:check {
+        name = role .. ": what the fit leaves, px rms",
+        part = role,
+        value = fit.rms_residual_px,
+        least = 0,
+        most = 0.5,
+      }
     end
   end
 end
@@ -40,6 +49,7 @@ local function latency(rig, run, _, book)
   local delay, constant = calibrations.coil_latency(rig, run, { coil = 1, current = 3 * A })
   book:check {
     name = "coils: delay",
+    part = "latency",
     key = "model.coil_delay",
     believed = believed,
     value = delay,
@@ -49,6 +59,7 @@ local function latency(rig, run, _, book)
   }
   book:check {
     name = "coils: bandwidth",
+    part = "latency",
     key = "model.coil_bandwidth",
     value = 1 / (2 * math.pi * constant),
     unit = "Hz",

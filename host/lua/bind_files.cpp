@@ -1,6 +1,7 @@
 // files: tables that people keep as text, where a script may see them.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config.h"
+#include "host/installed_calibration.h"
 #include "host/lua/binding.h"
 #include "host/lua/context.h"
 #include "host/lua/errors.h"
@@ -95,6 +96,37 @@ int write_text(Call& call) {
   return call.result(file.string());
 }
 
+/// The texts or numbers of a table by name, such as { ["top_camera.effective_pixel"] = 20.7e-6 }.
+template <class Take>
+void each_named(Call& call, std::size_t argument, const Take& take) {
+  for (const std::string& name : text_keys(call.L, call.index(argument))) {
+    lua_getfield(call.L, call.index(argument), name.c_str());
+    take(name);
+    lua_pop(call.L, 1);
+  }
+}
+
+int install_calibration(Call& call) {
+  const Session& session = session_of(call.L);
+  AcceptedCalibration accepted;
+  each_named(call, 0, [&](const std::string& name) {
+    if (lua_type(call.L, -1) != LUA_TNUMBER)
+      throw std::invalid_argument("values: " + name + ": wants a number, got " + kind_of(call.L, -1));
+    accepted.values[name] = lua_tonumber(call.L, -1);
+  });
+  each_named(call, 1, [&](const std::string& name) {
+    if (lua_type(call.L, -1) != LUA_TSTRING)
+      throw std::invalid_argument("names: " + name + ": wants a text, got " + kind_of(call.L, -1));
+    accepted.files[name] = lua_tostring(call.L, -1);
+  });
+  std::filesystem::path file;
+  if (session.rehearsal == nullptr)  // a dry run measures nothing
+    file = vitreo::install_calibration(accepted, session.recorder.start(), session.recorder.folder());
+  if (file.empty()) return 0;
+  session.recorder.event(session.clock.now(), "calibration", "installed " + file.string());
+  return call.result(file.string());
+}
+
 }  // namespace
 
 const std::vector<Binding>& files_functions() {
@@ -112,7 +144,13 @@ const std::vector<Binding>& files_functions() {
        {text("name", "a new file of the run's folder"), text("text", "")},
        "path",
        "writes a text file into the run's folder",
-       write_text}};
+       write_text},
+      {"files.install_calibration",
+       {{.name = "values", .type = Type::table, .help = "numbers in SI by key of the rig file"},
+        {.name = "names", .type = Type::table, .help = "files of the run's folder by key of the rig file"}},
+       "path, or nothing where the rig names no calibration file",
+       "writes what was accepted into the rig's calibration file, for the next start; the one before is kept",
+       install_calibration}};
   return functions;
 }
 

@@ -8,6 +8,8 @@ local mA, deg = units.mA, units.deg
 return {
   title = "Simulated OctoMag with a field probe on a stage",
 
+  calibrations = { installed = { file = "calibration_rig.json", valid_days = 90 } },
+
   model = {
     eye = "model_eye_5_3",
     eye_in_world = { 0, 0, -5 * mm },

@@ -4,6 +4,7 @@
 #include "host/calibrations.h"
 #include "host/clock_map.h"
 #include "host/disk_need.h"
+#include "host/installed_calibration.h"
 #include "host/log.h"
 #include "host/progress_line.h"
 #include "host/rights.h"
@@ -143,6 +144,24 @@ TEST(CalibrationsTest, WithADateThatIsNoneOrInTheFutureOrForAnUnknownRoleAreErro
   ConfigTable stranger = calibration("2026-02-01", 28);
   stranger["devices"].value = ConfigTable{{"coilz", text("1")}};
   EXPECT_THROW(Calibrations::of(rig_with("calibrations", {{"field", {stranger}}})), ConfigError);
+}
+
+TEST(CalibrationsTest, OfARecordAreInForceInItsReplay) {
+  RigDescription rig = rig_with("top_camera", {{"effective_pixel", ConfigValue{20.7e-6}}});
+  take_recorded_calibration(rig, {{"top_camera", {{"effective_pixel", 20.4e-6}}},
+                                  {"side_camera", {{"effective_pixel", 20.1e-6}}},
+                                  {"calibrations", {{"top_camera.effective_pixel", {{"date", "2026-02-01"}}}}}});
+  ConfigReader reader(rig);
+  EXPECT_EQ(reader.table("top_camera").number("effective_pixel", 0, {0, 1, "m"}), 20.4e-6);
+  EXPECT_FALSE(reader.has("side_camera")) << "it was not calibrated";
+}
+
+TEST(CalibrationsTest, TheInstalledFileIsNamedAndHasNoDateOfItsOwn) {
+  const auto rig = rig_with("calibrations", {{"installed", ConfigValue{ConfigTable{{"file", text("octomag.json")}}}}});
+  const Calibrations calibrations = Calibrations::of(rig);
+  EXPECT_EQ(calibrations.installed.value().file, "octomag.json");
+  EXPECT_TRUE(calibrations.list.empty());
+  EXPECT_THROW(Calibrations::of(rig_with("calibrations", {{"installed", ConfigValue{ConfigTable{}}}})), ConfigError);
 }
 
 TEST(ProgressLineTest, AScriptCannotSteerTheTerminal) {

@@ -5,9 +5,14 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <ctime>
 #include <fstream>
+#include <iomanip>
 #include <set>
 #include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -139,6 +144,151 @@ TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
     if (figures.contains("loop_latency")) {
       EXPECT_NEAR(figures["loop_latency"], 130e-3, 15e-3);
     }
+  }
+}
+
+/// The rig of calibrate_rig with a camera of a quarter of the pixels and none at the side: nothing else takes its time.
+std::string small_calibration_rig(const std::vector<std::pair<std::string, std::string>>& changes = {}) {
+  std::ostringstream file;
+  file << std::ifstream(VITREO_SOURCE_DIR "/scripts/rigs/calibration.lua").rdbuf();
+  std::string text = file.str();
+  std::vector<std::pair<std::string, std::string>> all = {
+      {"width_px = 656", "width_px = 328"}, {"height_px = 490", "height_px = 246"}, {"20.7 * um", "41.4 * um"}};
+  all.insert(all.end(), changes.begin(), changes.end());
+  for (const auto& [from, to] : all) {
+    EXPECT_NE(text.find(from), std::string::npos) << from;
+    text.replace(text.find(from), from.size(), to);
+  }
+  const std::size_t side = text.find("  side_camera = ");
+  return text.erase(side, text.find('\n', side) - side);
+}
+
+constexpr const char* kInstalled = "runs/calibrations/calibration_rig.json";
+
+constexpr const char* kBelieved =
+    "return { title = 'What is believed', needs = { 'coils' }, parameters = {}, run = function(rig, _, run)\n"
+    "run:figure('pixel', rig:model().pixel, 'm') run:figure('delay', rig:model().command_delay, 's') end }\n";
+
+std::vector<std::string> kept_before(const Workplace& place) {
+  std::vector<std::string> texts;
+  for (const auto& entry : std::filesystem::directory_iterator(place.folder() / "runs/calibrations"))
+    if (entry.path().filename().string().starts_with("calibration_rig_before_"))
+      texts.push_back(place.read(entry.path().lexically_relative(place.folder()).string()));
+  return texts;
+}
+
+TEST(Calibrations, WhatWasAcceptedIsInForceAtTheNextStartAndTheFileBeforeIsKept) {
+  const Workplace place;
+  place.write("rig.lua", small_calibration_rig());
+  place.write("believed.lua", kBelieved);
+  ASSERT_EQ(place.vitreo("check calibrate_latency coils=1 frames=2 --rig rig.lua").exit_code, 0);
+  EXPECT_FALSE(std::filesystem::exists(place.folder() / "runs/calibrations")) << "a dry run installs nothing";
+  const Spoken first = place.vitreo("run calibrate_rig count=2 --rig rig.lua --json");
+  ASSERT_EQ(first.exit_code, 0) << first.out << first.err;
+  const std::string before = place.read(kInstalled);
+  const auto values = nlohmann::json::parse(before)["values"];
+  EXPECT_NE(values["top_camera.effective_pixel"]["value"], 41.4e-6);
+  EXPECT_TRUE(kept_before(place).empty());
+
+  const Spoken next = place.vitreo("run believed.lua --rig rig.lua --json");
+  ASSERT_EQ(next.exit_code, 0) << next.err;
+  const auto figures = nlohmann::json::parse(next.out)["figures"];
+  EXPECT_EQ(figures["pixel"], values["top_camera.effective_pixel"]["value"]);
+  EXPECT_EQ(figures["delay"], values["model.coil_delay"]["value"]);
+  const auto hashes = nlohmann::json::parse(place.vitreo("show last --json").out)["files"];
+  std::string files;
+  for (const auto& [file, hash] : hashes.items()) {
+    files += file + "\n";
+    if (!file.ends_with("/calibration_rig.json")) continue;
+    std::system(("sha256sum '" + file + "' >'" + (place.folder() / "sum").string() + "'").c_str());
+    EXPECT_EQ(place.read("sum").substr(0, 64), hash);
+  }
+  EXPECT_NE(files.find("/calibration_rig.json\n"), std::string::npos) << files;
+  EXPECT_NE(files.find("octomag_calibrated.yaml\n"), std::string::npos) << files;
+
+  const Spoken second = place.vitreo("run calibrate_latency coils=1 frames=2 --rig rig.lua --json");
+  ASSERT_EQ(second.exit_code, 0) << second.out << second.err;
+  const auto after = nlohmann::json::parse(place.read(kInstalled))["values"];
+  EXPECT_NE(after["model.coil_delay"]["run"], values["model.coil_delay"]["run"]);
+  EXPECT_EQ(after["top_camera.effective_pixel"], values["top_camera.effective_pixel"]) << "nobody measured it again";
+  EXPECT_EQ(kept_before(place), std::vector<std::string>{before});
+}
+
+TEST(Calibrations, WhatIsRefusedChangesNothing) {
+  const Workplace place;
+  place.write("rig.lua", small_calibration_rig({{"field = \"octomag\",", "field = \"octomag\", coil_delay = 0.1,"}}));
+  const std::string words = "run calibrate_latency coils=1 frames=2 --rig rig.lua --json";
+  EXPECT_NE(place.vitreo(words).exit_code, 0);
+  EXPECT_FALSE(std::filesystem::exists(place.folder() / kInstalled));
+  ASSERT_EQ(place.vitreo(words + " limit=90ms").exit_code, 0);
+  const std::string installed = place.read(kInstalled);
+  place.write("rig.lua", small_calibration_rig({{"coil_delay = 50 * ms", "coil_delay = 150 * ms"}}));
+  EXPECT_NE(place.vitreo(words).exit_code, 0);
+  EXPECT_EQ(place.read(kInstalled), installed);
+  EXPECT_TRUE(kept_before(place).empty());
+}
+
+std::string installed(const std::string& name, const std::string& inner) {
+  return R"({"rig": "rig.lua", "values": {")" + name + R"(": {)" + inner + "}}}";
+}
+
+TEST(Calibrations, ABrokenFileIsRefusedByNameAndKeyBeforeAnythingIsOpened) {
+  const Workplace place;
+  place.write("rig.lua", small_calibration_rig());
+  place.write("believed.lua", kBelieved);
+  std::filesystem::create_directories(place.folder() / "runs/calibrations");
+  const std::string dated = R"("date": "2026-01-01", "devices": {})", pixel = "top_camera.effective_pixel";
+  const std::vector<std::pair<std::string, std::string>> all = {
+      {"{\"values\": {", "no JSON"},
+      {"[]", "values must be"},
+      {"", "no JSON"},
+      {installed(pixel, R"("value": "20 um", )" + dated), pixel + ".value must be a number"},
+      {installed(pixel, R"("value": 1e-3, )" + dated), pixel + " is 1 mm"},
+      {installed(pixel, R"("value": 2e-5, "date": "2026-02-30", "devices": {})"), pixel + ".date wants the day"},
+      {installed(pixel, R"("value": 2e-5, "date": "2026-02-03")"), pixel + ".devices must be"},
+      {installed("coils.interlock_current", R"("value": 20, )" + dated), "coils.interlock_current is no key"},
+      {installed("side_camera.effective_pixel", R"("value": 2e-5, )" + dated), "the rig has no side_camera"},
+      {installed("model.calibration", R"("file": "none.yaml", "sha256": "0", )" + dated),
+       "model.calibration.file cannot"},
+      {installed("model.calibration", R"("file": "../a.yaml", "sha256": "0", )" + dated), "without a folder"},
+      {installed("model.calibration", R"("file": "calibration_rig.json", "sha256": "0", )" + dated),
+       "as it was installed"}};
+  for (const auto& [text, said] : all) {
+    place.write(kInstalled, text);
+    const Spoken spoken = place.vitreo("run believed.lua --rig rig.lua");
+    EXPECT_EQ(spoken.exit_code, 2) << text << spoken.err;
+    EXPECT_NE(spoken.err.find(said), std::string::npos) << said << "\n" << spoken.err;
+    EXPECT_NE(spoken.err.find("calibrations/calibration_rig.json: "), std::string::npos) << spoken.err;
+  }
+  EXPECT_EQ(place.runs(), 1) << "the folder of calibrations, and no run's";
+}
+
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  std::ostringstream text;
+  text << std::put_time(std::localtime(&now), "%Y-%m-%d");
+  return text.str();
+}
+
+TEST(Calibrations, AnInstalledValueThatIsStaleOrAnotherDevicesIsWarnedAboutOrRefused) {
+  const Workplace place;
+  place.write("believed.lua", kBelieved);
+  std::filesystem::create_directories(place.folder() / "runs/calibrations");
+  for (const auto& [inner, said] : std::vector<std::pair<std::string, std::string>>{
+           {R"("value": 4.2e-5, "date": "2020-01-01", "devices": {})", "days old, and valid for 90"},
+           {R"("value": 4.2e-5, "date": ")" + today() + R"(", "devices": {"top_camera": "SN 77"})",
+            "top_camera = 'SN 77'"}}) {
+    place.write(kInstalled, installed("top_camera.effective_pixel", inner));
+    place.write("rig.lua", small_calibration_rig());
+    const Spoken warned = place.vitreo("run believed.lua --rig rig.lua --json");
+    ASSERT_EQ(warned.exit_code, 0) << warned.err;
+    EXPECT_EQ(nlohmann::json::parse(warned.out)["figures"]["pixel"], 4.2e-5);
+    const std::string of_run = nlohmann::json::parse(warned.out)["run"];  // two of one second have no order
+    EXPECT_NE(place.vitreo("show " + of_run + " --json").out.find(said), std::string::npos);
+    place.write("rig.lua", small_calibration_rig({{"installed = {", "when_stale = \"refuse\", installed = {"}}));
+    const Spoken refused = place.vitreo("run believed.lua --rig rig.lua --json");
+    EXPECT_NE(refused.exit_code, 0);
+    EXPECT_NE((refused.out + refused.err).find(said), std::string::npos) << refused.out << refused.err;
   }
 }
 
