@@ -5,9 +5,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # vitreo_lazy_library(TARGET FILE): FILE is the shared library. Where the instructions are not known (they are for x86-64),
-# TARGET is the library itself.
+# and under sanitizers, which look at the library's types, TARGET is the library itself.
 function(vitreo_lazy_library target file)
-  if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$" OR NOT CMAKE_NM OR NOT CMAKE_OBJDUMP)
+  if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$" OR NOT CMAKE_NM OR NOT CMAKE_OBJDUMP OR
+     VITREO_SANITIZE)
     add_library(${target} INTERFACE)
     target_link_libraries(${target} INTERFACE ${file})
     return()
