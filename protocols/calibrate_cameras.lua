@@ -17,7 +17,7 @@ return {
       default = 0.02,
       min = 0.0001,
       max = 0.5,
-      help = "by which a pixel may differ from what the rig file says, relative",
+      help = "by which a pixel may differ from what is believed at the start, relative",
     },
     residual = { default = 0.5, min = 0.01, max = 10, help = "px that the fit may leave, rms" },
   },

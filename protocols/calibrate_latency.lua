@@ -21,7 +21,7 @@ return {
       default = 20 * ms,
       min = 1 * ms,
       max = 500 * ms,
-      help = "by which the delay may differ from what the rig file says",
+      help = "by which the delay may differ from what is believed at the start",
     },
   },
   run = function(rig, p, run)
