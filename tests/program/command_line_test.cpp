@@ -130,8 +130,9 @@ TEST(CommandLine, AnEndlessLoopWithoutAWaitIsStoppedToo) {
 TEST(CommandLine, APromptWhoseStatementIsStuckSaysSoAndLeaves) {
   const Workplace place;
   Terminal terminal(place.folder());
-  ASSERT_TRUE(terminal.sees("> "));
+  ASSERT_TRUE(terminal.prompts());
   terminal.type("rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\r");
+  ASSERT_TRUE(terminal.prompts()) << terminal.unseen();
   terminal.type("print('st' .. 'uck') string.find(string.rep('a', 60), string.rep('a-', 60) .. 'b')\r");
   ASSERT_TRUE(terminal.sees("stuck")) << terminal.unseen();
   terminal.type("\x03");
