@@ -54,8 +54,7 @@ async function steer(page) {
   await page.mouse.down();
   await page.mouse.move(...(await at(0.5, 0.5)), { steps: 12 });
   await page.mouse.move(...(await at(0.55, 0.6)), { steps: 12 });
-  await page.waitForTimeout(300);
-  seen.whiteDrawing = await white(page, 0.5, 0.5);
+  for (let i = 0; i < 100 && !((seen.whiteDrawing = await white(page, 0.5, 0.5)) > 2); ++i) await page.waitForTimeout(100);
   await page.screenshot({ path: `${folder}/live_view_path.png` });
   await page.mouse.up();
   await says(page, 'the first of ');

@@ -68,7 +68,7 @@ export function CameraView({ store, camera, slot, depth }) {
   const frame = store.frames[slot];
   const mine = store.status.control === 'mine' && store.status.takes_targets;
 
-  useEffect(() => {
+  const draw = () => {
     const frame = store.frames[slot]; // the newest: the one of the rendering may have been let go since
     if (!frame || !canvas.current) return;
     const surface = canvas.current;
@@ -88,7 +88,8 @@ export function CameraView({ store, camera, slot, depth }) {
       drawn.forEach(([u, v], i) => (i ? pen.lineTo(u, v) : pen.moveTo(u, v)));
       pen.stroke();
     }
-  });
+  };
+  useEffect(draw);
 
   const place = (event) => {
     const box = canvas.current.getBoundingClientRect(), { width, height } = canvas.current;
@@ -105,7 +106,9 @@ export function CameraView({ store, camera, slot, depth }) {
   const move = (event) => {
     if (!path.current) return;
     const [u, v] = place(event), [lu, lv] = path.current[path.current.length - 1];
-    if (Math.hypot(u - lu, v - lv) > canvas.current.width / 80) path.current.push([u, v]);
+    if (Math.hypot(u - lu, v - lv) <= canvas.current.width / 80) return;
+    path.current.push([u, v]);
+    draw(); // at once: the next frame may be a while
   };
   const finish = () => {
     if (!path.current) return;
