@@ -6,7 +6,7 @@ local expect = require "expect"
 local published = require "published"
 local units = require "units"
 local vision = require "vision"
-local mm, s, deg = units.mm, units.s, units.deg
+local mm, s = units.mm, units.s
 
 -- One tracker a way of looking: the thesis' level set with its thresholds or one at 0, and ours with the refined rim.
 local function trackers(training, pairs_of)
@@ -35,22 +35,6 @@ local function trackers(training, pairs_of)
       { channels = channels, name = channels .. ", shape and rim", ours = true, tracker = vision.tracker { model = model } }
   end
   return made
-end
-
-local function row_of(one)
-  local e = one.errors
-  local function px(value) return value == value and ("%.2f"):format(value) or "–" end
-  return {
-    one.name,
-    px(e.x),
-    px(e.y),
-    px(e.major),
-    px(e.minor),
-    px(e.angle / deg),
-    tostring(e.tracked),
-    tostring(e.lost),
-    tostring(e.wrong),
-  }
 end
 
 -- The outline that was found, unless there was none, beside the true one.
@@ -97,20 +81,14 @@ return {
       if outline then judged[#judged + 1] = { frame = frames[k], outline = outline } end
     end
     if #judged == 0 then error("there is no frame to judge by", 0) end
-    local rows = {}
     for i, one in ipairs(all) do
       local both = {}
       for k, each in ipairs(judged) do
         both[k] = { track = each.frame.tracks[i], outline = each.outline }
       end
       one.errors = colour_scene.compare(both)
-      rows[i] = row_of(one)
     end
-    run:table {
-      title = ("Mean errors in %d frames, as table 8.3; lost: said so, wrong: over 20 px off"):format(#judged),
-      header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" },
-      rows = rows,
-    }
+    colour_scene.tell(run, ("Mean errors in %d frames, as table 8.3"):format(#judged), all)
     for _, each in ipairs(judged) do
       if each.frame.image then
         for i, one in ipairs(all) do

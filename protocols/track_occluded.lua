@@ -18,26 +18,6 @@ local function put_needle(rig, run, across)
   end
 end
 
-local function rows_of(found)
-  local rows = {}
-  for i, one in ipairs(found) do
-    local e = one.errors
-    local function px(value) return value == value and ("%.2f"):format(value) or "–" end
-    rows[i] = {
-      one.name,
-      px(e.x),
-      px(e.y),
-      px(e.major),
-      px(e.minor),
-      px(e.angle / deg),
-      tostring(e.tracked),
-      tostring(e.lost),
-      tostring(e.wrong),
-    }
-  end
-  return rows
-end
-
 return {
   title = "Tracking behind an occlusion",
   needs = { "top_camera" },
@@ -96,11 +76,7 @@ return {
     for _, one in ipairs(found) do
       one.errors = colour_scene.compare(one.both)
     end
-    run:table {
-      title = "Mean errors, beside figure 8.4; lost: said so, wrong: over 20 px off",
-      rows = rows_of(found),
-      header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" },
-    }
+    colour_scene.tell(run, "Mean errors, beside figure 8.4", found)
     local alone, shape = found[1].errors, found[3].errors
     local count = #found[1].both
     local book = expect.book(run, "figure 8.4")

@@ -4,7 +4,7 @@
 -- SPDX-License-Identifier: Apache-2.0
 local statistics = require "statistics"
 local units = require "units"
-local mm, s = units.mm, units.s
+local mm, s, deg = units.mm, units.s, units.deg
 local colour_scene = {}
 
 -- The truth nearest to a time.
@@ -143,6 +143,20 @@ function colour_scene.compare(pairs_of)
     tracked = count,
     lost = lost,
     wrong = wrong,
+  }
+end
+
+--- A table of what `compare` found: one row a tracker, each with `name` and `errors`.
+function colour_scene.tell(run, title, trackers)
+  local function px(value) return value == value and ("%.2f"):format(value) or "–" end
+  run:table {
+    title = title .. "; lost: said so, wrong: over 20 px off",
+    header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" },
+    rows = statistics.map(trackers, function(one)
+      local e = one.errors
+      local off = statistics.map({ e.x, e.y, e.major, e.minor, e.angle / deg }, px)
+      return { one.name, off[1], off[2], off[3], off[4], off[5], tostring(e.tracked), tostring(e.lost), tostring(e.wrong) }
+    end),
   }
 end
 

@@ -8,9 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cmath>
-#include <iostream>
 #include <limits>
 #include <numbers>
 #include <random>
@@ -244,22 +242,14 @@ TEST(Pose, CheckNamesTheSetting) {
   refused("pixel", [](PoseSettings& s) { s.image.pixel = -1; });
 }
 
-TEST(Pose, LocateIsFastEnoughForTheLoop) {
+TEST(Pose, LocateNeedsFewStepsFromTheFrameBefore) {  // what a frame costs in time, the bench says
   const PoseSettings settings = default_settings();
   const Eigen::Vector3d place(3 * kMm, 0, 6 * kMm);
   EllipseVector seen = *project_spheroid(settings, place, kAlongX);
   seen[2] += 0.3;  // a residual that does not vanish, as in life
-  constexpr int kRuns = 500;
-  int iterations = 0;
-  const auto begin = std::chrono::steady_clock::now();
-  for (int i = 0; i < kRuns; ++i) {
-    iterations +=
-        locate(settings, seen, tracker_noise(), kAlongX, place + Eigen::Vector3d(1, -1, 2) * 1e-4)->iterations;
-  }
-  const std::chrono::duration<double, std::micro> taken = std::chrono::steady_clock::now() - begin;
-  std::cout << "locate: " << taken.count() / kRuns << " us, " << double(iterations) / kRuns << " iterations\n";
-  // 20 us in release; sanitizers, debug builds and busy machines are slower. A frame at 15 fps has 67 ms.
-  EXPECT_LT(taken.count() / kRuns, 10000);
+  const auto found = locate(settings, seen, tracker_noise(), kAlongX, place + Eigen::Vector3d(1, -1, 2) * 1e-4);
+  ASSERT_TRUE(found);
+  EXPECT_LE(found->iterations, 4) << "three today";
 }
 
 }  // namespace
