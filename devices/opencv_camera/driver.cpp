@@ -43,7 +43,7 @@ class OpencvCamera final : public Camera {
 
   void start() {
     capture_.setExceptionMode(false);
-    if (!(live_ ? capture_.open(settings_.source, cv::CAP_V4L2) : capture_.open(settings_.source, cv::CAP_ANY)))
+    if (!(live_ ? capture_.open(settings_.source, cv::CAP_V4L2) : capture_.open(settings_.source, cv::CAP_FFMPEG)))
       fail(DeviceErrorKind::not_found, live_ ? "is no camera, or is in use" : "is no video that can be read");
     if (live_) configure();
     double rate = capture_.get(cv::CAP_PROP_FPS);
