@@ -74,6 +74,16 @@ void make_equal(Drawing& drawing) {
   drawing.legend_beside = has_legend(drawing.plot) && spare >= legend_width(drawing.plot) + 24;
 }
 
+/// Numbered things: there is nothing half-way between two of them.
+bool counts_along_x(const Drawing& drawing) {
+  if (!drawing.plot.x.unit.empty() || drawing.plot.equal_aspect || drawing.empty) return false;
+  for (const auto& strokes : drawing.strokes)
+    for (const Stroke& stroke : strokes)
+      for (const PlotPoint& point : stroke)
+        if (point.x != std::round(point.x)) return false;
+  return true;
+}
+
 void choose_ticks(Drawing& drawing) {
   double x_step = nice_step(drawing.x.span(), drawing.box.width / 60);
   double y_step = nice_step(drawing.y.span(), drawing.box.height / 32);
@@ -82,6 +92,7 @@ void choose_ticks(Drawing& drawing) {
     y_step = std::min(x_step, nice_step(drawing.y.span(), 3));
     x_step = std::min(x_step, nice_step(drawing.x.span(), 3));
   }
+  if (counts_along_x(drawing)) x_step = std::max(x_step, 1.0);
   if (!drawing.plot.equal_aspect) drawing.x = snapped(drawing.x, x_step);
   drawing.x_ticks = make_ticks(drawing.x, x_step);
   drawing.y_ticks = make_ticks(drawing.y, y_step);

@@ -15,11 +15,13 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <string_view>
 
 namespace vitreo {
 namespace {
 
-constexpr int kHalfWidth = 546, kWholeWidth = 1112, kPlotHeight = 320, kViewHeight = 480;  // px
+// px of the drawings, which the page stretches by 1.2: on paper their letters are then still of 6 pt.
+constexpr int kHalfWidth = 456, kWholeWidth = 929, kPlotHeight = 270, kViewHeight = 400;
 constexpr std::size_t kEventsShown = 60;
 
 std::string text_of(const nlohmann::json& value) {
@@ -30,6 +32,18 @@ std::string text_of(const nlohmann::json& value) {
 
 std::string minus_sign(const std::string& number) {
   return number.starts_with('-') ? "\u2212" + number.substr(1) : number;
+}
+
+/// "137 um" as print has it, wherever a script wrote a micrometre.
+std::string with_micro(std::string text) {
+  for (std::size_t at = 1; (at = text.find(" u", at)) != std::string::npos; at += 2) {
+    const bool number = text[at - 1] >= '0' && text[at - 1] <= '9';
+    const char unit = at + 2 < text.size() ? text[at + 2] : ' ', next = at + 3 < text.size() ? text[at + 3] : ' ';
+    const bool ends = std::string_view("/ ,;)").find(next) != std::string_view::npos;
+    if (number && ends && std::string_view("msNATVW").find(unit) != std::string_view::npos)
+      text.replace(at + 1, 1, "\u00b5");
+  }
+  return text;
 }
 
 /// In the unit it was given with; a bare SI unit gives way to the one of a convenient size.
@@ -177,12 +191,27 @@ bool numeric_column(const Table& table, std::size_t column) {
   });
 }
 
+/// Such a column is never broken into lines.
+bool short_column(const Table& table, std::size_t column) {
+  constexpr std::size_t kShort = 18;  // characters
+  return std::all_of(table.rows.begin(), table.rows.end(),
+                     [&](const auto& row) { return column >= row.size() || count_characters(row[column]) <= kShort; });
+}
+
 std::string one_table(const Table& table) {
+  std::vector<std::string> kinds(table.header.size());
+  for (const auto& row : table.rows) kinds.resize(std::max(kinds.size(), row.size()));
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    const std::string kind =
+        std::string(i > 0 && numeric_column(table, i) ? "right " : "") + (short_column(table, i) ? "short " : "");
+    if (!kind.empty()) kinds[i] = " class=\"" + kind.substr(0, kind.size() - 1) + "\"";
+  }
   const auto cell = [&](const char* tag, const std::string& text, std::size_t column) {
-    const bool right = column > 0 && numeric_column(table, column);
-    return fmt::format("<{0}{1}>{2}</{0}>", tag, right ? " class=\"right\"" : "", escape_markup(text));
+    return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column], escape_markup(with_micro(text)));
   };
-  std::string out = "<div class=\"scroll\"><table>";
+  constexpr std::size_t kOnePage = 20;  // rows that are surely kept together on paper
+  std::string out =
+      table.rows.size() > kOnePage ? "<div class=\"scroll long\"><table>" : "<div class=\"scroll\"><table>";
   if (!table.title.empty()) out += "<caption>" + escape_markup(table.title) + "</caption>";
   out += "<thead><tr>";
   for (std::size_t i = 0; i < table.header.size(); ++i) out += cell("th", table.header[i], i);
@@ -211,7 +240,8 @@ std::string parameter_section(const RunData& data) {
       unit = text_of(start.parameter_units[name]);
     }
     const bool number = value.is_number();
-    const std::string shown = number ? with_unit(shown_value(value.get<double>(), unit, 6)) : text_of(value);
+    const std::string text = number ? with_unit(shown_value(value.get<double>(), unit, 6)) : text_of(value);
+    const std::string shown = text.empty() ? "\u2013" : text;  // nothing was chosen
     out += row_of(spaced(name), escape_markup(shown));
   }
   return section("Parameters", out.empty() ? "" : "<table>" + out + "</table>\n");
@@ -234,7 +264,8 @@ std::string event_rows(const std::vector<Event>& events, std::size_t from, std::
     const bool bad = event.kind == "error" || event.kind == "alarm";
     out += fmt::format(
         "<tr><td class=\"right\">{:.2f}\u00a0s</td><td><span class=\"mark{}\">{}</span></td><td>{}</td></tr>\n",
-        to_seconds(event.time), bad ? " error" : "", escape_markup(event.kind), escape_markup(event.text));
+        to_seconds(event.time), bad ? " error" : "", escape_markup(event.kind),
+        escape_markup(with_micro(event_text(event.text))));
   }
   return out;
 }

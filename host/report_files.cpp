@@ -3,6 +3,7 @@
 
 #include "host/child_process.h"
 #include "host/markup.h"
+#include "host/plot_axes.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
@@ -11,6 +12,7 @@
 #include <cctype>
 #include <fstream>
 #include <stdexcept>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -36,7 +38,36 @@ std::string file_name(std::size_t number, const std::string& title, const char* 
   return name + ending;
 }
 
+std::string said(const nlohmann::json& value) {
+  if (value.is_number_float()) return format_number(value.get<double>(), 4);
+  if (value.is_string()) return value.get<std::string>();
+  if (!value.is_structured()) return value.dump();
+  std::string out;
+  for (const auto& [key, inner] : value.items())
+    out += (out.empty() ? "" : ", ") + (value.is_object() ? key + " = " : "") + said(inner);
+  return value.is_array() ? "(" + out + ")" : out;
+}
+
+/// From 0 to the end by a step that clocks have, s; the end instead of what is too near to it.
+std::vector<double> round_times(double end) {
+  constexpr double kMost = 6, kNear = 0.11;  // steps; of the whole
+  double step = 0;
+  for (const double clock : {15., 30., 60., 120., 300., 600., 900., 1800., 3600., 7200., 21600., 43200., 86400.})
+    if (step == 0 && end > 60 && end / clock <= kMost) step = clock;
+  if (step == 0) step = nice_step(end, kMost);
+  std::vector<double> times;
+  for (int i = 0; i * step < end * (1 - kNear); ++i) times.push_back(i * step);
+  times.push_back(end);
+  return times;
+}
+
 }  // namespace
+
+std::string event_text(const std::string& text) {
+  if (!text.starts_with('{') && !text.starts_with('[')) return text;
+  const auto value = nlohmann::json::parse(text, nullptr, false);
+  return value.is_discarded() || value.empty() ? text : said(value);
+}
 
 std::string timeline_svg(const RunData& data) {
   constexpr int kWidth = 960, kHeight = 44, kMargin = 12, kLine = 16;  // px
@@ -51,19 +82,19 @@ std::string timeline_svg(const RunData& data) {
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" role=\"img\" font-family=\"sans-serif\" "
       "font-size=\"11\" fill=\"#555\"><line x1=\"{}\" x2=\"{}\" y1=\"{}\" y2=\"{}\" stroke=\"#999\"/>",
       kWidth, kHeight, kMargin, kWidth - kMargin, kLine, kLine);
-  for (int i = 0; i <= 4; ++i)
+  for (const double time : round_times(end))
     out += fmt::format(
         "<line x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1}\" y2=\"{2}\" stroke=\"#999\"/><text x=\"{0:.1f}\" "
         "y=\"40\" text-anchor=\"{3}\">{4}</text>",
-        at(end * i / 4), kLine, kLine + 6,
-        i == 0   ? "start"
-        : i == 4 ? "end"
-                 : "middle",
-        escape_markup(format_quantity(end * i / 4, "s")));
+        at(time), kLine, kLine + 6,
+        time == 0     ? "start"
+        : time == end ? "end"
+                      : "middle",
+        escape_markup(format_quantity(time, "s")));
   for (std::size_t i = 0; i < std::min(data.events.size(), kMost); ++i) {
     const Event& event = data.events[i];
     const double x = at(to_seconds(event.time));
-    const std::string title = "<title>" + escape_markup(event.kind + ": " + event.text) + "</title>";
+    const std::string title = "<title>" + escape_markup(event.kind + ": " + event_text(event.text)) + "</title>";
     if (is_bad(event))
       out += fmt::format("<path d=\"M{0:.1f} 7l7 9l-7 9l-7 -9z\" fill=\"#d55e00\">{1}</path>", x, title);
     else

@@ -14,6 +14,10 @@ namespace vitreo {
 /// diamond for errors, alarms and the interlock. SVG; "" where there is no event or no time passed.
 std::string timeline_svg(const RunData& data);
 
+/// What devices and the loop said as JSON, with the digits that a person can use: "axis = (1, 0, 0), field = 0.01";
+/// other texts as they are.
+std::string event_text(const std::string& text);
+
 enum class PlotFiles { svg, png };
 
 /// Each plot and drawing as a file in `folder`, which is made: 01_path_in_depth.svg ... Returns the files. Throws

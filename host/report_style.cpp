@@ -40,7 +40,7 @@ th, td { padding: 5px 18px 5px 0; text-align: left; vertical-align: top; border-
          overflow-wrap: break-word; }
 th { color: var(--soft); font-weight: 600; } thead th { border-bottom: 1.5px solid #aab1b8; }
 thead th, tbody th { white-space: nowrap; } td:last-child, th:last-child { padding-right: 0; }
-.right { text-align: right; }
+.right { text-align: right; } .short { white-space: nowrap; }
 .columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 420px), 1fr)); gap: 0 44px; }
 .columns > section { min-width: 0; } .columns table { width: 100%; }
 .columns tbody th { width: 34%; font-weight: 500; white-space: normal; }
@@ -64,6 +64,10 @@ footer { margin-top: 36px; color: var(--soft); font-size: 12.5px; border-top: 1p
   .tiles { grid-template-columns: repeat(4, 1fr); gap: 6pt; } .tile { padding: 6pt 8pt; }
   .tile .value { font-size: 16pt; } .tile .value.long { font-size: 12pt; }
   .plots { grid-template-columns: 1fr 1fr; } .pictures { grid-template-columns: 1fr 1fr 1fr; gap: 8pt; }
+  .scroll { overflow: visible; } .long { break-inside: auto; } tr { break-inside: avoid; }
+  caption, thead { break-after: avoid; } tbody tr:first-child { break-before: avoid; }
+  .columns { grid-template-columns: 1fr 1fr; gap: 0 14pt; }
+  th, td { padding-right: 10pt; }
   table, figcaption { font-size: 8.5pt; } details { border: 0; padding: 0; } pre { font-size: 7pt; }
 }
 )css";
