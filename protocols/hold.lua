@@ -19,15 +19,20 @@ local function errors(run, from)
   return run:errors { of = reference, against = "servo", against_prefix = "target_", from = from, to = run:now() }
 end
 
+-- At once: a frame that was exposed before the end and comes after it is compared with the next target.
+local function judge_now(run, span)
+  span.found = errors(run, span.from)
+  span.distance = judge.distances(run, span, "target_")
+end
+
 local function error_plot(run, title, spans)
   local all = {}
   for _, span in ipairs(spans) do
-    local distance = judge.distances(run, span, "target_")
     local x = {}
-    for i, time in ipairs(distance.x) do
+    for i, time in ipairs(span.distance.x) do
       x[i] = time - span.from
     end
-    all[#all + 1] = { label = span.law, x = x, y = distance.y }
+    all[#all + 1] = { label = span.law, x = x, y = span.distance.y }
   end
   run:plot { title = title, x = { "time", "s" }, y = { "error in 3-D", "um" }, series = all }
 end
@@ -63,7 +68,7 @@ local function hold(run, servo, p, aligned)
   local span = { from = run:now() }
   run:wait(p.hold)
   span.to = run:now()
-  span.found = errors(run, span.from)
+  judge_now(run, span)
   return span
 end
 
@@ -74,7 +79,7 @@ local function square(run, servo, p)
   local span = { from = run:now() }
   servo:follow(corners, { speed = p.speed, label = "round the square", pictures = p.feedback ~= "pose_sensor" and 1 or 0 })
   span.to = run:now()
-  span.found = errors(run, span.from)
+  judge_now(run, span)
   return span
 end
 

@@ -103,7 +103,7 @@ return {
         run:picture(
           ("at %.1f s"):format(frame.time),
           frame.image:overlay { track = frame.robot, expected = frame.disc.x_px and frame.disc or nil },
-          "robot; dashed: disc"
+          ("at %.1f s: robot; dashed: disc"):format(frame.time)
         )
       end
     end
@@ -111,7 +111,7 @@ return {
     run:plot {
       title = "Where both were seen, as figures 8.2 and 8.3",
       x = { "time", "s" },
-      y = { "px", "" },
+      y = { "along the image, px", "" },
       series = { { label = "robot", x = x, y = robot_u }, { label = "disc", x = x, y = disc_u, mark = "dashed" } },
     }
     local function first_and_last(list)

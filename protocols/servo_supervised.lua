@@ -114,6 +114,15 @@ return {
       run:wait(0.3 * s)
       local bar = depth_bar(run, rig, servo, p)
       if there then reached = reached + 1 end
+      run:note(
+        ("point %d at %s, %s, %s: %s"):format(
+          number,
+          run:show(target.x, "m"),
+          run:show(target.y, "m"),
+          run:show(target.z, "m"),
+          there and "reached" or "not reached, " .. tostring(problem)
+        )
+      )
       if bar then
         if bar.near then
           warned = warned + 1

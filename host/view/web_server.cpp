@@ -34,7 +34,6 @@ using Response = http::response<http::string_body>;
 
 constexpr std::size_t kLongestHeader = 8 << 10, kLongestBody = 64 << 10, kLongestMessage = 64 << 10;
 constexpr std::size_t kMostQueued = 1 << 20;  // bytes of text that wait for one viewer
-constexpr auto kPatience = std::chrono::seconds(10);
 constexpr auto kTick = std::chrono::milliseconds(10);
 constexpr int kMessagesPerSecond = 200;
 constexpr std::size_t kMostCookies = 10000;  // of browsers that came with the shared token
@@ -138,13 +137,16 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
 
   void start(const Request& request) {
     websocket::stream_base::timeout patience{};
-    patience.handshake_timeout = kPatience;
-    patience.idle_timeout = kPatience;
+    patience.handshake_timeout = state_.settings.patience;
+    patience.idle_timeout = state_.settings.patience;
     patience.keep_alive_pings = true;
     beast::get_lowest_layer(socket_).expires_never();
     socket_.set_option(patience);
     socket_.read_message_max(kLongestMessage);
     socket_.auto_fragment(false);
+    socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {  // pings cost answers, too
+      if (kind == websocket::frame_type::ping && floods()) drop();
+    });
     socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
       if (error) return;
       self->state_.viewers[self->number_] = self;
@@ -241,7 +243,7 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
     parser_.emplace();
     parser_->header_limit(kLongestHeader);
     parser_->body_limit(kLongestBody);
-    stream_.expires_after(kPatience);
+    stream_.expires_after(state_.settings.patience);
     http::async_read(stream_, received_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
       if (!error) self->take(self->parser_->release());
     });

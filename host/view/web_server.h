@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -24,6 +25,7 @@ struct ServerSettings {
   std::vector<Asset> assets;
   std::size_t most_viewers = 32;
   std::string shared_token{};  // lets in whoever knows it, as often as they like; empty: there is none
+  std::chrono::milliseconds patience = std::chrono::seconds(10);  // with a request, and with a viewer who is silent
 };
 
 /// 128 bits from the system's generator, as 32 hexadecimal digits.

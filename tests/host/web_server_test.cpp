@@ -67,6 +67,38 @@ struct Live : testing::Test {
   WebServer server;
 };
 
+TEST_F(Live, ListensAtTheLoopbackAddressAlone) {
+  const auto reached = [this](const char* at) {
+    sockaddr_in address = {};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(server.port());
+    inet_pton(AF_INET, at, &address.sin_addr);
+    const int one = ::socket(AF_INET, SOCK_STREAM, 0);
+    const int done = connect(one, reinterpret_cast<const sockaddr*>(&address), sizeof address);
+    close(one);
+    return done == 0;
+  };
+  EXPECT_TRUE(reached("127.0.0.1"));
+  EXPECT_FALSE(reached("127.0.0.2")) << "as every other address of this machine";
+}
+
+TEST_F(Live, WhoIsSlowWithARequestIsNotWaitedFor) {
+  WebServer hasty({"127.0.0.1", 0, {}, 4, kShared, std::chrono::milliseconds(300)},
+                  {[](int) {}, [](int) {}, [](int, const std::string&) {}, [] {}});
+  std::vector<std::unique_ptr<Wire>> slow;
+  for (int i = 0; i < 16; ++i) {  // as many as there is room for
+    slow.push_back(std::make_unique<Wire>(hasty.port()));
+    slow.back()->say("GET / HTTP/1.1\r\nHost: 127");
+  }
+  for (const auto& wire : slow) {
+    wire->hear();
+    EXPECT_TRUE(wire->closed());
+  }
+  Wire other(hasty.port());
+  other.say("GET / HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(hasty.port()) + "\r\nConnection: close\r\n\r\n");
+  EXPECT_EQ(status(other.hear()), 403) << "there is room again, for who has a token";
+}
+
 TEST_F(Live, LetsInWhoKnowsTheSharedTokenAndAsOftenAsTheyLike) {
   std::string before;
   for (int visit = 0; visit < 3; ++visit) {
@@ -160,11 +192,19 @@ TEST_F(Live, DropsWhoSpeaksNonsenseAndKeepsTheOthers) {
     bad.hear();
     EXPECT_TRUE(bad.closed());
   }
-  Wire many(server.port());
-  open(many);
-  for (int i = 0; i < 1000; ++i) many.say(frame(1, "{}"));
-  many.hear();
-  EXPECT_TRUE(many.closed());
+  Wire large(server.port());
+  open(large);
+  large.say(std::string("\x81\xff\0\0\0\0\0\x01\x11\x70\0\0\0\0", 14) + std::string(70000, 'x'));
+  large.finish();
+  large.hear();
+  EXPECT_TRUE(large.closed()) << "a message of 70 kB";
+  for (const int kind : {1, 9}) {  // messages, pings
+    Wire many(server.port());
+    open(many);
+    for (int i = 0; i < 10000; ++i) many.say(frame(static_cast<unsigned char>(kind), "{}"));
+    many.hear();
+    EXPECT_TRUE(many.closed()) << kind;
+  }
   good.say(frame(1, "{\"do\": \"hello\"}"));
   EXPECT_NE(good.hear("heard").find("heard 15"), std::string::npos);
 }

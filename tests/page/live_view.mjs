@@ -1,6 +1,6 @@
 // Works the live view as an operator does, in headless Chromium: takes control, points, draws, answers, pauses, stops. Prints
 // one JSON object with what it saw. Arguments: the invitation's address, a folder for screenshots, the browser's program, and
-// what to do: steer or answer.
+// what to do: steer, answer or supervise.
 // SPDX-License-Identifier: Apache-2.0
 import { chromium } from 'playwright-core';
 
@@ -59,6 +59,7 @@ async function steer(page) {
   await page.mouse.up();
   await says(page, 'the first of ');
   seen.distance = await page.textContent('#distance');
+  seen.markup = await page.evaluate(() => [...document.querySelectorAll('b')].some((b) => b.textContent === 'Bold'));
   await page.click('#zero');
   await page.keyboard.press('ArrowUp');
   await page.waitForTimeout(1500);
@@ -103,13 +104,57 @@ async function answer(page) {
   await state(page, 'ended: completed');
 }
 
+/** Points at places for a protocol that waits for them, and says when it is enough. */
+async function supervise(page) {
+  await says(page, 'point at places in the live view');
+  await takeControl(page);
+  const point = async (u, v) => {
+    const box = await page.locator('#top_camera').boundingBox();
+    const before = await page.locator('#note').allTextContents();
+    await page.mouse.click(box.x + box.width * u, box.y + box.height * v);
+    await page.waitForFunction((old) => {
+      const note = document.querySelector('#note')?.textContent ?? '';
+      return note !== '' && note !== old;
+    }, before[0] ?? '', patience);
+    return page.textContent('#note');
+  };
+  seen.places = [];
+  for (const [u, v] of [[0.56, 0.47], [0.5, 0.56]]) {
+    await page.waitForFunction(() => document.querySelector('#top_camera')?.nextSibling.textContent.includes('click: target'), null, patience);
+    seen.places.push(await point(u, v));
+    await says(page, `point ${seen.places.length} at `);
+    await page.screenshot({ path: `${folder}/live_view_point_${seen.places.length}.png` });
+  }
+  seen.distance = await page.textContent('#distance');
+  seen.bar = await page.evaluate(() => { // pixels of the bar's colour, far from the retina, and of its inverse: the spread
+    const canvas = document.querySelector('#depth_bar');
+    const { data } = canvas.getContext('2d').getImageData(13, 0, 40, canvas.height);
+    const count = (r, g, b) => {
+      let found = 0;
+      for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) ++found;
+      return found;
+    };
+    return { free: count(0x00, 0x9e, 0x73), spread: count(0xff, 0x61, 0x8c) };
+  });
+  await page.setViewportSize({ width: 820, height: 1180 });
+  await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
+  await page.waitForTimeout(300);
+  seen.stopInSight = await page.evaluate(() => {
+    const box = document.querySelector('#stop').getBoundingClientRect();
+    return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)?.closest('button')?.id === 'stop';
+  });
+  await page.screenshot({ path: `${folder}/live_view_supervised_tablet.png` });
+  await page.locator('#question button', { hasText: 'done' }).click();
+  await state(page, 'ended: completed');
+}
+
 try {
   const page = await browser.newPage({ viewport: { width: 1440, height: 960 } });
   page.on('pageerror', (error) => seen.errors.push(String(error)));
   page.on('console', (line) => line.type() === 'error' && seen.errors.push(line.text()));
   await page.goto(address);
   seen.addressAfter = page.url();
-  await { steer, answer }[task](page);
+  await { steer, answer, supervise }[task](page);
 } catch (error) {
   seen.failed = String(error);
   seen.errors = seen.errors.slice(0, 3);

@@ -54,6 +54,12 @@ double millimetres(const nlohmann::json& text) {
   return std::regex_search(words, number, std::regex("target (-?[0-9.]+) mm")) ? std::stod(number[1]) : std::nan("");
 }
 
+/// "8.4 um" or "-0.87 mm" in mm.
+double quantity_mm(const std::string& text) {
+  const double number = std::stod(text);
+  return text.ends_with(" um") ? number / 1000 : text.ends_with(" nm") ? number / 1e6 : number;
+}
+
 TEST(LiveView, ShowsSteersAndStopsARun) {
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
@@ -78,12 +84,43 @@ TEST(LiveView, ShowsSteersAndStopsARun) {
   EXPECT_EQ(seen["whiteBefore"], 0);
   EXPECT_GT(seen["whiteDrawing"], 2) << "the path shows while it is drawn";
   EXPECT_NE(seen["distance"].get<std::string>().find("mm"), std::string::npos);
+  EXPECT_EQ(seen["markup"], false) << "the operator's name is text";
   EXPECT_EQ(seen["secondVisit"], 403);
   EXPECT_EQ(seen["state"].get<std::string>().rfind("ended: stopped", 0), 0U) << seen["state"];
   EXPECT_EQ(place.read("code"), "3\n") << place.read("out") << place.read("err");
   const std::string said = place.read("out") + place.read("err");
   EXPECT_NE(said.find("target 1:"), std::string::npos);
   EXPECT_TRUE(std::regex_search(said, std::regex("target 2: .*, the first of [0-9]{2}"))) << said;
+}
+
+/// "target 1.30, 0.43, 0.00 mm" as the report's table has it.
+std::vector<std::string> coordinates(const std::string& note) {
+  std::smatch parts;
+  if (!std::regex_search(note, parts, std::regex("target (\\S+), (\\S+), (\\S+) mm"))) return {};
+  return {parts[1], parts[2], parts[3]};
+}
+
+TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
+  if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
+  const Workplace place;
+  auto seen = watched(place, "view servo_supervised points=view speed=2mm/s", "supervise");
+  ASSERT_TRUE(seen.contains("stopInSight")) << seen;
+  EXPECT_EQ(seen["stopInSight"], true) << "on a tablet, at the page's end";
+  EXPECT_GT(seen["bar"]["free"], 1000);
+  EXPECT_GE(seen["bar"]["spread"], 4 * 40);
+  EXPECT_EQ(place.read("code"), "0\n") << place.read("out") << place.read("err");
+  const auto shown = nlohmann::json::parse(place.vitreo("show last --json").out);
+  EXPECT_EQ(shown["figures"]["points_reached"], 2) << shown["figures"];
+  ASSERT_EQ(seen["places"].size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto clicked = coordinates(seen["places"][i]);
+    ASSERT_EQ(clicked.size(), 3U) << seen["places"];
+    std::smatch visited;
+    const std::string said = place.read("err"), pattern = " at ([^,]+), ([^,]+), ([^:]+): reached";
+    ASSERT_TRUE(std::regex_search(said, visited, std::regex("point " + std::to_string(i + 1) + pattern))) << said;
+    for (std::size_t axis = 0; axis < 3; ++axis)  // with other digits: 0.00 mm here, 8.4 um there
+      EXPECT_NEAR(quantity_mm(visited[axis + 1]), std::stod(clicked[axis]), 0.006) << visited[0];
+  }
 }
 
 TEST(LiveView, QuestionsAreAnsweredByButtonsAndARunPausesAndGoesOn) {

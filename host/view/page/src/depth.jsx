@@ -5,6 +5,7 @@ import { named, newest } from './link.js';
 
 const kNear = 1.0e-3, kClose = 0.4e-3; // m from the retina: orange, red
 const kSpread = 30; // rows: 2 s at 15 Hz
+const kThinnest = 4; // px: a spread of micrometres is still seen
 
 /** Mean and standard deviation of the last places' depth, m. */
 export function spreadOf(store) {
@@ -16,14 +17,14 @@ export function spreadOf(store) {
   return { mean, deviation: Math.sqrt(z.reduce((a, b) => a + (b - mean) ** 2, 0) / (z.length - 1)) };
 }
 
-const mm = (metres) => (metres * 1e3).toFixed(2);
+const mm = (metres) => (Math.round(metres * 1e5) / 100 + 0).toFixed(2); // never -0.00
 
 export function DepthBar({ store, zero, setZero, depth, setDepth }) {
   const canvas = useRef(null);
   const row = newest(store, 'servo'), distance = store.status.retina_distance;
   const geometry = store.hello?.geometry;
   const level = distance == null ? 'none' : distance < kClose ? 'close' : distance < kNear ? 'near' : 'free';
-  const from = (geometry?.retina.z ?? -5e-3) - 0.2e-3, to = Math.min(geometry?.lens_z ?? 8e-3, from + 14e-3);
+  const from = (geometry?.retina.z ?? -5e-3) - 0.6e-3, to = Math.min(geometry?.lens_z ?? 8e-3, from + 14e-3);
 
   useEffect(() => {
     const surface = canvas.current, pen = surface.getContext('2d');
@@ -34,15 +35,19 @@ export function DepthBar({ store, zero, setZero, depth, setDepth }) {
     pen.fillRect(0, 0, width, height);
     pen.fillStyle = '#5a2626';
     pen.fillRect(0, y(geometry?.retina.z ?? from), width, height);
-    pen.font = '13px system-ui';
-    pen.fillStyle = '#aeb8c4';
-    pen.strokeStyle = '#3a444f';
-    for (let k = Math.ceil(from * 1e3); k <= to * 1e3; k += 1) {
+    pen.font = '11px system-ui';
+    pen.fillStyle = '#ffc9bd';
+    pen.fillText('retina', 64, height - 5);
+    pen.strokeStyle = '#77828e';
+    for (let k = Math.ceil((from - zero) * 1e3); zero + k / 1e3 <= to; k += 1) { // mm from the zero level, as the number below
+      const at = y(zero + k / 1e3);
       pen.beginPath();
-      pen.moveTo(64, y(k / 1e3));
-      pen.lineTo(74, y(k / 1e3));
+      pen.moveTo(68, at);
+      pen.lineTo(k === 0 ? 80 : 76, at);
       pen.stroke();
-      if (k % 2 === 0) pen.fillText(`${k}`, 82, y(k / 1e3) + 4);
+      pen.fillStyle = k === 0 ? '#ffffff' : '#aeb8c4';
+      pen.font = k === 0 ? 'bold 13px system-ui' : '13px system-ui';
+      if (k % 2 === 0 && at < height - 22 && at > 12) pen.fillText(`${k}`, 84, at + 4);
     }
     const spread = spreadOf(store);
     if (row && row.z !== null) {
@@ -50,24 +55,30 @@ export function DepthBar({ store, zero, setZero, depth, setDepth }) {
       pen.fillStyle = colour;
       pen.fillRect(12, y(row.z), 44, bottom - y(row.z));
       if (spread) {
+        const high = Math.max(kThinnest, Math.round(y(spread.mean - spread.deviation) - y(spread.mean + spread.deviation)));
         pen.fillStyle = inverse(colour);
-        pen.fillRect(12, y(spread.mean + spread.deviation), 44,
-          Math.max(2, y(spread.mean - spread.deviation) - y(spread.mean + spread.deviation)));
+        pen.fillRect(12, Math.round(y(spread.mean) - high / 2), 44, high);
       }
     }
-    const line = (z, style, dash) => {
-      pen.strokeStyle = style;
-      pen.lineWidth = 2;
-      pen.setLineDash(dash);
+    // Both beside the bar: what is drawn over it would hide the spread.
+    pen.strokeStyle = '#ffffff';
+    pen.lineWidth = 2;
+    for (const [left, right] of [[2, 12], [56, 80]]) {
       pen.beginPath();
-      pen.moveTo(4, y(z));
-      pen.lineTo(74, y(z));
+      pen.moveTo(left, y(zero));
+      pen.lineTo(right, y(zero));
       pen.stroke();
-      pen.setLineDash([]);
-      pen.lineWidth = 1;
-    };
-    line(zero, '#ffffff', []);
-    if (row && row.target_z !== null) line(depth ?? row.target_z, '#e69f00', [5, 3]);
+    }
+    pen.lineWidth = 1;
+    if (row && row.target_z !== null) {
+      const at = y(depth ?? row.target_z);
+      pen.fillStyle = '#e69f00';
+      pen.beginPath();
+      pen.moveTo(56, at);
+      pen.lineTo(67, at - 6);
+      pen.lineTo(67, at + 6);
+      pen.fill();
+    }
   });
 
   const mine = store.status.control === 'mine';
@@ -75,7 +86,9 @@ export function DepthBar({ store, zero, setZero, depth, setDepth }) {
   return (
     <section class="depth">
       <h2>Depth</h2>
-      <canvas ref={canvas} width="112" height="420" aria-label="depth bar, mm" />
+      <canvas ref={canvas} width="112" height="420" role="img" id="depth_bar"
+        aria-label="depth bar, mm above the zero level; white: zero, orange triangle: target" />
+      <p class="quiet">mm above zero</p>
       <p class="figure">{row && row.z !== null ? `${mm(row.z - zero)} mm` : 'no robot'}</p>
       <p class={`distance ${level}`} id="distance">
         {distance == null ? 'retina: –' : `retina ${mm(distance)} mm${{ close: ' · VERY CLOSE', near: ' · near' }[level] ?? ''}`}

@@ -56,7 +56,7 @@ function take(store, message) {
   }
   if (store.lines.length > 300) store.lines.splice(0, store.lines.length - 300);
   if (message.refused) store.note = `refused: ${message.refused}`;
-  if (message.target) store.note = `target ${message.target.map((v) => (v * 1e3).toFixed(2)).join(', ')} mm`;
+  if (message.target) store.note = `target ${message.target.map((v) => (Math.round(v * 1e5) / 100 + 0).toFixed(2)).join(', ')} mm`;
   if (message.invitation) store.note = message.invitation;
   if (message.done) store.note = '';
 }

@@ -8,11 +8,11 @@ export function Head({ store }) {
   const state = ended !== null ? `ended: ${ended}` : connected ? status.text ?? '…' : 'not connected';
   return (
     <header>
-      <div>
+      <div class="name">
         <h1>{hello?.title ?? 'Vitreo'}</h1>
         <p class="quiet">{hello ? `${hello.run}${hello.operator ? ` · ${hello.operator}` : ''}` : ''}</p>
       </div>
-      <div class="state" id="state" role="status">{state}</div>
+      <div class="state" id="state" role="status" title={state}>{state}</div>
       <div class="progress">
         <progress value={status.progress ?? 0} max="1" aria-label="progress" />
         <span>{known ? `${(status.progress * 100).toFixed(0)} % · ` : ''}{status.doing ?? ''} {store.time.toFixed(1)} s{remaining(status)}</span>
@@ -133,13 +133,29 @@ function Field({ field }) {
   );
 }
 
+/** What devices and the loop said as JSON, as people read it. */
+function plain(text) {
+  if (!/^[[{]/.test(text)) return text;
+  const said = (value) => {
+    if (typeof value === 'number') return String(Number(value.toPrecision(4)));
+    if (value === null || typeof value !== 'object') return String(value);
+    if (Array.isArray(value)) return `(${value.map(said).join(', ')})`;
+    return Object.entries(value).map(([key, inner]) => `${key} = ${said(inner)}`).join(', ');
+  };
+  try {
+    return said(JSON.parse(text));
+  } catch {
+    return text;
+  }
+}
+
 export function Log({ store }) {
   return (
     <section class="log">
       <h2>Log</h2>
       <ol>
         {store.lines.slice(-80).reverse().map((line) => (
-          <li class={line.kind}><time>{line.t.toFixed(1)} s</time> {line.kind === 'message' ? '' : `${line.kind}: `}{line.text}</li>
+          <li class={line.kind}><time>{line.t.toFixed(1)} s</time> {line.kind === 'message' ? '' : `${line.kind}: `}{plain(line.text)}</li>
         ))}
       </ol>
     </section>
