@@ -1,13 +1,18 @@
 // `vitreo runs`: what was recorded, newest last.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/commands.h"
+#include "host/config.h"
 #include "host/run_reader.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <iterator>
 #include <ostream>
+#include <string_view>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -20,6 +25,26 @@ bool wanted(const RunHead& head, const RunFilter& filter) {
   if (!filter.operator_name.empty() && !has(head.operator_name, filter.operator_name)) return false;
   if (!filter.state.empty() && head.state != filter.state) return false;
   return filter.since.empty() || head.time.substr(0, filter.since.size()) >= filter.since;
+}
+
+/// The beginning of "2026-11-21T14:30:05" at least as far as the year, or nothing.
+bool is_time(const std::string& text) {
+  constexpr std::string_view kShape = "dddd-dd-ddTdd:dd:dd";
+  constexpr std::size_t kEnds[] = {0, 4, 7, 10, 13, 16, 19};
+  if (std::find(std::begin(kEnds), std::end(kEnds), text.size()) == std::end(kEnds)) return false;
+  for (std::size_t i = 0; i < text.size(); ++i)
+    if (kShape[i] == 'd' ? text[i] < '0' || text[i] > '9' : text[i] != kShape[i]) return false;
+  return true;
+}
+
+/// A filter that nothing could pass is a slip of the pen.
+void check(const RunFilter& filter) {
+  static const std::vector<std::string> kStates{"completed", "failed",  "stopped",   "aborted",
+                                                "lost",      "running", "unreadable"};
+  if (!filter.state.empty() && std::find(kStates.begin(), kStates.end(), filter.state) == kStates.end())
+    throw ConfigError(fmt::format("--outcome: wants one of {}; got {}", fmt::join(kStates, ", "), filter.state));
+  if (!is_time(filter.since))
+    throw ConfigError("--since: wants a time such as 2026-11-21 or 2026-11-21T14:30; got " + filter.since);
 }
 
 nlohmann::json json_of(const RunHead& head) {
@@ -44,6 +69,7 @@ void print(const RunHead& head, std::ostream& out) {
 }  // namespace
 
 int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool json, std::ostream& out) {
+  check(filter);
   std::vector<RunHead> heads;
   for (const std::filesystem::path& folder : run_folders(parent)) {
     RunHead head = read_head(folder);
@@ -58,7 +84,9 @@ int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool
     return 0;
   }
   for (const RunHead& head : heads) print(head, out);
-  if (heads.empty()) out << "no runs in " << parent.string() << "\n";
+  const bool filtered =
+      !filter.protocol.empty() || !filter.operator_name.empty() || !filter.state.empty() || !filter.since.empty();
+  if (heads.empty()) out << "no " << (filtered ? "such " : "") << "runs in " << parent.string() << "\n";
   return 0;
 }
 

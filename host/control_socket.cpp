@@ -115,8 +115,8 @@ fs::path find_run(const std::string& run) {
     if (name.starts_with(run)) fitting.push_back(name);
   if (fitting.size() == 1) return control_socket_path(fitting[0]);
   if (fitting.empty())
-    throw std::runtime_error(run.empty() ? "no run is going on" : "no run that is going on begins with '" + run + "'");
-  throw std::runtime_error(fmt::format("several runs are going on: {}; say which", fmt::join(fitting, ", ")));
+    throw ConfigError(run.empty() ? "no run is going on" : "no run that is going on begins with '" + run + "'");
+  throw ConfigError(fmt::format("several runs are going on: {}; say which", fmt::join(fitting, ", ")));
 }
 
 }  // namespace
@@ -260,8 +260,8 @@ void ControlSocket::tell_watchers() {
 nlohmann::json control_run(const std::string& run, const nlohmann::json& request) {
   const fs::path path = find_run(run);
   const int socket = connect_to(path);
-  if (socket < 0) throw std::runtime_error(path.stem().string() + ": has just ended");
-  const std::string line = request.dump() + "\n";
+  if (socket < 0) throw ConfigError(path.stem().string() + ": has just ended");
+  const std::string line = request.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   std::string reply;
   bool whole = ::send(socket, line.data(), line.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(line.size());
   while (whole && !reply.ends_with('\n')) {
@@ -280,7 +280,7 @@ ControlConnection::ControlConnection(const std::string& run) {
   const fs::path path = find_run(run);
   name_ = path.stem().string();
   socket_ = connect_to(path);
-  if (socket_ < 0) throw std::runtime_error(name_ + ": has just ended");
+  if (socket_ < 0) throw ConfigError(name_ + ": has just ended");
 }
 
 ControlConnection::~ControlConnection() { close(socket_); }

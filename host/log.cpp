@@ -75,11 +75,12 @@ std::string one_line(const std::string& text) {
 void open_log(const fs::path& file, const LogLimits& limits) {
   Log& log = the_log();
   const std::lock_guard guard(log.mutex);
+  log.file.clear();  // where it cannot be opened there is none, and it is said once
   fs::create_directories(file.parent_path());
+  { const Lock lock(file.string() + ".lock"); }
   log.file = file;
   log.limits = limits;
   log.complained = false;
-  const Lock lock(file.string() + ".lock");
 }
 
 void close_log() noexcept {

@@ -12,8 +12,11 @@
 #include <opencv2/core/utility.hpp>
 
 #include <csignal>
+#include <cstdio>
 #include <fcntl.h>
 #include <iostream>
+#include <string_view>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace vitreo {
@@ -50,6 +53,28 @@ void keep_standard_streams() {
     if (fcntl(stream, F_GETFD) < 0 && open("/dev/null", O_RDWR) != stream) _exit(5);
 }
 
+/// Whether --json is among the words: then an error is a JSON object, too, on the standard output.
+bool json_wanted(int count, char** words) {
+  for (int i = 1; i < count && std::string_view(words[i]) != "--"; ++i)
+    if (std::string_view(words[i]) == "--json") return true;
+  return false;
+}
+
+/// What was printed has reached its file, or nobody waits for it any more (`| head`).
+bool printed() {
+  std::cout.flush();
+  const bool whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
+  struct stat about {};
+  return whole || (fstat(STDOUT_FILENO, &about) == 0 && (S_ISFIFO(about.st_mode) || S_ISSOCK(about.st_mode)));
+}
+
+/// The code, unless what was said is lost: who reads it from a file must not take the half for the whole.
+int leave(int code) {
+  if (printed()) return code;
+  std::cerr << "vitreo: what was printed cannot be written to the standard output\n";
+  return code == 0 ? static_cast<int>(ExitCode::internal) : code;
+}
+
 }  // namespace
 }  // namespace vitreo
 
@@ -59,10 +84,12 @@ int main(int count, char** words) {
   std::signal(SIGPIPE, SIG_IGN);  // who does not listen any more must not end a run
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error that can be told
   cv::setNumThreads(1);           // the same bytes on every run; and the loop owns its core
-  const auto fail = [](const std::exception& error, ExitCode code) {
-    std::cerr << "vitreo: " << error.what() << "\n";
-    vitreo::write_log(error.what());
-    return static_cast<int>(code);
+  const auto fail = [json = vitreo::json_wanted(count, words)](const std::string& error, ExitCode code) {
+    std::cerr << "vitreo: " << error << "\n";
+    const nlohmann::json object{{"error", error}, {"exit_code", static_cast<int>(code)}};
+    if (json) std::cout << object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+    vitreo::write_log(error);
+    return vitreo::leave(static_cast<int>(code));
   };
   try {
     if (const auto log = vitreo::default_log(); !log.empty()) vitreo::open_log(log);
@@ -70,23 +97,22 @@ int main(int count, char** words) {
     std::cerr << "vitreo: no log: " << error.what() << "\n";
   }
   try {
-    return vitreo::dispatch(count, words);
+    return vitreo::leave(vitreo::dispatch(count, words));
   } catch (const vitreo::ScriptError& error) {
-    return fail(error, ExitCode::usage);
+    return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::ConfigError& error) {
-    return fail(error, ExitCode::usage);
+    return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::RightError& error) {
-    return fail(error, ExitCode::usage);
+    return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::PreflightError& error) {
-    return fail(error, ExitCode::preflight_failed);
+    return fail(error.what(), ExitCode::preflight_failed);
   } catch (const vitreo::Stopped&) {
-    std::cerr << "vitreo: stopped by the operator before anything was opened\n";
-    return static_cast<int>(ExitCode::stopped);
+    return fail("stopped by the operator before anything was opened", ExitCode::stopped);
   } catch (const vitreo::RecordError& error) {
-    return fail(error, ExitCode::usage);
+    return fail(error.what(), ExitCode::usage);
   } catch (const vitreo::DeviceError& error) {
-    return fail(error, ExitCode::device_missing);
+    return fail(error.what(), ExitCode::device_missing);
   } catch (const std::exception& error) {
-    return fail(error, ExitCode::internal);
+    return fail(error.what(), ExitCode::internal);
   }
 }

@@ -4,6 +4,7 @@
 #include "host/calibrations.h"
 #include "host/identities.h"
 #include "host/log.h"
+#include "host/record_json.h"
 #include "host/rights.h"
 
 #include <fmt/format.h>
@@ -39,7 +40,7 @@ Preparation prepare(ScriptEngine& engine, const RunRequest& request, const Check
   if (!is_laboratory(checked.rig)) return preparation;
   listener.message("preflight: a dry run on the rig's twin");
   const PreflightReport report = rehearse(engine, request, checked);
-  preparation.events.emplace_back("preflight", to_json(report).dump());
+  preparation.events.emplace_back("preflight", dumped(to_json(report)));
   for (const std::string& warning : report.warnings) {
     listener.message("preflight: " + warning);
     preparation.concerns.emplace_back("preflight", warning);

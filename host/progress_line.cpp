@@ -8,6 +8,7 @@
 #include <cmath>
 #include <iostream>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 namespace vitreo {
@@ -20,22 +21,50 @@ double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// What a script says may not steer the terminal.
-std::string harmless(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    out += (byte < 0x20 && c != '\n' && c != '\t') || byte == 0x7F ? fmt::format("\\x{:02x}", byte) : std::string(1, c);
-  }
-  return out;
-}
-
 std::string duration_text(double seconds) {
   const long whole = std::lround(seconds);
   return whole < 60 ? fmt::format("{} s", whole) : fmt::format("{} min {:02} s", whole / 60, whole % 60);
 }
 
+/// Of the terminal that a person looks at; there is always room for a few words.
+std::size_t columns() {
+  winsize window = {};
+  constexpr std::size_t kUsual = 80, kLeast = 10;
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &window) != 0 || window.ws_col == 0) return kUsual;
+  return std::max<std::size_t>(window.ws_col, kLeast);
+}
+
+/// The beginning of `text` that fills no more than `width` columns, as far as a character of UTF-8 is one column wide.
+std::string cut(const std::string& text, std::size_t width) {
+  std::size_t shown = 0, end = 0;
+  for (; end < text.size(); ++end) {
+    const bool begins = (static_cast<unsigned char>(text[end]) & 0xC0) != 0x80;
+    if (begins && shown++ == width) break;
+  }
+  return text.substr(0, end);
+}
+
+std::size_t width_of(const std::string& text) {
+  return static_cast<std::size_t>(
+      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
 }  // namespace
+
+std::string harmless(const std::string& text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const bool c1 = byte == 0xC2 && i + 1 < text.size() && (static_cast<unsigned char>(text[i + 1]) & 0xE0) == 0x80;
+    if ((byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7F)
+      out += fmt::format("\\x{:02x}", byte);
+    else if (c1)  // U+0080 to U+009F, among them a CSI of one character
+      out += fmt::format("\\u{:04x}", static_cast<unsigned char>(text[++i]));
+    else
+      out += text[i];
+  }
+  return out;
+}
 
 ProgressLine::ProgressLine(std::ostream& out, bool animate) : out_(out), animate_(animate), began_(wall_seconds()) {}
 ProgressLine::~ProgressLine() { clear(); }
@@ -48,7 +77,11 @@ std::string ProgressLine::text(double fraction, const std::string& label) const 
   // The first percent says little about the rest.
   const std::string left =
       fraction > 0.01 && fraction < 1 ? duration_text(elapsed * (1 - fraction) / fraction) + " left" : "";
-  return fmt::format("[{}] {:3.0f} %  {}{}{}", bar, 100 * fraction, harmless(label), left.empty() ? "" : ", ", left);
+  std::string words = harmless(label);
+  std::replace(words.begin(), words.end(), '\n', ' ');
+  const std::string rest =
+      fmt::format("{:3.0f} %  {}{}{}", 100 * fraction, words, label.empty() || left.empty() ? "" : ", ", left);
+  return animate_ ? "[" + bar + "] " + rest : rest;
 }
 
 void ProgressLine::progress(double fraction, const std::string& label) {
@@ -63,9 +96,14 @@ void ProgressLine::progress(double fraction, const std::string& label) {
   const double now = wall_seconds();
   if (now - shown_at_ < kRedraw && fraction < 1) return;
   shown_at_ = now;
-  const std::string line = text(fraction, label);
-  out_ << '\r' << line << std::string(width_ > line.size() ? width_ - line.size() : 0, ' ') << std::flush;
-  width_ = line.size();
+  // A line that wraps could not be drawn over; in the last column some terminals wrap at once.
+  const std::size_t room = columns() - 1;
+  std::string line = text(fraction, label);
+  if (width_of(line) > room) line.erase(0, line.find(']') + 2);  // the words say more than the bar
+  line = cut(line, room);
+  const std::size_t width = width_of(line);
+  out_ << '\r' << line << std::string(width_ > width ? width_ - width : 0, ' ') << std::flush;
+  width_ = width;
 }
 
 void ProgressLine::message(const std::string& line) {

@@ -9,6 +9,9 @@
 
 namespace vitreo {
 
+/// `text` with the controls of terminals written out: what a script says may not steer the screen.
+std::string harmless(const std::string& text);
+
 class ProgressLine : public ProgressListener {
  public:
   /// `animate`: redraw one line in place (a terminal); else a line at each tenth of the way.
@@ -26,7 +29,7 @@ class ProgressLine : public ProgressListener {
   bool animate_;
   double began_, shown_at_ = -1;
   int shown_tenth_ = -1;
-  std::size_t width_ = 0;  // of the line on the screen
+  std::size_t width_ = 0;  // of the line on the screen, columns
 };
 
 }  // namespace vitreo

@@ -28,8 +28,8 @@ std::vector<std::string> words_of(const std::string& text) {
 
 RunRequest request_of(const RunRequest& base, const ProtocolTest& test) {
   RunRequest request = base;
-  request.arguments = words_of(test.arguments);
-  request.answers = words_of(test.answers);
+  if (!test.arguments.empty()) request.arguments = words_of(test.arguments);
+  if (!test.answers.empty()) request.answers = words_of(test.answers);
   request.seed = test.seed;
   if (!test.fault.empty()) request.faults = {test.fault};
   if (!test.rig.empty()) request.rig_file = test.rig;
@@ -82,7 +82,7 @@ void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& t
     problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
   else if (problem.empty())
     problem = trouble_with_figures(ended.result, test);
-  told({"run " + test.arguments, problem});
+  told({test.arguments.empty() ? "run" : "run " + test.arguments, problem});
 }
 
 void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,

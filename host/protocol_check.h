@@ -19,8 +19,8 @@ struct ProtocolTrial {
 /// What a protocol without `tests` is put to.
 std::vector<ProtocolTest> usual_tests();
 
-/// One test; `base` has file, rig, seed and out; `told` is called after each run. Throws as run_protocol for a request
-/// that makes no sense, but for a test that must fail.
+/// One test; `base` has file, rig, seed and out, and the arguments and answers where the test says none; `told` is
+/// called after each run. Throws as run_protocol for a request that makes no sense, but for a test that must fail.
 void try_protocol(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
                   const std::function<void(const ProtocolTrial&)>& told);
 

@@ -71,6 +71,7 @@ int attach(const Attach& wanted) {
     if (watched[0].revents != 0) {
       if (!run.receive()) break;
       while (const auto reply = run.next()) show(*reply, wanted.json);
+      if (!std::cout) return 0;  // nobody reads it any more
     }
     if (typing && watched[1].revents != 0) typing = take_typed(run, wanted.control, typed);
   }

@@ -3,6 +3,7 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/preflight.h"
+#include "host/record_json.h"
 
 #include <fmt/format.h>
 
@@ -20,7 +21,7 @@ struct Check : RunOptions {
 
 void show(const PreflightReport& report, bool json) {
   if (json)
-    std::cout << to_json(report).dump() << std::endl;
+    std::cout << dumped(to_json(report)) << std::endl;
   else
     std::cout << to_text(report) << std::flush;
 }
@@ -34,14 +35,9 @@ int check(Program& program, Check& wanted) {
     std::cerr << "vitreo: the script is stuck in a call that nothing can interrupt" << std::endl;
     _exit(static_cast<int>(ExitCode::not_responding));
   };
-  try {
-    const PreflightReport report = preflight(program.engine(), wanted.complete(program), limits);
-    show(report, wanted.json);
-    return static_cast<int>(report.passed() ? ExitCode::completed : ExitCode::preflight_failed);
-  } catch (const Stopped&) {
-    std::cerr << "vitreo: stopped by the operator" << std::endl;
-    return static_cast<int>(ExitCode::stopped);
-  }
+  const PreflightReport report = preflight(program.engine(), wanted.complete(program), limits);
+  show(report, wanted.json);
+  return static_cast<int>(report.passed() ? ExitCode::completed : ExitCode::preflight_failed);
 }
 
 }  // namespace
@@ -51,7 +47,8 @@ void add_check(CommandLine& line, Program& program) {
   Command command = line.command(
       "check", "whether a run would be let, and what it would move and energise: a dry run on the rig's twin",
       [&program, wanted] { return check(program, *wanted); });
-  command.option("--rig", wanted->request.rig_file, "a rig's file or name (default: the protocol's own, else simulated)");
+  command.option("--rig", wanted->request.rig_file,
+                 "a rig's file or name (default: the protocol's own, else simulated)");
   command.option("--seed", wanted->request.seed, "of everything that is drawn by chance (default: 1)");
   command.option("--out", wanted->request.out, "folder in which the run's would be (default: runs)");
   command.option("--frames", wanted->request.frames, "cameras whose frames would be recorded").delimiter(',');

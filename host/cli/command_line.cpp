@@ -2,11 +2,9 @@
 #include "host/cli/command_line.h"
 
 #include "host/config.h"
-#include "host/run_engine.h"
 
 #include <CLI/CLI.hpp>
 
-#include <iostream>
 #include <map>
 
 namespace vitreo::cli {
@@ -23,31 +21,46 @@ struct CommandLine::State {
   std::map<const CLI::App*, std::function<void()>> about_word;
   char** words = nullptr;
 
-  std::string suggestion(const std::string& word) const;
-  int refuse(const CLI::ParseError& error) const;
+  std::vector<std::string> names() const;
+  std::string refusal(const CLI::ParseError& error) const;
 };
 
-std::string CommandLine::State::suggestion(const std::string& word) const {
+std::vector<std::string> CommandLine::State::names() const {
   std::vector<std::string> known;
   for (const auto& [command, action] : commands)
     if (!command->get_group().empty()) known.push_back(command->get_name());
+  return known;
+}
+
+namespace {
+
+std::string suggestion(const std::string& word, const std::vector<std::string>& known) {
   const std::string near = nearest(word, known);
   return near.empty() ? "" : "; did you mean " + near + "?";
 }
 
+std::vector<std::string> option_names(const CLI::App& app) {
+  std::vector<std::string> known;
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  return known;
+}
+
+}  // namespace
+
 /// One line that says what is wrong, and where to read on.
-int CommandLine::State::refuse(const CLI::ParseError& error) const {
+std::string CommandLine::State::refusal(const CLI::ParseError& error) const {
   const CLI::App* at = &app;
   for (const auto& [command, action] : commands)
     if (command->parsed()) at = command;
   const std::vector<std::string> extra = app.remaining(true);
   std::string what = error.what();
   if (at == &app && !extra.empty() && !extra.front().starts_with("-"))
-    what = "there is no command '" + extra.front() + "'" + suggestion(extra.front());
+    what = "there is no command '" + extra.front() + "'" + suggestion(extra.front(), names());
   else if (!extra.empty())
-    what = "'" + extra.front() + "' is not understood";
-  std::cerr << "vitreo: " << what << "; see vitreo " << (at == &app ? "" : at->get_name() + " ") << "--help\n";
-  return static_cast<int>(ExitCode::usage);
+    what = "'" + extra.front() + "' is not understood" +
+           (extra.front().starts_with("--") ? suggestion(extra.front(), option_names(*at)) : "");
+  return what + "; see vitreo " + (at == &app ? "" : at->get_name() + " ") + "--help";
 }
 
 CommandLine::CommandLine(const std::string& about, const std::string& name)
@@ -62,6 +75,7 @@ Command CommandLine::root(Action action) {
 Command CommandLine::command(const std::string& name, const std::string& help, Action action) {
   CLI::App* app = state_->app.add_subcommand(name, help);
   app->get_formatter()->column_width(28);
+  app->footer("");  // CLI11 would show the program's own examples
   state_->commands.emplace_back(app, std::move(action));
   Command made(*app);
   made.about_word_ = &state_->about_word[app];
@@ -87,7 +101,7 @@ int CommandLine::run(int count, char** words) {
   } catch (const CLI::Success& call) {
     return state_->app.exit(call);
   } catch (const CLI::ParseError& error) {
-    return state_->refuse(error);
+    throw ConfigError(state_->refusal(error));
   }
   for (const auto& [app, action] : state_->commands)
     if (app->parsed()) return action();
@@ -147,18 +161,23 @@ std::vector<Described> CommandLine::describe() const {
   return all;
 }
 
-void Command::one_of(const std::vector<std::string>& words, std::string& into) {
-  CLI::Option_group* group = app_.add_option_group("format");
-  for (const std::string& word : words)
-    group->add_flag_function(
-        "--" + word, [&into, word](std::int64_t) { into = word; }, "as " + word);
-  group->require_option(1);
+void Command::one_of(const std::vector<std::pair<std::string, std::string>>& words, std::string& into) {
+  for (const auto& [word, help] : words)
+    app_.add_flag_function(
+        "--" + word,
+        [&into, name = word](std::int64_t) {
+          if (!into.empty() && into != name) throw CLI::ExcludesError("--" + name, "--" + into);
+          into = name;
+        },
+        help);
 }
 
 Option Option::required() { return option_->required(), *this; }
 Option Option::needs(const std::string& other) { return option_->needs(other), *this; }
 Option Option::delimiter(char separator) { return option_->delimiter(separator), *this; }
 Option Option::one_word_each() { return option_->allow_extra_args(false), *this; }
-Option Option::between(int least, int most) { return option_->check(CLI::Range(least, most)), *this; }
+Option Option::between(int least, int most) {
+  return option_->check(CLI::Validator(CLI::Range(least, most)).description("")), *this;
+}
 
 }  // namespace vitreo::cli

@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace CLI {
@@ -42,8 +43,8 @@ class Command {
   Option option(const std::string& names, int& into, const std::string& help);
   Option option(const std::string& names, double& into, const std::string& help);
   Option flag(const std::string& names, bool& into, const std::string& help);
-  /// Exactly one of --a, --b, ... must be given; `into` becomes its word.
-  void one_of(const std::vector<std::string>& words, std::string& into);
+  /// At most one of these flags, {word, help}, may be given; `into` becomes its word.
+  void one_of(const std::vector<std::pair<std::string, std::string>>& words, std::string& into);
   /// Shown below the options, one a line.
   Command& examples(const std::vector<std::string>& lines);
   /// Called when --help is asked with a first positional word: prints the help about that, instead of the command's.
@@ -82,7 +83,8 @@ class CommandLine {
   Command command(const std::string& name, const std::string& help, Action action);
   void version(std::function<std::string()> text);  ///< what --version prints
 
-  /// Parses the words and does what they ask; 2 for words that are not understood, 0 for --help and --version.
+  /// Parses the words and does what they ask; 0 for --help and --version. Throws ConfigError for words that are not
+  /// understood: one line that says what is wrong, and where to read on.
   int run(int count, char** words);
   char** words() const;  ///< those that run() was given
   /// The program's own words, then every command that is not hidden.

@@ -42,19 +42,27 @@ _vitreo() {
     _files
   fi
 }
-compdef _vitreo vitreo
+# Loaded by its name it is called at once; sourced it is only made known.
+if [[ "$funcstack[1]" == _vitreo ]]; then _vitreo "$@"; else compdef _vitreo vitreo; fi
 )";
 
 constexpr const char* kFish = R"(# vitreo's completion for fish: put it into ~/.config/fish/completions/vitreo.fish
-complete -c vitreo -a '(vitreo complete -- (commandline -opc)[2..-1] (commandline -ct) 2>/dev/null)'
+function __vitreo_complete
+  set -l found (vitreo complete -- (commandline -opc)[2..-1] (commandline -ct) 2>/dev/null)
+  if test (count $found) -gt 0
+    printf '%s\n' $found
+  else
+    __fish_complete_path (commandline -ct)
+  end
+end
+complete -c vitreo -f -a '(__vitreo_complete)'
 )";
 
 using Words = std::vector<std::string>;
 
-Words protocol_words() {
+Words stems(const Words& files) {
   Words names;
-  for (const std::string& file : Program::protocol_files())
-    names.push_back(std::filesystem::path(file).stem().string());
+  for (const std::string& file : files) names.push_back(std::filesystem::path(file).stem().string());
   return names;
 }
 
@@ -84,19 +92,44 @@ Words run_words() {
   return found;
 }
 
-Words positional_words(Program& program, const std::string& command, const Words& before, const std::string& word) {
+bool takes_value(const Described& command, const std::string& option) {
+  return std::any_of(command.words.begin(), command.words.end(), [&](const Described::Word& word) {
+    return word.takes_value && !word.positional &&
+           std::find(word.names.begin(), word.names.end(), option) != word.names.end();
+  });
+}
+
+/// Those that are neither options nor their values.
+Words bare_words(const Described& command, const Words& before) {
   Words bare;
-  for (const std::string& one : before)
-    if (!one.starts_with("-")) bare.push_back(one);
-  const bool protocol = command == "run" || command == "describe" || command == "check";
-  if (protocol && bare.empty()) return protocol_words();
-  if (protocol && command != "describe") return parameter_words(program, before, bare.front(), word);
-  if (!bare.empty() && command != "new") return {};
-  if (command == "control") return {"status", "pause", "resume", "stop", "abort", "emergency", "answer"};
+  for (std::size_t i = 0; i < before.size(); ++i)
+    if (!before[i].starts_with("-"))
+      bare.push_back(before[i]);
+    else if (takes_value(command, before[i]))
+      ++i;
+  return bare;
+}
+
+Words value_words(const std::string& option) {
+  if (option == "--rig") return stems(Program::rig_files());
+  if (option == "--outcome") return {"completed", "failed", "stopped", "aborted", "lost", "running", "unreadable"};
+  return {};  // the shell's files
+}
+
+Words positional_words(Program& program, const std::string& command, const Words& bare, const std::string& word) {
+  static const std::set<std::string> kOfProtocols{"run", "describe", "check", "test", "soak", "view"};
+  static const std::set<std::string> kOfRuns{"show", "verify", "recover", "report", "export", "replay"};
+  if (kOfProtocols.contains(command) && bare.empty()) return stems(Program::protocol_files());
+  if (kOfProtocols.contains(command) && command != "describe")
+    return parameter_words(program, bare, bare.front(), word);
+  if (command == "new" && bare.size() == 2 && bare.front() == "driver") return {"stage", "coils", "field_probe"};
+  if (!bare.empty()) return {};
+  if (command == "control") return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack"};
   if (command == "completion") return {"bash", "zsh", "fish"};
-  if (command == "new") return bare.empty() ? Words{"protocol", "driver"} : Words{};
-  const std::set<std::string> about_runs{"show", "verify", "recover", "report", "export", "replay"};
-  return about_runs.contains(command) ? run_words() : Words{};
+  if (command == "new") return {"protocol", "driver"};
+  if (command == "docs") return page_names();
+  if (command == "emulate") return stems(Program::rig_files());
+  return kOfRuns.contains(command) ? run_words() : Words{};
 }
 
 Words complete(const CommandLine& line, Program& program, Words words) {
@@ -112,7 +145,8 @@ Words complete(const CommandLine& line, Program& program, Words words) {
     for (auto it = commands.begin() + 1; it != commands.end() && words.empty(); ++it) found.push_back(it->name);
   } else {
     words.erase(words.begin());
-    found = positional_words(program, here->name, words, word);
+    const bool value = !words.empty() && takes_value(*here, words.back());
+    found = value ? value_words(words.back()) : positional_words(program, here->name, bare_words(*here, words), word);
   }
   if (word.starts_with("-"))
     for (const Described::Word& option : here->words)

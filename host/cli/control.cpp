@@ -2,12 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/config.h"
 #include "host/control_socket.h"
 #include "host/rights.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iostream>
+#include <vector>
 
 namespace vitreo::cli {
 namespace {
@@ -34,7 +37,21 @@ void show(const nlohmann::json& status) {
   }
 }
 
+const std::vector<std::string>& words() {
+  static const std::vector<std::string> known{"status", "pause",     "resume", "stop",
+                                              "abort",  "emergency", "answer", "ack"};
+  return known;
+}
+
 int control(const Control& wanted) {
+  if (std::find(words().begin(), words().end(), wanted.word) == words().end()) {
+    const std::string near = nearest(wanted.word, words());
+    throw ConfigError(fmt::format("'{}' is not understood{}: {}", wanted.word,
+                                  near.empty() ? "" : "; did you mean " + near + "?", fmt::join(words(), ", ")));
+  }
+  const bool takes_text = wanted.word == "answer" || wanted.word == "pause" || wanted.word == "ack";
+  if (!takes_text && !wanted.text.empty())
+    throw ConfigError("'" + wanted.text + "': " + wanted.word + " takes no text");
   nlohmann::json request = {{"do", wanted.word}};
   if (wanted.word == "answer") request["text"] = wanted.text;
   if (wanted.word == "pause" && !wanted.text.empty()) request["at"] = wanted.text;

@@ -3,9 +3,11 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/protocol_text.h"
+#include "host/record_json.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <iostream>
@@ -54,26 +56,30 @@ std::string argument_example(const ProtocolDescription& protocol) {
 }
 
 void describe(const ProtocolDescription& protocol, bool json) {
-  std::cout << (json ? describe_json(protocol).dump() + "\n" : describe_text(protocol));
+  std::cout << (json ? dumped(describe_json(protocol)) + "\n" : describe_text(protocol));
 }
 
 void list(ScriptEngine& engine, bool json) {
   nlohmann::json rows = nlohmann::json::array();
+  std::size_t widest = 0;
   for (const std::string& file : Program::protocol_files()) {
+    nlohmann::json row{{"name", std::filesystem::path(file).stem().string()}, {"file", file}};
     try {
-      const ProtocolDescription protocol = engine.describe(file);
-      if (json)
-        rows.push_back({{"name", protocol.name}, {"file", file}, {"title", protocol.title}});
-      else
-        fmt::print("{:<22} {}\n", protocol.name, protocol.title);
+      row["title"] = engine.describe(file).title;
     } catch (const ScriptError& error) {
-      if (json)
-        rows.push_back({{"file", file}, {"error", error.what()}});
-      else
-        fmt::print("{:<22} does not load: {}\n", std::filesystem::path(file).stem().string(), error.what());
+      row["error"] = error.what();
     }
+    widest = std::max(widest, row["name"].get_ref<const std::string&>().size());
+    rows.push_back(std::move(row));
   }
-  if (json) std::cout << rows.dump() << "\n";
+  if (json) {
+    std::cout << dumped(rows) << "\n";
+    return;
+  }
+  for (const auto& row : rows)
+    fmt::print(
+        "{:<{}}  {}\n", row["name"].get<std::string>(), widest,
+        row.contains("error") ? "does not load: " + row["error"].get<std::string>() : row["title"].get<std::string>());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "host/emulate.h"
 #include "host/instruments.h"
 #include "host/plugged_in.h"
+#include "host/record_json.h"
 
 #include <fmt/format.h>
 
@@ -17,16 +18,24 @@ struct Wanted {
   bool json = false;
 };
 
-int devices(Program& program, const Wanted& wanted) {
-  if (!wanted.test.empty()) {
-    const std::vector<std::string> findings = test_instrument(program.engine().load_rig(Program::rig_file(wanted.rig)), wanted.test);
+int test_role(Program& program, const Wanted& wanted) {
+  const std::vector<std::string> findings =
+      test_instrument(program.engine().load_rig(Program::rig_file(wanted.rig)), wanted.test);
+  if (wanted.json) {
+    const nlohmann::json row{{"role", wanted.test}, {"passed", findings.empty()}, {"findings", findings}};
+    fmt::print("{}\n", dumped(row));
+  } else {
     for (const std::string& finding : findings) fmt::print("{}: {}\n", wanted.test, finding);
     if (findings.empty()) fmt::print("{}: keeps its contract\n", wanted.test);
-    return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
   }
+  return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
+}
+
+int devices(Program& program, const Wanted& wanted) {
+  if (!wanted.test.empty()) return test_role(program, wanted);
   const nlohmann::json rows =
       wanted.rig.empty() ? find_instruments() : examine_rig(program.engine().load_rig(Program::rig_file(wanted.rig)));
-  fmt::print("{}", wanted.json ? rows.dump() + "\n" : to_text(rows));
+  fmt::print("{}", wanted.json ? dumped(rows) + "\n" : to_text(rows));
   return 0;
 }
 
@@ -42,11 +51,12 @@ void add_devices(CommandLine& line, Program& program) {
   command.flag("--json", wanted->json, "as JSON, SI units");
   command.examples({"vitreo devices", "vitreo devices --rig lab.lua", "vitreo devices --rig lab.lua --test stage"});
 
-  Command emulated = line.command("emulate", "offer a rig's emulated instruments, or run a command among them",
-                                  [&program, &line, wanted] {
-                                    if (!wanted->command.empty()) restart_in_testbed(line.words());
-                                    return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), wanted->command);
-                                  });
+  const auto emulation = [&program, &line, wanted] {
+    if (!wanted->command.empty()) restart_in_testbed(line.words());
+    return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), wanted->command);
+  };
+  Command emulated =
+      line.command("emulate", "offer a rig's emulated instruments, or run a command among them", emulation);
   emulated.option("rig", wanted->rig, "a rig's file or name").required();
   emulated.option("command", wanted->command, "after --: the command and its arguments");
   emulated.examples({"vitreo emulate octomag_lab -- vitreo devices"});

@@ -102,34 +102,41 @@ int list_pages(bool json) {
   return 0;
 }
 
-int write_stubs(const std::string& folder) {
+int write_stubs(const std::string& folder, bool json) {
   if (folder.empty()) throw ConfigError("stubs: name the folder into which they are written");
-  fs::create_directories(folder);
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw ConfigError(folder + ": cannot be made: " + error.message());
+  nlohmann::json files = nlohmann::json::array();
   for (const auto& [name, text] : lua_stubs()) {
     std::ofstream out(fs::path(folder) / name);
     out << text;
     if (!out.flush()) throw ConfigError(folder + "/" + name + ": cannot be written");
+    files.push_back(folder + "/" + name);
   }
+  if (json) std::cout << nlohmann::json{{"files", files}}.dump() << "\n";
+  return 0;
+}
+
+int print_page(const std::string& name, const std::string& text, bool json) {
+  if (json)
+    std::cout << nlohmann::json{{"page", name}, {"text", text}}.dump() << "\n";
+  else
+    std::cout << text;
   return 0;
 }
 
 int docs(const CommandLine& line, const std::string& page, const std::string& into, bool json) {
   if (page.empty()) return list_pages(json);
-  if (page == "stubs") return write_stubs(into);
+  if (page == "stubs") return write_stubs(into, json);
+  if (!into.empty()) throw ConfigError("'" + into + "': only stubs are written into a folder");
   const std::map<std::string, std::function<std::string()>> printed{
       {"api", api_reference}, {"luacheck", luacheck_standard}, {"man", [&line] { return manual(line); }}};
-  if (const auto found = printed.find(page); found != printed.end()) {
-    std::cout << found->second();
-    return 0;
-  }
+  if (const auto found = printed.find(page); found != printed.end()) return print_page(page, found->second(), json);
   const auto all = pages();
   std::vector<std::string> known;
   for (const auto& [name, file] : all) {
-    const bool by_last = name.ends_with("/" + page);
-    if (name == page || by_last) {
-      std::cout << file_text(file);
-      return 0;
-    }
+    if (name == page || name.ends_with("/" + page)) return print_page(name, file_text(file), json);
     known.push_back(name);
   }
   const std::string near = nearest(page, known);
@@ -138,6 +145,12 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
 }
 
 }  // namespace
+
+std::vector<std::string> page_names() {
+  std::vector<std::string> names{"api", "luacheck", "man", "stubs"};
+  for (const auto& [name, file] : pages()) names.push_back(name);
+  return names;
+}
 
 void add_docs(CommandLine& line, Program&) {
   struct Wanted {
@@ -149,7 +162,7 @@ void add_docs(CommandLine& line, Program&) {
                                  [&line, wanted] { return docs(line, wanted->page, wanted->into, wanted->json); });
   command.option("page", wanted->page, "safety, optics, ...; api, man, luacheck and stubs are made by the program");
   command.option("into", wanted->into, "of stubs: the folder for what editors read");
-  command.flag("--json", wanted->json, "the list as JSON");
+  command.flag("--json", wanted->json, "as JSON: the list, {\"page\", \"text\"}, or the stubs' files");
   command.examples({"vitreo docs safety | less", "vitreo docs api > api.md", "vitreo docs stubs ~/.vitreo/stubs"});
 }
 

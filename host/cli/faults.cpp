@@ -18,7 +18,7 @@ int list_faults(bool json) {
     if (!kind.unit.empty()) rows.back()["by"] = {{"unit", plain ? "" : kind.unit}, {"default", kind.usual}};
     if (!json)
       fmt::print(
-          "{:<10} {}{}\n           of {}\n", kind.name, kind.doc,
+          "{:<11} {}{}\n            of {}\n", kind.name, kind.doc,
           kind.unit.empty() ? "" : fmt::format(" (by: {:g}{}{})", kind.usual, plain ? "" : " ", plain ? "" : kind.unit),
           fmt::join(kind.roles, ", "));
   }

@@ -2,11 +2,15 @@
 #include "host/cli/program.h"
 
 #include "host/cli/command_line.h"
+#include "host/config.h"
 #include "host/lua/engine.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
+#include <unistd.h>
 
 namespace vitreo::cli {
 
@@ -36,25 +40,56 @@ std::string Program::in_data_folder(const std::string& below) {
   return (folder / below).lexically_normal().string();
 }
 
-std::string Program::protocol_file(const std::string& given) {
-  if (fs::exists(given) && !fs::is_directory(given)) return given;  // a folder may have a protocol's name
-  const std::string by_name = in_data_folder("protocols/" + given + ".lua");
-  return given.find('/') == std::string::npos && fs::exists(by_name) ? by_name : given;
-}
+namespace {
 
-std::string Program::rig_file(const std::string& given) {
-  if (fs::exists(given)) return given;
-  const std::string by_name = in_data_folder("scripts/rigs/" + given + ".lua");
-  return given.find('/') == std::string::npos && fs::exists(by_name) ? by_name : given;
-}
-
-std::vector<std::string> Program::protocol_files() {
+std::vector<std::string> lua_files(const std::string& folder) {
   std::vector<std::string> files;
-  for (const auto& entry : fs::directory_iterator(in_data_folder("protocols")))
+  std::error_code error;  // no such folder: no files
+  for (const auto& entry : fs::directory_iterator(folder, error))
     if (entry.path().extension() == ".lua") files.push_back(entry.path().lexically_normal().string());
   std::sort(files.begin(), files.end());
   return files;
 }
+
+/// A file as given (a folder may have its name), or NAME.lua in `folder`. What looks like a path and is none is left to
+/// who opens it.
+std::string file_or_name(const std::string& given, const std::string& folder, const std::string& kind,
+                         const std::string& read_on) {
+  if (fs::exists(given) && !fs::is_directory(given)) return given;
+  if (given.find('/') != std::string::npos || given.ends_with(".lua")) return given;
+  const std::string by_name = folder + "/" + given + ".lua";
+  if (fs::exists(by_name)) return by_name;
+  std::vector<std::string> names;
+  for (const std::string& file : lua_files(folder)) names.push_back(fs::path(file).stem().string());
+  const std::string near = nearest(given, names);
+  throw ConfigError("there is no " + kind + " '" + given + "', and no file of that name" +
+                    (near.empty() ? read_on : "; did you mean " + near + "?"));
+}
+
+/// Before anything is opened: a run's folder can be made there.
+void check_writable(const std::string& out) {
+  fs::path folder = fs::absolute(out).lexically_normal();
+  std::error_code error;
+  while (folder.has_relative_path() && !fs::exists(folder, error)) folder = folder.parent_path();
+  if (!fs::is_directory(folder, error)) throw ConfigError("--out " + out + ": " + folder.string() + " is no folder");
+  if (access(folder.c_str(), W_OK | X_OK) != 0)
+    throw ConfigError("--out " + out + ": " + folder.string() + ": " + std::strerror(errno));
+}
+
+}  // namespace
+
+std::string Program::protocol_file(const std::string& given) {
+  return file_or_name(given, in_data_folder("protocols"), "protocol", "; vitreo list names them");
+}
+
+std::string Program::rig_file(const std::string& given) {
+  const std::string folder = in_data_folder("scripts/rigs");
+  return file_or_name(given, folder, "rig", "; they are in " + folder);
+}
+
+std::vector<std::string> Program::protocol_files() { return lua_files(in_data_folder("protocols")); }
+
+std::vector<std::string> Program::rig_files() { return lua_files(in_data_folder("scripts/rigs")); }
 
 std::string exit_codes_text() {
   return "0  completed\n"
@@ -69,7 +104,8 @@ std::string exit_codes_text() {
 }
 
 void add_run_options(Command& command, RunOptions& options) {
-  command.option("--rig", options.request.rig_file, "a rig's file or name (default: the protocol's own, else simulated)");
+  command.option("--rig", options.request.rig_file,
+                 "a rig's file or name (default: the protocol's own, else simulated)");
   command.option("--seed", options.request.seed, "of everything that is drawn by chance (default: 1)");
   command.option("--out", options.request.out, "folder for the run's folder (default: runs)");
   command.option("--operator", options.request.operator_name, "who runs it, for the record");
@@ -77,13 +113,6 @@ void add_run_options(Command& command, RunOptions& options) {
       .option("--fault", options.request.faults,
               "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo faults` lists the kinds")
       .one_word_each();
-  command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
-  command.flag("--view", options.request.view.on, "a page in the browser shows the run; its address is printed");
-  command.option("--view-port", options.view_port, "the page's port (default: one that is free)").between(0, 65535);
-  command.option("--listen", options.request.view.address,
-                 "an IP address of this machine at which the page is served (default: 127.0.0.1, this machine alone)");
-  command.option("--token-file", options.token_file,
-                 "a file for you alone (0600; made where there is none) whose token lets browsers in");
   command
       .option("--frames", options.request.frames,
               "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), top_camera@96 (a window of\n"
@@ -91,11 +120,22 @@ void add_run_options(Command& command, RunOptions& options) {
       .delimiter(',');
 }
 
+void add_view_options(Command& command, RunOptions& options) {
+  command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
+  command.flag("--view", options.request.view.on, "a page in the browser shows the run; its address is printed");
+  command.option("--view-port", options.view_port, "the page's port (default: one that is free)").between(0, 65535);
+  command.option("--listen", options.request.view.address,
+                 "an IP address of this machine at which the page is served (default: 127.0.0.1, this machine alone)");
+  command.option("--token-file", options.token_file,
+                 "a file for you alone (0600; made where there is none) whose token lets browsers in");
+}
+
 RunRequest& RunOptions::complete(Program& program) {
   request.control_socket = true;
   if (request.rig_file.empty() && !request.protocol_file.empty())
     request.rig_file = program.engine().describe(request.protocol_file).rig;
   request.rig_file = Program::rig_file(request.rig_file.empty() ? "simulated" : request.rig_file);
+  check_writable(request.out);
   request.view.port = static_cast<unsigned short>(view_port);
   request.view.token_file = token_file;
   if (!request.view.on && (request.view.address != view::ViewRequest().address || !token_file.empty()))

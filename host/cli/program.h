@@ -26,27 +26,30 @@ class Program {
   /// A path below protocols/, scripts/, docs/ or templates/: in VITREO_ROOT, else here where both protocols/ and
   /// scripts/ are, else beside the installed program (../share/vitreo), else where the program was built.
   static std::string in_data_folder(const std::string& below);
-  /// What `--rig` says: a file, or the name of one in scripts/rigs/.
+  /// What `--rig` says: a file, or the name of one in scripts/rigs/. Throws ConfigError when it can be neither.
   static std::string rig_file(const std::string& given);
-  /// A path as given, or a protocol's bare name.
+  /// A path as given, or a protocol's bare name. Throws ConfigError when it can be neither.
   static std::string protocol_file(const std::string& given);
   static std::vector<std::string> protocol_files();
+  static std::vector<std::string> rig_files();
 
  private:
   std::unique_ptr<ScriptEngine> engine_;
 };
 
-/// The options of everything that opens a rig and records: --rig, --seed, --out, ...
+/// The options of everything that opens a rig and records: --rig, --seed, --out, --frames, ...
 struct RunOptions {
   RunRequest request;
   bool real_time = false;
   int view_port = 0;
   std::string token_file;
   /// With the defaults that depend on where the program is, and on the protocol: its own rig. Throws ScriptError when
-  /// that cannot be read.
+  /// that cannot be read, ConfigError for what cannot be.
   RunRequest& complete(Program& program);
 };
 void add_run_options(Command& command, RunOptions& options);
+/// Of those that somebody watches, too: --real-time, --view, ...
+void add_view_options(Command& command, RunOptions& options);
 
 // One for each row of main.cpp, in a file of its name.
 void add_run(CommandLine& line, Program& program);  // and the prompt, which is the program without a command
@@ -67,6 +70,8 @@ void add_new(CommandLine& line, Program& program);
 
 /// What `vitreo describe` prints.
 std::string describe_text(const ProtocolDescription& protocol);
+/// What `vitreo docs` can print.
+std::vector<std::string> page_names();
 /// The program's exit codes, one a line.
 std::string exit_codes_text();
 

@@ -71,11 +71,18 @@ void add_records(CommandLine& line, Program& program) {
   report.flag("--png", wanted->png, "with --plots: PNG files, by the program rsvg-convert (Debian: librsvg2-bin)");
   report.examples(
       {"vitreo report last", "vitreo report last --plots figures", "vitreo report last --plots figures --png"});
-  Command exported = add_one("export", "a run in the format of other programs",
-                             [wanted, &w] { return export_command(w.folder(), w.format, w.into, w.json, std::cout); });
+  Command exported = add_one("export", "a run in the format of other programs", [wanted, &w] {
+    if (w.format.empty()) throw ConfigError("export: wants one of --csv, --mcap, --tiff, --mkv, --hdf5");
+    return export_command(w.folder(), w.format, w.into, w.json, std::cout);
+  });
   exported.option("--into", wanted->into, "a folder (default: export/ in the run's own)");
   exported.examples({"vitreo export last --csv", "vitreo export last --mcap --into /tmp/shared"});
-  exported.one_of({"csv", "mcap", "tiff", "mkv", "hdf5"}, wanted->format);
+  exported.one_of({{"csv", "a table for each stream, for spreadsheets"},
+                   {"mcap", "one file, for Foxglove and ROS"},
+                   {"tiff", "the frames, a file a camera"},
+                   {"mkv", "the frames as a film without loss (FFV1), a file a camera"},
+                   {"hdf5", "all streams in one file"}},
+                  wanted->format);
   Command replayed = add_one(
       "replay", "the recorded frames through today's tracker and localiser",
       [&program, wanted, &w] { return replay_command(program.engine(), w.folder(), w.csv, w.json, std::cout); });

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/record_json.h"
 #include "host/reproduction.h"
 #include "host/run_folder.h"
 
@@ -75,7 +76,7 @@ int reproduce_thesis(Program& program, const Wanted& wanted) {
     }
   }
   if (wanted.json)
-    std::cout << rows.dump() << "\n";
+    std::cout << dumped(rows) << "\n";
   else
     fmt::print("{}page: {}\n", whole || !wanted.docs.empty() ? "written: " + text.string() + "\n" : "", page.string());
   return well ? 0 : 1;
@@ -95,6 +96,7 @@ void add_reproduce(CommandLine& line, Program& program) {
   command.option("--docs", wanted->docs,
                  "folder for reproduction.md (default: docs/ beside protocols/, of the whole plan)");
   command.option("--plan", wanted->plan, "another plan than scripts/reproduction.lua");
+  command.examples({"vitreo reproduce", "vitreo reproduce sensitivity_focus --json"});
 }
 
 }  // namespace vitreo::cli

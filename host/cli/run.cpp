@@ -4,14 +4,17 @@
 #include "host/cli/program.h"
 #include "host/line_editor.h"
 #include "host/progress_line.h"
+#include "host/record_json.h"
 #include "host/run_reader.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <string_view>
 #include <unistd.h>
 
 namespace vitreo::cli {
@@ -52,14 +55,26 @@ void tell_after(const RunResult& result) {
     fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, event.text);
 }
 
+/// The outcome, coloured on a terminal whose user has not said NO_COLOR (no-color.org).
+std::string coloured(Outcome outcome) {
+  const char* const no_colour = std::getenv("NO_COLOR");
+  const char* const terminal = std::getenv("TERM");
+  const bool plain = isatty(STDOUT_FILENO) == 0 || (no_colour != nullptr && *no_colour != '\0') ||
+                     terminal == nullptr || std::string_view(terminal) == "dumb";
+  if (plain) return to_string(outcome);
+  constexpr int kGreen = 32, kYellow = 33, kRed = 31;
+  const int colour = outcome == Outcome::completed ? kGreen : outcome == Outcome::stopped ? kYellow : kRed;
+  return fmt::format("\x1b[{}m{}\x1b[0m", colour, to_string(outcome));
+}
+
 void show(const RunResult& result, bool json) {
   if (json) {
-    std::cout << to_json(result).dump() << "\n";
+    std::cout << dumped(to_json(result)) << "\n";
     return;
   }
   for (const Figure& figure : result.figures)
     fmt::print("{:<28} {}\n", figure.name, format_quantity(figure.value, figure.unit));
-  fmt::print("{}{}{}\nrun: {}\nreport: {}\n", to_string(result.outcome), result.reason.empty() ? "" : ": ",
+  fmt::print("{}{}{}\nrun: {}\nreport: {}\n", coloured(result.outcome), result.reason.empty() ? "" : ": ",
              result.reason, result.folder, (std::filesystem::path(result.folder) / "report.html").string());
 }
 
@@ -82,7 +97,7 @@ class PromptLines : public ProgressLine {
  public:
   PromptLines(std::ostream& out, bool animate, LineEditor& editor) : ProgressLine(out, animate), editor_(editor) {}
   void message(const std::string& line) override {
-    if (!editor_.show_above(line)) ProgressLine::message(line);
+    if (!editor_.show_above(harmless(line))) ProgressLine::message(line);
   }
 
  private:
@@ -95,8 +110,8 @@ int prompt(Program& program, RunOptions& options) {
   const bool edits = sits_there && isatty(STDOUT_FILENO) != 0;
   const auto editor = edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, sits_there);
   PromptLines progress(edits ? std::cout : std::cerr, edits, *editor);
-  const RunResult result =
-      run_prompt(program.engine(), options.complete(program), progress, *editor, std::cout, edits ? std::cout : std::cerr);
+  const RunResult result = run_prompt(program.engine(), options.complete(program), progress, *editor, std::cout,
+                                      edits ? std::cout : std::cerr);
   progress.clear();
   if (sits_there) fmt::print("run: {}\n", result.folder);
   return static_cast<int>(result.exit_code);
@@ -123,6 +138,7 @@ void add_run(CommandLine& line, Program& program) {
   const auto at_prompt = std::make_shared<RunOptions>();
   Command root = line.root([&program, at_prompt] { return prompt(program, *at_prompt); });
   add_run_options(root, *at_prompt);
+  add_view_options(root, *at_prompt);
   root.examples({"vitreo                                     a prompt on the simulated rig",
                  "vitreo run servo_square speed=0.5mm/s --seed 7", "vitreo run servo_square --help",
                  "echo 'print(rig.top_camera:info().identity)' | vitreo",
@@ -131,6 +147,7 @@ void add_run(CommandLine& line, Program& program) {
   const auto wanted = std::make_shared<Run>();
   Command command = line.command("run", "run a protocol", [&program, wanted] { return run(program, *wanted); });
   add_run_options(command, *wanted);
+  add_view_options(command, *wanted);
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   add_arguments(command, program, wanted);
   command.examples({"vitreo run servo_square speed=0.5mm/s --seed 7", "vitreo run drift_test --help",
@@ -142,6 +159,7 @@ void add_run(CommandLine& line, Program& program) {
   Command view = line.command("view", "run a protocol, shown by a page in the browser, in real time",
                               [&program, watched] { return run(program, *watched); });
   add_run_options(view, *watched);
+  add_view_options(view, *watched);
   view.option("protocol", watched->protocol, "a protocol's file or name (default: steer, by hand)");
   add_arguments(view, program, watched);
   view.examples({"vitreo view", "vitreo view servo_square speed=0.5mm/s"});

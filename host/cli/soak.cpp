@@ -4,6 +4,7 @@
 
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/record_json.h"
 
 #include <fmt/format.h>
 
@@ -29,11 +30,11 @@ int soak_protocol(Program& program, Wanted& wanted) {
   request.first = wanted.seed == kNone ? 1 : wanted.seed;
   request.count = wanted.seed == kNone ? wanted.seeds : 1;
   const SoakResult result = soak(program.engine(), request, [&](const SoakedSeed& one) {
-    fmt::print("{}", wanted.json ? to_json(one).dump() + "\n" : to_text(one));
+    fmt::print("{}", wanted.json ? dumped(to_json(one)) + "\n" : to_text(one));
     std::fflush(stdout);
   });
   if (wanted.json)
-    fmt::print("{}\n", to_json(result).dump());
+    fmt::print("{}\n", dumped(to_json(result)));
   else
     fmt::print("{} seeds, {} violations, {:.0f} s\n", result.seeds, result.violations, result.seconds);
   return result.violations == 0 ? 0 : 1;
@@ -51,7 +52,8 @@ void add_soak(CommandLine& line, Program& program) {
   command.option("--seeds", wanted->seeds, "how many (default: 100)");
   command.option("--seed", wanted->seed, "only this one: it happens again as it did");
   command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
-  command.option("--rig", wanted->request.rig_file, "a rig's file or name (default: the protocol's own, else simulated)");
+  command.option("--rig", wanted->request.rig_file,
+                 "a rig's file or name (default: the protocol's own, else simulated)");
   command.option("--out", wanted->request.out, "folder in which the records of bad seeds stay (default: runs)");
   command.flag("--json", wanted->json, "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");
   command.examples({"vitreo soak hello_rig --seeds 20"});

@@ -2,9 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
+#include "host/config.h"
 #include "host/protocol_check.h"
+#include "host/record_json.h"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 namespace vitreo::cli {
 namespace {
@@ -12,32 +15,44 @@ namespace {
 struct Wanted : RunOptions {
   std::string protocol;
   int stops = 0;
+  bool json = false;
 };
+
+/// Those that the protocol lists, else the usual ones with the arguments that were given.
+std::vector<ProtocolTest> tests_of(Program& program, const RunRequest& base) {
+  std::vector<ProtocolTest> tests = program.engine().describe(base.protocol_file).tests;
+  if (!tests.empty()) {
+    if (!base.arguments.empty() || !base.answers.empty())
+      throw ConfigError(base.protocol_file + ": lists its own tests, which say their arguments and answers");
+    return tests;
+  }
+  tests = usual_tests();
+  for (ProtocolTest& one : tests) one.seed = base.seed;
+  return tests;
+}
 
 int test(Program& program, Wanted& wanted) {
   wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
   const RunRequest& base = wanted.complete(program);
-  std::vector<ProtocolTest> tests = program.engine().describe(base.protocol_file).tests;
-  if (tests.empty()) {
-    tests = usual_tests();
-    for (ProtocolTest& one : tests) {
-      one.seed = base.seed;
-      for (const std::string& word : base.arguments) one.arguments += word + " ";
-      for (const std::string& word : base.answers) one.answers += word + " ";
-    }
-  }
   int runs = 0, failed = 0;
-  for (ProtocolTest& one : tests) {
+  for (ProtocolTest& one : tests_of(program, base)) {
     if (!one.rig.empty()) one.rig = Program::rig_file(one.rig);
     if (wanted.stops > 0) one.times = wanted.stops;
     try_protocol(program.engine(), base, one, [&](const ProtocolTrial& trial) {
       ++runs;
       failed += !trial.problem.empty();
-      fmt::print("{} {}{}{}\n", trial.problem.empty() ? "passed" : "FAILED", trial.what,
-                 trial.problem.empty() ? "" : ": ", trial.problem);
+      const nlohmann::json row{{"what", trial.what}, {"passed", trial.problem.empty()}, {"problem", trial.problem}};
+      if (wanted.json)
+        fmt::print("{}\n", dumped(row));
+      else
+        fmt::print("{} {}{}{}\n", trial.problem.empty() ? "passed" : "FAILED", trial.what,
+                   trial.problem.empty() ? "" : ": ", trial.problem);
     });
   }
-  fmt::print("{} of {} runs passed\n", runs - failed, runs);
+  if (wanted.json)
+    fmt::print("{}\n", nlohmann::json{{"runs", runs}, {"failed", failed}}.dump());
+  else
+    fmt::print("{} of {} runs passed\n", runs - failed, runs);
   return failed == 0 ? 0 : 1;
 }
 
@@ -52,6 +67,8 @@ void add_test(CommandLine& line, Program& program) {
   command.option("arguments", wanted->request.arguments, "of a protocol that lists no tests: name=value");
   command.option("--answer", wanted->request.answers, "answers to its questions: name=value");
   command.option("--stops", wanted->stops, "so many moments instead (default: 100)").between(1, 100000);
+  command.flag("--json", wanted->json, "a JSON object a run, and one at the end: {\"runs\", \"failed\"}");
+  command.examples({"vitreo test servo_square", "vitreo test ./mine.lua speed=0.5mm/s --stops 20"});
 }
 
 }  // namespace vitreo::cli

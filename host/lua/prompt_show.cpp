@@ -45,6 +45,18 @@ std::string source_line(const Place& place, const std::vector<std::string>& type
   return line.size() > kLineWidth ? line.substr(0, kLineWidth) + "..." : line;
 }
 
+/// A message may quote megabytes that were typed: its two ends tell what is wrong.
+std::string shortened(const std::string& message) {
+  constexpr std::size_t kEnd = 500;
+  if (message.size() <= 3 * kEnd) return message;
+  const auto begins = [&](std::size_t at) {  // no character is cut
+    while (at < message.size() && (static_cast<unsigned char>(message[at]) & 0xC0) == 0x80) ++at;
+    return at;
+  };
+  const std::size_t head = begins(kEnd), tail = begins(message.size() - kEnd);
+  return message.substr(0, head) + " ... " + std::to_string(tail - head) + " bytes ... " + message.substr(tail);
+}
+
 /// One pair of a table to a line, where all of it is too long for one.
 std::string long_table(lua_State* L, int index) {
   std::string text = "{";
@@ -106,7 +118,7 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
 std::string show_error(const std::string& message, const std::string& trace, const std::vector<std::string>& typed,
                        int plain) {
   const auto is_plain = [plain](const Place& place) { return place.file == "prompt" && place.line == plain; };
-  std::string text = "error: " + message + "\n";
+  std::string text = "error: " + shortened(message) + "\n";
   const Place here = place_of(message);
   if (here.line > 0 && !is_plain(here))
     if (const std::string line = source_line(here, typed); !line.empty()) text += "    " + line + "\n";

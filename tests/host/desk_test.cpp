@@ -172,6 +172,11 @@ TEST(ProgressLineTest, AScriptCannotSteerTheTerminal) {
   EXPECT_EQ(out.str().find('\x1b'), std::string::npos) << out.str();
   EXPECT_EQ(out.str().find('\r'), std::string::npos);
   EXPECT_NE(out.str().find("\\x1b[2J\\x07 done\tat last"), std::string::npos) << out.str();
+  EXPECT_EQ(harmless("5 \u00b5m \u2013 gr\u00fcn"), "5 \u00b5m \u2013 gr\u00fcn");
+  EXPECT_EQ(harmless("\xc2\x9b"
+                     "31m"),
+            "\\u009b31m")
+      << "a control sequence of one character";
 }
 
 TEST(ClockMapTest, FindsOffsetAndDriftThroughDelaysThatAreNeverNegative) {

@@ -6,6 +6,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <sstream>
+#include <unistd.h>
+
 namespace vitreo {
 namespace {
 
@@ -187,6 +190,147 @@ TEST(CommandLine, ItStartsWithoutTheLibrariesThatFewRunsNeed) {
                         "' | grep -E 'avcodec|gdal|aravis|opencv_(videoio|imgcodecs|dnn)'"),
             0)
       << "docs/decisions/0005-lazy-libraries.md";
+}
+
+TEST(CommandLine, WithJsonAnErrorIsAnObjectToo) {
+  const Workplace place;
+  for (const char* words :
+       {"run nowhere.lua --json", "check hold --rig nowhere --json", "show nope --json", "runs --outcome odd --json",
+        "run hello_rig --sed 3 --json", "control status --json", "docs sefety --json", "new thing x --json"}) {
+    const Spoken spoken = place.vitreo(words);
+    EXPECT_EQ(spoken.exit_code, 2) << words << spoken.err;
+    EXPECT_TRUE(one_line(spoken.err)) << spoken.err;
+    const auto json = nlohmann::json::parse(spoken.out, nullptr, false);
+    ASSERT_TRUE(json.is_object()) << words << spoken.out;
+    EXPECT_EQ(json["exit_code"], 2) << words;
+    EXPECT_EQ("vitreo: " + json["error"].get<std::string>() + "\n", spoken.err);
+  }
+  EXPECT_EQ(place.vitreo("show nope").out, "");
+}
+
+TEST(CommandLine, WhatAProgramReadsIsJsonEverywhere) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  for (const char* words :
+       {"devices --json", "devices --rig simulated --json", "devices --rig simulated --test lens_mover --json",
+        "docs --json", "docs safety --json", "docs api --json", "docs stubs here --json", "list --json",
+        "faults --json", "describe idle.lua --json", "check idle.lua --json", "test idle.lua --stops 2 --json",
+        "runs --json", "new protocol fresh --json"}) {
+    const Spoken spoken = place.vitreo(words);
+    EXPECT_EQ(spoken.exit_code, 0) << words << spoken.err;
+    std::istringstream lines(spoken.out);
+    for (std::string line; std::getline(lines, line);)
+      EXPECT_TRUE(nlohmann::json::accept(line)) << words << ": " << line.substr(0, 200);
+    EXPECT_FALSE(spoken.out.empty()) << words;
+  }
+  const auto tested = nlohmann::json::parse(place.vitreo("devices --rig simulated --test lens_mover --json").out);
+  EXPECT_EQ(tested["role"], "lens_mover");
+  EXPECT_EQ(tested["passed"], true);
+}
+
+TEST(CommandLine, TextThatIsNoUtf8IsReplacedInJson) {
+  const Workplace place;
+  place.write("odd.lua", "return { title = 'b\\xffd', run = function() error('x\\xfe') end }");
+  for (const auto& [words, code] : std::vector<std::pair<std::string, int>>{{"run odd.lua --json", 1},
+                                                                            {"describe odd.lua --json", 0},
+                                                                            {"check odd.lua --json", 8},
+                                                                            {"show last --json", 0}}) {
+    const Spoken spoken = place.vitreo(words);
+    EXPECT_EQ(spoken.exit_code, code) << words << spoken.err;
+    EXPECT_TRUE(nlohmann::json::accept(spoken.out)) << words << spoken.out;
+  }
+}
+
+TEST(CommandLine, SlipsOfThePenGetASuggestionOrWhatThereIs) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  for (const auto& [words, answer] : std::vector<std::pair<std::string, std::string>>{
+           {"run servo_sqare",
+            "there is no protocol 'servo_sqare', and no file of that name; did you mean servo_square?"},
+           {"run zzzzzz", "vitreo list names them"},
+           {"run idle.lua --rig simulatd",
+            "there is no rig 'simulatd', and no file of that name; did you mean simulated?"},
+           {"run idle.lua --sed 3", "'--sed' is not understood; did you mean --seed?"},
+           {"control pase", "'pase' is not understood; did you mean pause?"},
+           {"control stop now", "'now': stop takes no text"},
+           {"runs --outcome finished", "--outcome: wants one of completed, failed, stopped"},
+           {"runs --since yesterday", "--since: wants a time such as 2026-11-21"},
+           {"export last", "export: wants one of --csv, --mcap, --tiff, --mkv, --hdf5"},
+           {"export last --csv --tiff", "--tiff excludes --csv"},
+           {"docs safety here", "only stubs are written into a folder"},
+           {"run idle.lua --view-port 70000", "70000"}}) {
+    expect_refused(place, words, {answer});
+  }
+  EXPECT_EQ(place.vitreo("runs --since 2026-11 --outcome failed").out, "no such runs in runs\n");
+}
+
+TEST(CommandLine, ARunsFolderThatCannotBeMadeIsRefusedBeforeAnythingIsOpened) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  place.write("occupied", "");
+  expect_refused(place, "run idle.lua --out occupied/runs", {"--out occupied/runs: ", "occupied is no folder"});
+  if (geteuid() == 0) return;  // root may write everywhere
+  std::filesystem::create_directory(place.folder() / "closed");
+  std::filesystem::permissions(place.folder() / "closed", std::filesystem::perms(0500));
+  expect_refused(place, "run idle.lua --out closed/runs", {"--out closed/runs: ", "Permission denied"});
+}
+
+TEST(CommandLine, WhatCannotBePrintedIsAnErrorAndAReaderThatIsGoneIsNone) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  const auto code = [&place](const std::string& line) {
+    return WEXITSTATUS(std::system(("cd '" + place.folder().string() + "' && exec bash -c \"" + line + "\"").c_str()));
+  };
+  const std::string program = "'" VITREO_PROGRAM "' ";
+  EXPECT_EQ(code(program + "docs api >/dev/full 2>err"), 5);
+  EXPECT_NE(place.read("err").find("cannot be written to the standard output"), std::string::npos) << place.read("err");
+  EXPECT_EQ(code(program + "list >/dev/full 2>err"), 5);
+  EXPECT_EQ(code(program + "run idle.lua --json >/dev/full 2>err"), 5) << "the record is whole, what is read is not";
+  EXPECT_EQ(code("echo 'print(1)' | " + program + ">/dev/full 2>err"), 5);
+  EXPECT_EQ(code("set -o pipefail; " + program + "docs api | head -n 1 >out 2>err"), 0);
+  EXPECT_EQ(place.read("out"), "# What scripts can call\n");
+}
+
+TEST(CommandLine, ProgressFitsTheTerminalAndIsPlainElsewhere) {
+  const Workplace place;
+  Terminal narrow(place.folder(), "run hello_rig", 30);
+  EXPECT_EQ(narrow.end(), 0);
+  std::string drawn;
+  for (const char c : narrow.screen()) {
+    if (c != '\r' && c != '\n') {
+      drawn += c;
+      continue;
+    }
+    const bool progress = drawn.find(" %") != std::string::npos;
+    EXPECT_TRUE(!progress || drawn.size() < 30) << drawn;
+    drawn.clear();
+  }
+  EXPECT_NE(narrow.screen().find("\r  0 %  frame 1 of 3\r"), std::string::npos) << narrow.screen();
+  const Spoken piped = place.vitreo("run hello_rig");
+  EXPECT_NE(piped.err.find("\n 33 %  frame 2 of 3"), std::string::npos) << piped.err;
+  EXPECT_EQ(piped.err.find('['), std::string::npos) << piped.err;
+}
+
+TEST(CommandLine, OnlyATerminalSeesColoursAndNoColorSwitchesThemOff) {
+  const Workplace place;
+  place.write("idle.lua", kIdle);
+  Terminal colours(place.folder(), "run idle.lua");
+  EXPECT_TRUE(colours.sees("\x1b[32mcompleted\x1b[0m")) << colours.unseen();
+  setenv("NO_COLOR", "1", 1);
+  Terminal none(place.folder(), "run idle.lua");
+  unsetenv("NO_COLOR");
+  EXPECT_TRUE(none.sees("completed")) << none.unseen();
+  EXPECT_EQ(none.screen().find('\x1b'), std::string::npos) << none.screen();
+  EXPECT_EQ(place.vitreo("run idle.lua").out.find('\x1b'), std::string::npos);
+}
+
+TEST(Prompt, AnErrorAboutMegabytesIsAFewLines) {
+  const Workplace place;
+  const Spoken spoken = place.vitreo("", std::string(3 << 20, 'a') + "\nprint('still here')\n");
+  EXPECT_EQ(spoken.exit_code, 1);
+  EXPECT_LT(spoken.err.size(), 3000U);
+  EXPECT_NE(spoken.err.find("bytes ... "), std::string::npos) << spoken.err;
+  EXPECT_EQ(spoken.out, "still here\n");
 }
 
 TEST(Prompt, ItAnswersInAPipe) {

@@ -228,6 +228,18 @@ TEST(Help, OfARunWithAProtocolIsAboutTheProtocol) {
   EXPECT_EQ(place.vitreo("run nothing_like_it --help").exit_code, 2);
 }
 
+TEST(Help, EachCommandHasExamplesOfItsOwn) {
+  const Workplace place;
+  std::istringstream commands(place.vitreo("complete -- ''").out);
+  for (std::string command; std::getline(commands, command);) {
+    const std::string help = place.vitreo(command + " --help").out;
+    const std::size_t examples = help.find("For instance\n");
+    ASSERT_NE(examples, std::string::npos) << command;
+    EXPECT_NE(help.find("vitreo " + command, examples), std::string::npos) << command;
+    EXPECT_EQ(help.find(" in ["), std::string::npos) << command << ": a validator's own words";
+  }
+}
+
 TEST(Help, WrongWordsGetOneLineWithWhatWasPerhapsMeant) {
   const Workplace place;
   for (const auto& [words, answer] : std::vector<std::pair<std::string, std::string>>{
@@ -257,6 +269,12 @@ TEST(ShellCompletion, KnowsCommandsOptionsProtocolsParametersAndValues) {
   EXPECT_TRUE(contains(complete("run --se"), "--seed\n"));
   EXPECT_TRUE(contains(complete("control pa"), "pause\n"));
   EXPECT_EQ(complete("nonsense x"), "");
+  EXPECT_EQ(complete("run --seed 3 servo_sq"), "servo_square\n") << "an option's value is no protocol";
+  EXPECT_EQ(complete("run servo_square --rig calib"), "calibration\n");
+  EXPECT_EQ(complete("runs --outcome st"), "stopped\n");
+  EXPECT_EQ(complete("docs saf"), "safety\nsafety_bad_input\nsafety_faults\n");
+  EXPECT_EQ(complete("test hel"), "hello_rig\n");
+  EXPECT_EQ(complete("new driver acme_stage st"), "stage\n");
   place.write("choose.lua",
               "return { title = 'c', parameters = { mode = { default = 'calm', choices = { 'calm', 'brisk' } } },\n"
               "run = function() end }");
@@ -271,8 +289,17 @@ TEST(ShellCompletion, WorksInBashAndItsScriptsAreForTheirShells) {
                         "\"${COMPREPLY[@]}\"\n");
   ASSERT_EQ(std::system(("cd '" + place.folder().string() + "' && bash try.sh >said 2>&1").c_str()), 0);
   EXPECT_EQ(place.read("said"), "speed=\n");
-  EXPECT_TRUE(contains(place.vitreo("completion zsh").out, "#compdef vitreo"));
-  EXPECT_TRUE(contains(place.vitreo("completion fish").out, "complete -c vitreo"));
+  const std::string zsh = place.vitreo("completion zsh").out;
+  EXPECT_TRUE(contains(zsh, "#compdef vitreo"));
+  EXPECT_TRUE(contains(zsh, "then _vitreo \"$@\"")) << "loaded by its name it answers the first Tab, too";
+  const std::string fish = place.vitreo("completion fish").out;
+  EXPECT_TRUE(contains(fish, "complete -c vitreo -f"));
+  if (std::system("command -v fish >/dev/null") == 0) {
+    place.write("try.fish", fish + "function vitreo\n  '" VITREO_PROGRAM
+                                   "' $argv\nend\ncomplete -C 'vitreo run servo_square law='\n");
+    EXPECT_EQ(std::system(("cd '" + place.folder().string() + "' && HOME=. fish try.fish >said 2>&1").c_str()), 0);
+    EXPECT_EQ(place.read("said"), "law=estimator\nlaw=pd\n");
+  }
 }
 
 TEST(Docs, TheManPageHasEveryCommandAndTroffTakesIt) {
@@ -341,6 +368,9 @@ return { title = "kinds", run = function(rig, p, run)
   run:image_plot { title = "Seen", image = rig.top_camera:grab().image, scale_bar_px = 80, scale_bar_label = "1 mm",
     marks = { { label = "way", line = { { 0, 0 }, { 99, 40 } } }, { label = "goals", points = { { 5, 5 } } },
       { label = "robot", dashed = true, ellipse = { x_px = 50, y_px = 50, major_px = 20, minor_px = 9, angle = 1 } } } }
+  run:table { title = "Small", header = { "what", "how much" }, rows = { { "umbra", "137 um" }, { "rate", "3.5 um/s" } } }
+  run:plot { title = "Counted", x = { "place", "" }, y = { "height", "mm" }, series = { { label = "h", x = { 1, 2, 3 }, y = { 0, 1 * mm, 0 } } } }
+  rig:learn_background { frames = 2 }
   run:wait(2) run:note("two seconds") run:wait(2)
 end }
 )");
@@ -349,13 +379,13 @@ end }
   const Spoken files = place.vitreo("report last --plots figures");
   EXPECT_EQ(files.out,
             "figures/01_histogram.svg\nfigures/02_bars.svg\nfigures/03_way_from_above.svg\n"
-            "figures/04_way_from_the_side.svg\nfigures/05_heat_more.svg\nfigures/06_seen.svg\n")
+            "figures/04_way_from_the_side.svg\nfigures/05_counted.svg\nfigures/06_heat_more.svg\nfigures/07_seen.svg\n")
       << files.err;
-  EXPECT_TRUE(contains(place.read("figures/05_heat_more.svg"), "Heat &amp; more"));
-  EXPECT_TRUE(contains(place.read("figures/06_seen.svg"), ">goals</text>"));
+  EXPECT_TRUE(contains(place.read("figures/06_heat_more.svg"), "Heat &amp; more"));
+  EXPECT_TRUE(contains(place.read("figures/07_seen.svg"), ">goals</text>"));
   EXPECT_EQ(place.vitreo("report last --png").exit_code, 2);
   EXPECT_EQ(place.vitreo("report last --plots figures --png").exit_code, 0);
-  for (const char* name : {"01_histogram", "05_heat_more", "06_seen"}) {
+  for (const char* name : {"01_histogram", "06_heat_more", "07_seen"}) {
     const cv::Mat drawn = cv::imread((place.folder() / "figures" / (name + std::string(".png"))).string());
     ASSERT_GT(drawn.cols, 700) << name;
     cv::Scalar mean, deviation;
@@ -365,8 +395,11 @@ end }
   }
   const std::string report =
       file_text(std::filesystem::directory_iterator(place.folder() / "runs")->path() / "report.html");
-  for (const char* part : {"NOT within", "<title>note: two seconds</title>", "role=\"img\""})
+  for (const char* part : {"NOT within", "<title>note: two seconds</title>", "role=\"img\"", ">umbra</td>",
+                           ">137 \u00b5m<", ">3.5 \u00b5m/s<", "camera = top_camera, count = 2"})
     EXPECT_TRUE(contains(report, part)) << part;
+  EXPECT_FALSE(contains(report, "{&quot;")) << "what devices say is read by people";
+  EXPECT_FALSE(contains(report, ">1.5</text>")) << "there is no place one and a half";
 }
 
 TEST(Scripts, AreLaidOutByStyLua) {

@@ -18,8 +18,9 @@ namespace vitreo {
 class Terminal {
  public:
   /// Starts `vitreo` with `words` in `folder`, which is its home too.
-  explicit Terminal(const std::filesystem::path& folder, const std::string& words = "") {
-    child_ = forkpty(&master_, nullptr, nullptr, nullptr);
+  explicit Terminal(const std::filesystem::path& folder, const std::string& words = "", unsigned short columns = 80) {
+    const winsize size{24, columns, 0, 0};
+    child_ = forkpty(&master_, nullptr, nullptr, &size);
     if (child_ != 0) return;
     setenv("TERM", "xterm", 1);
     setenv("HOME", folder.c_str(), 1);
@@ -67,6 +68,9 @@ class Terminal {
       if (tcgetattr(master_, &settings) == 0 && (settings.c_lflag & ICANON) == 0) return true;
     return false;
   }
+
+  /// All that has come.
+  const std::string& screen() const { return screen_; }
 
   /// What has come since the last sight.
   std::string unseen() const { return screen_.substr(seen_); }
