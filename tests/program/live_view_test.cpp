@@ -109,6 +109,7 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
   EXPECT_GT(seen["bar"]["free"], 1000);
   EXPECT_GE(seen["bar"]["spread"], 4 * 40);
   EXPECT_EQ(place.read("code"), "0\n") << place.read("out") << place.read("err");
+  const std::string said = place.read("err");
   const auto shown = nlohmann::json::parse(place.vitreo("show last --json").out);
   EXPECT_EQ(shown["figures"]["points_reached"], 2) << shown["figures"];
   ASSERT_EQ(seen["places"].size(), 2U);
@@ -116,7 +117,7 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
     const auto clicked = coordinates(seen["places"][i]);
     ASSERT_EQ(clicked.size(), 3U) << seen["places"];
     std::smatch visited;
-    const std::string said = place.read("err"), pattern = " at ([^,]+), ([^,]+), ([^:]+): reached";
+    const std::string pattern = " at ([^,]+), ([^,]+), ([^:]+): reached";
     ASSERT_TRUE(std::regex_search(said, visited, std::regex("point " + std::to_string(i + 1) + pattern))) << said;
     for (std::size_t axis = 0; axis < 3; ++axis)  // with other digits: 0.00 mm here, 8.4 um there
       EXPECT_NEAR(quantity_mm(visited[axis + 1]), std::stod(clicked[axis]), 0.006) << visited[0];

@@ -128,7 +128,7 @@ function Field({ field }) {
         <line x1="0" y1="0" x2={x * 42} y2={-y * 42} class="arrow" />
         <circle cx={x * 42} cy={-y * 42} r="5" class={z >= 0 ? 'tip up' : 'tip'} />
       </svg>
-      <p>{(field.tesla * 1e3).toFixed(1)} mT<br /><span class="quiet">tilt {((Math.asin(z) * 180) / Math.PI).toFixed(0)}°</span></p>
+      <p>{(field.tesla * 1e3).toFixed(1)} mT<br /><span class="quiet">tilt {Math.round((Math.asin(z) * 180) / Math.PI) + 0}°</span></p>
     </div>
   );
 }
