@@ -198,6 +198,7 @@ MultipoleFit fit_multipoles(const MultipoleField& start, const std::vector<Probe
   check_readings(readings, start.coils(), static_cast<std::size_t>((unknowns + 2) / 3));
   const MultipoleField everywhere(start.sources(), start.background_sources(), kEverywhere);
   std::vector<Eigen::Vector3d> known;
+  known.reserve(readings.size());
   for (const ProbeReading& reading : readings) known.push_back(everywhere.background(reading.position).head<3>());
   std::vector<double> x(static_cast<std::size_t>(unknowns), 0.0);
   for (const Slot& slot : slots) slot.unknowns(x.data());
