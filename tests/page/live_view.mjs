@@ -104,6 +104,16 @@ async function answer(page) {
   await state(page, 'ended: completed');
 }
 
+/** How many pixels of the depth bar have a colour. */
+const inBar = (page, colour) =>
+  page.evaluate(([r, g, b]) => {
+    const canvas = document.querySelector('#depth_bar');
+    const { data } = canvas.getContext('2d').getImageData(13, 0, 40, canvas.height);
+    let found = 0;
+    for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) ++found;
+    return found;
+  }, colour);
+
 /** Points at places for a protocol that waits for them, and says when it is enough. */
 async function supervise(page) {
   await says(page, 'point at places in the live view');
@@ -126,16 +136,15 @@ async function supervise(page) {
     await page.screenshot({ path: `${folder}/live_view_point_${seen.places.length}.png` });
   }
   seen.distance = await page.textContent('#distance');
-  seen.bar = await page.evaluate(() => { // pixels of the bar's colour, far from the retina, and of its inverse: the spread
-    const canvas = document.querySelector('#depth_bar');
-    const { data } = canvas.getContext('2d').getImageData(13, 0, 40, canvas.height);
-    const count = (r, g, b) => {
-      let found = 0;
-      for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) ++found;
-      return found;
-    };
-    return { free: count(0x00, 0x9e, 0x73), spread: count(0xff, 0x61, 0x8c) };
-  });
+  seen.bar = { free: await inBar(page, [0x00, 0x9e, 0x73]), spread: await inBar(page, [0xff, 0x61, 0x8c]) };
+  for (let i = 0; i < 44; ++i) await page.keyboard.press('ArrowDown'); // down to 0.6 mm from the retina
+  await page.waitForFunction(() => document.querySelector('#distance').className.includes('near'), null, patience);
+  seen.near = {
+    text: await page.textContent('#distance'),
+    orange: await inBar(page, [0xe6, 0x9f, 0x00]),
+    spread: await inBar(page, [0x19, 0x60, 0xff]),
+  };
+  await page.screenshot({ path: `${folder}/live_view_near.png` });
   await page.setViewportSize({ width: 820, height: 1180 });
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
   await page.waitForTimeout(300);

@@ -7,22 +7,24 @@ const kNear = 1.0e-3, kClose = 0.4e-3; // m from the retina: orange, red
 const kSpread = 30; // rows: 2 s at 15 Hz
 const kThinnest = 4; // px: a spread of micrometres is still seen
 
-/** Mean and standard deviation of the last places' depth, m. */
+/** Standard deviation of the last places' depth about their steady motion, m: a robot that moves is not thereby uncertain. */
 export function spreadOf(store) {
   const held = store.streams.servo;
   if (!held) return null;
-  const z = held.rows.slice(-kSpread).map((r) => named(held, r).z).filter((v) => v !== null);
-  if (z.length < 3) return null;
-  const mean = z.reduce((a, b) => a + b, 0) / z.length;
-  return { mean, deviation: Math.sqrt(z.reduce((a, b) => a + (b - mean) ** 2, 0) / (z.length - 1)) };
+  const rows = held.rows.slice(-kSpread).map((r) => named(held, r)).filter((r) => r.z !== null);
+  if (rows.length < 4) return null;
+  const mean = (of) => rows.reduce((sum, r) => sum + of(r), 0) / rows.length;
+  const t = mean((r) => r.t), z = mean((r) => r.z);
+  const slope = mean((r) => (r.t - t) * (r.z - z)) / Math.max(mean((r) => (r.t - t) ** 2), 1e-12);
+  return Math.sqrt((mean((r) => (r.z - z - slope * (r.t - t)) ** 2) * rows.length) / (rows.length - 2));
 }
 
 const mm = (metres) => (Math.round(metres * 1e5) / 100 + 0).toFixed(2); // never -0.00
 
-export function DepthBar({ store, zero, setZero, depth, setDepth }) {
+export function DepthBar({ store, zero, setZero, depth, jog }) {
   const canvas = useRef(null);
   const row = newest(store, 'servo'), distance = store.status.retina_distance;
-  const geometry = store.hello?.geometry;
+  const geometry = store.hello?.geometry, spread = spreadOf(store);
   const level = distance == null ? 'none' : distance < kClose ? 'close' : distance < kNear ? 'near' : 'free';
   const from = (geometry?.retina.z ?? -5e-3) - 0.6e-3, to = Math.min(geometry?.lens_z ?? 8e-3, from + 14e-3);
 
@@ -49,15 +51,14 @@ export function DepthBar({ store, zero, setZero, depth, setDepth }) {
       pen.font = k === 0 ? 'bold 13px system-ui' : '13px system-ui';
       if (k % 2 === 0 && at < height - 22 && at > 12) pen.fillText(`${k}`, 84, at + 4);
     }
-    const spread = spreadOf(store);
     if (row && row.z !== null) {
       const bottom = y(geometry?.retina.z ?? from);
       pen.fillStyle = colour;
       pen.fillRect(12, y(row.z), 44, bottom - y(row.z));
-      if (spread) {
-        const high = Math.max(kThinnest, Math.round(y(spread.mean - spread.deviation) - y(spread.mean + spread.deviation)));
+      if (spread !== null) {
+        const high = Math.max(kThinnest, Math.round(y(row.z - spread) - y(row.z + spread)));
         pen.fillStyle = inverse(colour);
-        pen.fillRect(12, Math.round(y(spread.mean) - high / 2), 44, high);
+        pen.fillRect(12, Math.round(y(row.z) - high / 2), 44, high);
       }
     }
     // Both beside the bar: what is drawn over it would hide the spread.
@@ -82,7 +83,6 @@ export function DepthBar({ store, zero, setZero, depth, setDepth }) {
   });
 
   const mine = store.status.control === 'mine';
-  const jog = (by) => setDepth((depth ?? row?.target_z ?? 0) + by);
   return (
     <section class="depth">
       <h2>Depth</h2>
@@ -91,9 +91,11 @@ export function DepthBar({ store, zero, setZero, depth, setDepth }) {
       <p class="quiet">mm above zero</p>
       <p class="figure">{row && row.z !== null ? `${mm(row.z - zero)} mm` : 'no robot'}</p>
       <p class={`distance ${level}`} id="distance">
-        {distance == null ? 'retina: –' : `retina ${mm(distance)} mm${{ close: ' · VERY CLOSE', near: ' · near' }[level] ?? ''}`}
+        {distance == null ? 'retina: –' : `retina ${mm(distance)} mm`}
+        <br />
+        {{ close: 'VERY CLOSE', near: 'near' }[level] ?? '\u00a0'}
       </p>
-      <p class="quiet">spread {spreadOf(store) ? `${(spreadOf(store).deviation * 1e6).toFixed(0)} µm` : '–'}</p>
+      <p class="quiet">spread {spread === null ? '–' : `${(spread * 1e6).toFixed(0)} µm`}</p>
       <p class="quiet" id="aim">{row && row.target_z !== null ? `target ${mm((depth ?? row.target_z) - zero)} mm` : 'no target'}</p>
       <button id="zero" onClick={() => row && row.z !== null && setZero(row.z)}>zero here</button>
       <div class="pair">

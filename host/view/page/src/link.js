@@ -12,6 +12,7 @@ export function createStore() {
     cameras: [],
     streams: {}, // name: { channels: {name: index}, rows: [[t, ...], ...] }
     lines: [],
+    depth: null, // that was asked for here, m, until the loop has it
     note: '', // what was refused, or done, last
     frames: {}, // slot: { number, time, width, height, bitmap }
     listen(call) {
@@ -55,7 +56,10 @@ function take(store, message) {
     if (line.kind !== 'checkpoint' && !(twin?.text === line.text && twin.t === line.t)) store.lines.push(line);
   }
   if (store.lines.length > 300) store.lines.splice(0, store.lines.length - 300);
-  if (message.refused) store.note = `refused: ${message.refused}`;
+  if (message.refused) {
+    store.note = `refused: ${message.refused}`;
+    store.depth = null;
+  }
   if (message.target) store.note = `target ${message.target.map((v) => (Math.round(v * 1e5) / 100 + 0).toFixed(2)).join(', ')} mm`;
   if (message.invitation) store.note = message.invitation;
   if (message.done) store.note = '';

@@ -24,7 +24,7 @@ const kDepth = [
 
 function Page() {
   const [, again] = useReducer((n) => n + 1, 0);
-  const [zero, setZero] = useState(0), [depth, setDepthShown] = useState(null);
+  const [zero, setZero] = useState(0);
   useEffect(() => {
     let due = false;
     return store.listen(() => {
@@ -37,15 +37,17 @@ function Page() {
   // The depth that was asked for here is shown until the loop has it: from then on it follows the loop's, which a SpaceMouse or
   // the script may move, too.
   const aimed = newest(store, 'servo')?.target_z ?? null;
-  useEffect(() => {
-    if (depth !== null && aimed !== null && Math.abs(aimed - depth) < 1e-6) setDepthShown(null);
-  }, [aimed, depth]);
+  // It is the store's, not the page's state: a key that repeats is faster than what is drawn.
+  if (store.depth !== null && aimed !== null && Math.abs(aimed - store.depth) < 1e-6) store.depth = null;
+  const { depth } = store;
 
   const setDepth = (z) => {
-    setDepthShown(z);
+    store.depth = z;
+    again();
     const row = newest(store, 'servo');
     if (row) store.send({ do: 'target', place: [row.target_x, row.target_y, z] });
   };
+  const jog = (by) => setDepth((store.depth ?? newest(store, 'servo')?.target_z ?? 0) + by);
   useEffect(() => {
     const press = (event) => {
       if (event.target instanceof HTMLInputElement) return;
@@ -54,7 +56,7 @@ function Page() {
         store.send({ do: 'stop' });
       } else if ((event.key === 'ArrowUp' || event.key === 'ArrowDown') && store.status.control === 'mine') {
         event.preventDefault();
-        setDepth((depth ?? newest(store, 'servo')?.target_z ?? 0) + (event.key === 'ArrowUp' ? 0.1e-3 : -0.1e-3));
+        jog(event.key === 'ArrowUp' ? 0.1e-3 : -0.1e-3);
       }
     };
     addEventListener('keydown', press, true);
@@ -71,7 +73,7 @@ function Page() {
         {slots.map(({ camera, slot }) => <CameraView key={camera} store={store} camera={camera} slot={slot} depth={depth} />)}
         {slots.length === 0 ? <p class="quiet">no camera yet</p> : null}
       </div>
-      <DepthBar store={store} zero={zero} setZero={setZero} depth={depth} setDepth={setDepth} />
+      <DepthBar store={store} zero={zero} setZero={setZero} depth={depth} jog={jog} />
       <aside>
         <Alarms store={store} />
         <Asked store={store} />
