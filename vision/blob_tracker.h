@@ -18,7 +18,7 @@ struct BlobTrackerSettings {
   double min_contrast = 8;     ///< grey levels
   int normals = 64;            ///< contour samples; a multiple of 4
   double search_px = 8;        ///< along each normal, either way
-  double blur_sigma_px = 2.0;  ///< of the imaging, about: found anew in each image, 0.4 to 2.5 times this
+  double blur_sigma_px = 2.0;  ///< of the imaging, about: found anew in each image, 0.4 to 2.5 times this, or to 6
   void check() const;          ///< throws std::invalid_argument naming the setting
 };
 

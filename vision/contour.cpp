@@ -10,8 +10,9 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr int kCoarseRounds = 2, kFineRounds = 5;
+constexpr int kCoarseRounds = 2, kMostCoarseRounds = 4, kFineRounds = 5;
 constexpr double kSettled = 0.03;  // px: a round that moves the rim less is the last
+constexpr double kClearlyMore = 1.3;  // blur than was told: what is told is the better start when it is about right
 // A body brightens from its rim inwards by about these parts of its contrast, as a root and straight.
 constexpr double kRootSpread = 0.5, kStraightSpread = 1;
 
@@ -65,9 +66,15 @@ const EdgeModel::Profile& Contour::profile(std::size_t k) const {
   return profiles_[std::min(folded, half - folded)];
 }
 
+double Contour::allowed_blur(double sigma) const {
+  constexpr double kAlwaysFound = 6;  // px
+  const double told = settings_.blur_sigma_px;
+  return std::clamp(sigma, 0.4 * told, std::max(2.5 * told, kAlwaysFound));
+}
+
 // From outside inwards, so that highlights within cannot mislead: where the difference from the ground has come half
-// way to what it reaches just inside.
-void Contour::half_crossing(const Images& images, Normal& n) const {
+// way to what it reaches just inside, and how steep it is there (grey levels per px).
+void Contour::half_crossing(const Images& images, Normal& n, double& slope) const {
   Samples s;
   const int reach = static_cast<int>(settings_.search_px), count = 2 * reach + 1;
   if (!sample(images.image, images.ground, n, reach, count, s)) return;
@@ -84,7 +91,7 @@ void Contour::half_crossing(const Images& images, Normal& n) const {
   if (first < 1 || first == count - 2) return;  // nothing there, or the rim lies further out
   const double sign = at(first) > 0 ? 1 : -1;
   int top = first;
-  const int deepest = std::max(first - static_cast<int>(3 * settings_.blur_sigma_px) - 1, 0);
+  const int deepest = std::max(first - static_cast<int>(3 * sigma_) - 1, 0);
   for (int j = first; j >= deepest; --j) {
     if (sign * at(j) > sign * at(top)) top = j;
   }
@@ -96,14 +103,37 @@ void Contour::half_crossing(const Images& images, Normal& n) const {
   n.shift_px = j - 1 + fraction - reach;
   n.variance = 0.25;
   n.contrast = at(top);
+  slope = sign * (at(std::max(j - 2, 0)) - at(std::min(j + 1, count - 1))) / 3;
 }
 
+// A step blurred by sigma is contrast / (sqrt(2 pi) sigma) steep where it has come half way.
 bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
   place_normals(ellipse, normals_);
-  for (Normal& n : normals_) half_crossing(images, n);
+  std::vector<double> contrasts, slopes;
+  for (Normal& n : normals_) {
+    double slope = 0;
+    half_crossing(images, n, slope);
+    if (!n.found) continue;
+    contrasts.push_back(std::abs(n.contrast));
+    slopes.push_back(slope);
+  }
+  const double steep = median_of(slopes) * std::sqrt(2 * std::numbers::pi);
+  const double seen = steep > 0 ? median_of(contrasts) / steep : 0, told = settings_.blur_sigma_px;
+  sigma_ = seen > kClearlyMore * told ? allowed_blur(seen) : told;
   const FittedEllipse fitted = fit_ellipse(ellipse, normals_);
   if (fitted.valid) ellipse = fitted.ellipse;
   return fitted.valid;
+}
+
+// Of a body further out of focus than was told, a round looks too shallowly below the rim: the next one knows better.
+bool Contour::coarse_rounds(const Images& images, Ellipse& ellipse) {
+  sigma_ = settings_.blur_sigma_px;
+  for (int k = 0; k < kMostCoarseRounds; ++k) {
+    const double before = sigma_;
+    if (!coarse_round(images, ellipse)) return false;
+    if (k + 1 >= kCoarseRounds && sigma_ < kClearlyMore * before) break;
+  }
+  return true;
 }
 
 // Lamps flicker: what the ground outside the robot differs from the learnt one, in the median over all normals.
@@ -205,7 +235,7 @@ void Contour::improve_blur() {
   }
   if (!(stiffness > 0)) return;
   const double wanted = std::clamp(sigma_ + pull / stiffness, 0.7 * sigma_, 1.4 * sigma_);
-  const double next = std::clamp(wanted, 0.4 * settings_.blur_sigma_px, 2.5 * settings_.blur_sigma_px);
+  const double next = allowed_blur(wanted);
   for (std::size_t k = 0; k < normals_.size(); ++k) normals_[k].shift_px -= edges_[k].shift_by_blur * (next - sigma_);
   sigma_ = next;
 }
@@ -249,10 +279,7 @@ std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const c
                                                    const Ellipse& start) {
   const Images images{image, ground, noise};
   Ellipse ellipse = start;
-  for (int k = 0; k < kCoarseRounds; ++k) {
-    if (!coarse_round(images, ellipse)) return std::nullopt;
-  }
-  sigma_ = settings_.blur_sigma_px;
+  if (!coarse_rounds(images, ellipse)) return std::nullopt;
   EllipseMeasurement result;
   for (int k = 0; k < kFineRounds; ++k) {
     const double before = sigma_;

@@ -22,7 +22,8 @@ struct ContourSettings {
 /// First where each normal crosses half the contrast to the ground, which finds the rim from some pixels away; then, at
 /// each normal, the rim's place by least squares of what a body in front of that ground would look like (EdgeModel),
 /// which a shaded body, a bent rim and a patterned ground do not shift. The blur is one more unknown, common to all
-/// normals: it starts at `blur_sigma_px` and may come out between 0.4 and 2.5 times that.
+/// normals: it starts at `blur_sigma_px`, or, where the half crossings are clearly less steep, at what they tell, and may
+/// come out between 0.4 times `blur_sigma_px` and 2.5 times that or 6 px, whichever is more.
 class Contour {
  public:
   explicit Contour(const ContourSettings& settings);
@@ -42,8 +43,10 @@ class Contour {
     double trust = 0, misfit = 0, pull = 0, stiffness = 0, shift_by_blur = 0;
   };
   using StepSums = Eigen::Matrix<double, 6, 6>;
+  bool coarse_rounds(const Images& images, Ellipse& ellipse);
   bool coarse_round(const Images& images, Ellipse& ellipse);
-  void half_crossing(const Images& images, Normal& normal) const;
+  void half_crossing(const Images& images, Normal& normal, double& slope) const;
+  double allowed_blur(double sigma) const;
   std::optional<FittedEllipse> fine_round(const Images& images, const Ellipse& ellipse);
   void look(const Images& images, const Ellipse& ellipse);
   double ground_offset() const;
