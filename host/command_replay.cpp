@@ -17,22 +17,22 @@
 namespace vitreo {
 namespace {
 
+std::string text_of(const nlohmann::json& table, const char* key) {
+  const auto found = table.is_object() ? table.find(key) : table.end();
+  return found != table.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
 /// The nominal model as the rig file of the run describes it; no instrument is opened.
 RigModel model_of(ScriptEngine& engine, const RunData& data) {
   const nlohmann::json& rig = data.start.rig;
   if (!rig.is_object() || !rig.contains("text") || !rig["text"].is_string())
     throw RecordError(data.folder.string() + ": its start record has no rig file");
-  const std::filesystem::path copy =
-      std::filesystem::temp_directory_path() / ("vitreo_replay_" + random_hex(8) + ".lua");
-  write_file(copy, rig["text"].get<std::string>());
-  struct Removal {
-    ~Removal() {
-      std::error_code ignored;  // a left-over in the temporary folder harms nobody
-      std::filesystem::remove(file, ignored);
-    }
-    const std::filesystem::path& file;
-  } const removal{copy};
-  RigDescription description = engine.load_rig(copy.string());
+  const auto source = [](const nlohmann::json& one) -> RigSource {
+    return {text_of(one, "file"), text_of(one, "text")};
+  };
+  std::vector<RigSource> bases;
+  for (const nlohmann::json& base : rig.value("bases", nlohmann::json::array())) bases.push_back(source(base));
+  RigDescription description = engine.recorded_rig(source(rig), bases);
   take_recorded_calibration(description, rig.value("resolved", nlohmann::json()));
   ConfigReader reader(description);
   const RigSettings settings = read_rig_settings(reader);

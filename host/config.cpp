@@ -100,6 +100,16 @@ std::string nearest(const std::string& word, const std::vector<std::string>& can
   return result;
 }
 
+RigSource RigDescription::source_of(std::string key) const {
+  for (;;) {
+    const auto found = from_base.find(key);
+    if (found != from_base.end()) return bases.at(found->second);
+    const std::size_t dot = key.rfind('.');
+    if (dot == std::string::npos) return {file, text};
+    key.resize(dot);
+  }
+}
+
 ConfigReader::ConfigReader(const RigDescription& rig)
     : rig_(rig), table_(rig.table), own_(nlohmann::json::object()), resolved_(&own_) {}
 
@@ -108,8 +118,9 @@ ConfigReader::ConfigReader(const RigDescription& rig, const ConfigTable& table, 
     : rig_(rig), table_(table), path_(std::move(path)), resolved_(resolved) {}
 
 void ConfigReader::fail(const std::string& key, const std::string& problem) const {
-  const int line = find_line(rig_.text, path_ + key);
-  const std::string place = line > 0 ? fmt::format("{}:{}: ", rig_.file, line) : rig_.file + ": ";
+  const RigSource source = rig_.source_of(path_ + key);
+  const int line = find_line(source.text, path_ + key);
+  const std::string place = line > 0 ? fmt::format("{}:{}: ", source.file, line) : source.file + ": ";
   throw ConfigError(place + path_ + key + " " + problem);
 }
 
@@ -232,6 +243,20 @@ std::vector<double> ConfigReader::read_numbers(const std::string& key, const std
 std::vector<double> ConfigReader::numbers(const std::string& key, const std::vector<double>& fallback,
                                           const Bounds& bounds) {
   return read_numbers(key, fallback, bounds, 0);
+}
+
+std::vector<std::string> ConfigReader::texts(const std::string& key) {
+  const ConfigValue* found = find(key);
+  std::vector<std::string> values;
+  const ConfigList* list = found ? std::get_if<ConfigList>(&found->value) : nullptr;
+  if (found && !list) wrong_type(key, "a list of texts", *found);
+  for (std::size_t i = 0; list && i < list->size(); ++i) {
+    const std::string* text = std::get_if<std::string>(&(*list)[i].value);
+    if (!text) fail(key, fmt::format("must be a list of texts, but its number {} is {}", i + 1, describe((*list)[i])));
+    values.push_back(*text);
+  }
+  (*resolved_)[key] = values;
+  return values;
 }
 
 Eigen::Vector2d ConfigReader::vector2(const std::string& key, const Eigen::Vector2d& fallback, const Bounds& bounds) {

@@ -22,11 +22,20 @@ struct ConfigValue {
   std::variant<bool, double, std::string, ConfigList, ConfigTable> value;
 };
 
-/// What a rig file says; file and text are kept for errors and for the record.
+struct RigSource {
+  std::string file, text;
+};
+
+/// What a rig file says, on top of what the files that it builds on say; files and texts are kept for errors and for
+/// the record.
 struct RigDescription {
   std::string file;
   std::string text;
   ConfigTable table;
+  std::vector<RigSource> bases;                    // the nearest first
+  std::map<std::string, std::size_t> from_base{};  // dotted keys that stand in a base and not nearer: which of `bases`
+  /// The file in which the key stands; of a key that is nowhere, where its table does.
+  RigSource source_of(std::string key) const;
 };
 
 /// One line for people: "scripts/rigs/x.lua:12: top_camera.focsu is not known; did you mean focus?"
@@ -56,6 +65,8 @@ class ConfigReader {
   Eigen::Vector3d vector3(const std::string& key, const Eigen::Vector3d& fallback, const Bounds& bounds);
   /// A list of numbers of any length.
   std::vector<double> numbers(const std::string& key, const std::vector<double>& fallback, const Bounds& bounds);
+  /// A list of texts of any length; empty when it is not there.
+  std::vector<std::string> texts(const std::string& key);
   bool has(const std::string& key) const;
   /// What is in the table, sorted: for tables whose keys are names that the file chooses.
   std::vector<std::string> keys() const;

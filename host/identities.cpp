@@ -4,6 +4,8 @@
 #include "host/manifest.h"
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 namespace vitreo {
 namespace {
@@ -49,9 +51,13 @@ nlohmann::json hashes_of_files(const nlohmann::json& rig) {
   nlohmann::json hashes = nlohmann::json::object();
   if (!rig.is_object()) return hashes;
   const std::string file = rig.contains("file") && rig["file"].is_string() ? rig["file"].get<std::string>() : "";
-  const std::filesystem::path beside = std::filesystem::path(file).parent_path();
-  if (!file.empty()) add_hash(file, "", hashes);
-  if (rig.contains("resolved")) walk(rig["resolved"], beside, hashes);
+  std::vector<std::string> files{file};
+  for (const nlohmann::json& base : rig.value("bases", nlohmann::json::array()))
+    if (base.is_object()) files.push_back(base.value("file", ""));
+  for (const std::string& one : files) {
+    if (!one.empty()) add_hash(one, "", hashes);
+    if (rig.contains("resolved")) walk(rig["resolved"], std::filesystem::path(one).parent_path(), hashes);
+  }
   return hashes;
 }
 

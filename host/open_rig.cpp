@@ -131,8 +131,9 @@ class SimulatedRig : public OpenRig, public Simulation {
   Rig rig_;
 };
 
-std::string beside(const std::string& rig_file, const std::string& name) {
-  return (std::filesystem::path(rig_file).parent_path() / name).string();
+/// Files are named from where the rig file that names them stands.
+std::string beside(const RigDescription& rig, const std::string& key, const std::string& name) {
+  return (std::filesystem::path(rig.source_of(key).file).parent_path() / name).string();
 }
 
 control::MultipoleField model_calibration(const std::string& file) {
@@ -180,20 +181,20 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   check_rig(description);
   ConfigReader reader(description);
   RigSettings settings = read_rig_settings(reader);
-  // Files are named from where the rig file stands.
-  const std::filesystem::path folder = std::filesystem::path(description.file).parent_path();
   sim::LaboratorySettings& laboratory = settings.laboratory;
-  if (!laboratory.fundus.empty()) laboratory.fundus = (folder / laboratory.fundus).string();
+  if (!laboratory.fundus.empty()) laboratory.fundus = beside(description, "truth.fundus", laboratory.fundus);
   if (!settings.field_calibration.empty())
     settings.model.field = laboratory.believed_field =
-        model_calibration(beside(description.file, settings.field_calibration));
+        model_calibration(beside(description, "model.calibration", settings.field_calibration));
   keep_simulated_cameras(description, laboratory);
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
   try {
     if (!settings.calibration.empty()) {
       try {
-        laboratory.world.field = read_calibration(folder / settings.calibration, laboratory.world.field).field;
+        laboratory.world.field =
+            read_calibration(beside(description, "truth.calibration", settings.calibration), laboratory.world.field)
+                .field;
       } catch (const std::invalid_argument& problem) {
         throw std::invalid_argument(std::string("truth.calibration: ") + problem.what());
       }

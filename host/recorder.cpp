@@ -49,6 +49,8 @@ void keep_scripts(const std::filesystem::path& folder, const RunStart& start) {
   keep(start.protocol_file, start.protocol_text, "protocol");
   if (start.rig.is_object() && start.rig.contains("text") && start.rig["text"].is_string()) {
     keep(start.rig.value("file", ""), start.rig["text"].get<std::string>(), "rig");
+    for (const nlohmann::json& base : start.rig.value("bases", nlohmann::json::array()))
+      if (base.is_object()) keep(base.value("file", ""), base.value("text", ""), "rig_base");
   }
 }
 

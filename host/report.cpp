@@ -312,7 +312,7 @@ void flatten(const nlohmann::json& value, const std::string& path, std::string& 
     return;
   }
   for (const auto& [key, inner] : value.items()) {
-    if (path.empty() && key == "text") continue;  // the file as it was written stands beside
+    if (path.empty() && (key == "text" || key == "bases")) continue;  // the files as they were written stand beside
     flatten(inner, path.empty() ? key : fmt::format("{}.{}", path, key), out);
   }
 }
@@ -324,12 +324,14 @@ std::string fold(const std::string& title, const std::string& text) {
 
 std::string source_section(const RunData& data) {
   const RunStart& start = data.start;
-  std::string resolved, file;
+  std::string resolved, files;
   if (start.rig.is_object()) {
     flatten(start.rig, "", resolved);
-    if (start.rig.contains("text")) file = text_of(start.rig["text"]);
+    if (start.rig.contains("text")) files = fold("Rig file", text_of(start.rig["text"]));
+    for (const nlohmann::json& base : start.rig.value("bases", nlohmann::json::array()))
+      if (base.is_object()) files += fold("It builds on " + base.value("file", ""), base.value("text", ""));
   }
-  return section("What was asked", fold("Rig as resolved (SI units)", resolved) + fold("Rig file", file) +
+  return section("What was asked", fold("Rig as resolved (SI units)", resolved) + files +
                                        fold("Protocol " + start.protocol_file, start.protocol_text));
 }
 

@@ -105,6 +105,8 @@ RunStart start_record(const RunRequest& request, const ProtocolDescription& prot
   start.parameters = std::move(parameters);
   for (const Parameter& parameter : protocol.parameters) start.parameter_units[parameter.name] = parameter.unit;
   start.rig = {{"file", description.file}, {"text", description.text}, {"resolved", rig.resolved()}};
+  for (const RigSource& base : description.bases)
+    start.rig["bases"].push_back({{"file", base.file}, {"text", base.text}});
   start.versions = versions();
   start.seed = request.seed;
   start.operator_name = operator_of(request);

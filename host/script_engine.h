@@ -77,8 +77,10 @@ class ScriptEngine {
   virtual ~ScriptEngine() = default;
   /// Reads a protocol without running it. Throws ScriptError.
   virtual ProtocolDescription describe(const std::string& file) = 0;
-  /// Reads a rig file: constants only. Throws ScriptError.
+  /// Reads a rig file and what it builds on: constants only. Throws ScriptError.
   virtual RigDescription load_rig(const std::string& file) = 0;
+  /// The same from the texts that a run's record kept, `bases` the nearest first, whatever the files are now.
+  virtual RigDescription recorded_rig(const RigSource& rig, const std::vector<RigSource>& bases) = 0;
   /// Runs a protocol in a fresh state. Throws ScriptError, DeviceError, Stopped.
   virtual void run(const ProtocolDescription& protocol, const std::map<std::string, ArgumentValue>& arguments,
                    Session& session) = 0;

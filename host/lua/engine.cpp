@@ -18,6 +18,9 @@ class LuaEngine final : public ScriptEngine {
 
   ProtocolDescription describe(const std::string& file) override { return lua::describe_protocol(file, folders_); }
   RigDescription load_rig(const std::string& file) override { return lua::read_rig_file(file, folders_); }
+  RigDescription recorded_rig(const RigSource& rig, const std::vector<RigSource>& bases) override {
+    return lua::read_recorded_rig(rig, bases);
+  }
 
   void run(const ProtocolDescription& protocol, const std::map<std::string, ArgumentValue>& arguments,
            Session& session) override {

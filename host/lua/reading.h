@@ -10,6 +10,8 @@
 namespace vitreo::lua {
 
 ProtocolDescription describe_protocol(const std::string& file, const std::vector<std::string>& folders);
+/// With what it builds on (`base`), which is looked for beside it and in rigs/ of the folders. Throws ScriptError.
 RigDescription read_rig_file(const std::string& file, const std::vector<std::string>& folders);
+RigDescription read_recorded_rig(const RigSource& rig, const std::vector<RigSource>& bases);
 
 }  // namespace vitreo::lua

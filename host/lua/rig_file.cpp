@@ -1,15 +1,20 @@
 // Rig files: constants in Lua's clothes, turned into plain data.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/config_base.h"
 #include "host/config_lines.h"
 #include "host/lua/errors.h"
 #include "host/lua/reading.h"
 #include "host/lua/state.h"
 #include "host/lua/values.h"
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 namespace vitreo::lua {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr int kMaxDepth = 16;
 
@@ -98,12 +103,10 @@ void push_constants_only(lua_State* L) {
   lua_pop(L, 1);
 }
 
-}  // namespace
-
-RigDescription read_rig_file(const std::string& file, const std::vector<std::string>&) {
+RigDescription read_alone(const RigSource& source) {
   RigDescription rig;
-  rig.file = file;
-  rig.text = read_text_file(file);
+  rig.file = source.file, rig.text = source.text;
+  const std::string& file = rig.file;
   State state(nullptr, {});  // no folders: require gives the units only
   lua_State* const L = state.main();
   try {
@@ -123,6 +126,77 @@ RigDescription read_rig_file(const std::string& file, const std::vector<std::str
     throw ScriptError(file + ": takes too long to read: a rig file holds constants");
   }
   return rig;
+}
+
+[[noreturn]] void refuse_base(const RigDescription& rig, const std::string& problem) {
+  const int line = find_line(rig.text, "base");
+  throw ScriptError(rig.file + ":" + (line > 0 ? std::to_string(line) + ":" : "") + " base " + problem);
+}
+
+/// The names of the rigs that lie in a folder.
+void add_names(const fs::path& folder, std::vector<std::string>& names) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (entry.path().extension() == ".lua") names.push_back(entry.path().stem().string());
+}
+
+/// A name is looked for beside the file first, then among the program's own rigs; what ends in .lua is a file's path,
+/// from where this one stands.
+std::string find_base(const RigDescription& rig, const std::string& name, const std::vector<std::string>& folders) {
+  const fs::path beside = fs::path(rig.file).parent_path();
+  if (name.ends_with(".lua")) {
+    if (fs::is_regular_file(beside / name)) return (beside / name).lexically_normal().string();
+    refuse_base(rig, "names a file that is not there: " + (beside / name).lexically_normal().string());
+  }
+  std::vector<fs::path> places{beside};
+  for (const std::string& folder : folders) places.push_back(fs::path(folder) / "rigs");
+  std::vector<std::string> names;
+  for (const fs::path& place : places) {
+    const fs::path found = (place / (name + ".lua")).lexically_normal();
+    std::error_code error;
+    if (fs::is_regular_file(found, error) && !fs::equivalent(found, rig.file, error)) return found.string();
+    add_names(place, names);
+  }
+  const std::string near = nearest(name, names);
+  refuse_base(rig, "names a rig that is neither beside this file nor among the program's own: " + name +
+                       (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+/// `chain`: the files on the way here, which must not come again.
+RigDescription read_with_bases(const std::string& file, const std::vector<std::string>& folders,
+                               std::vector<std::string>& chain) {
+  RigDescription rig = read_alone({file, read_text_file(file)});
+  const auto base = rig.table.find("base");
+  if (base == rig.table.end()) return rig;
+  const auto* const name = std::get_if<std::string>(&base->second.value);
+  if (name == nullptr || name->empty()) refuse_base(rig, "wants a rig's name, such as \"simulated\", or a file's");
+  chain.push_back(fs::weakly_canonical(file).string());
+  const std::string below = find_base(rig, *name, folders);
+  if (std::find(chain.begin(), chain.end(), fs::weakly_canonical(below).string()) != chain.end())
+    refuse_base(rig, "goes in a circle: " + below + " builds on this file itself");
+  RigDescription under = read_with_bases(below, folders, chain);
+  rig.table.erase("base");
+  build_on(rig, std::move(under));
+  return rig;
+}
+
+}  // namespace
+
+RigDescription read_rig_file(const std::string& file, const std::vector<std::string>& folders) {
+  std::vector<std::string> chain;
+  return read_with_bases(file, folders, chain);
+}
+
+RigDescription read_recorded_rig(const RigSource& rig, const std::vector<RigSource>& bases) {
+  RigDescription whole = read_alone(bases.empty() ? rig : bases.back());
+  whole.table.erase("base");
+  for (std::size_t i = bases.size(); i-- > 0;) {
+    RigDescription nearer = read_alone(i > 0 ? bases[i - 1] : rig);
+    nearer.table.erase("base");
+    build_on(nearer, std::move(whole));
+    whole = std::move(nearer);
+  }
+  return whole;
 }
 
 }  // namespace vitreo::lua

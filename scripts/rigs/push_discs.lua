@@ -2,45 +2,24 @@
 -- stands in for the operator's hand.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
-local mm, um, ms, Hz, A, cSt = units.mm, units.um, units.ms, units.Hz, units.A, units.cSt
-local mA = units.mA
+local mm, um = units.mm, units.um
 
 return {
+  base = "colour_eye",
   title = "Simulated OctoMag, colour camera from above, one disc",
 
-  model = {
-    eye = "model_eye_5_3",
-    eye_in_world = { 0, 0, -5 * mm },
-    robot = "coni_2mm",
-    field = "octomag",
-    medium = { name = "silicone oil", density = 970, kinematic_viscosity = 500 * cSt },
-  },
-
   top_camera = {
-    driver = "simulated",
     view = "plain",
     width_px = 400,
     height_px = 300,
-    frame_rate = 15 * Hz,
-    latency = 80 * ms,
     effective_pixel = 24 * um,
-    microscope = { numerical_aperture = 0.01 },
-    sensor = { colour = "bayer", full_well = 20000, read_noise = 15, brightness = 200, vignette = 0 },
+    projection = false, -- without an eye there is none
+    projection_reach = false,
+    microscope = { focus = false },
+    sensor = { brightness = 200, vignette = 0 },
   },
-
-  coils = {
-    driver = "usb3103",
-    address = "emulated",
-    amperes_per_volt = 2,
-    current_limit = 12 * A,
-    interlock_total_current = 60 * A,
-  },
-  pose_sensor = { driver = "simulated", frame_rate = 60 * Hz, latency = 20 * ms, noise = 4 * um },
-  sample = { driver = "simulated", placement_scatter = 0 },
 
   truth = {
-    drawn_as = "ellipsoid",
-    current_noise = 10 * mA,
     bodies = {
       disc = {
         shape = "disc",

@@ -24,7 +24,8 @@ RigDescription rig_with(ConfigTable camera) {
           "    [\"focsu\"] = 1,\n"
           "  },\n"
           "}\n",
-          {{"top_camera", {std::move(camera)}}}};
+          {{"top_camera", {std::move(camera)}}},
+          {}};
 }
 
 template <class Action>
@@ -145,7 +146,7 @@ TEST(Config, AnEmptyLuaTableIsATableAndAList) {
 }
 
 TEST(Config, WithoutATextThereIsNoLine) {
-  const RigDescription rig{"x.lua", "", {{"a", {1.0}}}};
+  const RigDescription rig{"x.lua", "", {{"a", {1.0}}}, {}};
   ConfigReader root(rig);
   EXPECT_EQ(error_of([&] { root.finish(); }), "x.lua: a is not known");
 }

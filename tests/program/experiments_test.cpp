@@ -148,19 +148,10 @@ TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
 }
 
 /// The rig of calibrate_rig with a camera of a quarter of the pixels and none at the side: nothing else takes its time.
-std::string small_calibration_rig(const std::vector<std::pair<std::string, std::string>>& changes = {}) {
-  std::ostringstream file;
-  file << std::ifstream(VITREO_SOURCE_DIR "/scripts/rigs/calibration.lua").rdbuf();
-  std::string text = file.str();
-  std::vector<std::pair<std::string, std::string>> all = {
-      {"width_px = 656", "width_px = 328"}, {"height_px = 490", "height_px = 246"}, {"20.7 * um", "41.4 * um"}};
-  all.insert(all.end(), changes.begin(), changes.end());
-  for (const auto& [from, to] : all) {
-    EXPECT_NE(text.find(from), std::string::npos) << from;
-    text.replace(text.find(from), from.size(), to);
-  }
-  const std::size_t side = text.find("  side_camera = ");
-  return text.erase(side, text.find('\n', side) - side);
+std::string small_calibration_rig(const std::string& more = "") {
+  return "return { base = 'calibration', title = 'small', side_camera = false,\n"
+         "  top_camera = { width_px = 328, height_px = 246, effective_pixel = 41.4e-6 },\n" +
+         more + "}\n";
 }
 
 constexpr const char* kInstalled = "runs/calibrations/calibration_rig.json";
@@ -216,13 +207,13 @@ TEST(Calibrations, WhatWasAcceptedIsInForceAtTheNextStartAndTheFileBeforeIsKept)
 
 TEST(Calibrations, WhatIsRefusedChangesNothing) {
   const Workplace place;
-  place.write("rig.lua", small_calibration_rig({{"field = \"octomag\",", "field = \"octomag\", coil_delay = 0.1,"}}));
+  place.write("rig.lua", small_calibration_rig("model = { coil_delay = 0.1 }"));
   const std::string words = "run calibrate_latency coils=1 frames=2 --rig rig.lua --json";
   EXPECT_NE(place.vitreo(words).exit_code, 0);
   EXPECT_FALSE(std::filesystem::exists(place.folder() / kInstalled));
   ASSERT_EQ(place.vitreo(words + " limit=90ms").exit_code, 0);
   const std::string installed = place.read(kInstalled);
-  place.write("rig.lua", small_calibration_rig({{"coil_delay = 50 * ms", "coil_delay = 150 * ms"}}));
+  place.write("rig.lua", small_calibration_rig("truth = { coil_delay = 0.15 }"));
   EXPECT_NE(place.vitreo(words).exit_code, 0);
   EXPECT_EQ(place.read(kInstalled), installed);
   EXPECT_TRUE(kept_before(place).empty());
@@ -285,7 +276,7 @@ TEST(Calibrations, AnInstalledValueThatIsStaleOrAnotherDevicesIsWarnedAboutOrRef
     EXPECT_EQ(nlohmann::json::parse(warned.out)["figures"]["pixel"], 4.2e-5);
     const std::string of_run = nlohmann::json::parse(warned.out)["run"];  // two of one second have no order
     EXPECT_NE(place.vitreo("show " + of_run + " --json").out.find(said), std::string::npos);
-    place.write("rig.lua", small_calibration_rig({{"installed = {", "when_stale = \"refuse\", installed = {"}}));
+    place.write("rig.lua", small_calibration_rig("calibrations = { when_stale = 'refuse' }"));
     const Spoken refused = place.vitreo("run believed.lua --rig rig.lua --json");
     EXPECT_NE(refused.exit_code, 0);
     EXPECT_NE((refused.out + refused.err).find(said), std::string::npos) << refused.out << refused.err;

@@ -209,5 +209,34 @@ TEST_F(Records, OfARunOntoAFullDiskAreIntactAndItsOutcomeIsAborted) {
   EXPECT_EQ(place_->vitreo("verify last --runs full").exit_code, 0) << place_->read("out");
 }
 
+TEST(RecordsOfARigWithABase, KeepEveryTextAndAreReplayedWithThem) {
+  const Workplace place;
+  place.write("bench.lua", "return { base = 'simulated', title = 'bench', top_camera = { effective_pixel = 15e-6 } }");
+  place.write("mine.lua",
+              "return { base = 'bench', title = 'mine', truth = { drawn_as = 'ellipsoid' }, stage = false }");
+  place.write("p.lua", R"(return { title = 'p', needs = { 'top_camera', 'coils', 'sample' }, run = function(rig, p, run)
+    rig.sample:remove_robot()
+    run:record_frames("top_camera")
+    local servo <close> = rig:servo { background = rig:learn_background { frames = 4 } }
+    servo:hold(vector(0, 0, 0))
+    rig.sample:insert_robot(vector(0, 0, 0))
+    run:wait(1)
+  end })");
+  ASSERT_EQ(place.vitreo("run ./p.lua --rig mine.lua").exit_code, 0) << place.read("err");
+  fs::path folder;
+  for (const auto& entry : fs::directory_iterator(place.folder() / "runs")) folder = entry.path();
+  for (const char* kept : {"script/mine.lua", "script/bench.lua", "script/simulated.lua"})
+    EXPECT_TRUE(fs::exists(folder / kept)) << kept;
+  EXPECT_EQ(place.vitreo("verify last").exit_code, 0) << place.read("out");
+  std::ostringstream report;
+  report << std::ifstream(folder / "report.html").rdbuf();
+  EXPECT_NE(report.str().find("It builds on bench.lua"), std::string::npos);
+  const json before = json::parse(place.vitreo("replay last --json").out);
+  place.write("bench.lua", "return { nonsense");  // what the files are now does not matter
+  const Spoken again = place.vitreo("replay last --json");
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(json::parse(again.out), before);
+}
+
 }  // namespace
 }  // namespace vitreo

@@ -102,6 +102,71 @@ return {
   EXPECT_TRUE(std::get<ConfigTable>(rig_file.table.at("empty").value).empty());
 }
 
+TEST_F(Describe, ARigFileSaysOnlyWhatDiffersFromTheOneItBuildsOn) {
+  write("bench.lua", R"(return { title = "bench",
+  top_camera = { driver = "simulated", width_px = 640, sensor = { noise = 1, gain = 2 }, fit = { 1, 2 } },
+  stage = { driver = "zaber", device = 3 }, lamp = { driver = "led" }, truth = { moment = 0.05, flag = true } })");
+  write("middle.lua",
+        "return { base = 'bench', title = 'middle', lamp = false, truth = { moment = false, flag = false } }");
+  const RigDescription whole = engine->load_rig(write("r.lua", R"(return { base = "middle",
+  title = "r",
+  top_camera = { width_px = 320, sensor = { gain = 5 }, fit = { 7 } }, stage = { driver = "mp285", speed = 1 } })"));
+  const auto table = [](const ConfigTable& in, const char* key) { return std::get<ConfigTable>(in.at(key).value); };
+  EXPECT_EQ(std::get<std::string>(whole.table.at("title").value), "r");
+  EXPECT_FALSE(whole.table.contains("base"));
+  const ConfigTable top = table(whole.table, "top_camera"), sensor = table(top, "sensor");
+  EXPECT_EQ(std::get<double>(top.at("width_px").value), 320);
+  EXPECT_EQ(std::get<std::string>(top.at("driver").value), "simulated");
+  EXPECT_EQ(std::get<double>(sensor.at("noise").value), 1);
+  EXPECT_EQ(std::get<double>(sensor.at("gain").value), 5);
+  EXPECT_EQ(std::get<ConfigList>(top.at("fit").value).size(), 1u);  // a list is taken whole
+  EXPECT_FALSE(table(whole.table, "stage").contains("device")) << "of one driver's settings the next knows nothing";
+  EXPECT_FALSE(whole.table.contains("lamp")) << "false takes a role away";
+  EXPECT_FALSE(table(whole.table, "truth").contains("moment")) << "and a number, whose default counts again";
+  EXPECT_FALSE(std::get<bool>(table(whole.table, "truth").at("flag").value)) << "a flag is only a flag";
+  ASSERT_EQ(whole.bases.size(), 2u);
+  EXPECT_NE(whole.bases[0].file.find("middle.lua"), std::string::npos);
+  EXPECT_NE(whole.bases[1].text.find("bench"), std::string::npos);
+  EXPECT_NE(whole.source_of("top_camera.sensor.noise").file.find("bench.lua"), std::string::npos);
+  EXPECT_NE(whole.source_of("top_camera.sensor.gain").file.find("r.lua"), std::string::npos);
+  EXPECT_NE(whole.source_of("truth.flag").file.find("middle.lua"), std::string::npos);
+  EXPECT_NE(whole.source_of("stage.device").file.find("r.lua"), std::string::npos);
+}
+
+TEST_F(Describe, AnErrorInARigFileNamesTheFileAndLineInWhichTheKeyStands) {
+  write("bench.lua", "return {\n  top_camera = {\n    focsu = 1,\n  },\n}");
+  const RigDescription whole =
+      engine->load_rig(write("r.lua", "return { base = 'bench', top_camera = { width_px = true } }"));
+  ConfigReader reader(whole);
+  ConfigReader top = reader.table("top_camera");
+  expect_all(error_of([&] { top.integer("width_px", 1, 1, 9); }), {"r.lua:1:", "top_camera.width_px must be"});
+  top.flag("width_px", false);
+  top.number("focus", 0, {0, 1, "m"});
+  expect_all(error_of([&] { top.finish(); }), {"bench.lua:3:", "focsu", "did you mean focus"});
+}
+
+TEST_F(Describe, WhatARigFileBuildsOnIsFoundOrRefusedByName) {
+  const auto broken = [&](const std::string& text) {
+    return error_of([&] { engine->load_rig(write("r.lua", text)); });
+  };
+  std::filesystem::create_directories(folder.path() / "lib" / "rigs");
+  write("lib/rigs/house.lua", "return { coils = {} }");
+  EXPECT_EQ(engine->load_rig(write("r.lua", "return { base = 'house' }")).table.count("coils"), 1u)
+      << "the program's own are found from anywhere";
+  EXPECT_EQ(engine->load_rig(write("house.lua", "return { base = 'house' }")).table.count("coils"), 1u)
+      << "also from a file of that name";
+  expect_all(broken("return {\n base = 'huose' }"), {"r.lua:2:", "huose", "did you mean house"});
+  expect_all(broken("return { base = 'not/there.lua' }"), {"r.lua:1:", "not there", "there.lua"});
+  expect_all(broken("return { base = 3 }"), {"r.lua:1:", "base wants a rig's name"});
+  expect_all(broken("return { base = '' }"), {"base wants a rig's name"});
+  write("a.lua", "return { base = 'b' }");
+  write("b.lua", "return { base = 'r' }");
+  expect_all(broken("return { base = 'a' }"), {"b.lua:1:", "base goes in a circle", "r.lua"});
+  expect_all(broken("return { base = 'r.lua' }"), {"circle"});
+  write("a.lua", "return { x = print }");
+  expect_all(broken("return { base = 'a' }"), {"a.lua:1:"});
+}
+
 TEST_F(Describe, ARigFileHoldsConstantsOnly) {
   const auto broken = [&](const std::string& text) {
     return error_of([&] { engine->load_rig(write("r.lua", text)); });
