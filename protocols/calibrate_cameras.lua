@@ -3,8 +3,9 @@
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
+local limits = require "limits"
 local units = require "units"
-local mm, deg = units.mm, units.deg
+local mm = units.mm
 
 return {
   title = "Calibration of the cameras",
@@ -12,14 +13,14 @@ return {
   rig = "calibration",
   parameters = {
     count = { default = 5, min = 2, max = 31, integer = true, help = "places along each side of the grid" },
-    half = { unit = "mm", default = 3 * mm, min = 0.5 * mm, max = 10 * mm, help = "half its width" },
+    half = { unit = "mm", default = limits.grid, min = 0.5 * mm, max = 10 * mm, help = "half its width" },
     limit = {
-      default = 0.02,
+      default = limits.pixel,
       min = 0.0001,
       max = 0.5,
       help = "by which a pixel may differ from what is believed at the start, relative",
     },
-    residual = { default = 0.5, min = 0.01, max = 10, help = "px that the fit may leave, rms" },
+    residual = { default = limits.residual_px, min = 0.01, max = 10, help = "px that the fit may leave, rms" },
   },
   run = function(rig, p, run)
     local book, model = acceptance.new(run, "Cameras"), rig:model()
@@ -30,43 +31,7 @@ return {
         run:note(
           ("%s: %d places, residual %.2f px rms, %.2f at most"):format(role, points, fit.rms_residual_px, fit.max_residual_px)
         )
-        local pixel = believed[role]
-        book:check {
-          name = role .. ": pixel",
-          part = role,
-          key = role .. ".effective_pixel",
-          believed = pixel,
-          value = fit.pixel,
-          sigma = fit.pixel_sigma,
-          unit = "m",
-          least = (1 - p.limit) * pixel,
-          most = (1 + p.limit) * pixel,
-        }
-        book:check {
-          name = role .. ": rotation",
-          part = role,
-          believed = 0,
-          value = fit.rotation,
-          sigma = fit.rotation_sigma,
-          unit = "rad",
-          least = -1 * deg,
-          most = 1 * deg,
-        }
-        book:check {
-          name = role .. ": what the fit leaves, px rms",
-          part = role,
-          value = fit.rms_residual_px,
-          least = 0,
-          most = p.residual,
-        }
-        book:check {
-          name = role .. ": distortion at the corner",
-          part = role,
-          believed = 0,
-          value = fit.distortion,
-          least = -0.01,
-          most = 0.01,
-        }
+        limits.camera(book, role, fit, believed[role], { pixel = p.limit, residual_px = p.residual })
         run:figure(role .. "_pixel", fit.pixel, "m")
       end
     end

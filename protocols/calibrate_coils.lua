@@ -5,8 +5,9 @@ local acceptance = require "acceptance"
 local calibrations = require "calibrations"
 local control = require "control"
 local files = require "files"
+local limits = require "limits"
 local units = require "units"
-local mm, uT, A = units.mm, units.uT, units.A
+local mm, A = units.mm, units.A
 
 return {
   title = "Calibration of the coils",
@@ -15,7 +16,7 @@ return {
   parameters = {
     half = { unit = "mm", default = 8 * mm, min = 1 * mm, max = 20 * mm, help = "half the cube's side" },
     current = { unit = "A", default = 8 * A, min = 0.5 * A, max = 12 * A, help = "of each coil, either sign" },
-    limit = { default = 0.01, min = 1e-4, max = 0.5, help = "that the fit may leave, relative to the field" },
+    limit = { default = limits.field, min = 1e-4, max = 0.5, help = "that the fit may leave, relative to the field" },
   },
   run = function(rig, p, run)
     local model, told, readings = calibrations.field(rig, run, { half = p.half, current = p.current })
@@ -35,13 +36,9 @@ return {
       model:text { name = "OctoMag", low = { -p.half, -p.half, -p.half }, high = { p.half, p.half, p.half } }
     )
     local book = acceptance.new(run, "Coils")
-    book:check { name = "residual, relative", value = told.residual_relative, least = 0, most = p.limit }
-    book:check { name = "residual, largest", value = told.residual_largest, unit = "T", least = 0, most = 1 * units.mT }
-    book:check { name = "background", value = vector(told.background):norm(), unit = "T", least = 0, most = 500 * uT }
-    book:check { name = "converged", value = told.converged and 1 or 0, least = 1, most = 1 }
+    limits.coils(book, told, "octomag_calibrated.yaml", { field = p.limit })
     run:figure("residual_rms", told.residual_rms, "T")
     run:figure("residual_relative", told.residual_relative)
-    if book.refused == 0 then book:keep("model.calibration", "octomag_calibrated.yaml") end
     if not book:close() then error("not all numbers were accepted", 0) end
   end,
 }

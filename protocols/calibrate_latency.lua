@@ -4,9 +4,10 @@
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
+local limits = require "limits"
 local statistics = require "statistics"
 local units = require "units"
-local s, ms, A = units.s, units.ms, units.A
+local ms, A = units.ms, units.A
 
 return {
   title = "Calibration of the latency",
@@ -18,7 +19,7 @@ return {
     frames = { default = 30, min = 2, max = 1000, integer = true, help = "of which the age is taken" },
     limit = {
       unit = "ms",
-      default = 20 * ms,
+      default = limits.delay,
       min = 1 * ms,
       max = 500 * ms,
       help = "by which the delay may differ from what is believed at the start",
@@ -36,37 +37,11 @@ return {
     end
     run:plot { title = "Field after a step of current", x = { "time", "s" }, y = { "field", "mT" }, series = curves }
     local delay, constant = statistics.median(delays), statistics.median(constants)
-    book:check {
-      name = "coils: delay",
-      part = "latency",
-      key = "model.coil_delay",
-      believed = model.command_delay,
-      value = delay,
-      sigma = statistics.deviation(delays),
-      unit = "s",
-      least = model.command_delay - p.limit,
-      most = model.command_delay + p.limit,
-    }
-    book:check {
-      name = "coils: bandwidth",
-      part = "latency",
-      key = "model.coil_bandwidth",
-      value = 1 / (2 * math.pi * constant),
-      unit = "Hz",
-      least = 1,
-      most = 1000,
-    }
+    limits.coil_latency(book, model, delay, constant, { delay = p.limit, sigma = statistics.deviation(delays) })
     for _, role in ipairs { "top_camera", "side_camera" } do
       if rig[role] then
         local age, deviation = calibrations.camera_latency(rig[role], p.frames)
-        book:check {
-          name = role .. ": age of its frames",
-          value = age,
-          sigma = deviation,
-          unit = "s",
-          least = 0,
-          most = 0.4 * s,
-        }
+        limits.frames(book, role, age, deviation)
         if role == "top_camera" then run:figure("loop_latency", age + delay, "s") end
       end
     end

@@ -5,81 +5,31 @@
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"
 local files = require "files"
+local limits = require "limits"
 local units = require "units"
-local mm, ms, A, deg = units.mm, units.ms, units.A, units.deg
+local mm, A = units.mm, units.A
 
 local function cameras(rig, run, p, book)
   local model = rig:model()
   for role, pixel in pairs { top_camera = model.pixel, side_camera = model.side_pixel } do
     if rig[role] then
-      local fit = calibrations.camera(rig, run, role, { count = p.count, half = 3 * mm })
-      book:check {
-        name = role .. ": pixel",
-        part = role,
-        key = role .. ".effective_pixel",
-        believed = pixel,
-        value = fit.pixel,
-        sigma = fit.pixel_sigma,
-        unit = "m",
-        least = 0.98 * pixel,
-        most = 1.02 * pixel,
-      }
-      book:check {
-        name = role .. ": rotation",
-        part = role,
-        believed = 0,
-        value = fit.rotation,
-        unit = "rad",
-        least = -1 * deg,
-        most = 1 * deg,
-      }
-      book:check {
-        name = role .. ": what the fit leaves, px rms",
-        part = role,
-        value = fit.rms_residual_px,
-        least = 0,
-        most = 0.5,
-      }
+      local fit = calibrations.camera(rig, run, role, { count = p.count, half = limits.grid })
+      limits.camera(book, role, fit, pixel)
     end
   end
 end
 
 local function latency(rig, run, _, book)
-  local believed = rig:model().command_delay
   local delay, constant = calibrations.coil_latency(rig, run, { coil = 1, current = 3 * A })
-  book:check {
-    name = "coils: delay",
-    part = "latency",
-    key = "model.coil_delay",
-    believed = believed,
-    value = delay,
-    unit = "s",
-    least = believed - 20 * ms,
-    most = believed + 20 * ms,
-  }
-  book:check {
-    name = "coils: bandwidth",
-    part = "latency",
-    key = "model.coil_bandwidth",
-    value = 1 / (2 * math.pi * constant),
-    unit = "Hz",
-    least = 1,
-    most = 1000,
-  }
-  local age = calibrations.camera_latency(rig.top_camera, 10)
-  book:check { name = "top_camera: age of its frames", value = age, unit = "s", least = 0, most = 0.4 }
+  limits.coil_latency(book, rig:model(), delay, constant)
+  limits.frames(book, "top_camera", calibrations.camera_latency(rig.top_camera, 10))
 end
 
 local function coils(rig, run, _, book)
-  local model, told = calibrations.field(rig, run, {})
-  local well = book:check { name = "coils: residual, relative", value = told.residual_relative, least = 0, most = 0.01 }
-  if well then
-    files.write(
-      "octomag_calibrated.yaml",
-      model:text { name = "OctoMag", low = { -8 * mm, -8 * mm, -8 * mm }, high = { 8 * mm, 8 * mm, 8 * mm } }
-    )
-    book:keep("model.calibration", "octomag_calibrated.yaml")
-  end
+  local file, reach = "octomag_calibrated.yaml", 8 * mm
+  local model, told = calibrations.field(rig, run, { half = reach })
+  files.write(file, model:text { name = "OctoMag", low = { -reach, -reach, -reach }, high = { reach, reach, reach } })
+  limits.coils(book, told, file)
 end
 
 return {

@@ -43,7 +43,8 @@ int rig_model(Call& call) {
                        {"retina_radius", model.eye.surfaces.front().radius},
                        {"retina_conic", model.eye.surfaces.front().conic},
                        {"lens_depth", model.eye.vertex(2)},
-                       {"command_delay", model.command_delay}});
+                       {"command_delay", model.command_delay},
+                       {"command_bandwidth", model.command_bandwidth}});
   set_place(call.L, "eye_in_world", model.eye_in_world);
   set_pair(call.L, "centre_px", model.top_image.centre_px);
   set_pair(call.L, "side_centre_px", model.side_centre_px);
@@ -72,7 +73,7 @@ std::vector<Binding> rig_model_rows() {
            "table",
            "what the rig believes, SI: eye_in_world, retina_radius, retina_conic, lens_depth, microscope {focus, "
            "numerical_aperture}, pixel, centre_px, side_pixel, side_centre_px, robot (a body for the localiser), "
-           "robot_name, command_delay",
+           "robot_name, command_delay, command_bandwidth",
            rig_model}};
 }
 

@@ -1,0 +1,128 @@
+-- Within which limits a calibration is believed: one place for calibrate_rig and the protocols of its parts. A protocol may pass
+-- its own of those that an operator may choose.
+-- SPDX-License-Identifier: Apache-2.0
+local units = require "units"
+local mm, ms, s, deg, uT, mT = units.mm, units.ms, units.s, units.deg, units.uT, units.mT
+local limits = {}
+
+limits.pixel = 0.02 -- by which a pixel may differ from what is believed, relative
+limits.rotation = 1 * deg
+limits.residual_px = 0.5 -- rms, that a camera's fit may leave
+limits.distortion = 0.01 -- at the grid's corner, relative
+limits.delay = 20 * ms -- by which the coils' delay may differ from what is believed
+limits.bandwidth = { 1, 1000 } -- Hz
+limits.age = 0.4 * s -- of a frame when it arrives
+limits.field = 0.01 -- that the field's fit may leave, relative
+limits.field_largest = 1 * mT
+limits.background = 500 * uT
+limits.grid = 3 * mm -- half the width of the cameras' grid
+
+--- A camera's fit (calibrations.camera) against what is believed of it; `own`: pixel, residual_px.
+function limits.camera(book, role, fit, pixel, own)
+  own = own or {}
+  local off = own.pixel or limits.pixel
+  book:check {
+    name = role .. ": pixel",
+    part = role,
+    key = role .. ".effective_pixel",
+    believed = pixel,
+    value = fit.pixel,
+    sigma = fit.pixel_sigma,
+    unit = "m",
+    least = (1 - off) * pixel,
+    most = (1 + off) * pixel,
+  }
+  book:check {
+    name = role .. ": rotation",
+    part = role,
+    believed = 0,
+    value = fit.rotation,
+    sigma = fit.rotation_sigma,
+    unit = "rad",
+    least = -limits.rotation,
+    most = limits.rotation,
+  }
+  book:check {
+    name = role .. ": what the fit leaves, px rms",
+    part = role,
+    value = fit.rms_residual_px,
+    least = 0,
+    most = own.residual_px or limits.residual_px,
+  }
+  book:check {
+    name = role .. ": distortion at the corner",
+    part = role,
+    believed = 0,
+    value = fit.distortion,
+    least = -limits.distortion,
+    most = limits.distortion,
+  }
+end
+
+--- Delay and time constant (s) of the coils (calibrations.coil_latency); `own`: delay, sigma.
+function limits.coil_latency(book, model, delay, constant, own)
+  own = own or {}
+  local off = own.delay or limits.delay
+  book:check {
+    name = "coils: delay",
+    part = "latency",
+    key = "model.coil_delay",
+    believed = model.command_delay,
+    value = delay,
+    sigma = own.sigma,
+    unit = "s",
+    least = model.command_delay - off,
+    most = model.command_delay + off,
+  }
+  book:check {
+    name = "coils: bandwidth",
+    part = "latency",
+    key = "model.coil_bandwidth",
+    believed = model.command_bandwidth,
+    value = 1 / (2 * math.pi * constant),
+    unit = "Hz",
+    least = limits.bandwidth[1],
+    most = limits.bandwidth[2],
+  }
+end
+
+--- How old a camera's frames are when they arrive (calibrations.camera_latency).
+function limits.frames(book, role, age, deviation)
+  book:check {
+    name = role .. ": age of its frames",
+    value = age,
+    sigma = deviation,
+    unit = "s",
+    least = 0,
+    most = limits.age,
+  }
+end
+
+--- What the fit of the coils' field says (calibrations.field); `own`: field. The model is kept in `file` when all is well.
+function limits.coils(book, told, file, own)
+  local well = book:check {
+    name = "coils: residual, relative",
+    value = told.residual_relative,
+    least = 0,
+    most = own and own.field or limits.field,
+  }
+  well = book:check {
+    name = "coils: residual, largest",
+    value = told.residual_largest,
+    unit = "T",
+    least = 0,
+    most = limits.field_largest,
+  } and well
+  well = book:check {
+    name = "coils: background",
+    value = vector(told.background):norm(),
+    unit = "T",
+    least = 0,
+    most = limits.background,
+  } and well
+  well = book:check { name = "coils: the fit converged", value = told.converged and 1 or 0, least = 1, most = 1 } and well
+  if well then book:keep("model.calibration", file) end
+  return well
+end
+
+return limits
