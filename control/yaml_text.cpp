@@ -74,8 +74,14 @@ bool is_item(std::string_view text) { return text == "-" || text.substr(0, 2) ==
 
 // Where the colon after a key stands, or npos.
 std::size_t key_end(std::string_view text) {
-  if (text.front() == '"' || text.front() == '\'' || text.front() == '[') return std::string_view::npos;
-  for (std::size_t k = 0; k < text.size(); ++k) {
+  if (text.front() == '[' || text.front() == '{') return std::string_view::npos;
+  std::size_t begin = 0;
+  if (text.front() == '"' || text.front() == '\'') {
+    const std::size_t closing = text.find(text.front(), 1);
+    begin = closing == std::string_view::npos ? text.size() : text.find_first_not_of(" \t", closing + 1);
+    if (begin >= text.size() || text[begin] != ':') return std::string_view::npos;
+  }
+  for (std::size_t k = begin; k < text.size(); ++k) {
     if (text[k] == ':' && (k + 1 == text.size() || text[k + 1] == ' ' || text[k + 1] == '\t')) return k;
   }
   return std::string_view::npos;
@@ -96,6 +102,13 @@ YamlNode scalar_node(int line, std::string_view text) {
     node.scalar = text;
   }
   return node;
+}
+
+// A key may stand in quotes.
+std::string key_of(std::string_view text) {
+  if (text.size() >= 2 && (text.front() == '"' || text.front() == '\'') && text.back() == text.front())
+    text = text.substr(1, text.size() - 2);
+  return std::string(text);
 }
 
 class Reader {
@@ -149,7 +162,7 @@ class Reader {
       const Line line = here();
       const std::size_t colon = key_end(line.text);
       if (colon == std::string_view::npos) fail(line.number, "neither 'key: value' nor '- item'");
-      std::string key(trimmed(line.text.substr(0, colon)));
+      std::string key = key_of(trimmed(line.text.substr(0, colon)));
       if (key.empty()) fail(line.number, "a key without a name");
       if (node.find(key)) fail(line.number, "'" + key + "' is given twice");
       const std::string_view rest = trimmed(line.text.substr(colon + 1));
@@ -171,54 +184,85 @@ class Reader {
     return nothing;
   }
 
-  // A scalar, or a flow sequence that may run over several lines.
+  // A scalar, or a list or a mapping in brackets, which may run over several lines.
   YamlNode value(std::string_view text, int depth) {
     const int line = here().number;
     ++next_;
-    if (text.front() != '[') return scalar_node(line, text);
+    if (text.front() != '[' && text.front() != '{') return scalar_node(line, text);
     std::string all(text);
     while (flow_open(all)) {
-      if (done()) fail(line, "a '[' that does not end");
+      if (done()) unended(line, text.front());
       all += ' ';
       all += here().text;
       ++next_;
     }
     std::size_t at = 0;
     YamlNode node = flow(all, at, line, depth + 1);
-    if (at != all.size()) fail(line, "more after ']'");
+    if (at != all.size()) fail(line, std::string("more after '") + (text.front() == '[' ? "]'" : "}'"));
     return node;
+  }
+
+  [[noreturn]] static void unended(int line, char bracket) {
+    fail(line, std::string("a '") + bracket + "' that does not end");
   }
 
   static bool flow_open(std::string_view text) {
     int open = 0;
-    for (const char c : text) open += c == '[' ? 1 : c == ']' ? -1 : 0;
+    for (const char c : text) open += c == '[' || c == '{' ? 1 : c == ']' || c == '}' ? -1 : 0;
     return open > 0;
   }
 
+  static void skip_blanks(std::string_view text, std::size_t& at) {
+    at = std::min(text.find_first_not_of(" \t", at), text.size());
+  }
+
+  // What stands between brackets and commas; `at` is at its first character.
   static YamlNode flow(std::string_view text, std::size_t& at, int line, int depth) {
     if (depth > kMaxDepth) fail(line, "nested too deeply");
+    if (text[at] == '[' || text[at] == '{') return collection(text, at, line, depth);
+    const std::size_t end = std::min(text.find_first_of("[]{},", at), text.size());
+    const std::string_view item = trimmed(text.substr(at, end - at));
+    if (item.empty()) fail(line, "an empty place in a list");
+    at = end;
+    return scalar_node(line, item);
+  }
+
+  // The key of a member, up to its colon and the blanks behind it.
+  static std::string flow_key(std::string_view text, std::size_t& at, int line) {
+    const std::size_t colon = std::min(text.find_first_of(":[]{},", at), text.size());
+    if (colon == text.size() || text[colon] != ':') fail(line, "'key: value' expected between { and }");
+    std::string key = key_of(trimmed(text.substr(at, colon - at)));
+    if (key.empty()) fail(line, "a key without a name");
+    at = colon + 1;
+    skip_blanks(text, at);
+    return key;
+  }
+
+  static YamlNode collection(std::string_view text, std::size_t& at, int line, int depth) {
+    const char begin = text[at++], end = begin == '[' ? ']' : '}';
     YamlNode node;
-    node.kind = YamlNode::Kind::sequence;
+    node.kind = begin == '[' ? YamlNode::Kind::sequence : YamlNode::Kind::mapping;
     node.line = line;
-    ++at;  // the bracket
     for (;;) {
-      at = std::min(text.find_first_not_of(" \t", at), text.size());
-      if (at == text.size()) fail(line, "a '[' that does not end");
-      if (text[at] == ']') break;
-      if (text[at] == '[') {
+      skip_blanks(text, at);
+      if (at == text.size()) unended(line, begin);
+      if (text[at] == end) break;
+      if (begin == '[') {
         node.items.push_back(flow(text, at, line, depth + 1));
       } else {
-        const std::size_t end = std::min(text.find_first_of("[,]", at), text.size());
-        const std::string_view item = trimmed(text.substr(at, end - at));
-        if (item.empty()) fail(line, "an empty place in a list");
-        node.items.push_back(scalar_node(line, item));
-        at = end;
+        std::string key = flow_key(text, at, line);
+        if (node.find(key)) fail(line, "'" + key + "' is given twice");
+        if (at == text.size()) unended(line, begin);
+        YamlNode nothing;
+        nothing.line = line;
+        const bool empty = text[at] == ',' || text[at] == end;
+        node.members.push_back({std::move(key), empty ? nothing : flow(text, at, line, depth + 1)});
       }
-      at = std::min(text.find_first_not_of(" \t", at), text.size());
+      skip_blanks(text, at);
       if (at < text.size() && text[at] == ',') {
         ++at;
-      } else if (at == text.size() || text[at] != ']') {
-        fail(line, "',' or ']' expected in a list");
+      } else if (at == text.size() || text[at] != end) {
+        fail(line, std::string("',' or '") + end + "' expected in a " + (begin == '[' ? "list" : "mapping"));
       }
     }
     ++at;

@@ -2,6 +2,7 @@
 #include "host/plant_settings.h"
 
 #include "control/field_calibration_file.h"
+#include "host/units.h"
 
 #include <bit>
 #include <cmath>
@@ -131,6 +132,21 @@ control::MultipoleField rewired(const control::MultipoleField& field, const std:
   return {std::move(coils), field.background_sources(), field.region()};
 }
 
+/// The units are the file's word only: a decimal comma, or coefficients of another unit, would make a field that no
+/// coil has.
+void check_strength(const control::FieldModel& field) {
+  constexpr double kStrongest = 1;  // T/A; OctoMag's coils make 2 to 3 mT/A
+  const CoilFields fields = fields_at_centre(field);
+  for (Eigen::Index k = 0; k < fields.cols(); ++k) {
+    const double strength = fields.col(k).norm();
+    const std::string coil = "coil " + std::to_string(k + 1);
+    if (!(strength > 0)) throw std::invalid_argument(coil + " makes no field at the workspace's centre");
+    if (!(strength < kStrongest))
+      throw std::invalid_argument(coil + " makes " + format_number(strength, 3) +
+                                  " T per ampere at the workspace's centre: coefficients are T/A and m");
+  }
+}
+
 }  // namespace
 
 void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory, std::string& calibration) {
@@ -167,6 +183,7 @@ MeasuredField read_calibration(const std::filesystem::path& file, const control:
                                   std::to_string(before.coils()));
     if (!read.field.region().contains(Eigen::Vector3d::Zero()))
       throw std::invalid_argument("Workspace_Dimensions do not hold the workspace's centre");
+    check_strength(read.field);
     MeasuredField found{read.field, read.system_name, 0, wiring(read.field, before)};
     found.field = rewired(read.field, found.channels);
     const CoilFields measured = fields_at_centre(found.field), known = fields_at_centre(before);

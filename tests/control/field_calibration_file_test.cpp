@@ -129,6 +129,40 @@ TEST(FieldCalibrationFile, reads_the_line_ends_of_windows_and_a_byte_order_mark)
             field_calibration_text(parse_field_calibration(kFile)));
 }
 
+TEST(FieldCalibrationFile, reads_quoted_names_and_mappings_in_braces) {
+  constexpr const char* kInBraces = R"(# as Python writes it
+"Coil_List": ["North pole", 'B', Offset]
+Workspace_Dimensions: [[-.01, 1e-2], [-0.02, .02], [-3E-2, 0.03]]
+"North pole":
+  Source_List: [Src_0]
+  Src_0: {A_Coeff: ~, B_Coeff: [9.5e-07, -2.5e-09], Source_Position: [-0.016, 0.1, 0.2],
+    "Source_Direction": [0.6, 0, -0.8]}
+'B': {Source_List: [s], s: {A_Coeff: , B_Coeff: [+1e-6], Source_Position: [0, 0, .1], Source_Direction: [0, 0, 1]}}
+Offset: {Source_List: [s], s: {A_Coeff: [5e-5], Source_Position: [0, 0, 0], Source_Direction: [1, 0, 0]}}
+Notes: {}
+)";
+  const MultipoleField field = parse_field_calibration(kInBraces).field;
+  EXPECT_EQ(field.coils(), 2);
+  EXPECT_EQ(field.region().low, Eigen::Vector3d(-0.01, -0.02, -0.03));
+  EXPECT_EQ(field.sources()[0][0].irregular, (std::vector<double>{9.5e-07, -2.5e-09}));
+  EXPECT_EQ(field.sources()[0][0].axis, Eigen::Vector3d(0.6, 0, -0.8));
+  EXPECT_TRUE(field.sources()[1][0].regular.empty());
+  const auto expect = [](const std::string& text, const std::string& what) {
+    EXPECT_NE(complaint(text).find(what), std::string::npos) << complaint(text);
+  };
+  expect("a: {b: 1", "line 1: a '{' that does not end");
+  expect("a: {b}", "'key: value' expected");
+  expect("a: {b: 1, b: 2}", "'b' is given twice");
+  expect("a: {b: 1]", "'}' expected in a mapping");
+  expect("a: {b: 1} c", "more after '}'");
+  expect("a: {: 1}", "a key without a name");
+  expect("a: {b:", "does not end");
+  std::string deep = "a: ";
+  for (int k = 0; k < 5000; ++k) deep += "{a: ";
+  expect(deep, "does not end");
+  expect(deep + std::string(5000, '}'), "nested too deeply");
+}
+
 TEST(FieldCalibrationFile, says_what_is_wrong_and_in_which_line) {
   const auto expect = [](const std::string& text, const std::string& line, const std::string& what) {
     const std::string said = complaint(text);

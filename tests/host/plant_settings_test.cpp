@@ -141,6 +141,10 @@ TEST_F(CalibratedPlant, WithTheWrongCoilsOrElsewhereItIsRefused) {
   EXPECT_NE(opened().find("Workspace_Dimensions"), std::string::npos) << opened();
   std::ofstream(folder / "machine.yaml") << "Coil_List: [A\n";
   EXPECT_NE(opened().find("line 1"), std::string::npos) << opened();
+  write(8, 15e-3, 0, 0, 0);
+  EXPECT_NE(opened().find("coil 1 makes no field"), std::string::npos) << opened();
+  write(8, 15e-3, 0, 0, 1e3);
+  EXPECT_NE(opened().find("T per ampere"), std::string::npos) << opened();
 }
 
 }  // namespace
