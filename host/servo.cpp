@@ -4,6 +4,7 @@
 #include "host/localiser.h"
 #include "host/look_guard.h"
 #include "host/servo_record.h"
+#include "host/sight.h"
 
 #include <fmt/format.h>
 
@@ -282,6 +283,8 @@ struct Servo::Loop {
 
   void aim_at(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
     check_reach(rig.model, path);
+    if (settings.feedback == Feedback::one_camera || settings.feedback == Feedback::two_cameras)
+      check_sight(rig.model, rig.top_camera->info(), settings.view.image_scale, path);
     course = {path, course.begin};
     starting = true;
     goal = path.at(path.duration()).position;

@@ -89,6 +89,8 @@ int run(Program& program, Run& wanted) {
   progress->clear();
   if (wanted.verbose) tell_after(result);
   if (!wanted.quiet || wanted.json) show(result, wanted.json);
+  if (wanted.quiet && result.exit_code != ExitCode::completed)
+    fmt::print(stderr, "vitreo: {}: {}\n", to_string(result.outcome), result.reason);
   return static_cast<int>(result.exit_code);
 }
 

@@ -161,6 +161,24 @@ TEST(Servo, APlaceOutOfReachIsRefusedAndTheOldOneHeld) {
   EXPECT_EQ(servo->status().target, Eigen::Vector3d(0, 0, 0));
 }
 
+TEST(Servo, APlaceThatTheTopCameraCannotSeeIsRefusedToALoopThatSteersByIt) {
+  const Eigen::Vector3d aside(8.5e-3, 0, -1e-3);  // in the vitreous, 8.2 mm of aerial image from the axis
+  TestBench bench;
+  const auto servo = bench.held(1);
+  try {
+    servo->hold(aside);
+    FAIL() << "it was let";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("(8.50, 0.00, -1.00) mm is out of the top camera's sight"),
+              std::string::npos)
+        << error.what();
+  }
+  EXPECT_EQ(servo->status().target, Eigen::Vector3d(0, 0, 0));
+  TestBench other;
+  const auto without = other.held(1, with(ControlLaw::estimator, Feedback::pose_sensor));
+  EXPECT_NO_THROW(without->hold(aside)) << "the pose sensor needs no camera";
+}
+
 TEST(Servo, AFeedbackIsRefusedWithoutWhatItNeeds) {
   RigDescription poor = whole_rig();
   poor.table.erase("pose_sensor");

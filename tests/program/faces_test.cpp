@@ -336,6 +336,10 @@ TEST(NewProtocol, RunsAtOnceAndIsWhatTheEditorNeeds) {
   const Spoken ran = place.vitreo("run depth_scan.lua wait=0.1s places=2 --quiet");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_EQ(ran.out + ran.err, "") << "quiet";
+  place.write("fails.lua", "return { title = 'x', parameters = {}, run = function() error('no light', 0) end }");
+  const Spoken failed = place.vitreo("run fails.lua --quiet");
+  EXPECT_EQ(failed.exit_code, 1);
+  EXPECT_EQ(failed.err, "vitreo: failed: no light\n") << "why is told all the same";
   EXPECT_TRUE(contains(place.vitreo("run depth_scan.lua wait=0.1s places=1 --verbose").err, "wait = 100 ms"));
   EXPECT_EQ(place.vitreo("new protocol depth_scan").exit_code, 2) << "never over a file that is there";
   EXPECT_EQ(place.vitreo("new protocol second_scan --json").out, "{\"changed\":[],\"files\":[\"second_scan.lua\"]}\n");
