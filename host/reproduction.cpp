@@ -62,6 +62,9 @@ void read_rows(ReproducedRun& run) {
     if (!reason.empty()) made.tolerance += " (" + reason + ")";
     if (row.contains("thesis") && row["thesis"].is_number()) made.thesis = row["thesis"].get<double>();
     made.ours = row.contains("ours") && row["ours"].is_number() ? row["ours"].get<double>() : std::nan("");
+    if (row.contains("values") && row["values"].is_array())
+      for (const auto& value : row["values"])
+        if (value.is_number()) made.values.push_back(value.get<double>());
     made.protocol = run.plan.protocol;
     made.run = fs::path(run.folder).filename().string();
     run.rows.push_back(std::move(made));
@@ -90,18 +93,6 @@ ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
   return done;
 }
 
-std::string shown(double value, const std::string& unit) {
-  if (!std::isfinite(value)) return "none";
-  const double size = std::abs(value);
-  if (unit == "m")
-    return size < 0.9995e-3 ? fmt::format("{:.3g} µm", value * 1e6)
-           : size < 1       ? fmt::format("{:.4g} mm", value * 1e3)
-                            : fmt::format("{:.4g} m", value);
-  if (unit == "m/s") return fmt::format("{:.3g} µm/s", value * 1e6);
-  if (unit == "rad") return fmt::format("{:.3g}°", value * 180 / M_PI);
-  return fmt::format("{:.4g}{}{}", value, unit.empty() ? "" : " ", unit);
-}
-
 std::string escaped(const std::string& text, bool html) {
   std::string made;
   for (const char c : text) {
@@ -120,12 +111,13 @@ std::string escaped(const std::string& text, bool html) {
 }
 
 struct Tally {
-  int well = 0, missed = 0, printed = 0, failed = 0;
+  int well = 0, missed = 0, printed = 0, failed = 0, runs = 0;
 };
 
 Tally tally(const std::vector<ReproducedRun>& runs) {
   Tally all;
   for (const ReproducedRun& run : runs) {
+    all.runs += !run.plan.rig.empty();  // what is joined is no run
     all.failed += run.outcome != "completed" || !run.reason.empty();
     for (const ReproducedRow& row : run.rows)
       ++(is_missed(row.verdict) ? all.missed : row.verdict == "printed" ? all.printed : all.well);
@@ -136,15 +128,28 @@ Tally tally(const std::vector<ReproducedRun>& runs) {
 std::string summary(const std::vector<ReproducedRun>& runs) {
   const Tally all = tally(runs);
   return fmt::format("{} numbers agree or are better, {} do not, {} are only told; {} of {} runs did not complete.",
-                     all.well, all.missed, all.printed, all.failed, runs.size());
+                     all.well, all.missed, all.printed, all.failed, all.runs);
 }
 
 std::string title_of(const ReproducedRun& run) {
+  if (run.plan.rig.empty()) return run.plan.protocol;
   return fmt::format("{} (rig {}, seed {}{}{})", run.plan.protocol, run.plan.rig, run.plan.seed,
                      run.plan.arguments.empty() ? "" : ", ", run.plan.arguments);
 }
 
 }  // namespace
+
+std::string quantity_text(double value, const std::string& unit) {
+  if (!std::isfinite(value)) return "none";
+  const double size = std::abs(value);
+  if (unit == "m")
+    return size < 0.9995e-3 ? fmt::format("{:.3g} µm", value * 1e6)
+           : size < 1       ? fmt::format("{:.4g} mm", value * 1e3)
+                            : fmt::format("{:.4g} m", value);
+  if (unit == "m/s") return fmt::format("{:.3g} µm/s", value * 1e6);
+  if (unit == "rad") return fmt::format("{:.3g}°", value * 180 / M_PI);
+  return fmt::format("{:.4g}{}{}", value, unit.empty() ? "" : " ", unit);
+}
 
 bool is_missed(const std::string& verdict) {
   return verdict != "agrees" && verdict != "better" && verdict != "printed";
@@ -155,6 +160,7 @@ std::vector<PlannedRun> read_plan(const RigDescription& file) {
   ConfigReader reader(file);
   for (const std::string& key : reader.keys()) {
     ConfigReader one = reader.table(key);
+    if (one.has("joins")) continue;
     PlannedRun run;
     run.key = key;
     run.protocol = one.text("protocol", "");
@@ -220,7 +226,7 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
     text += "| where | what | thesis | ours | tolerance | verdict | why |\n|---|---|---|---|---|---|---|\n";
     for (const ReproducedRow& row : run.rows)
       text += fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", escaped(row.where, false), escaped(row.what, false),
-                          row.thesis ? shown(*row.thesis, row.unit) : "–", shown(row.ours, row.unit),
+                          row.thesis ? quantity_text(*row.thesis, row.unit) : "–", quantity_text(row.ours, row.unit),
                           escaped(row.tolerance, false),
                           is_missed(row.verdict) ? "**" + row.verdict + "**" : row.verdict, escaped(row.why, false));
   }
@@ -252,7 +258,7 @@ std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::
                           : row.verdict == "printed" ? ""
                                                      : "well",
                           escaped(row.where, true), escaped(row.what, true),
-                          row.thesis ? shown(*row.thesis, row.unit) : "–", shown(row.ours, row.unit),
+                          row.thesis ? quantity_text(*row.thesis, row.unit) : "–", quantity_text(row.ours, row.unit),
                           escaped(row.tolerance, true), row.verdict, escaped(row.why, true));
     text += "</table>\n";
   }

@@ -26,7 +26,8 @@ struct PlannedRun {
   std::uint64_t seed = 1;
 };
 
-/// A plan is a Lua table of constants: key = { protocol =, rig =, arguments =, brief =, seed = }. Throws ConfigError.
+/// A plan is a Lua table of constants: key = { protocol =, rig =, arguments =, brief =, seed = }; entries that join
+/// rows (host/reproduction_joined.h) are passed over. Throws ConfigError.
 std::vector<PlannedRun> read_plan(const RigDescription& file);
 
 /// One number beside the thesis'. SI.
@@ -34,6 +35,7 @@ struct ReproducedRow {
   std::string id, what, where, unit, tolerance, verdict, why, protocol, run;
   std::optional<double> thesis;
   double ours = 0;
+  std::vector<double> values{};  // of which `ours` is the median, where the protocol tells them
 };
 
 struct ReproducedRun {
@@ -59,6 +61,8 @@ std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
 
 /// Whether a verdict is one of those that ask for a reason.
 bool is_missed(const std::string& verdict);
+/// For people: µm, mm, µm/s, degrees; "none" for what is no number.
+std::string quantity_text(double value, const std::string& unit);
 nlohmann::json to_json(const ReproducedRow& row);
 /// The whole as a page for docs/ (Markdown) and as one to look at, with links to the runs' reports.
 std::string reproduction_markdown(const std::vector<ReproducedRun>& runs);

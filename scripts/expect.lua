@@ -34,7 +34,8 @@ function expect.book(run, where) return setmetatable({ run = run, where = where,
 
 --- One number: { id =, what =, thesis = (may be left out), ours =, unit = "" (SI: m, rad, m/s), why = "" } and one of
 --- within = tolerance, at_most =, at_least =, between = { least, most }; none of them: printed only. `reason` says where
---- the tolerance is from.
+--- the tolerance is from; `values` are those of which `ours` is the median, for a number joined over several runs
+--- (scripts/reproduction.lua).
 function book:number(row)
   if type(row.id) ~= "string" or row.id == "" then error("expect: id: wants a name", 2) end
   if self.known[row.id] then error("expect: id: " .. row.id .. " comes twice", 2) end
@@ -54,6 +55,7 @@ function book:number(row)
     at_most = row.at_most,
     at_least = row.at_least,
     between = row.between,
+    values = row.values,
   }
   made.verdict = judged(made)
   made.tolerance = tolerance_text(self.run, made)
@@ -97,6 +99,7 @@ function book:close()
       verdict = row.verdict,
       why = row.why,
       reason = row.reason,
+      values = row.values,
     }
   end
   self.run:table {

@@ -20,17 +20,21 @@ function judge.reference(run)
   error("there is neither a truth nor a side camera to judge by", 2)
 end
 
---- `number`: of one lap among several, for the figures' names.
-function judge.figures(run, span, number)
-  local suffix = number and ("_%d"):format(number) or ""
+--- How far the robot was from its path in a span {from, to}, and the localisation from the robot, as run:errors tells.
+function judge.measure(run, span)
   local reference = judge.reference(run)
   local path = run:errors { of = reference, against = "servo", against_prefix = "target_", from = span.from, to = span.to }
-  run:figure("path_error_rms" .. suffix, path.rms, "m")
-  run:figure("path_error_lateral_rms" .. suffix, path.lateral_rms, "m")
-  run:figure("path_error_depth_rms" .. suffix, path.depth_rms, "m")
-  local localisation = run:errors { of = "servo", against = reference, from = span.from, to = span.to }
-  run:figure("localisation_error_mean" .. suffix, localisation.mean, "m")
-  run:figure("localisation_error_max" .. suffix, localisation.max, "m")
+  return path, run:errors { of = "servo", against = reference, from = span.from, to = span.to }
+end
+
+--- The same, as the run's figures.
+function judge.figures(run, span)
+  local path, localisation = judge.measure(run, span)
+  run:figure("path_error_rms", path.rms, "m")
+  run:figure("path_error_lateral_rms", path.lateral_rms, "m")
+  run:figure("path_error_depth_rms", path.depth_rms, "m")
+  run:figure("localisation_error_mean", localisation.mean, "m")
+  run:figure("localisation_error_max", localisation.max, "m")
   return path, localisation
 end
 

@@ -1,20 +1,41 @@
 -- What `vitreo reproduce` runs: protocols with numbers of the thesis, their rigs, arguments and seeds. Started in the order of
 -- the keys, the long ones first; `brief` is the short form, for seeing that all of it works ("-": left out there).
+-- Entries with `joins` are rows about several runs: the median of all that the named rows are medians of.
 -- SPDX-License-Identifier: Apache-2.0
+local um = require("units").um
+
 return {
   a1_spiral = {
     protocol = "localise_spiral",
     rig = "spiral_coni",
-    arguments = "orientation=x eyes=10 pictures=1",
+    arguments = "orientation=x eyes=20 pictures=1",
     brief = "eyes=1 orientation=x turns=0.5 height=2mm",
   },
-  a2_spiral_z = { protocol = "localise_spiral", rig = "spiral_coni_z", arguments = "orientation=z eyes=10 pictures=1" },
-  a3_spiral_sphere = { protocol = "localise_spiral", rig = "spiral_sphere", arguments = "eyes=10 pictures=1" },
+  a2_spiral_z = { protocol = "localise_spiral", rig = "spiral_coni_z", arguments = "orientation=z eyes=20 pictures=1" },
+  a3_spiral_sphere = { protocol = "localise_spiral", rig = "spiral_sphere", arguments = "eyes=20 pictures=1" },
+  a9_spirals_x = {
+    joins = { "5.5.goal.x.x", "5.5.goal.z.x", "5.5.goal.sphere.x" },
+    id = "5.5.goal.x",
+    what = "three spirals: mean error along x in each eye, median",
+    where = "goal",
+    unit = "m",
+    at_most = 50 * um,
+    reason = "this project's goal",
+  },
+  a9_spirals_z = {
+    joins = { "5.5.goal.x.z", "5.5.goal.z.z", "5.5.goal.sphere.z" },
+    id = "5.5.goal.z",
+    what = "three spirals: mean error along z in each eye, median",
+    where = "goal",
+    unit = "m",
+    at_most = 150 * um,
+    reason = "this project's goal",
+  },
   a4_focus = { protocol = "localise_by_focus", rig = "bare_sensor" },
   b1_square = { protocol = "servo_square", brief = "width=1mm depth=1mm speed=1mm/s" },
   b2_square_z = { protocol = "servo_square", rig = "ellipsoid", arguments = "orientation=z" },
-  b3_square_perturbed = { protocol = "servo_square", arguments = "eye=perturbed eyes=10" },
-  b4_square_perturbed_z = { protocol = "servo_square", rig = "ellipsoid", arguments = "orientation=z eye=perturbed eyes=5" },
+  b3_square_perturbed = { protocol = "servo_square", arguments = "eye=perturbed eyes=20" },
+  b4_square_perturbed_z = { protocol = "servo_square", rig = "ellipsoid", arguments = "orientation=z eye=perturbed eyes=20" },
   b5_drift = { protocol = "drift_test", arguments = "machines=3" },
   c1_eye_tracking = { protocol = "track_in_eye", rig = "colour_eye", brief = "images=4 legs=1 channels=RG" },
   c2_occluded = { protocol = "track_occluded", rig = "colour_occluded", brief = "images=4 passes=1 speed=3mm/s" },

@@ -4,6 +4,7 @@
 #include "host/cli/program.h"
 #include "host/record_json.h"
 #include "host/reproduction.h"
+#include "host/reproduction_joined.h"
 #include "host/run_folder.h"
 
 #include <fmt/format.h>
@@ -25,9 +26,9 @@ struct Wanted {
   bool json = false, brief = false;
 };
 
-std::vector<PlannedRun> chosen(Program& program, const Wanted& wanted) {
-  const std::string file = wanted.plan.empty() ? Program::in_data_folder("scripts/reproduction.lua") : wanted.plan;
-  std::vector<PlannedRun> all = read_plan(program.engine().load_rig(file)), runs;
+std::vector<PlannedRun> chosen(const RigDescription& plan, const Wanted& wanted) {
+  const std::string& file = plan.file;
+  std::vector<PlannedRun> all = read_plan(plan), runs;
   std::vector<std::string> known;
   for (const PlannedRun& run : all) known.push_back(run.protocol);
   for (const std::string& name : wanted.only)
@@ -49,15 +50,20 @@ void tell(const ReproducedRun& run) {
 }
 
 int reproduce_thesis(Program& program, const Wanted& wanted) {
+  const RigDescription plan = program.engine().load_rig(
+      wanted.plan.empty() ? Program::in_data_folder("scripts/reproduction.lua") : wanted.plan);
+  const std::vector<JoinedRow> joined = read_joined(plan);
   ReproduceRequest request;
-  request.runs = chosen(program, wanted);
+  request.runs = chosen(plan, wanted);
   request.program = fs::read_symlink("/proc/self/exe").string();
   request.root = Program::in_data_folder(".");
   request.out = wanted.out;
   request.brief = wanted.brief;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   request.processes = wanted.processes > 0 ? wanted.processes : cores;
-  const std::vector<ReproducedRun> runs = reproduce(request, tell);
+  std::vector<ReproducedRun> runs = reproduce(request, tell);
+  ReproducedRun together = join_rows(joined, runs, wanted.only.empty() && !wanted.brief);
+  if (!together.rows.empty()) runs.push_back(std::move(together));
   const fs::path docs = wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
   fs::create_directories(docs);
   fs::create_directories(request.out);
