@@ -59,10 +59,20 @@ std::string Prompt::source() const { return std::string(static_cast<std::size_t>
 Loaded Prompt::load() {
   const std::string before = source(), expression = before + "return " + chunk_, statement = before + chunk_;
   read_ += expression.size() + statement.size();
+  const auto open = [this] { return std::string_view(lua_tostring(L_, -1)).ends_with("<eof>"); };
   if (luaL_loadbufferx(L_, expression.data(), expression.size(), "=prompt", "t") == LUA_OK) return Loaded::yes;
-  lua_pop(L_, 1);
-  if (luaL_loadbufferx(L_, statement.data(), statement.size(), "=prompt", "t") == LUA_OK) return Loaded::yes;
-  return std::string_view(lua_tostring(L_, -1)).ends_with("<eof>") ? Loaded::incomplete : Loaded::no;
+  const bool open_expression = open();
+  if (luaL_loadbufferx(L_, statement.data(), statement.size(), "=prompt", "t") == LUA_OK) {
+    lua_remove(L_, -2);
+    return Loaded::yes;
+  }
+  const bool open_statement = open();
+  // What begins like no statement ("{ 1, ", "20 + ") was meant as an expression: its message says what is wrong.
+  const std::size_t begin = std::min(chunk_.find_first_not_of(" \t\r\n"), chunk_.size() - 1);
+  const bool word = std::isalpha(static_cast<unsigned char>(chunk_[begin])) != 0 || chunk_[begin] == '_';
+  const bool meant_expression = !open_statement && (open_expression || !word);
+  lua_remove(L_, meant_expression ? -1 : -2);
+  return open_expression || open_statement ? Loaded::incomplete : Loaded::no;
 }
 
 void Prompt::refuse(const std::string& message, const std::string& trace) {
