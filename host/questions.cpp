@@ -40,7 +40,8 @@ std::string default_text(const Parameter& answer) {
 std::string shown(const Question& question) {
   const std::string want = wanted(question.answer);
   std::string text = question.text + (want.empty() ? "" : " (" + want + ")");
-  if (question.has_default) text += " [" + default_text(question.answer) + "]";
+  const std::string assumed = question.has_default ? default_text(question.answer) : "";
+  if (!assumed.empty()) text += " [" + assumed + "]";
   return text;
 }
 

@@ -210,9 +210,11 @@ std::string one_table(const Table& table) {
     return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column], escape_markup(with_micro(text)));
   };
   constexpr std::size_t kOnePage = 20;  // rows that are surely kept together on paper
-  std::string out =
-      table.rows.size() > kOnePage ? "<div class=\"scroll long\"><table>" : "<div class=\"scroll\"><table>";
-  if (!table.title.empty()) out += "<caption>" + escape_markup(table.title) + "</caption>";
+  std::string out = table.rows.size() > kOnePage ? "<div class=\"scroll long\">" : "<div class=\"scroll\">";
+  // No <caption>: that would be no wider than a narrow table.
+  const std::string title = escape_markup(table.title);
+  if (!title.empty()) out += "<p class=\"caption\">" + title + "</p>";
+  out += title.empty() ? "<table>" : "<table aria-label=\"" + title + "\">";
   out += "<thead><tr>";
   for (std::size_t i = 0; i < table.header.size(); ++i) out += cell("th", table.header[i], i);
   out += "</tr></thead>\n<tbody>";

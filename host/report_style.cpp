@@ -35,7 +35,7 @@ svg { display: block; width: 100%; height: auto; }
 figcaption { color: var(--soft); font-size: 13px; margin-top: 6px; overflow-wrap: anywhere; }
 .scroll { overflow-x: auto; margin: 0 0 16px; break-inside: avoid; }
 table { border-collapse: collapse; font-size: 14px; font-variant-numeric: tabular-nums; }
-caption { text-align: left; font-weight: 600; padding: 4px 0 6px; }
+.caption { font-size: 14px; font-weight: 600; margin: 4px 0 6px; }
 th, td { padding: 5px 18px 5px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--line);
          overflow-wrap: break-word; }
 th { color: var(--soft); font-weight: 600; } thead th { border-bottom: 1.5px solid #aab1b8; }
@@ -65,10 +65,10 @@ footer { margin-top: 36px; color: var(--soft); font-size: 12.5px; border-top: 1p
   .tile .value { font-size: 16pt; } .tile .value.long { font-size: 12pt; }
   .plots { grid-template-columns: 1fr 1fr; } .pictures { grid-template-columns: 1fr 1fr 1fr; gap: 8pt; }
   .scroll { overflow: visible; } .long { break-inside: auto; } tr { break-inside: avoid; }
-  caption, thead { break-after: avoid; } tbody tr:first-child { break-before: avoid; }
+  .caption, thead { break-after: avoid; } tbody tr:first-child { break-before: avoid; }
   .columns { grid-template-columns: 1fr 1fr; gap: 0 14pt; }
   th, td { padding-right: 10pt; }
-  table, figcaption { font-size: 8.5pt; } details { border: 0; padding: 0; } pre { font-size: 7pt; }
+  table, figcaption, .caption { font-size: 8.5pt; } details { border: 0; padding: 0; } pre { font-size: 7pt; }
 }
 )css";
 

@@ -1,5 +1,8 @@
 -- Which eye is on the bench: as the rig file says, or, on a simulated rig, one that nobody knows the numbers of.
 -- SPDX-License-Identifier: Apache-2.0
+local units = require "units"
+local mm = units.mm
+
 local eyes = {}
 
 --- "nominal", or "perturbed": all of table 5.1 at once, Gaussian, one sigma each; `number` chooses among the run's draws.
@@ -21,11 +24,13 @@ function eyes.differences(believed, eye)
   for _, one in ipairs(eye:parameters()) do
     local before = believed:parameter(one.name)
     if one.value ~= before and before == before then
+      local length = one.name:match "radius$" or one.name:match "thickness$"
+      local function shown(value) return length and ("%.5g mm"):format(value / mm) or ("%.5g"):format(value) end
       rows[#rows + 1] = {
         one.name,
-        ("%.6g"):format(before),
-        ("%.6g"):format(one.value),
-        ("%+.2f %%"):format(100 * (one.value / before - 1)),
+        shown(before),
+        shown(one.value),
+        ("%+.3g %%"):format(100 * (one.value / before - 1)),
       }
     end
   end
