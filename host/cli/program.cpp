@@ -97,7 +97,7 @@ std::string exit_codes_text() {
          "2  usage: unknown protocol, parameter out of range, error in a rig file; nothing was opened\n"
          "3  stopped, by the operator or by the script\n"
          "4  aborted: by the operator, because a device failed, or because the interlock tripped\n"
-         "5  internal error\n"
+         "5  internal error, or the standard output could not be written\n"
          "6  the script did not respond to an abort: the devices are safe, the record is closed\n"
          "7  an instrument is missing\n"
          "8  the preflight failed: nothing was opened (vitreo check; vitreo run on a laboratory rig)\n";

@@ -25,12 +25,14 @@ struct Run : RunOptions {
   bool json = false, quiet = false, verbose = false;
 };
 
-/// Nothing but questions: they want an answer.
+/// Nothing but questions, which want an answer, and the live view's address, without which it was asked for in vain.
 class Quiet : public ProgressLine {
  public:
   using ProgressLine::ProgressLine;
   void progress(double, const std::string&) override {}
-  void message(const std::string&) override {}
+  void message(const std::string& line) override {
+    if (line.starts_with("live view: ")) ProgressLine::message(line);
+  }
 };
 
 /// What was opened, and what became of it, for --verbose: on the standard error.

@@ -324,6 +324,16 @@ TEST(CommandLine, OnlyATerminalSeesColoursAndNoColorSwitchesThemOff) {
   EXPECT_EQ(place.vitreo("run idle.lua").out.find('\x1b'), std::string::npos);
 }
 
+TEST(Prompt, AnExpressionGoesOnInTheNextLineAsAStatementDoes) {
+  const Workplace place;
+  EXPECT_EQ(place.vitreo("", "20 +\n22\n#{ 1,\n2 }\nlocal x = 1\nx = nil\n").out, "42\n2\n");
+  const Spoken cut = place.vitreo("", "20 +\n");
+  EXPECT_EQ(cut.exit_code, 1);
+  EXPECT_NE(cut.err.find("near <eof>"), std::string::npos) << cut.err;
+  const Spoken wrong = place.vitreo("", "{ 1, gr\u00fcn = 2 }\n");
+  EXPECT_NE(wrong.err.find("near '<\\195>'"), std::string::npos) << wrong.err;
+}
+
 TEST(Prompt, AnErrorAboutMegabytesIsAFewLines) {
   const Workplace place;
   const Spoken spoken = place.vitreo("", std::string(3 << 20, 'a') + "\nprint('still here')\n");

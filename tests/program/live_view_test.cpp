@@ -172,7 +172,7 @@ TEST(LiveView, IsServedToOtherMachinesOnlyWithATokenFileOfOnesOwn) {
   refused("--view --token-file no/such/folder/token", "cannot be made");
   refused("--listen 127.0.0.2", "wants --view");
   EXPECT_EQ(place.runs(), 0) << "nothing was opened";
-  const Spoken spoken = place.vitreo("run hello_rig --view --listen 127.0.0.2 --token-file made");
+  const Spoken spoken = place.vitreo("run hello_rig --quiet --view --listen 127.0.0.2 --token-file made");
   EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
   const std::string said = spoken.out + spoken.err, token = place.read("made");
   EXPECT_NE(said.find("http://127.0.0.2:"), std::string::npos) << said;
