@@ -90,7 +90,7 @@ void Supply::send(const std::string& line) {
 std::string Supply::answer() {
   const Time deadline = later(clock().now(), from_seconds(settings_.reply_timeout));
   for (;;) {
-    const std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
+    std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
     if (line.empty()) continue;
     unsure_ = false;
     return line;

@@ -85,7 +85,7 @@ class EmulatedBop final : public Emulator {
     if (name == "MEAS:VOLT") return encode_number(flows_ * 0.5);
     if (name == "SYST:ERR") {
       if (errors_.empty()) return "0,\"No error\"";
-      const std::string first = errors_.front();
+      std::string first = errors_.front();
       errors_.pop_front();
       return first;
     }

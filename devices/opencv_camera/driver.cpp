@@ -113,7 +113,7 @@ class OpencvCamera final : public Camera {
     const auto passed = last_ < 0 ? 1 : std::max<std::int64_t>(1, (now - heard_ + period_ / 2) / period_);
     statistics_.lost += static_cast<std::uint64_t>(passed - 1);
     heard_ = now;
-    const Frame frame = frame_of(image, last_ + passed, now);
+    Frame frame = frame_of(image, last_ + passed, now);
     if (now - start > timeout) fail(DeviceErrorKind::timeout, "no frame in time");
     return frame;
   }

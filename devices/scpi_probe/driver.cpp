@@ -42,7 +42,7 @@ std::string Probe::ask(const std::string& question, Time timeout) {
   unsure_ = true;
   dialogue_.send(question + "\n");
   for (;;) {
-    const std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
+    std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
     if (line.empty()) continue;
     unsure_ = false;
     return line;
