@@ -166,9 +166,10 @@ local function eyes_part(rig, p, book, numbers, orientation)
 end
 
 -- This project's own goals over the eyes, and how many gave no answer.
-local function goals(book, found, failed, count, orientation)
+local function goals(run, book, found, failed, count, orientation)
   for axis, goal in pairs { x = 50 * um, z = 150 * um } do
     local means = statistics.map(found, function(span) return span[axis].mean end)
+    run:figure(("mean_error_%s_robot_%s"):format(axis, orientation), statistics.median(means), "m")
     book:number {
       id = ("5.5.goal.%s.%s"):format(orientation, axis),
       what = ("%s, mean error along %s, median of the eyes"):format(orientation, axis),
@@ -278,7 +279,7 @@ return {
       end
       if #found == 0 then error("in no eye the robot was localised along its spiral", 0) end
       rows(run, book, found, experiments[orientation], p)
-      goals(book, found, failed, count, orientation)
+      goals(run, book, found, failed, count, orientation)
       if rig.simulation and p.eye == "perturbed" then eyes_part(rig, p, book, numbers, orientation) end
     end
     book:close()

@@ -225,7 +225,7 @@ return {
       if went then
         local path, localisation = judge.measure(run, span)
         found[#found + 1] = { eye = p.draw + number - 1, path = path, localisation = localisation }
-        if #found == 1 then judge.plots(run, { from = span.from, to = span.to }) end
+        if #found == 1 then judge.plots(run, { from = span.from, to = span.to }, (", eye %d"):format(p.draw + number - 1)) end
       else
         failed = failed + 1
         run:note(("eye %d: not round: %s"):format(p.draw + number - 1, tostring(span)))

@@ -106,28 +106,30 @@ function judge.distances(run, options, prefix)
   return distances(run, span, prefix, axes)
 end
 
-local function error_plot(run, span)
+local function error_plot(run, span, which)
   local path = judge.distances(run, span, "target_")
   local localisation = judge.distances(run, span, "")
   path.label, localisation.label = "from the path", "of the localisation"
   localisation.mark = "points"
-  run:plot { title = "Error against time", x = { "time", "s" }, y = { "error", "um" }, series = { path, localisation } }
+  run:plot { title = "Error against time" .. which, x = { "time", "s" }, y = { "error", "um" }, series = { path, localisation } }
 end
 
-local function currents_plot(run, span)
+local function currents_plot(run, span, which)
   local all = {}
   for coil = 1, 8 do
     local values, times = run:samples("currents", "i" .. coil, span)
     all[coil] = { label = "coil " .. coil, x = times, y = values }
   end
-  run:plot { title = "Currents against time", x = { "time", "s" }, y = { "current", "A" }, series = all }
+  run:plot { title = "Currents against time" .. which, x = { "time", "s" }, y = { "current", "A" }, series = all }
 end
 
-function judge.plots(run, span)
-  trajectory(run, span, "Trajectory from above", "y", { truth = true })
-  trajectory(run, span, "Trajectory in depth", "z", { truth = true, side_camera = true })
-  error_plot(run, span)
-  currents_plot(run, span)
+--- `which`: of several rounds, for the titles, such as ", eye 3".
+function judge.plots(run, span, which)
+  which = which or ""
+  trajectory(run, span, "Trajectory from above" .. which, "y", { truth = true })
+  trajectory(run, span, "Trajectory in depth" .. which, "z", { truth = true, side_camera = true })
+  error_plot(run, span, which)
+  currents_plot(run, span, which)
 end
 
 --- Figures, table and plots of the time from `from` to `to`.
