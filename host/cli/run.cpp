@@ -14,6 +14,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <streambuf>
 #include <string_view>
 #include <unistd.h>
 
@@ -108,14 +109,39 @@ class PromptLines : public ProgressLine {
   LineEditor& editor_;
 };
 
+/// What is printed at a prompt takes the progress away that stands in the line.
+class AfterProgress : public std::streambuf {
+ public:
+  AfterProgress(ProgressLine& progress, std::ostream& out) : progress_(progress), out_(out) {}
+
+ protected:
+  int overflow(int c) override {
+    if (c == traits_type::eof()) return sync();
+    progress_.clear();
+    return out_.put(static_cast<char>(c)) ? c : traits_type::eof();
+  }
+  std::streamsize xsputn(const char* text, std::streamsize count) override {
+    progress_.clear();
+    return out_.write(text, count) ? count : 0;
+  }
+  int sync() override { return out_.flush() ? 0 : -1; }
+
+ private:
+  ProgressLine& progress_;
+  std::ostream& out_;
+};
+
 int prompt(Program& program, RunOptions& options) {
   const bool sits_there = isatty(STDIN_FILENO) != 0;
   if (sits_there) options.real_time = true;
   const bool edits = sits_there && isatty(STDOUT_FILENO) != 0;
   const auto editor = edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, sits_there);
   PromptLines progress(edits ? std::cout : std::cerr, edits, *editor);
-  const RunResult result = run_prompt(program.engine(), options.complete(program), progress, *editor, std::cout,
-                                      edits ? std::cout : std::cerr);
+  AfterProgress buffer(progress, std::cout);
+  std::ostream above(&buffer);
+  std::ostream& out = edits ? above : std::cout;
+  const RunResult result =
+      run_prompt(program.engine(), options.complete(program), progress, *editor, out, edits ? out : std::cerr);
   progress.clear();
   if (sits_there) fmt::print("run: {}\n", result.folder);
   return static_cast<int>(result.exit_code);

@@ -149,7 +149,15 @@ return function(object, options)
     turn = turn + 1
     local line = {}
     if names then
-      for i, name in ipairs(names) do line[i] = name .. " " .. shown(object[name](object)) end
+      local heard, problem
+      for _, name in ipairs(names) do
+        local told, value = pcall(object[name], object) -- a robot that is not seen now may be at the next look
+        local text = told and shown(value) or "–"
+        if told then heard = true else problem = problem or value end
+        -- what fills several lines is asked for by its name; here each look is one
+        if not text:find("\n", 1, true) then line[#line + 1] = name .. " " .. text end
+      end
+      if not heard then error(problem, 0) end
     else
       line[1] = shown(object())
     end

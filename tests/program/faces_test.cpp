@@ -78,6 +78,19 @@ TEST(TerminalPrompt, CtrlCStopsWhatRunsAndKeepsTheSession) {
   EXPECT_TRUE(terminal.sees("\r15\r\n")) << "what was there before is there: " << terminal.unseen();
 }
 
+TEST(TerminalPrompt, WhatIsPrintedTakesTheProgressAwayAndWatchingAServoIsALineALook) {
+  const Workplace place;
+  Terminal terminal(place.folder());
+  ASSERT_TRUE(terminal.prompts());
+  terminal.type("run('hello_rig')\r");
+  EXPECT_TRUE(terminal.sees("100 %") && terminal.prompts()) << terminal.unseen();
+  EXPECT_NE(terminal.screen().find(" \rdead_time  "), std::string::npos) << terminal.screen();
+  terminal.type("watch(rig:servo { feedback = 'pose_sensor' }, { count = 1 })\r");
+  EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") && terminal.prompts())
+      << "nothing is seen yet: " << terminal.unseen();
+  EXPECT_EQ(terminal.screen().find("headroom = "), std::string::npos) << terminal.screen();
+}
+
 TEST(TerminalPrompt, WhatIsSaidMeanwhileStandsAboveTheLineThatIsTyped) {
   const Workplace place;
   Terminal terminal(place.folder());
