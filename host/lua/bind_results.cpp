@@ -4,6 +4,7 @@
 #include "host/lua/bind_image_plot.h"
 #include "host/lua/bind_vision.h"
 #include "host/lua/context.h"
+#include "host/lua/prompt_calls.h"
 #include "host/lua/values.h"
 #include "host/units.h"
 
@@ -25,6 +26,11 @@ Unit known_unit(const std::string& symbol) {
 int figure(Call& call) {
   const Unit unit = known_unit(call.has(2) ? call.text(2) : "");
   session_of(call.L).recorder.figure({call.text(0), call.number(1), std::string(unit.dimension)});
+  if (lua_getfield(call.L, LUA_REGISTRYINDEX, kStatedFigures) == LUA_TTABLE) {
+    lua_pushboolean(call.L, 1);
+    lua_setfield(call.L, -2, call.text(0).c_str());
+  }
+  lua_pop(call.L, 1);
   return 0;
 }
 

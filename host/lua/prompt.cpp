@@ -105,8 +105,15 @@ void Prompt::end_nested() {
   } catch (const std::exception& error) {
     refuse(std::string("clean-up: ") + error.what());
   }
-  for (const Figure& figure : context.session->recorder.figures())
-    out_ << figure.name << "  " << format_quantity(figure.value, figure.unit) << '\n';
+  for (const Figure& figure : context.session->recorder.figures()) {  // the session's; those of this run are shown
+    bool stated = figure.name == "dead_time" && context.dead_time > 0;
+    in_lua(L_, 0, [&] {
+      lua_getfield(L_, LUA_REGISTRYINDEX, kStatedFigures);
+      stated = stated || lua_getfield(L_, -1, figure.name.c_str()) == LUA_TBOOLEAN;
+      lua_settop(L_, 0);
+    });
+    if (stated) out_ << figure.name << "  " << format_quantity(figure.value, figure.unit) << '\n';
+  }
 }
 
 void Prompt::execute() {

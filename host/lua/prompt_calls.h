@@ -13,6 +13,9 @@
 
 namespace vitreo::lua {
 
+/// In Lua's registry: {name = true} of the figures that a protocol at the prompt has stated; nil before the first one.
+constexpr const char* kStatedFigures = "vitreo.stated_figures";
+
 /// A file as given, else the name in one of the protocols' folders; "" where there is none.
 std::string find_protocol(const Context& context, const std::string& name);
 std::vector<std::string> protocol_names(const Context& context);

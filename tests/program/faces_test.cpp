@@ -84,7 +84,7 @@ TEST(TerminalPrompt, WhatIsPrintedTakesTheProgressAwayAndWatchingAServoIsALineAL
   ASSERT_TRUE(terminal.prompts());
   terminal.type("run('hello_rig')\r");
   EXPECT_TRUE(terminal.sees("100 %") && terminal.prompts()) << terminal.unseen();
-  EXPECT_NE(terminal.screen().find(" \rdead_time  "), std::string::npos) << terminal.screen();
+  EXPECT_NE(terminal.screen().find(" \rframe_period  66.7 ms"), std::string::npos) << terminal.screen();
   terminal.type("watch(rig:servo { feedback = 'pose_sensor' }, { count = 1 })\r");
   EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") && terminal.prompts())
       << "nothing is seen yet: " << terminal.unseen();
@@ -146,6 +146,17 @@ TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
        {"current: wants at most 5 A, got 9 A", "curent is not known; did you mean current?",
         "there is no protocol 'pusch'; did you mean push?", "push.lua:7: on purpose", "current: wants a current"})
     EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
+}
+
+TEST(PipedPrompt, EachProtocolShowsItsOwnFigures) {
+  const Workplace place;
+  std::filesystem::create_directories(place.folder() / "protocols");
+  std::filesystem::create_directories(place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua", place.folder() / "scripts/rigs");
+  for (const std::string name : {"one", "two"})
+    place.write("protocols/" + name + ".lua",
+                "return { title = '" + name + "', run = function(rig, p, run) run:figure('" + name + "', 1) end }");
+  EXPECT_EQ(place.vitreo("", "run('one')\nrun('two')\nrun('one')\n").out, "one  1\ntwo  1\none  1\n");
 }
 
 TEST(PipedPrompt, CheckDriesAProtocolAndTouchesNothing) {
