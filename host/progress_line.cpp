@@ -85,6 +85,7 @@ std::string ProgressLine::text(double fraction, const std::string& label) const 
 }
 
 void ProgressLine::progress(double fraction, const std::string& label) {
+  const std::lock_guard lock(mutex_);
   fraction = std::clamp(fraction, 0.0, 1.0);
   if (!animate_) {
     const int tenth = static_cast<int>(fraction * 10);
@@ -107,12 +108,14 @@ void ProgressLine::progress(double fraction, const std::string& label) {
 }
 
 void ProgressLine::message(const std::string& line) {
-  clear();
+  const std::lock_guard lock(mutex_);
+  wipe();
   out_ << harmless(line) << std::endl;
 }
 
 void ProgressLine::question(const Question& asked) {
-  clear();
+  const std::lock_guard lock(mutex_);
+  wipe();
   out_ << harmless(shown(asked)) << ": " << std::flush;
   if (!isatty(STDIN_FILENO)) out_ << "\n(answer with: vitreo control answer TEXT)" << std::endl;
 }
@@ -126,6 +129,11 @@ std::optional<std::string> ProgressLine::typed() {
 }
 
 void ProgressLine::clear() {
+  const std::lock_guard lock(mutex_);
+  wipe();
+}
+
+void ProgressLine::wipe() {
   if (width_ == 0) return;
   out_ << '\r' << std::string(width_, ' ') << '\r' << std::flush;
   width_ = 0;

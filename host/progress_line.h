@@ -5,6 +5,7 @@
 #include "host/session.h"
 
 #include <iosfwd>
+#include <mutex>
 #include <string>
 
 namespace vitreo {
@@ -12,6 +13,7 @@ namespace vitreo {
 /// `text` with the controls of terminals written out: what a script says may not steer the screen.
 std::string harmless(const std::string& text);
 
+/// May be told from several threads: a script that goes on while the watchdog's alarm comes in.
 class ProgressLine : public ProgressListener {
  public:
   /// `animate`: redraw one line in place (a terminal); else a line at each tenth of the way.
@@ -25,6 +27,8 @@ class ProgressLine : public ProgressListener {
 
  private:
   std::string text(double fraction, const std::string& label) const;
+  void wipe();
+  std::mutex mutex_;  // of all below
   std::ostream& out_;
   bool animate_;
   double began_, shown_at_ = -1;

@@ -274,7 +274,10 @@ TEST_F(FaultTest, AScriptInjectsThemItself) {
 TEST_F(FaultTest, AProgramThatDoesNotMoveLosesItsCoilsWhileItIsStillStuck) {
   using Steady = std::chrono::steady_clock;
   struct Ear : SilentListener {
-    void message(const std::string& line) override { (line == "in" ? in : out) = Steady::now(); }
+    void message(const std::string& line) override {  // the alarm comes from the watchdog's thread
+      if (line == "in") in = Steady::now();
+      if (line == "out") out = Steady::now();
+    }
     Steady::time_point in{}, out{};
   } ear;
   std::ofstream(folder.path() / "stuck.lua")
