@@ -18,8 +18,9 @@ namespace vitreo {
 class HidLink {
  public:
   virtual ~HidLink() = default;
-  /// The first byte is the report's id. Throws DeviceError{lost}; Stopped, but only once the report is on its way, so
-  /// that a stopped task can still zero its outputs.
+  /// The first byte is the report's id. Throws DeviceError{timeout} for a report that the other end does not take, and
+  /// {lost} from then on: such a link must be opened again. Throws DeviceError{lost} otherwise; Stopped, but only once
+  /// the report is on its way, so that a stopped task can still zero its outputs.
   virtual void write(std::span<const std::uint8_t> report) = 0;
   /// The next input report, or nothing when none came within `timeout`. Throws DeviceError{lost}.
   virtual std::optional<std::vector<std::uint8_t>> read(Time timeout) = 0;

@@ -43,6 +43,11 @@ class Writer {
     return writer;
   }
   hid_device* device() const { return device_.get(); }
+  /// A report did not leave in time, so none is taken any more.
+  bool given_up() {
+    const std::lock_guard lock(mutex_);
+    return stuck_;
+  }
 
   /// Bytes written; negative with why in `why`. Nothing at the deadline, and ever after: the report may still go out.
   std::optional<int> write(std::span<const std::uint8_t> report, std::string& why) {
@@ -99,10 +104,13 @@ class HidapiLink final : public HidLink {
   ~HidapiLink() override { writer_->end(); }
 
   void write(std::span<const std::uint8_t> report) override {
+    if (writer_->given_up())
+      throw DeviceError(DeviceErrorKind::lost, name_, "the link was given up after a report that it did not take");
     std::optional<int> written;
     std::string why;
     clock_.outside([&] { written = writer_->write(report, why); });
-    if (!written) throw DeviceError(DeviceErrorKind::timeout, name_, "it took no report within 0.5 s; open it again");
+    if (!written)
+      throw DeviceError(DeviceErrorKind::timeout, name_, "it took no report within 0.5 s; the link is given up");
     if (*written < 0) throw DeviceError(DeviceErrorKind::lost, name_, "a report cannot be sent: " + why);
     if (*written < static_cast<int>(report.size()))
       throw DeviceError(DeviceErrorKind::lost, name_, "a report was sent only in part");

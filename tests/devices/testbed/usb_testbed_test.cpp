@@ -245,11 +245,26 @@ TEST_F(Usb3103OverHidraw, GivesUpOnAReportThatDoesNotGetThroughWithinHalfASecond
   EXPECT_GE(clock->now() - start, 490ms);
   EXPECT_LT(clock->now() - start, 2s);  // the kernel alone would hold it for 5 s
   const Time again = clock->now();
-  EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::timeout);  // nor does what follows wait for each
+  EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);  // nor does what follows wait for each
   EXPECT_LT(clock->now() - again, 400ms);
   coils.reset();
   testbed->set_fault(plug, UsbFault::none);
   coils = open();
+  EXPECT_EQ(outputs(), usb3103::Voltages{});
+  EXPECT_NO_THROW(coils->set_currents(std::vector<double>(8, 1)));
+}
+
+TEST_F(Usb3103OverHidraw, AnAmplifierWhoseLinkGotStuckIsOpenedAgainByMakingItSafe) {
+  const auto coils = reopening([this] { return open(); }, {.name = "coils"}, *clock);
+  coils->set_currents(std::vector<double>(8, 1));
+  testbed->set_fault(plug, UsbFault::stuck);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::timeout);
+  EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);
+  EXPECT_NE(outputs(), usb3103::Voltages{});  // it stays so for as long as it takes nothing: the enable line's business
+  testbed->set_fault(plug, UsbFault::none);
+  clock->sleep_for(100ms);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  coils->make_safe();
   EXPECT_EQ(outputs(), usb3103::Voltages{});
   EXPECT_NO_THROW(coils->set_currents(std::vector<double>(8, 1)));
 }
