@@ -112,6 +112,7 @@ void Localiser::localise(Sighting& sighting) {
   // edge.
   if (!found || !(found->position_in_eye.norm() < kEye)) {
     last_in_eye_.reset();  // the next frame starts afresh
+    tracker_.reset();      // what is no robot is not followed: the robot may be elsewhere in the picture
     return;
   }
   last_in_eye_ = found->position_in_eye;

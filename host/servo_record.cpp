@@ -31,7 +31,8 @@ StreamInfo servo_stream(const std::string& source) {
            {"sigma_y", "m"},
            {"sigma_z", "m"},
            {"headroom", ""},
-           {"limited", ""}}};
+           {"limited", ""},
+           {"rim_seen", ""}}};
 }
 
 StreamInfo estimate_stream() {
@@ -78,7 +79,7 @@ void ServoRecord::sample(Time exposed, Time now, const Sighting& sighting, const
                                 ? sighting.ellipse->ellipse
                                 : vision::Ellipse{nowhere.head<2>(), nowhere.x(), nowhere.x(), nowhere.x()};
   const Eigen::Vector3d sigma = sighting.position ? sighting.covariance.diagonal().cwiseSqrt().eval() : nowhere;
-  const std::array<double, 17> row{p.x(),
+  const std::array<double, 18> row{p.x(),
                                    p.y(),
                                    p.z(),
                                    t.x(),
@@ -94,7 +95,8 @@ void ServoRecord::sample(Time exposed, Time now, const Sighting& sighting, const
                                    sigma.y(),
                                    sigma.z(),
                                    step.headroom,
-                                   step.limited ? 1.0 : 0.0};
+                                   step.limited ? 1.0 : 0.0,
+                                   sighting.ellipse ? sighting.ellipse->inlier_fraction : 0};
   recorder_.sample(samples_, exposed, row);
   recorder_.sample(currents_, now, rig_.coils->currents());
   if (estimates_ >= 0 && step.estimate) {

@@ -17,6 +17,13 @@ void require(bool good, const char* what) {
 
 constexpr int kNearStep = 2, kFarStep = 4;  // px between the pixels that are looked at
 constexpr double kGrowth = 1.6;             // of the region, when the robot is not in it or sticks out
+constexpr double kAlike = 0.06;             // of an axis: by more it does not change from one image to the next
+constexpr double kMostlySeen = 0.5;         // of the rim: so much of it must be in line to be taken for the same robot
+
+bool alike(const Ellipse& a, const Ellipse& b) {
+  return std::abs(a.semi_major_px / b.semi_major_px - 1) < kAlike &&
+         std::abs(a.semi_minor_px / b.semi_minor_px - 1) < kAlike;
+}
 
 }  // namespace
 
@@ -41,6 +48,8 @@ struct BlobTracker::State {
 
   std::optional<EllipseMeasurement> measure(const cv::Mat& image, const Ellipse& start);
   std::optional<EllipseMeasurement> near_last(const cv::Mat& image);
+  std::optional<EllipseMeasurement> as_due(const cv::Mat& image);
+  std::optional<EllipseMeasurement> of_blob(const cv::Mat& image, const Ellipse& blob);
   std::optional<EllipseMeasurement> anywhere(const cv::Mat& image);
 
   Background background;
@@ -61,6 +70,24 @@ std::optional<EllipseMeasurement> BlobTracker::State::measure(const cv::Mat& ima
   return found;
 }
 
+/// The robot as it was, where it is due.
+std::optional<EllipseMeasurement> BlobTracker::State::as_due(const cv::Mat& image) {
+  Ellipse due = *last;
+  due.centre_px += velocity_px;
+  auto found = measure(image, due);
+  if (!found || found->inlier_fraction < kMostlySeen || !alike(found->ellipse, *last)) return std::nullopt;
+  return found;
+}
+
+/// What drifts up to the robot makes one blob with it, whose ellipse is neither's: from there the fit ends beside the
+/// rim. From where the robot is due its own rim is found, and what hides a part of that falls out of line.
+std::optional<EllipseMeasurement> BlobTracker::State::of_blob(const cv::Mat& image, const Ellipse& blob) {
+  const auto found = measure(image, blob);
+  if (found && alike(found->ellipse, *last)) return found;
+  const auto due = as_due(image);
+  return due ? due : found;
+}
+
 // The region follows the prediction and grows until it holds all of what it found.
 std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& image) {
   const Eigen::Vector2d centre = last->centre_px + velocity_px;
@@ -70,11 +97,11 @@ std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& i
     const int size = 2 * static_cast<int>(half);
     const cv::Rect where =
         cv::Rect(static_cast<int>(centre.x()) - size / 2, static_cast<int>(centre.y()) - size / 2, size, size) & frame;
-    if (where.width < 8 || where.height < 8) return std::nullopt;
+    if (where.width < 8 || where.height < 8) break;
     const auto blob = search.largest(image, where, kNearStep);
-    if (blob && !blob->cut) return measure(image, blob->ellipse);
+    if (blob && !blob->cut) return of_blob(image, blob->ellipse);
   }
-  return std::nullopt;
+  return as_due(image);
 }
 
 std::optional<EllipseMeasurement> BlobTracker::State::anywhere(const cv::Mat& image) {
