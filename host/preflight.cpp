@@ -126,9 +126,9 @@ RecordLimits passing_limits() {
   return limits;
 }
 
-[[noreturn]] void leave(const PreflightReport&) {
-  std::cerr << "vitreo: the dry run is stuck in a call that nothing can interrupt; nothing was energised" << std::endl;
-  _exit(static_cast<int>(ExitCode::not_responding));
+[[noreturn]] void leave(const PreflightReport& report) {
+  std::cerr << "vitreo: the preflight failed, nothing was opened: " << report.problems.back() << std::endl;
+  _exit(static_cast<int>(ExitCode::preflight_failed));
 }
 
 /// The dry run, from its clock to its verdict.
@@ -169,6 +169,8 @@ class DryRun {
       session.control.detach();
       for (const std::string& assumed : session.questions.assumed())
         report_.warnings.push_back("not answered in advance, so the dry run took: " + assumed);
+      for (const std::string& answer : session.questions.left_over())
+        if (report_.simulated) report_.warnings.push_back("nothing was asked that wanted the answer " + answer);
     }
     twin_.open_rig().make_safe();
     report_.duration = to_seconds(clock_->now());
@@ -193,7 +195,10 @@ class DryRun {
     const WatchdogLimits patience{std::chrono::milliseconds(1000), std::chrono::milliseconds(250),
                                   std::chrono::milliseconds(1000)};
     const auto stuck = [this] {
-      report_.warnings.push_back(not_fully());
+      report_.problems.push_back(fmt::format(
+          "the script is stuck in a call that nothing can interrupt, {} into the run: an abort would not reach it",
+          format_quantity(to_seconds(clock_->now()), "s")));
+      report_.wall_time = limits_.wall;
       limits_.stuck ? limits_.stuck(report_) : leave(report_);
     };
     const Watchdog watchdog(session.control, *clock_, patience,

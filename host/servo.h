@@ -49,6 +49,7 @@ struct ServoSettings {
   std::optional<double> axis_sigma{};  // rad: how surely the robot lies along the field that is asked for; 0: surely,
                                        // as in the thesis. Nothing: 0, but of the law estimator kAxisSigma
   bool wall_drag = false;              // LoopSettings
+  bool by_pose = false;                // a dry run: the pose sensor looks in the camera's place, whatever the feedback
   double axis_uncertainty() const;     // rad, as chosen or as the law has it
   void check() const;                  // throws std::invalid_argument naming the setting
   ViewCorrection view;                 // of the rig's own view

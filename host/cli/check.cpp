@@ -32,8 +32,7 @@ int check(Program& program, Check& wanted) {
   limits.wall = wanted.limit;
   limits.stuck = [&wanted](const PreflightReport& report) {
     show(report, wanted.json);
-    std::cerr << "vitreo: the script is stuck in a call that nothing can interrupt" << std::endl;
-    _exit(static_cast<int>(ExitCode::not_responding));
+    _exit(static_cast<int>(ExitCode::preflight_failed));
   };
   const PreflightReport report = preflight(program.engine(), wanted.complete(program), limits);
   show(report, wanted.json);
@@ -55,7 +54,7 @@ void add_check(CommandLine& line, Program& program) {
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
   command.option("--answer", wanted->request.answers, "answers a question of the script: name=value, or value");
-  command.option("--limit", wanted->limit, "s of wall time for the dry run (default: 10)");
+  command.seconds("--limit", wanted->limit, "wall time for the dry run (default: 10s)");
   command.flag("--json", wanted->json, "one JSON object, SI units");
   command.examples({"vitreo check servo_square speed=0.5mm/s"});
 }

@@ -193,10 +193,14 @@ std::vector<Binding> servo_rows() {
 namespace {
 
 /// In a dry run poses stand in for images; a rig that has no sample handler gets its robot now.
-void rehearse(Rehearsal& rehearsal, ServoSettings& settings) {
+void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoEyes& eyes) {
   if (settings.feedback == Feedback::pose_sensor && !rehearsal.pose_sensor)
     throw std::invalid_argument("feedback: pose_sensor needs that role, and this rig has none");
-  if (settings.feedback != Feedback::none) settings.feedback = Feedback::pose_sensor;
+  if (settings.feedback != Feedback::pose_sensor && !eyes.top)  // as the run itself would say it
+    throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
+                                "\" needs a background of the empty scene");
+  settings.by_pose = true;
+  if (settings.feedback != Feedback::none) settings.feedback = Feedback::pose_sensor;  // else it is let go as it was
   if (rehearsal.bring_robot) rehearsal.bring_robot();
 }
 
@@ -213,7 +217,7 @@ int open_servo(Call& call) {
     settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};
   }
   lua_pop(call.L, 1);
-  if (session.rehearsal != nullptr && session.rig.pose_sensor != nullptr) rehearse(*session.rehearsal, settings);
+  if (session.rehearsal != nullptr && session.rig.pose_sensor != nullptr) rehearse(*session.rehearsal, settings, eyes);
   auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder, std::move(eyes), settings);
   // The session's end closes what the script left open.
   call.context().closers.push_back([servo] { servo->close(); });

@@ -131,6 +131,23 @@ TEST_F(PreflightTest, PosesStandInForImagesOnTheTwinOfALaboratory) {
   EXPECT_GT(report.coils.peak_total, 1) << "A";
   EXPECT_NE(all(check("rig:servo { feedback = 'pose_sensor' }").problems).find("pose_sensor"), std::string::npos)
       << "the rig itself has none";
+  EXPECT_NE(all(check("rig:servo {}").problems).find("needs a background"), std::string::npos)
+      << "poses would do without, the run would not";
+}
+
+TEST_F(PreflightTest, AnOperatorsEyeIsRehearsedByPosesTooAndLetsGoAsItWill) {
+  request.rig_file = kLaboratory;
+  const PreflightReport report = check(
+      "local background = rig:learn_background { frames = 2 }\n"
+      "local servo <close> = rig:servo { background = background, feedback = 'none' }\nservo:hold({ 0, 0, 0 })\n"
+      "servo:wait_until_tracked()\nrun:wait(1*s)\nservo:release()\nrun:wait(0.5*s)\n"
+      "local before = rig.coils:currents()\nrun:wait(1*s)\n"
+      "for i, current in ipairs(rig.coils:currents()) do assert(current == before[i], 'released: constant currents') "
+      "end\n"
+      "local u, x = run:samples('servo', 'u_px'), run:samples('servo', 'x')\n"
+      "assert(u[#u] ~= u[#u] and x[#x] == x[#x], 'a place without a picture')");
+  EXPECT_TRUE(report.passed()) << all(report.problems);
+  EXPECT_TRUE(report.simulated);
 }
 
 TEST_F(PreflightTest, TheTwinOfALaboratoryHasNoRealInstrument) {
