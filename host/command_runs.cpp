@@ -3,6 +3,7 @@
 #include "host/commands.h"
 #include "host/config.h"
 #include "host/run_reader.h"
+#include "host/terminal_text.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
@@ -61,9 +62,10 @@ nlohmann::json json_of(const RunHead& head) {
 }
 
 void print(const RunHead& head, std::ostream& out) {
-  out << fmt::format("{:<44} {:<10} {:>9}  {}{}\n", std::filesystem::path(head.folder).filename().string(), head.state,
-                     format_quantity(head.experiment_time, "s"), head.title,
-                     head.reason.empty() ? "" : ": " + head.reason);
+  out << fmt::format(
+      "{:<44} {:<10} {:>9}  {}{}\n", std::filesystem::path(head.folder).filename().string(), head.state,
+      format_quantity(head.experiment_time, "s"), head.title,
+      head.reason.empty() ? "" : ": " + for_terminal(head.reason.substr(0, head.reason.find('\n')), 300));
 }
 
 }  // namespace

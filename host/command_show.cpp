@@ -5,6 +5,7 @@
 #include "host/recorder.h"
 #include "host/run_reader.h"
 #include "host/sha256.h"
+#include "host/terminal_text.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
@@ -53,7 +54,7 @@ std::string text_of(const nlohmann::json& value) {
 
 void print(const RunData& data, const RunHead& head, std::ostream& out) {
   out << fmt::format("{}\n{}: {}{}{}\n", data.folder.filename().string(), data.start.protocol_title, head.state,
-                     head.reason.empty() ? "" : ": ", head.reason);
+                     head.reason.empty() ? "" : ": ", for_terminal(head.reason));
   out << fmt::format(
       "when      {}\nprotocol  {}\noperator  {}\nseed      {}\ncommit    {}\n", head.time, data.start.protocol_file,
       data.start.operator_name, data.start.seed,

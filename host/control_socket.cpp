@@ -71,8 +71,10 @@ bool ends(const std::string& word, const std::string& by, RunControl& control) {
                         : word == "emergency" ? StopTier::emergency
                                               : StopTier::none;
   if (tier == StopTier::none) return false;
-  if (!by.empty()) control.set_reason("by " + by);
-  control.request(tier);
+  if (by.empty())
+    control.request(tier);
+  else
+    control.request(tier, "by " + by);
   return true;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/disk_watch.h"
 
+#include "host/config.h"
 #include "host/posix_file.h"
 
 #include <fmt/format.h>
@@ -42,8 +43,8 @@ std::uint64_t DiskWatch::free() const { return limits_.free_bytes(folder_); }
 void DiskWatch::check_start() const {
   const std::uint64_t wanted = limits_.stop_bytes + limits_.reserve_bytes;
   if (const std::uint64_t left = free(); left < wanted)
-    throw std::runtime_error(fmt::format("{}: only {} are free on this disk; a run is not begun with less than {}",
-                                         folder_.string(), size_text(left), size_text(wanted)));
+    throw ConfigError(fmt::format("{}: only {} are free on this disk; a run is not begun with less than {}",
+                                  folder_.parent_path().string(), size_text(left), size_text(wanted)));
 }
 
 void DiskWatch::make_reserve() {

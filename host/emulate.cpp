@@ -8,6 +8,7 @@
 #include "devices/quiet_thread.h"
 #include "devices/spacemouse/emulator.h"
 #include "devices/testbed/usb_testbed.h"
+#include "host/config.h"
 #include "host/rig_settings.h"
 
 #include <fmt/format.h>
@@ -195,7 +196,7 @@ int run(const std::vector<std::string>& command) {
   words.push_back(nullptr);
   pid_t child = 0;
   if (const int error = posix_spawnp(&child, words[0], nullptr, nullptr, words.data(), environ); error != 0)
-    throw std::runtime_error(command.front() + ": " + std::strerror(error));
+    throw ConfigError("the command " + command.front() + " cannot be run: " + std::strerror(error));
   // The terminal's Ctrl-C reaches the command too: it decides, and the instruments outlive it.
   struct sigaction ignore {
   }, before{};

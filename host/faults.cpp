@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
@@ -101,9 +102,11 @@ Fault parse_fault(const std::string& word) {
   try {
     const FaultKind& kind = kind_of(fault);
     std::istringstream each(options);
+    std::set<std::string> given;
     for (std::string option; std::getline(each, option, ',');) {
       const std::size_t at = option.find('=');
       const std::string name = option.substr(0, at), text = at == std::string::npos ? "" : option.substr(at + 1);
+      if (!given.insert(name).second) throw ConfigError("fault " + word + ": " + name + " is given twice");
       if (name == "after")
         fault.after = read_option(word, name, text, "s");
       else if (name == "lasting")

@@ -41,6 +41,7 @@ std::string driver_text(const Json& row) {
   if (row.contains("candidates"))
     return fmt::format("driver one of {}, as the rig file says",
                        fmt::join(row["candidates"].get<std::vector<std::string>>(), ", "));
+  if (row.contains("taken_as")) return "taken by its address hid:...";
   const std::string driver = row.value("driver", "");
   return driver.empty() ? "no driver" : "driver " + driver;
 }

@@ -96,8 +96,12 @@ Json find_instruments() {
                       {"driver", "genicam"}});
   });
   // The same device as a USB and as a HID one: the driver takes it by one of them.
-  for (Json& row : rows)
-    if (row.value("bus", "") == "usb" && row["driver"] != "pololu_tic") row["driver"] = "";
+  for (Json& row : rows) {
+    const std::string driver = row.value("driver", "");
+    if (row.value("bus", "") != "usb" || driver.empty() || driver == "pololu_tic") continue;
+    row["driver"] = "";
+    row["taken_as"] = "hid";
+  }
   return rows;
 }
 

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/progress_line.h"
 
+#include "host/terminal_text.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <iostream>
 #include <poll.h>
 #include <sys/ioctl.h>
@@ -124,8 +127,10 @@ std::optional<std::string> ProgressLine::typed() {
   pollfd input{STDIN_FILENO, POLLIN, 0};
   if (!isatty(STDIN_FILENO) || poll(&input, 1, 0) <= 0) return std::nullopt;
   std::string line;
-  if (!std::getline(std::cin, line)) return std::nullopt;
-  return line;
+  if (std::getline(std::cin, line)) return line;
+  std::cin.clear();  // Ctrl-D is no answer, and no reason to be deaf to the next line
+  std::clearerr(stdin);
+  return std::nullopt;
 }
 
 void ProgressLine::clear() {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/questions.h"
 
+#include "host/config.h"
 #include "host/units.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <stdexcept>
 
@@ -35,7 +37,46 @@ std::string default_text(const Parameter& answer) {
   return std::get<std::string>(answer.fallback);
 }
 
+std::string trimmed(const std::string& text) {
+  const std::size_t from = text.find_first_not_of(" \t\r\n"), to = text.find_last_not_of(" \t\r\n");
+  return from == std::string::npos ? "" : text.substr(from, to - from + 1);
+}
+
+ArgumentValue yes_or_no(const Parameter& answer, std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
+  for (const char* yes : {"yes", "y", "true", "on"})
+    if (text == yes) return true;
+  for (const char* no : {"no", "n", "false", "off"})
+    if (text == no) return false;
+  throw ConfigError(answer.name + ": wants yes or no; got '" + text + "'");
+}
+
+ArgumentValue read_answer(const Parameter& answer, const std::string& text) {
+  return answer.kind == ParameterKind::flag ? yes_or_no(answer, text) : read_argument(answer, text);
+}
+
 }  // namespace
+
+void check(const Question& question) {
+  const Parameter& answer = question.answer;
+  if (answer.kind == ParameterKind::choice && question.has_default &&
+      std::find(answer.choices.begin(), answer.choices.end(), std::get<std::string>(answer.fallback)) ==
+          answer.choices.end())
+    throw std::invalid_argument("default: '" + std::get<std::string>(answer.fallback) + "' is not among the choices");
+  const bool integer = answer.kind == ParameterKind::integer;
+  if (!integer && answer.kind != ParameterKind::number) return;
+  const auto unit = find_unit(answer.unit);
+  const std::string dimension(unit ? unit->dimension : "");
+  const std::string min = format_quantity(answer.min, dimension), max = format_quantity(answer.max, dimension);
+  if (answer.min > answer.max) throw std::invalid_argument("min: " + min + " is above max, " + max);
+  if (integer && std::ceil(answer.min) > std::floor(answer.max))
+    throw std::invalid_argument("min: there is no whole number from " + min + " to " + max);
+  if (!question.has_default) return;
+  const double value = std::get<double>(answer.fallback);
+  if (value < answer.min || value > answer.max)
+    throw std::invalid_argument("default: " + format_quantity(value, dimension) + " is not from " + min + " to " + max);
+  if (integer && value != std::floor(value)) throw std::invalid_argument("default: wants a whole number");
+}
 
 std::string shown(const Question& question) {
   const std::string want = wanted(question.answer);
@@ -52,7 +93,7 @@ void Questions::prepare(const std::vector<std::string>& answers) {
     if (equals == std::string::npos || equals == 0)
       in_order_.push_back(answer);
     else
-      by_name_.emplace_back(answer.substr(0, equals), answer.substr(equals + 1));
+      by_name_.push_back({answer.substr(0, equals), answer.substr(equals + 1)});
   }
 }
 
@@ -63,11 +104,12 @@ int Questions::ask(Question question) {
     const std::lock_guard lock(mutex_);
     question.number = ++asked_;
     answer_.reset();
+    names_.push_back(question.answer.name);
     const auto named = std::find_if(by_name_.begin(), by_name_.end(),
-                                    [&](const auto& pair) { return pair.first == question.answer.name; });
+                                    [&](const Named& one) { return one.name == question.answer.name; });
     if (named != by_name_.end()) {
-      prepared = named->second;  // stays: a question asked again gets it again
-      is_prepared = true;
+      prepared = named->text;  // stays: a question asked again gets it again
+      is_prepared = named->used = true;
     } else if (!in_order_.empty()) {
       prepared = in_order_.front();
       in_order_.pop_front();
@@ -76,10 +118,19 @@ int Questions::ask(Question question) {
     open_ = question;
   }
   if (is_prepared)
-    answer(prepared, "given in advance");
+    take_prepared(question.number, prepared);
   else if (by_themselves_)
     assume(question);
   return question.number;
+}
+
+void Questions::take_prepared(int number, const std::string& text) {
+  try {
+    answer(text, "given in advance");
+  } catch (const std::exception&) {  // the script hears of it; the next question may be asked
+    withdraw(number);
+    throw;
+  }
 }
 
 void Questions::assume(const Question& question) {
@@ -105,13 +156,26 @@ std::optional<Question> Questions::open() const {
   return open_;
 }
 
-void Questions::answer(const std::string& text, const std::string& by) {
+std::vector<std::string> Questions::left_over() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> left;
+  for (const Named& one : by_name_) {
+    if (one.used) continue;
+    const std::string near = nearest(one.name, names_);
+    left.push_back(one.name + "=" + one.text + (near.empty() ? "" : "; did you mean " + near + "?"));
+  }
+  left.insert(left.end(), in_order_.begin(), in_order_.end());
+  return left;
+}
+
+void Questions::answer(const std::string& given, const std::string& by) {
+  const std::string text = trimmed(given);
   const std::lock_guard lock(mutex_);
   if (!open_ || answer_) throw std::invalid_argument("no question is open");
   if (text.empty() && open_->has_default)
     answer_ = Answer{open_->answer.fallback, default_text(open_->answer), by};
   else
-    answer_ = Answer{read_argument(open_->answer, text), text, by};
+    answer_ = Answer{read_answer(open_->answer, text), text, by};
 }
 
 bool Questions::answered() const {
@@ -126,8 +190,9 @@ std::optional<Questions::Answer> Questions::take() {
   return std::exchange(answer_, std::nullopt);
 }
 
-void Questions::withdraw() {
+void Questions::withdraw(int number) {
   const std::lock_guard lock(mutex_);
+  if (!open_ || open_->number != number) return;
   open_.reset();
   answer_.reset();
 }

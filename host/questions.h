@@ -23,6 +23,9 @@ struct Question {
 /// As a person reads it: "Is the eye fixed? (yes or no)".
 std::string shown(const Question& question);
 
+/// Throws std::invalid_argument for a question that nobody could answer, or whose default would be no answer to it.
+void check(const Question& question);
+
 /// One open question at a time. Any thread.
 class Questions {
  public:
@@ -31,8 +34,11 @@ class Questions {
   void prepare(const std::vector<std::string>& answers);
   /// Opens a question; its number. An answer prepared for it is taken at once.
   int ask(Question question);
+  /// Answers given in advance for which no question came, with the name that was perhaps meant.
+  std::vector<std::string> left_over() const;
   std::optional<Question> open() const;
-  /// Throws ConfigError saying what is wanted; std::invalid_argument when no question is open.
+  /// For a question of yes or no, y and n do as well. Throws ConfigError saying what is wanted; std::invalid_argument
+  /// when no question is open.
   void answer(const std::string& text, const std::string& by);
   struct Answer {
     ArgumentValue value;
@@ -45,12 +51,19 @@ class Questions {
   bool answered() const;
   /// The answer, once; the question is closed by it.
   std::optional<Answer> take();
-  void withdraw();
+  /// Closes the question of that number, if it is the one that is open: who asked it does not wait any more.
+  void withdraw(int number);
 
  private:
+  struct Named {
+    std::string name, text;
+    bool used = false;
+  };
+  void take_prepared(int number, const std::string& text);
   void assume(const Question& question);
   mutable std::mutex mutex_;
-  std::vector<std::pair<std::string, std::string>> by_name_;
+  std::vector<Named> by_name_;
+  std::vector<std::string> names_;  // of the questions that were asked
   std::deque<std::string> in_order_;
   std::optional<Question> open_;
   std::optional<Answer> answer_;

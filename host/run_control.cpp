@@ -115,6 +115,11 @@ void RunControl::request(StopTier tier) noexcept {
     pthread_kill(script_, SIGUSR1);
 }
 
+void RunControl::request(StopTier tier, const std::string& reason) {
+  if (tier > tier_) set_reason(reason);
+  request(tier);
+}
+
 void RunControl::request_here(StopTier tier) noexcept {
   constexpr int kPatience = 20000;  // of 0.1 ms: a thread that is not there any more is not waited for
   const unsigned long before = deliveries_;
@@ -166,6 +171,16 @@ void RunControl::set_reason(const std::string& reason) {
 std::string RunControl::reason() const {
   const std::lock_guard lock(mutex_);
   return reason_.empty() ? "by the operator" : reason_;
+}
+
+void RunControl::set_place(const std::string& place) {
+  const std::lock_guard lock(mutex_);
+  place_ = place;
+}
+
+std::string RunControl::place() const {
+  const std::lock_guard lock(mutex_);
+  return place_;
 }
 
 void RunControl::set_phase(RunPhase phase, const std::string& note) {
@@ -226,6 +241,7 @@ void RunControl::set_idle(bool idle) {
     tier_ = StopTier::none;
     for (auto& time : asked_at_) time = 0;
     safe_ = false;
+    set_reason("");
     set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running);
   }
   idle_ = idle;

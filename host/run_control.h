@@ -57,6 +57,8 @@ class RunControl {
   /// Any thread, signal handlers too. A lower tier than before changes nothing; the same one breaks off the next wait
   /// as well, which is how a clean-up that does not end is cut short.
   void request(StopTier tier) noexcept;
+  /// With why; what asks for no more than was asked for already does not change the reason.
+  void request(StopTier tier, const std::string& reason);
   /// The same for a task that holds the clock's baton: returns when the script's thread has been reached, so that a run
   /// on the virtual clock that is stopped at some moment repeats.
   void request_here(StopTier tier) noexcept;
@@ -77,6 +79,9 @@ class RunControl {
   /// Who asked for the end, and why: for the end record. Empty: the operator.
   void set_reason(const std::string& reason);
   std::string reason() const;
+  /// "file:line" where the script was when it ended; empty until then, and where it came to its end.
+  void set_place(const std::string& place);
+  std::string place() const;
 
   /// The script's thread says where it is.
   void set_phase(RunPhase phase, const std::string& note = "");
@@ -116,7 +121,7 @@ class RunControl {
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;
-  std::string pause_at_, reason_, override_by_;
+  std::string pause_at_, reason_, place_, override_by_;
   const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
   std::vector<std::string> failures_;
 };

@@ -37,6 +37,7 @@ struct RunEnd {
   Outcome outcome = Outcome::completed;
   std::string reason;                         // one line; empty when completed
   double experiment_time = 0, wall_time = 0;  // s
+  std::string place{};                        // "protocols/drift.lua:12" where the script was; empty: not known
 };
 
 /// "protocols/drift.lua:12" where a reason begins with a script's line, else "".

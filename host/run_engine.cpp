@@ -14,6 +14,7 @@
 #include "host/preparation.h"
 #include "host/registry.h"
 #include "host/rights.h"
+#include "host/terminal_text.h"
 
 #include <fmt/format.h>
 
@@ -188,10 +189,26 @@ struct Farewell {
   }
 };
 
+/// A stop that takes its time would look as if nobody had heard of it: the script's thread cannot say anything.
+std::function<void(const std::string&)> tell_of_ending() {
+  return [first = true](const std::string& text) mutable {
+    const bool terminal = isatty(STDERR_FILENO) != 0;
+    std::cerr << (terminal && first ? "\n" : "") << "vitreo: " << text
+              << (terminal && first ? " (Ctrl-C again: abort; once more: kill)" : "") << std::endl;
+    first = false;
+  };
+}
+
+void tell(const Session& session, const std::string& note) {
+  session.recorder.event(session.clock.now(), "note", note);
+  session.listener.message(note);
+}
+
 RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                   const std::function<void(Session&)>& body, const Inspect& inspect) {
   const double began = wall_seconds();
   Verdict verdict;
+  std::string place;
   write_log("run " + stage.recorder->folder().string() + " begun by " + stage.recorder->start().operator_name);
   const std::vector<FramePolicy> policies = frame_policies(request, stage.rig->rig());
   std::unique_ptr<view::LiveView> live;
@@ -212,10 +229,8 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
       listener.message("live view: " + live->invitation());
     }
     const auto socket = open_control(request, session, stage.recorder->folder(), stage.rights);
-    stage.recorder->on_trouble([&control = session.control] {
-      control.set_reason("because recording failed");
-      control.request(StopTier::stop);
-    });
+    stage.recorder->on_trouble(
+        [&control = session.control] { control.request(StopTier::stop, "because recording failed"); });
     FaultDesk faults({*stage.clock, *stage.rig->laboratory(), *stage.recorder, session.control, *stage.disk,
                       simulated_roles(stage.rig->resolved())});
     session.faults = &faults;
@@ -234,7 +249,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
       const Watchdog watchdog(
           session.control, *stage.clock, request.watchdog,
           {[&] { give_up(stage, session.control, began); }, [coils] { return coils != nullptr && coils->energised(); },
-           [coils](const std::string& why) { coils->trip(why); }});
+           [coils](const std::string& why) { coils->trip(why); }, tell_of_ending()});
       const auto whole = [&] {
         const std::string disk = disk_warning(request.out, frame_bytes_per_second(policies, session.rig));
         if (!disk.empty()) session.raise("disk", AlarmPriority::medium, disk);
@@ -248,6 +263,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
     judge_record(*stage.recorder, verdict);
     session.control.detach();
     session.control.set_phase(RunPhase::ended);
+    place = session.control.place();
     session.note_alarms();
     for (const std::string& failure : session.control.failures())
       stage.recorder->event(stage.clock->now(), "unsafe", failure);
@@ -260,13 +276,13 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
   stage.recorder->figure({"experiment_time", experiment_time, "s"});
   stage.recorder->figure({"wall_time", wall_time, "s"});
   try {
-    stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time});
+    stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time, place});
   } catch (const std::exception& error) {  // of the disk: the outputs are safe, and what could be saved was
     if (verdict.exit_code != ExitCode::aborted)
       verdict = {Outcome::aborted, ExitCode::aborted, std::string("recording failed: ") + error.what()};
   }
   write_log("run " + stage.recorder->folder().string() + " " + to_string(verdict.outcome) +
-            (verdict.reason.empty() ? "" : ": " + verdict.reason));
+            (verdict.reason.empty() ? "" : ": " + for_terminal(verdict.reason)));
   if (inspect) inspect(*stage.recorder, *stage.rig);
   return {verdict.outcome, verdict.exit_code, verdict.reason, stage.recorder->folder().string(),
           stage.recorder->figures()};
@@ -290,6 +306,8 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
       [&](Session& session) {
         preparation.tell(session);
         engine.run(protocol, arguments, session);
+        for (const std::string& answer : session.questions.left_over())
+          tell(session, "nothing was asked that wanted the answer " + answer);
       },
       inspect);
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/run_folder.h"
 
+#include "host/config.h"
+
 #include <cerrno>
 #include <cstring>
 #include <ctime>
@@ -49,12 +51,13 @@ std::string slug(std::string_view text, const std::string& fallback) {
 std::filesystem::path make_run_folder(const std::filesystem::path& parent, const std::string& name) {
   std::error_code error;
   std::filesystem::create_directories(parent, error);
-  if (error) throw std::runtime_error(parent.string() + ": " + error.message());
+  if (error) throw ConfigError("the folder for runs cannot be made: " + parent.string() + ": " + error.message());
   for (int attempt = 0; attempt < 100; ++attempt) {
     const auto folder = parent / (local_time("%Y-%m-%dT%H%M%S") + "_" + slug(name, "run") + "_" + random_hex(4));
     // mkdir is the one call that makes a folder or says that it was there: two runs never share one.
     if (::mkdir(folder.c_str(), 0777) == 0) return folder;
-    if (errno != EEXIST) throw std::runtime_error(folder.string() + ": " + std::strerror(errno));
+    if (errno != EEXIST)
+      throw ConfigError("a run's folder cannot be made: " + folder.string() + ": " + std::strerror(errno));
   }
   throw std::runtime_error(parent.string() + ": no free name for a run folder");
 }

@@ -53,14 +53,25 @@ void Watchdog::look_at_pace() {
 void Watchdog::look() {
   const auto stopping = control_.since(StopTier::stop), aborting = control_.since(StopTier::abort);
   if (!stopping) return;
+  tell();
   if (!aborting && *stopping > limits_.clean_up) {
-    control_.set_reason(control_.reason() + "; its clean-up took too long after the stop");
-    control_.request(StopTier::abort);
+    control_.request(StopTier::abort, control_.reason() + "; its clean-up took too long after the stop");
     return;
   }
   if (!aborting) return;
   const auto patience = control_.tier() == StopTier::emergency ? std::chrono::milliseconds(0) : limits_.safe;
   if ((*aborting > patience && !control_.safe()) || *aborting > limits_.grace) take_over();
+}
+
+void Watchdog::tell() {
+  const auto now = std::chrono::steady_clock::now();
+  if (!actions_.tell || control_.since(StopTier::stop).value_or(limits_.told) <= limits_.told) return;
+  if (now - told_at_ < limits_.told) return;
+  const std::string text = to_string(control_.status()) + (control_.safe() ? "; the devices are safe" : "");
+  if (text == told_) return;
+  told_ = text;
+  told_at_ = now;
+  actions_.tell(text);
 }
 
 /// The script's thread has not come to make the devices safe. Whatever holds the baton loses it until this is done.
@@ -74,6 +85,7 @@ void Watchdog::take_over() {
       return actions_.give_up();
     }
     if (!clock_.displaced()) break;
+    tell();
     std::this_thread::sleep_for(kLook);
     clock_.sleep_for(std::chrono::milliseconds(1));  // whoever comes back gets a turn
   }

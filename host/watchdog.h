@@ -21,6 +21,7 @@ struct WatchdogLimits {
   std::chrono::milliseconds safe{250};       // after an abort, until the devices are made safe by force
   std::chrono::milliseconds grace{5000};     // after an abort, until the run is given up
   std::chrono::milliseconds dead_man{250};   // of a program at the pace of the wall clock that does not move
+  std::chrono::milliseconds told{1000};      // after a stop, until what it waits for is told; and between two tellings
 };
 
 /// What the watchdog does, with the clock's baton in hand.
@@ -31,6 +32,8 @@ struct WatchdogActions {
   std::function<bool()> energised;
   /// The coils to zero, and why.
   std::function<void(const std::string&)> trip;
+  /// Tells people how far a stop has come that takes its time; without the baton. May be null.
+  std::function<void(const std::string&)> tell{};
 };
 
 /// Lives as long as the script runs. A thread of its own, which takes the clock's baton by force when it must.
@@ -47,6 +50,7 @@ class Watchdog {
   void look();
   void take_over();
   void look_at_pace();
+  void tell();
 
   RunControl& control_;
   Clock& clock_;
@@ -54,6 +58,8 @@ class Watchdog {
   const WatchdogActions actions_;
   std::atomic<bool> done_{false};
   std::atomic<bool> inside_{false};  // it is a task of the clock now
+  std::string told_;
+  std::chrono::steady_clock::time_point told_at_{};
   std::thread thread_;
 };
 

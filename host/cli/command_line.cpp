@@ -2,9 +2,12 @@
 #include "host/cli/command_line.h"
 
 #include "host/config.h"
+#include "host/units.h"
 
 #include <CLI/CLI.hpp>
 
+#include <charconv>
+#include <limits>
 #include <map>
 
 namespace vitreo::cli {
@@ -108,6 +111,33 @@ int CommandLine::run(int count, char** words) {
   return state_->at_root();
 }
 
+namespace {
+
+/// For CLI11: what is wrong with a whole number, or nothing. Its own reader takes -1 for the largest of all.
+template <class Number>
+std::string is_number(const std::string& text) {
+  Number number{};
+  const char* const end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, number);
+  if (read.ec == std::errc() && read.ptr == end && !text.empty()) return "";
+  return "wants a whole number from " + std::to_string(std::numeric_limits<Number>::min()) + " to " +
+         std::to_string(std::numeric_limits<Number>::max()) + "; got '" + text + "'";
+}
+
+std::string is_plain_number(const std::string& text) {
+  const auto quantity = parse_quantity(text);
+  return quantity && quantity->bare ? "" : "wants a plain number; got '" + text + "'";
+}
+
+double seconds_in(const std::string& option, const std::string& text) {
+  const auto quantity = parse_quantity(text);
+  if (!quantity || !(quantity->bare || quantity->dimension == "s") || !(quantity->value > 0))
+    throw ConfigError(option + ": wants a time above zero, such as 10s; got '" + text + "'");
+  return quantity->value;
+}
+
+}  // namespace
+
 Option Command::option(const std::string& names, std::string& into, const std::string& help) {
   return Option(app_.add_option(names, into, help));
 }
@@ -115,13 +145,17 @@ Option Command::option(const std::string& names, std::vector<std::string>& into,
   return Option(app_.add_option(names, into, help));
 }
 Option Command::option(const std::string& names, std::uint64_t& into, const std::string& help) {
-  return Option(app_.add_option(names, into, help));
+  return Option(app_.add_option(names, into, help)->check(is_number<std::uint64_t>));
 }
 Option Command::option(const std::string& names, int& into, const std::string& help) {
-  return Option(app_.add_option(names, into, help));
+  return Option(app_.add_option(names, into, help)->check(is_number<int>));
 }
 Option Command::option(const std::string& names, double& into, const std::string& help) {
-  return Option(app_.add_option(names, into, help));
+  return Option(app_.add_option(names, into, help)->check(is_plain_number));
+}
+Option Command::seconds(const std::string& names, double& into, const std::string& help) {
+  return Option(app_.add_option_function<std::string>(
+      names, [names, &into](const std::string& text) { into = seconds_in(names, text); }, help));
 }
 Option Command::flag(const std::string& names, bool& into, const std::string& help) {
   return Option(app_.add_flag(names, into, help));

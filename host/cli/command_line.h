@@ -42,6 +42,8 @@ class Command {
   Option option(const std::string& names, std::uint64_t& into, const std::string& help);
   Option option(const std::string& names, int& into, const std::string& help);
   Option option(const std::string& names, double& into, const std::string& help);
+  /// A time with its unit, "10s"; a bare number is in s. Throws ConfigError.
+  Option seconds(const std::string& names, double& into, const std::string& help);
   Option flag(const std::string& names, bool& into, const std::string& help);
   /// At most one of these flags, {word, help}, may be given; `into` becomes its word.
   void one_of(const std::vector<std::pair<std::string, std::string>>& words, std::string& into);

@@ -7,6 +7,7 @@
 #include "host/rights.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iostream>

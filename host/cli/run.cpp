@@ -6,6 +6,7 @@
 #include "host/progress_line.h"
 #include "host/record_json.h"
 #include "host/run_reader.h"
+#include "host/terminal_text.h"
 #include "host/units.h"
 
 #include <fmt/format.h>
@@ -55,7 +56,7 @@ void tell_before(ScriptEngine& engine, const RunRequest& request) {
 
 void tell_after(const RunResult& result) {
   for (const Event& event : read_run(result.folder).events)
-    fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, event.text);
+    fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, for_terminal(event.text));
 }
 
 /// The outcome, coloured on a terminal whose user has not said NO_COLOR (no-color.org).
@@ -78,7 +79,8 @@ void show(const RunResult& result, bool json) {
   for (const Figure& figure : result.figures)
     fmt::print("{:<28} {}\n", figure.name, format_quantity(figure.value, figure.unit));
   fmt::print("{}{}{}\nrun: {}\nreport: {}\n", coloured(result.outcome), result.reason.empty() ? "" : ": ",
-             result.reason, result.folder, (std::filesystem::path(result.folder) / "report.html").string());
+             for_terminal(result.reason), result.folder,
+             (std::filesystem::path(result.folder) / "report.html").string());
 }
 
 int run(Program& program, Run& wanted) {

@@ -49,7 +49,7 @@ void add_soak(CommandLine& line, Program& program) {
                    [&program, wanted] { return soak_protocol(program, *wanted); });
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
-  command.option("--seeds", wanted->seeds, "how many (default: 100)");
+  command.option("--seeds", wanted->seeds, "how many (default: 100)").between(1, 1000000);
   command.option("--seed", wanted->seed, "only this one: it happens again as it did");
   command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
   command.option("--rig", wanted->request.rig_file,

@@ -8,6 +8,7 @@
 #include "host/units.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <thread>
 
@@ -52,8 +53,10 @@ int push_answer(Call& call, const Parameter& parameter, const ArgumentValue& val
   return call.result(std::get<std::string>(value));
 }
 
-/// What the operator typed, if anything: an answer that does not do is said why, and the question stays open.
+/// What the operator typed, if anything: an answer that does not do is said why, and the question stays open. What was
+/// typed ahead is the next question's.
 bool answered(Session& session) {
+  if (session.questions.answered()) return true;
   if (const auto line = session.listener.typed()) {
     try {
       session.questions.answer(*line, "operator at the terminal");
@@ -64,14 +67,41 @@ bool answered(Session& session) {
   return session.questions.answered();
 }
 
-int put_question(Call& call, Question question) {
+/// Closes a question that nobody waits for any more: its task was stopped, or lost its patience.
+struct Asked {
+  Questions& questions;
+  const int number;
+  Asked(Questions& all, int this_one) : questions(all), number(this_one) {}
+  Asked(const Asked&) = delete;
+  Asked& operator=(const Asked&) = delete;
+  ~Asked() { questions.withdraw(number); }
+};
+
+int put_question(Call& call, const Question& question);
+
+/// Tasks side by side ask one after the other: one answer must not be taken for another question's.
+Wait wait_for_turn(const Call& call, const Question& question) {
+  Session& session = session_of(call.L);
+  Wait wait;
+  wait.what = "its turn to ask '" + question.text + "'";
+  wait.deadline = later(session.clock.now(), kLook);
+  wait.finish = [question](Call& done, bool) { return put_question(done, question); };
+  return wait;
+}
+
+int put_question(Call& call, const Question& question) {
   Session& session = session_of(call.L);
   call.check_can_wait();
+  if (session.questions.open()) return call.wait(wait_for_turn(call, question));
   session.recorder.event(session.clock.now(), "question", shown(question));
-  session.questions.ask(question);
-  session.listener.question(question);
+  // Shared by the functions of a wait, which are copied; the last of them to go closes the question.
+  const auto asked = std::make_shared<Asked>(session.questions, session.questions.ask(question));
+  if (session.questions.answered())
+    session.listener.message(shown(question) + ": answered in advance");
+  else
+    session.listener.question(question);
   return call.wait(wait_for_people(
-      call, "an answer to '" + question.text + "'", [&session] { return answered(session); },
+      call, "an answer to '" + question.text + "'", [&session, asked] { return answered(session); },
       [&session, parameter = question.answer](Call& done) {
         const auto answer = session.questions.take();
         session.recorder.event(session.clock.now(), "answer", answer->text + " (" + answer->by + ")");
@@ -88,7 +118,7 @@ int confirm(Call& call) {
   question.answer.name = question_name(call);
   question.answer.kind = ParameterKind::flag;
   question.answer.fallback = false;
-  return put_question(call, std::move(question));
+  return put_question(call, question);
 }
 
 std::vector<std::string> choices_of(const Call& call) {
@@ -117,6 +147,31 @@ ParameterKind kind_of_question(const Call& call, bool has_choices) {
   throw std::invalid_argument("type: wants number, integer, choice or text, got " + type);
 }
 
+void read_default(const Call& call, Question& question) {
+  const bool number = question.answer.kind == ParameterKind::number || question.answer.kind == ParameterKind::integer;
+  question.has_default = call.push_option("default");
+  const int wanted = number ? LUA_TNUMBER : LUA_TSTRING;
+  if (question.has_default && lua_type(call.L, -1) != wanted)
+    throw std::invalid_argument(std::string("default: wants a ") + lua_typename(call.L, wanted) + ", got " +
+                                kind_of(call.L, -1));
+  if (number)
+    question.answer.fallback = lua_tonumber(call.L, -1);
+  else
+    question.answer.fallback = question.has_default ? plain_text(call.L, -1) : std::string();
+  lua_pop(call.L, 1);
+}
+
+/// What is said of an answer that it cannot have.
+void check_fitting(const Call& call, ParameterKind kind) {
+  const bool number = kind == ParameterKind::number || kind == ParameterKind::integer;
+  for (const char* name : {"unit", "min", "max", "choices"}) {
+    const bool fits = std::string(name) == "choices" ? kind == ParameterKind::choice : number;
+    const bool given = call.push_option(name);
+    lua_pop(call.L, 1);
+    if (given && !fits) throw std::invalid_argument(std::string(name) + ": is not for answers of this type");
+  }
+}
+
 int ask(Call& call) {
   Question question;
   question.text = call.text(0);
@@ -126,19 +181,20 @@ int ask(Call& call) {
   answer.kind = kind_of_question(call, !answer.choices.empty());
   if (answer.kind == ParameterKind::choice && answer.choices.empty())
     throw std::invalid_argument("choices: wants the list to choose from");
+  check_fitting(call, answer.kind);
   answer.unit = call.text_option("unit").value_or("");
   if (!find_unit(answer.unit) && !answer.unit.empty())
     throw std::invalid_argument("unit: " + answer.unit + " is not a unit");
   answer.min = call.number_option("min").value_or(answer.min);
   answer.max = call.number_option("max").value_or(answer.max);
+  read_default(call, question);
+  check(question);
   const bool number = answer.kind == ParameterKind::number || answer.kind == ParameterKind::integer;
-  question.has_default = call.push_option("default");
-  if (number)
-    answer.fallback = question.has_default ? lua_tonumber(call.L, -1) : std::clamp(1.0, answer.min, answer.max);
-  else
-    answer.fallback = question.has_default ? plain_text(call.L, -1) : std::string();
-  lua_pop(call.L, 1);
-  return put_question(call, std::move(question));
+  const bool whole = answer.kind == ParameterKind::integer;
+  if (number && !question.has_default)
+    answer.fallback =
+        std::clamp(1.0, whole ? std::ceil(answer.min) : answer.min, whole ? std::floor(answer.max) : answer.max);
+  return put_question(call, question);
 }
 
 /// Dies, and ends, with its handle or with the run.

@@ -149,11 +149,22 @@ int samples(Call& call) {
   return 2;
 }
 
+/// An error of nothing would be a perfect one. A dry run has other streams than the run, and measures nothing.
+void check_compared(const Call& call, std::size_t count, double from, double to) {
+  if (count > 0 || session_of(call.L).rehearsal != nullptr) return;
+  throw std::runtime_error("nothing to compare: '" + call.text_option("of").value_or("") + "' and '" +
+                           call.text_option("against").value_or("") + "' have no place at the same moment from " +
+                           format_quantity(from, "s") + " to " + format_quantity(to, "s"));
+}
+
 int errors(Call& call) {
   const auto text = [&call](const char* name) { return call.text_option(name).value_or(""); };
-  const ErrorStatistics s = error_statistics(
-      session_of(call.L).recorder, text("of"), text("of_prefix"), text("against"), text("against_prefix"),
-      from_seconds(call.number_option("from").value_or(0)), from_seconds(call.number_option("to").value_or(1e9)));
+  const Session& session = session_of(call.L);
+  const double now = to_seconds(session.clock.now());
+  const double from = call.number_option("from").value_or(0), to = call.number_option("to").value_or(now);
+  const ErrorStatistics s = error_statistics(session.recorder, text("of"), text("of_prefix"), text("against"),
+                                             text("against_prefix"), from_seconds(from), from_seconds(to));
+  check_compared(call, s.count, from, to);
   const std::pair<const char*, double> fields[] = {{"count", static_cast<double>(s.count)},
                                                    {"rms", s.rms},
                                                    {"mean", s.mean},

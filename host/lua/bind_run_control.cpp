@@ -162,8 +162,7 @@ int end(Call& call, StopTier tier) {
   const std::string reason = call.has(0) ? call.text(0) : "";
   session.recorder.event(session.clock.now(), to_string(tier),
                          "asked by the script" + (reason.empty() ? "" : ": " + reason));
-  session.control.set_reason("by the script" + (reason.empty() ? "" : ": " + reason));
-  session.control.request(tier);
+  session.control.request(tier, "by the script" + (reason.empty() ? "" : ": " + reason));
   throw Stopped();
 }
 int stop(Call& call) { return end(call, StopTier::stop); }

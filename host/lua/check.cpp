@@ -50,9 +50,21 @@ void check_number(lua_State* L, const Argument& argument, int index) {
                                 format_quantity(value, argument.unit));
 }
 
+/// The first thing in a list that is no number, by its place.
+void refuse_list(lua_State* L, const Argument& argument, int index) {
+  const auto count = lua_istable(L, index) ? static_cast<lua_Integer>(lua_rawlen(L, index)) : 0;
+  for (lua_Integer i = 1; i <= count; ++i)
+    if (lua_rawgeti(L, index, i) != LUA_TNUMBER)
+      throw std::invalid_argument(argument.name + "[" + std::to_string(i) + "]: wants a number" + in_unit(argument) +
+                                  ", got " + kind_of(L, -1));
+    else
+      lua_pop(L, 1);
+  refuse(L, argument, index);
+}
+
 void check_numbers(lua_State* L, const Argument& argument, int index) {
   const auto numbers = to_numbers(L, index);
-  if (!numbers) refuse(L, argument, index);
+  if (!numbers) refuse_list(L, argument, index);
   if (argument.type == Type::vector && numbers->size() != 3) refuse(L, argument, index);
   for (const double number : *numbers)
     if (!std::isfinite(number)) throw std::invalid_argument(argument.name + ": holds a number that is not finite");

@@ -46,6 +46,7 @@ struct Context {
   std::size_t memory = 0, memory_limit = 0;  // bytes
   bool short_of_memory = false;              // an allocation was refused
   std::string trace, where;                  // of the last error: the trace, and "file:line: "
+  std::string stopped_at;                    // "file:line: " at which the first stop was felt
 
   std::vector<std::function<void()>> closers;  // end what the script left open; in reverse order
   std::vector<int> deferred;                   // references of run:defer's functions

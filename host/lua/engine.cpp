@@ -11,6 +11,13 @@
 namespace vitreo {
 namespace {
 
+/// "file:line" where the script was stopped, or failed.
+std::string place_of(const lua::Context& context) {
+  std::string place = context.stopped_at.empty() ? context.where : context.stopped_at;
+  if (place.ends_with(": ")) place.erase(place.size() - 2);
+  return place;
+}
+
 class LuaEngine final : public ScriptEngine {
  public:
   LuaEngine(const std::vector<std::string>& folders, const std::vector<std::string>& protocols)
@@ -30,6 +37,7 @@ class LuaEngine final : public ScriptEngine {
       lua::run_protocol(script, protocol, arguments);
     } catch (const std::exception&) {
       failure = std::current_exception();
+      session.control.set_place(place_of(script.context()));
       lua::limit_clean_up(script.context());
     }
     try {

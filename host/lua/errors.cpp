@@ -4,6 +4,7 @@
 #include "devices/error.h"
 #include "host/lua/context.h"
 #include "host/lua/scheduler.h"
+#include "host/lua/state.h"
 #include "host/lua/values.h"
 #include "host/script_engine.h"
 
@@ -113,6 +114,7 @@ void raise_stop(lua_State* L) {
   Context& context = context_of(L);
   lua_sethook(L, nullptr, 0, 0);
   context.interrupted = false;
+  if (context.stopped_at.empty()) context.stopped_at = where(L);
   if (context.scheduler && context.scheduler->current()) ++context.scheduler->current()->stops;
   push_stop(L);
   lua_error(L);
@@ -186,6 +188,19 @@ std::string error_text(lua_State* L, int index) {
 
 namespace {
 
+/// What a script threw, which need not be a text: its own words where it has some, else what is in it.
+std::string thrown_text(lua_State* L, int index) {
+  if (lua_isnil(L, index)) return "an error without a message (nil)";
+  const bool table = lua_istable(L, index), speaks = luaL_getmetafield(L, index, "__tostring") != LUA_TNIL;
+  if (speaks) lua_pop(L, 1);
+  if (table && !speaks) {
+    const std::string said = field_text(L, index, "message");
+    return said.empty() ? "an error that is a table: " + pretty(L, index, 2) : said;
+  }
+  const std::string shown = plain_text(L, index);
+  return shown == lua_typename(L, lua_type(L, index)) ? "an error that is a " + shown : shown;
+}
+
 std::exception_ptr exception_of(lua_State* L, int status) {
   Context& context = context_of(L);
   if (is_stop(L, -1)) return std::make_exception_ptr(Stopped());
@@ -194,17 +209,9 @@ std::exception_ptr exception_of(lua_State* L, int status) {
                                                   std::string(lua_tostring(L, -1)) == "not enough memory");
   if (no_memory) return std::make_exception_ptr(ScriptError(memory_text(context), context.trace));
   if (is_device_error(L, -1)) return device_exception(L, lua_gettop(L));
-  std::string text;
-  if (lua_type(L, -1) == LUA_TSTRING) {
-    text = lua_tostring(L, -1);
-  } else {
-    const int index = lua_gettop(L);
-    const std::string said = lua_istable(L, -1) ? field_text(L, index, "message") : "";
-    const std::string shown = plain_text(L, index);
-    text = context.where + (shown == "table" && !said.empty() ? said : "an error that is a " + shown);
-    if (shown != lua_typename(L, lua_type(L, -1)) && said.empty()) text = context.where + shown;
-  }
-  return std::make_exception_ptr(ScriptError(text, context.trace));
+  const bool has_place = lua_type(L, -1) == LUA_TSTRING;
+  return std::make_exception_ptr(
+      ScriptError((has_place ? "" : context.where) + thrown_text(L, lua_gettop(L)), context.trace));
 }
 
 struct Conversion {
@@ -215,21 +222,52 @@ struct Conversion {
 int convert(lua_State* L) {
   auto& conversion = *static_cast<Conversion*>(lua_touserdata(L, 1));
   lua_remove(L, 1);
-  conversion.made = exception_of(L, conversion.status);
+  try {
+    conversion.made = exception_of(L, conversion.status);
+  } catch (const std::exception&) {  // a table that has no order
+  }
   return 0;
 }
+
+/// An error's __tostring is the script's own code: it can be stopped like all of it, and ends by itself even so.
+class BoundedReading {
+ public:
+  explicit BoundedReading(lua_State* L)
+      : state_(L), hook_(lua_gethook(L)), mask_(lua_gethookmask(L)), count_(lua_gethookcount(L)) {
+    outer_ = context_of(L).running.exchange(L);
+    arm_reading_limit(L);
+    if (context_of(L).interrupted) arm_stop(L);
+  }
+  ~BoundedReading() {
+    context_of(state_).running = outer_;
+    lua_sethook(state_, hook_, mask_, count_);
+  }
+  BoundedReading(const BoundedReading&) = delete;
+  BoundedReading& operator=(const BoundedReading&) = delete;
+
+ private:
+  lua_State* const state_;
+  lua_State* outer_;
+  const lua_Hook hook_;
+  const int mask_, count_;
+};
 
 }  // namespace
 
 std::exception_ptr to_exception(lua_State* L, int status) {
+  const BoundedReading bounded(L);
   Conversion conversion{status, nullptr};
   lua_checkstack(L, 4);
   lua_pushcfunction(L, convert);
   lua_insert(L, -2);
   lua_pushlightuserdata(L, &conversion);
   lua_insert(L, -2);
-  if (lua_pcall(L, 2, 0, 0) != LUA_OK) lua_pop(L, 1);
+  const bool failed = lua_pcall(L, 2, 0, 0) != LUA_OK;
+  const Session* const session = context_of(L).session;
+  const bool stopped = failed && is_stop(L, -1) && session && session->control.tier() != StopTier::none;
+  if (failed) lua_pop(L, 1);
   if (conversion.made) return conversion.made;
+  if (stopped) return std::make_exception_ptr(Stopped());
   return std::make_exception_ptr(ScriptError(context_of(L).where + "an error that cannot be shown"));
 }
 

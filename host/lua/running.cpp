@@ -78,6 +78,7 @@ void ScriptRun::clean_up(std::size_t keep_deferred, std::size_t keep_closers) {
     const int reference = deferred.back();
     deferred.pop_back();
     lua_rawgeti(main(), LUA_REGISTRYINDEX, reference);
+    luaL_unref(main(), LUA_REGISTRYINDEX, reference);
     attempt([this] { lua_pop(main(), scheduler_.run(0)); });
   }
   for (auto& closers = context().closers; closers.size() > keep_closers;) {

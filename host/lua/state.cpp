@@ -31,6 +31,7 @@ void* allocate(void* user, void* block, std::size_t old_size, std::size_t new_si
   }
   if (new_size > old_size && context.memory + (new_size - old_size) > context.memory_limit) {
     context.short_of_memory = true;
+    if (lua_State* const running = context.running) context.where = where(running);  // no handler hears of this error
     return nullptr;
   }
   void* const moved = std::realloc(block, new_size);

@@ -218,8 +218,8 @@ json LiveView::State::perform(int viewer, const json& message) {
   const std::string word = message["do"];
   if (session == nullptr) throw std::invalid_argument("the run has ended");
   if (word == "stop" || word == "abort" || word == "emergency") {
-    session->control.set_reason("by the live view");
-    session->control.request(word == "stop" ? StopTier::stop : word == "abort" ? StopTier::abort : StopTier::emergency);
+    const StopTier tier = word == "stop" ? StopTier::stop : (word == "abort" ? StopTier::abort : StopTier::emergency);
+    session->control.request(tier, "by the live view");
     return {{"done", word}};
   }
   if (word == "take") {

@@ -4,6 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <mutex>
+#include <string>
+#include <vector>
+
 namespace vitreo {
 namespace {
 
@@ -27,6 +31,33 @@ TEST(RunWatchdog, ThatMakesSafeWhenTheRunEndsIsWaitedForAndNotForEver) {
   }
   EXPECT_TRUE(ended);
   EXPECT_TRUE(control.safe());
+}
+
+TEST(RunWatchdog, TellsHowFarAStopHasComeThatTakesItsTime) {
+  const auto clock = virtual_clock();
+  RunControl control;
+  control.attach({[] {}, [] { return std::vector<std::string>(); }});
+  std::mutex mutex;
+  std::vector<std::string> told;
+  const auto tell = [&](const std::string& text) {
+    const std::lock_guard lock(mutex);
+    told.push_back(text);
+  };
+  const auto times_told = [&] {
+    const std::lock_guard lock(mutex);
+    return told.size();
+  };
+  WatchdogLimits limits;
+  limits.told = 10ms;
+  const Watchdog watchdog(control, *clock, limits, {[] {}, [] { return false; }, [](const std::string&) {}, tell});
+  control.request(StopTier::stop);
+  while (times_told() < 1) clock->sleep_for(1ms);
+  control.set_waiting_for("lens_mover:move_to");
+  control.begin_stopping();
+  while (times_told() < 2) clock->sleep_for(1ms);
+  const std::lock_guard lock(mutex);
+  EXPECT_EQ(told[0], "stop requested");
+  EXPECT_EQ(told[1], "stopping, waiting for lens_mover:move_to");
 }
 
 }  // namespace

@@ -89,7 +89,21 @@ TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
   const Spoken late = place.vitreo("check long.lua --rig bare.lua --limit 0.2 --json");
   EXPECT_EQ(late.exit_code, 0) << "it warns";
   EXPECT_NE(late.out.find("not fully simulated"), std::string::npos) << late.out;
+  place.write("stuck.lua", "return { title = 's', run = function() string.find(('a'):rep(400), '.-.-.-.-.-b$') end }");
+  const Spoken stuck = place.vitreo("check stuck.lua --rig bare.lua --limit 200ms");
+  EXPECT_EQ(stuck.exit_code, 8);
+  EXPECT_NE(stuck.out.find("problem: the script is stuck in a call"), std::string::npos) << stuck.out;
   EXPECT_EQ(place.runs(), 0);
+}
+
+TEST_F(Surroundings, AnErrorOfMegabytesOrForTheTerminalIsShownShortAndHarmless) {
+  place.write("huge.lua", "return { title = 'h', run = function() error('\\27[31mred' .. ('x'):rep(3000000), 0) end }");
+  const Spoken spoken = place.vitreo("run huge.lua --rig bare.lua");
+  EXPECT_EQ(spoken.exit_code, 1);
+  EXPECT_LT(spoken.out.size() + spoken.err.size(), 5000U);
+  EXPECT_NE(spoken.out.find("failed: \\x1b[31mredxxx"), std::string::npos) << spoken.out;
+  EXPECT_NE(spoken.out.find("(3000008 characters)"), std::string::npos) << spoken.out;
+  EXPECT_LT(place.vitreo("runs").out.size() + place.vitreo("show last").out.size(), 5000U);
 }
 
 }  // namespace

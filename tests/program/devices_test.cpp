@@ -206,9 +206,12 @@ TEST(Laboratory, OpensUnchangedAmongEmulatedInstruments) {
 TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
   const GigePort port;
   const Workplace place;
-  std::map<std::string, std::string> drivers;
-  for (const auto& row : nlohmann::json::parse(place.vitreo(kAmongEmulators + "devices --json").out))
+  std::map<std::string, std::string> drivers, taken_as;
+  for (const auto& row : nlohmann::json::parse(place.vitreo(kAmongEmulators + "devices --json").out)) {
     if (row.contains("address")) drivers[row["address"]] = row["driver"];
+    if (row.contains("taken_as")) taken_as[row["address"]] = row["taken_as"];
+  }
+  EXPECT_EQ(taken_as["usb:05f3:0268"], "hid") << "one device, two addresses: only one of them has a driver";
   EXPECT_EQ(drivers["hid:09db:009c:01A2B3C4"], "usb3103");
   EXPECT_EQ(drivers["usb:1ffb:00b3:00123456"], "pololu_tic");
   EXPECT_EQ(drivers["hid:256f:c635:1"], "spacemouse");

@@ -275,9 +275,25 @@ TEST(Help, WrongWordsGetOneLineWithWhatWasPerhapsMeant) {
            {"docs sefety", "did you mean safety?"},
            {"completion tcsh", "bash, zsh and fish"},
            {"attach", "no run is going on"},
+           {"control status", "no run is going on"},
+           {"control stp", "'stp' is not understood; did you mean stop?"},
+           {"run servo_sqare", "there is no protocol 'servo_sqare'"},
+           {"run servo_sqare", "did you mean servo_square?"},
+           {"run hello_rig --rig simulatd", "there is no rig 'simulatd'"},
+           {"run hello_rig --seed -1", "wants a whole number from 0 to 18446744073709551615; got '-1'"},
+           {"run hello_rig --seed 18446744073709551616", "got '18446744073709551616'"},
+           {"soak hello_rig --seeds 0", "--seeds"},
+           {"check hello_rig --limit soon", "--limit: wants a time above zero, such as 10s; got 'soon'"},
+           {"check hello_rig --limit 5mm", "--limit: wants a time"},
+           {"run hello_rig --fault top_camera:drops:after=1s,after=2s", "after is given twice"},
+           {"run hello_rig --out /proc/nowhere", "/proc/nowhere"},
+           {"runs --outcome complete", "did you mean completed?"},
+           {"runs --since yesterday", "--since: wants a time such as 2026-11-21"},
+           {"runs --since 2026-13-01", "--since: wants a time"},
+           {"runs --runs /etc/passwd", "--runs: /etc/passwd is not a folder"},
            {"show nothing_like_it", "nothing_like_it"}}) {
     const Spoken spoken = place.vitreo(words);
-    EXPECT_NE(spoken.exit_code, 0) << words;
+    EXPECT_EQ(spoken.exit_code, 2) << words;
     EXPECT_TRUE(contains(spoken.err, answer)) << words << ": " << spoken.err;
     EXPECT_EQ(std::count(spoken.err.begin(), spoken.err.end(), '\n'), 1) << spoken.err;
   }

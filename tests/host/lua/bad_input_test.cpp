@@ -10,7 +10,8 @@ using BadInput = LuaBench;
 TEST_F(BadInput, NumbersAsStringsAreNoNumbers) {
   expect_all(run("run:wait('3')").error, {"run:wait: duration: wants a number in s, got a string"});
   expect_all(run("rig.lens_mover:move_to('0x10')").error, {"lens_mover:move_to: position: wants a number in m"});
-  expect_all(run("rig.coils:set_currents { '1', 1, 1, 1, 1, 1, 1, 1 }").error, {"currents: wants a list of numbers"});
+  expect_all(run("rig.coils:set_currents { '1', 1, 1, 1, 1, 1, 1, 1 }").error,
+             {"currents[1]: wants a number in A, got a string"});
 }
 
 TEST_F(BadInput, WhatIsNotFiniteIsRefusedAndTinyNumbersAreZero) {
@@ -40,7 +41,8 @@ TEST_F(BadInput, AHandleOfAnotherKindOrAFunctionOfAnotherClassIsRefused) {
 
 TEST_F(BadInput, TablesWithCyclesHolesAndBadMetamethodsAreRead) {
   expect_all(run("local t = {} t.timeout = t rig.top_camera:grab(t)").error, {"timeout: wants a number in s, got"});
-  expect_all(run("local t = {} t[1] = t rig.coils:set_currents(t)").error, {"currents: wants a list of numbers"});
+  expect_all(run("local t = {} t[1] = t rig.coils:set_currents(t)").error,
+             {"currents[1]: wants a number in A, got a table"});
   expect_all(run("rig.coils:set_currents { 1, nil, 3, 4, 5, 6, 7, 8 }").error, {"p.lua:2:"});
   expect_all(run("rig.top_camera:grab(setmetatable({}, { __index = function() error('from index') end }))").error,
              {"from index"});

@@ -22,7 +22,7 @@ TEST_F(Bindings, WrongArgumentsNameFunctionArgumentAndWhatIsWanted) {
              {"camera:grab: timeout: wants a number in s, got a string"});
   expect_all(run("rig.top_camera:grab { 5 }").error, {"camera:grab: 1 is not known"});
   expect_all(run("rig.coils:set_currents({ 1, 'x' })").error,
-             {"coils:set_currents: currents: wants a list of numbers in A"});
+             {"coils:set_currents: currents[2]: wants a number in A, got a string"});
   expect_all(run("rig.coils:set_currents({ 1, 2 })").error, {"coils:set_currents: "});
   expect_all(run("rig:servo { background = rig }").error, {"rig:servo: background: wants a background, got a rig"});
   expect_all(run("rig:servo {}").error, {"rig:servo: feedback \"one_camera\" needs a background of the empty scene"});
@@ -83,6 +83,11 @@ TEST_F(Bindings, ErrorsOfOneStreamAgainstAnother) {
                 "1e-12 and math.abs(e.depth_max - 4e-3) < 1e-12)")
                 .error,
             "");
+  expect_all(run("for i = 1, 3 do run:record('c', { x = i, y = 0, z = 0 }) run:wait(1) end\n"
+                 "for i = 1, 3 do run:record('d', { x = i, y = 0, z = 0 }) run:wait(1) end\n"
+                 "run:errors { of = 'c', against = 'd' }")
+                 .error,
+             {"p.lua:4: run:errors: nothing to compare", "'c' and 'd'"});
   expect_all(run("run:errors { of = 'nothing', against = 'a' }").error, {"p.lua:2: run:errors: ", "nothing"});
   expect_all(run("run:errors { off = 'a' }").error, {"off is not known; did you mean of"});
 }

@@ -150,7 +150,7 @@ TEST_F(OpticsBinding, SpotsAndFieldCurvesAreThoseOfTheThesisSystem) {
       "assert(eye:spot { angle = 30*deg, distance = spot.best_focus + 1*mm }.rms > spot.rms)");
   expect_fine("local s = eye:spot { frequency = 0 } near(s.mtf_tangential, 1, 1e-12)");
   expect_fine("assert(eye:spot { depth = 0.5 } == nil and eye:point_at_field(0, 0.5) == nil)");
-  expect_refused("eye:field_curvature { 'x' }", {"angles: wants a list of numbers in rad"});
+  expect_refused("eye:field_curvature { 'x' }", {"angles[1]: wants a number in rad, got a string"});
   expect_refused("eye:spot { angle = 2 }", {"optical_system:spot: angle: wants"});
 }
 

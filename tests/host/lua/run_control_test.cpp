@@ -53,6 +53,7 @@ struct RunControlTest : testing::Test {
       for (const Event& event : recorder.events()) text << event.kind << ":" << event.text << ";";
       events = text.str();
       experiment_time = recorder.end()->experiment_time;
+      script_place = recorder.end()->place.substr(recorder.end()->place.find_last_of('/') + 1);
     });
   }
   /// The words of the control socket, said from another thread while the script runs.
@@ -66,7 +67,7 @@ struct RunControlTest : testing::Test {
   RunRequest request;
   Questions questions;
   nlohmann::json reply;
-  std::string events;
+  std::string events, script_place;
   double experiment_time = 0;
   std::unique_ptr<ScriptEngine> engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
 };
@@ -275,6 +276,114 @@ TEST_F(RunControlTest, AnAnswerThatDoesNotDoIsSaidWhyAndTheQuestionStaysOpen) {
   EXPECT_NE(ear.said.find("depth: wants a length"), std::string::npos) << ear.said;
   EXPECT_NE(ear.said.find("0 mm to 8 mm; got 12mm"), std::string::npos) << ear.said;
   EXPECT_NE(ear.said.find("0.004;"), std::string::npos) << ear.said;
+}
+
+TEST_F(RunControlTest, AQuestionOfYesOrNoTakesALetterAndSaysWhatItWants) {
+  ear.lines = {"perhaps", " Y \r", "n"};
+  const RunResult result = run("print(run:confirm('ready?'))\nprint(run:confirm('sure?'))");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_NE(ear.said.find("wants yes or no; got 'perhaps'"), std::string::npos) << ear.said;
+  EXPECT_NE(ear.said.find("true;"), std::string::npos) << ear.said;
+  EXPECT_TRUE(ear.said.ends_with("false;")) << ear.said;
+}
+
+TEST_F(RunControlTest, TasksThatAskAtOnceGetEachItsOwnAnswer) {
+  ear.lines = {"3", "left", "4mm"};
+  const RunResult result =
+      run("run:together(function() print('a', run:ask('how many?', { type = 'integer' })) end,\n"
+          "  function() print('b', run:ask('which?', { choices = { 'left', 'right' } })) end,\n"
+          "  function() print('c', run:ask('how deep?', { unit = 'mm' })) end)");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  for (const char* answer : {"a\t3;", "b\tleft;", "c\t0.004;"})
+    EXPECT_NE(ear.said.find(answer), std::string::npos) << ear.said;
+}
+
+TEST_F(RunControlTest, AQuestionWhoseTaskHasEndedDoesNotStandInTheWayOfTheNext) {
+  request.pace = Pace::real_time;
+  ear.on_message = [this](const std::string& line) {
+    if (line == "boom") ear.lines = {"yes"};
+  };
+  const RunResult result =
+      run("local ok, why = pcall(run.together, run, function() run:confirm('first?') end,\n"
+          "  function() run:wait(0.02*s) error('boom', 0) end)\nprint(why)\n"
+          "print(run:confirm('second?', { timeout = 20*s }))");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_TRUE(ear.said.ends_with("true;")) << ear.said;
+}
+
+TEST_F(RunControlTest, QuestionsThatNobodyCouldAnswerAreRefused) {
+  for (const auto& [options, complaint] : std::vector<std::pair<std::string, std::string>>{
+           {"min = 3*mm, max = 1*mm, unit = 'mm'", "min: 3 mm is above max, 1 mm"},
+           {"type = 'integer', min = 1.2, max = 1.8", "no whole number from 1.2 to 1.8"},
+           {"default = 'x'", "default: wants a number, got a string"},
+           {"default = 5, max = 3", "default: 5 is not from"},
+           {"type = 'integer', default = 1.5", "default: wants a whole number"},
+           {"choices = { 'a', 'b' }, default = 'c'", "default: 'c' is not among the choices"},
+           {"type = 'text', unit = 'mm'", "unit: is not for answers of this type"},
+           {"type = 'number', choices = { 'a' }", "choices: is not for answers of this type"},
+           {"choices = {}", "choices: the list is empty"},
+           {"type = 'choice'", "choices: wants the list"},
+           {"unit = 'parsec'", "parsec is not a unit"}}) {
+    const RunResult result = run("run:ask('what?', { " + options + " })");
+    EXPECT_EQ(result.outcome, Outcome::failed) << options;
+    EXPECT_NE(result.reason.find(complaint), std::string::npos) << options << ": " << result.reason;
+  }
+}
+
+TEST_F(RunControlTest, AnswersGivenInAdvanceForWhichNoQuestionCameAreTold) {
+  request.answers = {"dept=3mm", "yes", "no"};
+  ear.lines = {"2mm"};
+  const RunResult result =
+      run("print(run:confirm('ready?'))\nprint(run:ask('how deep?', { name = 'depth', unit = 'mm', timeout = 9*s }))");
+  EXPECT_EQ(result.outcome, Outcome::failed) << "the second answer in their order is no depth";
+  request.answers = {"dept=3mm", "ready=yes"};
+  EXPECT_EQ(run("print(run:confirm('ready?', { name = 'ready' }))\n"
+                "print(run:ask('how deep?', { name = 'depth', unit = 'mm' }))")
+                .outcome,
+            Outcome::completed);
+  EXPECT_NE(events.find("note:nothing was asked that wanted the answer dept=3mm; did you mean depth?"),
+            std::string::npos)
+      << events;
+  EXPECT_EQ(events.find("ready=yes;"), std::string::npos) << events;
+}
+
+TEST_F(RunControlTest, WhatAsksForNoMoreThanWasAskedForDoesNotChangeTheReason) {
+  const RunResult result = run(
+      "run:defer(function() run:stop('again') end)\nrun:defer(function() run:abort('worse') end)\nrun:stop('first')");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(result.reason, "aborted by the script: worse");
+}
+
+TEST_F(RunControlTest, TheEndRecordSaysAtWhichLineTheScriptWasStoppedOrFailed) {
+  const auto place = [this](const std::string& body) {
+    run(body);
+    return script_place;
+  };
+  EXPECT_EQ(place("run:wait(1*s)\nrun:stop('enough')"), "protocol.lua:5");
+  EXPECT_EQ(place("run:wait(1*s)\nerror('without a place', 0)"), "protocol.lua:5");
+  EXPECT_EQ(place("local t = {}\nwhile true do t[#t + 1] = ('x'):rep(1000000) .. #t end"), "protocol.lua:5");
+  EXPECT_EQ(place("local x <close> = setmetatable({}, { __close = function() run:wait(9*s) end })\n\nrun:stop()"),
+            "protocol.lua:6");
+  EXPECT_EQ(place("run:wait(1*s)"), "");
+}
+
+TEST_F(RunControlTest, AStopReachesWhatAnErrorSaysOfItselfAndThatIsBounded) {
+  const std::string endless = "error(setmetatable({}, { __tostring = function() while true do end end }))";
+  RunResult result = run(endless);
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_NE(result.reason.find("an error that cannot be shown"), std::string::npos) << result.reason;
+  ear.on_message = [](const std::string&) { attached_control()->request(StopTier::stop); };
+  result = run("error(setmetatable({}, { __tostring = function() print('now') while true do end end }))");
+  EXPECT_EQ(result.outcome, Outcome::stopped) << result.reason;
+}
+
+TEST_F(RunControlTest, FunctionsDeferredWithoutEndAreStoppedAndTakeNoMemory) {
+  ear.on_message = [](const std::string&) { attached_control()->request(StopTier::stop); };
+  const RunResult result =
+      run("local count = 0\nlocal function again()\n  count = count + 1\n"
+          "  if count == 30000 then print('many') end\n  run:defer(again)\nend\nrun:defer(again)");
+  EXPECT_NE(result.outcome, Outcome::completed);
+  EXPECT_EQ(result.reason.find("memory"), std::string::npos) << result.reason;
 }
 
 TEST_F(RunControlTest, AWrongAnswerGivenInAdvanceFailsTheRunNamingTheQuestion) {
