@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/progress_line.h"
 
-#include "host/terminal_text.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>

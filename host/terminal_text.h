@@ -7,10 +7,7 @@
 
 namespace vitreo {
 
-/// Control bytes but newline and tab as "\x1b": what a script says may not steer the terminal.
-std::string harmless(const std::string& text);
-
-/// Harmless, and of at most `most` bytes of the text; then how many there were. The record has them all.
+/// Harmless (host/progress_line.h), and of at most `most` bytes of the text; then how many there were. The record has them all.
 std::string for_terminal(const std::string& text, std::size_t most = 2000);
 
 }  // namespace vitreo

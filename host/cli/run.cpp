@@ -95,7 +95,7 @@ int run(Program& program, Run& wanted) {
   if (wanted.verbose) tell_after(result);
   if (!wanted.quiet || wanted.json) show(result, wanted.json);
   if (wanted.quiet && result.exit_code != ExitCode::completed)
-    fmt::print(stderr, "vitreo: {}: {}\n", to_string(result.outcome), result.reason);
+    fmt::print(stderr, "vitreo: {}: {}\n", to_string(result.outcome), for_terminal(result.reason));
   return static_cast<int>(result.exit_code);
 }
 
