@@ -74,6 +74,9 @@ std::string trouble_with_figures(const RunResult& result, const ProtocolTest& te
   return "";
 }
 
+/// "run speed=1mm/s"; "run" where there is nothing to add.
+std::string titled(const std::string& what, const std::string& how) { return how.empty() ? what : what + " " + how; }
+
 void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
              const std::function<void(const ProtocolTrial&)>& told) {
   const Ended ended = run_and_look(engine, request_of(base, test));
@@ -82,7 +85,7 @@ void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& t
     problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
   else if (problem.empty())
     problem = trouble_with_figures(ended.result, test);
-  told({test.arguments.empty() ? "run" : "run " + test.arguments, problem});
+  told({titled("run", test.arguments), problem});
 }
 
 void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
@@ -102,7 +105,7 @@ void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& 
     problem = fmt::format("it ended as {}, not as {}: {}", outcome, test.outcome, reason);
   else if (reason.find(test.says) == std::string::npos)
     problem = fmt::format("its reason does not say \"{}\": {}", test.says, reason);
-  told({fmt::format("fail {} {}", test.arguments, test.fault), problem});
+  told({titled(titled("fail", test.arguments), test.fault), problem});
 }
 
 Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {

@@ -85,10 +85,15 @@ ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
     done.reason = fmt::format("the program ended with {} and said nothing", code);
     return done;
   }
+  if (told.contains("error")) {  // it did not come to a run
+    done.outcome = "failed";
+    done.reason = text_of(told, "error");
+    return done;
+  }
   done.outcome = text_of(told, "outcome");
   done.reason = text_of(told, "reason");
   done.folder = text_of(told, "run");
-  done.wall_time = told["figures"].value("wall_time", 0.0);
+  done.wall_time = told.value("/figures/wall_time"_json_pointer, 0.0);
   if (done.outcome == "completed") read_rows(done);
   return done;
 }

@@ -74,8 +74,8 @@ TEST(TestCommand, AProtocolThatLeavesItsTestsIsToldWhere) {
               "  run = function(rig, p, run) run:wait(1) run:figure('a', 1) end }");
   const Spoken spoken = place.vitreo("test slow.lua");
   EXPECT_EQ(spoken.exit_code, 1);
-  EXPECT_NE(spoken.out.find("FAILED run : a is 1, wanted 2 to 3"), std::string::npos) << spoken.out;
-  EXPECT_NE(spoken.out.find("FAILED fail  : it completed"), std::string::npos) << spoken.out;
+  EXPECT_NE(spoken.out.find("FAILED run: a is 1, wanted 2 to 3"), std::string::npos) << spoken.out;
+  EXPECT_NE(spoken.out.find("FAILED fail: it completed"), std::string::npos) << spoken.out;
   EXPECT_NE(spoken.out.find("passed stop 3 of 3"), std::string::npos) << spoken.out;
   EXPECT_NE(spoken.out.find("3 of 5 runs passed"), std::string::npos) << spoken.out;
 }

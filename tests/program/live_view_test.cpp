@@ -21,6 +21,7 @@ bool browser_there() {
 /// Runs `vitreo WORDS` beside the browser, which does `task`; what the browser saw. The program's exit code is in
 /// "code".
 nlohmann::json watched(const Workplace& place, const std::string& words, const std::string& task) {
+  // When the browser is done the program may still write its report.
   place.write("work.sh",
               "'" VITREO_PROGRAM "' " + words +
                   " >out 2>err &\n"
@@ -33,6 +34,7 @@ nlohmann::json watched(const Workplace& place, const std::string& words, const s
                   "timeout 150 node " VITREO_PAGE_TEST "/live_view.mjs \"$address\" . \"$(command -v chromium)\" " +
                   task +
                   " >seen 2>seen.err\n"
+                  "for i in $(seq 100); do kill -0 $program 2>/dev/null || break; sleep 0.1; done\n"
                   "kill -INT $program 2>/dev/null\n"
                   "wait $program\n"
                   "echo $? >code\n");
