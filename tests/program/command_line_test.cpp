@@ -138,6 +138,7 @@ TEST(CommandLine, APromptWhoseStatementIsStuckSaysSoAndLeaves) {
   ASSERT_TRUE(terminal.prompts()) << terminal.unseen();
   terminal.type("print('st' .. 'uck') string.find(string.rep('a', 60), string.rep('a-', 60) .. 'b')\r");
   ASSERT_TRUE(terminal.sees("stuck")) << terminal.unseen();
+  usleep(300'000);  // print has yet to come back, and the search to begin, which nothing outside shows
   terminal.type("\x03");
   usleep(100'000);
   terminal.type("\x03");
