@@ -142,6 +142,9 @@ TEST_F(Stopping, FromAnotherThreadItTakesEffectAtTheNextHostCall) {
 }
 
 TEST_F(Stopping, ARunAfterAStoppedOneIsNotStopped) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP() << "the thread sanitizer keeps signals back until a call that blocks; this loop has none";
+#endif
   press_in(20);
   EXPECT_TRUE(run("while true do end").stopped);
   EXPECT_EQ(run("for i = 1, 1e5 do end run:wait(1)").error, "");
