@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo.h"
 
-#include "host/localiser.h"
-#include "host/look_guard.h"
 #include "host/servo_record.h"
+#include "host/servo_sight.h"
 #include "host/sight.h"
 
 #include <fmt/format.h>
@@ -18,13 +17,6 @@ namespace vitreo {
 namespace {
 
 constexpr double kKeptCorrections = 30;  // s
-/// Of the pose against the ellipse: on the nominal eye a robot leaves at most 0.1 px, in nine eyes off by table 5.1
-/// 0.43; a speck of the robot's width behind it 1 to 5, and then the place is millimetres off (docs/safety.md).
-constexpr double kLargestResidual_px = 1.5;
-/// Of the rim, in line with the ellipse: 1 for a robot that nothing hides. Below this a speck at its edge, as dark as
-/// it is, begins to bend the ellipse: the place is 0.2 mm off at most above, up to 1.7 mm below.
-constexpr double kLeastRim = 0.75;
-
 control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
   control::CurrentLimits limits = control::CurrentLimits::Constant(rig.model.field.coils(), rig.coils->current_limit());
   for (const std::vector<int>& list : {rig.model.dead_coils, dead}) {
@@ -37,15 +29,7 @@ control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
   return limits;
 }
 
-bool looks_by_pose(const ServoSettings& settings) {
-  return settings.by_pose || settings.feedback == Feedback::pose_sensor;
-}
-
-double period_of(const Rig& rig, const ServoSettings& settings) {
-  return looks_by_pose(settings) ? rig.pose_sensor->period() : rig.top_camera->info().frame_period;
-}
-
-LoopSettings loop_settings(const Rig& rig, const ServoSettings& given) {
+LoopSettings loop_settings(const Rig& rig, const ServoSettings& given, double period) {
   LoopSettings loop;
   loop.field = given.field;
   loop.axis = given.axis;
@@ -56,7 +40,7 @@ LoopSettings loop_settings(const Rig& rig, const ServoSettings& given) {
   loop.velocity = given.velocity;
   loop.limits = limits_of(rig, given.dead_coils);
   loop.total_limit = rig.coils->total_limit();
-  loop.period = period_of(rig, given);
+  loop.period = period;
   loop.wall_drag = given.wall_drag;
   return loop;
 }
@@ -75,32 +59,11 @@ const char* source_of(Feedback feedback) {
   return "?";
 }
 
-void check_eyes(const Rig& rig, const ServoEyes& eyes, const ServoSettings& settings) {
-  const Feedback feedback = settings.feedback;
-  const auto require = [feedback](bool good, const char* what) {
-    if (!good) throw std::invalid_argument(std::string("feedback \"") + to_string(feedback) + "\" needs " + what);
-  };
+void check_coils(const Rig& rig) {
   if (rig.coils == nullptr) throw std::invalid_argument("the servo needs the role coils");
   if (rig.coils->channels() != rig.model.field.coils())
     throw std::invalid_argument(fmt::format("the field's model has {} coils, the amplifiers have {} channels",
                                             rig.model.field.coils(), rig.coils->channels()));
-  if (looks_by_pose(settings)) {
-    require(rig.pose_sensor != nullptr, "the role pose_sensor, which only a simulated rig can have");
-    return;
-  }
-  require(rig.top_camera != nullptr, "the role top_camera");
-  require(eyes.top.has_value(), "a background of the empty scene");
-  require(!rig.model.plain_view || feedback == Feedback::two_cameras,
-          "a view through the eye: a plain one from above has no depth; two_cameras has");
-  if (feedback == Feedback::two_cameras)
-    require(eyes.side != nullptr, "the role side_camera, and a background learnt with it");
-}
-
-/// What the localiser believes; where the robot may go stays as the rig says.
-RigModel corrected(RigModel model, const ViewCorrection& view) {
-  model.top_image.pixel *= view.image_scale;
-  model.eye_in_world += view.offset;
-  return model;
 }
 
 }  // namespace
@@ -113,13 +76,9 @@ struct Servo::Loop {
         rig(the_rig),
         recorder(the_recorder),
         settings(given),
-        side(given_eyes.side),
-        guard(the_clock, the_recorder, looks_by_pose(given) ? "pose_sensor" : "top_camera"),
-        chain(the_rig.model, loop_settings(the_rig, given)),
+        sight(the_clock, the_rig, the_recorder, std::move(given_eyes), given),
+        chain(the_rig.model, loop_settings(the_rig, given, sight.period())),
         archive(the_recorder, the_rig, source_of(given.feedback), given.law == ControlLaw::estimator) {
-    if (!looks_by_pose(given))
-      localiser.emplace(corrected(the_rig.model, given.view), std::move(*given_eyes.top), given.axis,
-                        given.axis_uncertainty());
     recorder.event(clock.now(), "feedback",
                    fmt::format("law {}, feedback {} ({})", to_string(given.law), to_string(given.feedback),
                                source_of(given.feedback)));
@@ -137,55 +96,8 @@ struct Servo::Loop {
     }
   }
 
-  /// One frame, or one reading of the pose sensor, which has no image.
-  struct Look {
-    Frame frame;
-    Sighting sighting;
-  };
-
-  Look look() {
-    const double period = period_of(rig, settings);
-    const Time patience = from_seconds(std::max(1.0, 5 * period));
-    for (;;) {
-      if (looks_by_pose(settings)) {
-        const PoseReading reading = rig.pose_sensor->read(patience);
-        const Frame stamps{{}, reading.number, reading.exposed, reading.received};
-        if (!guard.plausible(stamps)) continue;
-        guard.must_change(reading.position);
-        return {stamps, {{}, guard.finite(reading.position), reading.covariance, 0}};
-      }
-      Look found{rig.top_camera->grab(patience), {}};
-      if (!guard.plausible(found.frame)) continue;
-      guard.must_change(found.frame.image);
-      found.sighting = localiser->look(found.frame.image);
-      found.sighting.position = guard.finite(found.sighting.position);
-      refuse_strangers(found.sighting);
-      if (found.sighting.position) *found.sighting.position += offset;
-      bool joined = false;
-      if (settings.feedback == Feedback::two_cameras && found.sighting.position) {
-        // Its frame may come a little later; without it this tick has one camera.
-        const auto view = side->at(found.frame.exposed, clock.now() + from_seconds(period / 2));
-        if (view) join_side(found.sighting, *view);
-        joined = view.has_value();
-      }
-      if (rig.model.plain_view && !joined) found.sighting.position.reset();  // without a depth
-      return found;
-    }
-  }
-
-  /// An outline that no place of the robot explains, or of which half is hidden, is a vessel, a speck, or the robot
-  /// behind one.
-  void refuse_strangers(Sighting& sighting) {
-    const bool strange = sighting.position &&
-                         (sighting.residual_px > kLargestResidual_px || sighting.ellipse->inlier_fraction < kLeastRim);
-    if (strange) sighting.position.reset();
-    if (strange && !was_strange)
-      recorder.event(clock.now(), "degraded", "what is tracked does not look like the robot: it counts as not seen");
-    was_strange = strange;
-  }
-
   void tick() {
-    const auto [frame, sighting] = look();
+    const auto [frame, sighting] = sight.look();
     heart->beat();
     const double now = to_seconds(clock.now());
     begin(now);
@@ -316,7 +228,7 @@ struct Servo::Loop {
     } catch (const std::exception& error) {
       recorder.event(clock.now(), "error", std::string("coils could not be set to zero: ") + error.what());
     }
-    guard.tell();
+    sight.tell();
     status.state = state;
     status.failure = failure;
     status.position.reset();
@@ -328,18 +240,15 @@ struct Servo::Loop {
   Rig& rig;
   Recorder& recorder;
   const ServoSettings settings;
-  std::optional<Localiser> localiser;  // of the feedbacks that look
-  SideWatch* side;
-  LookGuard guard;
+  ServoSight sight;
   PlaceToCurrents chain;
   ServoRecord archive;
   std::optional<Interlock::Heart> heart;  // while the loop runs
   Mode mode = Mode::holding;
   Course course;
-  Eigen::Vector3d goal{0, 0, 0};    // the end of the course
-  Eigen::Vector3d offset{0, 0, 0};  // m, on what the top camera finds
+  Eigen::Vector3d goal{0, 0, 0};  // the end of the course
   bool starting = false, seen = false, let_go = false, cancelling = false;
-  bool was_limited = false, was_outside = false, was_passed_over = false, was_strange = false;
+  bool was_limited = false, was_outside = false, was_passed_over = false;
   Time last_seen{};
   ServoStatus status;
   Signal ticked;
@@ -351,7 +260,7 @@ struct Servo::Loop {
 
 Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoEyes eyes, const ServoSettings& settings) {
   settings.check();
-  check_eyes(rig, eyes, settings);
+  check_coils(rig);
   loop_ = std::make_unique<Loop>(clock, rig, recorder, std::move(eyes), settings);
   const Eigen::Vector3d& axis = settings.axis;  // a replay of the frames needs it
   recorder.event(clock.now(), "servo",
@@ -396,11 +305,11 @@ Eigen::Vector3d Servo::trim() const { return loop_->chain.trim(); }
 void Servo::set_offset(const Eigen::Vector3d& offset) {
   constexpr double kLargest = 1e-3;  // m: more is no bias but another place
   if (!(offset.norm() <= kLargest)) throw std::invalid_argument("offset: must be finite and at most 1 mm");
-  loop_->offset = offset;
+  loop_->sight.set_offset(offset);
   loop_->recorder.event(loop_->clock.now(), "offset", nlohmann::json{offset.x(), offset.y(), offset.z()}.dump());
 }
 
-Eigen::Vector3d Servo::offset() const { return loop_->offset; }
+Eigen::Vector3d Servo::offset() const { return loop_->sight.offset(); }
 
 Eigen::Vector3d Servo::force_for(const Eigen::Vector3d& velocity) const { return loop_->chain.force_of(velocity); }
 
