@@ -203,8 +203,8 @@ Argument list_argument(const char* name, const char* help) { return {.name = nam
 std::vector<Binding> calibration_functions() {
   return {{"optics.camera_calibration",
            {list_argument("points", "{{m = {x, y}, pixel = {u, v}}, ...}: aerial image in m, px")},
-           "table: pixel, centre, rotation, rms_residual_px, max_residual_px, pixel_sigma, centre_sigma_px, "
-           "rotation_sigma",
+           "table: pixel in m, centre, rotation in rad, rms_residual_px, max_residual_px, pixel_sigma in m, "
+           "centre_sigma_px, rotation_sigma in rad",
            "a camera's scale (m of aerial image per px), centre and rotation, by least squares",
            camera_calibration},
           {"optics.retina_shape",
@@ -219,7 +219,7 @@ std::vector<Binding> calibration_functions() {
                          .type = Type::flag,
                          .optional = true,
                          .help = "holds the vertex on the eye's axis (false)"}})},
-           "table: vertex, radius, conic, rms_residual, max_residual, sigma",
+           "table: vertex in m, radius in m, conic, rms_residual in m, max_residual in m, sigma",
            "the conicoid through points on the retina (4.4.2, 4.4.4)",
            retina_shape}};
 }

@@ -146,7 +146,7 @@ std::vector<Binding> system_first_order_rows() {
       {"axial_image",
        {{.name = "depth", .type = Type::number, .unit = "m", .optional = true, .help = "before the retina (0)"}},
        "table, or nil at infinity",
-       "where an object on the axis is imaged: distance from the last vertex in m, magnification, longitudinal",
+       "where an object on the axis is imaged: distance in m from the last vertex, magnification, longitudinal",
        axial_image},
       {"seidel",
        {options_of({length_option("object_height", 1e-9, 1, "of the field's edge (5 mm)"),

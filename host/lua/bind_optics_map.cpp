@@ -233,7 +233,7 @@ const Class& wide_angle_map_class() {
           {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
            options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
                        length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
-          "table: position, sigma, covariance, in m; nil outside",
+          "table: position in m, sigma in m, covariance in m^2; nil outside",
           "localises by focus: as point, with its covariance",
           locate},
          {"traced_image",
@@ -241,7 +241,7 @@ const Class& wide_angle_map_class() {
           "position in m, or nil outside",
           "as image, by tracing the bundle instead of the table",
           traced_image},
-         {"limits", {}, "table", "max_angle in rad, max_depth and tail (the table's error) in m; symmetric", limits}},
+         {"limits", {}, "table", "max_angle in rad, max_depth in m, tail in m (the table's error); symmetric", limits}},
         {}};
     for (Binding& row : curve_rows()) made.methods.push_back(std::move(row));
     return made;

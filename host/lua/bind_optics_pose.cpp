@@ -196,7 +196,7 @@ Argument how_argument(bool position_needed) {
 
 std::vector<Binding> locating_rows() {
   const char* const pose =
-      "table: status, candidates {position, axis, orientation, scale, covariance, sigma, unobservable, chi2, "
+      "table: status, candidates {position in m, axis, orientation, scale, covariance, sigma, unobservable, chi2, "
       "residual_px}";
   return {{"locate",
            {body_argument(), seen_argument(), how_argument(false)},

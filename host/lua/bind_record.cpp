@@ -252,7 +252,8 @@ std::vector<Binding> run_record_rows() {
                      text("against_prefix", true, "of its x, y, z"), time_option("from", "first time"),
                      time_option("to", "last time")}}},
        "table",
-       "count, rms, mean, max and lateral_ and depth_ rms, mean, max, std of the distance of two streams, in m",
+       "of the distance of two streams: count, rms in m, mean in m, max in m; lateral_rms in m, lateral_mean in m, "
+       "lateral_max in m, lateral_std in m, depth_rms in m, depth_mean in m, depth_max in m, depth_std in m",
        errors}};
 }
 

@@ -21,13 +21,19 @@ void set_number(lua_State* L, const char* name, double value) {
   lua_setfield(L, -2, name);
 }
 
+void set_size(lua_State* L, int width, int height) {
+  lua_pushinteger(L, width);
+  lua_setfield(L, -2, "width_px");
+  lua_pushinteger(L, height);
+  lua_setfield(L, -2, "height_px");
+}
+
 int camera_info(Call& call) {
   const CameraInfo& info = call.self<Camera>().info();
   lua_createtable(call.L, 0, 5);
   lua_pushstring(call.L, info.identity.c_str());
   lua_setfield(call.L, -2, "identity");
-  set_number(call.L, "width_px", info.width_px);
-  set_number(call.L, "height_px", info.height_px);
+  set_size(call.L, info.width_px, info.height_px);
   set_number(call.L, "frame_period", info.frame_period);
   set_number(call.L, "effective_pixel", info.effective_pixel);
   return 1;
@@ -41,8 +47,7 @@ int push_frame(lua_State* L, const Frame& frame) {
   lua_setfield(L, -2, "number");
   set_number(L, "time", to_seconds(frame.exposed));
   set_number(L, "received", to_seconds(frame.received));
-  set_number(L, "width_px", frame.image.cols);
-  set_number(L, "height_px", frame.image.rows);
+  set_size(L, frame.image.cols, frame.image.rows);
   return 1;
 }
 
@@ -243,11 +248,11 @@ const Class& camera_class() {
   static const Class kind{
       "camera",
       "a camera",
-      {{"info", {}, "table", "identity, width_px, height_px, frame_period, effective_pixel", camera_info},
+      {{"info", {}, "table", "identity, width_px, height_px, frame_period in s, effective_pixel in m", camera_info},
        {"grab",
         {options({timeout("5 s")})},
         "table",
-        "waits for the next frame: number, time, received, width_px, height_px, image",
+        "waits for the next frame: number, time in s, received in s, width_px, height_px, image",
         camera_grab}}};
   return kind;
 }

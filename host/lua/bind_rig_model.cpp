@@ -62,19 +62,20 @@ int rig_model(Call& call) {
 }  // namespace
 
 std::vector<Binding> rig_model_rows() {
-  return {{"eye", {}, "optical_system", "the eye and lenses as the rig file says they are", rig_eye},
-          {"view",
-           {},
-           "localiser",
-           "the top camera's view as the loop believes it; a calibration of it goes to rig:servo",
-           rig_view},
-          {"model",
-           {},
-           "table",
-           "what the rig believes, SI: eye_in_world, retina_radius, retina_conic, lens_depth, microscope {focus, "
-           "numerical_aperture}, pixel, centre_px, side_pixel, side_centre_px, robot (a body for the localiser), "
-           "robot_name, command_delay, command_bandwidth",
-           rig_model}};
+  return {
+      {"eye", {}, "optical_system", "the eye and lenses as the rig file says they are", rig_eye},
+      {"view",
+       {},
+       "localiser",
+       "the top camera's view as the loop believes it; a calibration of it goes to rig:servo",
+       rig_view},
+      {"model",
+       {},
+       "table",
+       "what the rig believes: eye_in_world in m, retina_radius in m, retina_conic, lens_depth in m, microscope "
+       "{focus in m, numerical_aperture}, pixel in m, centre_px, side_pixel in m, side_centre_px, robot (a body for "
+       "the localiser: radius in m, half_length in m), robot_name, command_delay in s, command_bandwidth in Hz",
+       rig_model}};
 }
 
 }  // namespace vitreo::lua

@@ -263,7 +263,9 @@ const Class& stage_class() {
           {{"info",
             {},
             "table",
-            "identity, name, serial, firmware, axes: name, travel_min, travel_max, ...",
+            "identity, name, serial, firmware, axes: name, travel_min in m, travel_max in m, speed in m/s, max_speed "
+            "in m/s, "
+            "resolution in m",
             stage_info},
            {"position", {}, "list of numbers in m", "one per axis, from the stage's own origin", stage_position},
            {"move_to",
@@ -280,7 +282,11 @@ const Class& rotation_stage_class() {
   static const Class kind{
       "rotation_stage", "a stage that turns",
       with_common<RotationStage>(
-          {{"info", {}, "table", "identity, name, serial, firmware, travel_min, travel_max, ...", rotation_info},
+          {{"info",
+            {},
+            "table",
+            "identity, name, serial, firmware, travel_min in rad, travel_max in rad, ...",
+            rotation_info},
            {"angle", {}, "number in rad", "from the stage's own origin", rotation_angle},
            {"turn_to",
             {angle(), options({speed("rad/s"), timeout("60 s")})},

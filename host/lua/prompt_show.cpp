@@ -58,7 +58,7 @@ std::string shortened(const std::string& message) {
 }
 
 /// One pair of a table to a line, where all of it is too long for one.
-std::string long_table(lua_State* L, int index) {
+std::string long_table(lua_State* L, int index, const FieldUnits& units) {
   std::string text = "{";
   push_sorted_keys(L, index);
   const int keys = lua_gettop(L);
@@ -66,10 +66,10 @@ std::string long_table(lua_State* L, int index) {
   constexpr lua_Integer kShown = 60;
   for (lua_Integer i = 1; i <= std::min(count, kShown); ++i) {
     lua_rawgeti(L, keys, i);
-    const bool name = lua_type(L, -1) == LUA_TSTRING;
-    text += "\n  " + (name ? plain_text(L, lua_gettop(L)) + " = " : "");
+    const std::string name = lua_type(L, -1) == LUA_TSTRING ? plain_text(L, lua_gettop(L)) : "";
+    text += "\n  " + (name.empty() ? "" : name + " = ");
     lua_rawget(L, index);
-    text += pretty(L, lua_gettop(L), 2) + ",";
+    text += pretty_field(L, name, lua_gettop(L), 2, units) + ",";
     lua_pop(L, 1);
   }
   if (count > kShown) text += "\n  ... " + std::to_string(count - kShown) + " more";
@@ -99,20 +99,15 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
     lua_pop(L, 1);
     if (kind != nullptr) return handle_text(L, *kind);
   }
-  const std::string unit = from.call != nullptr ? unit_of_result(*from.call) : "";
-  if (!unit.empty() && lua_type(L, index) == LUA_TNUMBER && lua_tonumber(L, index) == from.number)
-    return format_quantity(lua_tonumber(L, index), unit, 6);
-  if (!unit.empty() && lua_istable(L, index) && lua_topointer(L, index) == from.pointer) {
-    if (const auto numbers = to_numbers(L, index); numbers && !numbers->empty() && numbers->size() <= 16) {
-      std::string text;
-      for (const double number : *numbers) text += (text.empty() ? "{" : ", ") + format_quantity(number, unit, 4);
-      return text + "}";
-    }
-  }
-  const std::string text = pretty(L, index);
+  const bool called = from.call != nullptr && (lua_istable(L, index) ? lua_topointer(L, index) == from.pointer
+                                                                     : lua_tonumber(L, index) == from.number);
+  const std::string unit = called ? unit_of_result(*from.call) : "";
+  if (const auto text = unit.empty() ? std::nullopt : in_peoples_unit(L, index, unit)) return *text;
+  const FieldUnits units = called ? units_of_fields(*from.call) : FieldUnits();
+  const std::string text = pretty(L, index, 3, units);
   const bool plain_table = lua_istable(L, index) && luaL_getmetafield(L, index, "__tostring") == LUA_TNIL;
   if (lua_istable(L, index) && !plain_table) lua_pop(L, 1);
-  return plain_table && text.size() > kLineWidth && lua_rawlen(L, index) == 0 ? long_table(L, index) : text;
+  return plain_table && text.size() > kLineWidth && lua_rawlen(L, index) == 0 ? long_table(L, index, units) : text;
 }
 
 std::string show_error(const std::string& message, const std::string& trace, const std::vector<std::string>& typed,

@@ -220,13 +220,34 @@ std::string example(const Entry& entry) {
   return one_table ? call + " " + arguments : call + "(" + arguments + ")";
 }
 
+namespace {
+
+/// The SI unit that begins at `at` and ends at a comma or the like; "" where none stands there.
+std::string unit_at(const std::string& text, std::size_t at) {
+  const auto known = find_unit(text.substr(at, text.find_first_of(", ;:)}", at) - at));
+  return known && known->factor == 1 ? std::string(known->dimension) : "";
+}
+
+}  // namespace
+
 std::string unit_of_result(const Binding& row) {
   const std::string& text = row.returns;
   const std::size_t at = text.rfind(" in ");
-  if (at == std::string::npos || text.find(',') < at) return "";
-  const std::string unit = text.substr(at + 4, text.find_first_of(", ", at + 4) - at - 4);
-  const auto known = find_unit(unit);
-  return known && known->factor == 1 ? std::string(known->dimension) : "";
+  return at == std::string::npos || text.find(',') < at ? "" : unit_at(text, at + 4);
+}
+
+std::map<std::string, std::string> units_of_fields(const Binding& row) {
+  std::map<std::string, std::string> units;
+  if (!row.returns.starts_with("table")) return units;
+  if (row.returns.starts_with("table in ")) units[""] = unit_of_result(row);
+  const std::string text = row.returns + "; " + row.doc;
+  for (std::size_t at = 0; (at = text.find(" in ", at)) != std::string::npos; at += 4) {
+    const std::string unit = unit_at(text, at + 4);
+    const std::size_t before = text.find_last_of(" ({", at - 1);
+    const std::size_t begin = before == std::string::npos ? 0 : before + 1;
+    if (!unit.empty()) units[text.substr(begin, at - begin)] = unit;
+  }
+  return units;
 }
 
 std::string entry_help(const Entry& entry) {

@@ -5,6 +5,7 @@
 
 #include "host/lua/binding.h"
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -33,6 +34,9 @@ std::string handle_name(const Class& kind);
 std::string example(const Entry& entry);
 /// "m", where all that the call returns is in that unit; "" else.
 std::string unit_of_result(const Binding& row);
+/// Of a call that returns a table: the units that its row names, as in "time in s, position in m"; under "" that of
+/// all other numbers, where it is a "table in m".
+std::map<std::string, std::string> units_of_fields(const Binding& row);
 /// The unit's name in the table `units`: mm_per_s; "" where it makes no name.
 std::string unit_name(std::string_view symbol);
 

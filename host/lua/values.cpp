@@ -4,6 +4,7 @@
 #include "host/config.h"
 #include "host/lua/binding.h"
 #include "host/lua/errors.h"
+#include "host/units.h"
 
 #include <algorithm>
 #include <cmath>
@@ -50,7 +51,7 @@ bool key_before(lua_State* L, int a, int b) {
   return std::string_view(text_a, size_a) < std::string_view(text_b, size_b);
 }
 
-std::string pretty_table(lua_State* L, int index, int depth) {
+std::string pretty_table(lua_State* L, int index, int depth, const FieldUnits& units) {
   if (depth <= 0) return "{...}";
   constexpr int kShown = 40;
   std::string text = "{";
@@ -64,14 +65,14 @@ std::string pretty_table(lua_State* L, int index, int depth) {
     }
     lua_rawgeti(L, keys, i);
     const bool next_of_list = lua_isinteger(L, -1) && lua_tointeger(L, -1) == list;
-    const bool name = lua_type(L, -1) == LUA_TSTRING;
+    const std::string name = lua_type(L, -1) == LUA_TSTRING ? plain_text(L, lua_gettop(L)) : "";
     text += i > 1 ? ", " : "";
     if (next_of_list)
       ++list;
     else
-      text += name ? std::string(lua_tostring(L, -1)) + " = " : "[" + plain_text(L, lua_gettop(L)) + "] = ";
+      text += lua_type(L, -1) == LUA_TSTRING ? name + " = " : "[" + plain_text(L, lua_gettop(L)) + "] = ";
     lua_rawget(L, index);
-    text += pretty(L, lua_gettop(L), depth - 1);
+    text += pretty_field(L, name, lua_gettop(L), depth - 1, units);
     lua_pop(L, 1);
   }
   lua_settop(L, keys - 1);
@@ -79,6 +80,16 @@ std::string pretty_table(lua_State* L, int index, int depth) {
 }
 
 }  // namespace
+
+std::optional<std::string> in_peoples_unit(lua_State* L, int index, const std::string& unit) {
+  if (lua_type(L, index) == LUA_TNUMBER) return format_quantity(lua_tonumber(L, index), unit, 6);
+  constexpr std::size_t kLongest = 16;
+  const auto numbers = to_numbers(L, index);
+  if (!numbers || numbers->empty() || numbers->size() > kLongest) return std::nullopt;
+  std::string text;
+  for (const double number : *numbers) text += (text.empty() ? "{" : ", ") + format_quantity(number, unit, 4);
+  return text + "}";
+}
 
 std::string plain_text(lua_State* L, int index) {
   index = lua_absindex(L, index);
@@ -102,14 +113,20 @@ std::string plain_text(lua_State* L, int index) {
   }
 }
 
-std::string pretty(lua_State* L, int index, int depth) {
+std::string pretty(lua_State* L, int index, int depth, const FieldUnits& units) {
   index = lua_absindex(L, index);
   luaL_checkstack(L, 10, "a table that is shown is too deep");
   if (lua_type(L, index) == LUA_TSTRING) return '"' + plain_text(L, index) + '"';
   if (lua_istable(L, index) && luaL_getmetafield(L, index, "__tostring") == LUA_TNIL)
-    return pretty_table(L, index, depth);
+    return pretty_table(L, index, depth, units);
   if (lua_istable(L, index)) lua_pop(L, 1);
   return plain_text(L, index);
+}
+
+std::string pretty_field(lua_State* L, const std::string& name, int index, int depth, const FieldUnits& units) {
+  const auto named = units.find(name), unit = named == units.end() ? units.find("") : named;
+  const auto text = unit == units.end() ? std::nullopt : in_peoples_unit(L, index, unit->second);
+  return text ? *text : pretty(L, index, depth, units);
 }
 
 std::string kind_of(lua_State* L, int index) {

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <lua.hpp>
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,8 +22,15 @@ void open_vectors(lua_State* L);  // the global vector(x, y, z)
 
 /// tostring() without addresses: "table", "function".
 std::string plain_text(lua_State* L, int index);
-/// For the prompt: tables with their contents, down to `depth`.
-std::string pretty(lua_State* L, int index, int depth = 3);
+/// A number, or a list of a few, in a unit of people (`unit`: SI); nothing where it is neither.
+std::optional<std::string> in_peoples_unit(lua_State* L, int index, const std::string& unit);
+/// Names in a table, and the SI units of what is under them; "": of all other names.
+using FieldUnits = std::map<std::string, std::string>;
+/// For the prompt: tables with their contents, down to `depth`; numbers, and lists of them, under the names of `units`
+/// in the units of people.
+std::string pretty(lua_State* L, int index, int depth = 3, const FieldUnits& units = {});
+/// The same of what is under `name` in a table.
+std::string pretty_field(lua_State* L, const std::string& name, int index, int depth, const FieldUnits& units);
 /// "a string", "a number", "nothing", "a servo": for errors.
 std::string kind_of(lua_State* L, int index);
 

@@ -28,7 +28,7 @@ TEST_F(Prompt, ErrorsDoNotEndIt) {
 
 TEST_F(Prompt, KnowsTheRigAndWaits) {
   EXPECT_EQ(prompt("rig.top_camera:info().width_px\nrun:wait(2)\nrun:now()\nrig.top_camera:grab().number\n"),
-            "10.0\n2 s\n1\n");
+            "10\n2 s\n1\n");
 }
 
 TEST_F(Prompt, AStopEndsTheStatementOnly) {

@@ -64,6 +64,13 @@ TEST(Reference, TheUnitOfAResultIsReadFromTheRow) {
   EXPECT_EQ(unit_of_result(*find_entry("stage:info")->row), "");
 }
 
+TEST(Reference, TheUnitsOfATablesFieldsAreReadFromTheRow) {
+  using Units = std::map<std::string, std::string>;
+  EXPECT_EQ(units_of_fields(*find_entry("camera:info")->row), (Units{{"frame_period", "s"}, {"effective_pixel", "m"}}));
+  EXPECT_EQ(units_of_fields(*find_entry("optical_system:first_order")->row).at(""), "m") << "a table in m";
+  EXPECT_EQ(units_of_fields(*find_entry("stage:position")->row), Units()) << "a list has one unit";
+}
+
 /// Runs the stubs in a plain Lua; what they define is left in the state.
 class Stubs : public testing::Test {
  protected:
