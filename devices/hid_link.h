@@ -34,7 +34,7 @@ class HidPeer {
   virtual std::vector<std::vector<std::uint8_t>> receive(std::span<const std::uint8_t> report) = 0;
   /// For instruments that speak unasked: `send` puts an input report on the wire. Null when the link goes.
   using Send = std::function<void(std::vector<std::uint8_t>)>;
-  virtual void connect(Send /*send*/) {}
+  virtual void connect(const Send& /*send*/) {}
 };
 
 /// A link in memory. Each report takes `latency` on its way, either way, spent on the clock by the caller; replies wait

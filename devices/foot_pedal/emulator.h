@@ -15,7 +15,7 @@ class Emulator final : public HidPeer {
  public:
   explicit Emulator(Layout layout = xkeys_xk3()) : layout_(std::move(layout)) {}
   std::vector<Report> receive(Bytes) override { return {}; }
-  void connect(Send send) override { send_ = std::move(send); }
+  void connect(const Send& send) override { send_ = send; }
   /// A bit a pedal that is down from now on.
   void press(std::uint32_t down) {
     if (std::exchange(down_, down) != down && send_) send_(encode(down, layout_));

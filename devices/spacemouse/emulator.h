@@ -5,7 +5,6 @@
 #include "devices/hid_link.h"
 #include "devices/spacemouse/wire.h"
 
-#include <utility>
 #include <vector>
 
 namespace vitreo::spacemouse {
@@ -16,7 +15,7 @@ class Emulator final : public HidPeer {
   explicit Emulator(bool six_axes_at_once = false) : at_once_(six_axes_at_once) {}
   /// It takes only the LED's report, and answers nothing.
   std::vector<Report> receive(Bytes) override { return {}; }
-  void connect(Send send) override { send_ = std::move(send); }
+  void connect(const Send& send) override { send_ = send; }
   /// One period of the device: the two reports of the Navigator family, or the one of the wireless family.
   void deflect(const Axes& translation, const Axes& rotation) {
     if (at_once_) return say(Both{translation, rotation});

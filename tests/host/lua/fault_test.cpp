@@ -284,7 +284,7 @@ TEST_F(FaultTest, AProgramThatDoesNotMoveLosesItsCoilsWhileItIsStillStuck) {
   } ear;
   std::ofstream(folder.path() / "stuck.lua")
       << "return { title = 't', needs = { 'coils' }, run = function(rig, p, run)\n"
-         "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nprint('in')\nfor i = 1, 150000000 do end\nprint('out')\n"
+         "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nprint('in')\nfor i = 1, 500000000 do end\nprint('out')\n"
          "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nend }";
   std::ofstream(folder.path() / "rig.lua") << kPoseRig;
   std::atomic<bool> done{false};
