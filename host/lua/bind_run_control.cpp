@@ -88,6 +88,12 @@ int look_again(Call& call, const std::string& reason) {
   return call.wait(suspended_wait(call, reason));
 }
 
+/// Before people are told of it: who hears of it may answer at once.
+void begin_mending(Session& session, const std::string& reason) {
+  session.control.request_pause();
+  session.control.set_phase(RunPhase::suspended, reason + "; resume when it is mended");
+}
+
 int wait_for_mending(Call& call, const std::string& reason);
 
 /// The operator says that it is mended. While the condition still holds, only a researcher's override goes on.
@@ -96,33 +102,40 @@ int resume_suspended(Call& call, const std::string& reason) {
   const std::string by = session.control.take_override(), holds = holding_condition(call);
   if (!by.empty()) session.recorder.event(session.clock.now(), "override", "suspended: " + holds + "; by " + by);
   if (holds.empty() || !by.empty()) return go_on(call, "resumed");
+  begin_mending(session, reason);
   session.listener.message("still suspended: " + holds + "; mend it, or override it (a researcher's right)");
   return wait_for_mending(call, reason);
 }
 
 int wait_for_mending(Call& call, const std::string& reason) {
   Session& session = session_of(call.L);
-  session.control.request_pause();
-  session.control.set_phase(RunPhase::suspended, reason + "; resume when it is mended");
   return call.wait(wait_for_people(
       call, "resume", [&session] { return session.control.resumed(); },
       [reason](Call& done) { return resume_suspended(done, reason); }, kPauseLimit));
+}
+
+/// Whether a condition's suspender lets the run go on by itself; from now on its time runs.
+bool begin_timeouts(Context& context, const std::string& reason, Time now) {
+  bool resumes = false;
+  for (Context::Suspender& suspender : context.suspenders) {
+    if (suspender.reason != reason) continue;
+    suspender.give_up_at = later(now, from_seconds(suspender.timeout));
+    resumes = resumes || suspender.resumes;
+  }
+  return resumes;
 }
 
 int suspend_here(Call& call, const std::string& reason) {
   Session& session = session_of(call.L);
   session.recorder.event(session.clock.now(), "suspended", reason);
   if (session.rig.coils != nullptr) session.rig.coils->pause(session.rig.coil_pause);
+  const bool resumes = begin_timeouts(call.context(), reason, session.clock.now());
+  const bool mended_by_people = !resumes && session.rehearsal == nullptr;
+  if (resumes) session.control.set_phase(RunPhase::suspended, reason);
+  if (mended_by_people) begin_mending(session, reason);
   session.listener.message("suspended: " + reason);
-  for (Context::Suspender& suspender : call.context().suspenders) {
-    if (suspender.reason != reason) continue;
-    suspender.give_up_at = later(session.clock.now(), from_seconds(suspender.timeout));
-    if (suspender.resumes) {
-      session.control.set_phase(RunPhase::suspended, reason);
-      return call.wait(suspended_wait(call, reason));
-    }
-  }
-  if (session.rehearsal != nullptr) return rehearse_pause(session, reason);
+  if (resumes) return call.wait(suspended_wait(call, reason));
+  if (!mended_by_people) return rehearse_pause(session, reason);
   session.raise("suspended", AlarmPriority::medium, reason);
   return wait_for_mending(call, reason);
 }

@@ -85,10 +85,12 @@ TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
   EXPECT_EQ(failed.exit_code, 8);
   EXPECT_NE(failed.out.find("\"passed\":false"), std::string::npos) << failed.out;
   EXPECT_NE(failed.out.find("fails.lua:1: no"), std::string::npos) << failed.out;
+#ifndef __SANITIZE_THREAD__  // it keeps signals back until a call that blocks; this loop has none
   place.write("long.lua", "return { title = 'l', run = function() while true do end end }");
   const Spoken late = place.vitreo("check long.lua --rig bare.lua --limit 0.2 --json");
   EXPECT_EQ(late.exit_code, 0) << "it warns";
   EXPECT_NE(late.out.find("not fully simulated"), std::string::npos) << late.out;
+#endif
   place.write("stuck.lua", "return { title = 's', run = function() string.find(('a'):rep(400), '.-.-.-.-.-b$') end }");
   const Spoken stuck = place.vitreo("check stuck.lua --rig bare.lua --limit 200ms");
   EXPECT_EQ(stuck.exit_code, 8);
