@@ -133,11 +133,15 @@ TEST_F(Stopping, CleanUpAfterAnEndlessLoopRunsInFull) {
 }
 
 TEST_F(Stopping, FromAnotherThreadItTakesEffectAtTheNextHostCall) {
-  std::thread other([this] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(30));
-    engine->interrupt();
+  std::atomic<bool> ended{false};
+  std::thread other([&] {
+    while (!ended) {  // before the script runs there is nothing to stop
+      std::this_thread::sleep_for(std::chrono::milliseconds(30));
+      engine->interrupt();
+    }
   });
   EXPECT_TRUE(run("while true do pcall(function() run:now() end) end").stopped);
+  ended = true;
   other.join();
 }
 
