@@ -49,6 +49,15 @@ nlohmann::json watched(const Workplace& place, const std::string& words, const s
   return seen;
 }
 
+/// Under a sanitizer.
+constexpr bool too_slow() {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  return true;
+#else
+  return false;
+#endif
+}
+
 /// "target 0.35 mm"
 double millimetres(const nlohmann::json& text) {
   std::smatch number;
@@ -63,6 +72,7 @@ double quantity_mm(const std::string& text) {
 }
 
 TEST(LiveView, ShowsSteersAndStopsARun) {
+  if (too_slow()) GTEST_SKIP() << "a loop that cannot keep the pace of the clock trips its dead-man, rightly";
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
   std::string rig = place.read(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua");
@@ -103,6 +113,7 @@ std::vector<std::string> coordinates(const std::string& note) {
 }
 
 TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
+  if (too_slow()) GTEST_SKIP() << "a loop that cannot keep the pace of the clock trips its dead-man, rightly";
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
   auto seen = watched(place, "view servo_supervised points=view speed=2mm/s", "supervise");
