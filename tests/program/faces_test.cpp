@@ -289,7 +289,7 @@ TEST(Attach, FollowsARunReadsOnlyAndSpeaksToItWithControl) {
   const std::string command = "cd '" + place.folder().string() + "' && (" + run +
                               "run long.lua --real-time >run.out 2>&1; echo $? >code) & cd '" +
                               place.folder().string() + "'; for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.3; " + run +
-                              "control status >/dev/null 2>&1 && break; done; echo stop | timeout 1 " + run +
+                              "control status >/dev/null 2>&1 && break; done; echo stop | timeout 3 " + run +
                               "attach >looks 2>looks.err; echo stop | timeout 9 " + run +
                               "attach --control >speaks 2>&1; wait";
   ASSERT_EQ(std::system(command.c_str()), 0);

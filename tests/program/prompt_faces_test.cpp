@@ -62,10 +62,12 @@ TEST(TerminalPrompt, CtrlCStopsWhatRunsAndKeepsTheSession) {
   ASSERT_TRUE(terminal.sees("waiting")) << terminal.unseen();
   terminal.type(kCtrlC);
   EXPECT_TRUE(terminal.sees("stopped") && terminal.prompts()) << terminal.unseen();
+#ifndef __SANITIZE_THREAD__  // it keeps signals back until a call that blocks; this loop has none
   terminal.type("print('bu' .. 'sy') while true do end\r");
   ASSERT_TRUE(terminal.sees("busy")) << terminal.unseen();
   terminal.type(kCtrlC);
   EXPECT_TRUE(terminal.sees("stopped") && terminal.prompts()) << terminal.unseen();
+#endif
   terminal.type(std::string("half a line (") + kCtrlC);
   EXPECT_TRUE(terminal.sees("^C") && terminal.prompts()) << terminal.unseen();
   terminal.type("x * 3\r");
