@@ -14,6 +14,8 @@ trap clean EXIT INT TERM
 debootstrap --variant=minbase --include=ca-certificates,git,make bookworm "$work" >"$work.log" 2>&1 || { tail "$work.log"; exit 1; }
 cp /etc/apt/sources.list "$work/etc/apt/" 2>/dev/null || true
 cp "$HOME/.npmrc" "$work/root/" 2>/dev/null || true
+cp -r /usr/local/share/ca-certificates "$work/usr/local/share/" 2>/dev/null || true
+chroot "$work" update-ca-certificates >>"$work.log" 2>&1
 cp -r /etc/apt/apt.conf.d /etc/apt/sources.list.d "$work/etc/apt/" 2>/dev/null || true
 mount -t proc proc "$work/proc"
 mkdir -p "$work/dev/pts" "$work/dev/shm"  # the tests type at terminals of their own
