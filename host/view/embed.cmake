@@ -2,7 +2,7 @@
 # network), a notice is written in the page's place: the program works without it.
 file(MAKE_DIRECTORY ${BUILD})
 set(dist ${BUILD}/dist)
-file(REMOVE_RECURSE ${dist})
+file(REMOVE_RECURSE ${dist} ${BUILD}/notice)
 set(failed "Node was not found when this program was built")
 if(NPM)
   file(COPY ${SOURCE}/ DESTINATION ${BUILD} PATTERN node_modules EXCLUDE PATTERN dist EXCLUDE)
@@ -18,8 +18,12 @@ if(NPM)
   endif()
 endif()
 if(NOT EXISTS ${dist}/index.html)
+  get_filename_component(build_folder ${BUILD} DIRECTORY)
+  get_filename_component(preset ${build_folder} NAME)
+  file(WRITE ${BUILD}/notice "${failed}")  # the next configuration tries again
   file(WRITE ${dist}/index.html "<!doctype html><html lang='en'><meta charset='utf-8'><title>Vitreo live view</title>
-<h1>This program has no live view page</h1><p>${failed}. Install Node 18 or newer and npm, and build again.</p></html>")
+<h1>This program has no live view page</h1><p>${failed}. With Node 18 or newer and npm (<code>make setup</code> installs them) remove
+<code>build/${preset}/CMakeCache.txt</code> and build again.</p></html>")
 endif()
 file(GLOB files RELATIVE ${dist} ${dist}/*)
 set(arrays "")

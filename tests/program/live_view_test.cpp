@@ -15,7 +15,8 @@ namespace {
 bool there(const std::string& what) { return std::system(("command -v " + what + " >/dev/null 2>&1").c_str()) == 0; }
 
 bool browser_there() {
-  return there("node") && there("chromium") && std::filesystem::exists(VITREO_PAGE_TEST "/node_modules");
+  const bool has_page = !std::filesystem::exists(VITREO_PAGE_TEST "/../../page/notice");
+  return has_page && there("node") && there("chromium") && std::filesystem::exists(VITREO_PAGE_TEST "/node_modules");
 }
 
 /// Runs `vitreo WORDS` beside the browser, which does `task`; what the browser saw. The program's exit code is in
