@@ -31,7 +31,7 @@ test-long: build ## the long forms: 200 kills, thousands of broken files; prints
 bench: build     ## print the figures of the loop and of its parts
 	sh tests/bench/run.sh $(BUILD)
 
-asan:            ## every test under the address and undefined-behaviour sanitizers
+asan:            ## every test under the address and undefined-behavior sanitizers
 	$(MAKE) test PRESET=asan
 
 tsan:            ## every test under the thread sanitizer

@@ -40,7 +40,7 @@ set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "instrument control for magnetic microrobo
 set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
 "A runtime for laboratories that steer magnetic microrobots inside the eye:
 it drives cameras, stages and coils, knows the optics of the eye, tracks and
-localises the robot, and closes the servo loop. Experiments are Lua scripts.
+localizes the robot, and closes the servo loop. Experiments are Lua scripts.
 A simulated laboratory comes with it, so they run with no hardware.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)

@@ -18,6 +18,30 @@ if(VITREO_SANITIZE)
   target_link_options(vitreo_options INTERFACE -fsanitize=${VITREO_SANITIZE})
 endif()
 
+# Unity builds: the sources of a room, a few at a time, as one source. The headers are read once for all of them, and templates
+# made once. Only in the release preset; the others compile each source alone, so that an include which is missing is missed.
+option(VITREO_UNITY "compile several sources of a folder at once" OFF)
+set(VITREO_UNITY_SIZE 8 CACHE STRING "sources compiled at once")
+function(vitreo_unity target)
+  if(NOT VITREO_UNITY)
+    return()
+  endif()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # it takes the sources for headers
+  foreach(source ${ARGN})
+    get_filename_component(room ${source} DIRECTORY)
+    string(MAKE_C_IDENTIFIER ${room} room)
+    math(EXPR group "0${count_${room}} / ${VITREO_UNITY_SIZE}")
+    math(EXPR count_${room} "0${count_${room}} + 1")
+    set_property(SOURCE ${source} PROPERTY UNITY_GROUP ${room}_${group})
+  endforeach()
+endfunction()
+# vitreo_alone(SOURCE option...): compiled by itself, with these options.
+function(vitreo_alone source)
+  set_property(SOURCE ${source} PROPERTY SKIP_UNITY_BUILD_INCLUSION ON)
+  set_property(SOURCE ${source} APPEND PROPERTY COMPILE_OPTIONS ${ARGN})
+endfunction()
+
 # vitreo_library(FOLDER [EXCEPT sub...] USES target... [PRECOMPILE header...]): every .cpp of the folder, as vitreo::FOLDER.
 function(vitreo_library folder)
   cmake_parse_arguments(ARG "" "" "EXCEPT;USES;PRECOMPILE" ${ARGN})
@@ -27,6 +51,9 @@ function(vitreo_library folder)
     list(FILTER sources EXCLUDE REGEX "/${folder}/${except}(/|$)")
   endforeach()
   add_library(vitreo_${name} STATIC ${sources})
+  if(NOT folder MATCHES "^(optics|vision|control)$")
+    vitreo_unity(vitreo_${name} ${sources})
+  endif()
   add_library(vitreo::${name} ALIAS vitreo_${name})
   target_link_libraries(vitreo_${name} PUBLIC ${ARG_USES} PRIVATE vitreo_options)
   target_include_directories(vitreo_${name} PUBLIC ${CMAKE_SOURCE_DIR})
@@ -37,6 +64,7 @@ endfunction()
 
 # The program's version and the commit it was configured at, for the records.
 function(vitreo_version source)
+  vitreo_alone(${source})
   execute_process(COMMAND git describe --always --dirty WORKING_DIRECTORY ${CMAKE_SOURCE_DIR}
                   OUTPUT_VARIABLE commit OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
   set_property(SOURCE ${CMAKE_SOURCE_DIR}/${source} APPEND PROPERTY COMPILE_DEFINITIONS

@@ -14,26 +14,32 @@ namespace {
 using Wrench = Eigen::Matrix<double, 6, 1>;  // field, T; force over moment times kGradientLength, T
 using WrenchMatrix = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, kMaxCoils>;
 
-// Makes rows of gradient comparable with rows of field: about the distance over which the coils' field falls by half.
+// Makes rows of gradient comparable with rows of field: about the distance over which the coils'
+// field falls by half.
 constexpr double kGradientLength = 20e-3;
-// Of the pivots of A A'. Inside the workspace the condition of A stays below 13, so its square below 170; a rank lost
-// shows as rounding, 1e-16. Beyond 1e-10 the currents would be ten thousand times those of a good pose.
+// Of the pivots of A A'. Inside the workspace the condition of A stays below 13, so its square
+// below 170; a rank lost shows as rounding, 1e-16. Beyond 1e-10 the currents would be ten thousand
+// times those of a good pose.
 constexpr double kSmallestPivot = 1e-10;
 
-void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted, double limit) {
+void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
+           double limit) {
   if (!matrix.allFinite()) throw std::invalid_argument("matrix: not finite");
   if (!moment.allFinite()) throw std::invalid_argument("moment: not finite");
   if (!wanted.field.allFinite()) throw std::invalid_argument("wanted.field: not finite");
   if (!wanted.levitation.allFinite()) throw std::invalid_argument("wanted.levitation: not finite");
   if (!wanted.force.allFinite()) throw std::invalid_argument("wanted.force: not finite");
-  if (!std::isfinite(limit) || limit <= 0) throw std::invalid_argument("limit: must be finite and above 0 A");
+  if (!std::isfinite(limit) || limit <= 0)
+    throw std::invalid_argument("limit: must be finite and above 0 A");
 }
 
 // I = A' (A A')^-1 w: the least-norm solution.
 class LeastNorm {
  public:
-  LeastNorm(const FieldMatrix& matrix, const Eigen::Vector3d& moment) : per_moment_(kGradientLength / moment.norm()) {
-    if (!std::isfinite(per_moment_)) throw std::domain_error("the robot has no moment: no force can be made");
+  LeastNorm(const FieldMatrix& matrix, const Eigen::Vector3d& moment)
+      : per_moment_(kGradientLength / moment.norm()) {
+    if (!std::isfinite(per_moment_))
+      throw std::domain_error("the robot has no moment: no force can be made");
     if (matrix.cols() < 6) throw std::domain_error("field and force need at least six coils");
     const Eigen::Matrix<double, 3, 5> force = per_moment_ * force_from_field(moment).rightCols<5>();
     matrix_.resize(6, matrix.cols());
@@ -82,10 +88,14 @@ std::optional<double> largest_scale(const Currents& fixed, const Currents& scale
   return high;
 }
 
-bool within(const Currents& currents, double limit) { return currents.cwiseAbs().maxCoeff() <= limit; }
+bool within(const Currents& currents, double limit) {
+  return currents.cwiseAbs().maxCoeff() <= limit;
+}
 
 // A current that a scale has brought to its limit may stand a rounding beyond it.
-Currents rounded_within(const Currents& currents, double limit) { return currents.cwiseMin(limit).cwiseMax(-limit); }
+Currents rounded_within(const Currents& currents, double limit) {
+  return currents.cwiseMin(limit).cwiseMax(-limit);
+}
 
 Allocation within_limit(const LeastNorm& solve, const FieldAndForce& wanted, double limit) {
   const Eigen::Vector3d none = Eigen::Vector3d::Zero();
@@ -98,13 +108,14 @@ Allocation within_limit(const LeastNorm& solve, const FieldAndForce& wanted, dou
   if (const auto scale = largest_scale(levitation, field, limit)) {
     return {rounded_within(levitation + *scale * field, limit), 0, *scale};
   }
-  throw std::domain_error("holding the robot against its weight alone is beyond the current limit here");
+  throw std::domain_error(
+      "holding the robot against its weight alone is beyond the current limit here");
 }
 
 }  // namespace
 
-Allocation allocate(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
-                    double limit) {
+Allocation allocate(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
+                    const FieldAndForce& wanted, double limit) {
   check(matrix, moment, wanted, limit);
   const LeastNorm solve(matrix, moment);
   const Currents currents = solve(wanted.field, wanted.levitation + wanted.force);

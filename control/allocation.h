@@ -8,9 +8,10 @@ namespace vitreo::control {
 
 /// What the robot is to feel, world frame.
 struct FieldAndForce {
-  Eigen::Vector3d field{0, 0, 0};       // T
-  Eigen::Vector3d levitation{0, 0, 0};  // N: what holds the robot against its weight; kept before the rest
-  Eigen::Vector3d force{0, 0, 0};       // N, on top of it
+  Eigen::Vector3d field{0, 0, 0};  // T
+  Eigen::Vector3d levitation{
+      0, 0, 0};  // N: what holds the robot against its weight; kept before the rest
+  Eigen::Vector3d force{0, 0, 0};  // N, on top of it
 };
 
 struct Allocation {
@@ -20,12 +21,14 @@ struct Allocation {
   bool limited() const { return force_scale < 1 || field_scale < 1; }
 };
 
-/// Least-norm I with [B; F] = A I (thesis 2.3; facts/magnetics 2), |I_k| <= limit. At a limit the extra force is shrunk
-/// first, then the field's magnitude; the levitation never. Throws std::domain_error when A has not full rank (dead
-/// coils, no moment), or when the levitation is beyond the limit however small the rest; std::invalid_argument naming
-/// the argument that is not finite, or a limit not above zero. `moment` (A m^2, world) is taken as given: a soft
-/// robot's falls with the field, so after a cut of the field the caller asks again with the moment of the cut field.
-Allocation allocate(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
-                    double limit);
+/// Least-norm I with [B; F] = A I (thesis 2.3; facts/magnetics 2), |I_k| <= limit. At a limit the
+/// extra force is shrunk first, then the field's magnitude; the levitation never. Throws
+/// std::domain_error when A has not full rank (dead coils, no moment), or when the levitation is
+/// beyond the limit however small the rest; std::invalid_argument naming the argument that is not
+/// finite, or a limit not above zero. `moment` (A m^2, world) is taken as given: a soft robot's
+/// falls with the field, so after a cut of the field the caller asks again with the moment of the
+/// cut field.
+Allocation allocate(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
+                    const FieldAndForce& wanted, double limit);
 
 }  // namespace vitreo::control

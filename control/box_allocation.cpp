@@ -1,4 +1,5 @@
-// The wrench in rows that compare, the least-norm answer where it fits, the box programme where it does not.
+// The wrench in rows that compare, the least-norm answer where it fits, the box programme where it
+// does not.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/box_allocation.h"
 
@@ -16,11 +17,13 @@
 namespace vitreo::control {
 namespace {
 
-constexpr double kGradientLength = 20e-3;  // m, as allocation.cpp's: makes gradients comparable with fields
-constexpr int kMostIterations = 48;        // never more than 25 in a million random wrenches
-constexpr double kVerticalShare = 0.7;     // of the reach: all of it would leave no field to hold the robot's axis
-constexpr double kSmallestPivot = 1e-10;   // as allocation.cpp's
-constexpr double kSmallness = 1e-9;        // of |I|^2 beside the rows
+constexpr double kGradientLength =
+    20e-3;  // m, as allocation.cpp's: makes gradients comparable with fields
+constexpr int kMostIterations = 48;  // never more than 25 in a million random wrenches
+constexpr double kVerticalShare =
+    0.7;  // of the reach: all of it would leave no field to hold the robot's axis
+constexpr double kSmallestPivot = 1e-10;  // as allocation.cpp's
+constexpr double kSmallness = 1e-9;       // of |I|^2 beside the rows
 
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, kMaxCoils>;
 using Wanted = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
@@ -47,13 +50,15 @@ void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const Field
   require(wanted.levitation.allFinite(), "wanted.levitation: not finite");
   require(wanted.force.allFinite(), "wanted.force: not finite");
   require(limits.size() == matrix.cols() && limits.size() > 0, "limits: one a coil is needed");
-  require(limits.allFinite() && limits.minCoeff() >= 0 && limits.maxCoeff() > 0, "limits: must be at least 0 A");
+  require(limits.allFinite() && limits.minCoeff() >= 0 && limits.maxCoeff() > 0,
+          "limits: must be at least 0 A");
   require(weights.field > 0 && weights.force > 0, "weights: must be above 0");
-  if (!(moment.norm() > 0)) throw std::domain_error("the robot has no moment: no force can be made");
+  if (!(moment.norm() > 0))
+    throw std::domain_error("the robot has no moment: no force can be made");
 }
 
-Task six_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
-                 const AllocationWeights& weights) {
+Task six_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
+                 const FieldAndForce& wanted, const AllocationWeights& weights) {
   const double scale = kGradientLength / moment.norm();
   Task task{Rows(6, matrix.cols()), Wanted(6), Wanted(6)};
   const Eigen::Matrix<double, 3, 5> force = scale * force_from_field(moment).rightCols<5>();
@@ -67,8 +72,9 @@ Task six_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const
 }
 
 // Torque over moment: the field across the axis.
-Task five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const Eigen::Vector3d& torque,
-                  const FieldAndForce& wanted, const AllocationWeights& weights) {
+Task five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
+                  const Eigen::Vector3d& torque, const FieldAndForce& wanted,
+                  const AllocationWeights& weights) {
   const double size = moment.norm(), scale = kGradientLength / size;
   const Eigen::Vector3d axis = moment / size, u = axis.unitOrthogonal(), v = axis.cross(u);
   Task task{Rows(5, matrix.cols()), Wanted(5), Wanted(5)};
@@ -77,7 +83,8 @@ Task five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment, cons
     const Eigen::Vector3d turning = axis.cross(matrix.col(k).head<3>());
     task.rows.col(k) << u.dot(turning), v.dot(turning), force * matrix.col(k).tail<5>();
   }
-  task.wanted << u.dot(torque) / size, v.dot(torque) / size, scale * (wanted.levitation + wanted.force);
+  task.wanted << u.dot(torque) / size, v.dot(torque) / size,
+      scale * (wanted.levitation + wanted.force);
   task.weight << weights.field, weights.field, weights.force, weights.force, 1;
   task.levitation = scale * wanted.levitation.z();
   return task;
@@ -110,11 +117,13 @@ bool least_norm(const Task& task, const CurrentLimits& limits, Currents& current
   return fits;
 }
 
-// The level of the vertical row: as wanted, or cut down to the share of the reach, but never below the levitation.
+// The level of the vertical row: as wanted, or cut down to the share of the reach, but never below
+// the levitation.
 double vertical_level(const Task& task, double reach, bool& cut) {
   const double wanted = task.wanted[task.wanted.size() - 1];
   if (std::abs(task.levitation) > reach * (1 + 1e-12)) {
-    throw std::domain_error("holding the robot against its weight alone is beyond the current limit here");
+    throw std::domain_error(
+        "holding the robot against its weight alone is beyond the current limit here");
   }
   const double most = std::max(std::abs(task.levitation), kVerticalShare * reach);
   cut = std::abs(wanted) > most;
@@ -136,7 +145,8 @@ BoxProgram program_of(const Task& task, const CurrentLimits& limits) {
   for (Eigen::Index r = 0; r < soft; ++r) {
     const double weight = task.weight[r] * task.weight[r];
     const Eigen::Matrix<double, kMaxUnknowns, 1> row = [&] {
-      Eigen::Matrix<double, kMaxUnknowns, 1> padded = Eigen::Matrix<double, kMaxUnknowns, 1>::Zero();
+      Eigen::Matrix<double, kMaxUnknowns, 1> padded =
+          Eigen::Matrix<double, kMaxUnknowns, 1>::Zero();
       padded.head(n) = task.rows.row(r).transpose();
       return padded;
     }();
@@ -144,7 +154,8 @@ BoxProgram program_of(const Task& task, const CurrentLimits& limits) {
     program.slope += weight * task.wanted[r] * row;
     trace += weight * row.squaredNorm();
   }
-  program.curvature.diagonal().array() += std::max(kSmallness * trace, std::numeric_limits<double>::min());
+  program.curvature.diagonal().array() +=
+      std::max(kSmallness * trace, std::numeric_limits<double>::min());
   return program;
 }
 
@@ -157,7 +168,8 @@ BoxAllocation solve(const Task& task, const CurrentLimits& limits) {
   for (Eigen::Index k = 0; k < n; ++k) reach += std::abs(plane[k]) * limits[k];
   const double level = vertical_level(task, reach, result.vertical_cut);
   const BoxProgram program = program_of(task, limits);
-  // Every coil its part of the vertical force, in proportion to its limit: inside the box whatever the level.
+  // Every coil its part of the vertical force, in proportion to its limit: inside the box whatever
+  // the level.
   Eigen::Matrix<double, kMaxUnknowns, 1> x = Eigen::Matrix<double, kMaxUnknowns, 1>::Zero();
   const double share = reach > 0 ? std::clamp(level / reach, -1.0, 1.0) : 0;
   for (Eigen::Index k = 0; k < n; ++k) x[k] = std::copysign(share * limits[k], share * plane[k]);
@@ -168,12 +180,13 @@ BoxAllocation solve(const Task& task, const CurrentLimits& limits) {
   return result;
 }
 
-BoxAllocation reported(BoxAllocation result, const FieldMatrix& matrix, const Eigen::Vector3d& moment,
-                       const CurrentLimits& limits) {
+BoxAllocation reported(BoxAllocation result, const FieldMatrix& matrix,
+                       const Eigen::Vector3d& moment, const CurrentLimits& limits) {
   FieldGradient made = FieldGradient::Zero();
   for (Eigen::Index k = 0; k < limits.size(); ++k) {
     made += result.currents[k] * matrix.col(k);
-    if (limits[k] > 0) result.headroom = std::min(result.headroom, 1 - std::abs(result.currents[k]) / limits[k]);
+    if (limits[k] > 0)
+      result.headroom = std::min(result.headroom, 1 - std::abs(result.currents[k]) / limits[k]);
   }
   result.field = made.head<3>();
   result.force = force_from_field(moment) * made;
@@ -182,10 +195,12 @@ BoxAllocation reported(BoxAllocation result, const FieldMatrix& matrix, const Ei
 
 }  // namespace
 
-BoxAllocation allocate_within(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
-                              const CurrentLimits& limits, const AllocationWeights& weights) {
+BoxAllocation allocate_within(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
+                              const FieldAndForce& wanted, const CurrentLimits& limits,
+                              const AllocationWeights& weights) {
   check(matrix, moment, wanted, limits, weights);
-  return reported(solve(six_degrees(matrix, moment, wanted, weights), limits), matrix, moment, limits);
+  return reported(solve(six_degrees(matrix, moment, wanted, weights), limits), matrix, moment,
+                  limits);
 }
 
 BoxAllocation allocate_five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
@@ -193,17 +208,20 @@ BoxAllocation allocate_five_degrees(const FieldMatrix& matrix, const Eigen::Vect
                                     const CurrentLimits& limits, const AllocationWeights& weights) {
   check(matrix, moment, wanted, limits, weights);
   require(torque.allFinite(), "torque: not finite");
-  return reported(solve(five_degrees(matrix, moment, torque, wanted, weights), limits), matrix, moment, limits);
+  return reported(solve(five_degrees(matrix, moment, torque, wanted, weights), limits), matrix,
+                  moment, limits);
 }
 
-double condition_number(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const CurrentLimits& limits) {
+double condition_number(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
+                        const CurrentLimits& limits) {
   check(matrix, moment, {}, limits, {});
   Rows rows = six_degrees(matrix, moment, {}, {}).rows;
   for (Eigen::Index k = 0; k < limits.size(); ++k) {
     if (limits[k] == 0) rows.col(k).setZero();
   }
   const Eigen::Matrix<double, 6, 6> gram = rows * rows.transpose();
-  const Eigen::Matrix<double, 6, 1> s = Eigen::JacobiSVD<Eigen::Matrix<double, 6, 6>>(gram).singularValues();
+  const Eigen::Matrix<double, 6, 1> s =
+      Eigen::JacobiSVD<Eigen::Matrix<double, 6, 6>>(gram).singularValues();
   // Squares: below 1e-15 of the largest there is only rounding.
   return s[5] > 1e-15 * s[0] ? std::sqrt(s[0] / s[5]) : std::numeric_limits<double>::infinity();
 }

@@ -1,5 +1,5 @@
-// The primal active-set method: solve on the free unknowns, walk until a limit, add it; at the end of a walk let go of
-// the limit that pulls the wrong way.
+// The primal active-set method: solve on the free unknowns, walk until a limit, add it; at the end
+// of a walk let go of the limit that pulls the wrong way.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/box_program.h"
 
@@ -11,17 +11,19 @@ namespace {
 
 using Vector8 = Eigen::Matrix<double, kMaxUnknowns, 1>;
 
-// The step on the free unknowns that ends at the minimum on the plane: H_FF p = g + nu a_F with a_F'p = 0.
+// The step on the free unknowns that ends at the minimum on the plane: H_FF p = g + nu a_F with
+// a_F'p = 0.
 class FreeStep {
  public:
-  FreeStep(const BoxProgram& program, const std::array<int, kMaxUnknowns>& free, int count, const Vector8& downhill)
+  FreeStep(const BoxProgram& program, const std::array<int, kMaxUnknowns>& free, int count,
+           const Vector8& downhill)
       : count_(count) {
     for (int i = 0; i < count; ++i) {
       for (int j = 0; j <= i; ++j) factor_[i][j] = program.curvature(free[i], free[j]);
       step_[i] = downhill[free[i]];
       across_[i] = program.plane[free[i]];
     }
-    factorise();
+    factorize();
     forward(step_);
     forward(across_);
     double mixed = 0, square = 0;
@@ -39,7 +41,7 @@ class FreeStep {
   double plane_force() const { return plane_force_; }
 
  private:
-  void factorise() {
+  void factorize() {
     for (int i = 0; i < count_; ++i) {
       for (int j = 0; j <= i; ++j) {
         double sum = factor_[i][j];
@@ -68,9 +70,10 @@ class FreeStep {
   double inverse_[kMaxUnknowns], step_[kMaxUnknowns], across_[kMaxUnknowns];
 };
 
-// At the minimum of a face: the held unknown that would rather go inwards, the one that pulls most first; or -1.
-int pulled_inwards(const BoxProgram& program, const Vector8& x, const std::array<int, kMaxUnknowns>& held,
-                   double plane_force) {
+// At the minimum of a face: the held unknown that would rather go inwards, the one that pulls most
+// first; or -1.
+int pulled_inwards(const BoxProgram& program, const Vector8& x,
+                   const std::array<int, kMaxUnknowns>& held, double plane_force) {
   const int n = program.size;
   int worst = -1;
   double pull = 1e-9 * program.slope.head(n).cwiseAbs().maxCoeff();  // less is rounding
@@ -88,7 +91,8 @@ int pulled_inwards(const BoxProgram& program, const Vector8& x, const std::array
 int improve(const BoxProgram& program, Vector8& x, int most) {
   const int n = program.size;
   std::array<int, kMaxUnknowns> held{};  // -1 or 1 at a limit
-  for (int k = 0; k < n; ++k) held[k] = x[k] >= program.limit[k] ? 1 : x[k] <= -program.limit[k] ? -1 : 0;
+  for (int k = 0; k < n; ++k)
+    held[k] = x[k] >= program.limit[k] ? 1 : x[k] <= -program.limit[k] ? -1 : 0;
   int done = 0;
   while (done < most) {
     ++done;

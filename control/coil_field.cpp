@@ -17,7 +17,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 
 // Azimuth and elevation to a unit vector, z up (facts/magnetics 1.2).
 Eigen::Vector3d unit(double azimuth, double elevation) {
-  return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth), std::sin(elevation)};
+  return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
+          std::sin(elevation)};
 }
 
 // Rows of FieldMatrix for a dipole's moment at the offset r from it (facts/magnetics 1.3).
@@ -29,7 +30,8 @@ FieldGradient dipole_field(const Eigen::Vector3d& m, const Eigen::Vector3d& r) {
   const double twice = 5 * mr * inverse2;
   FieldGradient f;
   f << along * mr * r.x() - inverse3 * m.x(), along * mr * r.y() - inverse3 * m.y(),
-      along * mr * r.z() - inverse3 * m.z(), along * (2 * m.x() * r.x() + mr - twice * r.x() * r.x()),
+      along * mr * r.z() - inverse3 * m.z(),
+      along * (2 * m.x() * r.x() + mr - twice * r.x() * r.x()),
       along * (m.x() * r.y() + m.y() * r.x() - twice * r.x() * r.y()),
       along * (m.x() * r.z() + m.z() * r.x() - twice * r.x() * r.z()),
       along * (2 * m.y() * r.y() + mr - twice * r.y() * r.y()),
@@ -64,11 +66,14 @@ CoilField CoilField::octomag() {
   std::vector<Dipole> dipoles;
   for (int k = 0; k < 8; ++k) {
     const double azimuth = 45 * k * kDegree;
-    // Lower and upper coils take turns; the moments are not along the coils for cores magnetise each other.
+    // Lower and upper coils take turns; the moments are not along the coils for cores magnetize
+    // each other.
     if (k % 2 == 0) {
-      dipoles.push_back({0.0942 * unit(azimuth, -56.3 * kDegree), -9.35 * unit(azimuth, -83.1 * kDegree)});
+      dipoles.push_back(
+          {0.0942 * unit(azimuth, -56.3 * kDegree), -9.35 * unit(azimuth, -83.1 * kDegree)});
     } else {
-      dipoles.push_back({0.1089 * unit(azimuth, -7.8 * kDegree), -19.64 * unit(azimuth, -37.9 * kDegree)});
+      dipoles.push_back(
+          {0.1089 * unit(azimuth, -7.8 * kDegree), -19.64 * unit(azimuth, -37.9 * kDegree)});
     }
   }
   return CoilField(std::move(dipoles));
@@ -82,7 +87,8 @@ CoilField CoilField::perturbed(const FieldPerturbation& sigma, std::mt19937_64& 
   std::uniform_real_distribution<double> turn(0, 2 * std::numbers::pi);
   std::vector<Dipole> dipoles;
   for (const Dipole& dipole : dipoles_) {
-    // One statement a draw: the order within an expression is the compiler's, and the draws must be repeatable.
+    // One statement a draw: the order within an expression is the compiler's, and the draws must be
+    // repeatable.
     const double gain = 1 + sigma.gain * normal(random);
     const double x = normal(random);
     const double y = normal(random);
@@ -101,7 +107,8 @@ FieldMatrix CoilField::matrix(const Eigen::Vector3d& position_in_world) const {
   for (int k = 0; k < coils(); ++k) {
     const Dipole& dipole = dipoles_[static_cast<std::size_t>(k)];
     const Eigen::Vector3d offset = position_in_world - dipole.position;
-    if (!(offset.squaredNorm() > 0)) throw std::invalid_argument("position_in_world: at a coil's dipole");
+    if (!(offset.squaredNorm() > 0))
+      throw std::invalid_argument("position_in_world: at a coil's dipole");
     result.col(k) = dipole_field(dipole.moment_per_ampere, offset);
   }
   return result;

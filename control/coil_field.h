@@ -10,11 +10,11 @@
 namespace vitreo::control {
 
 constexpr int kMaxCoils = 8;
-/// Rows Bx, By, Bz (T/A), dBx/dx, dBx/dy, dBx/dz, dBy/dy, dBy/dz (T/m/A); one column a coil. The other gradients follow
-/// from curl B = 0 and div B = 0. Fixed storage: no heap in the loop.
+/// Rows Bx, By, Bz (T/A), dBx/dx, dBx/dy, dBx/dz, dBy/dy, dBy/dz (T/m/A); one column a coil. The
+/// other gradients follow from curl B = 0 and div B = 0. Fixed storage: no heap in the loop.
 using FieldMatrix = Eigen::Matrix<double, 8, Eigen::Dynamic, Eigen::ColMajor, 8, kMaxCoils>;
 using Currents = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxCoils, 1>;  // A
-using FieldGradient = Eigen::Matrix<double, 8, 1>;                                         // as FieldMatrix' rows
+using FieldGradient = Eigen::Matrix<double, 8, 1>;  // as FieldMatrix' rows
 
 /// A point dipole that stands for one coil with its core; world frame.
 struct Dipole {
@@ -22,7 +22,8 @@ struct Dipole {
   Eigen::Vector3d moment_per_ampere;  // A m^2 / A
 };
 
-/// How far a real machine is from its model: standard deviations (facts: two calibrations of one OctoMag).
+/// How far a real machine is from its model: standard deviations (facts: two calibrations of one
+/// OctoMag).
 struct FieldPerturbation {
   double gain = 0.03;                 // relative, per coil
   double position = 1.2e-3;           // m, per axis
@@ -35,8 +36,8 @@ class CoilField {
   explicit CoilField(std::vector<Dipole> dipoles);
   /// The eight-coil OctoMag as one dipole a coil (facts/magnetics 1.2).
   static CoilField octomag();
-  /// A machine drawn about this model: per coil a gain, a shift, and a turn of the moment about a random axis across
-  /// it.
+  /// A machine drawn about this model: per coil a gain, a shift, and a turn of the moment about a
+  /// random axis across it.
   CoilField perturbed(const FieldPerturbation& sigma, std::mt19937_64& random) const;
   int coils() const { return static_cast<int>(dipoles_.size()); }
   /// Throws std::invalid_argument where the position is not finite or is a dipole's own.

@@ -9,8 +9,10 @@
 namespace vitreo::control {
 
 CommandHistory::CommandHistory(double delay, double lag) : delay_(delay), lag_(lag) {
-  if (!std::isfinite(delay) || delay < 0) throw std::invalid_argument("command_delay: must be at least 0 s");
-  if (!std::isfinite(lag) || lag < 0) throw std::invalid_argument("command_lag: must be at least 0 s");
+  if (!std::isfinite(delay) || delay < 0)
+    throw std::invalid_argument("command_delay: must be at least 0 s");
+  if (!std::isfinite(lag) || lag < 0)
+    throw std::invalid_argument("command_lag: must be at least 0 s");
 }
 
 void CommandHistory::add(double time, const Eigen::Vector3d& velocity) {
@@ -44,7 +46,8 @@ void CommandHistory::pass(Motion& motion, const Eigen::Vector3d& commanded, doub
   }
 }
 
-CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, double from, double to) const {
+CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, double from,
+                                               double to) const {
   Motion motion;
   motion.velocity = velocity;
   Eigen::Vector3d acting = Eigen::Vector3d::Zero();

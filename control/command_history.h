@@ -9,8 +9,8 @@
 
 namespace vitreo::control {
 
-/// Velocities take effect `delay` after their command and then through a first-order `lag` (the coils); each holds
-/// until the next. A ring: the newest 1024 are kept, without heap in the loop.
+/// Velocities take effect `delay` after their command and then through a first-order `lag` (the
+/// coils); each holds until the next. A ring: the newest 1024 are kept, without heap in the loop.
 class CommandHistory {
  public:
   /// s, both at least 0; std::invalid_argument naming the one that is not.
@@ -21,7 +21,8 @@ class CommandHistory {
     Eigen::Vector3d moved{0, 0, 0};     // m
     Eigen::Vector3d velocity{0, 0, 0};  // m/s, at the end, behind the lag
   };
-  /// From a moment at which the velocity behind the lag was `velocity`. Before the first command it was nothing.
+  /// From a moment at which the velocity behind the lag was `velocity`. Before the first command it
+  /// was nothing.
   Motion advance(const Eigen::Vector3d& velocity, double from, double to) const;
   /// Nothing before `time` will be asked for again.
   void forget_before(double time);

@@ -11,18 +11,19 @@
 namespace vitreo::control {
 
 struct EstimatorSettings {
-  double command_delay = 0.05;        // s, from a command to the first of its effect
-  double command_lag = 0.0106;        // s, of the coils: 15 Hz
-  double disturbance_walk = 60e-6;    // m/s per sqrt(s): how fast the model's error changes
-  double command_error = 0.2;         // relative: how wrong the answer to a change of the command may be
-  double position_walk = 1e-6;        // m per sqrt(s): what the model knows nothing of
+  double command_delay = 0.05;      // s, from a command to the first of its effect
+  double command_lag = 0.0106;      // s, of the coils: 15 Hz
+  double disturbance_walk = 60e-6;  // m/s per sqrt(s): how fast the model's error changes
+  double actuation_uncertainty =
+      0.2;                      // relative: how wrong the answer to a change of the command may be
+  double position_walk = 1e-6;  // m per sqrt(s): what the model knows nothing of
   double initial_disturbance = 3e-4;  // m/s, standard deviation before anything was measured
   double max_disturbance = 2e-3;      // m/s: held below, so that a robot held fast winds nothing up
   double max_age = 1;                 // s without a measurement after which nothing is known
   double gate_error = 20e-6;          // m: of the model, added to what the gate allows
-  double gate = 20;                   // standard deviations beyond which a measurement is passed over; 0: never. Wide:
-                                      // at a corner a wrong model surprises by many
-  void check() const;                 // throws std::invalid_argument naming the setting
+  double gate = 20;    // standard deviations beyond which a measurement is passed over; 0: never.
+                       // Wide: at a corner a wrong model surprises by many
+  void check() const;  // throws std::invalid_argument naming the setting
 };
 
 /// Taken at `time`, whenever it arrives.
@@ -39,19 +40,22 @@ struct PositionEstimate {
   double age = 0;  // s since the last measurement was taken
 };
 
-/// p' = u + d, d' = white noise; u is what was commanded, behind delay and lag. Measurements may come late, irregularly
-/// or not at all: the filter stands at the last one's time, and a question about any later moment is answered through
-/// the buffered commands.
+/// p' = u + d, d' = white noise; u is what was commanded, behind delay and lag. Measurements may
+/// come late, irregularly or not at all: the filter stands at the last one's time, and a question
+/// about any later moment is answered through the buffered commands.
 class PositionEstimator {
  public:
   explicit PositionEstimator(const EstimatorSettings& settings);
-  /// What the coils were given from `time` on: the velocity left after every limit, so that a limit winds nothing up.
+  /// What the coils were given from `time` on: the velocity left after every limit, so that a limit
+  /// winds nothing up.
   void command(double time, const Eigen::Vector3d& velocity);
-  /// Throws std::invalid_argument naming what is not finite, a covariance that is not positive definite, or time that
-  /// runs backwards. False: passed over, beyond the gate; the third in a row is taken as the new place.
+  /// Throws std::invalid_argument naming what is not finite, a covariance that is not positive
+  /// definite, or time that runs backwards. False: passed over, beyond the gate; the third in a row
+  /// is taken as the new place.
   bool measure(const PositionMeasurement& measurement);
-  /// At or after the last measurement's time, the future included. Nothing before the first measurement, and when the
-  /// last is older than max_age. Throws std::invalid_argument for a time before the last measurement.
+  /// At or after the last measurement's time, the future included. Nothing before the first
+  /// measurement, and when the last is older than max_age. Throws std::invalid_argument for a time
+  /// before the last measurement.
   std::optional<PositionEstimate> at(double time) const;
   void reset();
 
@@ -59,8 +63,10 @@ class PositionEstimator {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   Matrix6 grown(double span) const;
-  bool update(const PositionMeasurement& measurement, const Eigen::Vector3d& predicted, const Matrix6& covariance);
-  void start_at(const PositionMeasurement& measurement, const Eigen::Matrix3d& disturbance_covariance);
+  bool update(const PositionMeasurement& measurement, const Eigen::Vector3d& predicted,
+              const Matrix6& covariance);
+  void start_at(const PositionMeasurement& measurement,
+                const Eigen::Matrix3d& disturbance_covariance);
 
   EstimatorSettings settings_;
   CommandHistory commands_;

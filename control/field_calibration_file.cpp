@@ -33,13 +33,15 @@ double number(const YamlNode& node, const std::string& name) {
   if (begin != end && *begin == '+') ++begin;
   double value = 0;
   const auto [stop, error] = std::from_chars(begin, end, value);
-  if (error != std::errc() || stop != end) fail(node, name + ": '" + node.scalar.substr(0, 40) + "' is not a number");
+  if (error != std::errc() || stop != end)
+    fail(node, name + ": '" + node.scalar.substr(0, 40) + "' is not a number");
   if (!std::isfinite(value)) fail(node, name + ": not finite");
   return value;
 }
 
 Eigen::Vector3d vector(const YamlNode& node, const std::string& name) {
-  if (node.kind != Kind::sequence || node.items.size() != 3) fail(node, name + ": three numbers are expected");
+  if (node.kind != Kind::sequence || node.items.size() != 3)
+    fail(node, name + ": three numbers are expected");
   return {number(node.items[0], name), number(node.items[1], name), number(node.items[2], name)};
 }
 
@@ -70,13 +72,16 @@ std::vector<std::string> names(const YamlNode& node, const std::string& name) {
 MultipoleSource source_from(const YamlNode& node, const std::string& whose) {
   if (node.kind != Kind::mapping) fail(node, whose + ": a source has keys");
   MultipoleSource source;
-  source.position = vector(required(node, "Source_Position", whose + "/"), whose + "/Source_Position");
+  source.position =
+      vector(required(node, "Source_Position", whose + "/"), whose + "/Source_Position");
   const YamlNode& direction = required(node, "Source_Direction", whose + "/");
   source.axis = vector(direction, whose + "/Source_Direction");
-  if (!(std::abs(source.axis.norm() - 1) < 1e-3)) fail(direction, whose + "/Source_Direction: not a unit vector");
+  if (!(std::abs(source.axis.norm() - 1) < 1e-3))
+    fail(direction, whose + "/Source_Direction: not a unit vector");
   source.regular = coefficients(node.find("A_Coeff"), whose + "/A_Coeff");
   source.irregular = coefficients(node.find("B_Coeff"), whose + "/B_Coeff");
-  if (source.regular.empty() && source.irregular.empty()) fail(node, whose + ": neither A_Coeff nor B_Coeff");
+  if (source.regular.empty() && source.irregular.empty())
+    fail(node, whose + ": neither A_Coeff nor B_Coeff");
   return source;
 }
 
@@ -95,11 +100,13 @@ MultipoleField::Sources coil_from(const YamlNode& root, const std::string& coil)
 Region region_from(const YamlNode& root) {
   const std::string name = "Workspace_Dimensions";
   const YamlNode& node = required(root, name, "");
-  if (node.kind != Kind::sequence || node.items.size() != 3) fail(node, name + ": [low, high] for x, y and z expected");
+  if (node.kind != Kind::sequence || node.items.size() != 3)
+    fail(node, name + ": [low, high] for x, y and z expected");
   Region region;
   for (int axis = 0; axis < 3; ++axis) {
     const YamlNode& pair = node.items[static_cast<std::size_t>(axis)];
-    if (pair.kind != Kind::sequence || pair.items.size() != 2) fail(pair, name + ": [low, high] expected");
+    if (pair.kind != Kind::sequence || pair.items.size() != 2)
+      fail(pair, name + ": [low, high] expected");
     region.low[axis] = number(pair.items[0], name);
     region.high[axis] = number(pair.items[1], name);
     if (!(region.low[axis] < region.high[axis])) fail(pair, name + ": low must be below high");
@@ -120,7 +127,8 @@ std::string list_of(const Values& values) {
   return text.empty() ? "~" : text + "]";
 }
 
-void write_coil(std::string& text, const std::string& name, const MultipoleField::Sources& sources) {
+void write_coil(std::string& text, const std::string& name,
+                const MultipoleField::Sources& sources) {
   std::string list, bodies;
   for (std::size_t k = 0; k < sources.size(); ++k) {
     const std::string source = "Src_" + std::to_string(k);
@@ -137,7 +145,8 @@ void write_coil(std::string& text, const std::string& name, const MultipoleField
 
 FieldCalibrationFile parse_field_calibration(std::string_view text) {
   const YamlNode root = parse_yaml(text);
-  if (root.kind != Kind::mapping) throw std::invalid_argument("line 1: not a field calibration: no keys");
+  if (root.kind != Kind::mapping)
+    throw std::invalid_argument("line 1: not a field calibration: no keys");
   const YamlNode& list = required(root, "Coil_List", "");
   std::vector<MultipoleField::Sources> coils;
   MultipoleField::Sources background;
@@ -154,7 +163,8 @@ FieldCalibrationFile parse_field_calibration(std::string_view text) {
   }
   const YamlNode* name = root.find("System_Name");
   const Region region = region_from(root);
-  return {name ? name->scalar : "", MultipoleField(std::move(coils), std::move(background), region)};
+  return {name ? name->scalar : "",
+          MultipoleField(std::move(coils), std::move(background), region)};
 }
 
 std::string field_calibration_text(const FieldCalibrationFile& file) {
@@ -171,7 +181,9 @@ std::string field_calibration_text(const FieldCalibrationFile& file) {
   if (!field.background_sources().empty()) write_coil(text, "Offset", field.background_sources());
   text += "Workspace_Dimensions:\n";
   for (int axis = 0; axis < 3; ++axis) {
-    text += "  - " + list_of(std::vector<double>{field.region().low[axis], field.region().high[axis]}) + "\n";
+    text += "  - " +
+            list_of(std::vector<double>{field.region().low[axis], field.region().high[axis]}) +
+            "\n";
   }
   return text;
 }

@@ -21,8 +21,9 @@ struct DipoleFit {
   bool converged = false;
 };
 
-/// Least squares over positions and moments of all dipoles and a uniform background (Ceres), from the model `start`
-/// (CoilField::octomag() for an OctoMag). Throws as check_readings; at least as many numbers as unknowns are needed.
+/// Least squares over positions and moments of all dipoles and a uniform background (Ceres), from
+/// the model `start` (CoilField::octomag() for an OctoMag). Throws as check_readings; at least as
+/// many numbers as unknowns are needed.
 DipoleFit fit_dipoles(const CoilField& start, const std::vector<ProbeReading>& readings);
 
 }  // namespace vitreo::control

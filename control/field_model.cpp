@@ -16,7 +16,8 @@ FieldMatrix FieldModel::matrix(const Eigen::Vector3d& position_in_world) const {
 
 FieldGradient FieldModel::background(const Eigen::Vector3d& position_in_world) const {
   FieldGradient field = FieldGradient::Zero();
-  if (const auto* multipoles = std::get_if<MultipoleField>(&model_)) field = multipoles->background(position_in_world);
+  if (const auto* multipoles = std::get_if<MultipoleField>(&model_))
+    field = multipoles->background(position_in_world);
   field.head<3>() += uniform_;
   return field;
 }
@@ -28,7 +29,8 @@ void FieldModel::set_uniform_background(const Eigen::Vector3d& field) {
 
 bool FieldModel::valid_at(const Eigen::Vector3d& position_in_world) const {
   const auto* multipoles = std::get_if<MultipoleField>(&model_);
-  return position_in_world.allFinite() && (!multipoles || multipoles->region().contains(position_in_world));
+  return position_in_world.allFinite() &&
+         (!multipoles || multipoles->region().contains(position_in_world));
 }
 
 Eigen::Vector3d FieldModel::nearest_valid(const Eigen::Vector3d& position_in_world) const {

@@ -1,4 +1,5 @@
-// Multipole sources: solid harmonics about an axis, their gradients and second derivatives in closed form.
+// Multipole sources: solid harmonics about an axis, their gradients and second derivatives in
+// closed form.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/multipole_field.h"
 
@@ -32,13 +33,15 @@ struct Legendre {
 
 // With r^ the direction from the source and ' the derivative of P_n:
 //   grad (r^-(n+1) P_n) = r^-(n+2) (P'_n z - P'_(n+1) r^)
-//   second derivatives  = r^-(n+3) (P''_n z z - P''_(n+1) (z r^ + r^ z) + P''_(n+2) r^ r^ - P'_(n+1) 1)
+//   second derivatives  = r^-(n+3) (P''_n z z - P''_(n+1) (z r^ + r^ z) + P''_(n+2) r^ r^ -
+//   P'_(n+1) 1)
 // and for r^n P_n the same with r^(n-1), r^(n-2) before and orders n-1, n-2 in place of n+1, n+2.
 class Sum {
  public:
   Sum(const Eigen::Vector3d& z, const Eigen::Vector3d& away) : z_(z), away_(away) {}
 
-  void add(double scale, double f, double own1, double next1, double own2, double next2, double last2) {
+  void add(double scale, double f, double own1, double next1, double own2, double next2,
+           double last2) {
     z1_ += scale * own1;
     away1_ -= scale * next1;
     zz_ += f * own2;
@@ -50,8 +53,8 @@ class Sum {
   FieldGradient field() const {
     const Eigen::Vector3d b = z1_ * z_ + away1_ * away_;
     const auto g = [&](int i, int j) {
-      return zz_ * z_[i] * z_[j] + mixed_ * (z_[i] * away_[j] + away_[i] * z_[j]) + away2_ * away_[i] * away_[j] +
-             (i == j ? one_ : 0.0);
+      return zz_ * z_[i] * z_[j] + mixed_ * (z_[i] * away_[j] + away_[i] * z_[j]) +
+             away2_ * away_[i] * away_[j] + (i == j ? one_ : 0.0);
     };
     FieldGradient result;
     result << b, g(0, 0), g(0, 1), g(0, 2), g(1, 1), g(1, 2);
@@ -67,7 +70,8 @@ FieldGradient source_field(const MultipoleSource& source, const Eigen::Vector3d&
   const Eigen::Vector3d offset = position - source.position;
   const double r = offset.norm();
   const std::size_t inner = source.regular.size(), outer = source.irregular.size();
-  if (!(r > 0) && outer > 0) throw std::invalid_argument("position_in_world: at a source of the field model");
+  if (!(r > 0) && outer > 0)
+    throw std::invalid_argument("position_in_world: at a source of the field model");
   // At the source itself the regular harmonics are polynomials: any direction gives their value.
   const Eigen::Vector3d away = r > 0 ? Eigen::Vector3d(offset / r) : source.axis;
   const Legendre p(source.axis.dot(away), static_cast<int>(std::max(inner, outer)) + 2);
@@ -82,7 +86,8 @@ FieldGradient source_field(const MultipoleSource& source, const Eigen::Vector3d&
   power = outer > 0 ? 1 / (r * r * r) : 0;  // r^-(n+2)
   for (std::size_t n = 1; n <= outer; ++n, power /= r) {
     const double scale = source.irregular[n - 1] * power;
-    sum.add(scale, scale / r, p.first[n], p.first[n + 1], p.second[n], p.second[n + 1], p.second[n + 2]);
+    sum.add(scale, scale / r, p.first[n], p.first[n + 1], p.second[n], p.second[n + 1],
+            p.second[n + 2]);
   }
   return sum.field();
 }
@@ -102,10 +107,12 @@ void check(MultipoleField::Sources& sources, const std::string& whose) {
     require(std::abs(source.axis.norm() - 1) < 1e-3, "source direction is not a unit vector");
     // Left to the bit when it is unit already, so that a file written and read again is the same.
     if (std::abs(source.axis.norm() - 1) > 1e-12) source.axis.normalize();
-    require(source.regular.size() <= kMaxMultipoleOrder && source.irregular.size() <= kMaxMultipoleOrder,
+    require(source.regular.size() <= kMaxMultipoleOrder &&
+                source.irregular.size() <= kMaxMultipoleOrder,
             "source has coefficients beyond order 12");
     for (const auto* list : {&source.regular, &source.irregular}) {
-      for (const double value : *list) require(std::isfinite(value), "source coefficient is not finite");
+      for (const double value : *list)
+        require(std::isfinite(value), "source coefficient is not finite");
     }
   }
 }
@@ -124,7 +131,8 @@ MultipoleField::MultipoleField(std::vector<Sources> coils, Sources background, c
   }
   for (std::size_t k = 0; k < coils_.size(); ++k) check(coils_[k], "coil " + std::to_string(k));
   check(background_, "background");
-  if (!region_.low.allFinite() || !region_.high.allFinite() || !(region_.low.array() < region_.high.array()).all()) {
+  if (!region_.low.allFinite() || !region_.high.allFinite() ||
+      !(region_.low.array() < region_.high.array()).all()) {
     throw std::invalid_argument("region: low must be below high on every axis");
   }
 }
@@ -134,8 +142,8 @@ void MultipoleField::check_inside(const Eigen::Vector3d& p) const {
   if (region_.contains(p)) return;
   const Eigen::RowVector3d at = 1e3 * p, low = 1e3 * region_.low, high = 1e3 * region_.high;
   std::ostringstream text;
-  text << "position_in_world: (" << at << ") mm is outside the field model, which holds from (" << low << ") to ("
-       << high << ") mm";
+  text << "position_in_world: (" << at << ") mm is outside the field model, which holds from ("
+       << low << ") to (" << high << ") mm";
   throw std::domain_error(text.str());
 }
 

@@ -1,4 +1,5 @@
-// The field of electromagnets as multipole sources: the model of Petruska, Edelmann and Nelson (MPEM).
+// The field of electromagnets as multipole sources: the model of Petruska, Edelmann and Nelson
+// (MPEM).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,8 +13,9 @@ namespace vitreo::control {
 
 constexpr int kMaxMultipoleOrder = 12;
 
-/// One source of a coil: Psi = sum over n = 1, 2, ... of (A_n r^n + B_n r^-(n+1)) P_n(cos th), th from `axis` and r
-/// from `position`; B = +grad Psi, as in the software of ETH. So B_1 alone is the dipole with mu0 m/4pi = -B_1 axis.
+/// One source of a coil: Psi = sum over n = 1, 2, ... of (A_n r^n + B_n r^-(n+1)) P_n(cos th), th
+/// from `axis` and r from `position`; B = +grad Psi, as in the software of ETH. So B_1 alone is the
+/// dipole with mu0 m/4pi = -B_1 axis.
 struct MultipoleSource {
   Eigen::Vector3d position{0, 0, 0};  // m, world
   Eigen::Vector3d axis{0, 0, 1};      // unit
@@ -30,13 +32,14 @@ struct Region {
 class MultipoleField {
  public:
   using Sources = std::vector<MultipoleSource>;
-  /// One entry of `coils` a coil, and the sources that are there without current (per 1 instead of per ampere). Throws
-  /// std::invalid_argument for none or too many coils, an order above kMaxMultipoleOrder, an axis that is not unit to
-  /// 1e-3 (it is then normalised), an empty region, numbers that are not finite.
+  /// One entry of `coils` a coil, and the sources that are there without current (per 1 instead of
+  /// per ampere). Throws std::invalid_argument for none or too many coils, an order above
+  /// kMaxMultipoleOrder, an axis that is not unit to 1e-3 (it is then normalized), an empty region,
+  /// numbers that are not finite.
   MultipoleField(std::vector<Sources> coils, Sources background, const Region& region);
   int coils() const { return static_cast<int>(coils_.size()); }
-  /// Analytic. Throws std::domain_error outside the region, naming place and region; std::invalid_argument where the
-  /// position is not finite or is a source's own.
+  /// Analytic. Throws std::domain_error outside the region, naming place and region;
+  /// std::invalid_argument where the position is not finite or is a source's own.
   FieldMatrix matrix(const Eigen::Vector3d& position_in_world) const;
   /// What is there at zero current: T and T/m.
   FieldGradient background(const Eigen::Vector3d& position_in_world) const;

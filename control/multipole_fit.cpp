@@ -1,5 +1,6 @@
-// Coefficients enter linearly, a source's position by its field's gradient; only the axis is differenced. Coefficients
-// are scaled by the distance at which they act, so that all unknowns are of one size.
+// Coefficients enter linearly, a source's position by its field's gradient; only the axis is
+// differenced. Coefficients are scaled by the distance at which they act, so that all unknowns are
+// of one size.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/multipole_fit.h"
 
@@ -23,7 +24,8 @@ constexpr double kTurn = 1e-5;        // rad, to difference by the axis
 constexpr double kFar = 1e9;          // m: the fit's own models are valid everywhere
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// One source and where its unknowns begin: place (3), tangent of the axis (2), regular, irregular coefficients.
+/// One source and where its unknowns begin: place (3), tangent of the axis (2), regular, irregular
+/// coefficients.
 struct Slot {
   std::size_t coil = 0;
   MultipoleSource start;
@@ -32,8 +34,12 @@ struct Slot {
   int size() const { return 5 + static_cast<int>(start.regular.size() + start.irregular.size()); }
 
   /// What a coefficient must be to make kFieldUnit per ampere at the distance.
-  double regular_unit(std::size_t k) const { return kFieldUnit * std::pow(distance, -static_cast<double>(k)); }
-  double irregular_unit(std::size_t k) const { return kFieldUnit * std::pow(distance, static_cast<double>(k) + 3); }
+  double regular_unit(std::size_t k) const {
+    return kFieldUnit * std::pow(distance, -static_cast<double>(k));
+  }
+  double irregular_unit(std::size_t k) const {
+    return kFieldUnit * std::pow(distance, static_cast<double>(k) + 3);
+  }
 
   MultipoleSource source(const double* x) const {
     MultipoleSource made = start;
@@ -43,7 +49,8 @@ struct Slot {
     made.axis = (start.axis + x[3] * u + x[4] * v).normalized();
     x += 5;
     for (std::size_t k = 0; k < made.regular.size(); ++k) made.regular[k] = *x++ * regular_unit(k);
-    for (std::size_t k = 0; k < made.irregular.size(); ++k) made.irregular[k] = *x++ * irregular_unit(k);
+    for (std::size_t k = 0; k < made.irregular.size(); ++k)
+      made.irregular[k] = *x++ * irregular_unit(k);
     return made;
   }
 
@@ -52,8 +59,10 @@ struct Slot {
     Eigen::Map<Eigen::Vector3d>(x, 3) = start.position / kLengthUnit;
     x[3] = x[4] = 0;
     x += 5;
-    for (std::size_t k = 0; k < start.regular.size(); ++k) *x++ = start.regular[k] / regular_unit(k);
-    for (std::size_t k = 0; k < start.irregular.size(); ++k) *x++ = start.irregular[k] / irregular_unit(k);
+    for (std::size_t k = 0; k < start.regular.size(); ++k)
+      *x++ = start.regular[k] / regular_unit(k);
+    for (std::size_t k = 0; k < start.irregular.size(); ++k)
+      *x++ = start.irregular[k] / irregular_unit(k);
   }
 };
 
@@ -70,16 +79,20 @@ class Residuals final : public ceres::CostFunction {
     mutable_parameter_block_sizes()->push_back(unknowns);
   }
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     const double* x = parameters[0];
     for (int i = 0; i < unknowns_; ++i)
       if (!std::isfinite(x[i])) return false;
     const bool derive = jacobians && jacobians[0];
-    Eigen::Map<RowMajor> jacobian(derive ? jacobians[0] : nullptr, derive ? num_residuals() : 0, unknowns_);
+    Eigen::Map<RowMajor> jacobian(derive ? jacobians[0] : nullptr, derive ? num_residuals() : 0,
+                                  unknowns_);
     const Eigen::Map<const Eigen::Vector3d> background(x + unknowns_ - 3);
     for (std::size_t n = 0; n < readings_.size(); ++n) {
-      Eigen::Map<Eigen::Vector3d>(residuals + 3 * n) = (known_[n] - readings_[n].field) / kFieldUnit + background;
-      if (derive) jacobian.block<3, 3>(static_cast<Eigen::Index>(3 * n), unknowns_ - 3).setIdentity();
+      Eigen::Map<Eigen::Vector3d>(residuals + 3 * n) =
+          (known_[n] - readings_[n].field) / kFieldUnit + background;
+      if (derive)
+        jacobian.block<3, 3>(static_cast<Eigen::Index>(3 * n), unknowns_ - 3).setIdentity();
     }
     try {
       for (const Slot& slot : slots_) add(slot, x, residuals, derive ? &jacobian : nullptr);
@@ -90,11 +103,13 @@ class Residuals final : public ceres::CostFunction {
   }
 
  private:
-  void add(const Slot& slot, const double* x, double* residuals, Eigen::Map<RowMajor>* jacobian) const {
+  void add(const Slot& slot, const double* x, double* residuals,
+           Eigen::Map<RowMajor>* jacobian) const {
     const MultipoleSource source = slot.source(x);
     const MultipoleField field = only(source);
     for (std::size_t n = 0; n < readings_.size(); ++n) {
-      const double current = readings_[n].currents[static_cast<Eigen::Index>(slot.coil)] / kFieldUnit;
+      const double current =
+          readings_[n].currents[static_cast<Eigen::Index>(slot.coil)] / kFieldUnit;
       if (current == 0) continue;
       const FieldGradient made = field.matrix(readings_[n].position);
       Eigen::Map<Eigen::Vector3d>(residuals + 3 * n) += current * made.head<3>();
@@ -118,7 +133,8 @@ class Residuals final : public ceres::CostFunction {
     coefficients(slot, source, *jacobian);
   }
 
-  void coefficients(const Slot& slot, const MultipoleSource& source, Eigen::Map<RowMajor>& jacobian) const {
+  void coefficients(const Slot& slot, const MultipoleSource& source,
+                    Eigen::Map<RowMajor>& jacobian) const {
     MultipoleSource unit = source;
     std::fill(unit.regular.begin(), unit.regular.end(), 0);
     std::fill(unit.irregular.begin(), unit.irregular.end(), 0);
@@ -126,20 +142,25 @@ class Residuals final : public ceres::CostFunction {
     const auto one = [&](double& coefficient, double size) {
       coefficient = size;
       const MultipoleField field = only(unit);
-      column(slot, at++, jacobian,
-             [&](const Eigen::Vector3d& p) { return Eigen::Vector3d(field.matrix(p).topRows<3>()); });
+      column(slot, at++, jacobian, [&](const Eigen::Vector3d& p) {
+        return Eigen::Vector3d(field.matrix(p).topRows<3>());
+      });
       coefficient = 0;
     };
-    for (std::size_t k = 0; k < unit.regular.size(); ++k) one(unit.regular[k], slot.regular_unit(k));
-    for (std::size_t k = 0; k < unit.irregular.size(); ++k) one(unit.irregular[k], slot.irregular_unit(k));
+    for (std::size_t k = 0; k < unit.regular.size(); ++k)
+      one(unit.regular[k], slot.regular_unit(k));
+    for (std::size_t k = 0; k < unit.irregular.size(); ++k)
+      one(unit.irregular[k], slot.irregular_unit(k));
   }
 
   template <class Field>
   void column(const Slot& slot, int at, Eigen::Map<RowMajor>& jacobian, const Field& field) const {
     for (std::size_t n = 0; n < readings_.size(); ++n) {
-      const double current = readings_[n].currents[static_cast<Eigen::Index>(slot.coil)] / kFieldUnit;
+      const double current =
+          readings_[n].currents[static_cast<Eigen::Index>(slot.coil)] / kFieldUnit;
       if (current == 0) continue;
-      jacobian.block<3, 1>(static_cast<Eigen::Index>(3 * n), at) = current * field(readings_[n].position);
+      jacobian.block<3, 1>(static_cast<Eigen::Index>(3 * n), at) =
+          current * field(readings_[n].position);
     }
   }
 
@@ -149,13 +170,15 @@ class Residuals final : public ceres::CostFunction {
   std::vector<Eigen::Vector3d> known_;  // T, of the start's own background sources
 };
 
-std::vector<Slot> slots_of(const MultipoleField& start, const Eigen::Vector3d& middle, int& unknowns) {
+std::vector<Slot> slots_of(const MultipoleField& start, const Eigen::Vector3d& middle,
+                           int& unknowns) {
   std::vector<Slot> slots;
   unknowns = 0;
   for (std::size_t k = 0; k < start.sources().size(); ++k) {
     for (const MultipoleSource& source : start.sources()[k]) {
       Slot slot{k, source, std::max((source.position - middle).norm(), kLengthUnit), unknowns};
-      if (slot.size() == 5) throw std::invalid_argument("start: coil " + std::to_string(k) + " has an empty source");
+      if (slot.size() == 5)
+        throw std::invalid_argument("start: coil " + std::to_string(k) + " has an empty source");
       unknowns += slot.size();
       slots.push_back(std::move(slot));
     }
@@ -178,19 +201,22 @@ Region spanned(const std::vector<ProbeReading>& readings) {
 }  // namespace
 
 MultipoleField multipoles_like(const CoilField& dipoles, int order, const Region& region) {
-  if (order < 1 || order > kMaxMultipoleOrder) throw std::invalid_argument("order: must be 1 to 12");
+  if (order < 1 || order > kMaxMultipoleOrder)
+    throw std::invalid_argument("order: must be 1 to 12");
   std::vector<MultipoleField::Sources> coils;
   for (const Dipole& dipole : dipoles.dipoles()) {
     const double size = dipole.moment_per_ampere.norm();
     if (!(size > 0)) throw std::invalid_argument("dipoles: one has no moment");
     std::vector<double> irregular(static_cast<std::size_t>(order), 0.0);
     irregular.front() = 1e-7 * size;  // mu0 m / 4 pi = -B_1 axis
-    coils.push_back({{dipole.position, -dipole.moment_per_ampere / size, {}, std::move(irregular)}});
+    coils.push_back(
+        {{dipole.position, -dipole.moment_per_ampere / size, {}, std::move(irregular)}});
   }
   return {std::move(coils), {}, region};
 }
 
-MultipoleFit fit_multipoles(const MultipoleField& start, const std::vector<ProbeReading>& readings) {
+MultipoleFit fit_multipoles(const MultipoleField& start,
+                            const std::vector<ProbeReading>& readings) {
   int unknowns = 0;
   check_readings(readings, start.coils(), 1);
   const Region region = spanned(readings);
@@ -199,11 +225,13 @@ MultipoleFit fit_multipoles(const MultipoleField& start, const std::vector<Probe
   const MultipoleField everywhere(start.sources(), start.background_sources(), kEverywhere);
   std::vector<Eigen::Vector3d> known;
   known.reserve(readings.size());
-  for (const ProbeReading& reading : readings) known.push_back(everywhere.background(reading.position).head<3>());
+  for (const ProbeReading& reading : readings)
+    known.push_back(everywhere.background(reading.position).head<3>());
   std::vector<double> x(static_cast<std::size_t>(unknowns), 0.0);
   for (const Slot& slot : slots) slot.unknowns(x.data());
   ceres::Problem problem;
-  problem.AddResidualBlock(new Residuals(readings, slots, unknowns, known), nullptr, x.data());  // the problem owns it
+  problem.AddResidualBlock(new Residuals(readings, slots, unknowns, known), nullptr,
+                           x.data());  // the problem owns it
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 200;

@@ -1,5 +1,5 @@
-// The thesis' position controller: proportional and derivative, with the reference's velocity fed forward; and the PID
-// of its section 7.3, with an integral, which gels that yield do not forgive.
+// The thesis' position controller: proportional and derivative, with the reference's velocity fed
+// forward; and the PID of its section 7.3, with an integral, which gels that yield do not forgive.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,8 +12,9 @@ struct PdGains {
   double derivative = 0.05;      // dimensionless: velocity asked per velocity error
   double derivative_time = 0.2;  // s, of the low-pass on the measured velocity
   double max_speed = 2e-3;       // m/s, of the velocity asked for
-  double integral = 0;           // 1/s^2: velocity asked per position error and time; held while the speed is limited
-  void check() const;            // throws std::invalid_argument naming the gain
+  double integral =
+      0;  // 1/s^2: velocity asked per position error and time; held while the speed is limited
+  void check() const;  // throws std::invalid_argument naming the gain
 };
 
 struct Reference {
@@ -21,8 +22,9 @@ struct Reference {
   Eigen::Vector3d velocity{0, 0, 0};  // m/s
 };
 
-/// Measurements may come irregularly; time must not run backwards, nothing may be NaN (std::invalid_argument). The
-/// derivative joins at the second measurement: the first says nothing about velocity.
+/// Measurements may come irregularly; time must not run backwards, nothing may be NaN
+/// (std::invalid_argument). The derivative joins at the second measurement: the first says nothing
+/// about velocity.
 class PdController {
  public:
   explicit PdController(const PdGains& gains);

@@ -14,19 +14,23 @@ void check_readings(const std::vector<ProbeReading>& readings, int coils, std::s
   for (std::size_t n = 0; n < readings.size(); ++n) {
     const ProbeReading& reading = readings[n];
     const std::string name = "reading " + std::to_string(n);
-    if (!reading.position.allFinite()) throw std::invalid_argument(name + ": position is not finite");
+    if (!reading.position.allFinite())
+      throw std::invalid_argument(name + ": position is not finite");
     if (!reading.field.allFinite()) throw std::invalid_argument(name + ": field is not finite");
-    if (reading.currents.size() != coils) throw std::invalid_argument(name + ": one current a coil is needed");
-    if (!reading.currents.allFinite()) throw std::invalid_argument(name + ": a current is not finite");
+    if (reading.currents.size() != coils)
+      throw std::invalid_argument(name + ": one current a coil is needed");
+    if (!reading.currents.allFinite())
+      throw std::invalid_argument(name + ": a current is not finite");
     currents.row(static_cast<Eigen::Index>(n)) << reading.currents.transpose(), 1;
   }
   if (readings.size() < needed) {
-    throw std::invalid_argument("readings: " + std::to_string(readings.size()) + " given, at least " +
-                                std::to_string(needed) + " needed");
+    throw std::invalid_argument("readings: " + std::to_string(readings.size()) +
+                                " given, at least " + std::to_string(needed) + " needed");
   }
   for (int k = 0; k < coils; ++k) {
     if (!(currents.col(k).norm() > 0)) {
-      throw std::invalid_argument("readings: coil " + std::to_string(k + 1) + " never had a current");
+      throw std::invalid_argument("readings: coil " + std::to_string(k + 1) +
+                                  " never had a current");
     }
     currents.col(k) /= currents.col(k).norm();
   }

@@ -18,9 +18,9 @@ struct ProbeReading {
   Eigen::Vector3d field{0, 0, 0};     // T
 };
 
-/// Throws std::invalid_argument naming the reading that is not finite or has not one current a coil, for fewer than
-/// `needed`, and for a coil that never had a current of its own: its column in the readings' currents is a mixture of
-/// the others' and of the background's.
+/// Throws std::invalid_argument naming the reading that is not finite or has not one current a
+/// coil, for fewer than `needed`, and for a coil that never had a current of its own: its column in
+/// the readings' currents is a mixture of the others' and of the background's.
 void check_readings(const std::vector<ProbeReading>& readings, int coils, std::size_t needed);
 
 struct ResidualReport {

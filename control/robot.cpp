@@ -23,8 +23,8 @@ struct Drag {
   double along, across;  // N s/m
 };
 
-// Perrin's prolate spheroid, a the semi-axis and e the eccentricity; q = a e. Both denominators vanish as e^2 when the
-// axes become equal, so that factor is divided out of their series there.
+// Perrin's prolate spheroid, a the semi-axis and e the eccentricity; q = a e. Both denominators
+// vanish as e^2 when the axes become equal, so that factor is divided out of their series there.
 Drag perrin(double viscosity, double a, double b) {
   const double e2 = (a - b) * (a + b) / (a * a);
   double along = 0, across = 0;  // the denominators (facts/magnetics 3.1) over 2 a e^2
@@ -53,22 +53,24 @@ void Medium::check() const {
 void Robot::check() const {
   require(positive(semi_axis), "robot semi_axis: must be above 0 m");
   require(positive(semi_radius), "robot semi_radius: must be above 0 m");
-  require(semi_axis >= semi_radius, "robot semi_axis: must be at least semi_radius (the robot is elongated)");
+  require(semi_axis >= semi_radius,
+          "robot semi_axis: must be at least semi_radius (the robot is elongated)");
   require(positive(solid_volume), "robot solid_volume: must be above 0 m^3");
-  require(solid_volume <= 2 * kPi * semi_axis * semi_radius * semi_radius * (1 + 1e-9),  // a full cylinder
+  require(solid_volume <=
+              2 * kPi * semi_axis * semi_radius * semi_radius * (1 + 1e-9),  // a full cylinder
           "robot solid_volume: more metal than its outline holds");
   require(positive(solid_density), "robot solid_density: must be above 0 kg/m^3");
   require(positive(saturation), "robot saturation: must be above 0 A/m");
-  require(hard || (positive(demagnetisation) && demagnetisation < 1),
-          "robot demagnetisation: must be within 0 and 1 for a soft magnet");
-  require(std::isfinite(anisotropy) && anisotropy >= 0 && demagnetisation + anisotropy < 1,
+  require(hard || (positive(demagnetization) && demagnetization < 1),
+          "robot demagnetization: must be within 0 and 1 for a soft magnet");
+  require(std::isfinite(anisotropy) && anisotropy >= 0 && demagnetization + anisotropy < 1,
           "robot anisotropy: must be at least 0 and leave the factor across the axis below 1");
 }
 
 double Robot::moment(double field) const {
   require(std::isfinite(field) && field >= 0, "field: a magnitude, must be at least 0 T");
   const double full = solid_volume * saturation;
-  return hard ? full : full * std::tanh(field / (kMu0 * demagnetisation * saturation));
+  return hard ? full : full * std::tanh(field / (kMu0 * demagnetization * saturation));
 }
 
 double Robot::net_weight(const Medium& medium) const {
@@ -76,21 +78,24 @@ double Robot::net_weight(const Medium& medium) const {
 }
 
 Robot coni_2mm() {
-  // Two elliptical plates, 2 x 1 mm and 42 um thick, that cross along the major axis and share a bar there.
+  // Two elliptical plates, 2 x 1 mm and 42 um thick, that cross along the major axis and share a
+  // bar there.
   constexpr double kThickness = 42e-6, kAxis = 1e-3, kRadius = 0.5e-3;
   Robot robot;
   robot.name = "CoNi 2 mm";
   robot.semi_axis = kAxis;
   robot.semi_radius = kRadius;
-  robot.solid_volume = 2 * kPi * kAxis * kRadius * kThickness - 2 * kAxis * kThickness * kThickness;  // 0.128 mm^3
+  robot.solid_volume =
+      2 * kPi * kAxis * kRadius * kThickness - 2 * kAxis * kThickness * kThickness;  // 0.128 mm^3
   robot.solid_density = 8800;
   robot.saturation = 1.19e6;
-  // From the table's m(20 mT) = 7.3e-5 A m^2 by the tanh law; the factor of the plates is not of a closed form.
+  // From the table's m(20 mT) = 7.3e-5 A m^2 by the tanh law; the factor of the plates is not of a
+  // closed form.
   const double share = 7.3e-5 / (robot.solid_volume * robot.saturation);
-  robot.demagnetisation = 0.02 / (kMu0 * robot.saturation * std::atanh(share));
+  robot.demagnetization = 0.02 / (kMu0 * robot.saturation * std::atanh(share));
   // Its plates', in their planes: 1/2 mu0 V Ms^2 times this is the largest torque, 2.6e-6 N m
   // (facts/magnetics: 2.1e-6).
-  const Eigen::Vector3d plate = demagnetising_factors({kAxis, kRadius, kThickness / 2});
+  const Eigen::Vector3d plate = demagnetizing_factors({kAxis, kRadius, kThickness / 2});
   robot.anisotropy = plate[1] - plate[0];
   return robot;
 }

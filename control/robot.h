@@ -12,8 +12,8 @@ constexpr double kGravity = 9.80665;  // m/s^2
 
 struct Medium {
   std::string name = "silicone oil";
-  double density = 970;                                                       // kg/m^3
-  double kinematic_viscosity = 500e-6;                                        // m^2/s (1 cSt = 1e-6)
+  double density = 970;                 // kg/m^3
+  double kinematic_viscosity = 500e-6;  // m^2/s (1 cSt = 1e-6)
   double dynamic_viscosity() const { return density * kinematic_viscosity; }  // Pa s
   void check() const;  // throws std::invalid_argument naming the parameter
 };
@@ -25,11 +25,11 @@ struct Robot {
   double semi_radius = 0.5e-3;  // m, across
   double solid_volume = 0;      // m^3 of metal
   double solid_density = 0;     // kg/m^3
-  double saturation = 0;        // A/m: saturation magnetisation (soft) or remanence/mu0 (hard)
-  double demagnetisation = 0;   // along the easy axis; 0 with `hard`
+  double saturation = 0;        // A/m: saturation magnetization (soft) or remanence/mu0 (hard)
+  double demagnetization = 0;   // along the easy axis; 0 with `hard`
   bool hard = false;            // a permanent magnet
-  double anisotropy = 0;        // of a soft magnet: the factor across the axis less the one along it
-  void check() const;           // throws std::invalid_argument naming the parameter
+  double anisotropy = 0;  // of a soft magnet: the factor across the axis less the one along it
+  void check() const;     // throws std::invalid_argument naming the parameter
   /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).
   double moment(double field) const;
   double mass() const { return solid_volume * solid_density; }  // kg
@@ -40,7 +40,8 @@ struct Robot {
 /// The 2 mm x 1 mm x 1 mm robot of two crossed elliptical CoNi plates (facts/magnetics 3.1).
 Robot coni_2mm();
 
-/// Force per velocity, N s/m: Perrin's prolate spheroid with its axis along `axis` (unit, world). f = R v.
+/// Force per velocity, N s/m: Perrin's prolate spheroid with its axis along `axis` (unit, world). f
+/// = R v.
 Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen::Vector3d& axis);
 
 }  // namespace vitreo::control

@@ -16,10 +16,11 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kMu0 = 4e-7 * kPi;  // T m/A
 constexpr double kRemanence = 1.2;   // T, of NdFeB
 constexpr double kNearest = 1.155;   // of R: there the series towards the wall turns round
-constexpr std::pair<std::string_view, Robot (*)()> kRobots[] = {{"coni_2mm", coni_2mm},
-                                                                {"ni_500um", ni_500um},
-                                                                {"ndfeb_sphere_500um", ndfeb_sphere_500um},
-                                                                {"ndfeb_cylinder_1mm", ndfeb_cylinder_1mm}};
+constexpr std::pair<std::string_view, Robot (*)()> kRobots[] = {
+    {"coni_2mm", coni_2mm},
+    {"ni_500um", ni_500um},
+    {"ndfeb_sphere_500um", ndfeb_sphere_500um},
+    {"ndfeb_cylinder_1mm", ndfeb_cylinder_1mm}};
 
 void require(bool good, const char* what) {
   if (!good) throw std::invalid_argument(what);
@@ -32,7 +33,8 @@ double carlson_rd(double x, double y, double z) {
     mean = (x + y + 3 * z) / 5;
     ex = (mean - x) / mean, ey = (mean - y) / mean, ez = (mean - z) / mean;
     if (std::max({std::abs(ex), std::abs(ey), std::abs(ez)}) < 1e-3) break;
-    const double sx = std::sqrt(x), sy = std::sqrt(y), sz = std::sqrt(z), lambda = sx * (sy + sz) + sy * sz;
+    const double sx = std::sqrt(x), sy = std::sqrt(y), sz = std::sqrt(z),
+                 lambda = sx * (sy + sz) + sy * sz;
     sum += factor / (sz * (z + lambda));
     factor /= 4;
     x = (x + lambda) / 4, y = (y + lambda) / 4, z = (z + lambda) / 4;
@@ -67,15 +69,17 @@ Robot ni_500um() {
   robot.solid_density = 8908;
   robot.saturation = 4.9e5;
   // From the table's m(20 mT) = 1.1e-6 A m^2, as for CoNi.
-  robot.demagnetisation = 0.02 / (kMu0 * robot.saturation * std::atanh(1.1e-6 / (robot.solid_volume * 4.9e5)));
-  const Eigen::Vector3d plate = demagnetising_factors({kAxis, kRadius, kThickness / 2});
+  robot.demagnetization =
+      0.02 / (kMu0 * robot.saturation * std::atanh(1.1e-6 / (robot.solid_volume * 4.9e5)));
+  const Eigen::Vector3d plate = demagnetizing_factors({kAxis, kRadius, kThickness / 2});
   robot.anisotropy = plate[1] - plate[0];
   return robot;
 }
 
 Robot ndfeb_sphere_500um() {
   constexpr double kRadius = 0.25e-3;
-  return magnet("NdFeB sphere 0.5 mm", kRadius, kRadius, 4. / 3 * kPi * kRadius * kRadius * kRadius);
+  return magnet("NdFeB sphere 0.5 mm", kRadius, kRadius,
+                4. / 3 * kPi * kRadius * kRadius * kRadius);
 }
 
 Robot ndfeb_cylinder_1mm() {
@@ -107,39 +111,43 @@ WallFactors faxen(double radius, double distance) {
   return {1 / (1 - 9. / 16 * x + cube / 8), 1 / (1 - 9. / 8 * x + cube / 2)};
 }
 
-Eigen::Matrix3d resistance_near_wall(const Eigen::Matrix3d& free, const Robot& robot, const Eigen::Vector3d& normal,
-                                     double distance) {
+Eigen::Matrix3d resistance_near_wall(const Eigen::Matrix3d& free, const Robot& robot,
+                                     const Eigen::Vector3d& normal, double distance) {
   robot.check();
   require(std::isfinite(distance) && distance > 0, "wall distance: must be above 0 m");
   require(normal.allFinite() && normal.norm() > 0, "wall normal: must be finite and not zero");
-  const auto [along, towards] = faxen(std::cbrt(robot.semi_axis * robot.semi_radius * robot.semi_radius), distance);
+  const auto [along, towards] =
+      faxen(std::cbrt(robot.semi_axis * robot.semi_radius * robot.semi_radius), distance);
   const Eigen::Vector3d n = normal.normalized();
   // The root on both sides keeps the tensor symmetric where the robot's axis is askew to the wall.
-  const Eigen::Matrix3d root =
-      std::sqrt(along) * Eigen::Matrix3d::Identity() + (std::sqrt(towards) - std::sqrt(along)) * n * n.transpose();
+  const Eigen::Matrix3d root = std::sqrt(along) * Eigen::Matrix3d::Identity() +
+                               (std::sqrt(towards) - std::sqrt(along)) * n * n.transpose();
   return root * free * root;
 }
 
 double rotational_resistance(const Robot& robot, const Medium& medium) {
   const Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
-  const double along = resistance(robot, medium, axis)(0, 0), a = robot.semi_axis, b = robot.semi_radius;
-  // Perrin's (32/3) pi eta (a^4 - b^4) / ((2a^2 - b^2) S - 2a) by the drag along the axis, which has the same
-  // denominator: nothing vanishes at the sphere, where this is 8 pi eta R^3.
+  const double along = resistance(robot, medium, axis)(0, 0), a = robot.semi_axis,
+               b = robot.semi_radius;
+  // Perrin's (32/3) pi eta (a^4 - b^4) / ((2a^2 - b^2) S - 2a) by the drag along the axis, which
+  // has the same denominator: nothing vanishes at the sphere, where this is 8 pi eta R^3.
   return 2. / 3 * (a * a + b * b) * along;
 }
 
-Eigen::Vector3d robot_moment(const Robot& robot, const Eigen::Vector3d& axis, const Eigen::Vector3d& field) {
+Eigen::Vector3d robot_moment(const Robot& robot, const Eigen::Vector3d& axis,
+                             const Eigen::Vector3d& field) {
   if (robot.hard) return robot.solid_volume * robot.saturation * axis;
   const double strength = field.norm();
   if (!(strength > 0)) return Eigen::Vector3d::Zero();
   // In the plane of axis and field; only the part across the axis has another factor.
   const Eigen::Vector3d across_field = field - axis.dot(field) * axis;
   const double across_strength = across_field.norm();
-  const Eigen::Vector3d across = across_strength > 0 ? Eigen::Vector3d(across_field / across_strength) : axis;
-  const SoftBody body{
-      robot.solid_volume,
-      robot.saturation,
-      {robot.demagnetisation, robot.demagnetisation + robot.anisotropy, robot.demagnetisation + robot.anisotropy}};
+  const Eigen::Vector3d across =
+      across_strength > 0 ? Eigen::Vector3d(across_field / across_strength) : axis;
+  const SoftBody body{robot.solid_volume,
+                      robot.saturation,
+                      {robot.demagnetization, robot.demagnetization + robot.anisotropy,
+                       robot.demagnetization + robot.anisotropy}};
   const Eigen::Vector3d in_body(axis.dot(field), across_strength, 0);
   const Eigen::Vector3d sharp = soft_moment(body, in_body);
   const Eigen::Vector3d linear = in_body.cwiseQuotient(kMu0 * body.factors);
@@ -148,7 +156,7 @@ Eigen::Vector3d robot_moment(const Robot& robot, const Eigen::Vector3d& axis, co
   return smooth * (sharp[0] * axis + sharp[1] * across);
 }
 
-Eigen::Vector3d demagnetising_factors(const Eigen::Vector3d& semi_axes) {
+Eigen::Vector3d demagnetizing_factors(const Eigen::Vector3d& semi_axes) {
   require(semi_axes.allFinite() && semi_axes.minCoeff() > 0, "semi_axes: must be above 0 m");
   const Eigen::Vector3d s = semi_axes / semi_axes.maxCoeff(), q = s.cwiseProduct(s);
   const double product = s.prod() / 3;
@@ -168,12 +176,13 @@ Eigen::Vector3d soft_moment(const SoftBody& body, const Eigen::Vector3d& field_i
   require(field_in_body.allFinite(), "field_in_body: not finite");
   const Eigen::Vector3d h = field_in_body / kMu0, linear = h.cwiseQuotient(body.factors);
   if (linear.norm() <= body.saturation) return body.volume * linear;
-  // On the sphere |M| = saturation the minimum has M = H / (N + x) with one x > 0; Newton on 1/|M|, which is nearly
-  // straight in x and bends down, so that it comes from below and never beyond.
+  // On the sphere |M| = saturation the minimum has M = H / (N + x) with one x > 0; Newton on 1/|M|,
+  // which is nearly straight in x and bends down, so that it comes from below and never beyond.
   double x = 0;
   for (int k = 0; k < 50; ++k) {
     const Eigen::Vector3d denominator = body.factors.array() + x, m = h.cwiseQuotient(denominator);
-    const double size = m.norm(), slope = m.cwiseProduct(m).cwiseQuotient(denominator).sum() / (size * size * size);
+    const double size = m.norm(),
+                 slope = m.cwiseProduct(m).cwiseQuotient(denominator).sum() / (size * size * size);
     const double step = (1 / body.saturation - 1 / size) / slope;
     x += step;
     if (std::abs(step) <= 1e-14 * (1 + x)) break;

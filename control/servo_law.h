@@ -1,4 +1,5 @@
-// The position servo on an estimate: reference, proportional part, disturbance cancelled; and its gains from the loop.
+// The position servo on an estimate: reference, proportional part, disturbance canceled; and its
+// gains from the loop.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,16 +14,19 @@ struct ServoGains {
   void check() const;         // throws std::invalid_argument naming the gain
 };
 
-/// u = v_ref + Kp (p_ref - p^) - d, its length at most max_speed. Reference and estimate are of the moment at which the
-/// command takes effect (ServoTuning::horizon from now); the reference's velocity is the mean over the time for which
-/// the command holds. Nothing to wind up: give the velocity that the allocation left to PositionEstimator::command.
-Eigen::Vector3d servo_velocity(const ServoGains& gains, const Reference& reference, const PositionEstimate& estimate);
+/// u = v_ref + Kp (p_ref - p^) - d, its length at most max_speed. Reference and estimate are of the
+/// moment at which the command takes effect (ServoTuning::horizon from now); the reference's
+/// velocity is the mean over the time for which the command holds. Nothing to wind up: give the
+/// velocity that the allocation left to PositionEstimator::command.
+Eigen::Vector3d servo_velocity(const ServoGains& gains, const Reference& reference,
+                               const PositionEstimate& estimate);
 
 /// A trajectory's place at `time` and its mean velocity over the `hold` after it.
 template <typename Trajectory>
 Reference held_reference(const Trajectory& trajectory, double time, double hold) {
   Reference reference = trajectory.at(time);
-  if (hold > 0) reference.velocity = (trajectory.at(time + hold).position - reference.position) / hold;
+  if (hold > 0)
+    reference.velocity = (trajectory.at(time + hold).position - reference.position) / hold;
   return reference;
 }
 
@@ -35,8 +39,9 @@ struct LoopIdentity {
   double noise = 4.3e-6;              // m, of one coordinate of one measurement
   double drag = 6.3e-3;               // N s/m
   double force_limit = 20e-6;         // N, to spare for motion
-  double instability = 0.22;          // 1/s, of the robot left alone (Earnshaw): 1/4.5 s for CoNi in 500 cSt
-  void check() const;                 // throws std::invalid_argument naming the parameter
+  double instability =
+      0.22;            // 1/s, of the robot left alone (Earnshaw): 1/4.5 s for CoNi in 500 cSt
+  void check() const;  // throws std::invalid_argument naming the parameter
 };
 
 struct ServoTuning {

@@ -8,9 +8,10 @@
 
 namespace vitreo::control {
 
-Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medium& medium, const Currents& currents,
-                         const Eigen::Vector3d& position) {
-  if (currents.size() != field.coils()) throw std::invalid_argument("currents: one a coil is wanted");
+Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medium& medium,
+                         const Currents& currents, const Eigen::Vector3d& position) {
+  if (currents.size() != field.coils())
+    throw std::invalid_argument("currents: one a coil is wanted");
   const FieldGradient made = field.matrix(position) * currents + field.background(position);
   const double strength = made.head<3>().norm();
   const Eigen::Vector3d weight(0, 0, -robot.net_weight(medium));
@@ -19,9 +20,9 @@ Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medi
   return weight + force_from_field(moment) * made;
 }
 
-double instability(const FieldModel& field, const Robot& robot, const Medium& medium, const Currents& currents,
-                   const Eigen::Vector3d& position) {
-  constexpr double kStep = 0.1e-3;  // m: the field varies by 2 % a millimetre
+double instability(const FieldModel& field, const Robot& robot, const Medium& medium,
+                   const Currents& currents, const Eigen::Vector3d& position) {
+  constexpr double kStep = 0.1e-3;  // m: the field varies by 2 % a millimeter
   Eigen::Matrix3d stiffness;        // dF_i/dp_j
   for (int axis = 0; axis < 3; ++axis) {
     const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(axis);
@@ -30,7 +31,8 @@ double instability(const FieldModel& field, const Robot& robot, const Medium& me
                           (2 * kStep);
   }
   if (currents.isZero()) return 0;
-  const Eigen::Vector3d along = (field.matrix(position) * currents + field.background(position)).head<3>().normalized();
+  const Eigen::Vector3d along =
+      (field.matrix(position) * currents + field.background(position)).head<3>().normalized();
   const Eigen::Matrix3d rate = resistance(robot, medium, along).inverse() * stiffness;
   return Eigen::EigenSolver<Eigen::Matrix3d>(rate, false).eigenvalues().real().maxCoeff();
 }

@@ -12,7 +12,8 @@ namespace {
 
 // A spiral of four turns then bends by a third of a degree from one sample to the next.
 constexpr std::size_t kSamples = 4096;
-// Of the acceleration may go into the bend at most this part (squared: 0.9), so that some is left to speed up.
+// Of the acceleration may go into the bend at most this part (squared: 0.9), so that some is left
+// to speed up.
 constexpr double kBendPart = 0.95;
 
 void require(bool good, const char* what) {
@@ -23,7 +24,8 @@ void require(bool good, const char* what) {
 
 void MotionLimits::check() const {
   require(std::isfinite(speed) && speed > 0, "speed: must be finite and above 0 m/s");
-  require(std::isfinite(acceleration) && acceleration > 0, "acceleration: must be finite and above 0 m/s^2");
+  require(std::isfinite(acceleration) && acceleration > 0,
+          "acceleration: must be finite and above 0 m/s^2");
 }
 
 Trajectory Trajectory::hold_at(const Eigen::Vector3d& point) {
@@ -33,27 +35,30 @@ Trajectory Trajectory::hold_at(const Eigen::Vector3d& point) {
   return result;
 }
 
-Trajectory Trajectory::line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const MotionLimits& limits) {
+Trajectory Trajectory::line(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                            const MotionLimits& limits) {
   return waypoints({from, to}, limits);
 }
 
-Trajectory Trajectory::rectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& side, const Eigen::Vector3d& up,
-                                 const MotionLimits& limits) {
+Trajectory Trajectory::rectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& side,
+                                 const Eigen::Vector3d& up, const MotionLimits& limits) {
   return waypoints({corner, corner + side, corner + side + up, corner + up, corner}, limits);
 }
 
-Trajectory Trajectory::circle(const Eigen::Vector3d& centre, const Eigen::Vector3d& first,
-                              const Eigen::Vector3d& second, double turns, const MotionLimits& limits) {
-  require(centre.allFinite(), "centre: not finite");
+Trajectory Trajectory::circle(const Eigen::Vector3d& center, const Eigen::Vector3d& first,
+                              const Eigen::Vector3d& second, double turns,
+                              const MotionLimits& limits) {
+  require(center.allFinite(), "center: not finite");
   require(first.allFinite() && first.norm() > 0, "first: must be a finite radius above 0 m");
   require(second.allFinite() && std::abs(second.norm() - first.norm()) < 1e-6 * first.norm(),
           "second: must be as long as first");
-  require(std::abs(first.dot(second)) < 1e-6 * first.squaredNorm(), "second: must be at a right angle to first");
+  require(std::abs(first.dot(second)) < 1e-6 * first.squaredNorm(),
+          "second: must be at a right angle to first");
   require(std::isfinite(turns) && turns > 0, "turns: must be above 0");
   return curve(
       [&](double t) {
         const double angle = 2 * std::numbers::pi * turns * t;
-        return Eigen::Vector3d(centre + std::cos(angle) * first + std::sin(angle) * second);
+        return Eigen::Vector3d(center + std::cos(angle) * first + std::sin(angle) * second);
       },
       limits);
 }
@@ -61,26 +66,31 @@ Trajectory Trajectory::circle(const Eigen::Vector3d& centre, const Eigen::Vector
 Trajectory Trajectory::spiral(const Spiral& shape, const MotionLimits& limits) {
   require(shape.bottom.allFinite(), "bottom: not finite");
   require(std::isfinite(shape.height) && shape.height > 0, "height: must be above 0 m");
-  require(std::isfinite(shape.first_radius) && shape.first_radius > 0, "first_radius: must be above 0 m");
-  require(std::isfinite(shape.last_radius) && shape.last_radius > 0, "last_radius: must be above 0 m");
+  require(std::isfinite(shape.first_radius) && shape.first_radius > 0,
+          "first_radius: must be above 0 m");
+  require(std::isfinite(shape.last_radius) && shape.last_radius > 0,
+          "last_radius: must be above 0 m");
   require(std::isfinite(shape.turns) && shape.turns > 0, "turns: must be above 0");
   return curve(
       [&](double t) {
         const double angle = 2 * std::numbers::pi * shape.turns * t;
         const double radius = shape.first_radius + t * (shape.last_radius - shape.first_radius);
-        return Eigen::Vector3d(shape.bottom +
-                               Eigen::Vector3d(radius * std::cos(angle), radius * std::sin(angle), t * shape.height));
+        return Eigen::Vector3d(shape.bottom + Eigen::Vector3d(radius * std::cos(angle),
+                                                              radius * std::sin(angle),
+                                                              t * shape.height));
       },
       limits);
 }
 
-Trajectory Trajectory::curve(const std::function<Eigen::Vector3d(double)>& place, const MotionLimits& limits) {
+Trajectory Trajectory::curve(const std::function<Eigen::Vector3d(double)>& place,
+                             const MotionLimits& limits) {
   Trajectory result;
   result.append(place, limits);
   return result;
 }
 
-Trajectory Trajectory::waypoints(const std::vector<Eigen::Vector3d>& points, const MotionLimits& limits) {
+Trajectory Trajectory::waypoints(const std::vector<Eigen::Vector3d>& points,
+                                 const MotionLimits& limits) {
   require(!points.empty(), "waypoints: at least one is needed");
   limits.check();
   Trajectory result;
@@ -97,20 +107,22 @@ Reference Trajectory::at(double time) const {
   require(!std::isnan(time), "time: not a number");
   if (time < 0) return {knots_.front().place, Eigen::Vector3d::Zero()};
   if (time >= duration()) return {knots_.back().place, Eigen::Vector3d::Zero()};
-  const auto next = std::upper_bound(knots_.begin(), knots_.end(), time,
-                                     [](double value, const Knot& knot) { return value < knot.time; });
+  const auto next =
+      std::upper_bound(knots_.begin(), knots_.end(), time,
+                       [](double value, const Knot& knot) { return value < knot.time; });
   const Knot &b = *next, &a = *(next - 1);
   const double span = b.distance - a.distance, passed = time - a.time;
   const double acceleration = (b.speed - a.speed) / (b.time - a.time);
   const double u = std::clamp((a.speed + acceleration * passed / 2) * passed / span, 0.0, 1.0);
   // Hermite's cubic between the samples.
   const double v = 1 - u;
-  return {
-      v * v * (1 + 2 * u) * a.place + u * u * (1 + 2 * v) * b.place + span * u * v * (v * a.tangent - u * b.tangent),
-      (a.speed + acceleration * passed) * (v * a.tangent + u * b.tangent)};
+  return {v * v * (1 + 2 * u) * a.place + u * u * (1 + 2 * v) * b.place +
+              span * u * v * (v * a.tangent - u * b.tangent),
+          (a.speed + acceleration * passed) * (v * a.tangent + u * b.tangent)};
 }
 
-void Trajectory::append(const std::function<Eigen::Vector3d(double)>& place, const MotionLimits& limits) {
+void Trajectory::append(const std::function<Eigen::Vector3d(double)>& place,
+                        const MotionLimits& limits) {
   limits.check();
   const std::size_t first = knots_.size();
   const double begin = first > 0 ? knots_.back().distance : 0;
@@ -119,25 +131,32 @@ void Trajectory::append(const std::function<Eigen::Vector3d(double)>& place, con
     Knot& knot = knots_[first + k];
     knot.place = place(static_cast<double>(k) / kSamples);
     require(knot.place.allFinite(), "curve: a number is not finite");
-    knot.distance = k == 0 ? begin : knots_[first + k - 1].distance + (knot.place - knots_[first + k - 1].place).norm();
+    knot.distance =
+        k == 0 ? begin
+               : knots_[first + k - 1].distance + (knot.place - knots_[first + k - 1].place).norm();
     require(k == 0 || knot.distance > knots_[first + k - 1].distance, "curve: stands still");
   }
   // Second-order differences, one-sided at the ends.
   std::vector<double> curvature(kSamples + 1);
   for (std::size_t k = 0; k <= kSamples; ++k) {
     const std::size_t i = first + std::clamp<std::size_t>(k, 1, kSamples - 1);
-    const double h1 = knots_[i].distance - knots_[i - 1].distance, h2 = knots_[i + 1].distance - knots_[i].distance;
+    const double h1 = knots_[i].distance - knots_[i - 1].distance,
+                 h2 = knots_[i + 1].distance - knots_[i].distance;
     const Eigen::Vector3d d1 = (knots_[i].place - knots_[i - 1].place) / h1,
                           d2 = (knots_[i + 1].place - knots_[i].place) / h2;
-    const Eigen::Vector3d bend = (d2 - d1) / ((h1 + h2) / 2), middle = (h2 * d1 + h1 * d2) / (h1 + h2);
-    knots_[first + k].tangent = (middle + (knots_[first + k].distance - knots_[i].distance) * bend).normalized();
+    const Eigen::Vector3d bend = (d2 - d1) / ((h1 + h2) / 2),
+                          middle = (h2 * d1 + h1 * d2) / (h1 + h2);
+    knots_[first + k].tangent =
+        (middle + (knots_[first + k].distance - knots_[i].distance) * bend).normalized();
     curvature[k] = bend.norm();
   }
   shape_piece(first, limits, curvature);
 }
 
-// At rest at both ends; between, v^2 k <= part of a, and what the bend leaves of a speeds up and slows down.
-void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits, const std::vector<double>& curvature) {
+// At rest at both ends; between, v^2 k <= part of a, and what the bend leaves of a speeds up and
+// slows down.
+void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits,
+                             const std::vector<double>& curvature) {
   const double a = limits.acceleration;
   std::vector<double> square(kSamples + 1);
   for (std::size_t k = 0; k <= kSamples; ++k) {
@@ -146,7 +165,8 @@ void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits, cons
   }
   square.front() = square.back() = 0;
   const auto reach = [&](std::size_t from, std::size_t to) {
-    const double bend = std::max(square[from] * curvature[from], std::min(square[to], square[from]) * curvature[to]);
+    const double bend = std::max(square[from] * curvature[from],
+                                 std::min(square[to], square[from]) * curvature[to]);
     const double along = std::sqrt(std::max(a * a - bend * bend, 0.0));
     const double step = std::abs(knots_[first + to].distance - knots_[first + from].distance);
     square[to] = std::min(square[to], square[from] + 2 * along * step);
@@ -158,7 +178,8 @@ void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits, cons
     Knot& knot = knots_[first + k];
     knot.speed = std::sqrt(square[k]);
     if (k > 0)
-      time += 2 * (knot.distance - knots_[first + k - 1].distance) / (knot.speed + knots_[first + k - 1].speed);
+      time += 2 * (knot.distance - knots_[first + k - 1].distance) /
+              (knot.speed + knots_[first + k - 1].speed);
     knot.time = time;
   }
   require(std::isfinite(time), "speed: too slow for the path");

@@ -1,4 +1,5 @@
-// Trajectories that a robot can follow: places as functions of time, with speed and acceleration limited.
+// Trajectories that a robot can follow: places as functions of time, with speed and acceleration
+// limited.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,7 +18,8 @@ struct MotionLimits {
   void check() const;          // throws std::invalid_argument naming the limit
 };
 
-/// Widens as it climbs, like those of the thesis' 5.5: 6 mm from top to bottom, 7 mm from side to side at its widest.
+/// Widens as it climbs, like those of the thesis' 5.5: 6 mm from top to bottom, 7 mm from side to
+/// side at its widest.
 struct Spiral {
   Eigen::Vector3d bottom{0, 0, -3e-3};  // m, world: the axis' lower end; the axis is world z
   double height = 6e-3;                 // m
@@ -26,25 +28,30 @@ struct Spiral {
   double turns = 4;
 };
 
-/// Starts and ends at rest, in the least time its limits allow along the path (straight parts stop at corners).
-/// All of the constructors throw std::invalid_argument naming what is not finite, too short or not above zero.
+/// Starts and ends at rest, in the least time its limits allow along the path (straight parts stop
+/// at corners). All of the constructors throw std::invalid_argument naming what is not finite, too
+/// short or not above zero.
 class Trajectory {
  public:
   static Trajectory hold_at(const Eigen::Vector3d& point);
-  static Trajectory line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const MotionLimits& limits);
+  static Trajectory line(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                         const MotionLimits& limits);
   /// From the first corner along `side`, then along `up`, and back to where it began.
-  static Trajectory rectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& side, const Eigen::Vector3d& up,
-                              const MotionLimits& limits);
-  /// Begins at centre + `first`, towards `second`: two radii, at a right angle and of one length.
-  static Trajectory circle(const Eigen::Vector3d& centre, const Eigen::Vector3d& first, const Eigen::Vector3d& second,
-                           double turns, const MotionLimits& limits);
+  static Trajectory rectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& side,
+                              const Eigen::Vector3d& up, const MotionLimits& limits);
+  /// Begins at center + `first`, towards `second`: two radii, at a right angle and of one length.
+  static Trajectory circle(const Eigen::Vector3d& center, const Eigen::Vector3d& first,
+                           const Eigen::Vector3d& second, double turns, const MotionLimits& limits);
   static Trajectory spiral(const Spiral& shape, const MotionLimits& limits);
   /// Straight lines, at rest in every waypoint. Points met twice in a row count once.
-  static Trajectory waypoints(const std::vector<Eigen::Vector3d>& points, const MotionLimits& limits);
-  /// The natural cubic spline through the points: without rest, and without a jump of the acceleration.
+  static Trajectory waypoints(const std::vector<Eigen::Vector3d>& points,
+                              const MotionLimits& limits);
+  /// The natural cubic spline through the points: without rest, and without a jump of the
+  /// acceleration.
   static Trajectory spline(const std::vector<Eigen::Vector3d>& points, const MotionLimits& limits);
   /// Any smooth curve over [0, 1].
-  static Trajectory curve(const std::function<Eigen::Vector3d(double)>& place, const MotionLimits& limits);
+  static Trajectory curve(const std::function<Eigen::Vector3d(double)>& place,
+                          const MotionLimits& limits);
 
   double duration() const { return knots_.back().time; }    // s
   double length() const { return knots_.back().distance; }  // m
@@ -58,7 +65,8 @@ class Trajectory {
   };
   Trajectory() = default;
   void append(const std::function<Eigen::Vector3d(double)>& place, const MotionLimits& limits);
-  void shape_piece(std::size_t first, const MotionLimits& limits, const std::vector<double>& curvature);
+  void shape_piece(std::size_t first, const MotionLimits& limits,
+                   const std::vector<double>& curvature);
 
   std::vector<Knot> knots_;
 };

@@ -8,9 +8,9 @@
 
 namespace vitreo::control {
 
-/// The defaults suit a 1 mm NdFeB cylinder at 15 frames/s and 130 ms latency, in gels from 2.8 Pa on and in oil of 500
-/// cSt. In a gel of modulus G' an `integral` of up to 0.4 * 6 pi G' r is as safe, and faster (r: of the ball with the
-/// robot's drag).
+/// The defaults suit a 1 mm NdFeB cylinder at 15 frames/s and 130 ms latency, in gels from 2.8 Pa
+/// on and in oil of 500 cSt. In a gel of modulus G' an `integral` of up to 0.4 * 6 pi G' r is as
+/// safe, and faster (r: of the ball with the robot's drag).
 struct VelocityGains {
   double proportional = 0.3;    // 1/s: velocity wanted per position error
   double max_speed = 0.2e-3;    // m/s wanted at most: what makes the approach slow enough to stop
@@ -20,9 +20,10 @@ struct VelocityGains {
   void check() const;           // throws std::invalid_argument naming the gain
 };
 
-/// f' = integral (v_wanted - v), v_wanted = v_ref + Kp (p_ref - p) limited in length: the force rises until the medium
-/// yields, whatever that takes, and falls as the robot nears its goal, so that nothing is left wound up to overshoot
-/// with. The force is limited by length and holds there (anti-windup). Time as in PdController.
+/// f' = integral (v_wanted - v), v_wanted = v_ref + Kp (p_ref - p) limited in length: the force
+/// rises until the medium yields, whatever that takes, and falls as the robot nears its goal, so
+/// that nothing is left wound up to overshoot with. The force is limited by length and holds there
+/// (anti-windup). Time as in PdController.
 class VelocityController {
  public:
   explicit VelocityController(const VelocityGains& gains);

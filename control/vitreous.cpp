@@ -12,8 +12,9 @@ namespace vitreo::control {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr std::array kAgar = {1.098, 1.27, 1.42, 1.56, 1.68, 1.80, 1.91, 2.014, 2.11, 2.21, 2.30};  // mg/mL
-constexpr double kPorcineModulus = 14, kRemovedModulus = 2.8;                                       // Pa
+constexpr std::array kAgar = {1.098, 1.27,  1.42, 1.56, 1.68, 1.80,
+                              1.91,  2.014, 2.11, 2.21, 2.30};  // mg/mL
+constexpr double kPorcineModulus = 14, kRemovedModulus = 2.8;   // Pa
 constexpr double kAgarExponent = 2.6;
 
 void require(bool good, const char* what) {
@@ -33,7 +34,8 @@ void Gel::check() const {
 }
 
 Gel artificial_vitreous(int number) {
-  require(number >= 1 && number <= static_cast<int>(kAgar.size()), "gel: a case from 1 to 11 is wanted");
+  require(number >= 1 && number <= static_cast<int>(kAgar.size()),
+          "gel: a case from 1 to 11 is wanted");
   Gel gel;
   gel.name = "gel_" + std::to_string(number);
   const double agar = kAgar[static_cast<std::size_t>(number - 1)];
@@ -44,7 +46,8 @@ Gel artificial_vitreous(int number) {
 const std::vector<std::string>& gel_names() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> list;
-    for (std::size_t number = 1; number <= kAgar.size(); ++number) list.push_back("gel_" + std::to_string(number));
+    for (std::size_t number = 1; number <= kAgar.size(); ++number)
+      list.push_back("gel_" + std::to_string(number));
     list.insert(list.end(), {"porcine_vitreous", "porcine_vitreous_removed"});
     return list;
   }();
@@ -65,7 +68,9 @@ Gel gel_named(std::string_view name) {
 }
 
 EmbeddedRobot::EmbeddedRobot(const Robot& robot, const Gel& gel)
-    : semi_axis_(robot.semi_axis), semi_radius_(robot.semi_radius), yield_stress_(gel.yield_stress()) {
+    : semi_axis_(robot.semi_axis),
+      semi_radius_(robot.semi_radius),
+      yield_stress_(gel.yield_stress()) {
   robot.check();
   gel.check();
   yield_torque_ = 3.5 * kPi * semi_axis_ * semi_radius_ * semi_radius_ * yield_stress_;
@@ -76,27 +81,33 @@ EmbeddedRobot::EmbeddedRobot(const Robot& robot, const Gel& gel)
   plastic_ = gel.storage_modulus / gel.plastic_viscosity;
 }
 
-double EmbeddedRobot::yield_force(const Eigen::Vector3d& axis, const Eigen::Vector3d& direction) const {
+double EmbeddedRobot::yield_force(const Eigen::Vector3d& axis,
+                                  const Eigen::Vector3d& direction) const {
   const double along = axis.dot(direction), along2 = std::min(along * along, 1.0);
   const double silhouette =
-      kPi * semi_radius_ * std::sqrt(semi_radius_ * semi_radius_ * along2 + semi_axis_ * semi_axis_ * (1 - along2));
+      kPi * semi_radius_ *
+      std::sqrt(semi_radius_ * semi_radius_ * along2 + semi_axis_ * semi_axis_ * (1 - along2));
   return 14 * yield_stress_ * silhouette;
 }
 
 EmbeddedRobot::Rates EmbeddedRobot::step(const Eigen::Vector3d& axis, const Eigen::Vector3d& force,
-                                         const Eigen::Vector3d& torque, double stiffness, double span) {
-  // Backwards Euler. k / c = G' / eta_s and k / c_p = G' / eta_p hold for force and torque alike, so that both scale by
-  // one factor g: s1 = g (s0 + alpha F), with f1 (1 + alpha) + beta (f1 - 1) = f_trial beyond the yield surface.
+                                         const Eigen::Vector3d& torque, double stiffness,
+                                         double span) {
+  // Backwards Euler. k / c = G' / eta_s and k / c_p = G' / eta_p hold for force and torque alike,
+  // so that both scale by one factor g: s1 = g (s0 + alpha F), with f1 (1 + alpha) + beta (f1 - 1)
+  // = f_trial beyond the yield surface.
   const double alpha = span * elastic_, beta = span * plastic_, reach = span / turning_drag_;
   const Eigen::Vector3d s = force_ + alpha * force;
   const double size = s.norm(), force_part = size > 0 ? size / yield_force(axis, s / size) : 0;
   const double asked = torque.norm();
-  const Eigen::Vector3d about = asked > 0 ? Eigen::Vector3d(torque / asked) : Eigen::Vector3d::Zero();
+  const Eigen::Vector3d about =
+      asked > 0 ? Eigen::Vector3d(torque / asked) : Eigen::Vector3d::Zero();
   double g = 1 / (1 + alpha);
   Eigen::Vector3d turned = torque, t = torque_;
   for (int pass = 0; pass < 4; ++pass) {
     // The torque at the step's end, T1 = T - stiffness * (angle turned about it), given g.
-    const double end = (asked + stiffness * reach * g * torque_.dot(about)) / (1 + stiffness * reach * (1 - g * alpha));
+    const double end = (asked + stiffness * reach * g * torque_.dot(about)) /
+                       (1 + stiffness * reach * (1 - g * alpha));
     turned = end * about;
     t = torque_ + alpha * turned;
     const double trial = std::hypot(force_part, t.norm() / yield_torque_);

@@ -1,5 +1,6 @@
-// Gels like the vitreous: they spring back, and yield where the stress is above a limit (thesis 7.1; facts/magnetics
-// 3.2). A Maxwell and Bingham element beside a thin solvent, for the force and the torque of one embedded robot.
+// Gels like the vitreous: they spring back, and yield where the stress is above a limit
+// (thesis 7.1; facts/magnetics 3.2). A Maxwell and Bingham element beside a thin solvent, for the
+// force and the torque of one embedded robot.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,46 +17,52 @@ namespace vitreo::control {
 /// What of this is assumed and what is measured: docs/simulated_laboratory.md.
 struct Gel {
   std::string name;
-  double storage_modulus = 14;                                            // Pa, G'
-  double yield_strain = 1.2;                                              // yield stress over G'
-  double solvent_viscosity = 50e-3;                                       // Pa s
-  double plastic_viscosity = 1;                                           // Pa s, of what has yielded
-  double density = 1005;                                                  // kg/m^3
+  double storage_modulus = 14;       // Pa, G'
+  double yield_strain = 1.2;         // yield stress over G'
+  double solvent_viscosity = 50e-3;  // Pa s
+  double plastic_viscosity = 1;      // Pa s, of what has yielded
+  double density = 1005;             // kg/m^3
   double yield_stress() const { return yield_strain * storage_modulus; }  // Pa
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
-/// The artificial vitreous humours of thesis tables 7.1 and 7.2, case 1 to 11 (agar from 1.098 to 2.30 mg/mL,
-/// hyaluronic acid 2.21 mg/mL): G' = 14 Pa (agar / 1.098)^2.6. Throws std::invalid_argument for another case.
+/// The artificial vitreous humours of thesis tables 7.1 and 7.2, case 1 to 11 (agar from 1.098
+/// to 2.30 mg/mL, hyaluronic acid 2.21 mg/mL): G' = 14 Pa (agar / 1.098)^2.6. Throws
+/// std::invalid_argument for another case.
 Gel artificial_vitreous(int number);
-/// gel_1 to gel_11, porcine_vitreous (left in its cavity: 14 Pa), porcine_vitreous_removed (2.8 Pa: the moduli fall
-/// five-fold within an hour once it is taken out).
+/// gel_1 to gel_11, porcine_vitreous (left in its cavity: 14 Pa), porcine_vitreous_removed (2.8 Pa:
+/// the moduli fall five-fold within an hour once it is taken out).
 const std::vector<std::string>& gel_names();
 /// Throws std::invalid_argument with the names there are.
 Gel gel_named(std::string_view name);
 
-/// A robot in a gel. The force on it is carried by solvent and network side by side, F = s + c v; the network's stress
-/// s grows with s' = k (v - v_p) and flows, v_p = (1 - 1/f) s / c_p, where f = sqrt((s/F_y)^2 + (t/T_y)^2) is above 1.
-/// The same for torque: t, T_y. Force and torque share one yield surface, so a robot that turns fast enough to yield
-/// the gel about it can also be pulled through it.
+/// A robot in a gel. The force on it is carried by solvent and network side by side, F = s + c v;
+/// the network's stress s grows with s' = k (v - v_p) and flows, v_p = (1 - 1/f) s / c_p, where f =
+/// sqrt((s/F_y)^2 + (t/T_y)^2) is above 1. The same for torque: t, T_y. Force and torque share one
+/// yield surface, so a robot that turns fast enough to yield the gel about it can also be pulled
+/// through it.
 class EmbeddedRobot {
  public:
-  EmbeddedRobot(const Robot& robot, const Gel& gel);  // throws std::invalid_argument naming a parameter
+  EmbeddedRobot(const Robot& robot,
+                const Gel& gel);  // throws std::invalid_argument naming a parameter
   struct Rates {
     Eigen::Vector3d velocity;  // m/s
     Eigen::Vector3d turning;   // rad/s
   };
-  /// One step of `span` s under force and torque that are constant meanwhile; implicit, stable for any step.
-  /// `stiffness` (N m/rad): how much the torque falls for each radian turned, so that a stiff magnet does not overshoot
-  /// its field.
-  Rates step(const Eigen::Vector3d& axis, const Eigen::Vector3d& force, const Eigen::Vector3d& torque, double stiffness,
-             double span);
-  /// N: what of a steady force along `direction` (unit) the gel holds without yielding: 14 tau_y times the robot's
-  /// silhouette seen along it (Beris et al. 1985 for a sphere; 14 pi b^2 tau_y along the axis).
+  /// One step of `span` s under force and torque that are constant meanwhile; implicit, stable for
+  /// any step. `stiffness` (N m/rad): how much the torque falls for each radian turned, so that a
+  /// stiff magnet does not overshoot its field.
+  Rates step(const Eigen::Vector3d& axis, const Eigen::Vector3d& force,
+             const Eigen::Vector3d& torque, double stiffness, double span);
+  /// N: what of a steady force along `direction` (unit) the gel holds without yielding: 14 tau_y
+  /// times the robot's silhouette seen along it (Beris et al. 1985 for a sphere; 14 pi b^2 tau_y
+  /// along the axis).
   double yield_force(const Eigen::Vector3d& axis, const Eigen::Vector3d& direction) const;
   double yield_torque() const { return yield_torque_; }  // N m, across the axis: 3.5 pi a b^2 tau_y
   const Eigen::Vector3d& force_held() const { return force_; }
-  void relax() { force_.setZero(), torque_.setZero(); }  ///< as new: the network has healed, unstressed
+  void relax() {
+    force_.setZero(), torque_.setZero();
+  }  ///< as new: the network has healed, unstressed
 
  private:
   double semi_axis_, semi_radius_, yield_stress_, yield_torque_;

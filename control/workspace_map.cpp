@@ -1,4 +1,5 @@
-// The largest scale of each direction's least-norm currents within the limits, and the worst of the directions.
+// The largest scale of each direction's least-norm currents within the limits, and the worst of the
+// directions.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/workspace_map.h"
 
@@ -12,7 +13,7 @@
 namespace vitreo::control {
 namespace {
 
-// Half of the 26 neighbours of a cube: the opposite of each costs the same but for the field held.
+// Half of the 26 neighbors of a cube: the opposite of each costs the same but for the field held.
 std::vector<Eigen::Vector3d> directions() {
   std::vector<Eigen::Vector3d> list;
   for (int k = 14; k < 27; ++k) {
@@ -51,8 +52,10 @@ MapPoint map_point(const FieldMatrix& matrix, const MapRequest& request) {
   const Currents none = Currents::Zero(a.cols()), held = currents(request.field, {0, 0, 0});
   point.field = point.force = std::numeric_limits<double>::infinity();
   for (const Eigen::Vector3d& direction : directions()) {
-    point.field = std::min(point.field, scale_within(none, currents(direction, {0, 0, 0}), request.limits));
-    point.force = std::min(point.force, scale_within(held, currents({0, 0, 0}, direction), request.limits));
+    point.field =
+        std::min(point.field, scale_within(none, currents(direction, {0, 0, 0}), request.limits));
+    point.force =
+        std::min(point.force, scale_within(held, currents({0, 0, 0}, direction), request.limits));
   }
   return point;
 }
@@ -63,8 +66,10 @@ void MapRequest::check() const {
   if (!low.allFinite() || !high.allFinite() || !(low.array() <= high.array()).all()) {
     throw std::invalid_argument("map: low must not be above high");
   }
-  if (points.minCoeff() < 1 || points.maxCoeff() > 1000) throw std::invalid_argument("map points: 1 to 1000 an axis");
-  if (!field.allFinite() || !(field.norm() > 0)) throw std::invalid_argument("map field: must be finite and above 0 T");
+  if (points.minCoeff() < 1 || points.maxCoeff() > 1000)
+    throw std::invalid_argument("map points: 1 to 1000 an axis");
+  if (!field.allFinite() || !(field.norm() > 0))
+    throw std::invalid_argument("map field: must be finite and above 0 T");
 }
 
 std::vector<MapPoint> workspace_map(const FieldModel& model, const MapRequest& request) {
@@ -74,8 +79,8 @@ std::vector<MapPoint> workspace_map(const FieldModel& model, const MapRequest& r
   for (int z = 0; z < request.points.z(); ++z) {
     for (int y = 0; y < request.points.y(); ++y) {
       for (int x = 0; x < request.points.x(); ++x) {
-        const Eigen::Vector3d part =
-            Eigen::Vector3d(x, y, z).cwiseQuotient((request.points.array() - 1).max(1).matrix().cast<double>());
+        const Eigen::Vector3d part = Eigen::Vector3d(x, y, z).cwiseQuotient(
+            (request.points.array() - 1).max(1).matrix().cast<double>());
         const Eigen::Vector3d place = request.low + span.cwiseProduct(part);
         MapPoint point;
         point.condition = std::numeric_limits<double>::infinity();

@@ -23,7 +23,8 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(" \t") - first + 1);
 }
 
-// The end of what stands before a comment; a # counts only at the start or after a blank, and not within quotes.
+// The end of what stands before a comment; a # counts only at the start or after a blank, and not
+// within quotes.
 std::size_t comment_start(std::string_view line) {
   char quote = 0;
   for (std::size_t k = 0; k < line.size(); ++k) {
@@ -78,11 +79,13 @@ std::size_t key_end(std::string_view text) {
   std::size_t begin = 0;
   if (text.front() == '"' || text.front() == '\'') {
     const std::size_t closing = text.find(text.front(), 1);
-    begin = closing == std::string_view::npos ? text.size() : text.find_first_not_of(" \t", closing + 1);
+    begin = closing == std::string_view::npos ? text.size()
+                                              : text.find_first_not_of(" \t", closing + 1);
     if (begin >= text.size() || text[begin] != ':') return std::string_view::npos;
   }
   for (std::size_t k = begin; k < text.size(); ++k) {
-    if (text[k] == ':' && (k + 1 == text.size() || text[k + 1] == ' ' || text[k + 1] == '\t')) return k;
+    if (text[k] == ':' && (k + 1 == text.size() || text[k + 1] == ' ' || text[k + 1] == '\t'))
+      return k;
   }
   return std::string_view::npos;
 }
@@ -106,7 +109,8 @@ YamlNode scalar_node(int line, std::string_view text) {
 
 // A key may stand in quotes.
 std::string key_of(std::string_view text) {
-  if (text.size() >= 2 && (text.front() == '"' || text.front() == '\'') && text.back() == text.front())
+  if (text.size() >= 2 && (text.front() == '"' || text.front() == '\'') &&
+      text.back() == text.front())
     text = text.substr(1, text.size() - 2);
   return std::string(text);
 }
@@ -172,7 +176,8 @@ class Reader {
     return node;
   }
 
-  // What stands under a key or a dash with nothing beside it. A sequence may stand as far left as its key.
+  // What stands under a key or a dash with nothing beside it. A sequence may stand as far left as
+  // its key.
   YamlNode below(std::size_t indent, bool under_key, int depth) {
     YamlNode nothing;
     nothing.line = here().number;
@@ -198,7 +203,8 @@ class Reader {
     }
     std::size_t at = 0;
     YamlNode node = flow(all, at, line, depth + 1);
-    if (at != all.size()) fail(line, std::string("more after '") + (text.front() == '[' ? "]'" : "}'"));
+    if (at != all.size())
+      fail(line, std::string("more after '") + (text.front() == '[' ? "]'" : "}'"));
     return node;
   }
 
@@ -230,7 +236,8 @@ class Reader {
   // The key of a member, up to its colon and the blanks behind it.
   static std::string flow_key(std::string_view text, std::size_t& at, int line) {
     const std::size_t colon = std::min(text.find_first_of(":[]{},", at), text.size());
-    if (colon == text.size() || text[colon] != ':') fail(line, "'key: value' expected between { and }");
+    if (colon == text.size() || text[colon] != ':')
+      fail(line, "'key: value' expected between { and }");
     std::string key = key_of(trimmed(text.substr(at, colon - at)));
     if (key.empty()) fail(line, "a key without a name");
     at = colon + 1;
@@ -262,7 +269,8 @@ class Reader {
       if (at < text.size() && text[at] == ',') {
         ++at;
       } else if (at == text.size() || text[at] != end) {
-        fail(line, std::string("',' or '") + end + "' expected in a " + (begin == '[' ? "list" : "mapping"));
+        fail(line, std::string("',' or '") + end + "' expected in a " +
+                       (begin == '[' ? "list" : "mapping"));
       }
     }
     ++at;

@@ -10,8 +10,8 @@ namespace vitreo::control {
 
 struct YamlMember;
 
-/// Block and flow sequences and mappings, plain and quoted scalars and keys, comments, null (~). Not: anchors, tags,
-/// text over several lines, several documents; they are refused by name.
+/// Block and flow sequences and mappings, plain and quoted scalars and keys, comments, null (~).
+/// Not: anchors, tags, text over several lines, several documents; they are refused by name.
 struct YamlNode {
   enum class Kind { null, scalar, sequence, mapping };
   Kind kind = Kind::null;

@@ -28,7 +28,7 @@ return {
     measure = {
       choices = vision.focus.measures(),
       default = "smoothed_tenengrad",
-      help = "normalised_variance is the thesis'",
+      help = "normalized_variance is the thesis'",
     },
   },
   run = function(rig, p, run)

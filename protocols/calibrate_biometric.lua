@@ -20,7 +20,7 @@ local function sharp_at(rig, run, law, depth, p)
     near = law:distance(depth),
     reach = p.reach,
     step = 20 * um,
-    window = { u = model.centre_px[1], v = model.centre_px[2], size = 120 },
+    window = { u = model.center_px[1], v = model.center_px[2], size = 120 },
   })
   if told.answer ~= "found" then
     error(("the target %s before the retina was not found sharp: %s"):format(run:show(depth, "m"), told.answer), 0)

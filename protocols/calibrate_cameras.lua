@@ -1,4 +1,4 @@
--- Calibrates pixel size, rotation, centre and distortion of the cameras from a target that is moved over a grid, "before
+-- Calibrates pixel size, rotation, center and distortion of the cameras from a target that is moved over a grid, "before
 -- introducing the eye model" (thesis 5.5). Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"

@@ -122,7 +122,7 @@ return {
       ours = math.abs(found.direct.retina.distance),
       unit = "m",
       at_least = 1,
-      reason = "a metre is beyond any microscope's working distance",
+      reason = "a meter is beyond any microscope's working distance",
     }
     book:number {
       id = "3.1.vitrectomy_retina_image",

@@ -172,7 +172,7 @@ return {
       what = "our asphere and the printed one, largest distance to 8 mm",
       ours = apart,
       unit = "m",
-      why = "many aspheres are flat to micrometres; the thesis states neither fields nor weights, its own is flat to 0.2 mm",
+      why = "many aspheres are flat to micrometers; the thesis states neither fields nor weights, its own is flat to 0.2 mm",
     }
     book:number {
       id = "3.4.a4",

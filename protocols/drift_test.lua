@@ -10,14 +10,14 @@ local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 local kinds = { "none", "one_camera", "two_cameras" }
 local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
-local centre = vector(0, 0, 0)
+local center = vector(0, 0, 0)
 local hand_speed = 1.5 * mm / s
 
--- The thesis' hand trim at the centre. What the loop has to add all the time is what the model lacks; an operator leaves a
+-- The thesis' hand trim at the center. What the loop has to add all the time is what the model lacks; an operator leaves a
 -- drift of about the tolerance, in any direction.
 local function trim(servo, tolerance)
   for _ = 1, 2 do
-    servo:go_to(centre, { speed = hand_speed, within = 0.5 * mm, settle = 1 * s })
+    servo:go_to(center, { speed = hand_speed, within = 0.5 * mm, settle = 1 * s })
     servo:trim(vector(servo:trim()) + servo:mean_correction(1 * s))
   end
   local left = drift.any_direction() * (tolerance * math.abs(drift.normal()))
@@ -28,8 +28,8 @@ end
 -- An operator brings it near the place, not to it.
 local function bring(run, rig, servo, place, scatter)
   if not servo:status().position then -- it drifted out of sight: put it in anew
-    servo:hold(centre)
-    rig.sample:insert_robot(centre)
+    servo:hold(center)
+    rig.sample:insert_robot(center)
     servo:wait_until_tracked()
   end
   local near
@@ -50,8 +50,8 @@ end
 -- The runs of one kind of feedback at all places; the median of a machine's mean drift is what counts.
 local function leave_alone(run, rig, p, background, kind, found)
   local servo <close> = rig:servo { background = background, feedback = kind, field = p.field, lost_timeout = 5 * s }
-  servo:hold(centre)
-  rig.sample:insert_robot(centre)
+  servo:hold(center)
+  rig.sample:insert_robot(center)
   servo:wait_until_tracked()
   found.trim = found.trim or trim(servo, p.tolerance)
   servo:trim(found.trim)
@@ -73,11 +73,11 @@ local function leave_alone(run, rig, p, background, kind, found)
   rig.sample:remove_robot()
 end
 
--- The estimator: with its place held, and with what pushes it cancelled but its place left alone.
+-- The estimator: with its place held, and with what pushes it canceled but its place left alone.
 local function hold_on(run, rig, p, background, found)
   local servo <close> = rig:servo { background = background, feedback = "one_camera", law = "estimator", field = p.field }
-  servo:hold(centre)
-  rig.sample:insert_robot(centre)
+  servo:hold(center)
+  rig.sample:insert_robot(center)
   servo:wait_until_tracked()
   for place in run:each(places.six, "estimator") do
     servo:go_to(place.position, { speed = hand_speed, within = 0.5 * mm, settle = 0 })
@@ -103,7 +103,7 @@ return {
       default = 100 * um / s,
       min = 0,
       max = 1000 * um / s,
-      help = "drift that the trim leaves at the centre",
+      help = "drift that the trim leaves at the center",
     },
     scatter_open = { unit = "mm", default = 1 * mm, min = 0, max = 2 * mm, help = "of the placement, with constant currents" },
     scatter = { unit = "mm", default = 0.3 * mm, min = 0, max = 2 * mm, help = "of the placement, with feedback" },
@@ -118,7 +118,7 @@ return {
     local background = rig:learn_background { frames = 15 }
     local found = {}
     for machine in run:each(machines, "machine") do
-      if rig.simulation then rig.simulation:draw_machine(machine - 1) end
+      if rig.simulation then rig.simulation:sample_machine(machine - 1) end
       found.trim, found.machine = nil, machine
       for kind in run:each(asked, "feedback") do
         leave_alone(run, rig, p, background, kind, found)

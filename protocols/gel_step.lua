@@ -1,4 +1,4 @@
--- A step of a millimetre with the position controller that suits oil and with velocity control: in gels like the vitreous
+-- A step of a millimeter with the position controller that suits oil and with velocity control: in gels like the vitreous
 -- the first overshoots and goes to and fro without end, the second arrives (thesis 7.3). On the rig scripts/rigs/gel.lua;
 -- any other shows what its own medium does. Judged by the simulator's truth.
 -- SPDX-License-Identifier: Apache-2.0
@@ -6,7 +6,7 @@ local units = require "units"
 local judge = require "judge"
 local mm, s, mT = units.mm, units.s, units.mT
 
-local centre = vector(0, 0, 0)
+local center = vector(0, 0, 0)
 local laws = { "pid", "velocity" }
 
 -- The PID of section 7.3, tuned in oil by the rule of Ziegler and Nichols: behind the loop's dead time T of 174 ms (latency
@@ -35,7 +35,7 @@ local function open(rig, p, law, background)
   }
 end
 
--- How the coordinate along the step, from the centre on, went: its highest part of the step, its turns while it is `watched`, and
+-- How the coordinate along the step, from the center on, went: its highest part of the step, its turns while it is `watched`, and
 -- when it was there for good.
 local function follow_up(x, times, step, begin)
   local highest, reversals, direction, arrived = 0, 0, 0, nil
@@ -59,7 +59,7 @@ local function follow_up(x, times, step, begin)
 end
 
 local function step(run, servo, p)
-  servo:hold(centre)
+  servo:hold(center)
   run:wait(p.settle)
   local reference = judge.reference(run)
   local span = { from = run:now() }
@@ -83,7 +83,7 @@ return {
     feedback = { choices = { "pose_sensor", "one_camera", "two_cameras" }, default = "pose_sensor", help = "of both laws" },
     step = { unit = "mm", default = 1 * mm, min = 0.1 * mm, max = 3 * mm, help = "along x" },
     watch = { unit = "s", default = 60 * s, min = 5 * s, max = 600 * s, help = "how long after the step" },
-    settle = { unit = "s", default = 30 * s, min = 0.5 * s, max = 60 * s, help = "at the centre before it" },
+    settle = { unit = "s", default = 30 * s, min = 0.5 * s, max = 60 * s, help = "at the center before it" },
     proportional = { unit = "Hz", default = 5.4, min = 0, max = 20, help = "of the PID: speed per distance" },
     integral = { default = 15.6, min = 0, max = 50, help = "of the PID, 1/s^2: speed per distance and time" },
     derivative = { default = 0.47, min = 0, max = 2, help = "of the PID: speed per speed" },
@@ -107,8 +107,8 @@ return {
     local rows, series = {}, {}
     for law in run:each(laws, "law") do
       local servo <close> = open(rig, p, law, background)
-      servo:hold(centre)
-      rig.sample:insert_robot(centre)
+      servo:hold(center)
+      rig.sample:insert_robot(center)
       servo:wait_until_tracked { timeout = 10 * s }
       run:checkpoint("before the step, " .. law)
       local found = step(run, servo, p)

@@ -8,7 +8,7 @@ local judge = require "judge"
 local plant = require "plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
--- Away from the centre, where the model is worse; and not on the way of the square.
+-- Away from the center, where the model is worse; and not on the way of the square.
 local place = vector(2 * mm, 0, 1 * mm)
 
 local function name_of(kind, law, main) return law == main and kind .. "_error_rms" or kind .. "_error_rms_" .. law end

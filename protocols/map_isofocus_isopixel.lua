@@ -81,7 +81,7 @@ local function fit_plot(run, one, name, list, at, cubic, x_title, unit)
   return residual, rising or falling
 end
 
--- The thesis' localisation back through its fitted curves: isopixel line meets isofocus circle.
+-- The thesis' localization back through its fitted curves: isopixel line meets isofocus circle.
 local function fits(run, one, map, book)
   local made = map:thesis_curves()
   local rows, all_monotone = {}, true
@@ -109,7 +109,7 @@ local function fits(run, one, map, book)
     thesis = 1,
     ours = all_monotone and 1 or 0,
     within = 0,
-    reason = "4.1: localisation without ambiguity asks for it",
+    reason = "4.1: localization without ambiguity asks for it",
     why = one.why,
   }
   local bent = statistics.max(curves.field(made.curves, "max_residual"))
@@ -135,7 +135,7 @@ return {
       help = "eye and lens",
     },
     depth = { unit = "mm", default = 8 * mm, min = 1 * mm, max = 12 * mm, help = "deepest object before the retina" },
-    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 45 * deg, help = "half field, at the pupil's centre" },
+    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 45 * deg, help = "half field, at the pupil's center" },
   },
   run = function(_, p, run)
     local book = expect.book(run, "3.2")
@@ -165,7 +165,7 @@ return {
           book:number {
             id = "3.resolution_away_from_retina",
             where = "4.1",
-            what = "depth in the eye that a millimetre of the sensor covers, at the retina over far from it",
+            what = "depth in the eye that a millimeter of the sensor covers, at the retina over far from it",
             ours = per_step(near + 0.6 * mm) / per_step(far - 0.6 * mm),
             at_least = 1,
             reason = '"increased depth resolution" farther from the retina',

@@ -178,7 +178,7 @@ local function curves(label, values, draw, mark)
 end
 
 -- Traced image, then the map's inverse: how far from where it started? Just inside the map: on its rim the table's own
--- nanometres decide whether a point is outside.
+-- nanometers decide whether a point is outside.
 local function round_trip(eye, map, p)
   local worst, count, inside = 0, 0, 1 * um
   for _, angle in ipairs(range(0, math.min(p.field, 0.999 * map:limits().max_angle), 25)) do
@@ -246,13 +246,13 @@ local function tolerance(run, eye)
   }
 end
 
--- One sigma of the depth that the localiser finds, for a robot of 2 mm by 1 mm and 0.2 px of tracker noise.
-local function localisation(run, eye, p)
+-- One sigma of the depth that the localizer finds, for a robot of 2 mm by 1 mm and 0.2 px of tracker noise.
+local function localization(run, eye, p)
   local near = eye:axial_image()
   local far = eye:axial_image(p.depth)
   local focus = near and far and (near.distance + far.distance) / 2
-  local made, view = pcall(eye.localiser, eye, { microscope = { focus = focus }, max_m = 7 * mm })
-  if not made then return run:note("no localiser: " .. tostring(view)) end
+  local made, view = pcall(eye.localizer, eye, { microscope = { focus = focus }, max_m = 7 * mm })
+  if not made then return run:note("no localizer: " .. tostring(view)) end
   local robot, all = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }, {}
   for _, one in ipairs { { "robot across the axis", { 1, 0, 0 } }, { "robot along the axis", { 0, 0, 1 } } } do
     local name, axis = table.unpack(one)
@@ -279,7 +279,7 @@ return {
   parameters = {
     prescription = { choices = optics.prescriptions(), default = "navarro_condensing", help = "eye and lenses" },
     confusion = { unit = "um", default = 6.4 * um, min = 0.1 * um, max = 1 * mm, help = "circle of confusion" },
-    field = { unit = "deg", default = 30 * deg, min = 1 * deg, max = 45 * deg, help = "half field, at the pupil's centre" },
+    field = { unit = "deg", default = 30 * deg, min = 1 * deg, max = 45 * deg, help = "half field, at the pupil's center" },
     depth = { unit = "mm", default = 8 * mm, min = 1 * mm, max = 12 * mm, help = "deepest object before the retina" },
   },
   run = function(_, p, run)
@@ -296,7 +296,7 @@ return {
     wide_angle(run, eye, p)
     run:progress(0.7, "tolerance")
     tolerance(run, eye)
-    run:progress(0.9, "localisation")
-    localisation(run, eye, p)
+    run:progress(0.9, "localization")
+    localization(run, eye, p)
   end,
 }

@@ -1,4 +1,4 @@
--- What an uncertain eye costs localisation, and what calibration, estimation and another lens mend (thesis 3.2, 4.2 to
+-- What an uncertain eye costs localization, and what calibration, estimation and another lens mend (thesis 3.2, 4.2 to
 -- 4.4, 5.3, 5.4).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = require "bars"
@@ -109,11 +109,11 @@ local function monte_carlo(run, eye, p)
   end
 end
 
-local function worth_measuring(run, eye, p)
-  local before = attempt(run, "worth of measurements", eye.worth_measuring, eye, { count = p.eyes, depth_to = p.depth })
+local function variance_attribution(run, eye, p)
+  local before = attempt(run, "worth of measurements", eye.variance_attribution, eye, { count = p.eyes, depth_to = p.depth })
   if not before or #before == 0 then return end
   local after, rows = {}, {}
-  for _, one in ipairs(eye:worth_measuring { count = p.eyes, depth_to = p.depth, calibrated = true }) do
+  for _, one in ipairs(eye:variance_attribution { count = p.eyes, depth_to = p.depth, calibrated = true }) do
     after[one.parameter] = one.reduction
   end
   for i, one in ipairs(before) do
@@ -195,9 +195,9 @@ end
 
 local function by_pose(run, eye, p, each_place)
   local near, far = eye:axial_image(), eye:axial_image(p.depth)
-  if not (near and far) then return run:note "the image lies at infinity: nothing to localise by" end
+  if not (near and far) then return run:note "the image lies at infinity: nothing to localize by" end
   local view =
-    attempt(run, "localiser", eye.localiser, eye, { microscope = { focus = (near.distance + far.distance) / 2 }, max_m = 7 * mm })
+    attempt(run, "localizer", eye.localizer, eye, { microscope = { focus = (near.distance + far.distance) / 2 }, max_m = 7 * mm })
   if not view then return end
   local robot, curve = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }, { label = "by pose", x = {}, y = {} }
   each_place(function(place)
@@ -220,7 +220,7 @@ local function by_focus(run, eye, p, each_place)
   return curve
 end
 
-local function localisation(run, eye, p)
+local function localization(run, eye, p)
   local function each_place(f)
     for _, angle in ipairs(range(0, 5 / 6 * p.field, 4)) do
       for _, depth in ipairs(range(1 * mm, p.depth - 0.5 * mm, 4)) do
@@ -285,7 +285,7 @@ return {
   parameters = {
     prescription = { choices = optics.prescriptions(), default = "navarro_condensing", help = "eye and lenses" },
     eyes = { default = 60, min = 2, max = 10000, integer = true, help = "drawn by chance" },
-    field = { unit = "deg", default = 30 * deg, min = 1 * deg, max = 45 * deg, help = "half field, at the pupil's centre" },
+    field = { unit = "deg", default = 30 * deg, min = 1 * deg, max = 45 * deg, help = "half field, at the pupil's center" },
     depth = { unit = "mm", default = 8 * mm, min = 2 * mm, max = 12 * mm, help = "deepest object before the retina" },
     magnified = { default = 12, min = 1, max = 1000, help = "how much the plotted ellipses are" },
   },
@@ -295,11 +295,11 @@ return {
     run:progress(0.3, "Monte Carlo")
     monte_carlo(run, eye, p)
     run:progress(0.6, "what to measure")
-    worth_measuring(run, eye, p)
+    variance_attribution(run, eye, p)
     run:progress(0.7, "calibration")
     calibration(run, eye, p)
-    run:progress(0.8, "localisation")
-    localisation(run, eye, p)
+    run:progress(0.8, "localization")
+    localization(run, eye, p)
     run:progress(0.9, "lens design")
     design(run, eye, p)
   end,

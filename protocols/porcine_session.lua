@@ -1,5 +1,5 @@
 -- A session with a cadaver porcine eye, from the slaughterhouse's box to the report (thesis 7.2 to 7.4): check-list with
--- photographs, the three to four hours counted down, moisturising again and again, the order of focusing (iris, then the BIOM on
+-- photographs, the three to four hours counted down, moisturizing again and again, the order of focusing (iris, then the BIOM on
 -- the retina, then the field of view), light, insertion, motion trials with velocity control, tracking, notes. It asks; answers
 -- may be given in advance (--answer NAME=VALUE).
 -- SPDX-License-Identifier: Apache-2.0
@@ -9,7 +9,7 @@ local units = require "units"
 local vision = require "vision"
 local mm, s, mT = units.mm, units.s, units.mT
 
-local centre = vector(0, 0, 0)
+local center = vector(0, 0, 0)
 
 local function prepare(list, p)
   list:must(
@@ -73,10 +73,10 @@ end
 local function trial(rig, run, p, background, number)
   local law = p.law
   local servo <close> = rig:servo { background = background, law = law, field = p.field, lost_timeout = 5 * s }
-  servo:hold(centre)
+  servo:hold(center)
   servo:wait_until_tracked()
   local from = servo:position()
-  local target = centre + vector(p.way * (number % 2 == 1 and 1 or -1), 0, 0)
+  local target = center + vector(p.way * (number % 2 == 1 and 1 or -1), 0, 0)
   local done, problem = pcall(servo.go_to, servo, target, { speed = p.speed, within = 0.5 * mm, settle = 0, timeout = 30 * s })
   local to = servo:status().position or from
   servo:snapshot("trial " .. number)
@@ -92,7 +92,7 @@ local function track(rig, run, p)
   for _ = 1, 5 do
     tracker:learn(rig.top_camera:grab().image)
   end
-  rig.sample:insert_robot(centre)
+  rig.sample:insert_robot(center)
   for _ = 1, p.tracked do
     local found = tracker:update(rig.top_camera:grab().image)
     frames, seen = frames + 1, seen + (found and 1 or 0)
@@ -124,7 +124,7 @@ return {
   },
   run = function(rig, p, run)
     local list = checklist.new(run, rig, { window = published.porcine_window })
-    local _ <close> = run:remind("moisturise the cornea: Lacrinorm gel, or water", { every = p.moisten })
+    local _ <close> = run:remind("moisturize the cornea: Lacrinorm gel, or water", { every = p.moisten })
     run:progress(0, "preparing")
     prepare(list, p)
     list:tell_time()
@@ -136,7 +136,7 @@ return {
     rig.sample:remove_robot()
     local background = rig:learn_background { frames = 10 }
     list:must("everybody clear of the coils; the robot is in its pipette", { name = "clear" })
-    rig.sample:insert_robot(centre)
+    rig.sample:insert_robot(center)
     list:photograph("after insertion", { name = "photo_robot" })
     local rows, most = {}, 0
     for number in run:each(p.trials, "trial") do

@@ -1,4 +1,4 @@
--- A robot pushes a disc over a surface, and both are tracked by their colours, touching or not (thesis 8.3.1, figures 8.2 and
+-- A robot pushes a disc over a surface, and both are tracked by their colors, touching or not (thesis 8.3.1, figures 8.2 and
 -- 8.3). On the simulated rig the robot is steered by its pose sensor in the operator's stead.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"

@@ -67,7 +67,7 @@ return {
     }
     book:number {
       id = "A.seams",
-      what = "how well neighbours agree, px rms",
+      what = "how well neighbors agree, px rms",
       ours = made.rms_px,
       at_most = 0.5,
       reason = "half a pixel",

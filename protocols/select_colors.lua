@@ -1,8 +1,8 @@
--- Chooses the colour channels by which the robot is best told from the eye (thesis 8.1, table 8.2, figure 8.6), and the two
+-- Chooses the color channels by which the robot is best told from the eye (thesis 8.1, table 8.2, figure 8.6), and the two
 -- thresholds for them (8.2), from images with masks: a folder of NAME.png with NAME_mask.png, or, on a simulated rig, images of
 -- its own.
 -- SPDX-License-Identifier: Apache-2.0
-local colour_scene = require "colour_scene"
+local color_scene = require "color_scene"
 local expect = require "expect"
 local published = require "published"
 local vision = require "vision"
@@ -18,8 +18,8 @@ local printed_pairs = {
 
 local function images_of(rig, run, p)
   if p.training ~= "" then return vision.training(p.training) end
-  if not rig.top_camera then error("training: give a folder, or a rig with a top camera in colour", 0) end
-  return colour_scene.training(rig, run, p.images)
+  if not rig.top_camera then error("training: give a folder, or a rig with a top camera in color", 0) end
+  return color_scene.training(rig, run, p.images)
 end
 
 local function table_8_2(run, ranks)
@@ -44,9 +44,9 @@ local function table_8_2(run, ranks)
 end
 
 return {
-  title = "Choice of colour channels",
+  title = "Choice of color channels",
   needs = {},
-  rig = "colour_eye",
+  rig = "color_eye",
   parameters = {
     training = { default = "", help = "folder of images NAME.png with masks NAME_mask.png; empty: from the simulated rig" },
     images = { default = 24, min = 3, max = 1000, integer = true, help = "of the simulated rig's own" },

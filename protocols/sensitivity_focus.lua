@@ -1,4 +1,4 @@
--- What an eye whose parameters are not known costs localisation by focus: one parameter off by its uncertainty, the ranking
+-- What an eye whose parameters are not known costs localization by focus: one parameter off by its uncertainty, the ranking
 -- of the five that matter, an error of focus, and what the biometric calibration leaves when the retinal depth is 0.3 mm wrong
 -- (thesis 4.2, 4.3; table 5.1, figures 4.2 and 4.6).
 -- SPDX-License-Identifier: Apache-2.0
@@ -75,10 +75,10 @@ local uncertainties = {
 }
 
 return {
-  title = "Sensitivity of localisation by focus",
+  title = "Sensitivity of localization by focus",
   parameters = {
     depth = { unit = "mm", default = 8 * mm, min = 2 * mm, max = 12 * mm, help = "deepest object before the retina" },
-    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's centre" },
+    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's center" },
   },
   run = function(_, p, run)
     local eye, book, rows = optics.prescription "navarro_condensing", expect.book(run, "figure 4.2"), {}
@@ -131,7 +131,7 @@ return {
         thesis = rank,
         ours = before[name].rank,
         within = 1,
-        reason = "neighbours are apart by less than their own uncertainties",
+        reason = "neighbors are apart by less than their own uncertainties",
         why = (name:find "cornea.anterior" or name:find "aqueous")
             and "the thesis has the cornea's radius before the aqueous' index; its spread over the field is not stated"
           or nil,
@@ -152,7 +152,7 @@ return {
       ours = wrong["lens.index"].worst,
       unit = "m",
       at_most = 1 * mm,
-      reason = '"up to 4 mm" before; the figure\'s axis is in fractions of a millimetre',
+      reason = '"up to 4 mm" before; the figure\'s axis is in fractions of a millimeter',
       why = "the figure's own numbers are not in the text",
     }
     book:close()

@@ -1,4 +1,4 @@
--- What an eye whose parameters are not known costs localisation by pose: a 1 mm sphere in a field of 70 degrees, one
+-- What an eye whose parameters are not known costs localization by pose: a 1 mm sphere in a field of 70 degrees, one
 -- parameter off by its uncertainty, then all at once (thesis 5.4, tables 5.1 and 5.2).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = require "bars"
@@ -12,11 +12,11 @@ local mm, um, deg = units.mm, units.um, units.deg
 local function worst(one) return math.max(one.minus or one.plus or 0 / 0, one.plus or one.minus or 0 / 0) end
 
 return {
-  title = "Sensitivity of localisation by pose",
+  title = "Sensitivity of localization by pose",
   parameters = {
     eyes = { default = 40, min = 2, max = 10000, integer = true, help = "drawn by chance, all of table 5.1 at once" },
     depth = { unit = "mm", default = 8 * mm, min = 2 * mm, max = 12 * mm, help = "deepest object before the retina" },
-    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's centre" },
+    field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's center" },
   },
   run = function(_, p, run)
     local eye, book = optics.prescription "navarro_condensing", expect.book(run, "table 5.2")

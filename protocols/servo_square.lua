@@ -13,13 +13,13 @@ local retina = require "retina"
 local statistics = require "statistics"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
-local centre = vector(0, 0, 0)
+local center = vector(0, 0, 0)
 
 -- A view put right on the retina, with a loop of its own, which ends here.
 local function calibrated_view(rig, run, background, p, axis, doubt, shown)
   local servo <close> = rig:servo { background = background, field = p.field, axis = axis, lost_timeout = 5 * s }
-  bring.insert(rig, servo, centre)
-  bring.trim(servo, centre, { rounds = 1, within = 1 * mm })
+  bring.insert(rig, servo, center)
+  bring.trim(servo, center, { rounds = 1, within = 1 * mm })
   local view = retina.calibrate(rig, run, servo, { axis = axis, by_width = doubt > 0 and p.orientation == "z" })
   if shown then servo:snapshot("on the retina, for calibration") end
   rig.sample:remove_robot()
@@ -28,7 +28,7 @@ end
 
 -- Once round in one eye; when. `shown`: with pictures.
 local function round(rig, run, p, truth, shown)
-  local square = paths.rectangle { width = p.width, depth = p.depth, centre = centre, laps = p.laps }
+  local square = paths.rectangle { width = p.width, depth = p.depth, center = center, laps = p.laps }
   local axis = p.orientation == "z" and vector(0, 0, 1) or vector(1, 0, 0)
   run:progress(0, "learning the empty scene")
   rig.sample:remove_robot()
@@ -52,12 +52,12 @@ local function round(rig, run, p, truth, shown)
     view = view,
     axis_uncertainty = (doubt > 0 or p.law == "pd") and doubt or nil,
   } -- the estimator's own default otherwise
-  bring.insert(rig, servo, centre)
+  bring.insert(rig, servo, center)
 
-  run:progress(0.05, "trimming at the centre")
+  run:progress(0.05, "trimming at the center")
   run:checkpoint("before the trim")
-  bring.trim(servo, centre, { within = view and 0.8 * mm or nil })
-  if shown then servo:snapshot("at the centre, trimmed") end
+  bring.trim(servo, center, { within = view and 0.8 * mm or nil })
+  if shown then servo:snapshot("at the center, trimmed") end
 
   run:progress(0.2, "going to the first corner")
   run:checkpoint("before the path")
@@ -79,16 +79,16 @@ local function each_eye(run, found)
   local function in_um(value) return ("%.0f"):format(value / um) end
   run:table {
     title = "Each eye, under a machine of its own: errors by truth, µm",
-    header = { "eye", "path, rms in 3-D", "across", "depth", "localisation, mean", "largest" },
+    header = { "eye", "path, rms in 3-D", "across", "depth", "localization, mean", "largest" },
     rows = statistics.map(found, function(one)
-      local path, localisation = one.path, one.localisation
+      local path, localization = one.path, one.localization
       return {
         ("%d"):format(one.eye),
         in_um(path.rms),
         in_um(path.lateral_rms),
         in_um(path.depth_rms),
-        in_um(localisation.mean),
-        in_um(localisation.max),
+        in_um(localization.mean),
+        in_um(localization.max),
       }
     end),
   }
@@ -106,7 +106,7 @@ local function each_eye(run, found)
     y = { "error", "um" },
     series = {
       points("path, rms in 3-D", function(one) return one.path.rms end),
-      points("localisation, mean", function(one) return one.localisation.mean end),
+      points("localization, mean", function(one) return one.localization.mean end),
     },
   }
 end
@@ -151,7 +151,7 @@ local function many(run, p, found, failed, book)
 end
 
 -- Beside the thesis, for one eye.
-local function expected(book, p, path, localisation)
+local function expected(book, p, path, localization)
   local name = ("6.5.%s.%s."):format(p.orientation, p.eye)
   book:number {
     id = name .. "path_rms",
@@ -163,10 +163,10 @@ local function expected(book, p, path, localisation)
     why = 'the thesis: "errors are due to inaccuracy in the estimates of the localization algorithm"',
   }
   book:number {
-    id = name .. "localisation",
-    what = "localisation, mean in 3-D",
+    id = name .. "localization",
+    what = "localization, mean in 3-D",
     thesis = 266 * um,
-    ours = localisation.mean,
+    ours = localization.mean,
     unit = "m",
     at_most = 266 * um,
     reason = "93 and 249 um along x and z of table 5.4, together",
@@ -213,18 +213,18 @@ return {
     local book = expect.book(run, "figure 6.5")
     local function eye(number) return p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw + number - 1) or nil end
     if p.eyes == 1 or p.eye == "nominal" or not rig.simulation then
-      local path, localisation = judge.path(run, round(rig, run, p, eye(1), true))
-      expected(book, p, path, localisation)
+      local path, localization = judge.path(run, round(rig, run, p, eye(1), true))
+      expected(book, p, path, localization)
       return book:close()
     end
     local found, failed = {}, 0
     for number in run:each(p.eyes, "eye") do
       local truth = eye(number)
-      rig.simulation:draw_machine(p.draw + number - 2)
+      rig.simulation:sample_machine(p.draw + number - 2)
       local went, span = pcall(round, rig, run, p, truth, #found == 0)
       if went then
-        local path, localisation = judge.measure(run, span)
-        found[#found + 1] = { eye = p.draw + number - 1, path = path, localisation = localisation }
+        local path, localization = judge.measure(run, span)
+        found[#found + 1] = { eye = p.draw + number - 1, path = path, localization = localization }
         if #found == 1 then judge.plots(run, { from = span.from, to = span.to }, (", eye %d"):format(p.draw + number - 1)) end
       else
         failed = failed + 1

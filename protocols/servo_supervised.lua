@@ -67,11 +67,11 @@ local function depth_bar(run, rig, servo, p)
   if #values == 0 then return nil end
   local model, place = rig:model(), servo:position()
   local above = statistics.mean(values) - p.zero_level
-  local from_centre = (place - model.eye_in_world - vector(0, 0, model.retina_radius)):norm()
+  local from_center = (place - model.eye_in_world - vector(0, 0, model.retina_radius)):norm()
   return {
     above = above,
     precision = statistics.deviation(values),
-    from_retina = model.retina_radius - from_centre,
+    from_retina = model.retina_radius - from_center,
     near = above < p.warn,
   }
 end

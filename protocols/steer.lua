@@ -18,13 +18,13 @@ return {
     rig.sample:remove_robot()
     local background = rig:learn_background { frames = 15 }
     local servo <close> = rig:servo { background = background, field = p.field }
-    local centre = vector(0, 0, 0)
-    servo:hold(centre)
-    rig.sample:insert_robot(centre)
+    local center = vector(0, 0, 0)
+    servo:hold(center)
+    rig.sample:insert_robot(center)
     servo:wait_until_tracked { timeout = 10 * s }
     run:note("point at a place in the live view, or draw a path")
 
-    local places, next_place, given, checked, last = { centre }, 1, 0, run:now(), run:now()
+    local places, next_place, given, checked, last = { center }, 1, 0, run:now(), run:now()
     while run:now() < p.duration do
       if run:now() - checked >= 1 * s then
         run:checkpoint("steering") -- here a pause takes effect

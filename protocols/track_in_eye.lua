@@ -1,7 +1,7 @@
--- Tracks the robot in the eye by colour, in three pairs of channels, with and without the two thresholds (thesis 8.3.3, table
+-- Tracks the robot in the eye by color, in three pairs of channels, with and without the two thresholds (thesis 8.3.3, table
 -- 8.3, figures 8.7 and 8.9), and says how far each is from its true outline.
 -- SPDX-License-Identifier: Apache-2.0
-local colour_scene = require "colour_scene"
+local color_scene = require "color_scene"
 local expect = require "expect"
 local published = require "published"
 local units = require "units"
@@ -45,9 +45,9 @@ local function seen(track, outline)
 end
 
 return {
-  title = "Tracking in the eye by colour",
+  title = "Tracking in the eye by color",
   needs = { "top_camera" },
-  rig = "colour_eye",
+  rig = "color_eye",
   parameters = {
     channels = { choices = { "all", "RG", "YV", "YU" }, default = "all", help = "pairs of channels of table 8.3" },
     images = { default = 24, min = 3, max = 1000, integer = true, help = "to train with" },
@@ -62,10 +62,10 @@ return {
     judged = { default = 40, min = 1, max = 10000, integer = true, help = "equally spaced frames, as the thesis'" },
   },
   run = function(rig, p, run)
-    local training = colour_scene.training(rig, run, p.images)
+    local training = color_scene.training(rig, run, p.images)
     local all = trackers(training, p.channels == "all" and { "RG", "YV", "YU" } or { p.channels })
     local frames = {}
-    colour_scene.watch(rig, run, colour_scene.legs(p.legs), p.speed, function(frame)
+    color_scene.watch(rig, run, color_scene.legs(p.legs), p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(all) do
         looked.tracks[i] = one.tracker:update(frame.image)
@@ -77,7 +77,7 @@ return {
     local view, judged = rig:view(), {}
     local every = math.max(#frames // p.judged, 1)
     for k = 1, #frames do
-      local outline = (k % every == 0 or frames[k].image) and colour_scene.outline(rig, run, frames[k], view)
+      local outline = (k % every == 0 or frames[k].image) and color_scene.outline(rig, run, frames[k], view)
       if outline then judged[#judged + 1] = { frame = frames[k], outline = outline } end
     end
     if #judged == 0 then error("there is no frame to judge by", 0) end
@@ -86,9 +86,9 @@ return {
       for k, each in ipairs(judged) do
         both[k] = { track = each.frame.tracks[i], outline = each.outline }
       end
-      one.errors = colour_scene.compare(both)
+      one.errors = color_scene.compare(both)
     end
-    colour_scene.tell(run, ("Mean errors in %d frames, as table 8.3"):format(#judged), all)
+    color_scene.tell(run, ("Mean errors in %d frames, as table 8.3"):format(#judged), all)
     for _, each in ipairs(judged) do
       if each.frame.image then
         for i, one in ipairs(all) do

@@ -1,7 +1,7 @@
--- Tracks the robot while something lies before it: by colour alone, and with the shape learnt (thesis 8.3.2, figure 8.4; four
+-- Tracks the robot while something lies before it: by color alone, and with the shape learnt (thesis 8.3.2, figure 8.4; four
 -- eigenshapes). On the simulated rig a needle crosses the field above it.
 -- SPDX-License-Identifier: Apache-2.0
-local colour_scene = require "colour_scene"
+local color_scene = require "color_scene"
 local expect = require "expect"
 local units = require "units"
 local vision = require "vision"
@@ -21,23 +21,23 @@ end
 return {
   title = "Tracking behind an occlusion",
   needs = { "top_camera" },
-  rig = "colour_occluded",
+  rig = "color_occluded",
   parameters = {
     images = { default = 20, min = 3, max = 1000, integer = true, help = "to train with" },
     passes = { default = 3, min = 1, max = 100, integer = true, help = "of the robot under the needle" },
     speed = { unit = "mm/s", default = 1 * mm / s, min = 0.05 * mm / s, max = 3 * mm / s, help = "of each" },
-    channels = { default = "RGB", help = "that the colour model looks at: RGB, or a pair such as RG" },
+    channels = { default = "RGB", help = "that the color model looks at: RGB, or a pair such as RG" },
   },
   run = function(rig, p, run)
     put_needle(rig, run, false)
-    local training = colour_scene.training(rig, run, p.images)
+    local training = color_scene.training(rig, run, p.images)
     local model = vision.color_model.train { images = training, channels = p.channels }
     put_needle(rig, run, true)
     run:defer(function() put_needle(rig, run, false) end)
     local found = {
-      { name = "colour alone", tracker = vision.tracker { model = model, shape_prior = false, refine = false } },
-      { name = "colour and shape", tracker = vision.tracker { model = model, refine = false } },
-      { name = "colour, shape and rim", tracker = vision.tracker { model = model } },
+      { name = "color alone", tracker = vision.tracker { model = model, shape_prior = false, refine = false } },
+      { name = "color and shape", tracker = vision.tracker { model = model, refine = false } },
+      { name = "color, shape and rim", tracker = vision.tracker { model = model } },
     }
     local legs = {}
     for k = 1, p.passes do
@@ -47,7 +47,7 @@ return {
       legs[k] = { points = { from, to }, axis = vector(math.cos(turn), math.sin(turn), 0) }
     end
     local frames = {}
-    colour_scene.watch(rig, run, legs, p.speed, function(frame)
+    color_scene.watch(rig, run, legs, p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(found) do
         looked.tracks[i] = one.tracker:update(frame.image)
@@ -61,7 +61,7 @@ return {
       one.both = {}
     end
     for _, looked in ipairs(frames) do
-      local outline = colour_scene.outline(rig, run, looked, view)
+      local outline = color_scene.outline(rig, run, looked, view)
       for i, one in ipairs(found) do
         if outline then one.both[#one.both + 1] = { track = looked.tracks[i], outline = outline } end
       end
@@ -69,14 +69,14 @@ return {
         run:picture(
           ("at %.1f s"):format(looked.time),
           looked.image:overlay { track = looked.tracks[2], expected = outline },
-          "colour and shape"
+          "color and shape"
         )
       end
     end
     for _, one in ipairs(found) do
-      one.errors = colour_scene.compare(one.both)
+      one.errors = color_scene.compare(one.both)
     end
-    colour_scene.tell(run, "Mean errors, beside figure 8.4", found)
+    color_scene.tell(run, "Mean errors, beside figure 8.4", found)
     local alone, shape = found[1].errors, found[3].errors
     local count = #found[1].both
     local book = expect.book(run, "figure 8.4")
@@ -89,10 +89,10 @@ return {
     }
     book:number {
       id = "8.4.shape_axis",
-      what = "with shape, mean error of the long axis over that by colour alone",
+      what = "with shape, mean error of the long axis over that by color alone",
       ours = shape.major / alone.major,
       at_most = 1,
-      reason = "the occlusion cuts off what colour alone takes for the whole",
+      reason = "the occlusion cuts off what color alone takes for the whole",
     }
     book:close()
   end,

@@ -124,7 +124,7 @@ end
 
 -- Sums of absolute errors over the frames where it was tracked and something of it could be seen.
 local function compare(tracks, truth)
-  local sum = { lost = 0, wrong = 0, frames = 0, centre = 0, major = 0, minor = 0, angle = 0, tracked = 0, ratio = 0, inside = 0 }
+  local sum = { lost = 0, wrong = 0, frames = 0, center = 0, major = 0, minor = 0, angle = 0, tracked = 0, ratio = 0, inside = 0 }
   for _, t in ipairs(tracks) do
     local true_one = truth[t.frame]
     if true_one then
@@ -136,7 +136,7 @@ local function compare(tracks, truth)
         local dx, dy = t.x_px - true_one.x, t.y_px - true_one.y
         local off = math.sqrt(dx * dx + dy * dy)
         if off > 10 then sum.wrong = sum.wrong + 1 end
-        sum.tracked, sum.centre = sum.tracked + 1, sum.centre + off
+        sum.tracked, sum.center = sum.tracked + 1, sum.center + off
         local c = t.covariance
         local det = c[1] * c[7] - c[2] * c[6]
         -- chi^2 of two at 95 %
@@ -170,7 +170,7 @@ local function judge(run, tracks, p)
   run:figure("lost", sum.lost)
   run:figure("wrong", sum.wrong)
   if sum.tracked > 0 then
-    run:figure("centre_error_mean", sum.centre / sum.tracked)
+    run:figure("center_error_mean", sum.center / sum.tracked)
     run:figure("inside_95_percent", sum.inside / sum.tracked)
   end
   if sum.shapes then
@@ -183,7 +183,7 @@ local function judge(run, tracks, p)
   end
 end
 
-local function colour_table(run, training)
+local function color_table(run, training)
   local rows = {}
   for _, rank in ipairs(vision.color_model.rank { images = training }) do
     rows[#rows + 1] = { rank.channels, ("%.2f"):format(rank.mean), ("%.2f"):format(rank.deviation) }
@@ -222,7 +222,7 @@ return {
     training = { required = true, help = "a folder of images NAME.png with masks NAME_mask.png" },
     truth = { default = "", help = "csv: frame, cx, cy, A, B, phi_deg, visible" },
     truth_axes = { choices = { "full", "semi" }, default = "full", help = "what A and B of the truth are" },
-    channels = { default = "RGB", help = "that the colour model looks at: RGB, or a pair such as RG, YV, HS" },
+    channels = { default = "RGB", help = "that the color model looks at: RGB, or a pair such as RG, YV, HS" },
     shape_prior = { default = true, help = "draw the outline to the shapes learnt" },
     refine = { default = true, help = "the rim to a fraction of a pixel" },
     pictures = { default = 8, min = 0, max = 100, integer = true, help = "frames shown in the report" },
@@ -234,7 +234,7 @@ return {
     model:save("object.model")
     local r, deviation = model:quality()
     run:note(("learnt from %d images: quality %.2f +- %.2f"):format(#training, r, deviation))
-    colour_table(run, training)
+    color_table(run, training)
     local tracker = vision.tracker { model = model, shape_prior = p.shape_prior, refine = p.refine }
     local every = p.pictures > 0 and math.max(count // p.pictures, 1) or math.huge
     local tracks, trail, cpu, shown = {}, {}, 0, 0

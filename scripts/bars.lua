@@ -2,7 +2,7 @@
 -- SPDX-License-Identifier: Apache-2.0
 local bars = {}
 
-local colours = { "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728" }
+local colors = { "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728" }
 
 local function escaped(text)
   return (tostring(text):gsub('[&<>"]', { ["&"] = "&amp;", ["<"] = "&lt;", [">"] = "&gt;", ['"'] = "&quot;" }))
@@ -29,8 +29,8 @@ local function line_of_text(out, x, y, text, anchor)
   out[#out + 1] = ('<text x="%.1f" y="%.1f" text-anchor="%s">%s</text>'):format(x, y, anchor or "start", escaped(text))
 end
 
-local function bar(out, x, y, width, colour, shown)
-  out[#out + 1] = ('<rect x="%.1f" y="%.1f" width="%.1f" height="9" fill="%s"/>'):format(x, y, width, colour)
+local function bar(out, x, y, width, color, shown)
+  out[#out + 1] = ('<rect x="%.1f" y="%.1f" width="%.1f" height="9" fill="%s"/>'):format(x, y, width, color)
   line_of_text(out, x + width + 4, y + 8.5, shown)
 end
 
@@ -54,7 +54,7 @@ function bars.svg(options)
   end
   for i, label in ipairs(labels) do
     local y = first + 14 * i
-    out[#out + 1] = ('<rect x="%d" y="%d" width="10" height="9" fill="%s"/>'):format(left, y - 6, colours[i])
+    out[#out + 1] = ('<rect x="%d" y="%d" width="10" height="9" fill="%s"/>'):format(left, y - 6, colors[i])
     line_of_text(out, left + 16, y + 2.5, label)
   end
   local largest, step = scale(rows, divisor)
@@ -75,7 +75,7 @@ function bars.svg(options)
         left,
         y + 4 + 10 * (k - 1),
         known and across * math.max(value, 0) / divisor / largest or 0,
-        colours[k],
+        colors[k],
         known and ("%.3g"):format(value / divisor) or "–"
       )
     end

@@ -15,12 +15,12 @@ function bring.insert(rig, servo, place)
   return servo:wait_until_tracked { timeout = 10 * s }
 end
 
---- The thesis' hand trim ("manually adjusted for local stability at the center", 6.1), by measurement: at rest in the centre,
+--- The thesis' hand trim ("manually adjusted for local stability at the center", 6.1), by measurement: at rest in the center,
 --- what the loop has to add all the time is what the model lacks.
-function bring.trim(servo, centre, options)
+function bring.trim(servo, center, options)
   options = options or {}
   for _ = 1, options.rounds or 2 do
-    servo:go_to(centre, { within = options.within or 400 * um, settle = 2 * s })
+    servo:go_to(center, { within = options.within or 400 * um, settle = 2 * s })
     servo:trim(vector(servo:trim()) + servo:mean_correction(options.listen or 3 * s))
   end
 end

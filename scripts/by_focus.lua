@@ -1,4 +1,4 @@
--- Localisation by focus with calibration, for protocols/localise_by_focus: the believed map, what calibration measures, how an
+-- Localization by focus with calibration, for protocols/localize_by_focus: the believed map, what calibration measures, how an
 -- image place becomes a place, and how uncertain that is (thesis 4.3, 4.4; GUM). Eye frame, m.
 -- SPDX-License-Identifier: Apache-2.0
 local focusing = require "focusing"
@@ -11,7 +11,7 @@ local by_focus = {}
 
 local window = 120 -- px
 local retina_gap = 0.1 * mm -- a target on the retina is as far before it
-local pixel_sigma = 0.5 -- px, of the target's centre
+local pixel_sigma = 0.5 -- px, of the target's center
 -- 4.4.4: the retinal depth of the model eye was measured to 0.55 mm (33.1 mm), one of thirty; the mean of thirty:
 local retina_sigma = 0.55 * mm / math.sqrt(30)
 
@@ -28,8 +28,8 @@ local function sweep(rig, near, u, v, reach, steps, frames)
   )
 end
 
--- Centre of the target, px: what differs from the same view without it.
-local function centre(rig, run, place)
+-- Center of the target, px: what differs from the same view without it.
+local function center(rig, run, place)
   targets.remove(rig, run)
   local tracker = vision.background_tracker { threshold = 12, max_area_px = 1e6 }
   rig.top_camera:grab()
@@ -53,7 +53,7 @@ local function see(rig, run, place, near, u, v, reach, steps, frames)
   local found = focusing.summary((sweep(rig, coarse, u, v, 0.45 * mm, steps, frames)))
   if not found then return end
   focusing.move(rig, found.mean)
-  local spot = centre(rig, run, place)
+  local spot = center(rig, run, place)
   if not spot then return end
   local x, y = focusing.aerial(rig, spot.x_px, spot.y_px)
   return { x = x, y = y, distance = found.mean, deviation = math.max(found.deviation, found.claimed / math.sqrt(found.count)) }
@@ -68,7 +68,7 @@ function by_focus.look(rig, run, model, calibration, place, p)
   return see(rig, run, place, near, u, v, 1 * mm, p.steps, p.repetitions)
 end
 
--- Linear between neighbours, flat beyond the ends.
+-- Linear between neighbors, flat beyond the ends.
 local function interpolated(list, at)
   if at <= list[1][1] then return list[1][2] end
   for i = 2, #list do
@@ -132,7 +132,7 @@ function by_focus.raw_distance(calibration, _, image)
 end
 
 --- A place from what was seen; with error against the known one and the uncertainty by the GUM: scatter of focus (type A),
---- the centre's half pixel, and what the retinal depth was known to (type B). Nothing outside the map.
+--- the center's half pixel, and what the retinal depth was known to (type B). Nothing outside the map.
 function by_focus.locate(model, calibration, seen, place, kind)
   local radius = math.sqrt(seen.x ^ 2 + seen.y ^ 2)
   local scale = kind == "full"

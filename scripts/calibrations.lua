@@ -21,9 +21,9 @@ local function grid(side, count, half)
   return places
 end
 
---- Pixel size, rotation and centre of one camera ("top_camera", "side_camera") from a target on a grid of places. `half`: half
+--- Pixel size, rotation and center of one camera ("top_camera", "side_camera") from a target on a grid of places. `half`: half
 --- its width, m. Returns what optics.camera_calibration says, and the largest part of the residual that grows with the cube of
---- the distance from the centre (distortion, relative at the grid's corner).
+--- the distance from the center (distortion, relative at the grid's corner).
 function calibrations.camera(rig, run, role, options)
   local camera, points, believed = rig[role], {}, rig:model()
   local world = believed.eye_in_world
@@ -47,7 +47,7 @@ function calibrations.camera(rig, run, role, options)
   local fit = optics.camera_calibration(points)
   local cubic, power = 0, 0
   for _, point in ipairs(points) do
-    local u, v = point.pixel[1] - fit.centre[1], point.pixel[2] - fit.centre[2]
+    local u, v = point.pixel[1] - fit.center[1], point.pixel[2] - fit.center[2]
     local x, y = -point.m[1] / fit.pixel, point.m[2] / fit.pixel
     local r2 = x * x + y * y
     cubic = cubic + r2 * (x * (u - x) + y * (v - y))

@@ -96,7 +96,7 @@ local function header_of(asked)
     header[#header + 1] = names[kind]
     header[#header + 1] = "thesis"
   end
-  header[#header + 1] = "disturbance cancelled"
+  header[#header + 1] = "disturbance canceled"
   header[#header + 1] = "place held"
   return header
 end
@@ -204,7 +204,7 @@ local function expected(run, found, asked)
   }
   book:number {
     id = "6.1.cancel",
-    what = "disturbance cancelled, place left alone, worst place",
+    what = "disturbance canceled, place left alone, worst place",
     where = "goal",
     ours = largest(found, "cancel"),
     unit = "m/s",

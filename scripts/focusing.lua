@@ -105,13 +105,13 @@ end
 --- Where a point of the eye shows on the sensor that is in focus on it: u, v in px of its aerial image {x, y, d_ls}.
 function focusing.pixel(rig, image)
   local model = rig:model()
-  return model.centre_px[1] - image.x / model.pixel, model.centre_px[2] + image.y / model.pixel
+  return model.center_px[1] - image.x / model.pixel, model.center_px[2] + image.y / model.pixel
 end
 
 --- And back: the aerial image's {x, y} of a pixel.
 function focusing.aerial(rig, u, v)
   local model = rig:model()
-  return (model.centre_px[1] - u) * model.pixel, (v - model.centre_px[2]) * model.pixel
+  return (model.center_px[1] - u) * model.pixel, (v - model.center_px[2]) * model.pixel
 end
 
 return focusing

@@ -20,7 +20,7 @@ function judge.reference(run)
   error("there is neither a truth nor a side camera to judge by", 2)
 end
 
---- How far the robot was from its path in a span {from, to}, and the localisation from the robot, as run:errors tells.
+--- How far the robot was from its path in a span {from, to}, and the localization from the robot, as run:errors tells.
 function judge.measure(run, span)
   local reference = judge.reference(run)
   local path = run:errors { of = reference, against = "servo", against_prefix = "target_", from = span.from, to = span.to }
@@ -29,16 +29,16 @@ end
 
 --- The same, as the run's figures.
 function judge.figures(run, span)
-  local path, localisation = judge.measure(run, span)
+  local path, localization = judge.measure(run, span)
   run:figure("path_error_rms", path.rms, "m")
   run:figure("path_error_lateral_rms", path.lateral_rms, "m")
   run:figure("path_error_depth_rms", path.depth_rms, "m")
-  run:figure("localisation_error_mean", localisation.mean, "m")
-  run:figure("localisation_error_max", localisation.max, "m")
-  return path, localisation
+  run:figure("localization_error_mean", localization.mean, "m")
+  run:figure("localization_error_max", localization.max, "m")
+  return path, localization
 end
 
-function judge.localisation_table(run, found)
+function judge.localization_table(run, found)
   local thesis = judge.thesis
   local function row(name, mean, deviation, max, printed)
     local cells = { name, table.unpack(mean_and_max(mean, deviation, max)) }
@@ -48,7 +48,7 @@ function judge.localisation_table(run, found)
     return cells
   end
   run:table {
-    title = "Localisation error, beside thesis table 5.4 (experiment 1, robot along x)",
+    title = "Localization error, beside thesis table 5.4 (experiment 1, robot along x)",
     header = { "axis", "mean, µm", "max, µm", "thesis mean, µm", "thesis max, µm" },
     rows = {
       row("lateral", found.lateral_mean, found.lateral_std, found.lateral_max, thesis.lateral),
@@ -108,10 +108,10 @@ end
 
 local function error_plot(run, span, which)
   local path = judge.distances(run, span, "target_")
-  local localisation = judge.distances(run, span, "")
-  path.label, localisation.label = "from the path", "of the localisation"
-  localisation.mark = "points"
-  run:plot { title = "Error against time" .. which, x = { "time", "s" }, y = { "error", "um" }, series = { path, localisation } }
+  local localization = judge.distances(run, span, "")
+  path.label, localization.label = "from the path", "of the localization"
+  localization.mark = "points"
+  run:plot { title = "Error against time" .. which, x = { "time", "s" }, y = { "error", "um" }, series = { path, localization } }
 end
 
 local function currents_plot(run, span, which)
@@ -135,11 +135,11 @@ end
 --- Figures, table and plots of the time from `from` to `to`.
 function judge.path(run, options)
   local span = { from = options.from, to = options.to }
-  local path, localisation = judge.figures(run, span)
-  judge.localisation_table(run, localisation)
+  local path, localization = judge.figures(run, span)
+  judge.localization_table(run, localization)
   judge.plots(run, span)
   run:note(("rms error %.0f µm, sideways %.0f µm, over %d frames"):format(path.rms / um, path.lateral_rms / um, path.count))
-  return path, localisation
+  return path, localization
 end
 
 return judge

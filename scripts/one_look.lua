@@ -10,7 +10,7 @@ local one_look = {}
 -- The loop's own optics with another eye in it.
 local function view_of(rig, eye)
   local model = rig:model()
-  return eye:localiser { microscope = model.microscope, pixel = model.pixel, centre = model.centre_px }
+  return eye:localizer { microscope = model.microscope, pixel = model.pixel, center = model.center_px }
 end
 
 -- Where it lies upright or flat, in the middle of the retina.

@@ -3,15 +3,15 @@
 -- SPDX-License-Identifier: Apache-2.0
 local paths = {}
 
---- The corners of a rectangle in the vertical plane y = centre.y, closed, from the lower left one: right, up, left, down.
+--- The corners of a rectangle in the vertical plane y = center.y, closed, from the lower left one: right, up, left, down.
 function paths.rectangle(options)
-  local centre = options.centre or vector(0, 0, 0)
+  local center = options.center or vector(0, 0, 0)
   local half_width, half_depth = options.width / 2, options.depth / 2
   local corners = {
-    vector(centre[1] - half_width, centre[2], centre[3] - half_depth),
-    vector(centre[1] + half_width, centre[2], centre[3] - half_depth),
-    vector(centre[1] + half_width, centre[2], centre[3] + half_depth),
-    vector(centre[1] - half_width, centre[2], centre[3] + half_depth),
+    vector(center[1] - half_width, center[2], center[3] - half_depth),
+    vector(center[1] + half_width, center[2], center[3] - half_depth),
+    vector(center[1] + half_width, center[2], center[3] + half_depth),
+    vector(center[1] - half_width, center[2], center[3] + half_depth),
   }
   local points = { corners[1] }
   for _ = 1, options.laps or 1 do
@@ -28,7 +28,7 @@ function paths.square(options)
   return paths.rectangle {
     width = options.side,
     depth = options.side,
-    centre = options.centre,
+    center = options.center,
     laps = options.laps,
   }
 end

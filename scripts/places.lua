@@ -5,16 +5,16 @@ local mm = units.mm
 local places = {}
 
 -- The retina of the simulated rig's model eye: its vertex at z = -5 mm, its radius.
-local retina = { centre = vector(0, 0, 6.5 * mm), radius = 11.5 * mm }
+local retina = { center = vector(0, 0, 6.5 * mm), radius = 11.5 * mm }
 
 --- Whether a robot of 2 mm there is well inside the eye, and where the top camera of that rig sees all of it.
 function places.in_sight(position)
   local aside = (position[1] ^ 2 + position[2] ^ 2) ^ 0.5
-  return (position - retina.centre):norm() < retina.radius - 1.1 * mm and aside < 4 * mm and position[3] < 4 * mm
+  return (position - retina.center):norm() < retina.radius - 1.1 * mm and aside < 4 * mm and position[3] < 4 * mm
 end
 
 -- The six of thesis table 6.1. The thesis names them and gives no coordinates; these are assumed: as far out as a robot that
--- is placed by hand, to a millimetre, stays in sight and clear of the retina of the model eye.
+-- is placed by hand, to a millimeter, stays in sight and clear of the retina of the model eye.
 places.six = {
   { name = "upper-middle", position = vector(0, 0, 3 * mm), edge = false },
   { name = "middle-middle", position = vector(0, 0, 0), edge = false },

@@ -12,7 +12,7 @@ function plant.calibrate(rig, run, file)
   local found = rig.simulation:use_calibration(file)
   local name = found.name ~= "" and (" (%s)"):format(found.name) or ""
   run:note(
-    ("the plant is the measured machine of %s%s: its coils differ from the loop's model by %.1f %% at the centre"):format(
+    ("the plant is the measured machine of %s%s: its coils differ from the loop's model by %.1f %% at the center"):format(
       file,
       name,
       100 * found.difference

@@ -85,7 +85,7 @@ function plots.error_bars(run, options)
   }
 end
 
--- From dark to light, for the colour-blind too (viridis).
+-- From dark to light, for the color-blind too (viridis).
 local shades = {
   { 68, 1, 84 },
   { 71, 44, 122 },
@@ -102,11 +102,11 @@ local function shade(part)
   local at = math.max(0, math.min(1, part)) * (#shades - 1)
   local low = math.min(math.floor(at), #shades - 2)
   local from, to, mix = shades[low + 1], shades[low + 2], at - low
-  local colour = {}
+  local color = {}
   for i = 1, 3 do
-    colour[i] = math.floor(from[i] + (to[i] - from[i]) * mix + 0.5)
+    color[i] = math.floor(from[i] + (to[i] - from[i]) * mix + 0.5)
   end
-  return ("#%02x%02x%02x"):format(colour[1], colour[2], colour[3])
+  return ("#%02x%02x%02x"):format(color[1], color[2], color[3])
 end
 
 local function escaped(text)
@@ -124,7 +124,7 @@ end
 
 local function titled(axis) return (axis[2] or "") == "" and axis[1] or axis[1] .. " (" .. axis[2] .. ")" end
 
-local function colour_bar(out, x, top, tall, low, high, axis)
+local function color_bar(out, x, top, tall, low, high, axis)
   for i = 0, 49 do
     out[#out + 1] = ('<rect x="%d" y="%.1f" width="14" height="%.1f" fill="%s"/>'):format(
       x,
@@ -138,7 +138,7 @@ local function colour_bar(out, x, top, tall, low, high, axis)
   text(out, x + 7, top - 6, "middle", titled(axis))
 end
 
---- `rows` of values as colours, the first row at the bottom; a value that is missing (false, or not finite) stays white.
+--- `rows` of values as colors, the first row at the bottom; a value that is missing (false, or not finite) stays white.
 --- `x_range` and `y_range` are {from, to}; `rows`, `x`, `y`, `value` (an axis) and `title` are needed.
 function plots.heat_map(run, options)
   needed(options, "heat_map", { "rows", "x_range", "y_range", "x", "y", "value", "title" })
@@ -179,7 +179,7 @@ function plots.heat_map(run, options)
   end
   text(out, left + across / 2, top + tall + 34, "middle", titled(options.x))
   text(out, 14, top + tall / 2, "middle", titled(options.y), (' transform="rotate(-90 14 %d)"'):format(top + tall // 2))
-  colour_bar(out, left + across + 26, top + 12, tall - 12, low, high, options.value)
+  color_bar(out, left + across + 26, top + 12, tall - 12, low, high, options.value)
   out[#out + 1] = "</svg>"
   run:drawing(options.title, table.concat(out, "\n"))
 end

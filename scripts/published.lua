@@ -99,7 +99,7 @@ published.table_8_2 = {
 }
 published.thresholds = { RG = { -0.17, 1.71 }, YV = { -0.11, 1.69 }, HS = { -0.77, 0.77 }, YU = { -0.13, 1.64 } }
 
--- Table 8.3: tracking errors in px and rad: centre, axes, angle.
+-- Table 8.3: tracking errors in px and rad: center, axes, angle.
 published.table_8_3 = {
   RG = { 2.15, 2.06, 2.36, 1.65, 7.62 * deg },
   YV = { 2.03, 2.20, 2.38, 1.82, 8.26 * deg },

@@ -64,8 +64,8 @@ function retina.calibrate(rig, run, servo, options)
   local lies = { robot = model.robot, axis = axis }
   -- Where it lies aside of the axis, by first order: the height hardly depends on it, and the view of now may not know it at all.
   local magnification = math.abs(rig:eye():axial_image(0).magnification)
-  local metres = model.pixel / magnification
-  local x, y = (seen.u - model.centre_px[1]) * metres, -(seen.v - model.centre_px[2]) * metres
+  local meters = model.pixel / magnification
+  local x, y = (seen.u - model.center_px[1]) * meters, -(seen.v - model.center_px[2]) * meters
   local aside = math.sqrt(x ^ 2 + y ^ 2)
   local upright = math.abs(axis.z) / axis:norm() > 0.7
   local thin = upright and model.robot.half_length or model.robot.radius

@@ -35,7 +35,7 @@ end
 function statistics.max(values) return math.max(table.unpack(some(values, "max"))) end
 function statistics.min(values) return math.min(table.unpack(some(values, "min"))) end
 
---- The value below which a part (0 to 1) of them lies, linear between neighbours.
+--- The value below which a part (0 to 1) of them lies, linear between neighbors.
 function statistics.percentile(values, part)
   if not (part >= 0 and part <= 1) then error("percentile: part: wants 0 to 1, got " .. tostring(part), 2) end
   local sorted = table.move(some(values, "percentile"), 1, #values, 1, {})

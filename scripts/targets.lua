@@ -1,10 +1,10 @@
--- The target that is localised by focus: a stage holds it in the laboratory, where the operator is asked to set it; on a
+-- The target that is localized by focus: a stage holds it in the laboratory, where the operator is asked to set it; on a
 -- simulated rig it goes there by itself. Places in the eye's frame, m.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local targets = {}
 
-local away = vector(0, 0, 0.5) -- where it cannot be seen: half a metre off
+local away = vector(0, 0, 0.5) -- where it cannot be seen: half a meter off
 
 local function set(rig, position) rig.simulation:move_body("target", position) end
 

@@ -27,7 +27,7 @@ end
 
 --- mean, deviation, max of a list of errors; an error when there are none.
 function track_errors.statistics(errors)
-  if #errors == 0 then error("the robot was not localised in this span", 2) end
+  if #errors == 0 then error("the robot was not localized in this span", 2) end
   return {
     mean = statistics.mean(errors),
     deviation = statistics.deviation(errors),

@@ -31,7 +31,8 @@ double median_value(std::vector<FocusSample> readings) {
   return (readings[(n - 1) / 2].value + readings[n / 2].value) / 2;
 }
 
-// With backlash the lowest positions can only be come at downwards: they are for going back to, not for measuring.
+// With backlash the lowest positions can only be come at downwards: they are for going back to, not
+// for measuring.
 AutofocusSettings usable(AutofocusSettings settings) {
   settings.check();
   settings.low += settings.backlash;
@@ -53,13 +54,14 @@ AutofocusStrategy autofocus_strategy(std::string_view name) {
     if (own == name) return strategy;
     names += (names.empty() ? "" : ", ") + std::string(own);
   }
-  throw std::invalid_argument("strategy: there is no autofocus strategy \"" + std::string(name) + "\"; there are " +
-                              names);
+  throw std::invalid_argument("strategy: there is no autofocus strategy \"" + std::string(name) +
+                              "\"; there are " + names);
 }
 
 void AutofocusSettings::check() const {
   constexpr double kMostSteps = 100000;  // a night of it
-  require(std::isfinite(low) && std::isfinite(high) && low < high, "low, high: must be finite, low below high");
+  require(std::isfinite(low) && std::isfinite(high) && low < high,
+          "low, high: must be finite, low below high");
   require(step > 0 && std::isfinite(step), "step: must be positive");
   require((high - low) / step <= kMostSteps, "step: more than 100000 steps from low to high");
   require(coarse >= 5 && coarse <= 10000, "coarse: must be 5 to 10000 positions");
@@ -85,8 +87,9 @@ struct Autofocus::State {
   AutofocusDone finish() {
     done = true;
     AutofocusDone result{find_focus_peak(samples, settings.peak), std::nullopt, readings_used};
-    const auto best = std::max_element(samples.begin(), samples.end(),
-                                       [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
+    const auto best = std::max_element(
+        samples.begin(), samples.end(),
+        [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
     if (result.fit.peak)
       result.park = std::clamp(result.fit.peak->position, settings.low, settings.high);
     else if (best->value > 0)
@@ -104,12 +107,15 @@ struct Autofocus::State {
   std::vector<FocusSample> readings, samples;  // at this position; one for each position before
 };
 
-Autofocus::Autofocus(const AutofocusSettings& settings) : state_(std::make_unique<State>(settings)) {}
+Autofocus::Autofocus(const AutofocusSettings& settings)
+    : state_(std::make_unique<State>(settings)) {}
 Autofocus::~Autofocus() = default;
 Autofocus::Autofocus(Autofocus&&) noexcept = default;
 Autofocus& Autofocus::operator=(Autofocus&&) noexcept = default;
 
-double Autofocus::start() const { return state_->settings.backlash > 0 ? state_->lowest : state_->settings.low; }
+double Autofocus::start() const {
+  return state_->settings.backlash > 0 ? state_->lowest : state_->settings.low;
+}
 
 const std::vector<FocusSample>& Autofocus::samples() const { return state_->samples; }
 

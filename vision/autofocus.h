@@ -1,4 +1,5 @@
-// Autofocus as state machines: told where the stage is and what the focus measure says there, they answer where to go.
+// Autofocus as state machines: told where the stage is and what the focus measure says there, they
+// answer where to go.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -28,19 +29,24 @@ struct AutofocusSettings {
   double low = 0, high = 1;  ///< travel limits: no position outside is ever asked for
   double step = 0.01;        ///< the finest
   int coarse = 11;           ///< positions of a first sweep; 5 at least
-  int repeats = 1;           ///< readings a position, of which the median counts: against flicker and passing floaters
-  double backlash = 0;  ///< a move downwards first goes this much too far, so that all positions are come at upwards
-  double hysteresis = 0.02;  ///< values that differ by less, relatively, do not decide which side is better
+  int repeats =
+      1;  ///< readings a position, of which the median counts: against flicker and passing floaters
+  double backlash = 0;  ///< a move downwards first goes this much too far, so that all positions
+                        ///< are come at upwards
+  double hysteresis =
+      0.02;  ///< values that differ by less, relatively, do not decide which side is better
   FocusPeakSettings peak;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
 struct AutofocusDone {
-  FocusPeakFit fit;            ///< found: fit.peak has best position and sigma; else why not
-  std::optional<double> park;  ///< where to go: the peak, else the best that was measured; nothing when all was blank
-  int readings = 0;            ///< that were used
+  FocusPeakFit fit;  ///< found: fit.peak has best position and sigma; else why not
+  std::optional<double>
+      park;  ///< where to go: the peak, else the best that was measured; nothing when all was blank
+  int readings = 0;  ///< that were used
 };
-using AutofocusStep = std::variant<double, AutofocusDone>;  ///< a position to go to and measure at, or the end
+using AutofocusStep =
+    std::variant<double, AutofocusDone>;  ///< a position to go to and measure at, or the end
 
 /// One search. Pure: the caller moves the stage and measures.
 class Autofocus {
@@ -51,8 +57,8 @@ class Autofocus {
   Autofocus& operator=(Autofocus&&) noexcept;
 
   double start() const;  ///< the first position
-  /// `position` is where the stage really is, `value` the measure there. Throws std::invalid_argument when either is
-  /// not finite, std::logic_error after the end.
+  /// `position` is where the stage really is, `value` the measure there. Throws
+  /// std::invalid_argument when either is not finite, std::logic_error after the end.
   AutofocusStep next(double position, double value);
   const std::vector<FocusSample>& samples() const;  ///< what was used so far, in order
 

@@ -42,25 +42,30 @@ class EvenSweep {
 };
 
 const FocusSample& best_of(const std::vector<FocusSample>& samples, std::size_t from = 0) {
-  return *std::max_element(samples.begin() + static_cast<std::ptrdiff_t>(from), samples.end(),
-                           [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
+  return *std::max_element(
+      samples.begin() + static_cast<std::ptrdiff_t>(from), samples.end(),
+      [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
 }
 
 class Sweep final : public FocusSearch {
  public:
-  explicit Sweep(const AutofocusSettings& s) : sweep_(EvenSweep::by_step({s.low, s.high}, s.step)) {}
+  explicit Sweep(const AutofocusSettings& s)
+      : sweep_(EvenSweep::by_step({s.low, s.high}, s.step)) {}
   std::optional<double> next(const std::vector<FocusSample>&) override { return sweep_.next(); }
 
  private:
   EvenSweep sweep_;
 };
 
-// The first sweep of the other two. While nothing stands out, the peak may be narrower than the sweep's spacing: it is
-// swept again half as wide, down to the finest step.
+// The first sweep of the other two. While nothing stands out, the peak may be narrower than the
+// sweep's spacing: it is swept again half as wide, down to the finest step.
 class Bracketing {
  public:
   explicit Bracketing(const AutofocusSettings& s)
-      : limits_{s.low, s.high}, step_(s.step), hysteresis_(s.hysteresis), sweep_(limits_, s.coarse) {}
+      : limits_{s.low, s.high},
+        step_(s.step),
+        hysteresis_(s.hysteresis),
+        sweep_(limits_, s.coarse) {}
   std::optional<double> next(const std::vector<FocusSample>& samples) {
     if (const auto position = sweep_.next()) return position;
     if (stands_out(samples) || spacing() <= step_) return std::nullopt;
@@ -103,13 +108,15 @@ class CoarseToFine final : public FocusSearch {
   }
 
  private:
-  // About the best of the last sweep: those before it were coarser, and the light may have changed since.
+  // About the best of the last sweep: those before it were coarser, and the light may have changed
+  // since.
   std::optional<double> refine(const std::vector<FocusSample>& samples, double spacing) {
     if (spacing <= step_ * (1 + 1e-9)) return std::nullopt;
     const double best = best_of(samples, swept_).position;
     swept_ = samples.size();
     spacing_ = std::max(spacing / kRefinement, step_);
-    sweep_ = EvenSweep::by_step(within({best - spacing, best + spacing}, coarse_.limits()), spacing_);
+    sweep_ =
+        EvenSweep::by_step(within({best - spacing, best + spacing}, coarse_.limits()), spacing_);
     return sweep_.next();
   }
 
@@ -149,7 +156,8 @@ class Section final : public FocusSearch {
     std::optional<double> value;
   };
 
-  // Fibonacci: the bracket is cut into as many steps, about the finest, as the first Fibonacci number that holds it.
+  // Fibonacci: the bracket is cut into as many steps, about the finest, as the first Fibonacci
+  // number that holds it.
   void begin(const Range& bracket) {
     range_ = bracket;
     int small = 1, large = 1;
@@ -166,7 +174,8 @@ class Section final : public FocusSearch {
   std::optional<double> shrink() {
     const double difference = *left_.value - *right_.value;
     if (std::abs(difference) < hysteresis_ * std::max(*left_.value, *right_.value)) {
-      stage_ = Stage::over;  // noise would choose the side; the parabola through all samples knows better
+      stage_ = Stage::over;  // noise would choose the side; the parabola through all samples knows
+                             // better
       return (left_.position + right_.position) / 2;
     }
     (difference > 0 ? range_.high : range_.low) = difference > 0 ? right_.position : left_.position;

@@ -13,7 +13,8 @@ namespace vitreo::vision {
 class FocusSearch {
  public:
   virtual ~FocusSearch() = default;
-  /// The next position within the limits, or nothing at the end. `samples`: one for each position asked for, in order.
+  /// The next position within the limits, or nothing at the end. `samples`: one for each position
+  /// asked for, in order.
   virtual std::optional<double> next(const std::vector<FocusSample>& samples) = 0;
 };
 

@@ -13,7 +13,8 @@ namespace vitreo::vision {
 namespace {
 
 constexpr int kLevels = 256;
-constexpr double kRounding = 1.0 / 12;  // variance of rounding to whole grey levels: no image has less noise
+constexpr double kRounding =
+    1.0 / 12;  // variance of rounding to whole gray levels: no image has less noise
 
 struct Pool {
   std::array<double, kLevels> variance{}, weight{};
@@ -38,9 +39,9 @@ Pool over_images(const cv::Mat& sum, const cv::Mat& squares, int count) {
   return pool;
 }
 
-// From one image: neighbours along a row see nearly the same thing, so half their squared difference is noise. What
-// texture adds errs on the side of too much.
-Pool over_neighbours(const cv::Mat& image) {
+// From one image: neighbors along a row see nearly the same thing, so half their squared difference
+// is noise. What texture adds errs on the side of too much.
+Pool over_neighbors(const cv::Mat& image) {
   Pool pool;
   for (int v = 0; v < image.rows; ++v) {
     const float* row = image.ptr<float>(v);
@@ -52,8 +53,9 @@ Pool over_neighbours(const cv::Mat& image) {
   return pool;
 }
 
-// Read noise is the same at all levels, shot noise grows with the level: variance = a + b level, both at least 0. The
-// line also speaks for levels that the empty scene does not show, as a robot's.
+// Read noise is the same at all levels, shot noise grows with the level: variance = a + b level,
+// both at least 0. The line also speaks for levels that the empty scene does not show, as a
+// robot's.
 cv::Mat fitted(const Pool& pool) {
   double n = 0, x = 0, y = 0, xx = 0, xy = 0;
   for (std::size_t k = 2; k < kLevels - 2; ++k) {  // at the ends the sensor clips its own noise
@@ -78,8 +80,10 @@ cv::Mat fitted(const Pool& pool) {
 }  // namespace
 
 void Background::learn(const cv::Mat& image) {
-  if (image.empty() || image.type() != CV_8UC1) throw std::invalid_argument("image: must be 8-bit grey");
-  if (count_ > 0 && image.size() != sum_.size()) throw std::invalid_argument("image: its size differs from the first");
+  if (image.empty() || image.type() != CV_8UC1)
+    throw std::invalid_argument("image: must be 8-bit gray");
+  if (count_ > 0 && image.size() != sum_.size())
+    throw std::invalid_argument("image: its size differs from the first");
   if (count_ == 0) {
     sum_ = cv::Mat::zeros(image.size(), CV_32F);
     sum_of_squares_ = cv::Mat::zeros(image.size(), CV_64F);
@@ -99,7 +103,9 @@ const cv::Mat& Background::mean() const {
 
 const cv::Mat& Background::noise_of_level() const {
   mean();
-  if (noise_.empty()) noise_ = fitted(count_ > 1 ? over_images(sum_, sum_of_squares_, count_) : over_neighbours(mean_));
+  if (noise_.empty())
+    noise_ =
+        fitted(count_ > 1 ? over_images(sum_, sum_of_squares_, count_) : over_neighbors(mean_));
   return noise_;
 }
 

@@ -59,12 +59,15 @@ struct BackgroundTracker::State {
 };
 
 void BackgroundTracker::State::check_image(const cv::Mat& image) const {
-  require(image.type() == CV_8UC1 || image.type() == CV_8UC3, "image: must be 8-bit, grey or colour");
+  require(image.type() == CV_8UC1 || image.type() == CV_8UC3,
+          "image: must be 8-bit, gray or color");
   require(!image.empty(), "image: is empty");
-  require(learnt == 0 || (image.size() == size && image.type() == type), "image: is not of the size and kind learnt");
+  require(learnt == 0 || (image.size() == size && image.type() == type),
+          "image: is not of the size and kind learnt");
 }
 
-void BackgroundTracker::State::learn_plain(const cv::Mat& image, double rate, const cv::Mat& where) {
+void BackgroundTracker::State::learn_plain(const cv::Mat& image, double rate,
+                                           const cv::Mat& where) {
   if (mean.empty()) image.convertTo(mean, CV_32F);
   cv::accumulateWeighted(image, mean, rate, where);
 }
@@ -72,7 +75,8 @@ void BackgroundTracker::State::learn_plain(const cv::Mat& image, double rate, co
 void BackgroundTracker::State::find_foreground(const cv::Mat& image) {
   if (subtractor) {
     subtractor->apply(image, foreground, settings.rate);
-    cv::threshold(foreground, foreground, 200, 255, cv::THRESH_BINARY);  // 127 is what they take for a shadow
+    cv::threshold(foreground, foreground, 200, 255,
+                  cv::THRESH_BINARY);  // 127 is what they take for a shadow
     return;
   }
   mean.convertTo(level, CV_8U);
@@ -96,11 +100,13 @@ std::optional<Ellipse> BackgroundTracker::State::largest() {
   cv::morphologyEx(foreground, foreground, cv::MORPH_OPEN, element);
   cv::morphologyEx(foreground, foreground, cv::MORPH_CLOSE, element);
   const int count = cv::connectedComponentsWithStats(foreground, labels, statistics, centroids);
-  const double most = settings.max_area_px > 0 ? settings.max_area_px : 0.1 * static_cast<double>(size.area());
+  const double most =
+      settings.max_area_px > 0 ? settings.max_area_px : 0.1 * static_cast<double>(size.area());
   int best = 0, best_area = 0;
   for (int k = 1; k < count; ++k) {
     const int area = statistics.at<int>(k, cv::CC_STAT_AREA);
-    if (area >= settings.min_area_px && area <= most && area > best_area) best = k, best_area = area;
+    if (area >= settings.min_area_px && area <= most && area > best_area)
+      best = k, best_area = area;
   }
   if (best == 0) return std::nullopt;
   cv::Mat part;
@@ -110,11 +116,14 @@ std::optional<Ellipse> BackgroundTracker::State::largest() {
   return found;
 }
 
-BackgroundTracker::BackgroundTracker(const BackgroundTrackerSettings& settings) : state_(std::make_unique<State>()) {
+BackgroundTracker::BackgroundTracker(const BackgroundTrackerSettings& settings)
+    : state_(std::make_unique<State>()) {
   settings.check();
   state_->settings = settings;
-  if (settings.kind == BackgroundKind::mog2) state_->subtractor = cv::createBackgroundSubtractorMOG2();
-  if (settings.kind == BackgroundKind::knn) state_->subtractor = cv::createBackgroundSubtractorKNN();
+  if (settings.kind == BackgroundKind::mog2)
+    state_->subtractor = cv::createBackgroundSubtractorMOG2();
+  if (settings.kind == BackgroundKind::knn)
+    state_->subtractor = cv::createBackgroundSubtractorKNN();
 }
 
 BackgroundTracker::~BackgroundTracker() = default;

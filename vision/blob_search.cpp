@@ -12,19 +12,21 @@ namespace {
 
 using Points = std::vector<cv::Point>;
 
-// The ellipse with the moments of the outline's hull: highlights open a robot's mask, its hull closes it.
+// The ellipse with the moments of the outline's hull: highlights open a robot's mask, its hull
+// closes it.
 Ellipse ellipse_of(const Points& outline, const cv::Rect& where, int step, double& area) {
   Points hull;
   cv::convexHull(outline, hull);
   const cv::Moments m = cv::moments(hull);
-  // The outline runs through the centres of the outermost cells: half a cell is missing all round.
+  // The outline runs through the centers of the outermost cells: half a cell is missing all round.
   const double grow = step / 2.0;
   area = m.m00 * step * step;
   if (!(m.m00 > 0)) return {};
-  const Eigen::Vector2d centre(where.x + step * m.m10 / m.m00, where.y + step * m.m01 / m.m00);
+  const Eigen::Vector2d center(where.x + step * m.m10 / m.m00, where.y + step * m.m01 / m.m00);
   const double xx = m.mu20 / m.m00, yy = m.mu02 / m.m00, xy = m.mu11 / m.m00;
   const double mean = (xx + yy) / 2, spread = std::hypot((xx - yy) / 2, xy);
-  return {centre, step * 2 * std::sqrt(mean + spread) + grow, step * 2 * std::sqrt(std::max(mean - spread, 0.0)) + grow,
+  return {center, step * 2 * std::sqrt(mean + spread) + grow,
+          step * 2 * std::sqrt(std::max(mean - spread, 0.0)) + grow,
           std::atan2(2 * xy, xx - yy) / 2};
 }
 
@@ -41,7 +43,8 @@ BlobSearch::BlobSearch(const Background& background, const BlobLimits& limits) :
     const float* row = mean.ptr<float>(v);
     for (int u = 0; u < mean.cols; ++u) {
       const double level = row[u];
-      const double step = std::max(limits.min_contrast, sigmas * noise.at<float>(static_cast<int>(level)));
+      const double step =
+          std::max(limits.min_contrast, sigmas * noise.at<float>(static_cast<int>(level)));
       low_.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(std::ceil(level - step));
       high_.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(std::floor(level + step));
     }
@@ -52,20 +55,22 @@ cv::Mat BlobSearch::mask(const cv::Mat& image, const cv::Rect& where, int step) 
   cv::Mat mask((where.height + step - 1) / step, (where.width + step - 1) / step, CV_8U);
   for (int j = 0; j < mask.rows; ++j) {
     const int v = where.y + step * j;
-    const unsigned char* grey = image.ptr<unsigned char>(v) + where.x;
+    const unsigned char* gray = image.ptr<unsigned char>(v) + where.x;
     const unsigned char* low = low_.ptr<unsigned char>(v) + where.x;
     const unsigned char* high = high_.ptr<unsigned char>(v) + where.x;
     unsigned char* out = mask.ptr<unsigned char>(j);
     for (int i = 0; i < mask.cols; ++i) {
       const int u = step * i;
-      out[i] = static_cast<unsigned char>(-(static_cast<int>(grey[u] < low[u]) | static_cast<int>(grey[u] > high[u])));
+      out[i] = static_cast<unsigned char>(
+          -(static_cast<int>(gray[u] < low[u]) | static_cast<int>(gray[u] > high[u])));
     }
   }
   cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, cv::Mat::ones(3, 3, CV_8U));
   return mask;
 }
 
-std::optional<Blob> BlobSearch::largest(const cv::Mat& image, const cv::Rect& where, int step) const {
+std::optional<Blob> BlobSearch::largest(const cv::Mat& image, const cv::Rect& where,
+                                        int step) const {
   const cv::Mat found = mask(image, where, step);
   std::vector<Points> outlines;
   cv::findContours(found, outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);

@@ -31,7 +31,7 @@ class BlobSearch {
  private:
   cv::Mat mask(const cv::Mat& image, const cv::Rect& where, int step) const;
   BlobLimits limits_;
-  cv::Mat low_, high_;  // CV_8U: grey levels between these are the ground's
+  cv::Mat low_, high_;  // CV_8U: gray levels between these are the ground's
 };
 
 }  // namespace vitreo::vision

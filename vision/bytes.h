@@ -12,7 +12,8 @@
 
 namespace vitreo::vision {
 
-inline std::uint64_t checksum_of(std::string_view bytes) {  // FNV-1a: against damage, not against malice
+inline std::uint64_t checksum_of(
+    std::string_view bytes) {  // FNV-1a: against damage, not against malice
   std::uint64_t sum = 14695981039346656037ULL;
   for (const char c : bytes) sum = (sum ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
   return sum;
@@ -22,7 +23,8 @@ class ByteWriter {
  public:
   void text(std::string_view bytes) { bytes_ += bytes; }
   void number(std::uint64_t value, int size) {
-    for (int k = 0; k < size; ++k) bytes_ += static_cast<char>(static_cast<unsigned char>(value >> (8 * k)));
+    for (int k = 0; k < size; ++k)
+      bytes_ += static_cast<char>(static_cast<unsigned char>(value >> (8 * k)));
   }
   void u8(std::uint8_t value) { number(value, 1); }
   void u32(std::uint32_t value) { number(value, 4); }
@@ -39,20 +41,27 @@ class ByteWriter {
   std::string bytes_;
 };
 
-/// Every method throws std::invalid_argument, naming `what`, where the bytes end early or hold no such value.
+/// Every method throws std::invalid_argument, naming `what`, where the bytes end early or hold no
+/// such value.
 class ByteReader {
  public:
   /// Checks the first four letters, the version after them and the check sum at the end.
-  ByteReader(std::string_view bytes, std::string_view magic, std::uint32_t version, std::string what)
+  ByteReader(std::string_view bytes, std::string_view magic, std::uint32_t version,
+             std::string what)
       : what_(std::move(what)) {
-    if (bytes.size() < magic.size() + 12 || bytes.substr(0, magic.size()) != magic) fail("is not such a file");
+    if (bytes.size() < magic.size() + 12 || bytes.substr(0, magic.size()) != magic)
+      fail("is not such a file");
     rest_ = bytes.substr(magic.size(), 4);
-    if (const std::uint32_t found = u32(); found != version) fail("has version " + std::to_string(found));
+    if (const std::uint32_t found = u32(); found != version)
+      fail("has version " + std::to_string(found));
     rest_ = bytes.substr(bytes.size() - 8);
-    if (number(8) != checksum_of(bytes.substr(0, bytes.size() - 8))) fail("is damaged: its check sum is wrong");
+    if (number(8) != checksum_of(bytes.substr(0, bytes.size() - 8)))
+      fail("is damaged: its check sum is wrong");
     rest_ = bytes.substr(magic.size() + 4, bytes.size() - magic.size() - 12);
   }
-  [[noreturn]] void fail(const std::string& why) const { throw std::invalid_argument(what_ + ": " + why); }
+  [[noreturn]] void fail(const std::string& why) const {
+    throw std::invalid_argument(what_ + ": " + why);
+  }
   std::string_view text(std::size_t size) {
     if (rest_.size() < size) fail("ends too early");
     const std::string_view taken = rest_.substr(0, size);
@@ -69,11 +78,14 @@ class ByteReader {
   std::uint32_t u32() { return static_cast<std::uint32_t>(number(4)); }
   int integer(int low, int high) {
     const std::uint32_t value = u32();
-    if (value > static_cast<std::uint32_t>(high) || static_cast<int>(value) < low) fail("holds a number out of range");
+    if (value > static_cast<std::uint32_t>(high) || static_cast<int>(value) < low)
+      fail("holds a number out of range");
     return static_cast<int>(value);
   }
   float f32(float low, float high) { return checked(std::bit_cast<float>(u32()), low, high); }
-  double f64(double low, double high) { return checked(std::bit_cast<double>(number(8)), low, high); }
+  double f64(double low, double high) {
+    return checked(std::bit_cast<double>(number(8)), low, high);
+  }
   void end() const {
     if (!rest_.empty()) fail("is longer than it should be");
   }

@@ -12,8 +12,10 @@ namespace {
 
 constexpr int kCoarseRounds = 2, kMostCoarseRounds = 4, kFineRounds = 5;
 constexpr double kSettled = 0.03;  // px: a round that moves the rim less is the last
-constexpr double kClearlyMore = 1.3;  // blur than was told: what is told is the better start when it is about right
-// A body brightens from its rim inwards by about these parts of its contrast, as a root and straight.
+constexpr double kClearlyMore =
+    1.3;  // blur than was told: what is told is the better start when it is about right
+// A body brightens from its rim inwards by about these parts of its contrast, as a root and
+// straight.
 constexpr double kRootSpread = 0.5, kStraightSpread = 1;
 
 template <class T>
@@ -28,11 +30,14 @@ bool inside_image(const cv::Mat& image, const Eigen::Vector2d& p) {
   return p.x() >= 0 && p.y() >= 0 && p.x() < image.cols - 1 && p.y() < image.rows - 1;
 }
 
-// `count` values 1 px apart outwards, the first `inside` px within the rim. False when they leave the image.
+// `count` values 1 px apart outwards, the first `inside` px within the rim. False when they leave
+// the image.
 template <class Samples>
-bool sample(const cv::Mat& image, const cv::Mat& ground, const Normal& n, double inside, int count, Samples& out) {
+bool sample(const cv::Mat& image, const cv::Mat& ground, const Normal& n, double inside, int count,
+            Samples& out) {
   const Eigen::Vector2d first = n.rim_px - inside * n.outward;
-  if (!inside_image(image, first) || !inside_image(image, first + (count - 1) * n.outward)) return false;
+  if (!inside_image(image, first) || !inside_image(image, first + (count - 1) * n.outward))
+    return false;
   for (int j = 0; j < count; ++j) {
     const Eigen::Vector2d p = first + j * n.outward;
     out.image[static_cast<std::size_t>(j)] = interpolated<unsigned char>(image, p.x(), p.y());
@@ -72,8 +77,9 @@ double Contour::allowed_blur(double sigma) const {
   return std::clamp(sigma, 0.4 * told, std::max(2.5 * told, kAlwaysFound));
 }
 
-// From outside inwards, so that highlights within cannot mislead: where the difference from the ground has come half
-// way to what it reaches just inside, and how steep it is there (grey levels per px).
+// From outside inwards, so that highlights within cannot mislead: where the difference from the
+// ground has come half way to what it reaches just inside, and how steep it is there (gray levels
+// per px).
 void Contour::half_crossing(const Images& images, Normal& n, double& slope) const {
   Samples s;
   const int reach = static_cast<int>(settings_.search_px), count = 2 * reach + 1;
@@ -86,7 +92,9 @@ void Contour::half_crossing(const Images& images, Normal& n, double& slope) cons
   const double noise = noise_at(images.noise, s.ground[static_cast<std::size_t>(reach)]);
   const double threshold = std::max(settings_.min_contrast / 2, 4 * noise);
   int first = count - 2;
-  const auto within = [&](int j) { return std::abs(at(j)) > threshold && at(j) * at(j - 1) > threshold * threshold; };
+  const auto within = [&](int j) {
+    return std::abs(at(j)) > threshold && at(j) * at(j - 1) > threshold * threshold;
+  };
   while (first >= 1 && !within(first)) --first;
   if (first < 1 || first == count - 2) return;  // nothing there, or the rim lies further out
   const double sign = at(first) > 0 ? 1 : -1;
@@ -125,7 +133,8 @@ bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
   return fitted.valid;
 }
 
-// Of a body further out of focus than was told, a round looks too shallowly below the rim: the next one knows better.
+// Of a body further out of focus than was told, a round looks too shallowly below the rim: the next
+// one knows better.
 bool Contour::coarse_rounds(const Images& images, Ellipse& ellipse) {
   sigma_ = settings_.blur_sigma_px;
   for (int k = 0; k < kMostCoarseRounds; ++k) {
@@ -136,7 +145,8 @@ bool Contour::coarse_rounds(const Images& images, Ellipse& ellipse) {
   return true;
 }
 
-// Lamps flicker: what the ground outside the robot differs from the learnt one, in the median over all normals.
+// Lamps flicker: what the ground outside the robot differs from the learnt one, in the median over
+// all normals.
 double Contour::ground_offset() const {
   std::vector<double> off;
   for (std::size_t k = 0; k < normals_.size(); ++k) {
@@ -152,7 +162,8 @@ double Contour::light(std::size_t k, std::size_t j, double cover) const {
   return samples_[k].image[j] - offset_ - (1 - cover) * samples_[k].ground[j];
 }
 
-// Least squares for the body's brightness with the rim where it is now: normal equations, and the right-hand side last.
+// Least squares for the body's brightness with the rim where it is now: normal equations, and the
+// right-hand side last.
 Eigen::Matrix4d Contour::brightness_sums(std::size_t k) const {
   const EdgeModel::Profile& model = profile(k);
   Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
@@ -164,11 +175,13 @@ Eigen::Matrix4d Contour::brightness_sums(std::size_t k) const {
   return sum;
 }
 
-// The brightness at the rim and its rises inwards. `prior` is what the normal equations gain because the rises are not
-// likely to exceed some part of the contrast: it keeps them apart where noise and blur leave them alike.
+// The brightness at the rim and its rises inwards. `prior` is what the normal equations gain
+// because the rises are not likely to exceed some part of the contrast: it keeps them apart where
+// noise and blur leave them alike.
 Eigen::Vector3d Contour::brightness(std::size_t k, double noise, Eigen::Vector3d& prior) const {
   const Eigen::Matrix4d sum = brightness_sums(k);
-  const double contrast = std::max(std::abs(sum(0, 3) / sum(0, 0) - ground_at_rim(k)), settings_.min_contrast / 2);
+  const double contrast =
+      std::max(std::abs(sum(0, 3) / sum(0, 0) - ground_at_rim(k)), settings_.min_contrast / 2);
   const double likely = std::max(noise, 0.5) / contrast;
   prior = {0, std::pow(likely / kRootSpread, 2), std::pow(likely / kStraightSpread, 2)};
   Eigen::Matrix3d normal = sum.topLeftCorner<3, 3>();
@@ -176,8 +189,8 @@ Eigen::Vector3d Contour::brightness(std::size_t k, double noise, Eigen::Vector3d
   return normal.inverse() * sum.topRightCorner<3, 1>();
 }
 
-// Normal equations of one Gauss-Newton step: the rim's shift, three of brightness, the blur; the misfit last.
-// The light from a pixel is (1 - cover) ground + the body's.
+// Normal equations of one Gauss-Newton step: the rim's shift, three of brightness, the blur; the
+// misfit last. The light from a pixel is (1 - cover) ground + the body's.
 Contour::StepSums Contour::step_sums(std::size_t k, const Eigen::Vector3d& body) const {
   const EdgeModel::Profile& model = profile(k);
   StepSums sum = StepSums::Zero();
@@ -185,14 +198,15 @@ Contour::StepSums Contour::step_sums(std::size_t k, const Eigen::Vector3d& body)
     const EdgeSample& m = model[j];
     const double ground = samples_[k].ground[j];
     Eigen::Matrix<double, 6, 1> row;
-    row << body.dot(m.by_shift) - ground * m.by_shift[0], m.value, body.dot(m.by_blur) - ground * m.by_blur[0],
-        light(k, j, m.value[0]) - body.dot(m.value);
+    row << body.dot(m.by_shift) - ground * m.by_shift[0], m.value,
+        body.dot(m.by_blur) - ground * m.by_blur[0], light(k, j, m.value[0]) - body.dot(m.value);
     sum.noalias() += m.trust * row * row.transpose();
   }
   return sum;
 }
 
-// The rim's shift with the body's brightness eliminated; the blur's column is kept for all normals together.
+// The rim's shift with the body's brightness eliminated; the blur's column is kept for all normals
+// together.
 void Contour::place_edge(const Images& images, std::size_t k) {
   Edge& edge = edges_[k];
   Normal& n = normals_[k];
@@ -213,7 +227,8 @@ void Contour::place_edge(const Images& images, std::size_t k) {
   n.variance = inverse(0, 0) * std::max(edge.misfit, noise * noise);
   n.contrast = body[0] + solved[1] - ground;
   n.found = std::isfinite(n.shift_px) && n.variance > 0 && n.variance < 4 &&
-            std::abs(n.contrast) > settings_.min_contrast / 2 && std::abs(n.shift_px) < settings_.search_px / 2;
+            std::abs(n.contrast) > settings_.min_contrast / 2 &&
+            std::abs(n.shift_px) < settings_.search_px / 2;
 }
 
 // Highlights, vessels that were not learnt, other bodies: normals that the model does not describe.
@@ -236,21 +251,26 @@ void Contour::improve_blur() {
   if (!(stiffness > 0)) return;
   const double wanted = std::clamp(sigma_ + pull / stiffness, 0.7 * sigma_, 1.4 * sigma_);
   const double next = allowed_blur(wanted);
-  for (std::size_t k = 0; k < normals_.size(); ++k) normals_[k].shift_px -= edges_[k].shift_by_blur * (next - sigma_);
+  for (std::size_t k = 0; k < normals_.size(); ++k)
+    normals_[k].shift_px -= edges_[k].shift_by_blur * (next - sigma_);
   sigma_ = next;
 }
 
 void Contour::look(const Images& images, const Ellipse& ellipse) {
   inside_ = std::min(2.5 * sigma_ + 3, 0.7 * ellipse.semi_minor_px);
   count_ = std::min(static_cast<int>(inside_ + 2.5 * sigma_ + 3) + 1, EdgeModel::kMaxSamples);
-  for (std::size_t k = 0; k < normals_.size(); ++k) edges_[k].trust = normals_[k].weight;  // of the round before
+  for (std::size_t k = 0; k < normals_.size(); ++k)
+    edges_[k].trust = normals_[k].weight;  // of the round before
   place_normals(ellipse, normals_);
   for (std::size_t k = 0; k < profiles_.size(); ++k) {
-    const double t = 2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(normals_.size());
-    model_.profile(ellipse.semi_major_px, ellipse.semi_minor_px, t, sigma_, inside_, count_, profiles_[k]);
+    const double t =
+        2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(normals_.size());
+    model_.profile(ellipse.semi_major_px, ellipse.semi_minor_px, t, sigma_, inside_, count_,
+                   profiles_[k]);
   }
   for (std::size_t k = 0; k < normals_.size(); ++k) {
-    normals_[k].found = sample(images.image, images.ground, normals_[k], inside_, count_, samples_[k]);
+    normals_[k].found =
+        sample(images.image, images.ground, normals_[k], inside_, count_, samples_[k]);
   }
   offset_ = ground_offset();
 }
@@ -275,8 +295,8 @@ double Contour::median_contrast() const {
   return median_of(contrasts);
 }
 
-std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const cv::Mat& ground, const cv::Mat& noise,
-                                                   const Ellipse& start) {
+std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const cv::Mat& ground,
+                                                   const cv::Mat& noise, const Ellipse& start) {
   const Images images{image, ground, noise};
   Ellipse ellipse = start;
   if (!coarse_rounds(images, ellipse)) return std::nullopt;
@@ -288,7 +308,8 @@ std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const c
     const Eigen::Matrix<double, 5, 1> moved = fitted->ellipse.vector() - ellipse.vector();
     ellipse = fitted->ellipse;
     result.covariance = fitted->covariance;
-    if (moved.head<4>().cwiseAbs().maxCoeff() < kSettled && std::abs(sigma_ / before - 1) < 0.02) break;
+    if (moved.head<4>().cwiseAbs().maxCoeff() < kSettled && std::abs(sigma_ / before - 1) < 0.02)
+      break;
   }
   result.ellipse = ellipse;
   const auto agree = [](const Normal& n) { return n.found && n.weight > 0; };

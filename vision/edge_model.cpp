@@ -12,10 +12,12 @@ namespace {
 constexpr double kFirst = -5, kLast = 30, kStep = 1.0 / 16;
 
 // Seven-point Gauss-Hermite, for a standard normal: exact to the 13th power.
-constexpr std::array<double, 7> kNodes = {-3.750439717725742, -2.366759410734541, -1.154405394739968, 0,
-                                          1.154405394739968,  2.366759410734541,  3.750439717725742};
-constexpr std::array<double, 7> kWeights = {5.482688559722e-4, 3.0757123967586e-2, 0.240123178605013, 0.457142857142857,
-                                            0.240123178605013, 3.0757123967586e-2, 5.482688559722e-4};
+constexpr std::array<double, 7> kNodes = {
+    -3.750439717725742, -2.366759410734541, -1.154405394739968, 0,
+    1.154405394739968,  2.366759410734541,  3.750439717725742};
+constexpr std::array<double, 7> kWeights = {
+    5.482688559722e-4, 3.0757123967586e-2, 0.240123178605013, 0.457142857142857,
+    0.240123178605013, 3.0757123967586e-2, 5.482688559722e-4};
 
 // Where n^2 reaches this a specular highlight may begin: a sample there counts half.
 constexpr double kTrusted = 0.25;
@@ -27,7 +29,8 @@ double density(double z) { return std::exp(-z * z / 2) / std::sqrt(2 * std::numb
 EdgeModel::EdgeModel() {
   for (double z = kFirst; z <= kLast + kStep / 2; z += kStep) {
     Entry entry{std::erfc(-z / std::numbers::sqrt2) / 2, 0, 0, 0, density(z)};
-    // Integral of sqrt(y) density(z - y) over y > 0, with y = x^2 so that nothing is singular at the rim.
+    // Integral of sqrt(y) density(z - y) over y > 0, with y = x^2 so that nothing is singular at
+    // the rim.
     const double dx = 0.01;
     for (double x = std::sqrt(std::max(z - 7, 0.0)); x * x < z + 7; x += dx) {
       const double u = x * x - z, weight = 2 * x * x * density(u) * dx;
@@ -40,28 +43,34 @@ EdgeModel::EdgeModel() {
 }
 
 EdgeModel::Entry EdgeModel::at(double depth) const {
-  const double place = std::clamp((depth - kFirst) / kStep, 0.0, static_cast<double>(table_.size() - 2));
+  const double place =
+      std::clamp((depth - kFirst) / kStep, 0.0, static_cast<double>(table_.size() - 2));
   const auto k = static_cast<std::size_t>(place);
   const double f = place - static_cast<double>(k);
   const Entry &a = table_[k], &b = table_[k + 1];
-  return {a.step + f * (b.step - a.step), a.root + f * (b.root - a.root), a.root1 + f * (b.root1 - a.root1),
-          a.root2 + f * (b.root2 - a.root2), a.density + f * (b.density - a.density)};
+  return {a.step + f * (b.step - a.step), a.root + f * (b.root - a.root),
+          a.root1 + f * (b.root1 - a.root1), a.root2 + f * (b.root2 - a.root2),
+          a.density + f * (b.density - a.density)};
 }
 
 EdgeModel::Blurred EdgeModel::blurred(double z, double k) const {
   const Entry e = at(z);
-  // Blurred powers of depth, each by its lower ones. The chord's far end bends n by sqrt(1 - k y), n^2 by 1 - k y.
+  // Blurred powers of depth, each by its lower ones. The chord's far end bends n by sqrt(1 - k y),
+  // n^2 by 1 - k y.
   const double root3 = z * e.root + e.root1, root5 = z * root3 + 1.5 * e.root;  // y^1.5, y^2.5
   const double ramp = z * e.step + e.density, square = z * ramp + e.step;       // y, y^2
   Blurred b;
   b.value = Eigen::Vector3d(e.step, e.root - k / 2 * root3 - k * k / 8 * root5, ramp - k * square);
-  b.first = Eigen::Vector3d(e.density, e.root1 - 0.75 * k * e.root - 0.3125 * k * k * root3, e.step - 2 * k * ramp);
-  b.second = Eigen::Vector3d(-z * e.density, e.root2 - 0.75 * k * e.root1 - 0.46875 * k * k * e.root,
-                             e.density - 2 * k * e.step);
+  b.first = Eigen::Vector3d(e.density, e.root1 - 0.75 * k * e.root - 0.3125 * k * k * root3,
+                            e.step - 2 * k * ramp);
+  b.second =
+      Eigen::Vector3d(-z * e.density, e.root2 - 0.75 * k * e.root1 - 0.46875 * k * k * e.root,
+                      e.density - 2 * k * e.step);
   return b;
 }
 
-void EdgeModel::profile(double a, double b, double t, double sigma, double inside, int count, Profile& out) const {
+void EdgeModel::profile(double a, double b, double t, double sigma, double inside, int count,
+                        Profile& out) const {
   const Eigen::Array2d point(a * std::cos(t), b * std::sin(t)), inverse(1 / (a * a), 1 / (b * b));
   const Eigen::Array2d normal = (point * inverse) / (point * inverse).matrix().norm();
   const Eigen::Array2d tangent(-normal.y(), normal.x());
@@ -70,14 +79,18 @@ void EdgeModel::profile(double a, double b, double t, double sigma, double insid
   for (std::size_t i = 0; i < kNodes.size(); ++i) {
     // Where a line beside the normal meets the rim: quadratic n^2 + 2 linear n + constant = 0.
     const Eigen::Array2d beside = point + sigma * kNodes[i] * tangent;
-    const double linear = (beside * normal * inverse).sum(), constant = (beside * beside * inverse).sum() - 1;
+    const double linear = (beside * normal * inverse).sum(),
+                 constant = (beside * beside * inverse).sum() - 1;
     const double root = linear * linear - quadratic * constant;
     if (root <= 0) continue;  // that line passes the body
-    const double rim = (-linear + std::sqrt(root)) / quadratic, chord = 2 * std::sqrt(root) / quadratic;
-    // n^2 = 1 - rho^2 = quadratic * depth * (chord - depth): n rises as a root, n^2 straight; in units of the blur.
+    const double rim = (-linear + std::sqrt(root)) / quadratic,
+                 chord = 2 * std::sqrt(root) / quadratic;
+    // n^2 = 1 - rho^2 = quadratic * depth * (chord - depth): n rises as a root, n^2 straight; in
+    // units of the blur.
     const double w = kWeights[i], straight = quadratic * chord * sigma, k = sigma / chord;
     const Eigen::Vector3d scale(w, w * std::sqrt(straight), w * straight);
-    // The blur's growth is diffusion, by the second derivatives along and across; across, by the nodes' own x^2 - 1.
+    // The blur's growth is diffusion, by the second derivatives along and across; across, by the
+    // nodes' own x^2 - 1.
     const double across = kNodes[i] * kNodes[i] - 1;
     for (int j = 0; j < count; ++j) {
       const double depth = rim + inside - j, z = depth / sigma;

@@ -1,5 +1,5 @@
-// How the rim of a blurred ellipse looks along its normals: what an edge must be compared with to be placed to a
-// fraction of a pixel, however bent the rim and however the body is shaded.
+// How the rim of a blurred ellipse looks along its normals: what an edge must be compared with to
+// be placed to a fraction of a pixel, however bent the rim and however the body is shaded.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,10 +10,11 @@
 
 namespace vitreo::vision {
 
-/// At one place on a normal: the share of the pixel's light that comes from the body, and the same weighed with n and
-/// with n^2, n being how far the body's surface faces the observer (0 at the rim, 1 in the middle): a lit round body's
-/// brightness is smooth in n, so from the rim inwards it rises as a root before it rises straight. With each its change
-/// as the rim moves outwards (per px) and as the blur grows (per px of sigma).
+/// At one place on a normal: the share of the pixel's light that comes from the body, and the same
+/// weighed with n and with n^2, n being how far the body's surface faces the observer (0 at the
+/// rim, 1 in the middle): a lit round body's brightness is smooth in n, so from the rim inwards it
+/// rises as a root before it rises straight. With each its change as the rim moves outwards (per
+/// px) and as the blur grows (per px of sigma).
 struct EdgeSample {
   using Shades = Eigen::Vector3d;  // weighed with 1, n, n^2
   Shades value = Shades::Zero(), by_shift = Shades::Zero(), by_blur = Shades::Zero();
@@ -26,13 +27,15 @@ class EdgeModel {
   using Profile = std::array<EdgeSample, kMaxSamples>;
 
   EdgeModel();
-  /// The profile at the ellipse's point (a cos t, b sin t), `count` samples 1 px apart along the outward normal, the
-  /// first `inside` px within the rim; blurred by a Gaussian of `sigma`, the rim's curvature included.
-  void profile(double semi_major_px, double semi_minor_px, double t, double sigma_px, double inside_px, int count,
-               Profile& out) const;
+  /// The profile at the ellipse's point (a cos t, b sin t), `count` samples 1 px apart along the
+  /// outward normal, the first `inside` px within the rim; blurred by a Gaussian of `sigma`, the
+  /// rim's curvature included.
+  void profile(double semi_major_px, double semi_minor_px, double t, double sigma_px,
+               double inside_px, int count, Profile& out) const;
 
  private:
-  // Of depth below the rim in units of the blur: a blurred step, a blurred square root, and their derivatives.
+  // Of depth below the rim in units of the blur: a blurred step, a blurred square root, and their
+  // derivatives.
   struct Entry {
     double step, root, root1, root2, density;
   };

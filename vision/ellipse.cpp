@@ -9,14 +9,14 @@ namespace vitreo::vision {
 
 Eigen::Matrix<double, 5, 1> Ellipse::vector() const {
   Eigen::Matrix<double, 5, 1> v;
-  v << centre_px, semi_major_px, semi_minor_px, angle;
+  v << center_px, semi_major_px, semi_minor_px, angle;
   return v;
 }
 
 Eigen::Vector2d Ellipse::point(double t) const {
   const double x = semi_major_px * std::cos(t), y = semi_minor_px * std::sin(t);
-  return centre_px +
-         Eigen::Vector2d(x * std::cos(angle) - y * std::sin(angle), x * std::sin(angle) + y * std::cos(angle));
+  return center_px + Eigen::Vector2d(x * std::cos(angle) - y * std::sin(angle),
+                                     x * std::sin(angle) + y * std::cos(angle));
 }
 
 Eigen::Matrix2d Ellipse::shape() const {
@@ -24,12 +24,13 @@ Eigen::Matrix2d Ellipse::shape() const {
   return semi_major_px * e * e.transpose() + semi_minor_px * f * f.transpose();
 }
 
-Ellipse Ellipse::from_shape(const Eigen::Vector2d& centre_px, const Eigen::Matrix2d& shape) {
-  const double mean = (shape(0, 0) + shape(1, 1)) / 2, half = (shape(0, 0) - shape(1, 1)) / 2, off = shape(0, 1);
+Ellipse Ellipse::from_shape(const Eigen::Vector2d& center_px, const Eigen::Matrix2d& shape) {
+  const double mean = (shape(0, 0) + shape(1, 1)) / 2, half = (shape(0, 0) - shape(1, 1)) / 2,
+               off = shape(0, 1);
   const double spread = std::hypot(half, off);
   double angle = spread > 0 ? std::atan2(off, half) / 2 : 0;  // in [-pi/2, pi/2]
   if (angle <= -std::numbers::pi / 2) angle = std::numbers::pi / 2;
-  return {centre_px, mean + spread, mean - spread, angle};
+  return {center_px, mean + spread, mean - spread, angle};
 }
 
 }  // namespace vitreo::vision

@@ -6,26 +6,29 @@
 
 namespace vitreo::vision {
 
-/// First pixel's centre at (0, 0), u right, v down.
+/// First pixel's center at (0, 0), u right, v down.
 struct Ellipse {
-  Eigen::Vector2d centre_px{0, 0};
+  Eigen::Vector2d center_px{0, 0};
   double semi_major_px = 0, semi_minor_px = 0;
   double angle = 0;  ///< rad, of the major axis, from +u towards +v, in (-pi/2, pi/2]
   /// (u, v, semi-major, semi-minor, angle), in the units above.
   Eigen::Matrix<double, 5, 1> vector() const;
   /// On the rim; t from the major axis, the parameter of (a cos t, b sin t).
   Eigen::Vector2d point(double t) const;
-  /// Symmetric S with rim = centre + S (unit circle), px. Unlike axes and angle it is smooth where the axes are equal.
+  /// Symmetric S with rim = center + S (unit circle), px. Unlike axes and angle it is smooth where
+  /// the axes are equal.
   Eigen::Matrix2d shape() const;
-  static Ellipse from_shape(const Eigen::Vector2d& centre_px, const Eigen::Matrix2d& shape);
+  static Ellipse from_shape(const Eigen::Vector2d& center_px, const Eigen::Matrix2d& shape);
 };
 
 struct EllipseMeasurement {
   Ellipse ellipse;
   Eigen::Matrix<double, 5, 5> covariance =
-      Eigen::Matrix<double, 5, 5>::Zero();  ///< of Ellipse::vector(); for a circle the angle's is that of "anything"
-  double inlier_fraction = 0;  ///< of all contour points looked for: those found and in line with the ellipse
-  double contrast = 0;         ///< grey levels between ground and object, median over the contour
+      Eigen::Matrix<double, 5, 5>::Zero();  ///< of Ellipse::vector(); for a circle the angle's is
+                                            ///< that of "anything"
+  double inlier_fraction =
+      0;  ///< of all contour points looked for: those found and in line with the ellipse
+  double contrast = 0;  ///< gray levels between ground and object, median over the contour
 };
 
 }  // namespace vitreo::vision

@@ -23,11 +23,11 @@ constexpr double kSystematic = 0.02;    // px: what it may miss all round
 constexpr double kFewest = 0.35;        // of the normals, that must agree
 constexpr std::size_t kMostNormals = 1024;
 
-// How the rim's distance along a normal follows centre and shape matrix (xx, xy, yy).
+// How the rim's distance along a normal follows center and shape matrix (xx, xy, yy).
 Vector5 row_of(const Normal& n) {
   Vector5 row;
-  row << n.outward, n.outward.x() * n.circle.x(), n.outward.x() * n.circle.y() + n.outward.y() * n.circle.x(),
-      n.outward.y() * n.circle.y();
+  row << n.outward, n.outward.x() * n.circle.x(),
+      n.outward.x() * n.circle.y() + n.outward.y() * n.circle.x(), n.outward.y() * n.circle.y();
   return row;
 }
 
@@ -69,8 +69,8 @@ void reweigh(std::vector<Normal>& normals, const Vector5& step, bool gently) {
   }
 }
 
-// Derivatives of (u, v, a, b, angle) by (u, v, Sxx, Sxy, Syy). Where the axes are alike the angle becomes "anything", a
-// uniform pi wide, instead of dividing by nothing.
+// Derivatives of (u, v, a, b, angle) by (u, v, Sxx, Sxy, Syy). Where the axes are alike the angle
+// becomes "anything", a uniform pi wide, instead of dividing by nothing.
 Matrix5 axes_from_shape(const Ellipse& ellipse, const Matrix5& covariance) {
   const double c = std::cos(ellipse.angle), s = std::sin(ellipse.angle);
   Matrix5 j = Matrix5::Zero();
@@ -80,7 +80,8 @@ Matrix5 axes_from_shape(const Ellipse& ellipse, const Matrix5& covariance) {
   j.row(4).tail<3>() << -c * s, c * c - s * s, c * s;
   const double variance = (j.row(4) * covariance * j.row(4).transpose()).value();
   const double apart = ellipse.semi_major_px - ellipse.semi_minor_px;
-  j.row(4) /= std::sqrt(apart * apart + 12 / (std::numbers::pi * std::numbers::pi) * variance + 1e-30);
+  j.row(4) /=
+      std::sqrt(apart * apart + 12 / (std::numbers::pi * std::numbers::pi) * variance + 1e-30);
   return j;
 }
 
@@ -101,18 +102,19 @@ StepPrior prior_of(const Ellipse& start, const EllipsePrior* prior) {
   j.row(4).tail<3>() << -c * s, c * c - s * s, c * s;
   const double apart = std::max(prior->ellipse.semi_major_px - prior->ellipse.semi_minor_px, 1.0);
   Vector5 sigma;
-  sigma << prior->centre_px, prior->centre_px, prior->semi_axes_px, prior->semi_axes_px, prior->angle * apart;
+  sigma << prior->center_px, prior->center_px, prior->semi_axes_px, prior->semi_axes_px,
+      prior->angle * apart;
   const Matrix5 weighted = sigma.cwiseProduct(sigma).cwiseInverse().asDiagonal() * j;
   const Eigen::Matrix2d shape = prior->ellipse.shape() - start.shape();
   Vector5 wanted;
-  wanted << prior->ellipse.centre_px - start.centre_px, shape(0, 0), shape(0, 1), shape(1, 1);
+  wanted << prior->ellipse.center_px - start.center_px, shape(0, 0), shape(0, 1), shape(1, 1);
   result.information = j.transpose() * weighted;
   result.right = result.information * wanted;
   return result;
 }
 
-Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals, const Vector5& step,
-                      const StepPrior& prior, double together) {
+Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals,
+                      const Vector5& step, const StepPrior& prior, double together) {
   double squares = 0, count = 0;
   for (const Normal& n : normals) {
     if (!n.found || n.weight <= 0) continue;
@@ -121,7 +123,8 @@ Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals
     count += n.weight;
   }
   const double residual = std::max(squares / std::max(count - 5, 1.0), 0.25);
-  const Matrix5 shape = (information(normals, together, nullptr) / residual + prior.information).inverse();
+  const Matrix5 shape =
+      (information(normals, together, nullptr) / residual + prior.information).inverse();
   const Matrix5 j = axes_from_shape(ellipse, shape);
   Matrix5 result = j * shape * j.transpose();
   for (int k = 0; k < 4; ++k) result(k, k) += kSystematic * kSystematic;
@@ -139,17 +142,18 @@ bool enough(const std::vector<Normal>& normals) {
 void place_normals(const Ellipse& ellipse, std::vector<Normal>& normals) {
   const Eigen::Matrix2d shape = ellipse.shape(), inverse = shape.inverse();
   for (std::size_t k = 0; k < normals.size(); ++k) {
-    const double t = 2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(normals.size());
+    const double t =
+        2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(normals.size());
     Normal& n = normals[k];
     n = Normal{};
     n.circle = {std::cos(t + ellipse.angle), std::sin(t + ellipse.angle)};
-    n.rim_px = ellipse.centre_px + shape * n.circle;
+    n.rim_px = ellipse.center_px + shape * n.circle;
     n.outward = (inverse * n.circle).normalized();
   }
 }
 
-FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, const EllipsePrior* prior,
-                          double together) {
+FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals,
+                          const EllipsePrior* prior, double together) {
   FittedEllipse result{start, Matrix5::Zero(), false};
   for (Normal& n : normals) n.weight = n.found ? 1 : 0;
   if (!enough(normals) || normals.size() > kMostNormals) return result;
@@ -167,7 +171,7 @@ FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, co
   }
   Eigen::Matrix2d shape = start.shape();
   shape += (Eigen::Matrix2d() << step[2], step[3], step[3], step[4]).finished();
-  result.ellipse = Ellipse::from_shape(start.centre_px + step.head<2>(), shape);
+  result.ellipse = Ellipse::from_shape(start.center_px + step.head<2>(), shape);
   if (!step.allFinite() || !(result.ellipse.semi_minor_px > 1)) return result;
   result.covariance = covariance_of(result.ellipse, normals, step, known, together);
   result.valid = result.covariance.allFinite();

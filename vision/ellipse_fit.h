@@ -18,7 +18,7 @@ struct Normal {
   bool found = false;
   double shift_px = 0;  // of the true rim along `outward`
   double variance = 0;  // px^2, of shift_px
-  double contrast = 0;  // grey levels, object less ground
+  double contrast = 0;  // gray levels, object less ground
   double weight = 0;    // 0 to 1: how far it is in line with the others; set by the fit
 };
 
@@ -31,22 +31,25 @@ struct FittedEllipse {
   bool valid = false;
 };
 
-/// What is known of the ellipse before its normals are looked at; an infinite deviation says nothing.
+/// What is known of the ellipse before its normals are looked at; an infinite deviation says
+/// nothing.
 struct EllipsePrior {
   Ellipse ellipse;
-  double centre_px = 0, semi_axes_px = 0, angle = 0;  ///< standard deviations; the angle's counts as the axes differ
+  double center_px = 0, semi_axes_px = 0,
+         angle = 0;  ///< standard deviations; the angle's counts as the axes differ
 };
 
-/// Iteratively re-weighted least squares (Tukey) on the normals' distances, around `start`; sets the normals' weights.
-/// Not valid when fewer than a third of the normals agree or the result is no ellipse. Without `prior` they alone
-/// count. At most 1024 normals. `together`: how many neighbouring normals err as one, as error_correlation() says; the
-/// prior then counts for more and the covariance grows as much.
-FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals, const EllipsePrior* prior = nullptr,
-                          double together = 1);
+/// Iteratively re-weighted least squares (Tukey) on the normals' distances, around `start`; sets
+/// the normals' weights. Not valid when fewer than a third of the normals agree or the result is no
+/// ellipse. Without `prior` they alone count. At most 1024 normals. `together`: how many
+/// neighboring normals err as one, as error_correlation() says; the prior then counts for more and
+/// the covariance grows as much.
+FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals,
+                          const EllipsePrior* prior = nullptr, double together = 1);
 
-/// 1 for normals that scatter each on its own; more where a vessel, a shadow or smoothing moves neighbours together:
-/// the sum of the autocorrelation of what `shift_px` leaves around the rim, of normals that agree (cyclic, at equal
-/// steps).
+/// 1 for normals that scatter each on its own; more where a vessel, a shadow or smoothing moves
+/// neighbors together: the sum of the autocorrelation of what `shift_px` leaves around the rim, of
+/// normals that agree (cyclic, at equal steps).
 double error_correlation(const std::vector<Normal>& normals);
 
 }  // namespace vitreo::vision

@@ -9,13 +9,15 @@ namespace vitreo::vision {
 
 RowSpan row_of(const Ellipse& e, int v) {
   // The quadratic form of the rim, solved along the row.
-  const double c = std::cos(e.angle), s = std::sin(e.angle), dv = v - e.centre_px.y();
-  const double ia = 1 / (e.semi_major_px * e.semi_major_px), ib = 1 / (e.semi_minor_px * e.semi_minor_px);
+  const double c = std::cos(e.angle), s = std::sin(e.angle), dv = v - e.center_px.y();
+  const double ia = 1 / (e.semi_major_px * e.semi_major_px),
+               ib = 1 / (e.semi_minor_px * e.semi_minor_px);
   const double xx = c * c * ia + s * s * ib, xy = c * s * (ia - ib), yy = s * s * ia + c * c * ib;
   const double root = xy * xy * dv * dv - xx * (yy * dv * dv - 1);
   if (!(root > 0)) return {};
-  const double middle = e.centre_px.x() - xy * dv / xx, half = std::sqrt(root) / xx;
-  return {static_cast<int>(std::ceil(middle - half)), static_cast<int>(std::floor(middle + half)) + 1};
+  const double middle = e.center_px.x() - xy * dv / xx, half = std::sqrt(root) / xx;
+  return {static_cast<int>(std::ceil(middle - half)),
+          static_cast<int>(std::floor(middle + half)) + 1};
 }
 
 Ellipse grown(const Ellipse& ellipse, double by_px) {
@@ -33,20 +35,24 @@ void Evidence::reserve(int side_px) {
 }
 
 // Sums over three columns of row v, which lies in the image, into its place in the ring.
-void Evidence::read_row(const cv::Mat& image, const ColourModel& model, int v) {
+void Evidence::read_row(const cv::Mat& image, const ColorModel& model, int v) {
   const std::int8_t* table = model.table().data();
   const auto width = static_cast<std::size_t>(region_.width);
-  const int first = std::max(region_.x - 1, 0), end = std::min(region_.x + region_.width + 1, image.cols);
+  const int first = std::max(region_.x - 1, 0),
+            end = std::min(region_.x + region_.width + 1, image.cols);
   const unsigned char* from = image.ptr<unsigned char>(v) + 3 * static_cast<std::ptrdiff_t>(first);
   std::fill(row_.begin(), row_.begin() + static_cast<std::ptrdiff_t>(width + 2), std::int8_t{0});
   std::int8_t* to = row_.data() + (first - (region_.x - 1));
-  for (int u = first; u < end; ++u, from += 3, ++to) *to = table[ColourModel::cell_of(from[0], from[1], from[2])];
+  for (int u = first; u < end; ++u, from += 3, ++to)
+    *to = table[ColorModel::cell_of(from[0], from[1], from[2])];
   std::int16_t* sums = sums_.data() + static_cast<std::size_t>((v + 3) % 3) * width;
   const std::int8_t* f = row_.data();
-  for (std::size_t k = 0; k < width; ++k) sums[k] = static_cast<std::int16_t>(f[k] + f[k + 1] + f[k + 2]);
+  for (std::size_t k = 0; k < width; ++k)
+    sums[k] = static_cast<std::int16_t>(f[k] + f[k + 1] + f[k + 2]);
 }
 
-void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned, unsigned char self) {
+void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
+                        unsigned char self) {
   const auto width = static_cast<std::size_t>(region_.width);
   RowSpan span = row_of(gate, v);
   span.first = std::max({span.first, region_.x + kMargin, 0});
@@ -65,16 +71,20 @@ void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const 
   }
 }
 
-void Evidence::look(const cv::Mat& image, const ColourModel& model, const Ellipse& gate, int max_side_px,
-                    const cv::Mat& owned, unsigned char self) {
-  const double c = std::cos(gate.angle), s = std::sin(gate.angle), a = gate.semi_major_px, b = gate.semi_minor_px;
+void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate,
+                    int max_side_px, const cv::Mat& owned, unsigned char self) {
+  const double c = std::cos(gate.angle), s = std::sin(gate.angle), a = gate.semi_major_px,
+               b = gate.semi_minor_px;
   const int most = max_side_px / 2;
-  const int half_u = std::min(static_cast<int>(std::ceil(std::hypot(a * c, b * s))) + kMargin + 1, most);
-  const int half_v = std::min(static_cast<int>(std::ceil(std::hypot(a * s, b * c))) + kMargin + 1, most);
-  const int u0 = static_cast<int>(std::lround(gate.centre_px.x())),
-            v0 = static_cast<int>(std::lround(gate.centre_px.y()));
+  const int half_u =
+      std::min(static_cast<int>(std::ceil(std::hypot(a * c, b * s))) + kMargin + 1, most);
+  const int half_v =
+      std::min(static_cast<int>(std::ceil(std::hypot(a * s, b * c))) + kMargin + 1, most);
+  const int u0 = static_cast<int>(std::lround(gate.center_px.x())),
+            v0 = static_cast<int>(std::lround(gate.center_px.y()));
   region_ = {u0 - half_u, v0 - half_v, 2 * half_u + 1, 2 * half_v + 1};
-  const auto width = static_cast<std::size_t>(region_.width), height = static_cast<std::size_t>(region_.height);
+  const auto width = static_cast<std::size_t>(region_.width),
+             height = static_cast<std::size_t>(region_.height);
   if (values_.size() < width * height) values_.resize(width * height);
   if (row_.size() < width + 2) row_.resize(width + 2);
   if (sums_.size() < 3 * width) sums_.resize(3 * width);
@@ -83,7 +93,8 @@ void Evidence::look(const cv::Mat& image, const ColourModel& model, const Ellips
   for (int v = region_.y; v < region_.y + region_.height; ++v) {
     const bool inside = v >= std::max(first, 0) && v < std::min(end, image.rows);
     if (!inside) {
-      std::fill_n(values_.begin() + static_cast<std::ptrdiff_t>(index_of(region_.x, v)), width, kBlocked);
+      std::fill_n(values_.begin() + static_cast<std::ptrdiff_t>(index_of(region_.x, v)), width,
+                  kBlocked);
       continue;
     }
     if (v == std::max(first, 0)) {
@@ -93,8 +104,9 @@ void Evidence::look(const cv::Mat& image, const ColourModel& model, const Ellips
     if (v + 1 < image.rows) {
       read_row(image, model, v + 1);
     } else {
-      std::fill_n(sums_.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>((v + 4) % 3) * width), width,
-                  std::int16_t{0});
+      std::fill_n(sums_.begin() +
+                      static_cast<std::ptrdiff_t>(static_cast<std::size_t>((v + 4) % 3) * width),
+                  width, std::int16_t{0});
     }
     fill_row(gate, v, image, owned, self);
   }
@@ -103,7 +115,8 @@ void Evidence::look(const cv::Mat& image, const ColourModel& model, const Ellips
 double Evidence::between(double u, double v) const {
   const double fu = std::floor(u), fv = std::floor(v);
   const int i = static_cast<int>(fu), j = static_cast<int>(fv);
-  if (i < region_.x || j < region_.y || i + 1 >= region_.x + region_.width || j + 1 >= region_.y + region_.height) {
+  if (i < region_.x || j < region_.y || i + 1 >= region_.x + region_.width ||
+      j + 1 >= region_.y + region_.height) {
     return std::numeric_limits<double>::quiet_NaN();
   }
   const std::int16_t* p = values_.data() + index_of(i, j);

@@ -1,9 +1,9 @@
-// A colour model's F in a region around where the object is expected, smoothed, with what can not be the object
-// blocked.
+// A color model's F in a region around where the object is expected, smoothed, with what can not be
+// the object blocked.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/colour_model.h"
+#include "vision/color_model.h"
 #include "vision/ellipse.h"
 
 #include <opencv2/core/mat.hpp>
@@ -25,20 +25,24 @@ Ellipse grown(const Ellipse& ellipse, double by_px);
 class Evidence {
  public:
   static constexpr std::int16_t kBlocked = -32768;
-  static constexpr double kScale = ColourModel::kScale * 9;  ///< of at(): a 3 x 3 sum of table entries
-  static constexpr int kMargin = 4;                          ///< blocked pixels all round the gate
+  static constexpr double kScale =
+      ColorModel::kScale * 9;        ///< of at(): a 3 x 3 sum of table entries
+  static constexpr int kMargin = 4;  ///< blocked pixels all round the gate
 
   /// Makes room for regions of up to `side_px` squared at once, so that none is made later.
   void reserve(int side_px);
-  /// Reads `image` (CV_8UC3) within `gate`: 3 x 3 sums of F there, kBlocked everywhere else, which the level set can
-  /// never enter, so that the region bounds its work. `owned` (CV_8UC1 of the image's size, or empty): pixels not 0 and
-  /// not `self` belong to another object and are blocked too. The region may stick out of the image; what is outside is
-  /// blocked. A gate wider than `max_side_px` is cut to it. Allocates only when the region outgrows all before.
-  void look(const cv::Mat& image, const ColourModel& model, const Ellipse& gate, int max_side_px,
+  /// Reads `image` (CV_8UC3) within `gate`: 3 x 3 sums of F there, kBlocked everywhere else, which
+  /// the level set can never enter, so that the region bounds its work. `owned` (CV_8UC1 of the
+  /// image's size, or empty): pixels not 0 and not `self` belong to another object and are blocked
+  /// too. The region may stick out of the image; what is outside is blocked. A gate wider than
+  /// `max_side_px` is cut to it. Allocates only when the region outgrows all before.
+  void look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate, int max_side_px,
             const cv::Mat& owned = {}, unsigned char self = 0);
 
   const cv::Rect& region() const { return region_; }
-  std::int16_t at(int u, int v) const { return values_[index_of(u, v)]; }  ///< image coordinates, in the region
+  std::int16_t at(int u, int v) const {
+    return values_[index_of(u, v)];
+  }  ///< image coordinates, in the region
   std::size_t index_of(int u, int v) const {
     return static_cast<std::size_t>(v - region_.y) * static_cast<std::size_t>(region_.width) +
            static_cast<std::size_t>(u - region_.x);
@@ -48,8 +52,9 @@ class Evidence {
   double between(double u, double v) const;
 
  private:
-  void read_row(const cv::Mat& image, const ColourModel& model, int v);
-  void fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned, unsigned char self);
+  void read_row(const cv::Mat& image, const ColorModel& model, int v);
+  void fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
+                unsigned char self);
   cv::Rect region_;
   std::vector<std::int16_t> values_;
   std::vector<std::int16_t> sums_;  // three rows' sums over three columns, in turn

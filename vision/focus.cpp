@@ -14,12 +14,13 @@ namespace {
 constexpr int kSmallest = 4;      // px a side: below, the mean of a measure is chance
 constexpr int kLargestReach = 3;  // of all rules
 
-// What can be measured: the image without the rim that the neighbourhood of a pixel needs.
+// What can be measured: the image without the rim that the neighborhood of a pixel needs.
 cv::Rect interior(const cv::Mat& image, int reach) {
   return {reach, reach, image.cols - 2 * reach, image.rows - 2 * reach};
 }
 
-// OpenCV's & of rectangles overflows for absurd ones, and an empty one loses its place: kept to sane numbers here.
+// OpenCV's & of rectangles overflows for absurd ones, and an empty one loses its place: kept to
+// sane numbers here.
 cv::Rect cut(const cv::Rect& area, const cv::Rect& to) {
   const auto end = [](int start, int length) { return static_cast<std::int64_t>(start) + length; };
   const int left = std::max(area.x, to.x), top = std::max(area.y, to.y);
@@ -35,7 +36,8 @@ cv::Rect grown(const cv::Rect& area, int by) {
 
 void check_image(const cv::Mat& image) {
   if (image.empty() || image.dims != 2 || image.type() != CV_8UC1)
-    throw std::invalid_argument("image: a focus measure wants an 8-bit grey image that is not empty");
+    throw std::invalid_argument(
+        "image: a focus measure wants an 8-bit gray image that is not empty");
 }
 
 }  // namespace
@@ -44,27 +46,30 @@ FocusWindow::FocusWindow(FocusMeasure measure, const cv::Size& size_px, int marg
     : measure_(measure), size_(size_px), margin_(margin_px) {
   rule_of(measure);
   constexpr int kLargest = 1 << 15;  // px: no camera's image is larger
-  if (std::min(size_px.width, size_px.height) < kSmallest || std::max(size_px.width, size_px.height) > kLargest)
+  if (std::min(size_px.width, size_px.height) < kSmallest ||
+      std::max(size_px.width, size_px.height) > kLargest)
     throw std::invalid_argument("size_px: a focus window has 4 to 32768 pixels a side");
-  if (margin_px < 0 || margin_px > kLargest) throw std::invalid_argument("margin_px: must be 0 to 32768");
+  if (margin_px < 0 || margin_px > kLargest)
+    throw std::invalid_argument("margin_px: must be 0 to 32768");
 }
 
-cv::Rect FocusWindow::clipped(const cv::Point& centre_px) const {
+cv::Rect FocusWindow::clipped(const cv::Point& center_px) const {
   // Far outside is outside: clamped first, so that the sums below cannot overflow.
-  const int u = std::clamp(centre_px.x, -size_.width, image_.cols + size_.width);
-  const int v = std::clamp(centre_px.y, -size_.height, image_.rows + size_.height);
+  const int u = std::clamp(center_px.x, -size_.width, image_.cols + size_.width);
+  const int v = std::clamp(center_px.y, -size_.height, image_.rows + size_.height);
   const cv::Rect whole(u - size_.width / 2, v - size_.height / 2, size_.width, size_.height);
   const cv::Rect area = cut(whole, interior(image_, rule_of(measure_).reach));
   if (area.width < kSmallest || area.height < kSmallest)
-    throw std::invalid_argument("centre_px: fewer than 4 x 4 pixels of the focus window lie in the image");
+    throw std::invalid_argument(
+        "center_px: fewer than 4 x 4 pixels of the focus window lie in the image");
   return area;
 }
 
-FocusReading FocusWindow::look(const cv::Mat& image, const cv::Point& centre_px) {
+FocusReading FocusWindow::look(const cv::Mat& image, const cv::Point& center_px) {
   check_image(image);
   window_ = {};
   image_ = image;
-  const cv::Rect area = clipped(centre_px);
+  const cv::Rect area = clipped(center_px);
   measure_area(cut(grown(area, margin_), interior(image_, rule_of(measure_).reach)));
   window_ = area;
   std::int64_t full = 0;
@@ -76,10 +81,11 @@ FocusReading FocusWindow::look(const cv::Mat& image, const cv::Point& centre_px)
   return reading();
 }
 
-FocusReading FocusWindow::move(const cv::Point& centre_px) {
-  if (window_.empty()) throw std::logic_error("a focus window must look at an image before it can move");
-  const cv::Rect area = clipped(centre_px);
-  if (cut(area, known_) != area) return look(cv::Mat(image_), centre_px);
+FocusReading FocusWindow::move(const cv::Point& center_px) {
+  if (window_.empty())
+    throw std::logic_error("a focus window must look at an image before it can move");
+  const cv::Rect area = clipped(center_px);
+  if (cut(area, known_) != area) return look(cv::Mat(image_), center_px);
   window_ = area;
   return reading();
 }
@@ -87,7 +93,8 @@ FocusReading FocusWindow::move(const cv::Point& centre_px) {
 void FocusWindow::measure_area(const cv::Rect& area) {
   known_ = area;
   const FocusRule& rule = rule_of(measure_);
-  const auto width = static_cast<std::size_t>(area.width), height = static_cast<std::size_t>(area.height);
+  const auto width = static_cast<std::size_t>(area.width),
+             height = static_cast<std::size_t>(area.height);
   term_.resize(width);
   response_.assign(width, 0);
   table_.resize((width + 1) * (height + 1));
@@ -97,15 +104,15 @@ void FocusWindow::measure_area(const cv::Rect& area) {
   for (int j = 0; j < area.height; ++j) {
     for (int k = -rule.reach; k <= rule.reach; ++k) middle[k] = image_.ptr(area.y + j + k);
     rule.terms({middle, area.x, area.x + area.width, term_.data(), response_.data(), &scratch_});
-    const unsigned char* const grey = image_.ptr(area.y + j) + area.x;
+    const unsigned char* const gray = image_.ptr(area.y + j) + area.x;
     const Sums* above = table_.data() + static_cast<std::size_t>(j) * (width + 1);
     Sums* cell = table_.data() + (static_cast<std::size_t>(j) + 1) * (width + 1);
     Sums row;
     *cell = row;
     for (std::size_t i = 0; i < width; ++i) {
-      row.grey += grey[i], row.term += term_[i], row.response += response_[i];
+      row.gray += gray[i], row.term += term_[i], row.response += response_[i];
       ++above, ++cell;
-      *cell = {above->grey + row.grey, above->term + row.term, above->response + row.response};
+      *cell = {above->gray + row.gray, above->term + row.term, above->response + row.response};
     }
   }
 }
@@ -121,7 +128,7 @@ FocusWindow::Sums FocusWindow::sums() const {
   const auto of = [&](std::int64_t Sums::*part) {
     return below[right].*part - below[left].*part - above[right].*part + above[left].*part;
   };
-  return {of(&Sums::grey), of(&Sums::term), of(&Sums::response)};
+  return {of(&Sums::gray), of(&Sums::term), of(&Sums::response)};
 }
 
 FocusReading FocusWindow::reading() const {
@@ -129,7 +136,7 @@ FocusReading FocusWindow::reading() const {
   reading.pixels = window_.area();
   const double n = reading.pixels;
   const Sums total = sums();
-  reading.mean = static_cast<double>(total.grey) / n;
+  reading.mean = static_cast<double>(total.gray) / n;
   reading.value = rule_of(measure_).value(reading.mean, static_cast<double>(total.term) / n,
                                           static_cast<double>(total.response) / n);
   reading.saturated = saturated_;

@@ -22,15 +22,17 @@ constexpr int kReweightings = 4;
 constexpr double kLeastShare = 1e-4;  // of the largest value: what is 0 or below has no logarithm
 
 struct Point {
-  double x, y;        // y: logarithm of the measure
-  double smooth = 0;  // y smoothed along x: what decides which points count, so that one lucky frame does not
+  double x, y;  // y: logarithm of the measure
+  double smooth =
+      0;  // y smoothed along x: what decides which points count, so that one lucky frame does not
 };
 
 // By position, means of what was measured at the same one.
 std::vector<Point> points_of(std::span<const FocusSample> samples) {
   std::vector<FocusSample> sorted(samples.begin(), samples.end());
   for (const FocusSample& s : sorted) {
-    if (!std::isfinite(s.position)) throw std::invalid_argument("samples: a position is not finite");
+    if (!std::isfinite(s.position))
+      throw std::invalid_argument("samples: a position is not finite");
     if (!std::isfinite(s.value)) throw std::invalid_argument("samples: a value is not finite");
   }
   // By value too, so that the sums below do not depend on the order given.
@@ -44,9 +46,10 @@ std::vector<Point> points_of(std::span<const FocusSample> samples) {
   for (std::size_t i = 0; i < sorted.size();) {
     double sum = 0;
     std::size_t end = i;
-    for (; end < sorted.size() && sorted[end].position == sorted[i].position; ++end) sum += sorted[end].value;
-    points.push_back(
-        {sorted[i].position, std::log(std::max(sum / static_cast<double>(end - i), kLeastShare * largest))});
+    for (; end < sorted.size() && sorted[end].position == sorted[i].position; ++end)
+      sum += sorted[end].value;
+    points.push_back({sorted[i].position, std::log(std::max(sum / static_cast<double>(end - i),
+                                                            kLeastShare * largest))});
     i = end;
   }
   return points;
@@ -66,8 +69,8 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// What the cubic through the two neighbours on either side misses, scaled to one sample's noise. The curve itself bends
-// little over five samples but for those at the peak, which the median ignores.
+// What the cubic through the two neighbors on either side misses, scaled to one sample's noise. The
+// curve itself bends little over five samples but for those at the peak, which the median ignores.
 Noise noise_of(const std::vector<Point>& p, double least) {
   std::vector<double> misses;
   const double floor = std::max_element(p.begin(), p.end(), lower)->y + std::log(2 * kLeastShare);
@@ -116,7 +119,8 @@ Eigen::Vector3d row_of(const Parabola& f, const Point& p) {
 }
 
 // Weighted least squares; false when the points do not hold a parabola.
-bool solve(Parabola& f, std::span<const Point> p, const std::vector<double>& weight, const Noise& noise) {
+bool solve(Parabola& f, std::span<const Point> p, const std::vector<double>& weight,
+           const Noise& noise) {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero(), spread = information;
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   double sum = 0, chi = 0;
@@ -130,23 +134,27 @@ bool solve(Parabola& f, std::span<const Point> p, const std::vector<double>& wei
   const Eigen::LDLT<Eigen::Matrix3d> solver(information);
   if (solver.info() != Eigen::Success || solver.rcond() < 1e-10) return false;
   f.c = solver.solve(right);
-  for (std::size_t i = 0; i < p.size(); ++i) chi += weight[i] * std::pow(p[i].y - f.c.dot(row_of(f, p[i])), 2);
+  for (std::size_t i = 0; i < p.size(); ++i)
+    chi += weight[i] * std::pow(p[i].y - f.c.dot(row_of(f, p[i])), 2);
   const double known = noise.sigma * noise.sigma;
-  // What a curve bends off a parabola is no noise: the residual counts only while the noise is not known better.
+  // What a curve bends off a parabola is no noise: the residual counts only while the noise is not
+  // known better.
   const double variance = !noise.known && sum > 3.5 ? std::max(known, chi / (sum - 3)) : known;
   const Eigen::Matrix3d inverse = solver.solve(Eigen::Matrix3d::Identity());
   f.covariance = variance * inverse * spread * inverse;
   return true;
 }
 
-// The weight falls from the highest point to `lowest`: with a hard cut, a point more on one side would pull the peak.
+// The weight falls from the highest point to `lowest`: with a hard cut, a point more on one side
+// would pull the peak.
 Parabola fit(std::span<const Point> p, double lowest, const Noise& noise) {
   Parabola f;
   f.middle = (p.front().x + p.back().x) / 2;
   f.scale = (p.back().x - p.front().x) / 2;
   const double highest = std::max_element(p.begin(), p.end(), smoothly_lower)->smooth;
   std::vector<double> share, weight;
-  for (const Point& q : p) share.push_back(std::max((q.smooth - lowest) / (highest - lowest), kLeastWeight));
+  for (const Point& q : p)
+    share.push_back(std::max((q.smooth - lowest) / (highest - lowest), kLeastWeight));
   weight = share;
   for (int round = 0; round <= kReweightings; ++round) {
     if (!solve(f, p, weight, noise)) return f;
@@ -195,14 +203,16 @@ std::string_view name_of(FocusAnswer answer) {
 
 void FocusPeakSettings::check() const {
   const auto positive = [](double value, const char* name) {
-    if (!(value > 0 && std::isfinite(value))) throw std::invalid_argument(std::string(name) + ": must be positive");
+    if (!(value > 0 && std::isfinite(value)))
+      throw std::invalid_argument(std::string(name) + ": must be positive");
   };
   positive(depth, "depth");
   positive(least_noise, "least_noise");
   positive(significance, "significance");
 }
 
-FocusPeakFit find_focus_peak(std::span<const FocusSample> samples, const FocusPeakSettings& settings) {
+FocusPeakFit find_focus_peak(std::span<const FocusSample> samples,
+                             const FocusPeakSettings& settings) {
   settings.check();
   std::vector<Point> points = points_of(samples);
   FocusPeakFit result;
@@ -221,7 +231,8 @@ FocusPeakFit find_focus_peak(std::span<const FocusSample> samples, const FocusPe
   const Parabola narrow = fit(about(points, top, highest - depth / 2), highest - depth / 2, noise);
   if (!wide.good) return result;
   const double position = wide.middle + wide.scale * wide.vertex();
-  if (position < points.front().x || position > points.back().x) return at_end(result, position < points.front().x);
+  if (position < points.front().x || position > points.back().x)
+    return at_end(result, position < points.front().x);
   double bend = 0;  // fits of different depth agree on a parabola, and only there
   if (narrow.good) bend = narrow.middle + narrow.scale * narrow.vertex() - position;
   result.answer = FocusAnswer::found;

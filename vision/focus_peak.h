@@ -1,4 +1,5 @@
-// Where a focus measure peaks, between the steps, and how sure that is. No peak and a peak at the end are answers too.
+// Where a focus measure peaks, between the steps, and how sure that is. No peak and a peak at the
+// end are answers too.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +16,8 @@ struct FocusSample {
 
 struct FocusPeak {
   double position = 0;
-  double sigma = 0;  ///< one standard deviation: noise of the samples, and how far the curve is from a parabola
+  double sigma = 0;  ///< one standard deviation: noise of the samples, and how far the curve is
+                     ///< from a parabola
   double value = 0;  ///< of the fitted curve at the peak
 };
 
@@ -34,14 +36,19 @@ struct FocusPeakFit {
 };
 
 struct FocusPeakSettings {
-  double depth = 0.7;  ///< the parabola is fitted down to exp(-depth) of the peak, and to three samples at least
-  double least_noise = 0.002;  ///< relative, of one sample: a few samples may look better than they are
-  double significance = 7;  ///< the peak stands this many standard deviations of noise above the lowest, both smoothed
+  double depth = 0.7;  ///< the parabola is fitted down to exp(-depth) of the peak, and to three
+                       ///< samples at least
+  double least_noise =
+      0.002;  ///< relative, of one sample: a few samples may look better than they are
+  double significance = 7;  ///< the peak stands this many standard deviations of noise above the
+                            ///< lowest, both smoothed
   void check() const;       ///< throws std::invalid_argument naming the setting
 };
 
-/// A parabola through the logarithm of the measure, by least squares that outliers do not pull. Positions in any order,
-/// with repeats. Throws std::invalid_argument when a position or a value is not finite.
-FocusPeakFit find_focus_peak(std::span<const FocusSample> samples, const FocusPeakSettings& settings = {});
+/// A parabola through the logarithm of the measure, by least squares that outliers do not pull.
+/// Positions in any order, with repeats. Throws std::invalid_argument when a position or a value is
+/// not finite.
+FocusPeakFit find_focus_peak(std::span<const FocusSample> samples,
+                             const FocusPeakSettings& settings = {});
 
 }  // namespace vitreo::vision

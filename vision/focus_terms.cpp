@@ -23,23 +23,26 @@ void sobel_terms(const FocusRow& r) {
   }
 }
 
-// The binomial (1 4 6 4 1) has the variance 1 px^2 and folds with Sobel's (1 2 1) and (-1 0 1) into two kernels of 7.
-// A gradient is kept in units of 1/16, 1/1024 of it to one grey level a pixel: far below the noise, and squares fit.
+// The binomial (1 4 6 4 1) has the variance 1 px^2 and folds with Sobel's (1 2 1) and (-1 0 1) into
+// two kernels of 7. A gradient is kept in units of 1/16, 1/1024 of it to one gray level a pixel:
+// far below the noise, and squares fit.
 void smoothed_sobel_terms(const FocusRow& r) {
   const int count = r.end - r.begin + 6;
-  if (static_cast<int>(r.scratch->size()) < 2 * count) r.scratch->resize(2 * static_cast<std::size_t>(count));
+  if (static_cast<int>(r.scratch->size()) < 2 * count)
+    r.scratch->resize(2 * static_cast<std::size_t>(count));
   std::int32_t* const smooth = r.scratch->data();
   std::int32_t* const slope = smooth + count;
   const unsigned char* row[7];
   for (int k = 0; k < 7; ++k) row[k] = r.rows[k - 3] + r.begin - 3;
   for (int i = 0; i < count; ++i) {
-    const int ends = row[0][i] + row[6][i], next = row[1][i] + row[5][i], inner = row[2][i] + row[4][i];
+    const int ends = row[0][i] + row[6][i], next = row[1][i] + row[5][i],
+              inner = row[2][i] + row[4][i];
     smooth[i] = ends + 6 * next + 15 * inner + 20 * row[3][i];
     slope[i] = row[6][i] - row[0][i] + 4 * (row[5][i] - row[1][i]) + 5 * (row[4][i] - row[2][i]);
   }
   for (int i = 3; i < count - 3; ++i) {
-    const int gx =
-        smooth[i + 3] - smooth[i - 3] + 4 * (smooth[i + 2] - smooth[i - 2]) + 5 * (smooth[i + 1] - smooth[i - 1]);
+    const int gx = smooth[i + 3] - smooth[i - 3] + 4 * (smooth[i + 2] - smooth[i - 2]) +
+                   5 * (smooth[i + 1] - smooth[i - 1]);
     const int gy = slope[i - 3] + slope[i + 3] + 6 * (slope[i - 2] + slope[i + 2]) +
                    15 * (slope[i - 1] + slope[i + 1]) + 20 * slope[i];
     const int x = gx / 16, y = gy / 16;
@@ -67,7 +70,8 @@ void laplacian_terms(const FocusRow& r) {
 void modified_laplacian_terms(const FocusRow& r) {
   const unsigned char *const a = r.rows[-1], *const b = r.rows[0], *const c = r.rows[1];
   for (int u = r.begin; u < r.end; ++u)
-    r.term[u - r.begin] = std::abs(2 * b[u] - b[u - 1] - b[u + 1]) + std::abs(2 * b[u] - a[u] - c[u]);
+    r.term[u - r.begin] =
+        std::abs(2 * b[u] - b[u - 1] - b[u + 1]) + std::abs(2 * b[u] - a[u] - c[u]);
 }
 
 void vollath_terms(const FocusRow& r) {
@@ -76,21 +80,32 @@ void vollath_terms(const FocusRow& r) {
 }
 
 // A black window has no contrast: 0, not 0/0.
-double over(double numerator, double denominator) { return denominator > 0 ? numerator / denominator : 0; }
+double over(double numerator, double denominator) {
+  return denominator > 0 ? numerator / denominator : 0;
+}
 double term_itself(double, double term, double) { return term; }
 double term_over_mean_squared(double mean, double term, double) { return over(term, mean * mean); }
-double variance_over_mean(double mean, double term, double) { return over(term - mean * mean, mean); }
-double variance_over_squared(double mean, double term, double) { return over(term - mean * mean, mean * mean); }
-double response_variance(double, double term, double response) { return term - response * response; }
+double variance_over_mean(double mean, double term, double) {
+  return over(term - mean * mean, mean);
+}
+double variance_over_squared(double mean, double term, double) {
+  return over(term - mean * mean, mean * mean);
+}
+double response_variance(double, double term, double response) {
+  return term - response * response;
+}
 
 constexpr std::array<FocusRule, 8> kRules{{
-    {FocusMeasure::normalised_variance, "normalised_variance", 0, square_terms, variance_over_mean},
-    {FocusMeasure::variance_over_mean_squared, "variance_over_mean_squared", 0, square_terms, variance_over_squared},
+    {FocusMeasure::normalized_variance, "normalized_variance", 0, square_terms, variance_over_mean},
+    {FocusMeasure::variance_over_mean_squared, "variance_over_mean_squared", 0, square_terms,
+     variance_over_squared},
     {FocusMeasure::tenengrad, "tenengrad", 1, sobel_terms, term_itself},
-    {FocusMeasure::smoothed_tenengrad, "smoothed_tenengrad", 3, smoothed_sobel_terms, term_over_mean_squared},
+    {FocusMeasure::smoothed_tenengrad, "smoothed_tenengrad", 3, smoothed_sobel_terms,
+     term_over_mean_squared},
     {FocusMeasure::brenner, "brenner", 2, brenner_terms, term_itself},
     {FocusMeasure::laplacian_variance, "laplacian_variance", 1, laplacian_terms, response_variance},
-    {FocusMeasure::modified_laplacian, "modified_laplacian", 1, modified_laplacian_terms, term_itself},
+    {FocusMeasure::modified_laplacian, "modified_laplacian", 1, modified_laplacian_terms,
+     term_itself},
     {FocusMeasure::vollath4, "vollath4", 2, vollath_terms, term_itself},
 }};
 
@@ -100,7 +115,8 @@ const FocusRule& rule_of(FocusMeasure measure) {
   for (const FocusRule& rule : kRules) {
     if (rule.measure == measure) return rule;
   }
-  throw std::invalid_argument("measure: no focus measure has the number " + std::to_string(static_cast<int>(measure)));
+  throw std::invalid_argument("measure: no focus measure has the number " +
+                              std::to_string(static_cast<int>(measure)));
 }
 
 const std::vector<FocusMeasure>& focus_measures() {
@@ -121,7 +137,8 @@ FocusMeasure focus_measure(std::string_view name) {
     if (rule.name == name) return rule.measure;
     names += (names.empty() ? "" : ", ") + std::string(rule.name);
   }
-  throw std::invalid_argument("measure: there is no focus measure \"" + std::string(name) + "\"; there are " + names);
+  throw std::invalid_argument("measure: there is no focus measure \"" + std::string(name) +
+                              "\"; there are " + names);
 }
 
 }  // namespace vitreo::vision

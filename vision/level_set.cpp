@@ -31,14 +31,15 @@ void LevelSetSettings::check() const {
 
 LevelSet::LevelSet(const LevelSetSettings& settings) : settings_(settings) {
   settings.check();
-  // A pass adds at most three neighbours a point before the length is looked at.
+  // A pass adds at most three neighbors a point before the length is looked at.
   const auto most = 4 * static_cast<std::size_t>(settings.max_points);
   for (List* list : {&in_, &out_, &kept_, &added_}) list->reserve(most);
   flag_.resize(most);
 }
 
 void LevelSet::reserve(int side_px) {
-  const auto size = (static_cast<std::size_t>(side_px) + 2) * (static_cast<std::size_t>(side_px) + 2);
+  const auto size =
+      (static_cast<std::size_t>(side_px) + 2) * (static_cast<std::size_t>(side_px) + 2);
   phi_.reserve(size);
   label_.reserve(size);
   stack_.reserve(size);
@@ -48,7 +49,8 @@ void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   evidence_ = &evidence;
   const cv::Rect& region = evidence.region();
   stride_ = region.width;
-  const auto size = static_cast<std::size_t>(region.width) * static_cast<std::size_t>(region.height);
+  const auto size =
+      static_cast<std::size_t>(region.width) * static_cast<std::size_t>(region.height);
   if (phi_.size() < size) {
     phi_.resize(size);
     label_.resize(size);
@@ -59,8 +61,10 @@ void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   out_.clear();
   leaked_ = false;
   iterations_ = 0;
-  const int top = region.y + Evidence::kMargin, bottom = region.y + region.height - Evidence::kMargin;
-  const int left = region.x + Evidence::kMargin, right = region.x + region.width - Evidence::kMargin;
+  const int top = region.y + Evidence::kMargin,
+            bottom = region.y + region.height - Evidence::kMargin;
+  const int left = region.x + Evidence::kMargin,
+            right = region.x + region.width - Evidence::kMargin;
   const std::int16_t* f = evidence.values().data();
   for (int v = top; v < bottom; ++v) {
     const RowSpan span = row_of(ellipse, v);
@@ -73,8 +77,8 @@ void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   list_front(static_cast<int>(evidence.index_of(left, top)), static_cast<int>(size));
 }
 
-// Finds the front of a phi that is 3 outside and -3 inside, of `size` pixels the first and last `skip` of which are
-// outside.
+// Finds the front of a phi that is 3 outside and -3 inside, of `size` pixels the first and last
+// `skip` of which are outside.
 void LevelSet::list_front(int skip, int size) {
   const std::array<int, 4> around{-1, 1, -stride_, stride_};
   const int first = skip, end = size - skip;
@@ -139,12 +143,13 @@ void LevelSet::switch_out() {
   std::swap(in_, kept_);
 }
 
-// Drops the points that have only neighbours of their own `sign`: they are no longer at the front.
+// Drops the points that have only neighbors of their own `sign`: they are no longer at the front.
 void LevelSet::clean(List& list, int sign) {
   std::size_t kept = 0;
   for (const int p : list) {
     std::int8_t* phi = phi_.data() + p;
-    if (phi[-1] * sign > 0 && phi[1] * sign > 0 && phi[-stride_] * sign > 0 && phi[stride_] * sign > 0) {
+    if (phi[-1] * sign > 0 && phi[1] * sign > 0 && phi[-stride_] * sign > 0 &&
+        phi[stride_] * sign > 0) {
       *phi = static_cast<std::int8_t>(3 * sign);
     } else {
       list[kept++] = p;
@@ -173,14 +178,16 @@ int LevelSet::smoothed(int p) const {
   int sum = 0;
   for (int j = 0; j < 5; ++j) {
     const std::int8_t* row = phi_.data() + p + (j - 2) * stride_ - 2;
-    sum += kGauss[static_cast<std::size_t>(j)] * (row[0] + row[4] + 3 * (row[1] + row[3]) + 4 * row[2]);
+    sum += kGauss[static_cast<std::size_t>(j)] *
+           (row[0] + row[4] + 3 * (row[1] + row[3]) + 4 * row[2]);
   }
   return sum;
 }
 
 void LevelSet::cycle_two() {
   const std::int16_t* f = evidence_->values().data();
-  for (std::size_t k = 0; k < out_.size(); ++k) flag_[k] = smoothed(out_[k]) < 0 && f[out_[k]] != Evidence::kBlocked;
+  for (std::size_t k = 0; k < out_.size(); ++k)
+    flag_[k] = smoothed(out_[k]) < 0 && f[out_[k]] != Evidence::kBlocked;
   switch_in();
   clean(in_, -1);
   for (std::size_t k = 0; k < in_.size(); ++k) flag_[k] = smoothed(in_[k]) > 0;
@@ -202,7 +209,8 @@ void LevelSet::pull_to(const PlacedShape& prior) {
   const cv::Rect& region = evidence_->region();
   const auto at = [&](int p) { return prior.at(region.x + p % stride_, region.y + p / stride_); };
   for (int i = 0; i < settings_.prior_iterations && !leaked_; ++i) {
-    for (std::size_t k = 0; k < out_.size(); ++k) flag_[k] = f[out_[k]] != Evidence::kBlocked && at(out_[k]) < 0;
+    for (std::size_t k = 0; k < out_.size(); ++k)
+      flag_[k] = f[out_[k]] != Evidence::kBlocked && at(out_[k]) < 0;
     switch_in();
     clean(in_, -1);
     for (std::size_t k = 0; k < in_.size(); ++k) flag_[k] = at(in_[k]) > 0;
@@ -235,7 +243,8 @@ Segment LevelSet::flood(int seed, unsigned char label) {
 }
 
 Segment LevelSet::keep_largest() {
-  const auto size = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(evidence_->region().height);
+  const auto size =
+      static_cast<std::size_t>(stride_) * static_cast<std::size_t>(evidence_->region().height);
   std::fill_n(label_.begin(), size, static_cast<unsigned char>(0));
   Segment best;
   unsigned char label = 0, best_label = 0;
@@ -261,9 +270,11 @@ void LevelSet::front(std::vector<FrontPoint>& points) const {
   points.clear();
   const cv::Rect& region = evidence_->region();
   for (const int p : in_)
-    points.push_back({static_cast<float>(region.x + p % stride_), static_cast<float>(region.y + p / stride_), -0.5F});
+    points.push_back({static_cast<float>(region.x + p % stride_),
+                      static_cast<float>(region.y + p / stride_), -0.5F});
   for (const int p : out_)
-    points.push_back({static_cast<float>(region.x + p % stride_), static_cast<float>(region.y + p / stride_), 0.5F});
+    points.push_back({static_cast<float>(region.x + p % stride_),
+                      static_cast<float>(region.y + p / stride_), 0.5F});
 }
 
 }  // namespace vitreo::vision

@@ -1,8 +1,9 @@
-// The fast two-list level set of Shi and Karl with the thesis' two thresholds (8.2.1) and its third cycle (table 8.1).
+// The fast two-list level set of Shi and Karl with the thesis' two thresholds (8.2.1) and its third
+// cycle (table 8.1).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/colour_model.h"
+#include "vision/color_model.h"
 #include "vision/ellipse.h"
 #include "vision/evidence.h"
 #include "vision/shape_model.h"
@@ -13,12 +14,14 @@
 namespace vitreo::vision {
 
 struct LevelSetSettings {
-  int iterations = 30;       ///< of cycle one before cycle two gets its turn (N_a)
-  int smoothing = 3;         ///< iterations of cycle two (N_g)
-  int rounds = 2;            ///< of both cycles, at most
-  int prior_iterations = 3;  ///< of cycle three (N_s); few, so that the object may differ from the prior
-  int max_points = 4096;     ///< of both lists together; a longer front is a leak and stops the evolution
-  void check() const;        ///< throws std::invalid_argument naming the setting
+  int iterations = 30;  ///< of cycle one before cycle two gets its turn (N_a)
+  int smoothing = 3;    ///< iterations of cycle two (N_g)
+  int rounds = 2;       ///< of both cycles, at most
+  int prior_iterations =
+      3;  ///< of cycle three (N_s); few, so that the object may differ from the prior
+  int max_points =
+      4096;            ///< of both lists together; a longer front is a leak and stops the evolution
+  void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
 /// The largest connected part of the inside.
@@ -33,7 +36,8 @@ class LevelSet {
   explicit LevelSet(const LevelSetSettings& settings);
   /// Makes room for regions of up to `side_px` squared at once, so that none is made later.
   void reserve(int side_px);
-  /// phi from `ellipse`, on the evidence's region. Blocked pixels stay outside. `evidence` must outlive what follows.
+  /// phi from `ellipse`, on the evidence's region. Blocked pixels stay outside. `evidence` must
+  /// outlive what follows.
   void start(const Evidence& evidence, const Ellipse& ellipse);
   /// Cycles one and two.
   void evolve(const Thresholds& thresholds);

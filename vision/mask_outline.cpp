@@ -21,19 +21,23 @@ bool inside(const std::vector<Eigen::Vector2d>& corners, double u, double v) {
   bool odd = false;
   for (std::size_t i = 0, j = corners.size() - 1; i < corners.size(); j = i++) {
     const Eigen::Vector2d &a = corners[i], &b = corners[j];
-    if ((a.y() > v) != (b.y() > v) && u < (b.x() - a.x()) * (v - a.y()) / (b.y() - a.y()) + a.x()) odd = !odd;
+    if ((a.y() > v) != (b.y() > v) && u < (b.x() - a.x()) * (v - a.y()) / (b.y() - a.y()) + a.x())
+      odd = !odd;
   }
   return odd;
 }
 
 void paint(cv::Mat& mask, const Ellipse& e) {
   if (!(e.semi_minor_px > 0) || !(e.semi_major_px >= e.semi_minor_px) || !e.vector().allFinite())
-    throw std::invalid_argument("ellipse: wants a centre and two axes above 0, the longer first");
-  const int top = static_cast<int>(std::clamp(e.centre_px.y() - e.semi_major_px, 0.0, double(mask.rows)));
-  const int end = static_cast<int>(std::clamp(e.centre_px.y() + e.semi_major_px + 2, 0.0, double(mask.rows)));
+    throw std::invalid_argument("ellipse: wants a center and two axes above 0, the longer first");
+  const int top =
+      static_cast<int>(std::clamp(e.center_px.y() - e.semi_major_px, 0.0, double(mask.rows)));
+  const int end =
+      static_cast<int>(std::clamp(e.center_px.y() + e.semi_major_px + 2, 0.0, double(mask.rows)));
   for (int v = top; v < end; ++v) {
     const RowSpan span = row_of(e, v);
-    for (int u = std::max(span.first, 0); u < std::min(span.end, mask.cols); ++u) mask.at<unsigned char>(v, u) = 255;
+    for (int u = std::max(span.first, 0); u < std::min(span.end, mask.cols); ++u)
+      mask.at<unsigned char>(v, u) = 255;
   }
 }
 
@@ -59,9 +63,11 @@ cv::Mat largest_filled(const cv::Mat& mask) {
   cv::findContours(mask, rims, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
   cv::Mat filled = cv::Mat::zeros(mask.size(), CV_8UC1);
   if (rims.empty()) return filled;
-  const auto largest = std::max_element(
-      rims.begin(), rims.end(), [](const auto& a, const auto& b) { return cv::contourArea(a) < cv::contourArea(b); });
-  cv::drawContours(filled, rims, static_cast<int>(largest - rims.begin()), cv::Scalar(255), cv::FILLED);
+  const auto largest = std::max_element(rims.begin(), rims.end(), [](const auto& a, const auto& b) {
+    return cv::contourArea(a) < cv::contourArea(b);
+  });
+  cv::drawContours(filled, rims, static_cast<int>(largest - rims.begin()), cv::Scalar(255),
+                   cv::FILLED);
   return filled;
 }
 
@@ -73,14 +79,16 @@ cv::Mat mask_of(const MaskOutline& outline, const cv::Size& size) {
   cv::Mat mask = cv::Mat::zeros(size, CV_8UC1);
   for (const Ellipse& e : outline.ellipses) paint(mask, e);
   for (const auto& corners : outline.polygons_px) paint(mask, corners);
-  if (cv::countNonZero(mask) == 0) throw std::invalid_argument("outline: no pixel of the image lies inside");
+  if (cv::countNonZero(mask) == 0)
+    throw std::invalid_argument("outline: no pixel of the image lies inside");
   return mask;
 }
 
-cv::Mat cut_by_colour(const cv::Mat& image, const cv::Mat& rough, const MaskOutline& points, double margin_px) {
-  if (image.type() != CV_8UC3) throw std::invalid_argument("image: must be 8-bit colour");
+cv::Mat cut_by_color(const cv::Mat& image, const cv::Mat& rough, const MaskOutline& points,
+                     double margin_px) {
+  if (image.type() != CV_8UC3) throw std::invalid_argument("image: must be 8-bit color");
   if (rough.type() != CV_8UC1 || rough.size() != image.size() || cv::countNonZero(rough) == 0)
-    throw std::invalid_argument("mask: must be 8-bit grey of the image's size, and not empty");
+    throw std::invalid_argument("mask: must be 8-bit gray of the image's size, and not empty");
   cv::Mat outside, depth_in, depth_out;
   cv::compare(rough, 0, outside, cv::CMP_EQ);
   cv::distanceTransform(rough, depth_in, cv::DIST_L2, cv::DIST_MASK_PRECISE);
@@ -93,7 +101,7 @@ cv::Mat cut_by_colour(const cv::Mat& image, const cv::Mat& rough, const MaskOutl
   labels.setTo(cv::GC_FGD, depth_in > std::min(margin_px, 0.6 * deepest));
   mark(labels, points.on_px, cv::GC_FGD);
   mark(labels, points.off_px, cv::GC_BGD);
-  // Colours of the ground are those near the object: a far lamp or rim would only widen them.
+  // Colors of the ground are those near the object: a far lamp or rim would only widen them.
   const int reach = static_cast<int>(3 * margin_px + 2 * deepest) + 10;
   cv::Rect box = cv::boundingRect(rough);
   box = cv::Rect(box.x - reach, box.y - reach, box.width + 2 * reach, box.height + 2 * reach) &
@@ -104,7 +112,8 @@ cv::Mat cut_by_colour(const cv::Mat& image, const cv::Mat& rough, const MaskOutl
   cv::Mat cut = cv::Mat::zeros(image.size(), CV_8UC1), is_object = (near & 1) * 255;
   is_object.copyTo(cut(box));
   cut = largest_filled(cut);
-  if (cv::countNonZero(cut) == 0) throw std::invalid_argument("no colour tells the object from the ground here");
+  if (cv::countNonZero(cut) == 0)
+    throw std::invalid_argument("no color tells the object from the ground here");
   return cut;
 }
 

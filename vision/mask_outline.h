@@ -1,4 +1,5 @@
-// Masks of an object from what a person can say without painting: an ellipse, a polygon, points on and off it.
+// Masks of an object from what a person can say without painting: an ellipse, a polygon, points on
+// and off it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,16 +17,18 @@ struct MaskOutline {
   std::vector<Eigen::Vector2d> on_px, off_px;  ///< points that are surely on the object, surely not
 };
 
-/// CV_8UC1, 255 within any of the outlines: pixels whose centre is inside. Throws std::invalid_argument for none, for
-/// an ellipse without axes, a polygon with fewer than three corners, or when no pixel of the image is inside.
+/// CV_8UC1, 255 within any of the outlines: pixels whose center is inside. Throws
+/// std::invalid_argument for none, for an ellipse without axes, a polygon with fewer than three
+/// corners, or when no pixel of the image is inside.
 cv::Mat mask_of(const MaskOutline& outline, const cv::Size& size);
 
-/// What of the image (CV_8UC3) is the object by its colours, around a rough mask: GrabCut (Rother 2004) in which
-/// nothing farther than `margin_px` outside of the rough mask, or near an off-point, can be the object, and what is
-/// deeper than that inside, or near an on-point, surely is. Its largest part, without holes. Repeatable: it draws from
-/// a generator of fixed seed. Throws std::invalid_argument for another type, a mask of another size, or when nothing is
-/// left.
-cv::Mat cut_by_colour(const cv::Mat& image, const cv::Mat& rough, const MaskOutline& points, double margin_px);
+/// What of the image (CV_8UC3) is the object by its colors, around a rough mask: GrabCut (Rother
+/// 2004) in which nothing farther than `margin_px` outside of the rough mask, or near an off-point,
+/// can be the object, and what is deeper than that inside, or near an on-point, surely is. Its
+/// largest part, without holes. Repeatable: it draws from a generator of fixed seed. Throws
+/// std::invalid_argument for another type, a mask of another size, or when nothing is left.
+cv::Mat cut_by_color(const cv::Mat& image, const cv::Mat& rough, const MaskOutline& points,
+                     double margin_px);
 
 /// The outer rims of a mask's parts, for drawing.
 std::vector<std::vector<Eigen::Vector2d>> contours_of(const cv::Mat& mask);

@@ -18,16 +18,19 @@ struct MomentSums {
     ++count;
     u += x, v += y, uu += x * x, uv += x * y, vv += y * y;
   }
-  /// Of pixels counted from `origin`, each `pitch` wide; a semi-axis is twice the standard deviation along it.
+  /// Of pixels counted from `origin`, each `pitch` wide; a semi-axis is twice the standard
+  /// deviation along it.
   Ellipse ellipse(const Eigen::Vector2d& origin, double pitch = 1) const {
     if (count == 0) return {};
     const auto n = static_cast<double>(count);
     const double mu = static_cast<double>(u) / n, mv = static_cast<double>(v) / n;
-    const double xx = static_cast<double>(uu) / n - mu * mu, yy = static_cast<double>(vv) / n - mv * mv;
+    const double xx = static_cast<double>(uu) / n - mu * mu,
+                 yy = static_cast<double>(vv) / n - mv * mv;
     const double xy = static_cast<double>(uv) / n - mu * mv;
     const double mean = (xx + yy) / 2, spread = std::hypot((xx - yy) / 2, xy);
     const double angle = spread > 0 ? std::atan2(2 * xy, xx - yy) / 2 : 0;
-    return {origin + pitch * Eigen::Vector2d(mu, mv), pitch * 2 * std::sqrt(std::max(mean + spread, 0.0)),
+    return {origin + pitch * Eigen::Vector2d(mu, mv),
+            pitch * 2 * std::sqrt(std::max(mean + spread, 0.0)),
             pitch * 2 * std::sqrt(std::max(mean - spread, 0.0)), angle};
   }
 };

@@ -11,7 +11,8 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr double kLost = 15;  // px: refined farther than this from where the others put it, a link is another place
+constexpr double kLost =
+    15;  // px: refined farther than this from where the others put it, a link is another place
 
 std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
@@ -24,7 +25,8 @@ void check_views(std::span<const cv::Mat> views) {
 }
 
 // Each view to the one before it, else to the nearest in time that it fits.
-std::vector<MosaicLink> chain_of(const std::vector<RegistrationView>& views, const RegistrationSettings& settings) {
+std::vector<MosaicLink> chain_of(const std::vector<RegistrationView>& views,
+                                 const RegistrationSettings& settings) {
   std::vector<MosaicLink> links;
   for (int second = 1; second < static_cast<int>(views.size()); ++second) {
     for (int first = second - 1; first >= 0; --first) {
@@ -55,7 +57,8 @@ Places places_from(int root, int count, const std::vector<MosaicLink>& links) {
 }
 
 int count_of(const Places& places) {
-  return static_cast<int>(std::count_if(places.begin(), places.end(), [](const auto& p) { return p.has_value(); }));
+  return static_cast<int>(
+      std::count_if(places.begin(), places.end(), [](const auto& p) { return p.has_value(); }));
 }
 
 double overlap_share(const Eigen::Affine2d& first_from_second, const cv::Size& size) {
@@ -64,7 +67,8 @@ double overlap_share(const Eigen::Affine2d& first_from_second, const cv::Size& s
   for (int j = 0; j < kSide; ++j) {
     for (int i = 0; i < kSide; ++i) {
       const Eigen::Vector2d q =
-          first_from_second * Eigen::Vector2d((i + 0.5) * size.width / kSide, (j + 0.5) * size.height / kSide);
+          first_from_second *
+          Eigen::Vector2d((i + 0.5) * size.width / kSide, (j + 0.5) * size.height / kSide);
       inside += q.x() >= 0 && q.y() >= 0 && q.x() < size.width && q.y() < size.height;
     }
   }
@@ -84,9 +88,9 @@ std::vector<Guess> guesses_of(const MosaicPlan& plan, const cv::Size& size, doub
   for (int second = 0; second < count; ++second) {
     for (int first = 0; first < second; ++first) {
       const auto &a = plan.mosaic_from_view[at(first)], &b = plan.mosaic_from_view[at(second)];
-      const bool linked = std::any_of(plan.links.begin(), plan.links.end(), [&](const MosaicLink& link) {
-        return link.first == first && link.second == second;
-      });
+      const bool linked = std::any_of(
+          plan.links.begin(), plan.links.end(),
+          [&](const MosaicLink& link) { return link.first == first && link.second == second; });
       if (!a || !b || linked) continue;
       const Eigen::Affine2d first_from_second = a->inverse() * *b;
       const double overlap = overlap_share(first_from_second, size);
@@ -98,20 +102,23 @@ std::vector<Guess> guesses_of(const MosaicPlan& plan, const cv::Size& size, doub
   return guesses;
 }
 
-// A chain bends with each link's error; views that meet again later straighten it. Where the guess from the places is
-// too far off, the pair is searched for anew.
-void close_loops(MosaicPlan& plan, const std::vector<RegistrationView>& views, const MosaicSettings& settings) {
+// A chain bends with each link's error; views that meet again later straighten it. Where the guess
+// from the places is too far off, the pair is searched for anew.
+void close_loops(MosaicPlan& plan, const std::vector<RegistrationView>& views,
+                 const MosaicSettings& settings) {
   std::vector<int> links(views.size(), 0);
   for (const MosaicLink& link : plan.links) ++links[at(link.first)], ++links[at(link.second)];
   const cv::Size size = views[0].size();
   const Eigen::Vector2d middle(size.width / 2.0, size.height / 2.0);
   for (const Guess& guess : guesses_of(plan, size, settings.link_overlap)) {
-    if (std::max(links[at(guess.first)], links[at(guess.second)]) >= settings.links_per_view) continue;
+    if (std::max(links[at(guess.first)], links[at(guess.second)]) >= settings.links_per_view)
+      continue;
     const RegistrationView &first = views[at(guess.first)], &second = views[at(guess.second)];
     auto found = refine_registration(first, second, guess.first_from_second, settings.registration);
     if (!found) found = register_views(first, second, settings.registration);
     if (!found) continue;
-    if ((found->first_from_second * middle - guess.first_from_second * middle).norm() > kLost) continue;
+    if ((found->first_from_second * middle - guess.first_from_second * middle).norm() > kLost)
+      continue;
     plan.links.push_back({guess.first, guess.second, *found});
     ++links[at(guess.first)], ++links[at(guess.second)];
   }
@@ -121,9 +128,11 @@ void close_loops(MosaicPlan& plan, const std::vector<RegistrationView>& views, c
 
 void MosaicSettings::check() const {
   registration.check();
-  if (!(link_overlap > 0 && link_overlap < 1)) throw std::invalid_argument("link_overlap: must be between 0 and 1");
+  if (!(link_overlap > 0 && link_overlap < 1))
+    throw std::invalid_argument("link_overlap: must be between 0 and 1");
   if (links_per_view < 2) throw std::invalid_argument("links_per_view: must be 2 at least");
-  if (!(max_pixels >= 1 && max_pixels <= 1e9)) throw std::invalid_argument("max_pixels: must be 1 to 1e9");
+  if (!(max_pixels >= 1 && max_pixels <= 1e9))
+    throw std::invalid_argument("max_pixels: must be 1 to 1e9");
 }
 
 int MosaicPlan::joined() const { return count_of(mosaic_from_view); }
@@ -140,10 +149,12 @@ MosaicPlan plan_mosaic(std::span<const cv::Mat> views, const MosaicSettings& set
   int root = 0;
   for (int k = 0; k < count; ++k) {
     Places places = places_from(k, count, plan.links);
-    if (count_of(places) > count_of(plan.mosaic_from_view)) plan.mosaic_from_view = std::move(places), root = k;
+    if (count_of(places) > count_of(plan.mosaic_from_view))
+      plan.mosaic_from_view = std::move(places), root = k;
   }
   if (count_of(plan.mosaic_from_view) == 1) plan.mosaic_from_view.assign(at(count), std::nullopt);
-  std::erase_if(plan.links, [&](const MosaicLink& link) { return !plan.mosaic_from_view[at(link.first)]; });
+  std::erase_if(plan.links,
+                [&](const MosaicLink& link) { return !plan.mosaic_from_view[at(link.first)]; });
   if (plan.links.empty()) return plan;
   close_loops(plan, prepared, settings);
   adjust_mosaic(plan, views[0].size(), root, settings.registration.model);

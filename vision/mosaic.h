@@ -1,4 +1,5 @@
-// One picture of the retina from many views of a sensor that turns or shifts in the aerial image (thesis appendix A).
+// One picture of the retina from many views of a sensor that turns or shifts in the aerial image
+// (thesis appendix A).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,32 +16,36 @@ namespace vitreo::vision {
 
 struct MosaicSettings {
   RegistrationSettings registration;
-  double link_overlap = 0.25;  ///< views that overlap by this share are linked, neighbours in time or not
-  int links_per_view = 6;      ///< of those the ones with the largest overlap
-  double max_pixels = 4e7;     ///< of the mosaic
-  void check() const;          ///< throws std::invalid_argument naming the setting
+  double link_overlap =
+      0.25;  ///< views that overlap by this share are linked, neighbors in time or not
+  int links_per_view = 6;   ///< of those the ones with the largest overlap
+  double max_pixels = 4e7;  ///< of the mosaic
+  void check() const;       ///< throws std::invalid_argument naming the setting
 };
 
 struct MosaicLink {
   int first = 0, second = 0;  ///< views
   Registration registration;
-  double rms_px = 0;  ///< between the views' adjusted places and this registration, over the overlap
-  bool used = true;   ///< false: contradicts the others, and was left out
+  double rms_px =
+      0;             ///< between the views' adjusted places and this registration, over the overlap
+  bool used = true;  ///< false: contradicts the others, and was left out
 };
 
 struct MosaicPlan {
-  std::vector<std::optional<Eigen::Affine2d>> mosaic_from_view;  ///< nothing: could not be joined to the most
+  std::vector<std::optional<Eigen::Affine2d>>
+      mosaic_from_view;  ///< nothing: could not be joined to the most
   std::vector<MosaicLink> links;
-  int spare_links = 0;  ///< beyond those that hold the views together: with none, rms_px is 0 and says nothing
+  int spare_links =
+      0;  ///< beyond those that hold the views together: with none, rms_px is 0 and says nothing
   double rms_px = 0;    ///< of the used links: how well the views agree on one plane
   double worst_px = 0;  ///< of one used link
   double sigma_px = 0;  ///< of one registration, from the noise, root mean square
   int joined() const;
 };
 
-/// Where the views lie, by all links together (Ceres). The first joined view keeps its own frame. Neighbours in time
-/// are tried first, then all before. Throws std::invalid_argument for fewer than two views, or of different size or
-/// type.
+/// Where the views lie, by all links together (Ceres). The first joined view keeps its own frame.
+/// Neighbors in time are tried first, then all before. Throws std::invalid_argument for fewer than
+/// two views, or of different size or type.
 MosaicPlan plan_mosaic(std::span<const cv::Mat> views, const MosaicSettings& settings = {});
 
 struct Mosaic {
@@ -50,8 +55,10 @@ struct Mosaic {
   std::vector<double> gains;  ///< each view's light was multiplied by; 1 for those left out
 };
 
-/// Views weighted towards their middle, evened in brightness where they overlap. Throws std::invalid_argument when the
-/// plan is not of these views, std::length_error when the mosaic would have more than max_pixels.
-Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan, const MosaicSettings& settings = {});
+/// Views weighted towards their middle, evened in brightness where they overlap. Throws
+/// std::invalid_argument when the plan is not of these views, std::length_error when the mosaic
+/// would have more than max_pixels.
+Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan,
+                    const MosaicSettings& settings = {});
 
 }  // namespace vitreo::vision

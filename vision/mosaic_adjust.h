@@ -1,4 +1,5 @@
-// The global adjustment of a mosaic: the places of all views that agree best with all links between them.
+// The global adjustment of a mosaic: the places of all views that agree best with all links between
+// them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -6,11 +7,12 @@
 
 namespace vitreo::vision {
 
-/// Improves plan.mosaic_from_view, of which the view `fixed` stays, and fills the links' and the plan's residuals.
-/// Every link joins views that have a place.
+/// Improves plan.mosaic_from_view, of which the view `fixed` stays, and fills the links' and the
+/// plan's residuals. Every link joins views that have a place.
 void adjust_mosaic(MosaicPlan& plan, const cv::Size& view_size, int fixed, ViewModel model);
 
 /// Points of the second view, on a grid, that lie in the first as well.
-std::vector<Eigen::Vector2d> common_points(const Eigen::Affine2d& first_from_second, const cv::Size& view_size);
+std::vector<Eigen::Vector2d> common_points(const Eigen::Affine2d& first_from_second,
+                                           const cv::Size& view_size);
 
 }  // namespace vitreo::vision

@@ -24,13 +24,14 @@ struct Bounds {
 Bounds bounds_of(const Eigen::Affine2d& to_view, const cv::Size& size) {
   Bounds bounds;
   const double right = size.width - 1, bottom = size.height - 1;
-  for (const Eigen::Vector2d& corner :
-       {Eigen::Vector2d(0, 0), Eigen::Vector2d(right, 0), Eigen::Vector2d(0, bottom), Eigen::Vector2d(right, bottom)})
+  for (const Eigen::Vector2d& corner : {Eigen::Vector2d(0, 0), Eigen::Vector2d(right, 0),
+                                        Eigen::Vector2d(0, bottom), Eigen::Vector2d(right, bottom)})
     bounds.add(to_view * corner);
   return bounds;
 }
 
-// 0 at the rim, 1 in the middle, smooth between: a vignetted corner or a wrong light at the rim leaves no seam.
+// 0 at the rim, 1 in the middle, smooth between: a vignetted corner or a wrong light at the rim
+// leaves no seam.
 cv::Mat weight_of(const cv::Size& size) {
   cv::Mat weight(size, CV_32F);
   for (int v = 0; v < size.height; ++v) {
@@ -43,20 +44,25 @@ cv::Mat weight_of(const cv::Size& size) {
   return weight;
 }
 
-double grey_at(const cv::Mat& view, int u, int v) {
+double gray_at(const cv::Mat& view, int u, int v) {
   return view.channels() == 3 ? view.at<cv::Vec3b>(v, u)[1] : view.at<unsigned char>(v, u);
 }
 
-// Mean logarithm of first over second where both look. Both vignettes are in it, which mean the same on average.
-std::optional<double> log_ratio(const cv::Mat& first, const cv::Mat& second, const Eigen::Affine2d& first_from_second) {
+// Mean logarithm of first over second where both look. Both vignettes are in it, which mean the
+// same on average.
+std::optional<double> log_ratio(const cv::Mat& first, const cv::Mat& second,
+                                const Eigen::Affine2d& first_from_second) {
   double sum = 0;
   int count = 0;
   for (int v = 0; v < second.rows; v += kSampling) {
     for (int u = 0; u < second.cols; u += kSampling) {
       const Eigen::Vector2d p = first_from_second * Eigen::Vector2d(u, v);
-      if (!(p.x() >= 0 && p.y() >= 0 && p.x() <= first.cols - 1 && p.y() <= first.rows - 1)) continue;
-      const double a = grey_at(first, static_cast<int>(p.x()), static_cast<int>(p.y())), b = grey_at(second, u, v);
-      if (a < 1 || b < 1 || a > 254 || b > 254) continue;  // black and saturated say nothing about the lamp
+      if (!(p.x() >= 0 && p.y() >= 0 && p.x() <= first.cols - 1 && p.y() <= first.rows - 1))
+        continue;
+      const double a = gray_at(first, static_cast<int>(p.x()), static_cast<int>(p.y())),
+                   b = gray_at(second, u, v);
+      if (a < 1 || b < 1 || a > 254 || b > 254)
+        continue;  // black and saturated say nothing about the lamp
       sum += std::log(a / b);
       ++count;
     }
@@ -71,8 +77,9 @@ std::vector<double> gains_of(std::span<const cv::Mat> views, const MosaicPlan& p
   Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
   for (const MosaicLink& link : plan.links) {
     if (!link.used) continue;
-    const Eigen::Affine2d first_from_second = plan.mosaic_from_view[static_cast<std::size_t>(link.first)]->inverse() *
-                                              *plan.mosaic_from_view[static_cast<std::size_t>(link.second)];
+    const Eigen::Affine2d first_from_second =
+        plan.mosaic_from_view[static_cast<std::size_t>(link.first)]->inverse() *
+        *plan.mosaic_from_view[static_cast<std::size_t>(link.second)];
     const auto ratio = log_ratio(views[static_cast<std::size_t>(link.first)],
                                  views[static_cast<std::size_t>(link.second)], first_from_second);
     if (!ratio) continue;
@@ -93,7 +100,7 @@ void check_plan(std::span<const cv::Mat> views, const MosaicPlan& plan) {
   for (const cv::Mat& view : views) {
     if (view.size() != views[0].size() || view.type() != views[0].type() || view.empty() ||
         (view.type() != CV_8UC1 && view.type() != CV_8UC3))
-      throw std::invalid_argument("views: must be 8-bit grey or BGR, of one size and type");
+      throw std::invalid_argument("views: must be 8-bit gray or BGR, of one size and type");
   }
 }
 
@@ -104,26 +111,28 @@ struct Canvas {
 void paint(Canvas& canvas, const cv::Mat& view, const cv::Mat& view_weight, double gain,
            const Eigen::Affine2d& image_from_view) {
   const Bounds bounds = bounds_of(image_from_view, view.size());
-  const cv::Point low(static_cast<int>(std::floor(bounds.low.x())), static_cast<int>(std::floor(bounds.low.y())));
+  const cv::Point low(static_cast<int>(std::floor(bounds.low.x())),
+                      static_cast<int>(std::floor(bounds.low.y())));
   const cv::Point high(static_cast<int>(std::ceil(bounds.high.x())) + 1,
                        static_cast<int>(std::ceil(bounds.high.y())) + 1);
   const cv::Rect area = cv::Rect(low, high) & cv::Rect(0, 0, canvas.sum.cols, canvas.sum.rows);
   const Eigen::Affine2d area_from_view = Eigen::Translation2d(-area.x, -area.y) * image_from_view;
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> m = area_from_view.matrix().topRows<2>();
   const cv::Mat matrix(2, 3, CV_64F, m.data());
-  cv::Mat colour, weight;
-  view.convertTo(colour, CV_32F, gain);
-  cv::warpAffine(colour, colour, matrix, area.size(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  cv::Mat color, weight;
+  view.convertTo(color, CV_32F, gain);
+  cv::warpAffine(color, color, matrix, area.size(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   cv::warpAffine(view_weight, weight, matrix, area.size(), cv::INTER_LINEAR, cv::BORDER_CONSTANT);
   canvas.weight(area) += weight;
   if (view.channels() == 3) cv::merge(std::vector<cv::Mat>{weight, weight, weight}, weight);
-  cv::multiply(colour, weight, colour);
-  canvas.sum(area) += colour;
+  cv::multiply(color, weight, color);
+  canvas.sum(area) += color;
 }
 
 }  // namespace
 
-Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan, const MosaicSettings& settings) {
+Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan,
+                    const MosaicSettings& settings) {
   settings.check();
   check_plan(views, plan);
   Bounds bounds;
@@ -132,18 +141,21 @@ Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan, cons
     const Bounds own = bounds_of(*place, views[0].size());
     bounds.add(own.low), bounds.add(own.high);
   }
-  const Eigen::Vector2d low = bounds.low.array().floor(), extent = bounds.high.array().ceil() - low.array() + 1;
+  const Eigen::Vector2d low = bounds.low.array().floor(),
+                        extent = bounds.high.array().ceil() - low.array() + 1;
   if (!(extent.x() * extent.y() <= settings.max_pixels))
     throw std::length_error("the mosaic would have more pixels than max_pixels");
   Mosaic mosaic;
   mosaic.image_from_mosaic = Eigen::Translation2d(-low);
   mosaic.gains = gains_of(views, plan);
   const cv::Size size(static_cast<int>(extent.x()), static_cast<int>(extent.y()));
-  Canvas canvas{cv::Mat::zeros(size, CV_MAKETYPE(CV_32F, views[0].channels())), cv::Mat::zeros(size, CV_32F)};
+  Canvas canvas{cv::Mat::zeros(size, CV_MAKETYPE(CV_32F, views[0].channels())),
+                cv::Mat::zeros(size, CV_32F)};
   const cv::Mat weight = weight_of(views[0].size());
   for (std::size_t k = 0; k < views.size(); ++k) {
     if (plan.mosaic_from_view[k])
-      paint(canvas, views[k], weight, mosaic.gains[k], mosaic.image_from_mosaic * *plan.mosaic_from_view[k]);
+      paint(canvas, views[k], weight, mosaic.gains[k],
+            mosaic.image_from_mosaic * *plan.mosaic_from_view[k]);
     else
       mosaic.gains[k] = 1;
   }

@@ -14,17 +14,18 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr double kHalo = 2.0;       // px around an ellipse that are its own too: blur is nobody else's
+constexpr double kHalo = 2.0;  // px around an ellipse that are its own too: blur is nobody else's
 constexpr double kTouching = 5.0;   // px between rims: nearer ones are measured twice
 constexpr double kSameBody = 0.35;  // share of the smaller ellipse in another: they claim one thing
-constexpr double kAlike = 0.25;     // share of the colours that are for both
-constexpr int kSureF = static_cast<int>(ColourModel::kScale);  // F = 1: for the object, by e to one
-// A lost object is believed where it is this many times nearer to where it should be than any other lost one alike.
+constexpr double kAlike = 0.25;     // share of the colors that are for both
+constexpr int kSureF = static_cast<int>(ColorModel::kScale);  // F = 1: for the object, by e to one
+// A lost object is believed where it is this many times nearer to where it should be than any other
+// lost one alike.
 constexpr double kNearer = 2.0;
 
 /// About the distance to the rim, px, negative inside.
 double rim_distance(const Ellipse& e, double c, double s, double u, double v) {
-  const double du = u - e.centre_px.x(), dv = v - e.centre_px.y();
+  const double du = u - e.center_px.x(), dv = v - e.center_px.y();
   const double x = c * du + s * dv, y = c * dv - s * du;
   const double a2 = e.semi_major_px * e.semi_major_px, b2 = e.semi_minor_px * e.semi_minor_px;
   const double level = std::sqrt(x * x / a2 + y * y / b2);
@@ -34,7 +35,8 @@ double rim_distance(const Ellipse& e, double c, double s, double u, double v) {
 
 /// Share of the smaller one's samples that lie in the other.
 double overlap(const Ellipse& one, const Ellipse& other) {
-  const bool swap = one.semi_major_px * one.semi_minor_px > other.semi_major_px * other.semi_minor_px;
+  const bool swap =
+      one.semi_major_px * one.semi_minor_px > other.semi_major_px * other.semi_minor_px;
   const Ellipse &small = swap ? other : one, &large = swap ? one : other;
   const double c = std::cos(large.angle), s = std::sin(large.angle);
   int inside = 0;
@@ -42,14 +44,17 @@ double overlap(const Ellipse& one, const Ellipse& other) {
   for (int q = 0; q < kSamples; ++q) {
     const double r = std::sqrt((q + 0.5) / kSamples);
     const Eigen::Vector2d p =
-        Ellipse{small.centre_px, r * small.semi_major_px, r * small.semi_minor_px, small.angle}.point(2.399963 * q);
+        Ellipse{small.center_px, r * small.semi_major_px, r * small.semi_minor_px, small.angle}
+            .point(2.399963 * q);
     inside += rim_distance(large, c, s, p.x(), p.y()) < 0;
   }
   return static_cast<double>(inside) / kSamples;
 }
 
 bool touching(const Ellipse& one, const Ellipse& other) {
-  if ((one.centre_px - other.centre_px).norm() > one.semi_major_px + other.semi_major_px + kTouching) return false;
+  if ((one.center_px - other.center_px).norm() >
+      one.semi_major_px + other.semi_major_px + kTouching)
+    return false;
   const double c = std::cos(other.angle), s = std::sin(other.angle);
   for (int k = 0; k < 32; ++k) {
     const Eigen::Vector2d p = one.point(0.19635 * k);
@@ -58,8 +63,8 @@ bool touching(const Ellipse& one, const Ellipse& other) {
   return false;
 }
 
-/// Share of the colours sure for the one with fewer that are sure for the other too.
-double common_colours(const ColourModel& one, const ColourModel& other) {
+/// Share of the colors sure for the one with fewer that are sure for the other too.
+double common_colors(const ColorModel& one, const ColorModel& other) {
   int first = 0, second = 0, both = 0;
   for (std::size_t i = 0; i < one.table().size(); ++i) {
     const bool a = one.table()[i] > kSureF, b = other.table()[i] > kSureF;
@@ -73,7 +78,7 @@ double common_colours(const ColourModel& one, const ColourModel& other) {
 struct MultiTracker::State {
   struct Object {
     explicit Object(const TrackedObject& from) : tracker(from.model, from.settings) {}
-    ColourTracker tracker;
+    ColorTracker tracker;
     TrackMemory before;            // this frame
     std::optional<Ellipse> claim;  // what it owns now
     double confidence = 0;         // of the last frame
@@ -110,8 +115,8 @@ void MultiTracker::State::clear() {
 void MultiTracker::State::paint_one(std::size_t k) {
   const Ellipse wide = grown(*objects[k]->claim, kHalo);
   const int reach = static_cast<int>(wide.semi_major_px) + 2;
-  const cv::Rect box(static_cast<int>(wide.centre_px.x()) - reach, static_cast<int>(wide.centre_px.y()) - reach,
-                     2 * reach + 1, 2 * reach + 1);
+  const cv::Rect box(static_cast<int>(wide.center_px.x()) - reach,
+                     static_cast<int>(wide.center_px.y()) - reach, 2 * reach + 1, 2 * reach + 1);
   objects[k]->painted = box & cv::Rect({0, 0}, map.size());
   std::array<std::size_t, kMostObjects> rivals{};
   std::size_t count = 0;
@@ -127,7 +132,8 @@ void MultiTracker::State::paint_one(std::size_t k) {
       bool nearest = true;
       for (std::size_t q = 0; q < count && nearest; ++q) {
         const Ellipse& other = *objects[rivals[q]]->claim;
-        const double theirs = rim_distance(other, std::cos(other.angle), std::sin(other.angle), u, v);
+        const double theirs =
+            rim_distance(other, std::cos(other.angle), std::sin(other.angle), u, v);
         nearest = distance < theirs || (distance == theirs && k < rivals[q]);
       }
       if (nearest) row[u] = static_cast<unsigned char>(k + 1);
@@ -157,16 +163,18 @@ void MultiTracker::State::sort_by_confidence() {
 // Found anew: is it this one, or another that looks the same and is missing too?
 bool MultiTracker::State::believable(std::size_t k) const {
   const Object& object = *objects[k];
-  const bool anew = object.before.state == TrackState::lost || object.before.state == TrackState::searching;
+  const bool anew =
+      object.before.state == TrackState::lost || object.before.state == TrackState::searching;
   if (!anew || !tracks[k].measured) return true;
-  const Eigen::Vector2d& at = tracks[k].measured->ellipse.centre_px;
+  const Eigen::Vector2d& at = tracks[k].measured->ellipse.center_px;
   const bool known = object.before.state == TrackState::lost;
   for (std::size_t j = 0; j < objects.size(); ++j) {
     if (j == k || !alike(k, j)) continue;
     const TrackMemory& other = objects[j]->before;
     if (other.state == TrackState::searching || other.state == TrackState::tracking) continue;
     if (!known) return false;  // the missing one has the better right
-    const double own = (at - object.before.last.centre_px).norm(), theirs = (at - other.last.centre_px).norm();
+    const double own = (at - object.before.last.center_px).norm(),
+                 theirs = (at - other.last.center_px).norm();
     if (kNearer * own > theirs) return false;
   }
   return true;
@@ -198,7 +206,8 @@ void MultiTracker::State::measure_touching_again(const cv::Mat& image) {
   std::fill(again.begin(), again.end(), false);
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
-      if (objects[i]->claim && objects[j]->claim && touching(*objects[i]->claim, *objects[j]->claim))
+      if (objects[i]->claim && objects[j]->claim &&
+          touching(*objects[i]->claim, *objects[j]->claim))
         again[i] = again[j] = true;
     }
   }
@@ -209,7 +218,7 @@ void MultiTracker::State::measure_touching_again(const cv::Mat& image) {
   }
 }
 
-// Two that claim one thing: of different colours the surer one is right; alike, nobody knows.
+// Two that claim one thing: of different colors the surer one is right; alike, nobody knows.
 void MultiTracker::State::part_those_in_one_place() {
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
@@ -222,7 +231,8 @@ void MultiTracker::State::part_those_in_one_place() {
   }
 }
 
-MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects) : state_(std::make_unique<State>()) {
+MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects)
+    : state_(std::make_unique<State>()) {
   if (objects.empty() || objects.size() > kMostObjects)
     throw std::invalid_argument("objects: must be 1 to " + std::to_string(kMostObjects));
   State& s = *state_;
@@ -235,7 +245,7 @@ MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects) : state_(s
   for (std::size_t i = 0; i < objects.size(); ++i)
     for (std::size_t j = 0; j < objects.size(); ++j)
       s.alike_[i * objects.size() + j] =
-          i != j && common_colours(objects[i].model.colour, objects[j].model.colour) > kAlike;
+          i != j && common_colors(objects[i].model.color, objects[j].model.color) > kAlike;
   s.order.resize(objects.size());
   s.tracks.resize(objects.size());
   s.again.resize(objects.size());

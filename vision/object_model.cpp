@@ -24,7 +24,8 @@ using Matrix5 = Eigen::Matrix<double, 5, 5>;
 
 constexpr std::string_view kMagic = "VTOM";
 constexpr std::uint32_t kVersion = 1;
-// Variances no calibration goes below: a few masks can not show less. px^2, and rad^2 for the angle.
+// Variances no calibration goes below: a few masks can not show less. px^2, and rad^2 for the
+// angle.
 constexpr double kLeastPx2 = 0.0005, kLeastAngle2 = 1e-5;
 
 /// The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
@@ -33,34 +34,37 @@ cv::Mat largest_part(const cv::Mat& mask) {
   const int count = cv::connectedComponentsWithStats(mask, labels, statistics, centroids);
   int best = 1;
   for (int k = 2; k < count; ++k)
-    if (statistics.at<int>(k, cv::CC_STAT_AREA) > statistics.at<int>(best, cv::CC_STAT_AREA)) best = k;
+    if (statistics.at<int>(k, cv::CC_STAT_AREA) > statistics.at<int>(best, cv::CC_STAT_AREA))
+      best = k;
   cv::compare(labels, best, part, cv::CMP_EQ);
   return part;
 }
 
 bool at_edge(const cv::Mat& mask) {
   const int u = mask.cols - 1, v = mask.rows - 1;
-  return cv::countNonZero(mask.row(0)) + cv::countNonZero(mask.row(v)) + cv::countNonZero(mask.col(0)) +
-             cv::countNonZero(mask.col(u)) >
+  return cv::countNonZero(mask.row(0)) + cv::countNonZero(mask.row(v)) +
+             cv::countNonZero(mask.col(0)) + cv::countNonZero(mask.col(u)) >
          0;
 }
 
 /// An image whose mask is one part, and that part's ellipse.
 struct Whole {
-  LabelledImage labelled;
+  LabeledImage labeled;
   Ellipse truth;
 };
 
 /// Those that show the whole object, for its shape; all, where none does.
-std::vector<Whole> whole_ones(std::span<const LabelledImage> images) {
+std::vector<Whole> whole_ones(std::span<const LabeledImage> images) {
   std::vector<Whole> all, whole;
   for (std::size_t k = 0; k < images.size(); ++k) {
     const std::string which = "image " + std::to_string(k + 1) + ": ";
-    if (images[k].image.size() != images[0].image.size()) throw std::invalid_argument(which + "has another size");
+    if (images[k].image.size() != images[0].image.size())
+      throw std::invalid_argument(which + "has another size");
     const cv::Mat part = largest_part(images[k].mask);
     all.push_back({{images[k].image, part}, moments_of(part).ellipse({0, 0})});
     if (at_edge(part)) continue;
-    if (all.back().truth.semi_minor_px < 2.5) throw std::invalid_argument(which + "its mask is thinner than 5 px");
+    if (all.back().truth.semi_minor_px < 2.5)
+      throw std::invalid_argument(which + "its mask is thinner than 5 px");
     whole.push_back(all.back());
   }
   if (whole.empty() && all[0].truth.semi_minor_px < 2.5)
@@ -68,12 +72,16 @@ std::vector<Whole> whole_ones(std::span<const LabelledImage> images) {
   return whole.empty() ? all : whole;
 }
 
-// A covariance with its negative directions taken out: the difference of two estimates need not be one.
+// A covariance with its negative directions taken out: the difference of two estimates need not be
+// one.
 Matrix5 clipped(const Matrix5& matrix) {
-  const Vector5 unit = (Vector5() << 1, 1, 1, 1, 20).finished();  // an angle weighs as the rim that it moves
-  const Eigen::SelfAdjointEigenSolver<Matrix5> solver(unit.asDiagonal() * matrix * unit.asDiagonal());
+  const Vector5 unit =
+      (Vector5() << 1, 1, 1, 1, 20).finished();  // an angle weighs as the rim that it moves
+  const Eigen::SelfAdjointEigenSolver<Matrix5> solver(unit.asDiagonal() * matrix *
+                                                      unit.asDiagonal());
   const Vector5 values = solver.eigenvalues().cwiseMax(0);
-  const Matrix5 good = solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
+  const Matrix5 good =
+      solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
   return unit.cwiseInverse().asDiagonal() * good * unit.cwiseInverse().asDiagonal();
 }
 
@@ -98,15 +106,15 @@ Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& said)
   return result;
 }
 
-Calibration calibration_of(const ObjectModel& model, const std::vector<Whole>& images, ObjectViewSettings settings,
-                           bool refine) {
+Calibration calibration_of(const ObjectModel& model, const std::vector<Whole>& images,
+                           ObjectViewSettings settings, bool refine) {
   settings.refine = refine;
   ObjectView view(model, settings);
   std::vector<Vector5> errors;
   Matrix5 said = Matrix5::Zero();
-  for (const auto& [labelled, truth] : images) {
+  for (const auto& [labeled, truth] : images) {
     const EllipsePrior prior{truth, 5, 2, settings.angle_sigma};
-    const Look look = view.look(labelled.image, truth, settings.gate_px, prior);
+    const Look look = view.look(labeled.image, truth, settings.gate_px, prior);
     if (!look.measured || look.measured->inlier_fraction < 0.5) continue;
     Vector5 error = look.measured->ellipse.vector() - truth.vector();
     error[4] = std::remainder(error[4], std::numbers::pi);
@@ -114,7 +122,8 @@ Calibration calibration_of(const ObjectModel& model, const std::vector<Whole>& i
     errors.push_back(error);
     said += look.measured->covariance;
   }
-  return from_errors(errors, errors.empty() ? said : Matrix5(said / static_cast<double>(errors.size())));
+  return from_errors(errors,
+                     errors.empty() ? said : Matrix5(said / static_cast<double>(errors.size())));
 }
 
 void save_calibration(ByteWriter& out, const Calibration& calibration) {
@@ -136,18 +145,19 @@ void save_part(ByteWriter& out, const std::string& part) {
 
 }  // namespace
 
-ObjectModel ObjectModel::train(std::span<const LabelledImage> images, const ColourModelSettings& colour,
-                               const ObjectViewSettings& view) {
+ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
+                               const ColorModelSettings& color, const ObjectViewSettings& view) {
   view.check();
   ObjectModel model;
-  model.colour = ColourModel::train(images, colour);
+  model.color = ColorModel::train(images, color);
   const std::vector<Whole> whole = whole_ones(images);
   std::vector<cv::Mat> masks;
-  for (const Whole& one : whole) masks.push_back(one.labelled.mask);
+  for (const Whole& one : whole) masks.push_back(one.labeled.mask);
   model.shape = ShapeModel::train(masks);
   model.image_size = images[0].image.size();
-  for (const auto& [labelled, e] : whole) {
-    model.semi_axes_px += Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) / static_cast<double>(whole.size());
+  for (const auto& [labeled, e] : whole) {
+    model.semi_axes_px +=
+        Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) / static_cast<double>(whole.size());
   }
   model.rim = calibration_of(model, whole, view, true);
   model.segment = calibration_of(model, whole, view, false);
@@ -163,7 +173,7 @@ std::string ObjectModel::save() const {
   for (const double value : semi_axes_px) out.f64(value);
   save_calibration(out, rim);
   save_calibration(out, segment);
-  save_part(out, colour.save());
+  save_part(out, color.save());
   save_part(out, shape.save());
   return out.sealed();
 }
@@ -176,7 +186,7 @@ ObjectModel ObjectModel::load(std::string_view bytes) {
   for (double& value : model.semi_axes_px) value = in.f64(1, 1e4);
   model.rim = load_calibration(in);
   model.segment = load_calibration(in);
-  model.colour = ColourModel::load(in.text(in.u32()));
+  model.color = ColorModel::load(in.text(in.u32()));
   model.shape = ShapeModel::load(in.text(in.u32()));
   in.end();
   return model;

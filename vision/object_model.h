@@ -1,8 +1,9 @@
-// All that a colour tracker must know of its object, learnt from images with masks and saved as bytes.
+// All that a color tracker must know of its object, learnt from images with masks and saved as
+// bytes.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/colour_model.h"
+#include "vision/color_model.h"
 #include "vision/level_set.h"
 #include "vision/radial_rim.h"
 #include "vision/shape_model.h"
@@ -15,9 +16,9 @@ namespace vitreo::vision {
 
 /// How a tracker looks at one frame.
 struct ObjectViewSettings {
-  bool shape_prior = true;               ///< cycle three of the level set
-  bool refine = true;                    ///< the rim to a fraction of a pixel; else the level set's moments
-  std::optional<Thresholds> thresholds;  ///< instead of the colour model's weighted ones
+  bool shape_prior = true;  ///< cycle three of the level set
+  bool refine = true;       ///< the rim to a fraction of a pixel; else the level set's moments
+  std::optional<Thresholds> thresholds;  ///< instead of the color model's weighted ones
   double gate_px = 9;                    ///< how far outside the expected rim the object may be
   double angle_sigma = 0.1;              ///< rad, of the expected angle
   LevelSetSettings level_set;
@@ -29,25 +30,27 @@ struct ObjectViewSettings {
 /// What a way of measuring says too much or too little, on the training images, against the masks.
 struct Calibration {
   Eigen::Vector2d semi_axes_px{0, 0};  ///< mean of measured less true
-  /// Of what is left, of Ellipse::vector(): the part of the error that is the same all round and all frame long
-  /// (shadow, highlight, shading), which the scatter along the rim can not show.
+  /// Of what is left, of Ellipse::vector(): the part of the error that is the same all round and
+  /// all frame long (shadow, highlight, shading), which the scatter along the rim can not show.
   Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
 };
 
 struct ObjectModel {
-  ColourModel colour;
+  ColorModel color;
   ShapeModel shape;
   cv::Size image_size;
   Eigen::Vector2d semi_axes_px{0, 0};  ///< mean over the masks
-  Calibration rim, segment;            ///< of refined and of unrefined measurements, by ObjectViewSettings::refine
+  Calibration rim,
+      segment;  ///< of refined and of unrefined measurements, by ObjectViewSettings::refine
 
-  /// Colours from all of the masks; shape and calibration from the largest part of each, of those that no edge of the
-  /// image cuts while there is one. Throws std::invalid_argument as ColourModel::train, for images of different sizes,
-  /// and for masks thinner than 5 px.
-  static ObjectModel train(std::span<const LabelledImage> images, const ColourModelSettings& colour,
+  /// Colors from all of the masks; shape and calibration from the largest part of each, of those
+  /// that no edge of the image cuts while there is one. Throws std::invalid_argument as
+  /// ColorModel::train, for images of different sizes, and for masks thinner than 5 px.
+  static ObjectModel train(std::span<const LabeledImage> images, const ColorModelSettings& color,
                            const ObjectViewSettings& view);
   std::string save() const;
-  static ObjectModel load(std::string_view bytes);  ///< std::invalid_argument for anything that save() did not write
+  static ObjectModel load(
+      std::string_view bytes);  ///< std::invalid_argument for anything that save() did not write
 };
 
 }  // namespace vitreo::vision

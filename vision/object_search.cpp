@@ -10,10 +10,10 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr int kMost =
-    static_cast<int>(2.5 * ColourModel::kScale);  // |F| that counts: a highlight must not outvote a body
-constexpr double kFull = 0.35;                    // mean F, over kMost, of a box that may be the object
-constexpr double kFar = 0.15;                     // of a full box's score lost at one image width's distance
+constexpr int kMost = static_cast<int>(
+    2.5 * ColorModel::kScale);  // |F| that counts: a highlight must not outvote a body
+constexpr double kFull = 0.35;  // mean F, over kMost, of a box that may be the object
+constexpr double kFar = 0.15;   // of a full box's score lost at one image width's distance
 
 }  // namespace
 
@@ -24,11 +24,13 @@ ObjectSearch::ObjectSearch(const Ellipse& size)
   found_.reserve(16);
 }
 
-void ObjectSearch::read(const cv::Mat& image, const ColourModel& model, const cv::Mat& owned, unsigned char self) {
+void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv::Mat& owned,
+                        unsigned char self) {
   const std::int8_t* table = model.table().data();
   const int second = step_ / 2;  // two pixels of each cell: half the noise of one
   for (int j = 0; j < rows_; ++j) {
-    const auto *first = image.ptr<cv::Vec3b>(j * step_), *other = image.ptr<cv::Vec3b>(j * step_ + second);
+    const auto *first = image.ptr<cv::Vec3b>(j * step_),
+               *other = image.ptr<cv::Vec3b>(j * step_ + second);
     std::int16_t* to = f_.data() + static_cast<std::ptrdiff_t>(j) * columns_;
     const std::int32_t* above = sums_.data() + static_cast<std::ptrdiff_t>(j) * (columns_ + 1);
     std::int32_t* sum = sums_.data() + static_cast<std::ptrdiff_t>(j + 1) * (columns_ + 1);
@@ -37,7 +39,9 @@ void ObjectSearch::read(const cv::Mat& image, const ColourModel& model, const cv
     sum[0] = 0;
     for (int i = 0; i < columns_; ++i) {
       const cv::Vec3b &a = first[i * step_], &b = other[i * step_ + second];
-      int value = (table[ColourModel::cell_of(a[0], a[1], a[2])] + table[ColourModel::cell_of(b[0], b[1], b[2])]) / 2;
+      int value = (table[ColorModel::cell_of(a[0], a[1], a[2])] +
+                   table[ColorModel::cell_of(b[0], b[1], b[2])]) /
+                  2;
       if (owner != nullptr && owner[i * step_] != 0 && owner[i * step_] != self) value = -kMost;
       value = std::clamp(value, -kMost, kMost);
       to[i] = static_cast<std::int16_t>(value);
@@ -51,7 +55,8 @@ int ObjectSearch::box(int i, int j) const {
   const int i0 = std::max(i - half_, 0), i1 = std::min(i + half_ + 1, columns_);
   const int j0 = std::max(j - half_, 0), j1 = std::min(j + half_ + 1, rows_);
   const auto at = [&](int x, int y) {
-    return sums_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_ + 1) + static_cast<std::size_t>(x)];
+    return sums_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_ + 1) +
+                 static_cast<std::size_t>(x)];
   };
   return at(i1, j1) - at(i0, j1) - at(i1, j0) + at(i0, j0);
 }
@@ -63,11 +68,12 @@ void ObjectSearch::score(const Eigen::Vector2d& near_px) {
   for (int j = 0; j < rows_; ++j) {
     for (int i = 0; i < columns_; ++i) {
       const float full = static_cast<float>(box(i, j)) * per_box;
-      float& score =
-          score_[static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(i)];
+      float& score = score_[static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_) +
+                            static_cast<std::size_t>(i)];
       score = -1;
       if (full < static_cast<float>(kFull)) continue;
-      const float du = static_cast<float>(i * step_ - near_px.x()), dv = static_cast<float>(j * step_ - near_px.y());
+      const float du = static_cast<float>(i * step_ - near_px.x()),
+                  dv = static_cast<float>(j * step_ - near_px.y());
       score = full - per_px * std::sqrt(du * du + dv * dv);
     }
   }
@@ -79,26 +85,28 @@ Ellipse ObjectSearch::settle(int i, int j) const {
   double reach = 1.2 * at.semi_major_px;
   for (int round = 0; round < 3; ++round) {
     MomentSums sums;
-    const Ellipse disc{at.centre_px, reach, reach, 0};
-    const int top = std::max(static_cast<int>(at.centre_px.y() - reach), 0);
-    const int bottom = std::min(static_cast<int>(at.centre_px.y() + reach) + 1, rows_);
+    const Ellipse disc{at.center_px, reach, reach, 0};
+    const int top = std::max(static_cast<int>(at.center_px.y() - reach), 0);
+    const int bottom = std::min(static_cast<int>(at.center_px.y() + reach) + 1, rows_);
     for (int y = top; y < bottom; ++y) {
       const RowSpan span = row_of(disc, y);
       for (int x = std::max(span.first, 0); x < std::min(span.end, columns_); ++x) {
-        if (f_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(x)] > 0)
+        if (f_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) +
+               static_cast<std::size_t>(x)] > 0)
           sums.add(x, y);
       }
     }
     if (sums.count == 0) break;
     at = sums.ellipse({0, 0});
   }
-  const Eigen::Vector2d middle = Eigen::Vector2d::Constant(step_ / 4.0);  // between the two pixels of a cell
-  return {at.centre_px * step_ + middle, size_.semi_major_px, size_.semi_minor_px, at.angle};
+  const Eigen::Vector2d middle =
+      Eigen::Vector2d::Constant(step_ / 4.0);  // between the two pixels of a cell
+  return {at.center_px * step_ + middle, size_.semi_major_px, size_.semi_minor_px, at.angle};
 }
 
-const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const ColourModel& model,
-                                               const Eigen::Vector2d& near_px, int most, const cv::Mat& owned,
-                                               unsigned char self) {
+const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const ColorModel& model,
+                                               const Eigen::Vector2d& near_px, int most,
+                                               const cv::Mat& owned, unsigned char self) {
   found_.clear();
   columns_ = image.cols / step_;
   rows_ = image.rows / step_;

@@ -1,8 +1,9 @@
-// Where in the whole image something of the object's colour and size stands, roughly and fast (thesis 8.3.1).
+// Where in the whole image something of the object's color and size stands, roughly and fast
+// (thesis 8.3.1).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/colour_model.h"
+#include "vision/color_model.h"
 #include "vision/ellipse.h"
 
 #include <opencv2/core/mat.hpp>
@@ -12,19 +13,23 @@
 
 namespace vitreo::vision {
 
-/// Sums of F on a coarse grid over boxes that fit into the object: the fullest boxes, and the axes of what is around
-/// them. Vessels are narrower than such a box, which tells them from the object without labelling.
+/// Sums of F on a coarse grid over boxes that fit into the object: the fullest boxes, and the axes
+/// of what is around them. Vessels are narrower than such a box, which tells them from the object
+/// without labeling.
 class ObjectSearch {
  public:
   /// `size`: semi-axes of the object, px; where it stands does not matter.
   explicit ObjectSearch(const Ellipse& size);
-  /// At most `most` places, best first, of the searched size. `near_px`: where it is expected, which decides between
-  /// places alike. `owned` as Evidence::look. Allocates only when the image is larger than all before.
-  const std::vector<Ellipse>& find(const cv::Mat& image, const ColourModel& model, const Eigen::Vector2d& near_px,
-                                   int most, const cv::Mat& owned = {}, unsigned char self = 0);
+  /// At most `most` places, best first, of the searched size. `near_px`: where it is expected,
+  /// which decides between places alike. `owned` as Evidence::look. Allocates only when the image
+  /// is larger than all before.
+  const std::vector<Ellipse>& find(const cv::Mat& image, const ColorModel& model,
+                                   const Eigen::Vector2d& near_px, int most,
+                                   const cv::Mat& owned = {}, unsigned char self = 0);
 
  private:
-  void read(const cv::Mat& image, const ColourModel& model, const cv::Mat& owned, unsigned char self);
+  void read(const cv::Mat& image, const ColorModel& model, const cv::Mat& owned,
+            unsigned char self);
   int box(int i, int j) const;
   void score(const Eigen::Vector2d& near_px);
   Ellipse settle(int i, int j) const;

@@ -8,11 +8,14 @@
 namespace vitreo::vision {
 namespace {
 
-// A segment this much smaller or larger than expected is a piece, or a leak: not where a rim is looked for.
+// A segment this much smaller or larger than expected is a piece, or a leak: not where a rim is
+// looked for.
 constexpr double kSmallest = 0.75, kLargest = 1.35;
 constexpr int kClear = static_cast<int>(Evidence::kScale);  // F = -1: the ground's, by e to one
 
-double area_of(const Ellipse& e) { return 3.14159265358979323846 * e.semi_major_px * e.semi_minor_px; }
+double area_of(const Ellipse& e) {
+  return 3.14159265358979323846 * e.semi_major_px * e.semi_minor_px;
+}
 
 }  // namespace
 
@@ -24,14 +27,16 @@ void ObjectViewSettings::check() const {
   };
   require(gate_px >= 2 && gate_px <= 100, "gate_px: must be 2 to 100");
   require(angle_sigma > 0 && angle_sigma <= 10, "angle_sigma: must be above 0, at most 10 rad");
-  require(shape_fit.iterations >= 1 && shape_fit.iterations <= 50, "shape_fit.iterations: must be 1 to 50");
-  if (thresholds) require(thresholds->low <= thresholds->high, "thresholds: the lower is above the higher");
+  require(shape_fit.iterations >= 1 && shape_fit.iterations <= 50,
+          "shape_fit.iterations: must be 1 to 50");
+  if (thresholds)
+    require(thresholds->low <= thresholds->high, "thresholds: the lower is above the higher");
 }
 
 ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& settings)
     : model_(&model),
       settings_(settings),
-      thresholds_(settings.thresholds.value_or(model.colour.weighted_thresholds())),
+      thresholds_(settings.thresholds.value_or(model.color.weighted_thresholds())),
       max_side_px_(static_cast<int>(4 * model.semi_axes_px.x() + 6 * settings.gate_px) + 16),
       level_set_(settings.level_set),
       rim_(settings.rim) {
@@ -44,8 +49,8 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
 void ObjectView::weigh(const Ellipse& ellipse, Look& look) const {
   const cv::Rect& region = evidence_.region();
   int count = 0, for_it = 0, against = 0;
-  const int top = static_cast<int>(ellipse.centre_px.y() - ellipse.semi_major_px);
-  const int bottom = static_cast<int>(ellipse.centre_px.y() + ellipse.semi_major_px) + 1;
+  const int top = static_cast<int>(ellipse.center_px.y() - ellipse.semi_major_px);
+  const int bottom = static_cast<int>(ellipse.center_px.y() + ellipse.semi_major_px) + 1;
   for (int v = top; v < bottom; v += 2) {
     const RowSpan span = row_of(ellipse, v);
     for (int u = span.first; u < span.end; u += 2) {
@@ -60,10 +65,11 @@ void ObjectView::weigh(const Ellipse& ellipse, Look& look) const {
   look.against = static_cast<double>(against) / std::max(count, 1);
 }
 
-Look ObjectView::look(const cv::Mat& image, const Ellipse& expected, double gate_px, const EllipsePrior& prior,
-                      const Owned& owned, bool from_front) {
+Look ObjectView::look(const cv::Mat& image, const Ellipse& expected, double gate_px,
+                      const EllipsePrior& prior, const Owned& owned, bool from_front) {
   Look result;
-  evidence_.look(image, model_->colour, grown(expected, gate_px), max_side_px_, owned.map, owned.self);
+  evidence_.look(image, model_->color, grown(expected, gate_px), max_side_px_, owned.map,
+                 owned.self);
   level_set_.start(evidence_, expected);
   level_set_.evolve(thresholds_);
   result.segment = level_set_.keep_largest();
@@ -71,7 +77,8 @@ Look ObjectView::look(const cv::Mat& image, const Ellipse& expected, double gate
   double area = result.segment.area_px;
   if (settings_.shape_prior && area > 0 && !level_set_.leaked()) {
     level_set_.front(front_);
-    const ShapeFit fit = model_->shape.fit(front_, model_->shape.pose_of(expected), settings_.shape_fit);
+    const ShapeFit fit =
+        model_->shape.fit(front_, model_->shape.pose_of(expected), settings_.shape_fit);
     level_set_.pull_to(PlacedShape(model_->shape, fit));
     result.segment = level_set_.keep_largest();
     result.shape = fit;
@@ -85,7 +92,8 @@ Look ObjectView::look(const cv::Mat& image, const Ellipse& expected, double gate
   if (settings_.refine) {
     result.measured = rim_.measure(evidence_, like ? at : expected, prior);
   } else if (at.semi_minor_px > 1) {
-    result.measured = EllipseMeasurement{at, Eigen::Matrix<double, 5, 5>::Zero(), like ? 1.0 : 0.0, 0};
+    result.measured =
+        EllipseMeasurement{at, Eigen::Matrix<double, 5, 5>::Zero(), like ? 1.0 : 0.0, 0};
   }
   if (result.measured) weigh(result.measured->ellipse, result);
   return result;

@@ -12,7 +12,8 @@
 
 namespace vitreo::vision {
 
-/// Pixels that other trackers' objects have: CV_8UC1 of the image's size, not 0 and not `self` = not to be entered.
+/// Pixels that other trackers' objects have: CV_8UC1 of the image's size, not 0 and not `self` =
+/// not to be entered.
 struct Owned {
   cv::Mat map;
   unsigned char self = 0;
@@ -22,7 +23,8 @@ struct Look {
   std::optional<EllipseMeasurement> measured;  ///< not yet calibrated
   Segment segment;
   std::optional<ShapeFit> shape;
-  double support = 0;  ///< share of the measured ellipse's pixels that are for the object and not blocked
+  double support =
+      0;  ///< share of the measured ellipse's pixels that are for the object and not blocked
   double against = 0;  ///< share of them that are clearly the ground's
   bool leaked = false;
   int iterations = 0;
@@ -30,11 +32,13 @@ struct Look {
 
 class ObjectView {
  public:
-  ObjectView(const ObjectModel& model, const ObjectViewSettings& settings);  ///< `model` must outlive it
-  /// Starts at `expected` and stays within `gate_px` of its rim; `prior` draws the refined ellipse. The rim
-  /// is looked for around the level set's front, or, told otherwise, around what is expected.
-  Look look(const cv::Mat& image, const Ellipse& expected, double gate_px, const EllipsePrior& prior,
-            const Owned& owned = {}, bool from_front = true);
+  ObjectView(const ObjectModel& model,
+             const ObjectViewSettings& settings);  ///< `model` must outlive it
+  /// Starts at `expected` and stays within `gate_px` of its rim; `prior` draws the refined ellipse.
+  /// The rim is looked for around the level set's front, or, told otherwise, around what is
+  /// expected.
+  Look look(const cv::Mat& image, const Ellipse& expected, double gate_px,
+            const EllipsePrior& prior, const Owned& owned = {}, bool from_front = true);
 
  private:
   void weigh(const Ellipse& ellipse, Look& look) const;

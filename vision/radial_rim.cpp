@@ -10,11 +10,14 @@ namespace vitreo::vision {
 namespace {
 
 constexpr int kMostSamples = 40;
-constexpr double kVariance = 0.16;  // px^2 of one cut; the fit scales it to the scatter that it sees
-constexpr double kSettled = 0.05;   // px: a further round would change less than the scatter
-constexpr double kTogether = 2;     // neighbouring normals that err as one at least: evidence is smoothed over 3 px
-constexpr double kNear = 0.5;       // px
-constexpr double kMost = 4;         // |F| that counts in full: one sure colour must not outvote its neighbours
+constexpr double kVariance =
+    0.16;                          // px^2 of one cut; the fit scales it to the scatter that it sees
+constexpr double kSettled = 0.05;  // px: a further round would change less than the scatter
+constexpr double kTogether =
+    2;  // neighboring normals that err as one at least: evidence is smoothed over 3 px
+constexpr double kNear = 0.5;  // px
+constexpr double kMost =
+    4;  // |F| that counts in full: one sure color must not outvote its neighbors
 
 void require(bool good, const char* what) {
   if (!good) throw std::invalid_argument(what);
@@ -54,13 +57,14 @@ void RadialRim::cut(const Evidence& evidence, Normal& n, double depth_px) const 
     if (sum > best) best = sum, last = k;
   }
   if (last < 0 || last + 1 >= count) return;
-  const double inside = f[static_cast<std::size_t>(last)], outside = f[static_cast<std::size_t>(last) + 1];
+  const double inside = f[static_cast<std::size_t>(last)],
+               outside = f[static_cast<std::size_t>(last) + 1];
   if (!(inside > outside)) return;
   n.found = true;
   n.shift_px = first + last + inside / (inside - outside);
   n.variance = kVariance;
-  n.contrast =
-      f[static_cast<std::size_t>(std::max(last - 1, 0))] - f[static_cast<std::size_t>(std::min(last + 2, count - 1))];
+  n.contrast = f[static_cast<std::size_t>(std::max(last - 1, 0))] -
+               f[static_cast<std::size_t>(std::min(last + 2, count - 1))];
 }
 
 std::optional<EllipseMeasurement> RadialRim::measure(const Evidence& evidence, const Ellipse& start,
@@ -73,8 +77,8 @@ std::optional<EllipseMeasurement> RadialRim::measure(const Evidence& evidence, c
     for (Normal& n : normals_) cut(evidence, n, ellipse.semi_minor_px);
     fitted = fit_ellipse(ellipse, normals_, &prior, together);
     if (!fitted.valid) return std::nullopt;
-    const double moved =
-        (fitted.ellipse.centre_px - ellipse.centre_px).norm() + (fitted.ellipse.shape() - ellipse.shape()).norm();
+    const double moved = (fitted.ellipse.center_px - ellipse.center_px).norm() +
+                         (fitted.ellipse.shape() - ellipse.shape()).norm();
     ellipse = fitted.ellipse;
     // What is left around the rim is its error only once the ellipse is nearly there.
     if (moved < kNear) together = std::max(error_correlation(normals_), kTogether);
@@ -85,7 +89,8 @@ std::optional<EllipseMeasurement> RadialRim::measure(const Evidence& evidence, c
   for (const Normal& n : normals_) {
     if (n.found && n.weight > 0) *end++ = n.contrast;
   }
-  result.inlier_fraction = static_cast<double>(end - steps_.begin()) / static_cast<double>(normals_.size());
+  result.inlier_fraction =
+      static_cast<double>(end - steps_.begin()) / static_cast<double>(normals_.size());
   const auto middle = steps_.begin() + (end - steps_.begin()) / 2;
   std::nth_element(steps_.begin(), middle, end);
   result.contrast = *middle;

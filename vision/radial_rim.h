@@ -1,4 +1,4 @@
-// The object's rim on the colour evidence, to a fraction of a pixel.
+// The object's rim on the color evidence, to a fraction of a pixel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,14 +18,17 @@ struct RadialRimSettings {
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
-/// On each normal the cut that leaves the most evidence for the object inside and for the ground outside, which a
-/// highlight at the rim or a vessel beside it moves less than the nearest change of sign; then the ellipse through the
-/// cuts by robust least squares, drawn weakly to what was expected.
+/// On each normal the cut that leaves the most evidence for the object inside and for the ground
+/// outside, which a highlight at the rim or a vessel beside it moves less than the nearest change
+/// of sign; then the ellipse through the cuts by robust least squares, drawn weakly to what was
+/// expected.
 class RadialRim {
  public:
   explicit RadialRim(const RadialRimSettings& settings);
-  /// Nothing where too few normals agree. `contrast` of the result is the median step of F over the rim.
-  std::optional<EllipseMeasurement> measure(const Evidence& evidence, const Ellipse& start, const EllipsePrior& prior);
+  /// Nothing where too few normals agree. `contrast` of the result is the median step of F over the
+  /// rim.
+  std::optional<EllipseMeasurement> measure(const Evidence& evidence, const Ellipse& start,
+                                            const EllipsePrior& prior);
 
  private:
   void cut(const Evidence& evidence, Normal& normal, double depth_px) const;

@@ -17,31 +17,33 @@ namespace {
 
 constexpr int kCoarsest = RegistrationView::kLevels - 1;
 constexpr int kShrink = 1 << kCoarsest;
-constexpr double kAngleStep = 3 * std::numbers::pi / 180;  // half of it shifts the rim by 2 px at a quarter resolution
-constexpr int kPeaks = 2;                                  // of each angle's correlation that are looked at
+constexpr double kAngleStep =
+    3 * std::numbers::pi / 180;  // half of it shifts the rim by 2 px at a quarter resolution
+constexpr int kPeaks = 2;        // of each angle's correlation that are looked at
 constexpr int kSmallestSide = 64;
-constexpr int kTaper = 8;                 // px at a quarter resolution: an edge would correlate with an edge
+constexpr int kTaper = 8;  // px at a quarter resolution: an edge would correlate with an edge
 constexpr double kLeastContrast = 0.002;  // of the flattened view: below, it is blank
 constexpr double kWhitening =
     0.75;  // 1: phase only, which noise rules; 0: plain correlation, which the largest shade rules
 
-cv::Mat grey_of(const cv::Mat& view) {
+cv::Mat gray_of(const cv::Mat& view) {
   if (view.empty() || view.dims != 2 || (view.type() != CV_8UC1 && view.type() != CV_8UC3))
-    throw std::invalid_argument("view: wants an 8-bit grey or BGR image that is not empty");
+    throw std::invalid_argument("view: wants an 8-bit gray or BGR image that is not empty");
   if (std::min(view.cols, view.rows) < kSmallestSide)
     throw std::invalid_argument("view: wants at least 64 pixels a side");
-  cv::Mat grey;
+  cv::Mat gray;
   if (view.channels() == 3)
-    cv::extractChannel(view, grey, 1);
+    cv::extractChannel(view, gray, 1);
   else
-    grey = view;
+    gray = view;
   cv::Mat result;
-  grey.convertTo(result, CV_32F);
+  gray.convertTo(result, CV_32F);
   return result;
 }
 
-// Least squares of all x^i y^j with i + j up to 4: a vignette. The wide mean below cannot follow it at the rim, and
-// what is left, the same in every view, would hold views together that have nothing else in common.
+// Least squares of all x^i y^j with i + j up to 4: a vignette. The wide mean below cannot follow it
+// at the rim, and what is left, the same in every view, would hold views together that have nothing
+// else in common.
 cv::Mat vignette_of(const cv::Mat& light) {
   using Terms = Eigen::Matrix<double, 15, 1>;
   const auto terms_at = [&](int u, int v) {
@@ -72,18 +74,18 @@ cv::Mat vignette_of(const cv::Mat& light) {
 }
 
 // Divided by vignette and wide mean, found on a small copy: uneven light goes, vessels stay.
-cv::Mat flattened(const cv::Mat& grey, double sigma_px) {
+cv::Mat flattened(const cv::Mat& gray, double sigma_px) {
   const double shrink = std::max(1.0, sigma_px / 3);
-  const cv::Size size(std::max(8, static_cast<int>(grey.cols / shrink)),
-                      std::max(8, static_cast<int>(grey.rows / shrink)));
+  const cv::Size size(std::max(8, static_cast<int>(gray.cols / shrink)),
+                      std::max(8, static_cast<int>(gray.rows / shrink)));
   cv::Mat light, result;
-  cv::resize(grey, light, size, 0, 0, cv::INTER_AREA);
+  cv::resize(gray, light, size, 0, 0, cv::INTER_AREA);
   const cv::Mat vignette = vignette_of(light);
   cv::divide(light, vignette, light);
-  cv::GaussianBlur(light, light, {0, 0}, sigma_px * size.width / grey.cols, 0, cv::BORDER_REFLECT);
+  cv::GaussianBlur(light, light, {0, 0}, sigma_px * size.width / gray.cols, 0, cv::BORDER_REFLECT);
   cv::multiply(light, vignette, light);
-  cv::resize(light, light, grey.size(), 0, 0, cv::INTER_LINEAR);
-  cv::GaussianBlur(grey, result, {0, 0}, 1);
+  cv::resize(light, light, gray.size(), 0, 0, cv::INTER_LINEAR);
+  cv::GaussianBlur(gray, result, {0, 0}, 1);
   light = cv::max(light, 1.0);
   cv::divide(result, light, result);
   return result;
@@ -100,9 +102,11 @@ cv::Mat tapered(const cv::Mat& image) {
   return result;
 }
 
-// Zero padding to twice the size: a shift beyond half the view does not come back on the other side.
+// Zero padding to twice the size: a shift beyond half the view does not come back on the other
+// side.
 cv::Mat spectrum_of(const cv::Mat& image) {
-  cv::Mat padded = cv::Mat::zeros(cv::getOptimalDFTSize(2 * image.rows), cv::getOptimalDFTSize(2 * image.cols), CV_32F);
+  cv::Mat padded = cv::Mat::zeros(cv::getOptimalDFTSize(2 * image.rows),
+                                  cv::getOptimalDFTSize(2 * image.cols), CV_32F);
   image.copyTo(padded(cv::Rect(0, 0, image.cols, image.rows)));
   cv::Mat spectrum;
   cv::dft(padded, spectrum, cv::DFT_COMPLEX_OUTPUT, image.rows);
@@ -141,9 +145,9 @@ struct Candidate {
   double score = 0;
 };
 
-Eigen::Affine2d turn_about_centre(const cv::Size& size, double angle) {
-  const Eigen::Vector2d centre((size.width - 1) / 2.0, (size.height - 1) / 2.0);
-  return Eigen::Translation2d(centre) * Eigen::Rotation2Dd(angle) * Eigen::Translation2d(-centre);
+Eigen::Affine2d turn_about_center(const cv::Size& size, double angle) {
+  const Eigen::Vector2d center((size.width - 1) / 2.0, (size.height - 1) / 2.0);
+  return Eigen::Translation2d(center) * Eigen::Rotation2Dd(angle) * Eigen::Translation2d(-center);
 }
 
 cv::Mat warped(const cv::Mat& image, const Eigen::Affine2d& to_from) {
@@ -153,17 +157,19 @@ cv::Mat warped(const cv::Mat& image, const Eigen::Affine2d& to_from) {
   return result;
 }
 
-Candidate search(const RegistrationView& first, const RegistrationView& second, const RegistrationSettings& settings) {
+Candidate search(const RegistrationView& first, const RegistrationView& second,
+                 const RegistrationSettings& settings) {
   const cv::Mat a = spectrum_of(tapered(first.level(kCoarsest).image));
   const cv::Mat b = tapered(second.level(kCoarsest).image);
   const int turns = static_cast<int>(std::ceil(settings.max_rotation / kAngleStep));
   Candidate best;
   for (int k = -turns; k <= turns; ++k) {
     const double angle = turns == 0 ? 0 : k * settings.max_rotation / turns;
-    const Eigen::Affine2d turn = turn_about_centre(b.size(), angle);
+    const Eigen::Affine2d turn = turn_about_center(b.size(), angle);
     for (const Eigen::Vector2d& shift : peaks_of(correlation_of(a, spectrum_of(warped(b, turn))))) {
       const Eigen::Affine2d first_from_second = Eigen::Translation2d(shift) * turn;
-      const ViewOverlap overlap = overlap_of(first, second, first_from_second.inverse(), kCoarsest, 2);
+      const ViewOverlap overlap =
+          overlap_of(first, second, first_from_second.inverse(), kCoarsest, 2);
       if (overlap.share < settings.min_overlap) continue;
       // A small overlap correlates by chance as its number of pixels allows.
       const double score = overlap.correlation * std::sqrt(overlap.share);
@@ -187,9 +193,10 @@ void RegistrationSettings::check() const {
   require(min_correlation > 0 && min_correlation < 1, "min_correlation: must be between 0 and 1");
 }
 
-RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettings& settings) : size_(view.size()) {
+RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettings& settings)
+    : size_(view.size()) {
   settings.check();
-  cv::Mat flat = flattened(grey_of(view), settings.flatten_sigma_px);
+  cv::Mat flat = flattened(gray_of(view), settings.flatten_sigma_px);
   cv::Scalar mean, contrast;
   cv::meanStdDev(flat, mean, contrast);
   blank_ = !(contrast[0] > kLeastContrast);
@@ -202,24 +209,29 @@ RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettin
   }
 }
 
-std::optional<Registration> refine_registration(const RegistrationView& first, const RegistrationView& second,
+std::optional<Registration> refine_registration(const RegistrationView& first,
+                                                const RegistrationView& second,
                                                 const Eigen::Affine2d& first_from_second,
                                                 const RegistrationSettings& settings) {
   settings.check();
-  if (first.size() != second.size()) throw std::invalid_argument("second: views must be of one size");
-  if (!first_from_second.matrix().allFinite() || !(std::abs(first_from_second.linear().determinant()) > 1e-3))
+  if (first.size() != second.size())
+    throw std::invalid_argument("second: views must be of one size");
+  if (!first_from_second.matrix().allFinite() ||
+      !(std::abs(first_from_second.linear().determinant()) > 1e-3))
     throw std::invalid_argument("first_from_second: must be finite and invertible");
   if (first.blank() || second.blank()) return std::nullopt;
   Eigen::Affine2d second_from_first = first_from_second.inverse();
   scale_shift(second_from_first, 1.0 / kShrink);
   Registration result;
   for (int level = kCoarsest; level >= 0; --level) {
-    const std::optional<double> sigma = refine_at_level(first, second, second_from_first, level, settings.model);
+    const std::optional<double> sigma =
+        refine_at_level(first, second, second_from_first, level, settings.model);
     if (!sigma) return std::nullopt;
     result.sigma_px = *sigma;
     if (level == kCoarsest) {  // the noise of full resolution would blur the decision
       const ViewOverlap overlap = overlap_of(first, second, second_from_first, level, 1);
-      if (overlap.correlation < settings.min_correlation || overlap.share < settings.min_overlap) return std::nullopt;
+      if (overlap.correlation < settings.min_correlation || overlap.share < settings.min_overlap)
+        return std::nullopt;
       result.correlation = overlap.correlation;
       result.overlap = overlap.share;
     }
@@ -229,10 +241,12 @@ std::optional<Registration> refine_registration(const RegistrationView& first, c
   return result;
 }
 
-std::optional<Registration> register_views(const RegistrationView& first, const RegistrationView& second,
+std::optional<Registration> register_views(const RegistrationView& first,
+                                           const RegistrationView& second,
                                            const RegistrationSettings& settings) {
   settings.check();
-  if (first.size() != second.size()) throw std::invalid_argument("second: views must be of one size");
+  if (first.size() != second.size())
+    throw std::invalid_argument("second: views must be of one size");
   if (first.blank() || second.blank()) return std::nullopt;
   Candidate best = search(first, second, settings);
   if (best.score <= 0) return std::nullopt;

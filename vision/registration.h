@@ -1,4 +1,5 @@
-// How two views of one retina lie over each other: found from nothing, then refined to a fraction of a pixel.
+// How two views of one retina lie over each other: found from nothing, then refined to a fraction
+// of a pixel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -21,8 +22,9 @@ struct RegistrationSettings {
   double max_rotation = std::numbers::pi / 6;  ///< between two views, rad, either way
   double flatten_sigma_px = 20;                ///< structure larger than this is light, not retina
   double min_overlap = 0.1;                    ///< share of the view that must be common
-  double min_correlation = 0.4;  ///< of the flattened views in the overlap, at a quarter of the resolution
-  void check() const;            ///< throws std::invalid_argument naming the setting
+  double min_correlation =
+      0.4;             ///< of the flattened views in the overlap, at a quarter of the resolution
+  void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
 struct Registration {
@@ -35,8 +37,8 @@ struct Registration {
 /// A view, flattened, at full, half and quarter resolution: made once, registered with many.
 class RegistrationView {
  public:
-  /// 8-bit grey, or BGR, of which green counts: it shows vessels best. Throws std::invalid_argument for another type,
-  /// or for fewer than 64 pixels a side.
+  /// 8-bit gray, or BGR, of which green counts: it shows vessels best. Throws std::invalid_argument
+  /// for another type, or for fewer than 64 pixels a side.
   RegistrationView(const cv::Mat& view, const RegistrationSettings& settings);
   static constexpr int kLevels = 3;
   struct Level {
@@ -52,13 +54,16 @@ class RegistrationView {
   std::array<Level, kLevels> levels_;
 };
 
-/// Without any guess: phase correlation at each of the angles, then refinement. Nothing when no place fits.
-std::optional<Registration> register_views(const RegistrationView& first, const RegistrationView& second,
+/// Without any guess: phase correlation at each of the angles, then refinement. Nothing when no
+/// place fits.
+std::optional<Registration> register_views(const RegistrationView& first,
+                                           const RegistrationView& second,
                                            const RegistrationSettings& settings);
 
-/// From a guess that is right within about 8 pixels. Throws std::invalid_argument when it is not finite or not
-/// invertible.
-std::optional<Registration> refine_registration(const RegistrationView& first, const RegistrationView& second,
+/// From a guess that is right within about 8 pixels. Throws std::invalid_argument when it is not
+/// finite or not invertible.
+std::optional<Registration> refine_registration(const RegistrationView& first,
+                                                const RegistrationView& second,
                                                 const Eigen::Affine2d& first_from_second,
                                                 const RegistrationSettings& settings);
 

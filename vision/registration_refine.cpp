@@ -16,12 +16,16 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 constexpr int kIterations = 30;
 constexpr double kConverged = 1e-3;  // px of the level
 constexpr double kFewest = 400;      // pixels of overlap
-constexpr double kOutlier = 2;       // standard deviations of the difference at which a pixel's weight is halved
-constexpr double kSmoothing = 4 * std::numbers::pi;  // pixels that share their noise: images are smoothed by sigma 1 px
+constexpr double kOutlier =
+    2;  // standard deviations of the difference at which a pixel's weight is halved
+constexpr double kSmoothing =
+    4 * std::numbers::pi;  // pixels that share their noise: images are smoothed by sigma 1 px
 
-// Calls f(column, row, grey value of the second view there) for the pixels of the first that the second covers.
+// Calls f(column, row, gray value of the second view there) for the pixels of the first that the
+// second covers.
 template <typename F>
-void for_overlap(const cv::Mat& first, const cv::Mat& second, const Eigen::Affine2d& second_from_first, int step, F f) {
+void for_overlap(const cv::Mat& first, const cv::Mat& second,
+                 const Eigen::Affine2d& second_from_first, int step, F f) {
   const double right = second.cols - 1.001, bottom = second.rows - 1.001;
   const Eigen::Vector2d along = second_from_first.linear().col(0);
   for (int v = 1; v < first.rows - 1; v += step) {
@@ -37,7 +41,8 @@ void for_overlap(const cv::Mat& first, const cv::Mat& second, const Eigen::Affin
   }
 }
 
-// Means and deviations of both in the overlap: a lamp that brightened, or another contrast, is no difference.
+// Means and deviations of both in the overlap: a lamp that brightened, or another contrast, is no
+// difference.
 struct Moments {
   double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
   void add(double x, double y) { n += 1, a += x, b += y, aa += x * x, bb += y * y, ab += x * y; }
@@ -48,10 +53,11 @@ struct Moments {
   double correlation() const { return (ab / n - mean_a() * mean_b()) / (sigma_a() * sigma_b()); }
 };
 
-Moments moments_of(const cv::Mat& first, const cv::Mat& second, const Eigen::Affine2d& second_from_first, int step) {
+Moments moments_of(const cv::Mat& first, const cv::Mat& second,
+                   const Eigen::Affine2d& second_from_first, int step) {
   Moments m;
   for_overlap(first, second, second_from_first, step,
-              [&](int u, int v, double grey) { m.add(first.at<float>(v, u), grey); });
+              [&](int u, int v, double gray) { m.add(first.at<float>(v, u), gray); });
   return m;
 }
 
@@ -61,11 +67,13 @@ struct Equations {
   double squares = 0, weights = 0, count = 0;
 };
 
-// Normalised, so that an element of the affine change moves the view's rim by one pixel.
+// Normalized, so that an element of the affine change moves the view's rim by one pixel.
 struct Frame {
   double u, v, scale;
   explicit Frame(const cv::Mat& image)
-      : u((image.cols - 1) / 2.0), v((image.rows - 1) / 2.0), scale(std::max(image.cols, image.rows) / 2.0) {}
+      : u((image.cols - 1) / 2.0),
+        v((image.rows - 1) / 2.0),
+        scale(std::max(image.cols, image.rows) / 2.0) {}
 };
 
 Equations equations_of(const RegistrationView::Level& first, const cv::Mat& second,
@@ -74,8 +82,8 @@ Equations equations_of(const RegistrationView::Level& first, const cv::Mat& seco
   const Frame frame(first.image);
   const double a = m.mean_a(), b = m.mean_b(), sa = m.sigma_a(), sb = m.sigma_b();
   Vector6 sum = Vector6::Zero();
-  for_overlap(first.image, second, second_from_first, 1, [&](int u, int v, double grey) {
-    const double miss = (grey - b) / sb - (first.image.at<float>(v, u) - a) / sa;
+  for_overlap(first.image, second, second_from_first, 1, [&](int u, int v, double gray) {
+    const double miss = (gray - b) / sb - (first.image.at<float>(v, u) - a) / sa;
     const double gu = first.du.at<float>(v, u) / sa, gv = first.dv.at<float>(v, u) / sa;
     const double x = (u - frame.u) / frame.scale, y = (v - frame.v) / frame.scale;
     const double w = 1 / (1 + miss * miss / (outlier * outlier));
@@ -107,8 +115,8 @@ Eigen::Affine2d change_of(const Vector6& d, const Frame& frame, ViewModel model)
     change.linear() = Eigen::Rotation2Dd(d[3] / frame.scale).toRotationMatrix();
   else
     change.linear() += (Eigen::Matrix2d() << d[0], d[1], d[3], d[4]).finished() / frame.scale;
-  const Eigen::Vector2d centre(frame.u, frame.v);
-  change.translation() = centre - change.linear() * centre + Eigen::Vector2d(d[2], d[5]);
+  const Eigen::Vector2d center(frame.u, frame.v);
+  change.translation() = center - change.linear() * center + Eigen::Vector2d(d[2], d[5]);
   return change;
 }
 
@@ -123,7 +131,8 @@ ViewOverlap overlap_of(const RegistrationView& first, const RegistrationView& se
 }
 
 std::optional<double> refine_at_level(const RegistrationView& first, const RegistrationView& second,
-                                      Eigen::Affine2d& second_from_first, int level, ViewModel model) {
+                                      Eigen::Affine2d& second_from_first, int level,
+                                      ViewModel model) {
   const RegistrationView::Level& a = first.level(level);
   const cv::Mat& b = second.level(level).image;
   const Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms = freedoms_of(model);
@@ -136,11 +145,13 @@ std::optional<double> refine_at_level(const RegistrationView& first, const Regis
     if (solver.info() != Eigen::Success || solver.rcond() < 1e-9) return std::nullopt;
     const Vector6 change = freedoms * solver.solve(freedoms.transpose() * e.right);
     if (!change.allFinite()) return std::nullopt;
-    // The template is the one that was moved: its change, taken back, comes first (inverse compositional).
+    // The template is the one that was moved: its change, taken back, comes first (inverse
+    // compositional).
     second_from_first = second_from_first * change_of(change, Frame(a.image), model).inverse();
     const double rms = std::sqrt(e.squares / e.weights);
     outlier = kOutlier * std::max(rms, 0.05);
-    const Eigen::MatrixXd inverse = solver.solve(Eigen::MatrixXd::Identity(freedoms.cols(), freedoms.cols()));
+    const Eigen::MatrixXd inverse =
+        solver.solve(Eigen::MatrixXd::Identity(freedoms.cols(), freedoms.cols()));
     const Matrix6 covariance = freedoms * inverse * freedoms.transpose() * (rms * rms * kSmoothing);
     sigma = std::sqrt(covariance.diagonal().sum() / 2);
     if (change.lpNorm<Eigen::Infinity>() < kConverged) break;

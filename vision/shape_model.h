@@ -1,5 +1,5 @@
-// What outlines the object shows: signed distances of registered masks, their mean and eigenshapes (8.3), and the most
-// probable of these outlines given a front (8.4) to (8.9).
+// What outlines the object shows: signed distances of registered masks, their mean and eigenshapes
+// (8.3), and the most probable of these outlines given a front (8.4) to (8.9).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -24,23 +24,26 @@ struct FrontPoint {
 constexpr int kMaxModes = 4;
 
 struct ShapePose {
-  Eigen::Vector2d centre_px{0, 0};
+  Eigen::Vector2d center_px{0, 0};
   double angle = 0;     ///< rad, of the model's x axis, from +u towards +v
   double scale_px = 0;  ///< radius of the circle of the shape's area
 };
 
 struct ShapeFit {
   ShapePose pose;
-  std::array<double, kMaxModes> weights{};  ///< a_i of (8.3), in units of the mode's standard deviation
-  double in_line = 0;                       ///< share of the points within the robust norm
-  double log_posterior = 0;  ///< of (8.5), up to a constant: the robust (8.6), (8.8), and the motion prior
+  std::array<double, kMaxModes>
+      weights{};       ///< a_i of (8.3), in units of the mode's standard deviation
+  double in_line = 0;  ///< share of the points within the robust norm
+  double log_posterior =
+      0;  ///< of (8.5), up to a constant: the robust (8.6), (8.8), and the motion prior
 };
 
 struct ShapeFitSettings {
   int iterations = 6;
-  double first_px = 8, last_px = 2.5;                ///< scale of the Tukey norm, narrowing from one to the other
-  int max_points = 128;                              ///< of the front that are used, evenly spread over the list
-  double centre_px = 6, angle = 0.15, scale = 0.08;  ///< standard deviations of the motion prior; (8.9) is their limit
+  double first_px = 8, last_px = 2.5;  ///< scale of the Tukey norm, narrowing from one to the other
+  int max_points = 128;                ///< of the front that are used, evenly spread over the list
+  double center_px = 6, angle = 0.15,
+         scale = 0.08;  ///< standard deviations of the motion prior; (8.9) is their limit
 };
 
 class ShapeModel;
@@ -63,14 +66,16 @@ class ShapeModel {
   static constexpr double kReach = 2.6;  // half side of the grid, in units of the shape's scale
   using Sample = std::array<float, 8>;   // mean, then the modes times their standard deviation
 
-  /// Registers the masks by centroid, major axis and area. Throws std::invalid_argument for none, or for a mask that is
-  /// not CV_8UC1, empty or full.
+  /// Registers the masks by centroid, major axis and area. Throws std::invalid_argument for none,
+  /// or for a mask that is not CV_8UC1, empty or full.
   static ShapeModel train(std::span<const cv::Mat> masks);
   std::string save() const;
-  static ShapeModel load(std::string_view bytes);  ///< std::invalid_argument for anything that save() did not write
+  static ShapeModel load(
+      std::string_view bytes);  ///< std::invalid_argument for anything that save() did not write
 
   /// The pose and weights of highest posterior, around `predicted`.
-  ShapeFit fit(std::span<const FrontPoint> front, const ShapePose& predicted, const ShapeFitSettings& settings) const;
+  ShapeFit fit(std::span<const FrontPoint> front, const ShapePose& predicted,
+               const ShapeFitSettings& settings) const;
   /// The ellipse with the moments of the fitted shape's inside.
   Ellipse ellipse_of(const ShapeFit& fit) const;
   ShapePose pose_of(const Ellipse& ellipse) const;

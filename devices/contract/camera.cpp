@@ -3,7 +3,7 @@
 #include "devices/contract/camera.h"
 
 #include "devices/contract/examination.h"
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <opencv2/core.hpp>
 
@@ -17,7 +17,8 @@ struct Examiner : Examination<Examiner> {
   Camera& camera;
   Clock& clock;
   const CameraCheck& how;
-  Examiner(Camera& its, Clock& time, const CameraCheck& check) : camera(its), clock(time), how(check) {}
+  Examiner(Camera& its, Clock& time, const CameraCheck& check)
+      : camera(its), clock(time), how(check) {}
   void leave_safe() {}  // it moves nothing
 
   Time patience() const { return from_seconds(std::max(2.0, 20 * camera.info().frame_period)); }
@@ -26,13 +27,16 @@ struct Examiner : Examination<Examiner> {
     const CameraInfo& info = camera.info();
     expect(!info.identity.empty(), "identity is empty");
     expect(info.width_px > 0 && info.height_px > 0, "its images have no size");
-    expect(std::isfinite(info.frame_period) && info.frame_period > 0, "frame_period is not positive");
-    expect(std::isfinite(info.effective_pixel) && info.effective_pixel > 0, "effective_pixel is not positive");
+    expect(std::isfinite(info.frame_period) && info.frame_period > 0,
+           "frame_period is not positive");
+    expect(std::isfinite(info.effective_pixel) && info.effective_pixel > 0,
+           "effective_pixel is not positive");
   }
   void look_at(const Frame& frame) {
     const CameraInfo& info = camera.info();
-    expect(frame.image.type() == CV_8UC1, "a frame is not 8-bit grey");
-    expect(frame.image.cols == info.width_px && frame.image.rows == info.height_px, "a frame has another size");
+    expect(frame.image.type() == CV_8UC1, "a frame is not 8-bit gray");
+    expect(frame.image.cols == info.width_px && frame.image.rows == info.height_px,
+           "a frame has another size");
     expect(frame.exposed <= frame.received, "a frame was received before it was exposed");
     expect(frame.received <= clock.now(), "a frame was received in the future");
     if (how.content) {
@@ -49,22 +53,26 @@ struct Examiner : Examination<Examiner> {
         expect(frame.number > last.number, "numbers do not grow");
         expect(how.may_drop || frame.number == last.number + 1, "numbers have gaps");
         expect(frame.exposed > last.exposed, "times of exposure do not grow");
-        expect(frame.image.data != last.image.data, "a frame that was delivered is written to again");
+        expect(frame.image.data != last.image.data,
+               "a frame that was delivered is written to again");
         if (!how.may_repeat && frame.image.size() == last.image.size())
           expect(cv::norm(frame.image, last.image, cv::NORM_INF) > 0, "the image is frozen");
       }
       last = std::move(frame);
     }
   }
-  /// Asked for more frames than can come, it must say so at the deadline. Some camera may be so fast that none is late.
+  /// Asked for more frames than can come, it must say so at the deadline. Some camera may be so
+  /// fast that none is late.
   void keeps_the_deadline() {
     for (int i = 0; i < 50; ++i) {
       const Time start = clock.now();
       try {
         camera.grab(Time::zero());
       } catch (const DeviceError& error) {
-        expect(error.kind == DeviceErrorKind::timeout, "no frame in time is another error than a timeout");
-        expect(clock.now() - start <= from_seconds(0.5), "a grab without time takes longer than 0.5 s");
+        expect(error.kind == DeviceErrorKind::timeout,
+               "no frame in time is another error than a timeout");
+        expect(clock.now() - start <= from_seconds(0.5),
+               "a grab without time takes longer than 0.5 s");
         return;
       }
     }

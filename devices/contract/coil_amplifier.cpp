@@ -3,7 +3,7 @@
 #include "devices/contract/coil_amplifier.h"
 
 #include "devices/contract/examination.h"
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <cmath>
 #include <limits>
@@ -15,10 +15,11 @@ namespace {
 
 using Currents = std::vector<double>;
 
-struct Examiner : Examination<Examiner> {
+struct AmplifierExaminer : Examination<AmplifierExaminer> {
   CoilAmplifier& amplifier;
   const CoilAmplifierCheck& how;
-  Examiner(CoilAmplifier& its, const CoilAmplifierCheck& check) : amplifier(its), how(check) {}
+  AmplifierExaminer(CoilAmplifier& its, const CoilAmplifierCheck& check)
+      : amplifier(its), how(check) {}
   void leave_safe() { amplifier.make_safe(); }
 
   std::size_t count() const { return static_cast<std::size_t>(amplifier.channels()); }
@@ -37,7 +38,8 @@ struct Examiner : Examination<Examiner> {
     if (!how.measured) return;
     const Currents flowing = how.measured();
     bool good = flowing.size() == wanted.size();
-    for (std::size_t i = 0; good && i < wanted.size(); ++i) good = std::abs(flowing[i] - wanted[i]) <= how.tolerance;
+    for (std::size_t i = 0; good && i < wanted.size(); ++i)
+      good = std::abs(flowing[i] - wanted[i]) <= how.tolerance;
     expect(good, when + ", the currents that flow are not what was set");
   }
 
@@ -51,7 +53,8 @@ struct Examiner : Examination<Examiner> {
       findings.push_back(name + " is accepted");
     } catch (const Error& error) {
       if constexpr (std::is_same_v<Error, DeviceError>)
-        expect(error.kind == DeviceErrorKind::refused, name + " is refused with another kind of error");
+        expect(error.kind == DeviceErrorKind::refused,
+               name + " is refused with another kind of error");
     }
     expect_currents(before, "after " + name);
   }
@@ -79,7 +82,8 @@ struct Examiner : Examination<Examiner> {
     expect_refusal<std::invalid_argument>({}, "an empty list of currents");
   }
   void refuses_what_is_no_number() {
-    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const double bad :
+         {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
       Currents currents(count());
       currents.back() = bad;
       expect_refusal<std::invalid_argument>(currents, "a current of " + std::to_string(bad));
@@ -109,16 +113,17 @@ struct Examiner : Examination<Examiner> {
 }  // namespace
 
 std::vector<std::string> check(CoilAmplifier& amplifier, const CoilAmplifierCheck& how) {
-  Examiner examiner(amplifier, how);
-  examiner.duty("describe itself", &Examiner::describes_itself);
+  AmplifierExaminer examiner(amplifier, how);
+  examiner.duty("describe itself", &AmplifierExaminer::describes_itself);
   if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
-  examiner.duty("set currents", &Examiner::sets_currents);
-  examiner.duty("refuse a wrong count", &Examiner::refuses_a_wrong_count);
-  examiner.duty("refuse what is no number", &Examiner::refuses_what_is_no_number);
-  examiner.duty("refuse what is beyond the limit", &Examiner::refuses_what_is_beyond_the_limit);
-  examiner.duty("make safe", &Examiner::makes_safe);
-  examiner.duty("work after make safe", &Examiner::works_after_make_safe);
-  examiner.duty("be left safe", &Examiner::leave_safe);
+  examiner.duty("set currents", &AmplifierExaminer::sets_currents);
+  examiner.duty("refuse a wrong count", &AmplifierExaminer::refuses_a_wrong_count);
+  examiner.duty("refuse what is no number", &AmplifierExaminer::refuses_what_is_no_number);
+  examiner.duty("refuse what is beyond the limit",
+                &AmplifierExaminer::refuses_what_is_beyond_the_limit);
+  examiner.duty("make safe", &AmplifierExaminer::makes_safe);
+  examiner.duty("work after make safe", &AmplifierExaminer::works_after_make_safe);
+  examiner.duty("be left safe", &AmplifierExaminer::leave_safe);
   return examiner.findings;
 }
 

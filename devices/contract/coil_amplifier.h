@@ -1,8 +1,9 @@
-// What every CoilAmplifier owes its callers, as a check that runs on emulators and on real instruments alike.
+// What every CoilAmplifier owes its callers, as a check that runs on emulators and on real
+// instruments alike.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/coil_amplifier.h"
+#include "devices/roles/coil_amplifier.h"
 
 #include <functional>
 #include <string>
@@ -12,13 +13,14 @@ namespace vitreo::contract {
 
 struct CoilAmplifierCheck {
   double fraction = 0.05;  ///< of the current limit: how far the coils are driven
-  /// The currents that really flow, in A, where somebody can tell (an emulator, a field probe); else nothing.
+  /// The currents that really flow, in A, where somebody can tell (an emulator, a field probe);
+  /// else nothing.
   std::function<std::vector<double>()> measured;
   double tolerance = 1e-3;  ///< A, between what was asked for and what is measured
 };
 
-/// Drives the amplifier through its duties and leaves it safe. Returns one sentence for each duty that it fails; none
-/// is good. Lets Stopped pass; takes every other exception as a finding.
+/// Drives the amplifier through its duties and leaves it safe. Returns one sentence for each duty
+/// that it fails; none is good. Lets Stopped pass; takes every other exception as a finding.
 std::vector<std::string> check(CoilAmplifier& amplifier, const CoilAmplifierCheck& how = {});
 
 }  // namespace vitreo::contract

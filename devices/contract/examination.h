@@ -1,8 +1,9 @@
-// What the suites of the roles share: findings, and duties of which one that throws does not end the others.
+// What the suites of the roles share: findings, and duties of which one that throws does not end
+// the others.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/clock.h"
+#include "devices/time/clock.h"
 
 #include <algorithm>
 #include <exception>
@@ -11,14 +12,16 @@
 
 namespace vitreo::contract {
 
-/// `Suite` derives from it and says how the device is left when the examination is stopped: `void leave_safe()`.
+/// `Suite` derives from it and says how the device is left when the examination is stopped: `void
+/// leave_safe()`.
 template <class Suite>
 struct Examination {
   std::vector<std::string> findings{};
 
   /// A finding is told once, however often it is met.
   void expect(bool good, const std::string& finding) {
-    if (!good && std::find(findings.begin(), findings.end(), finding) == findings.end()) findings.push_back(finding);
+    if (!good && std::find(findings.begin(), findings.end(), finding) == findings.end())
+      findings.push_back(finding);
   }
 
   void duty(const std::string& name, void (Suite::*examine)()) {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/field_probe.h"
 
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <cmath>
 
@@ -17,7 +17,8 @@ std::vector<std::string> describe(const FieldProbeInfo& info) {
   return findings;
 }
 
-void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how, std::vector<std::string>& findings) {
+void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how,
+             std::vector<std::string>& findings) {
   const Time before = clock.now();
   const FieldReading reading = probe.measure(how.timeout);
   if (reading.field.size() != static_cast<std::size_t>(probe.info().axes)) {
@@ -28,7 +29,8 @@ void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how, std::v
     findings.emplace_back("a reading was not taken when it was asked for");
   const std::vector<double> really = how.really ? how.really() : reading.field;
   for (std::size_t i = 0; i < reading.field.size(); ++i) {
-    if (!(std::abs(reading.field[i]) <= probe.info().range)) findings.emplace_back("a reading is beyond the range");
+    if (!(std::abs(reading.field[i]) <= probe.info().range))
+      findings.emplace_back("a reading is beyond the range");
     if (!(std::abs(reading.field[i] - really[i]) <= how.tolerance))
       findings.emplace_back("a reading is not what is really there");
   }

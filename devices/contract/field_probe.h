@@ -1,8 +1,9 @@
-// What every FieldProbe owes its callers, as a check that runs on emulators and on real instruments alike.
+// What every FieldProbe owes its callers, as a check that runs on emulators and on real instruments
+// alike.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/field_probe.h"
+#include "devices/roles/field_probe.h"
 
 #include <functional>
 #include <string>

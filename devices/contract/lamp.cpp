@@ -11,15 +11,16 @@
 namespace vitreo::contract {
 namespace {
 
-struct Examiner : Examination<Examiner> {
+struct LampExaminer : Examination<LampExaminer> {
   Lamp& lamp;
   const LampCheck& how;
-  Examiner(Lamp& its, const LampCheck& check) : lamp(its), how(check) {}
+  LampExaminer(Lamp& its, const LampCheck& check) : lamp(its), how(check) {}
   void leave_safe() { lamp.make_safe(); }
 
   void expect_level(double level, const std::string& when) {
     expect(lamp.level() == level, when + ", level() is not what was set");
-    if (how.measured) expect(std::abs(how.measured() - level) <= how.tolerance, when + ", the light is another");
+    if (how.measured)
+      expect(std::abs(how.measured() - level) <= how.tolerance, when + ", the light is another");
   }
 
   void describes_itself() {
@@ -55,11 +56,11 @@ struct Examiner : Examination<Examiner> {
 }  // namespace
 
 std::vector<std::string> check(Lamp& lamp, const LampCheck& how) {
-  Examiner examiner(lamp, how);
-  examiner.duty("describe itself", &Examiner::describes_itself);
-  examiner.duty("shine", &Examiner::shines);
-  examiner.duty("refuse what is no level", &Examiner::refuses_what_is_no_level);
-  examiner.duty("make safe", &Examiner::makes_safe);
+  LampExaminer examiner(lamp, how);
+  examiner.duty("describe itself", &LampExaminer::describes_itself);
+  examiner.duty("shine", &LampExaminer::shines);
+  examiner.duty("refuse what is no level", &LampExaminer::refuses_what_is_no_level);
+  examiner.duty("make safe", &LampExaminer::makes_safe);
   return examiner.findings;
 }
 

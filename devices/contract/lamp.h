@@ -1,8 +1,9 @@
-// What every Lamp owes its callers, as a check that runs on emulators and on real instruments alike.
+// What every Lamp owes its callers, as a check that runs on emulators and on real instruments
+// alike.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/lamp.h"
+#include "devices/roles/lamp.h"
 
 #include <functional>
 #include <string>
@@ -17,8 +18,8 @@ struct LampCheck {
   double tolerance = 1e-3;
 };
 
-/// Switches the lamp on and off and leaves it dark. Returns one sentence for each duty that it fails; none is good.
-/// Lets Stopped pass; takes every other exception as a finding.
+/// Switches the lamp on and off and leaves it dark. Returns one sentence for each duty that it
+/// fails; none is good. Lets Stopped pass; takes every other exception as a finding.
 std::vector<std::string> check(Lamp& lamp, const LampCheck& how = {});
 
 }  // namespace vitreo::contract

@@ -3,7 +3,7 @@
 #include "devices/contract/lens_mover.h"
 
 #include "devices/contract/examination.h"
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <cmath>
 #include <limits>
@@ -11,17 +11,19 @@
 namespace vitreo::contract {
 namespace {
 
-struct Examiner : Examination<Examiner> {
+struct LensMoverExaminer : Examination<LensMoverExaminer> {
   LensMover& mover;
   const LensMoverCheck& how;
-  Examiner(LensMover& its, const LensMoverCheck& check) : mover(its), how(check) {}
+  LensMoverExaminer(LensMover& its, const LensMoverCheck& check) : mover(its), how(check) {}
   void leave_safe() { mover.make_safe(); }
 
   double middle() const { return (mover.travel_min() + mover.travel_max()) / 2; }
   double reach() const { return how.fraction * (mover.travel_max() - mover.travel_min()); }
   void expect_at(double wanted, const std::string& when) {
-    expect(std::abs(mover.position() - wanted) <= how.tolerance, when + ", position() is not where it was sent");
-    if (how.measured) expect(std::abs(how.measured() - wanted) <= how.tolerance, when + ", the lens is not there");
+    expect(std::abs(mover.position() - wanted) <= how.tolerance,
+           when + ", position() is not where it was sent");
+    if (how.measured)
+      expect(std::abs(how.measured() - wanted) <= how.tolerance, when + ", the lens is not there");
   }
   template <class Work>
   void expect_error(DeviceErrorKind kind, const std::string& name, Work work) {
@@ -59,8 +61,9 @@ struct Examiner : Examination<Examiner> {
   void refuses_what_is_outside_the_travel() {
     const double before = mover.position();
     const double beyond = 0.01 * (mover.travel_max() - mover.travel_min());
-    for (const double target : {mover.travel_max() + beyond, mover.travel_min() - beyond,
-                                std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+    for (const double target :
+         {mover.travel_max() + beyond, mover.travel_min() - beyond,
+          std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
       expect_error(DeviceErrorKind::refused, "a move to " + std::to_string(target),
                    [&] { mover.move_to(target, how.timeout); });
     expect(mover.position() == before, "a refused move moves it");
@@ -89,16 +92,17 @@ struct Examiner : Examination<Examiner> {
 }  // namespace
 
 std::vector<std::string> check(LensMover& mover, const LensMoverCheck& how) {
-  Examiner examiner(mover, how);
-  examiner.duty("describe itself", &Examiner::describes_itself);
-  examiner.duty("know its place", &Examiner::knows_its_place);
+  LensMoverExaminer examiner(mover, how);
+  examiner.duty("describe itself", &LensMoverExaminer::describes_itself);
+  examiner.duty("know its place", &LensMoverExaminer::knows_its_place);
   if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
-  examiner.duty("move", &Examiner::moves);
-  examiner.duty("refuse what is outside the travel", &Examiner::refuses_what_is_outside_the_travel);
-  examiner.duty("stop at the deadline", &Examiner::stops_at_the_deadline);
-  examiner.duty("make safe", &Examiner::makes_safe);
-  examiner.duty("work after make safe", &Examiner::works_after_make_safe);
-  examiner.duty("be left safe", &Examiner::leave_safe);
+  examiner.duty("move", &LensMoverExaminer::moves);
+  examiner.duty("refuse what is outside the travel",
+                &LensMoverExaminer::refuses_what_is_outside_the_travel);
+  examiner.duty("stop at the deadline", &LensMoverExaminer::stops_at_the_deadline);
+  examiner.duty("make safe", &LensMoverExaminer::makes_safe);
+  examiner.duty("work after make safe", &LensMoverExaminer::works_after_make_safe);
+  examiner.duty("be left safe", &LensMoverExaminer::leave_safe);
   return examiner.findings;
 }
 

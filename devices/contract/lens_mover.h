@@ -1,9 +1,10 @@
-// What every LensMover owes its callers, as a check that runs on emulators and on real instruments alike.
+// What every LensMover owes its callers, as a check that runs on emulators and on real instruments
+// alike.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/clock.h"
-#include "devices/lens_mover.h"
+#include "devices/roles/lens_mover.h"
+#include "devices/time/clock.h"
 
 #include <functional>
 #include <string>
@@ -12,15 +13,16 @@
 namespace vitreo::contract {
 
 struct LensMoverCheck {
-  double fraction = 0.1;                    ///< of the travel: how far it is moved either way
-  double tolerance = 1e-6;                  ///< m, between where it was sent and where it says it is
+  double fraction = 0.1;    ///< of the travel: how far it is moved either way
+  double tolerance = 1e-6;  ///< m, between where it was sent and where it says it is
   Time timeout = std::chrono::seconds(60);  ///< of one move, and of homing
   /// Where the lens really is, in m, where somebody can tell; else nothing.
   std::function<double()> measured;
 };
 
-/// Homes the mover when it must, moves it round the middle of its travel, and leaves it standing there. Returns one
-/// sentence for each duty that it fails; none is good. Lets Stopped pass; takes every other exception as a finding.
+/// Homes the mover when it must, moves it round the middle of its travel, and leaves it standing
+/// there. Returns one sentence for each duty that it fails; none is good. Lets Stopped pass; takes
+/// every other exception as a finding.
 std::vector<std::string> check(LensMover& mover, const LensMoverCheck& how = {});
 
 }  // namespace vitreo::contract

@@ -9,10 +9,12 @@ namespace {
 
 constexpr int kLooks = 50;
 constexpr Time kBetween = std::chrono::milliseconds(20);
-constexpr Time kAtOnce = std::chrono::milliseconds(100);  // it does not wait; this much the system may take
+constexpr Time kAtOnce =
+    std::chrono::milliseconds(100);  // it does not wait; this much the system may take
 
 void note(std::vector<std::string>& findings, bool good, const std::string& finding) {
-  if (!good && std::find(findings.begin(), findings.end(), finding) == findings.end()) findings.push_back(finding);
+  if (!good && std::find(findings.begin(), findings.end(), finding) == findings.end())
+    findings.push_back(finding);
 }
 
 }  // namespace
@@ -27,8 +29,10 @@ std::vector<std::string> check(OperatorInput& input, Clock& clock) {
       const OperatorState state = input.state();
       took.push_back(clock.now() - asked);
       for (const Eigen::Vector3d& part : {state.translation, state.rotation})
-        note(findings, part.allFinite() && part.cwiseAbs().maxCoeff() <= 1, "a deflection is beyond full deflection");
-      note(findings, is_held(&input, state.pressed) == (state.pressed != 0), "is_held() and state() differ");
+        note(findings, part.allFinite() && part.cwiseAbs().maxCoeff() <= 1,
+             "a deflection is beyond full deflection");
+      note(findings, is_held(&input, state.pressed) == (state.pressed != 0),
+           "is_held() and state() differ");
       clock.sleep_for(kBetween);
     }
     std::nth_element(took.begin(), took.begin() + kLooks / 2, took.end());

@@ -1,17 +1,18 @@
-// What every OperatorInput owes its callers, as a check that runs on emulators and on real instruments alike.
+// What every OperatorInput owes its callers, as a check that runs on emulators and on real
+// instruments alike.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/clock.h"
-#include "devices/operator_input.h"
+#include "devices/roles/operator_input.h"
+#include "devices/time/clock.h"
 
 #include <string>
 #include <vector>
 
 namespace vitreo::contract {
 
-/// Looks at it for a second, untouched or not. Returns one sentence for each duty that it fails; none is good. Lets
-/// Stopped pass; takes every other exception as a finding.
+/// Looks at it for a second, untouched or not. Returns one sentence for each duty that it fails;
+/// none is good. Lets Stopped pass; takes every other exception as a finding.
 std::vector<std::string> check(OperatorInput& input, Clock& clock);
 
 }  // namespace vitreo::contract

@@ -3,7 +3,7 @@
 #include "devices/contract/stage.h"
 
 #include "devices/contract/examination.h"
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <cmath>
@@ -18,11 +18,13 @@ using Place = std::vector<double>;
 /// A rotation stage in a stage's clothes.
 class AsStage final : public Stage {
  public:
-  explicit AsStage(RotationStage& stage) : stage_(stage), info_{stage.info().identity, {stage.info().axis}} {}
+  explicit AsStage(RotationStage& stage)
+      : stage_(stage), info_{stage.info().identity, {stage.info().axis}} {}
   const StageInfo& info() const override { return info_; }
   Place position() override { return {stage_.angle()}; }
   void start(std::span<const double> target, double speed) override {
-    // The role takes one number: what only a stage of several axes can be given wrong is not its business.
+    // The role takes one number: what only a stage of several axes can be given wrong is not its
+    // business.
     if (target.size() != 1) throw std::invalid_argument("target: one angle is wanted");
     stage_.start(target.front(), speed);
   }
@@ -37,28 +39,29 @@ class AsStage final : public Stage {
   StageInfo info_;
 };
 
-class Examiner : Examination<Examiner> {
+class StageExaminer : Examination<StageExaminer> {
  public:
-  Examiner(Stage& stage, Clock& clock, const StageCheck& how) : stage_(stage), clock_(clock), how_(how) {}
+  StageExaminer(Stage& stage, Clock& clock, const StageCheck& how)
+      : stage_(stage), clock_(clock), how_(how) {}
 
   std::vector<std::string> run() {
-    duty("describe itself", &Examiner::describes_itself);
+    duty("describe itself", &StageExaminer::describes_itself);
     if (!findings.empty()) return findings;  // nothing else can be asked of it
     choose_places();
-    if (how_.home) duty("find home", &Examiner::homes);
-    duty("go where it is told", &Examiner::goes_where_it_is_told);
-    duty("tell that it moves", &Examiner::tells_that_it_moves);
-    duty("refuse a wrong target", &Examiner::refuses_what_is_no_target);
-    duty("refuse what is beyond its limits", &Examiner::refuses_what_is_beyond_its_limits);
-    duty("stop", &Examiner::stops);
-    duty("stop at the deadline", &Examiner::stops_at_the_deadline);
-    duty("make safe", &Examiner::makes_safe);
-    duty("be left standing", &Examiner::makes_safe);
+    if (how_.home) duty("find home", &StageExaminer::homes);
+    duty("go where it is told", &StageExaminer::goes_where_it_is_told);
+    duty("tell that it moves", &StageExaminer::tells_that_it_moves);
+    duty("refuse a wrong target", &StageExaminer::refuses_what_is_no_target);
+    duty("refuse what is beyond its limits", &StageExaminer::refuses_what_is_beyond_its_limits);
+    duty("stop", &StageExaminer::stops);
+    duty("stop at the deadline", &StageExaminer::stops_at_the_deadline);
+    duty("make safe", &StageExaminer::makes_safe);
+    duty("be left standing", &StageExaminer::makes_safe);
     return findings;
   }
 
  private:
-  friend Examination<Examiner>;
+  friend Examination<StageExaminer>;
   void leave_safe() { stage_.make_safe(); }
 
   const std::vector<StageAxis>& axes() const { return stage_.info().axes; }
@@ -69,8 +72,11 @@ class Examiner : Examination<Examiner> {
     for (std::size_t i = 0; i < axes().size(); ++i) {
       const StageAxis& axis = axes()[i];
       const bool endless = std::isinf(axis.travel_min) || std::isinf(axis.travel_max);
-      if (how_.start.empty()) near_.push_back(endless ? 0 : (axis.travel_min + axis.travel_max) / 2);
-      const double way = how_.way > 0 ? how_.way : endless ? 0.1 : (axis.travel_max - axis.travel_min) / 100;
+      if (how_.start.empty())
+        near_.push_back(endless ? 0 : (axis.travel_min + axis.travel_max) / 2);
+      const double way = how_.way > 0 ? how_.way
+                         : endless    ? 0.1
+                                      : (axis.travel_max - axis.travel_min) / 100;
       if (how_.start.empty()) far_.push_back(0);
       far_[i] = near_[i] + way;
       if (how_.speed <= 0) speed_ = std::min(speed_, axis.speed);
@@ -100,7 +106,8 @@ class Examiner : Examination<Examiner> {
       expect(std::is_same_v<Error, DeviceError> && error.kind == DeviceErrorKind::refused,
              name + " is refused with another kind of error: " + error.what());
     } catch (const std::invalid_argument&) {
-      expect(std::is_same_v<Error, std::invalid_argument>, name + " is taken for a mistake of the caller");
+      expect(std::is_same_v<Error, std::invalid_argument>,
+             name + " is taken for a mistake of the caller");
     }
     expect(!stage_.moving(), "after " + name + ", it moves");
   }
@@ -112,7 +119,8 @@ class Examiner : Examination<Examiner> {
       expect(axis.travel_min < axis.travel_max, "axis " + axis.name + " has no travel");
       expect(axis.speed > 0 && axis.speed <= axis.max_speed && std::isfinite(axis.max_speed),
              "axis " + axis.name + " has no speed within its limit");
-      expect(axis.resolution > 0 && std::isfinite(axis.resolution), "axis " + axis.name + " has no resolution");
+      expect(axis.resolution > 0 && std::isfinite(axis.resolution),
+             "axis " + axis.name + " has no resolution");
     }
     expect(!stage_.moving(), "it moves before anybody has set it off");
   }
@@ -142,7 +150,8 @@ class Examiner : Examination<Examiner> {
       stage_.start(near_, speed_);
       findings.emplace_back("another motion is begun while it moves");
     } catch (const DeviceError& error) {
-      expect(error.kind == DeviceErrorKind::refused, "while it moves, start() fails with another kind of error");
+      expect(error.kind == DeviceErrorKind::refused,
+             "while it moves, start() fails with another kind of error");
     }
   }
   void refuses_what_is_no_target() {
@@ -167,9 +176,11 @@ class Examiner : Examination<Examiner> {
         if (std::isinf(edge)) continue;
         Place beyond = near_;
         beyond[i] = edge + (edge == axis.travel_min ? -1 : 1) * 10 * axis.resolution;
-        expect_refusal<DeviceError>(beyond, speed_, "a target beyond the travel of axis " + axis.name);
+        expect_refusal<DeviceError>(beyond, speed_,
+                                    "a target beyond the travel of axis " + axis.name);
       }
-      expect_refusal<DeviceError>(far_, 1.01 * axis.max_speed, "a speed above that of axis " + axis.name);
+      expect_refusal<DeviceError>(far_, 1.01 * axis.max_speed,
+                                  "a speed above that of axis " + axis.name);
     }
     expect_place(near_, "after refusals");
   }
@@ -182,7 +193,8 @@ class Examiner : Examination<Examiner> {
       stage_.wait(how_.timeout);
       findings.emplace_back("wait() takes a stop for an arrival");
     } catch (const DeviceError& error) {
-      expect(error.kind == DeviceErrorKind::refused, "after stop(), wait() fails with another kind of error");
+      expect(error.kind == DeviceErrorKind::refused,
+             "after stop(), wait() fails with another kind of error");
     }
     stands("after stop()");
     stage_.stop();
@@ -196,7 +208,8 @@ class Examiner : Examination<Examiner> {
       stage_.wait(Time::zero());
       findings.emplace_back("wait() does not notice its deadline");
     } catch (const DeviceError& error) {
-      expect(error.kind == DeviceErrorKind::timeout, "at the deadline, wait() fails with another kind of error");
+      expect(error.kind == DeviceErrorKind::timeout,
+             "at the deadline, wait() fails with another kind of error");
     }
     stands("after the deadline");
   }
@@ -221,12 +234,12 @@ class Examiner : Examination<Examiner> {
 }  // namespace
 
 std::vector<std::string> check(Stage& stage, Clock& clock, const StageCheck& how) {
-  return Examiner(stage, clock, how).run();
+  return StageExaminer(stage, clock, how).run();
 }
 
 std::vector<std::string> check(RotationStage& stage, Clock& clock, const StageCheck& how) {
   AsStage as_stage(stage);
-  return Examiner(as_stage, clock, how).run();
+  return StageExaminer(as_stage, clock, how).run();
 }
 
 }  // namespace vitreo::contract

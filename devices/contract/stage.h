@@ -1,9 +1,10 @@
-// What every Stage and RotationStage owes its callers, as a check that runs on emulators and on real instruments alike.
+// What every Stage and RotationStage owes its callers, as a check that runs on emulators and on
+// real instruments alike.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/rotation_stage.h"
-#include "devices/stage.h"
+#include "devices/roles/rotation_stage.h"
+#include "devices/roles/stage.h"
 
 #include <functional>
 #include <string>
@@ -12,18 +13,21 @@
 namespace vitreo::contract {
 
 struct StageCheck {
-  std::vector<double> start{};  ///< m, where it goes first, one per axis; empty: the middle of the travel
-  double way = 0;               ///< m, how far it is then moved along each axis; 0: a hundredth of the travel
-  double speed = 0;             ///< m/s; 0: the usual one
-  double tolerance = 0;         ///< m, between target and place; 0: four steps of the axis
-  bool home = false;            ///< home it first
+  std::vector<double>
+      start{};       ///< m, where it goes first, one per axis; empty: the middle of the travel
+  double way = 0;    ///< m, how far it is then moved along each axis; 0: a hundredth of the travel
+  double speed = 0;  ///< m/s; 0: the usual one
+  double tolerance = 0;  ///< m, between target and place; 0: four steps of the axis
+  bool home = false;     ///< home it first
   Time timeout = std::chrono::seconds(60);  ///< of each motion
-  /// Where it really is, in m, where somebody can tell (an emulator, a second instrument); else nothing.
+  /// Where it really is, in m, where somebody can tell (an emulator, a second instrument); else
+  /// nothing.
   std::function<std::vector<double>()> measured{};
 };
 
-/// Moves the stage through its duties and leaves it standing. Returns one sentence for each duty that it fails; none is
-/// good. Lets Stopped pass; takes every other exception as a finding. Motions must last 0.1 s or more: choose `way`.
+/// Moves the stage through its duties and leaves it standing. Returns one sentence for each duty
+/// that it fails; none is good. Lets Stopped pass; takes every other exception as a finding.
+/// Motions must last 0.1 s or more: choose `way`.
 std::vector<std::string> check(Stage& stage, Clock& clock, const StageCheck& how = {});
 /// The same, in rad.
 std::vector<std::string> check(RotationStage& stage, Clock& clock, const StageCheck& how = {});

@@ -9,10 +9,10 @@
 namespace vitreo::sim {
 namespace {
 
-constexpr int kOversampling = 5;  // samples a pixel, each way, while the kernel is made
-constexpr double kKept = 0.998;   // of the kernel's energy, by its singular values
-constexpr double kAiryRings =
-    3.24;  // radius to which the Airy pattern is kept: its third dark ring, in units of lambda / (2 NA)
+constexpr int kOversampling = 5;     // samples a pixel, each way, while the kernel is made
+constexpr double kKept = 0.998;      // of the kernel's energy, by its singular values
+constexpr double kAiryRings = 3.24;  // radius to which the Airy pattern is kept: its third dark
+                                     // ring, in units of lambda / (2 NA)
 
 double airy(double r, const Aperture& aperture) {
   const double x = 2 * M_PI * aperture.numerical_aperture * r / aperture.wavelength;
@@ -21,7 +21,7 @@ double airy(double r, const Aperture& aperture) {
   return j * j;
 }
 
-/// A function of the radius, sampled on a square grid of `half` samples each way, normalised.
+/// A function of the radius, sampled on a square grid of `half` samples each way, normalized.
 template <typename Function>
 cv::Mat sampled(int half, double step, Function value) {
   cv::Mat grid(2 * half + 1, 2 * half + 1, CV_32F);
@@ -39,14 +39,17 @@ cv::Mat point_spread(const Aperture& aperture, double defocus) {
   const double airy_reach = kAiryRings * aperture.wavelength / (2 * aperture.numerical_aperture);
   const int reach = std::max(1, static_cast<int>(std::ceil((disc + airy_reach) / aperture.pixel)));
   const int half = reach * kOversampling + kOversampling / 2;
-  const cv::Mat diffraction = sampled(half, step, [&](double r) { return r <= airy_reach ? airy(r, aperture) : 0; });
+  const cv::Mat diffraction =
+      sampled(half, step, [&](double r) { return r <= airy_reach ? airy(r, aperture) : 0; });
   // The disc's rim is softened over one sample, so that the radius may change smoothly.
-  const cv::Mat geometric =
-      sampled(half, step, [&](double r) { return std::clamp((disc - r) / step + 0.5, r == 0 ? 1e-3 : 0.0, 1.0); });
+  const cv::Mat geometric = sampled(half, step, [&](double r) {
+    return std::clamp((disc - r) / step + 0.5, r == 0 ? 1e-3 : 0.0, 1.0);
+  });
   cv::Mat fine;
   cv::filter2D(diffraction, fine, CV_32F, geometric, cv::Point(-1, -1), 0, cv::BORDER_CONSTANT);
   cv::Mat kernel;
-  cv::resize(fine, kernel, cv::Size(2 * reach + 1, 2 * reach + 1), 0, 0, cv::INTER_AREA);  // the pixel's square
+  cv::resize(fine, kernel, cv::Size(2 * reach + 1, 2 * reach + 1), 0, 0,
+             cv::INTER_AREA);  // the pixel's square
   return kernel / cv::sum(kernel)[0];
 }
 
@@ -76,8 +79,8 @@ void Blur::apply(cv::Mat& image, double defocus) {
   const Separable& separable = kernel(defocus);
   cv::Mat sum, part;
   for (std::size_t k = 0; k < separable.rows.size(); ++k) {
-    cv::sepFilter2D(image, part, CV_32F, separable.rows[k], separable.columns[k], cv::Point(-1, -1), 0,
-                    cv::BORDER_REPLICATE);
+    cv::sepFilter2D(image, part, CV_32F, separable.rows[k], separable.columns[k], cv::Point(-1, -1),
+                    0, cv::BORDER_REPLICATE);
     if (k == 0)
       cv::swap(sum, part);
     else

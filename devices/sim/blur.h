@@ -1,4 +1,5 @@
-// The blur of a microscope that looks at a defocused image: its aperture's disc and its diffraction, in one kernel.
+// The blur of a microscope that looks at a defocused image: its aperture's disc and its
+// diffraction, in one kernel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,12 +16,13 @@ struct Aperture {
   double pixel = 14.3e-6;      // m, in the plane that the microscope looks at
 };
 
-/// The point spread of a defocus (m along the axis), sampled by the pixels, summing to 1: the geometric disc of radius
-/// |defocus| NA convolved with the Airy pattern and the pixel's own square. Odd size. CV_32F.
+/// The point spread of a defocus (m along the axis), sampled by the pixels, summing to 1: the
+/// geometric disc of radius |defocus| NA convolved with the Airy pattern and the pixel's own
+/// square. Odd size. CV_32F.
 cv::Mat point_spread(const Aperture& aperture, double defocus);
 
-/// Blurs CV_32F images with a kernel taken apart into few separable ones (its leading singular vectors), remembered for
-/// each tenth of a pixel of disc radius.
+/// Blurs CV_32F images with a kernel taken apart into few separable ones (its leading singular
+/// vectors), remembered for each tenth of a pixel of disc radius.
 class Blur {
  public:
   explicit Blur(const Aperture& aperture) : aperture_(aperture) {}

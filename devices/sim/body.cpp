@@ -21,16 +21,20 @@ void turn_body(BodyState& body, const Eigen::Vector3d& turn) {
 }
 
 void BodySettings::check() const {
-  const auto wrong = [this](const char* what) { throw std::invalid_argument("body '" + name + "': " + what); };
+  const auto wrong = [this](const char* what) {
+    throw std::invalid_argument("body '" + name + "': " + what);
+  };
   if (!(semi_axis > 0 && semi_axis < 0.1)) wrong("semi_axis must be above zero");
   if (!(semi_radius > 0 && semi_radius < 0.1)) wrong("semi_radius must be above zero");
-  if (shape == Shape::disc && semi_axis > semi_radius) wrong("a disc's semi_axis (half its thickness) is the smaller");
-  if (shape == Shape::rod && semi_axis < semi_radius) wrong("a rod's semi_axis (half its length) is the larger");
+  if (shape == Shape::disc && semi_axis > semi_radius)
+    wrong("a disc's semi_axis (half its thickness) is the smaller");
+  if (shape == Shape::rod && semi_axis < semi_radius)
+    wrong("a rod's semi_axis (half its length) is the larger");
   if (!position.allFinite()) wrong("position is not finite");
   if (!(axis.allFinite() && axis.norm() > 1e-6)) wrong("axis must be a direction");
   if (!(density > 0 && std::isfinite(density))) wrong("density must be above zero");
-  for (const double part : colour)
-    if (!(part >= 0 && part <= 1)) wrong("colour must be within 0 and 1");
+  for (const double part : color)
+    if (!(part >= 0 && part <= 1)) wrong("color must be within 0 and 1");
   if (!(dot_pitch > 0 && std::isfinite(dot_pitch))) wrong("dot_pitch must be above zero");
 }
 
@@ -68,17 +72,21 @@ Eigen::Vector3d support(Shape shape, const BodyState& body, const Eigen::Vector3
   return squared / std::sqrt(std::max(direction.dot(squared), 1e-300));
 }
 
-Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape, const BodyState& second) {
+Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape,
+                const BodyState& second) {
   const Eigen::Vector3d between = second.position - first.position;
-  const double reach = std::max(first.semi_axis, first.semi_radius) + std::max(second.semi_axis, second.semi_radius);
+  const double reach =
+      std::max(first.semi_axis, first.semi_radius) + std::max(second.semi_axis, second.semi_radius);
   const double distance = between.norm();
   if (distance >= reach || !(distance > 0)) return {};
-  // The separating direction: the largest of  u.between - h1(u) - h2(-u), by steps up its gradient on the sphere.
+  // The separating direction: the largest of  u.between - h1(u) - h2(-u), by steps up its gradient
+  // on the sphere.
   Overlap best{between / distance, reach};
   Eigen::Vector3d u = best.normal;
   double stride = 1;
   for (int pass = 0; pass < 24; ++pass, stride *= 0.8) {
-    const Eigen::Vector3d gap = between - support(first_shape, first, u) + support(second_shape, second, -u);
+    const Eigen::Vector3d gap =
+        between - support(first_shape, first, u) + support(second_shape, second, -u);
     const double depth = -u.dot(gap);
     if (depth < best.depth) best = {u, depth};
     if (depth <= 0) return {};
@@ -96,16 +104,17 @@ void Cavity::check() const {
 }
 
 Cavity::Wall Cavity::retina(const Eigen::Vector3d& point) const {
-  Eigen::Vector3d from_centre = point - vertex - Eigen::Vector3d(0, 0, radius);
-  if (from_centre.z() > 0) from_centre.z() = 0;  // above the equator the wall is a cylinder
-  const double distance = from_centre.norm();
+  Eigen::Vector3d from_center = point - vertex - Eigen::Vector3d(0, 0, radius);
+  if (from_center.z() > 0) from_center.z() = 0;  // above the equator the wall is a cylinder
+  const double distance = from_center.norm();
   if (!(distance > 0)) return {Eigen::Vector3d::UnitZ(), radius};
-  return {-from_centre / distance, radius - distance};
+  return {-from_center / distance, radius - distance};
 }
 
 bool keep_inside(const Cavity& cavity, Shape shape, double friction, const Eigen::Vector3d& before,
                  const Eigen::Vector3d& turned, BodyState& body) {
-  const auto push_back = [&](const Eigen::Vector3d& outward, const Eigen::Vector3d& touching, double depth) {
+  const auto push_back = [&](const Eigen::Vector3d& outward, const Eigen::Vector3d& touching,
+                             double depth) {
     body.position -= depth * outward;
     const Eigen::Vector3d moved = body.position - before + turned.cross(touching);
     const Eigen::Vector3d sliding = moved - moved.dot(outward) * outward;
@@ -115,7 +124,8 @@ bool keep_inside(const Cavity& cavity, Shape shape, double friction, const Eigen
   bool touches = false;
   Cavity::Wall wall = cavity.retina(body.position);
   if (wall.distance < std::max(body.semi_axis, body.semi_radius)) {
-    // The point that reaches farthest out: along the wall's normal there, which its own place decides.
+    // The point that reaches farthest out: along the wall's normal there, which its own place
+    // decides.
     Eigen::Vector3d farthest = support(shape, body, -wall.normal);
     for (int pass = 0; pass < 3; ++pass) {
       wall = cavity.retina(body.position + farthest);

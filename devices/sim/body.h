@@ -1,4 +1,5 @@
-// The bodies in the simulated eye: what they are, where they lie, how they touch each other and the walls.
+// The bodies in the simulated eye: what they are, where they lie, how they touch each other and the
+// walls.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,7 +10,8 @@
 
 namespace vitreo::sim {
 
-/// Where a body is and how it lies; `axis` is the axis of symmetry, along which the semi-axis is measured.
+/// Where a body is and how it lies; `axis` is the axis of symmetry, along which the semi-axis is
+/// measured.
 struct BodyState {
   Eigen::Vector3d position;       // m, world
   Eigen::Vector3d axis;           // unit
@@ -29,23 +31,24 @@ struct BodySettings {
   double semi_axis = 0.1e-3, semi_radius = 0.5e-3;  // m; of a disc: half its thickness, its radius
   Eigen::Vector3d position{0, 0, 0};                // m, world
   Eigen::Vector3d axis{0, 0, 1};
-  double density = 1200;                         // kg/m^3
-  bool fixed = false;                            // held from outside: a needle, a calibration target
-  std::array<double, 3> colour{0.8, 0.3, 0.25};  // reflectance in red, green and blue
-  bool dotted = false;                           // a calibration target: dark dots on a grid across its axis
-  double dot_pitch = 0.5e-3;                     // m, of that grid; the dots have half of it for their diameter
-  void check() const;                            // throws std::invalid_argument naming body and parameter
+  double density = 1200;                        // kg/m^3
+  bool fixed = false;                           // held from outside: a needle, a calibration target
+  std::array<double, 3> color{0.8, 0.3, 0.25};  // reflectance in red, green and blue
+  bool dotted = false;        // a calibration target: dark dots on a grid across its axis
+  double dot_pitch = 0.5e-3;  // m, of that grid; the dots have half of it for their diameter
+  void check() const;         // throws std::invalid_argument naming body and parameter
 };
 
 double volume_of(const BodySettings& body);  // m^3
 
-/// Force per velocity, N s/m, along and across the axis, of a prolate or oblate spheroid (Perrin) with these semi-axes.
+/// Force per velocity, N s/m, along and across the axis, of a prolate or oblate spheroid (Perrin)
+/// with these semi-axes.
 struct SpheroidDrag {
   double along, across;
 };
 SpheroidDrag spheroid_drag(double viscosity, double semi_axis, double semi_radius);
 
-/// The point of the body farthest along a unit vector, from the body's centre, m.
+/// The point of the body farthest along a unit vector, from the body's center, m.
 Eigen::Vector3d support(Shape shape, const BodyState& body, const Eigen::Vector3d& direction);
 
 /// Overlap of two bodies.
@@ -53,9 +56,11 @@ struct Overlap {
   Eigen::Vector3d normal{0, 0, 1};  // unit, from the first to the second
   double depth = 0;                 // m; 0: they do not touch
 };
-Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape, const BodyState& second);
+Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape,
+                const BodyState& second);
 
-/// The cavity: a sphere of retina, a cylinder above its equator, and the lens as a lid. World frame, m.
+/// The cavity: a sphere of retina, a cylinder above its equator, and the lens as a lid. World
+/// frame, m.
 struct Cavity {
   Eigen::Vector3d vertex{0, 0, -5e-3};  // of the retina
   double radius = 11.5e-3;
@@ -67,12 +72,14 @@ struct Cavity {
     double distance;
   };
   Wall retina(const Eigen::Vector3d& point) const;
-  double below_lens(const Eigen::Vector3d& point) const { return vertex.z() + lens_depth - point.z(); }
+  double below_lens(const Eigen::Vector3d& point) const {
+    return vertex.z() + lens_depth - point.z();
+  }
 };
 
-/// Puts a body back inside; where it touches, friction eats the sliding of the point that touches, turning included.
-/// `before`: where the body was at the step's start; `turned`: rad, how it turned since. Returns whether it touches the
-/// retina.
+/// Puts a body back inside; where it touches, friction eats the sliding of the point that touches,
+/// turning included. `before`: where the body was at the step's start; `turned`: rad, how it turned
+/// since. Returns whether it touches the retina.
 bool keep_inside(const Cavity& cavity, Shape shape, double friction, const Eigen::Vector3d& before,
                  const Eigen::Vector3d& turned, BodyState& body);
 

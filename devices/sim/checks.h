@@ -9,11 +9,13 @@
 namespace vitreo::sim {
 
 inline void require_positive(double value, const char* name) {
-  if (!(value > 0) || !std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be above zero");
+  if (!(value > 0) || !std::isfinite(value))
+    throw std::invalid_argument(std::string(name) + " must be above zero");
 }
 
 inline void require_not_negative(double value, const char* name) {
-  if (!(value >= 0) || !std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must not be negative");
+  if (!(value >= 0) || !std::isfinite(value))
+    throw std::invalid_argument(std::string(name) + " must not be negative");
 }
 
 }  // namespace vitreo::sim

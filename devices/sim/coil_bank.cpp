@@ -10,7 +10,7 @@
 namespace vitreo::sim {
 namespace {
 
-constexpr double kStep = 1e-3;  // s
+constexpr double kCoilStep = 1e-3;  // s
 
 }  // namespace
 
@@ -26,22 +26,24 @@ void CoilBankSettings::check(int coils) const {
   require_positive(supply_voltage, "supply_voltage");
   for (const int coil : dead)
     if (coil < 1 || coil > coils)
-      throw std::invalid_argument("dead_coils: there is no coil " + std::to_string(coil) + ", only 1 to " +
-                                  std::to_string(coils));
+      throw std::invalid_argument("dead_coils: there is no coil " + std::to_string(coil) +
+                                  ", only 1 to " + std::to_string(coils));
 }
 
 CoilBank::CoilBank(const CoilBankSettings& settings, int coils)
-    : settings_(settings), keep_(std::exp(-2 * M_PI * settings.bandwidth * kStep)) {
+    : settings_(settings), keep_(std::exp(-2 * M_PI * settings.bandwidth * kCoilStep)) {
   settings_.check(coils);
   target_ = currents_ = control::Currents::Zero(coils);
   temperatures_ = control::Currents::Constant(coils, settings_.ambient);
 }
 
 void CoilBank::command(Time time, const control::Currents& set_points) {
-  if (set_points.size() != target_.size()) throw std::invalid_argument("commands: one for each coil is wanted");
+  if (set_points.size() != target_.size())
+    throw std::invalid_argument("commands: one for each coil is wanted");
   if (!set_points.allFinite()) throw std::invalid_argument("commands: not finite");
   const Time acts_from = time + from_seconds(settings_.delay);
-  if (!commands_.empty() && acts_from < commands_.back().acts_from) throw std::invalid_argument("time runs backwards");
+  if (!commands_.empty() && acts_from < commands_.back().acts_from)
+    throw std::invalid_argument("time runs backwards");
   commands_.push_back({acts_from, set_points});
   for (const int coil : settings_.dead) commands_.back().currents[coil - 1] = 0;
 }
@@ -54,13 +56,14 @@ void CoilBank::step(Time start) {
   for (int coil = 0; coil < currents_.size(); ++coil) {
     const double warmth = temperatures_[coil] - settings_.ambient;
     const double resistance =
-        settings_.resistance * std::max(1 + settings_.temperature_coefficient * warmth, 0.1);  // never below a tenth
+        settings_.resistance *
+        std::max(1 + settings_.temperature_coefficient * warmth, 0.1);  // never below a tenth
     const double most = settings_.supply_voltage / resistance;
     const double target = std::clamp(target_[coil], -most, most);
     double& current = currents_[coil];
     current = std::clamp(target + keep_ * (current - target), -most, most);
-    temperatures_[coil] +=
-        kStep / settings_.heat_capacity * (current * current * resistance - warmth / settings_.thermal_resistance);
+    temperatures_[coil] += kCoilStep / settings_.heat_capacity *
+                           (current * current * resistance - warmth / settings_.thermal_resistance);
   }
 }
 

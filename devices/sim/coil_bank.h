@@ -1,10 +1,10 @@
-// The coils and their amplifiers: delay, lag, noise, heat. The quantisation is in the set-points, which come through
-// the USB-3103's emulator in counts.
+// The coils and their amplifiers: delay, lag, noise, heat. The quantization is in the set-points,
+// which come through the USB-3103's emulator in counts.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "control/coil_field.h"
-#include "devices/clock.h"
+#include "devices/time/clock.h"
 
 #include <deque>
 #include <random>
@@ -13,17 +13,17 @@
 namespace vitreo::sim {
 
 struct CoilBankSettings {
-  double bandwidth = 15;                     // Hz, first order (facts/magnetics 1.1)
-  double delay = 50e-3;                      // s, from a new set-point to the first change of current
-  double noise = 10e-3;                      // A, standard deviation per coil and step of 1 ms
-  double resistance = 1;                     // ohm of a cold coil (this and all of heat: assumed, 1.1)
+  double bandwidth = 15;  // Hz, first order (facts/magnetics 1.1)
+  double delay = 50e-3;   // s, from a new set-point to the first change of current
+  double noise = 10e-3;   // A, standard deviation per coil and step of 1 ms
+  double resistance = 1;  // ohm of a cold coil (this and all of heat: assumed, 1.1)
   double temperature_coefficient = 3.93e-3;  // 1/K, of copper
   double heat_capacity = 770;                // J/K: 2 kg of copper
   double thermal_resistance = 0.5;           // K/W to the surroundings
   double ambient = 293.15;                   // K
-  double supply_voltage = 48;                // V: a hot coil's current is at most this over its resistance
-  std::vector<int> dead;                     // coils that carry no current, counted from 1
-  void check(int coils) const;               // throws std::invalid_argument naming the parameter
+  double supply_voltage = 48;   // V: a hot coil's current is at most this over its resistance
+  std::vector<int> dead;        // coils that carry no current, counted from 1
+  void check(int coils) const;  // throws std::invalid_argument naming the parameter
 };
 
 class CoilBank {

@@ -1,10 +1,11 @@
-// What is wrong with the simulated instruments, now. Whoever injects faults sets it; the instruments, and the links to
-// their emulators, look at it whenever they are used. All of it is touched with the clock's baton in hand.
+// What is wrong with the simulated instruments, now. Whoever injects faults sets it; the
+// instruments, and the links to their emulators, look at it whenever they are used. All of it is
+// touched with the clock's baton in hand.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/byte_link.h"
-#include "devices/clock.h"
+#include "devices/links/byte_link.h"
+#include "devices/time/clock.h"
 
 #include <functional>
 #include <limits>
@@ -15,7 +16,8 @@ namespace vitreo::sim {
 
 /// Of a camera's pictures.
 struct PictureFaults {
-  double light = 1;      ///< times as much as it should be: what is brighter than the sensor can tell is white
+  double light =
+      1;  ///< times as much as it should be: what is brighter than the sensor can tell is white
   int blur_px = 0;       ///< radius of the disc into which a point is smeared
   int floater_px = 0;    ///< radius of a dark speck that drifts through the picture; 0: none
   Time floater_since{};  ///< when it came in
@@ -41,13 +43,14 @@ struct MotionFaults {
 };
 
 struct Faults {
-  std::map<std::string, LinkFaults> links;     // by role; of the instruments behind an emulated wire
+  std::map<std::string, LinkFaults> links;  // by role; of the instruments behind an emulated wire
   std::map<std::string, ImagingFaults> looks;  // top_camera, side_camera, pose_sensor
   MotionFaults lens;                           // of the lens mover's motor
-  /// By role: holds a stage where it is, or lets it go; the emulators that know how put theirs here when they are
-  /// opened.
+  /// By role: holds a stage where it is, or lets it go; the emulators that know how put theirs here
+  /// when they are opened.
   std::map<std::string, std::function<void(bool held, Time now)>> sticks;
-  double saturation = std::numeric_limits<double>::infinity();  // A, that the amplifiers give at most
+  double saturation =
+      std::numeric_limits<double>::infinity();  // A, that the amplifiers give at most
 };
 
 }  // namespace vitreo::sim

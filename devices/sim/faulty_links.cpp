@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/faulty_links.h"
 
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <deque>
@@ -10,7 +10,8 @@
 namespace vitreo::sim {
 namespace {
 
-constexpr Time kLook = std::chrono::milliseconds(20);  // how often who waits sees that the cable was pulled
+constexpr Time kLook =
+    std::chrono::milliseconds(20);  // how often who waits sees that the cable was pulled
 
 void check_cable(const LinkFaults& faults, const char* bus) {
   if (faults.unplugged) throw DeviceError(DeviceErrorKind::lost, bus, "is gone");
@@ -38,9 +39,11 @@ class FaultyHidLink final : public HidLink {
     const Time deadline = later(clock_.now(), timeout);
     for (;;) {
       check_cable(faults_, "hid");
-      const Time slice = std::min(deadline, held_.empty() ? later(clock_.now(), kLook)
-                                                          : std::min(held_.front().due, later(clock_.now(), kLook)));
-      if (auto report = link_->read(std::max(slice - clock_.now(), Time::zero())); report && !faults_.silent) {
+      const Time slice = std::min(
+          deadline, held_.empty() ? later(clock_.now(), kLook)
+                                  : std::min(held_.front().due, later(clock_.now(), kLook)));
+      if (auto report = link_->read(std::max(slice - clock_.now(), Time::zero()));
+          report && !faults_.silent) {
         spoil(faults_, *report);
         held_.push_back({later(clock_.now(), faults_.late), std::move(*report)});
       }
@@ -74,7 +77,8 @@ class FaultyUsbLink final : public UsbLink {
     delay(timeout);
     link_->write(setup, data, timeout);
   }
-  std::vector<std::uint8_t> read(const UsbSetup& setup, std::uint16_t length, Time timeout) override {
+  std::vector<std::uint8_t> read(const UsbSetup& setup, std::uint16_t length,
+                                 Time timeout) override {
     delay(timeout);
     auto bytes = link_->read(setup, length, timeout);
     spoil(faults_, bytes);
@@ -88,7 +92,8 @@ class FaultyUsbLink final : public UsbLink {
     const bool never = faults_.silent || faults_.deaf || faults_.late >= timeout;
     clock_.sleep_for(never ? timeout : faults_.late);
     check_cable(faults_, "usb");
-    if (never) throw DeviceError(DeviceErrorKind::timeout, "usb", "the transfer was not answered in time");
+    if (never)
+      throw DeviceError(DeviceErrorKind::timeout, "usb", "the transfer was not answered in time");
   }
 
   std::unique_ptr<UsbLink> link_;
@@ -98,11 +103,13 @@ class FaultyUsbLink final : public UsbLink {
 
 }  // namespace
 
-std::unique_ptr<HidLink> faulty_hid_link(std::unique_ptr<HidLink> link, const LinkFaults& faults, Clock& clock) {
+std::unique_ptr<HidLink> faulty_hid_link(std::unique_ptr<HidLink> link, const LinkFaults& faults,
+                                         Clock& clock) {
   return std::make_unique<FaultyHidLink>(std::move(link), faults, clock);
 }
 
-std::unique_ptr<UsbLink> faulty_usb_link(std::unique_ptr<UsbLink> link, const LinkFaults& faults, Clock& clock) {
+std::unique_ptr<UsbLink> faulty_usb_link(std::unique_ptr<UsbLink> link, const LinkFaults& faults,
+                                         Clock& clock) {
   return std::make_unique<FaultyUsbLink>(std::move(link), faults, clock);
 }
 

@@ -1,20 +1,23 @@
-// Links that go wrong: decorators of the wires in memory between a driver and its emulator. (A byte link in memory
-// knows its faults by itself.)
+// Links that go wrong: decorators of the wires in memory between a driver and its emulator. (A byte
+// link in memory knows its faults by itself.)
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/byte_link.h"
-#include "devices/hid_link.h"
-#include "devices/usb_link.h"
+#include "devices/links/byte_link.h"
+#include "devices/links/hid_link.h"
+#include "devices/links/usb_link.h"
 
 #include <memory>
 
 namespace vitreo::sim {
 
-/// `faults` outlives the link. keep: of each report that the instrument sends only so many bytes arrive; garble: so
-/// many arrive before one arrives changed.
-std::unique_ptr<HidLink> faulty_hid_link(std::unique_ptr<HidLink> link, const LinkFaults& faults, Clock& clock);
-/// Of a transfer's answer, likewise. A silent or deaf instrument lets the transfer run into its timeout.
-std::unique_ptr<UsbLink> faulty_usb_link(std::unique_ptr<UsbLink> link, const LinkFaults& faults, Clock& clock);
+/// `faults` outlives the link. keep: of each report that the instrument sends only so many bytes
+/// arrive; garble: so many arrive before one arrives changed.
+std::unique_ptr<HidLink> faulty_hid_link(std::unique_ptr<HidLink> link, const LinkFaults& faults,
+                                         Clock& clock);
+/// Of a transfer's answer, likewise. A silent or deaf instrument lets the transfer run into its
+/// timeout.
+std::unique_ptr<UsbLink> faulty_usb_link(std::unique_ptr<UsbLink> link, const LinkFaults& faults,
+                                         Clock& clock);
 
 }  // namespace vitreo::sim

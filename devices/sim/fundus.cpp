@@ -15,14 +15,14 @@ constexpr int kMapSize = 2048;                                            // px
 constexpr double kDiscX = 4.0e-3, kDiscY = 0.4e-3, kDiscRadius = 0.9e-3;  // m: nasal of the vertex
 constexpr double kFoveaX = -1.0e-3, kFoveaRadius = 0.9e-3;
 
-/// Draws in metres on the map.
+/// Draws in meters on the map.
 struct Canvas {
   cv::Mat map;
   double scale;                             // px per m
   cv::Point at(double x, double y) const {  // OpenCV's fixed-point coordinates, 1/16 px
-    const double centre = map.cols / 2.0;
-    return {static_cast<int>(std::lround((centre + x * scale) * 16)),
-            static_cast<int>(std::lround((centre - y * scale) * 16))};
+    const double center = map.cols / 2.0;
+    return {static_cast<int>(std::lround((center + x * scale) * 16)),
+            static_cast<int>(std::lround((center - y * scale) * 16))};
   }
 };
 
@@ -33,7 +33,8 @@ cv::Mat mottling(std::mt19937_64& random) {
   float weight = 0.04F;
   for (int cells = 6; cells <= 96; cells *= 2, weight *= 0.6F) {
     cv::Mat coarse(cells, cells, CV_32F), fine;
-    for (int i = 0; i < cells * cells; ++i) coarse.at<float>(i / cells, i % cells) = uniform(random);
+    for (int i = 0; i < cells * cells; ++i)
+      coarse.at<float>(i / cells, i % cells) = uniform(random);
     cv::resize(coarse, fine, sum.size(), 0, 0, cv::INTER_CUBIC);
     sum += weight * fine;
   }
@@ -48,14 +49,16 @@ struct Vessel {
 void draw_vessel(Canvas& canvas, Vessel vessel, int generation, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform(0, 1);
-  constexpr double kStep = 0.25e-3;  // m
+  constexpr double kVesselStep = 0.25e-3;  // m
   for (int step = 0; step < 90 && vessel.width > 25e-6; ++step) {
-    const double x = vessel.x + kStep * std::cos(vessel.heading), y = vessel.y + kStep * std::sin(vessel.heading);
+    const double x = vessel.x + kVesselStep * std::cos(vessel.heading),
+                 y = vessel.y + kVesselStep * std::sin(vessel.heading);
     const int thickness = std::max(1, static_cast<int>(std::lround(vessel.width * canvas.scale)));
-    cv::line(canvas.map, canvas.at(vessel.x, vessel.y), canvas.at(x, y), cv::Scalar(255), thickness, cv::LINE_AA, 4);
+    cv::line(canvas.map, canvas.at(vessel.x, vessel.y), canvas.at(x, y), cv::Scalar(255), thickness,
+             cv::LINE_AA, 4);
     vessel.x = x;
     vessel.y = y;
-    vessel.heading += vessel.bend * kStep + 0.10 * normal(random);
+    vessel.heading += vessel.bend * kVesselStep + 0.10 * normal(random);
     vessel.bend *= 0.985;
     vessel.width *= 0.988;
     const bool branches = uniform(random) < 0.09, left = uniform(random) < 0.5;
@@ -73,12 +76,14 @@ void draw_vessel(Canvas& canvas, Vessel vessel, int generation, std::mt19937_64&
 cv::Mat vessels(double scale, std::mt19937_64& random) {
   Canvas canvas{cv::Mat::zeros(kMapSize, kMapSize, CV_8U), scale};
   std::normal_distribution<double> normal;
-  // Two arcades up and down towards the temporal side, two smaller ones to the nasal side, for arteries and veins each.
+  // Two arcades up and down towards the temporal side, two smaller ones to the nasal side, for
+  // arteries and veins each.
   struct Start {
     double heading, bend, width;
   };
-  const Start starts[] = {{1.9, 110, 150e-6}, {2.2, 80, 120e-6},  {-1.9, -110, 150e-6}, {-2.2, -80, 120e-6},
-                          {0.7, -40, 110e-6}, {-0.7, 40, 110e-6}, {1.1, 20, 90e-6},     {-1.1, -20, 90e-6}};
+  const Start starts[] = {{1.9, 110, 150e-6},  {2.2, 80, 120e-6},  {-1.9, -110, 150e-6},
+                          {-2.2, -80, 120e-6}, {0.7, -40, 110e-6}, {-0.7, 40, 110e-6},
+                          {1.1, 20, 90e-6},    {-1.1, -20, 90e-6}};
   for (const Start& start : starts) {
     const double x = kDiscX + 0.15e-3 * normal(random), y = kDiscY + 0.15e-3 * normal(random);
     const double heading = start.heading + 0.1 * normal(random);
@@ -91,14 +96,18 @@ cv::Mat vessels(double scale, std::mt19937_64& random) {
 }
 
 /// Adds a disc with a soft edge: `height` inside, falling to nothing over about twice `edge`.
-void add_disc(cv::Mat& map, double scale, double x, double y, double radius, double edge, double height) {
-  const double u0 = map.cols / 2.0 + x * scale, v0 = map.rows / 2.0 - y * scale, r0 = radius * scale, e = edge * scale;
+void add_disc(cv::Mat& map, double scale, double x, double y, double radius, double edge,
+              double height) {
+  const double u0 = map.cols / 2.0 + x * scale, v0 = map.rows / 2.0 - y * scale,
+               r0 = radius * scale, e = edge * scale;
   const int reach = static_cast<int>(r0 + 6 * e);
-  const cv::Rect box = cv::Rect(static_cast<int>(u0) - reach, static_cast<int>(v0) - reach, 2 * reach, 2 * reach) &
-                       cv::Rect(0, 0, map.cols, map.rows);
+  const cv::Rect box =
+      cv::Rect(static_cast<int>(u0) - reach, static_cast<int>(v0) - reach, 2 * reach, 2 * reach) &
+      cv::Rect(0, 0, map.cols, map.rows);
   for (int v = box.y; v < box.y + box.height; ++v)
     for (int u = box.x; u < box.x + box.width; ++u)
-      map.at<float>(v, u) += static_cast<float>(height / (1 + std::exp((std::hypot(u - u0, v - v0) - r0) / (0.6 * e))));
+      map.at<float>(v, u) += static_cast<float>(
+          height / (1 + std::exp((std::hypot(u - u0, v - v0) - r0) / (0.6 * e))));
 }
 
 }  // namespace
@@ -117,16 +126,17 @@ Fundus Fundus::drawn(std::uint64_t seed, double reach) {
 
 Fundus Fundus::photograph(const std::string& file, double width) {
   if (!(width > 0)) throw std::invalid_argument("fundus_width must be above zero");
-  const cv::Mat colour = cv::imread(file, cv::IMREAD_COLOR);
-  if (colour.empty()) throw std::invalid_argument("fundus: cannot read '" + file + "' as an image");
+  const cv::Mat color = cv::imread(file, cv::IMREAD_COLOR);
+  if (color.empty()) throw std::invalid_argument("fundus: cannot read '" + file + "' as an image");
   cv::Mat green, map;
-  cv::extractChannel(colour, green, 1);
+  cv::extractChannel(color, green, 1);
   green.convertTo(map, CV_32F, 1.0 / 255);
   return {map, map.cols / width};
 }
 
 float Fundus::reflectance(double x, double y) const {
-  const double u = map_.cols / 2.0 - 0.5 + x * pixels_per_metre_, v = map_.rows / 2.0 - 0.5 - y * pixels_per_metre_;
+  const double u = map_.cols / 2.0 - 0.5 + x * pixels_per_meter_,
+               v = map_.rows / 2.0 - 0.5 - y * pixels_per_meter_;
   if (!(u >= 0 && v >= 0 && u < map_.cols - 1 && v < map_.rows - 1)) return 0;
   const int i = static_cast<int>(u), j = static_cast<int>(v);
   const float a = static_cast<float>(u - i), b = static_cast<float>(v - j);

@@ -1,4 +1,5 @@
-// What the retina looks like: vessels, optic disc, fovea and mottling, drawn from a seed; or a photograph.
+// What the retina looks like: vessels, optic disc, fovea and mottling, drawn from a seed; or a
+// photograph.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,22 +11,24 @@
 
 namespace vitreo::sim {
 
-/// Reflectance of the retina, by azimuthal equidistant coordinates: distance from the vertex along the retina.
+/// Reflectance of the retina, by azimuthal equidistant coordinates: distance from the vertex along
+/// the retina.
 class Fundus {
  public:
   /// Procedural. `reach`: how far from the vertex along the retina it is drawn, m.
   static Fundus drawn(std::uint64_t seed, double reach);
-  /// From a photograph that spans `width` m of retina; its green channel is used. Throws std::invalid_argument when the
-  /// file cannot be read as an image.
+  /// From a photograph that spans `width` m of retina; its green channel is used. Throws
+  /// std::invalid_argument when the file cannot be read as an image.
   static Fundus photograph(const std::string& file, double width);
   /// In [0, 1]; at (x, y) m along the retina from the vertex, linearly interpolated; 0 outside.
   float reflectance(double x, double y) const;
   const cv::Mat& map() const { return map_; }
 
  private:
-  Fundus(cv::Mat map, double pixels_per_metre) : map_(std::move(map)), pixels_per_metre_(pixels_per_metre) {}
+  Fundus(cv::Mat map, double pixels_per_meter)
+      : map_(std::move(map)), pixels_per_meter_(pixels_per_meter) {}
   cv::Mat map_;  // CV_32F
-  double pixels_per_metre_;
+  double pixels_per_meter_;
 };
 
 }  // namespace vitreo::sim

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/laboratory.h"
 
-#include "devices/error.h"
-#include "devices/sim/hardware_draw.h"
+#include "devices/sim/hardware_sample.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <array>
@@ -18,7 +18,9 @@ class SimulatedHands : public SampleHandler {
  public:
   SimulatedHands(World& world, Clock& clock) : world_(world), clock_(clock) {}
   std::string identity() const override { return "simulated operator's hands"; }
-  void insert_robot(const Eigen::Vector3d& near) override { world_.insert_robot(clock_.now(), near); }
+  void insert_robot(const Eigen::Vector3d& near) override {
+    world_.insert_robot(clock_.now(), near);
+  }
   void remove_robot() override { world_.remove_robot(clock_.now()); }
 
  private:
@@ -29,14 +31,15 @@ class SimulatedHands : public SampleHandler {
 WorldSettings drawn_world(const LaboratorySettings& settings, std::uint64_t seed) {
   const auto stream = [seed](Purpose purpose) { return std::mt19937_64(seed_for(seed, purpose)); };
   WorldSettings world = settings.world;
-  auto field = stream(Purpose::field), moment = stream(Purpose::moment), roll = stream(Purpose::roll),
-       tuning = stream(Purpose::tuning);
+  auto field = stream(Purpose::field), moment = stream(Purpose::moment),
+       roll = stream(Purpose::roll), tuning = stream(Purpose::tuning);
   std::normal_distribution<double> normal;
   world.field = perturbed(world.field, settings.field_perturbation, field);
   world.moment_gain *= 1 + settings.moment_sigma * std::normal_distribution<double>()(moment);
   world.roll += settings.roll_sigma * normal(roll);
   if (settings.hand_tuning)
-    world.extra_force += force_left_by_tuning(*settings.hand_tuning, world, settings.believed_field, tuning);
+    world.extra_force +=
+        force_left_by_tuning(*settings.hand_tuning, world, settings.believed_field, tuning);
   return world;
 }
 
@@ -48,7 +51,8 @@ usb3103::EmulatorSettings drawn_dac(double offset, std::uint64_t seed) {
   return dac;
 }
 
-/// How thick two crossed elliptical plates of the robot's outline are that have its volume: V = 2 pi a b t - 2 a t^2.
+/// How thick two crossed elliptical plates of the robot's outline are that have its volume: V = 2
+/// pi a b t - 2 a t^2.
 double plate_thickness(const control::Robot& robot) {
   const double a = robot.semi_axis, flat = 2 * M_PI * a * robot.semi_radius;
   const double root = flat * flat - 8 * a * robot.solid_volume;
@@ -64,12 +68,13 @@ BodyLook look_of(const LaboratorySettings& settings) {
 }
 
 BodyLook look_of(const BodySettings& body) {
-  BodyLook look{0.35, 0.55, 0.05, 20, body.colour};
+  BodyLook look{0.35, 0.55, 0.05, 20, body.color};
   if (body.dotted) look.dot_pitch = body.dot_pitch;
   return look;
 }
 
-constexpr std::array<double, 3> kFundusTint = {1.45, 0.9, 0.25};  // red, green, blue of a retina whose grey is 1
+constexpr std::array<double, 3> kFundusTint = {
+    1.45, 0.9, 0.25};  // red, green, blue of a retina whose gray is 1
 
 /// m of lens travel per microstep.
 double ustep(const pololu_tic::Settings& lens) { return lens.step_length / lens.usteps_per_step; }
@@ -102,19 +107,22 @@ struct Laboratory::State {
         lens(pololu_tic::make_emulator(homed_motor(given.lens), the_clock)),
         hands(world, the_clock),
         probe(
-            given.probe, world, [this] { return probe_place ? probe_place(clock.now()) : Eigen::Vector3d(0, 0, 0); },
+            given.probe, world,
+            [this] { return probe_place ? probe_place(clock.now()) : Eigen::Vector3d(0, 0, 0); },
             the_clock, seed_for(the_seed, Purpose::probe)) {
     if (!given.fundus.empty()) fundus = Fundus::photograph(given.fundus, given.fundus_width);
   }
 
-  /// Drawn when something first looks: it takes a tenth of a second, and a prompt need not wait for it.
+  /// Drawn when something first looks: it takes a tenth of a second, and a prompt need not wait for
+  /// it.
   const Fundus& retina() {
-    if (!fundus) fundus = Fundus::drawn(seed_for(seed, Purpose::fundus), 1.55 * settings.world.cavity.radius);
+    if (!fundus)
+      fundus = Fundus::drawn(seed_for(seed, Purpose::fundus), 1.55 * settings.world.cavity.radius);
     return *fundus;
   }
 
-  /// Where the parts that look are at a time: the condensing lens' mover (of now), what carries the microscope or the
-  /// bare sensor; and how much light there is.
+  /// Where the parts that look are at a time: the condensing lens' mover (of now), what carries the
+  /// microscope or the bare sensor; and how much light there is.
   struct Pose {
     double lens = 0, sensor = 0, turn = 0, light = 1;
     bool operator==(const Pose&) const = default;
@@ -123,7 +131,8 @@ struct Laboratory::State {
   Pose pose(Time time) const {
     if (settings.top_view == TopView::plain) return {0, 0, 0, light};
     const bool turns = settings.top_view == TopView::bare_sensor && sensor_angle;
-    return {lens_position(), sensor_place ? sensor_place(time) : 0, turns ? sensor_angle(time) : 0, light};
+    return {lens_position(), sensor_place ? sensor_place(time) : 0, turns ? sensor_angle(time) : 0,
+            light};
   }
 
   void look(const Pose& now) {
@@ -136,10 +145,10 @@ struct Laboratory::State {
     const optics::ImageScale& image = settings.top_image;
     if (settings.top_view == TopView::plain) {
       top_renderer.emplace(
-          plain_view(image.pixel, image.centre_px, size),
+          plain_view(image.pixel, image.center_px, size),
           Aperture{settings.microscope.numerical_aperture, 550e-9, image.pixel},
-          [](const Eigen::Vector2d&, double z) { return z; }, side_ground(size.width, size.height), 0, sensor, robot,
-          noise);
+          [](const Eigen::Vector2d&, double z) { return z; }, side_ground(size.width, size.height),
+          0, sensor, robot, noise);
       return;
     }
     // The eye with the condensing lens where the mover has put it; who looks stays where it is.
@@ -150,15 +159,17 @@ struct Laboratory::State {
     if (settings.top_view == TopView::bare_sensor)
       observer = bare_sensor(eye, observer.focus, settings.sensor_aperture);
     constexpr int kGridStep = 16;
-    View view = eye_view(eye, observer, image, size, settings.world.cavity.vertex, kGridStep, now.turn);
+    View view =
+        eye_view(eye, observer, image, size, settings.world.cavity.vertex, kGridStep, now.turn);
     const Aperture aperture{observer.numerical_aperture, 550e-9, image.pixel};
     const auto defocus = eye_defocus(eye, observer, image);
     cv::Mat ground = retina_ground(view, retina(), settings.world.cavity.radius);
     // One kernel for the whole ground, that of the retina half-way out to the side.
-    const Eigen::Vector2d half_way = image.centre_px + Eigen::Vector2d(size.width / 4.0, 0);
+    const Eigen::Vector2d half_way = image.center_px + Eigen::Vector2d(size.width / 4.0, 0);
     const double ground_defocus = defocus(half_way, 0);
     sensor.ground_tint = kFundusTint;
-    top_renderer.emplace(std::move(view), aperture, defocus, ground, ground_defocus, sensor, robot, noise);
+    top_renderer.emplace(std::move(view), aperture, defocus, ground, ground_defocus, sensor, robot,
+                         noise);
   }
 
   cv::Mat draw_top(Time exposed, std::uint64_t number) {
@@ -171,15 +182,16 @@ struct Laboratory::State {
     if (!side_renderer) {
       const Aperture aperture{0.02, 550e-9, settings.side_pixel};
       side_renderer.emplace(
-          side_view(settings.side_pixel, settings.side_centre_px, settings.side.size), aperture,
+          side_view(settings.side_pixel, settings.side_center_px, settings.side.size), aperture,
           [](const Eigen::Vector2d&, double z) { return z; },
-          side_ground(settings.side.size.width, settings.side.size.height), 0, settings.side.sensor, look_of(settings),
-          seed_for(seed, Purpose::side_noise));
+          side_ground(settings.side.size.width, settings.side.size.height), 0, settings.side.sensor,
+          look_of(settings), seed_for(seed, Purpose::side_noise));
     }
     return draw(*side_renderer, settings.side, exposed, number);
   }
 
-  cv::Mat draw(Renderer& renderer, const CameraSettings& camera, Time exposed, std::uint64_t number) {
+  cv::Mat draw(Renderer& renderer, const CameraSettings& camera, Time exposed,
+               std::uint64_t number) {
     const Time half = from_seconds(camera.exposure / 2);
     std::vector<DrawnBody> bodies;
     const auto shifted = [this](BodyState state) {
@@ -198,12 +210,15 @@ struct Laboratory::State {
   }
 
   void drive(Time now, control::Currents commands) {
-    for (double& command : commands) command = std::clamp(command, -faults.saturation, faults.saturation);
+    for (double& command : commands)
+      command = std::clamp(command, -faults.saturation, faults.saturation);
     world.set_coil_commands(now, commands);
   }
 
-  static constexpr int kBeforeCondensingLens = 5;  // the surface whose thickness is the air before the lens
-  static constexpr double kDarkest = 1e-6;         // of the light: a sensor that sees nothing at all has no picture
+  static constexpr int kBeforeCondensingLens =
+      5;  // the surface whose thickness is the air before the lens
+  static constexpr double kDarkest =
+      1e-6;  // of the light: a sensor that sees nothing at all has no picture
   LaboratorySettings settings;
   Clock& clock;
   std::uint64_t seed, drawn = seed;  // of everything; of the machine
@@ -242,12 +257,13 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
       [&state](Time exposed, std::uint64_t number) { return state.draw_top(exposed, number); },
       state.faults.looks["top_camera"]);
   state.side = std::make_unique<SimulatedCamera>(
-      CameraInfo{"simulated side camera", side.size.width, side.size.height, 1 / side.frame_rate, settings.side_pixel},
+      CameraInfo{"simulated side camera", side.size.width, side.size.height, 1 / side.frame_rate,
+                 settings.side_pixel},
       side, clock, seed_for(seed, Purpose::side_jitter),
       [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); },
       state.faults.looks["side_camera"]);
-  state.outputs =
-      usb3103::make_emulator(drawn_dac(settings.dac_offset, seed), [&state](const usb3103::Voltages& volts) {
+  state.outputs = usb3103::make_emulator(
+      drawn_dac(settings.dac_offset, seed), [&state](const usb3103::Voltages& volts) {
         control::Currents commands(state.settings.world.field.coils());
         for (int coil = 0; coil < commands.size(); ++coil)
           commands[coil] = volts[static_cast<std::size_t>(coil)] * state.settings.amperes_per_volt;
@@ -260,9 +276,15 @@ Camera& Laboratory::top_camera() { return *state_->top; }
 Camera& Laboratory::side_camera() { return *state_->side; }
 pololu_tic::Emulator& Laboratory::lens_motor() { return *state_->lens; }
 SampleHandler& Laboratory::sample() { return state_->hands; }
-void Laboratory::carry_sensor(std::function<double(Time)> place) { state_->sensor_place = std::move(place); }
-void Laboratory::turn_sensor(std::function<double(Time)> angle) { state_->sensor_angle = std::move(angle); }
-void Laboratory::carry_probe(std::function<Eigen::Vector3d(Time)> place) { state_->probe_place = std::move(place); }
+void Laboratory::carry_sensor(std::function<double(Time)> place) {
+  state_->sensor_place = std::move(place);
+}
+void Laboratory::turn_sensor(std::function<double(Time)> angle) {
+  state_->sensor_angle = std::move(angle);
+}
+void Laboratory::carry_probe(std::function<Eigen::Vector3d(Time)> place) {
+  state_->probe_place = std::move(place);
+}
 FieldProbe& Laboratory::field_probe() { return state_->probe; }
 usb3103::Emulator& Laboratory::coil_outputs() { return *state_->outputs; }
 Faults& Laboratory::faults() { return state_->faults; }
@@ -280,8 +302,8 @@ void Laboratory::set_light(double level) {
 void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
   control::Currents commands(state_->settings.world.field.coils());
   if (currents.size() != static_cast<std::size_t>(commands.size()))
-    throw std::invalid_argument("currents: the machine has " + std::to_string(commands.size()) + " coils, not " +
-                                std::to_string(currents.size()));
+    throw std::invalid_argument("currents: the machine has " + std::to_string(commands.size()) +
+                                " coils, not " + std::to_string(currents.size()));
   std::copy(currents.begin(), currents.end(), commands.data());
   state_->drive(now, commands);
 }
@@ -310,8 +332,8 @@ void Laboratory::set_eye(const optics::System& eye) {
   eye.check();
   State& state = *state_;
   if (eye.size() != state.settings.eye.size())
-    throw std::invalid_argument("eye: wants one of " + std::to_string(state.settings.eye.size()) + " surfaces, got " +
-                                std::to_string(eye.size()));
+    throw std::invalid_argument("eye: wants one of " + std::to_string(state.settings.eye.size()) +
+                                " surfaces, got " + std::to_string(eye.size()));
   state.settings.eye = eye;
   state.top_renderer.reset();
 }
@@ -330,7 +352,8 @@ void Laboratory::move_body(const std::string& name, const Eigen::Vector3d& posit
   std::vector<BodySettings>& bodies = state.settings.world.bodies;
   for (std::size_t k = 0; k < bodies.size(); ++k) {
     if (bodies[k].name != name) continue;
-    if (!position.allFinite()) throw std::invalid_argument("position: of '" + name + "' is not finite");
+    if (!position.allFinite())
+      throw std::invalid_argument("position: of '" + name + "' is not finite");
     bodies[k].position = position;
     state.world.place_body(state.clock.now(), k, position);
     return;
@@ -338,7 +361,9 @@ void Laboratory::move_body(const std::string& name, const Eigen::Vector3d& posit
   throw std::invalid_argument("body: the rig file has none called '" + name + "'");
 }
 
-cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) { return state_->draw_top(exposed, number); }
+cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) {
+  return state_->draw_top(exposed, number);
+}
 
 std::optional<Truth> Laboratory::truth(Time time) {
   const BodyState* robot = state_->world.robot(time);

@@ -1,22 +1,22 @@
-// The simulated laboratory: the world, and the instruments through which it can be seen and moved. Whoever is given the
-// roles (camera, amplifier, ...) cannot reach the world behind them; the truth is handed out separately, for tests and
-// reports.
+// The simulated laboratory: the world, and the instruments through which it can be seen and moved.
+// Whoever is given the roles (camera, amplifier, ...) cannot reach the world behind them; the truth
+// is handed out separately, for tests and reports.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/camera.h"
-#include "devices/pololu_tic/driver.h"
-#include "devices/pololu_tic/emulator.h"
-#include "devices/sample_handler.h"
+#include "devices/instruments/pololu_tic/driver.h"
+#include "devices/instruments/pololu_tic/emulator.h"
+#include "devices/instruments/usb3103/emulator.h"
+#include "devices/roles/camera.h"
+#include "devices/roles/sample_handler.h"
 #include "devices/sim/faults.h"
-#include "devices/sim/hardware_draw.h"
+#include "devices/sim/hardware_sample.h"
 #include "devices/sim/probe.h"
 #include "devices/sim/renderer.h"
 #include "devices/sim/simulated_camera.h"
 #include "devices/sim/world.h"
-#include "devices/usb3103/emulator.h"
-#include "optics/observer.h"
-#include "optics/single_viewpoint.h"
+#include "optics/projection/single_viewpoint.h"
+#include "optics/rays/observer.h"
 
 #include <functional>
 #include <memory>
@@ -26,33 +26,38 @@
 
 namespace vitreo::sim {
 
-/// What the top camera is: a microscope on the aerial image, a bare sensor in it (thesis chapter 4; turned about the
-/// axis by the rotation stage, appendix A), or a microscope without an eye below it.
+/// What the top camera is: a microscope on the aerial image, a bare sensor in it (thesis chapter 4;
+/// turned about the axis by the rotation stage, appendix A), or a microscope without an eye below
+/// it.
 enum class TopView { microscope, bare_sensor, plain };
 
 struct LaboratorySettings {
   WorldSettings world;
   control::FieldPerturbation field_perturbation;  // of world.field, drawn from the seed
-  double moment_sigma = 0.05;                     // relative, of the robot's true moment, drawn from the seed
-  double roll_sigma = 0;                          // rad, about world.roll, drawn from the seed
-  std::optional<HandTuning> hand_tuning;          // before the run; nothing: untrimmed
-  control::FieldModel believed_field = control::CoilField::octomag();  // with which the operator tuned
+  double moment_sigma = 0.05;  // relative, of the robot's true moment, drawn from the seed
+  double roll_sigma = 0;       // rad, about world.roll, drawn from the seed
+  std::optional<HandTuning> hand_tuning;  // before the run; nothing: untrimmed
+  control::FieldModel believed_field =
+      control::CoilField::octomag();  // with which the operator tuned
   optics::System eye = optics::model_eye_5_3();
   optics::Microscope microscope;
   optics::ImageScale top_image;
   CameraSettings top, side;
   TopView top_view = TopView::microscope;
-  double sensor_aperture = 0.159;  // numerical, of the eye's pupil seen from a bare sensor (thesis 4.1)
-  bool plates = true;  // soft robots are drawn as the crossed plates they are; the localiser's are ellipsoids
+  double sensor_aperture =
+      0.159;  // numerical, of the eye's pupil seen from a bare sensor (thesis 4.1)
+  bool plates =
+      true;  // soft robots are drawn as the crossed plates they are; the localizer's are ellipsoids
   ProbeSettings probe;
   double side_pixel = 20.4e-6;               // m per pixel
-  Eigen::Vector2d side_centre_px{328, 245};  // where the world's origin shows
+  Eigen::Vector2d side_center_px{328, 245};  // where the world's origin shows
   std::string fundus;                        // file of a photograph; empty: drawn
   double fundus_width = 30e-3;               // m of retina that the photograph spans
   double amperes_per_volt = 2;               // of the amplifiers behind the USB-3103
-  double dac_offset = 2;                     // counts, standard deviation of the outputs' calibration, from the seed
-  pololu_tic::Settings lens;                 // of the BIOM's motor: how far a step of it moves the lens
-  // Imperfections of the observation itself, for tests of what the loop can and cannot see; world frame, m.
+  double dac_offset = 2;  // counts, standard deviation of the outputs' calibration, from the seed
+  pololu_tic::Settings lens;  // of the BIOM's motor: how far a step of it moves the lens
+  // Imperfections of the observation itself, for tests of what the loop can and cannot see; world
+  // frame, m.
   Eigen::Vector3d truth_shift{0, 0, 0};  // added to the reported truth
   Eigen::Vector3d drawn_shift{0, 0, 0};  // added to where the cameras draw the robot
 };
@@ -62,12 +67,14 @@ struct Truth {
   Eigen::Vector3d position, axis;
   control::Currents currents;           // A, as they flow
   control::Currents coil_temperatures;  // K
-  bool beyond_calibration = false;      // the robot is outside the region of the plant's calibration: World says how
+  bool beyond_calibration =
+      false;  // the robot is outside the region of the plant's calibration: World says how
 };
 
 class Laboratory {
  public:
-  /// Everything that is drawn by chance comes from `seed`. Throws std::invalid_argument naming a parameter.
+  /// Everything that is drawn by chance comes from `seed`. Throws std::invalid_argument naming a
+  /// parameter.
   Laboratory(const LaboratorySettings& settings, Clock& clock, std::uint64_t seed);
   ~Laboratory();
   Camera& top_camera();
@@ -75,15 +82,17 @@ class Laboratory {
   /// The BIOM's motor, homed before the run; the lens stands at its nominal place.
   pololu_tic::Emulator& lens_motor();
   SampleHandler& sample();
-  /// What the microscope or the bare sensor stands on, by drivers' emulators: m along the light from its nominal focus,
-  /// and rad about the axis (bare sensor only), at a time up to a second back. Nothing: it stands still at 0.
+  /// What the microscope or the bare sensor stands on, by drivers' emulators: m along the light
+  /// from its nominal focus, and rad about the axis (bare sensor only), at a time up to a second
+  /// back. Nothing: it stands still at 0.
   void carry_sensor(std::function<double(Time)> place);
   void turn_sensor(std::function<double(Time)> angle);
   /// The same for the field probe: m, world frame.
   void carry_probe(std::function<Eigen::Vector3d(Time)> place);
   FieldProbe& field_probe();
   usb3103::Emulator& coil_outputs();
-  /// The light in the eye, part of what it was made with, from now on; 1 where nobody says. The side view has its own.
+  /// The light in the eye, part of what it was made with, from now on; 1 where nobody says. The
+  /// side view has its own.
   void set_light(double level);
   /// What is wrong with them, to be set at any time.
   Faults& faults();
@@ -93,22 +102,24 @@ class Laboratory {
   void drive_coils(Time now, const std::vector<double>& currents);
   /// T, as it really is at `place` (m, world frame).
   Eigen::Vector3d field(const Eigen::Vector3d& place, Time time);
-  /// Another machine of the same kind, as `seed` draws its field and the robot's moment; without a robot, its currents
-  /// zero until the next set-point.
+  /// Another machine of the same kind, as `seed` draws its field and the robot's moment; without a
+  /// robot, its currents zero until the next set-point.
   void redraw(std::uint64_t seed);
-  /// The machine of the last seed with coils that are exactly these, for every later draw too, in the background that
-  /// there is. Throws std::invalid_argument for another number of coils.
+  /// The machine of the last seed with coils that are exactly these, for every later draw too, in
+  /// the background that there is. Throws std::invalid_argument for another number of coils.
   void use_field(const control::FieldModel& field);
-  /// Another eye stands there from now on, with the same retina: the same lenses, other numbers. Throws
-  /// std::invalid_argument when it is unsound or has not as many surfaces.
+  /// Another eye stands there from now on, with the same retina: the same lenses, other numbers.
+  /// Throws std::invalid_argument when it is unsound or has not as many surfaces.
   void set_eye(const optics::System& eye);
-  /// Another robot, and another medium, from now on; without a robot in it. `gel`: nothing for the fluid.
+  /// Another robot, and another medium, from now on; without a robot in it. `gel`: nothing for the
+  /// fluid.
   void change(const control::Robot& robot, const std::optional<control::Gel>& gel);
-  /// Puts one of the settings' bodies elsewhere (m, world). Throws std::invalid_argument naming it, or when no body has
-  /// that name.
+  /// Puts one of the settings' bodies elsewhere (m, world). Throws std::invalid_argument naming it,
+  /// or when no body has that name.
   void move_body(const std::string& name, const Eigen::Vector3d& position);
-  /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`; asks the clock for
-  /// the time only, so a camera server may draw from a thread of its own, if it is the only one here meanwhile.
+  /// What the top camera would see now, exposed at `exposed` and with the noise of frame `number`;
+  /// asks the clock for the time only, so a camera server may draw from a thread of its own, if it
+  /// is the only one here meanwhile.
   cv::Mat top_image(Time exposed, std::uint64_t number);
   /// Nothing while no robot is in the eye. `time` may lie up to a second back.
   std::optional<Truth> truth(Time time);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/pose_sensor.h"
 
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <limits>
@@ -15,7 +15,8 @@ namespace {
 /// A number of its own for every reading, whichever are asked for.
 Eigen::Vector3d noise_of(std::uint64_t seed, std::uint64_t number) {
   std::seed_seq mixed{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
-                      static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(number >> 32), 0x705e5eU};
+                      static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(number >> 32),
+                      0x705e5eU};
   std::mt19937_64 random(mixed);
   std::normal_distribution<double> normal;
   const double x = normal(random), y = normal(random), z = normal(random);  // a fixed order
@@ -33,7 +34,9 @@ class TruthSensor : public PoseSensor {
         faults_(faults),
         period_(from_seconds(1 / settings.frame_rate)),
         latency_(from_seconds(settings.latency)) {}
-  std::string identity() const override { return "simulated pose sensor: the simulator's truth, late and noisy"; }
+  std::string identity() const override {
+    return "simulated pose sensor: the simulator's truth, late and noisy";
+  }
   double period() const override { return 1 / settings_.frame_rate; }
   PoseReading read(Time timeout) override {
     const Time deadline = later(clock_.now(), timeout);
@@ -48,7 +51,8 @@ class TruthSensor : public PoseSensor {
       }
       wait_until(number * period_ + latency_);
       last_ = number;
-      if (!faults_.frozen) last_place_ = truth_(number * period_);  // while it can still be asked for
+      if (!faults_.frozen)
+        last_place_ = truth_(number * period_);  // while it can still be asked for
       if (faults_.late > Time::zero()) wait_until(arrives);
       const auto each = [number](int n) { return n > 0 && number % n == 0; };
       if (faults_.silent || each(faults_.drops) || each(faults_.torn)) continue;
@@ -67,10 +71,16 @@ class TruthSensor : public PoseSensor {
   }
 
   PoseReading reading(std::int64_t number, Time arrives) const {
-    PoseReading reading{static_cast<std::uint64_t>(number), number * period_ + faults_.jump, arrives, last_place_, {}};
+    PoseReading reading{static_cast<std::uint64_t>(number),
+                        number * period_ + faults_.jump,
+                        arrives,
+                        last_place_,
+                        {}};
     reading.covariance = settings_.noise * settings_.noise * Eigen::Matrix3d::Identity();
-    if (reading.position && !faults_.frozen) *reading.position += settings_.noise * noise_of(seed_, reading.number);
-    if (faults_.nan) reading.position = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    if (reading.position && !faults_.frozen)
+      *reading.position += settings_.noise * noise_of(seed_, reading.number);
+    if (faults_.nan)
+      reading.position = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
     return reading;
   }
 
@@ -87,16 +97,20 @@ class TruthSensor : public PoseSensor {
 }  // namespace
 
 void PoseSensorSettings::check() const {
-  if (!(frame_rate > 0 && frame_rate <= 10000)) throw std::invalid_argument("frame_rate must be in (0, 10000] Hz");
-  if (!(latency >= 0 && latency < 0.4)) throw std::invalid_argument("latency must be in [0, 0.4) s");
+  if (!(frame_rate > 0 && frame_rate <= 10000))
+    throw std::invalid_argument("frame_rate must be in (0, 10000] Hz");
+  if (!(latency >= 0 && latency < 0.4))
+    throw std::invalid_argument("latency must be in [0, 0.4) s");
   if (!(noise > 0 && noise <= 1e-3)) throw std::invalid_argument("noise must be in (0, 1 mm]");
 }
 
-std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock,
-                                             std::uint64_t seed, const ImagingFaults* faults) {
+std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth,
+                                             Clock& clock, std::uint64_t seed,
+                                             const ImagingFaults* faults) {
   static const ImagingFaults none;
   settings.check();
-  return std::make_unique<TruthSensor>(settings, std::move(truth), clock, seed, faults != nullptr ? *faults : none);
+  return std::make_unique<TruthSensor>(settings, std::move(truth), clock, seed,
+                                       faults != nullptr ? *faults : none);
 }
 
 }  // namespace vitreo::sim

@@ -1,9 +1,10 @@
-// A pose sensor that knows the truth, late and noisy: for judging control without optics. The only way by which truth
-// may reach a loop, and only into one that asks for it by name (feedback "pose_sensor").
+// A pose sensor that knows the truth, late and noisy: for judging control without optics. The only
+// way by which truth may reach a loop, and only into one that asks for it by name (feedback
+// "pose_sensor").
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/pose_sensor.h"
+#include "devices/roles/pose_sensor.h"
 #include "devices/sim/faults.h"
 
 #include <cstdint>
@@ -23,7 +24,8 @@ struct PoseSensorSettings {
 using TruePlace = std::function<std::optional<Eigen::Vector3d>(Time)>;
 
 /// `faults` outlives the sensor; null: none.
-std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock,
-                                             std::uint64_t seed, const ImagingFaults* faults = nullptr);
+std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth,
+                                             Clock& clock, std::uint64_t seed,
+                                             const ImagingFaults* faults = nullptr);
 
 }  // namespace vitreo::sim

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/probe.h"
 
-#include "devices/error.h"
 #include "devices/sim/checks.h"
+#include "devices/time/error.h"
 
 #include <cmath>
 
@@ -14,8 +14,9 @@ void ProbeSettings::check() const {
   require_not_negative(integration, "probe integration");
 }
 
-SimulatedProbe::SimulatedProbe(const ProbeSettings& settings, World& world, std::function<Eigen::Vector3d()> place,
-                               Clock& clock, std::uint64_t seed)
+SimulatedProbe::SimulatedProbe(const ProbeSettings& settings, World& world,
+                               std::function<Eigen::Vector3d()> place, Clock& clock,
+                               std::uint64_t seed)
     : info_{{"simulated teslameter", "", ""}, 3, settings.range},
       settings_(settings),
       world_(world),
@@ -34,7 +35,8 @@ FieldReading SimulatedProbe::measure(Time timeout) {
   clock_.sleep_for(needed);
   const Eigen::Vector3d field = world_.field(clock_.now(), place_()).head<3>();
   FieldReading reading{{}, asked};
-  for (int axis = 0; axis < 3; ++axis) reading.field.push_back(field[axis] + settings_.noise * normal_(random_));
+  for (int axis = 0; axis < 3; ++axis)
+    reading.field.push_back(field[axis] + settings_.noise * normal_(random_));
   for (const double part : reading.field)
     if (std::abs(part) > settings_.range)
       throw DeviceError(DeviceErrorKind::refused, "field_probe", "the field is beyond its range");

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/field_probe.h"
+#include "devices/roles/field_probe.h"
 #include "devices/sim/world.h"
 
 #include <functional>
@@ -20,8 +20,8 @@ struct ProbeSettings {
 /// Three axes, along the world's. It reads the field where `place` says it is.
 class SimulatedProbe : public FieldProbe {
  public:
-  SimulatedProbe(const ProbeSettings& settings, World& world, std::function<Eigen::Vector3d()> place, Clock& clock,
-                 std::uint64_t seed);
+  SimulatedProbe(const ProbeSettings& settings, World& world,
+                 std::function<Eigen::Vector3d()> place, Clock& clock, std::uint64_t seed);
   const FieldProbeInfo& info() const override { return info_; }
   FieldReading measure(Time timeout) override;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/renderer.h"
 
-#include "devices/sim/figure.h"
-#include "devices/sim/hardware_draw.h"
-#include "optics/trace.h"
+#include "devices/sim/body_shape.h"
+#include "devices/sim/hardware_sample.h"
+#include "optics/rays/trace.h"
 
 #include <Eigen/Geometry>
 #include <opencv2/imgproc.hpp>
@@ -27,12 +27,13 @@ cv::Mat vignette_of(int width, int height, double missing) {
   const double u0 = (width - 1) / 2.0, v0 = (height - 1) / 2.0, corner = u0 * u0 + v0 * v0;
   for (int v = 0; v < height; ++v)
     for (int u = 0; u < width; ++u)
-      map.at<float>(v, u) = static_cast<float>(1 - missing * ((u - u0) * (u - u0) + (v - v0) * (v - v0)) / corner);
+      map.at<float>(v, u) =
+          static_cast<float>(1 - missing * ((u - u0) * (u - u0) + (v - v0) * (v - v0)) / corner);
   return map;
 }
 
-/// The steepness of the distance at a pixel, from its neighbours; in a valley between two rims (a thin figure) that of
-/// the steeper side.
+/// The steepness of the distance at a pixel, from its neighbors; in a valley between two rims (a
+/// thin figure) that of the steeper side.
 float steepness(float before, float here, float after, bool inside) {
   const float rise = after - here, fall = here - before;
   if (inside && rise * fall < 0) return std::max(std::abs(rise), std::abs(fall));
@@ -44,24 +45,33 @@ float steepness(float before, float here, float after, bool inside) {
 void Sensor::check() const {
   if (!(full_well > 0)) throw std::invalid_argument("full_well must be above zero");
   if (!(read_noise >= 0)) throw std::invalid_argument("read_noise must not be negative");
-  if (!(brightness > 0 && brightness <= 1000)) throw std::invalid_argument("brightness must be in (0, 1000]");
+  if (!(brightness > 0 && brightness <= 1000))
+    throw std::invalid_argument("brightness must be in (0, 1000]");
   if (!(vignette >= 0 && vignette < 1)) throw std::invalid_argument("vignette must be in [0, 1)");
 }
 
-Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground, double ground_defocus,
-                   const Sensor& sensor, const BodyLook& look, std::uint64_t seed)
-    : view_(std::move(view)), blur_(aperture), defocus_(std::move(defocus)), sensor_(sensor), look_(look), seed_(seed) {
+Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground,
+                   double ground_defocus, const Sensor& sensor, const BodyLook& look,
+                   std::uint64_t seed)
+    : view_(std::move(view)),
+      blur_(aperture),
+      defocus_(std::move(defocus)),
+      sensor_(sensor),
+      look_(look),
+      seed_(seed) {
   sensor_.check();
   if (ground.cols != view_.width || ground.rows != view_.height || ground.type() != CV_32F)
     throw std::invalid_argument("ground: a CV_32F image of the view's size is wanted");
   for (int level = 0; level < 256; ++level) {
     const double electrons = sensor_.full_well * level / 255;
-    const double noise = std::sqrt(electrons + sensor_.read_noise * sensor_.read_noise) * 255 / sensor_.full_well;
+    const double noise =
+        std::sqrt(electrons + sensor_.read_noise * sensor_.read_noise) * 255 / sensor_.full_well;
     sigma_of_level_.push_back(static_cast<std::uint16_t>(std::lround(std::min(noise, 60.0) * 256)));
   }
   std::mt19937_64 random(mix(seed, 1, 1));
   std::normal_distribution<double> normal;
-  // Rows start anywhere in one long list of samples: within an image no run repeats except by a rare chance.
+  // Rows start anywhere in one long list of samples: within an image no run repeats except by a
+  // rare chance.
   normal_.resize(kNormalSamples + static_cast<std::size_t>(view_.width));
   for (auto& sample : normal_)
     sample = static_cast<std::int16_t>(std::lround(std::clamp(normal(random), -6.0, 6.0) * 1024));
@@ -71,8 +81,8 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
   ground_sigma_.create(view_.height, view_.width, CV_16U);
   for (int v = 0; v < view_.height; ++v) {
     for (int u = 0; u < view_.width; ++u) {
-      const double level =
-          sensor_.brightness * ground.at<float>(v, u) * vignette_.at<float>(v, u) * factor(sensor_.ground_tint, u, v);
+      const double level = sensor_.brightness * ground.at<float>(v, u) * vignette_.at<float>(v, u) *
+                           factor(sensor_.ground_tint, u, v);
       const auto mean = static_cast<std::uint16_t>(std::clamp(level * 256, 0.0, 65280.0));
       ground_.at<std::uint16_t>(v, u) = mean;
       ground_sigma_.at<std::uint16_t>(v, u) = sigma_of_level_[mean >> 8];
@@ -82,9 +92,9 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
   scene_sigma_ = ground_sigma_.clone();
 }
 
-double Renderer::factor(const std::array<double, 3>& colour, int u, int v) const {
-  if (sensor_.colour == SensorColour::grey) return 0.3 * colour[0] + 0.6 * colour[1] + 0.1 * colour[2];
-  return colour[static_cast<std::size_t>((u & 1) + (v & 1))];  // RG over GB
+double Renderer::factor(const std::array<double, 3>& color, int u, int v) const {
+  if (sensor_.color == SensorColor::gray) return 0.3 * color[0] + 0.6 * color[1] + 0.1 * color[2];
+  return color[static_cast<std::size_t>((u & 1) + (v & 1))];  // RG over GB
 }
 
 cv::Mat Renderer::render(const BodyState* robot, std::uint64_t frame) {
@@ -98,15 +108,19 @@ cv::Mat Renderer::render(const std::vector<DrawnBody>& bodies, std::uint64_t fra
   std::vector<const DrawnBody*> from_far;
   from_far.reserve(bodies.size());
   for (const DrawnBody& body : bodies) from_far.push_back(&body);
-  const auto height = [this](const DrawnBody* body) { return view_.point_in_view(body->start.position).z(); };
-  std::stable_sort(from_far.begin(), from_far.end(),
-                   [&](const DrawnBody* one, const DrawnBody* other) { return height(one) < height(other); });
+  const auto height = [this](const DrawnBody* body) {
+    return view_.point_in_view(body->start.position).z();
+  };
+  std::stable_sort(
+      from_far.begin(), from_far.end(),
+      [&](const DrawnBody* one, const DrawnBody* other) { return height(one) < height(other); });
   for (const DrawnBody* body : from_far) draw(*body);
   cv::Mat image = add_noise(frame);
-  if (sensor_.colour == SensorColour::grey) return image;
-  cv::Mat colours;
-  cv::cvtColor(image, colours, cv::COLOR_BayerBG2BGR);  // OpenCV names the pattern by its second row and column
-  return colours;
+  if (sensor_.color == SensorColor::gray) return image;
+  cv::Mat colors;
+  cv::cvtColor(image, colors,
+               cv::COLOR_BayerBG2BGR);  // OpenCV names the pattern by its second row and column
+  return colors;
 }
 
 void Renderer::restore_ground() {
@@ -122,40 +136,49 @@ double Renderer::scale_at(const Eigen::Vector2d& pixel, double z) const {
   const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
   const int v = std::clamp(static_cast<int>(pixel.y()), 1, view_.height - 2);
   const PixelLine &left = view_.at(u - 1, v), &right = view_.at(u + 1, v);
-  return std::hypot(right.x - left.x + z * (right.dx - left.dx), right.y - left.y + z * (right.dy - left.dy)) / 2;
+  return std::hypot(right.x - left.x + z * (right.dx - left.dx),
+                    right.y - left.y + z * (right.dy - left.dy)) /
+         2;
 }
 
-/// The pixels that a body can touch, blur included; `extent`: how far it reaches from its centre along x and y, m.
-cv::Rect Renderer::window_of(const Eigen::Vector3d& centre, const Eigen::Vector2d& extent, const Eigen::Vector2d& pixel,
-                             double defocus) {
+/// The pixels that a body can touch, blur included; `extent`: how far it reaches from its center
+/// along x and y, m.
+cv::Rect Renderer::window_of(const Eigen::Vector3d& center, const Eigen::Vector2d& extent,
+                             const Eigen::Vector2d& pixel, double defocus) {
   const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
   const int v = std::clamp(static_cast<int>(pixel.y()), 1, view_.height - 2);
-  const double scale = scale_at(pixel, centre.z());
-  // A quarter more than the size at the centre: magnification grows towards the lens and towards the rim.
+  const double scale = scale_at(pixel, center.z());
+  // A quarter more than the size at the center: magnification grows towards the lens and towards
+  // the rim.
   const int margin = blur_.reach(defocus) + 2;
   const int half_u = static_cast<int>(std::ceil(1.25 * extent.x() / scale)) + margin;
   const int half_v = static_cast<int>(std::ceil(1.25 * extent.y() / scale)) + margin;
-  return cv::Rect(u - half_u, v - half_v, 2 * half_u + 1, 2 * half_v + 1) & cv::Rect(0, 0, view_.width, view_.height);
+  return cv::Rect(u - half_u, v - half_v, 2 * half_u + 1, 2 * half_v + 1) &
+         cv::Rect(0, 0, view_.width, view_.height);
 }
 
 void Renderer::draw(const DrawnBody& body) {
   const BodyState& robot = body.start;
-  const Eigen::Vector3d centre = view_.point_in_view(robot.position);
-  const auto pixel = view_.pixel_of(centre);
+  const Eigen::Vector3d center = view_.point_in_view(robot.position);
+  const auto pixel = view_.pixel_of(center);
   if (!pixel) return;  // outside the image
-  const double defocus = defocus_(*pixel, centre.z());
+  const double defocus = defocus_(*pixel, center.z());
   const Eigen::Vector3d axis = view_.view_from_world * robot.axis;
   const auto reach = [&](double along) {
-    return std::hypot(robot.semi_axis * along, robot.semi_radius * std::sqrt(std::max(1 - along * along, 0.0)));
+    return std::hypot(robot.semi_axis * along,
+                      robot.semi_radius * std::sqrt(std::max(1 - along * along, 0.0)));
   };
-  cv::Rect window = window_of(centre, {reach(axis.x()), reach(axis.y())}, *pixel, defocus);
+  cv::Rect window = window_of(center, {reach(axis.x()), reach(axis.y())}, *pixel, defocus);
   int smears = 1;
   if (const auto last = view_.pixel_of(view_.point_in_view(body.end.position)); last) {
     const Eigen::Vector2d gone = *last - *pixel;
-    const double turned = (body.end.axis - robot.axis).norm() * robot.semi_axis / scale_at(*pixel, centre.z());
+    const double turned =
+        (body.end.axis - robot.axis).norm() * robot.semi_axis / scale_at(*pixel, center.z());
     smears = std::clamp(static_cast<int>(std::ceil(2 * (gone.norm() + turned))), 1, kMostSmears);
-    const cv::Point shift(static_cast<int>(std::lround(gone.x())), static_cast<int>(std::lround(gone.y())));
-    if (smears > 1) window = (window | (window + shift)) & cv::Rect(0, 0, view_.width, view_.height);
+    const cv::Point shift(static_cast<int>(std::lround(gone.x())),
+                          static_cast<int>(std::lround(gone.y())));
+    if (smears > 1)
+      window = (window | (window + shift)) & cv::Rect(0, 0, view_.width, view_.height);
   }
   if (window.empty()) return;
   cv::Mat coverage, light;
@@ -186,15 +209,18 @@ void Renderer::draw(const DrawnBody& body) {
   drawn_.push_back(window);
 }
 
-void Renderer::compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look, const cv::Rect& window) {
+void Renderer::compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look,
+                       const cv::Rect& window) {
   for (int v = 0; v < window.height; ++v) {
     const float* covered = coverage.ptr<float>(v);
     const float* lit = light.ptr<float>(v);
     const float* vignette = vignette_.ptr<float>(window.y + v) + window.x;
     std::uint16_t* mean = scene_.ptr<std::uint16_t>(window.y + v) + window.x;
     std::uint16_t* sigma = scene_sigma_.ptr<std::uint16_t>(window.y + v) + window.x;
-    const auto even = static_cast<float>(sensor_.brightness * 256 * factor(look.colour, window.x, window.y + v));
-    const auto odd = static_cast<float>(sensor_.brightness * 256 * factor(look.colour, window.x + 1, window.y + v));
+    const auto even =
+        static_cast<float>(sensor_.brightness * 256 * factor(look.color, window.x, window.y + v));
+    const auto odd = static_cast<float>(sensor_.brightness * 256 *
+                                        factor(look.color, window.x + 1, window.y + v));
     for (int u = 0; u < window.width; ++u) {
       const float full = (u & 1) == 0 ? even : odd;
       const float level = (1 - covered[u]) * mean[u] + full * lit[u] * vignette[u];
@@ -204,13 +230,15 @@ void Renderer::compose(const cv::Mat& coverage, const cv::Mat& light, const Body
   }
 }
 
-/// For each pixel of the window: how much of it the body covers, and the light from there (times the coverage).
-void Renderer::shade(const BodyState& body, const BodyLook& look, const cv::Rect& window, cv::Mat& coverage,
-                     cv::Mat& light) const {
+/// For each pixel of the window: how much of it the body covers, and the light from there (times
+/// the coverage).
+void Renderer::shade(const BodyState& body, const BodyLook& look, const cv::Rect& window,
+                     cv::Mat& coverage, cv::Mat& light) const {
   const Figure figure = figure_of(view_, body, look);
   const Eigen::Vector3d lamp = Eigen::Vector3d(0.25, 0.15, 1).normalized();
   const Eigen::Vector3d half_way = (lamp + Eigen::Vector3d::UnitZ()).normalized();
-  cv::Mat distance(window.size(), CV_32F);  // of the pixel's line from the figure's middle, 1 at the rim
+  cv::Mat distance(window.size(),
+                   CV_32F);  // of the pixel's line from the figure's middle, 1 at the rim
   coverage.create(window.size(), CV_32F);
   light.create(window.size(), CV_32F);
   for (int v = 0; v < window.height; ++v) {
@@ -223,7 +251,8 @@ void Renderer::shade(const BodyState& body, const BodyLook& look, const cv::Rect
       if (here.closest > kWellOutside) continue;
       const double shine = std::max(here.normal.dot(half_way), 0.0);
       double level = look.ambient + look.diffuse * std::max(here.normal.dot(lamp), 0.0);
-      if (look.specular > 0 && shine > 0.8) level += look.specular * std::pow(shine, look.shininess);
+      if (look.specular > 0 && shine > 0.8)
+        level += look.specular * std::pow(shine, look.shininess);
       if (look.dot_pitch > 0) {
         const double x = here.place.dot(figure.side) / look.dot_pitch,
                      y = here.place.dot(figure.across) / look.dot_pitch;
@@ -239,7 +268,8 @@ void Renderer::shade(const BodyState& body, const BodyLook& look, const cv::Rect
     const bool between_rows = v > 0 && v + 1 < window.height;
     for (int u = 0; u < window.width; ++u) {
       const bool between = u > 0 && u + 1 < window.width;
-      const float du = steepness(row[std::max(u - 1, 0)], row[u], row[std::min(u + 1, window.width - 1)], between);
+      const float du = steepness(row[std::max(u - 1, 0)], row[u],
+                                 row[std::min(u + 1, window.width - 1)], between);
       const float dv = steepness(above[u], row[u], below[u], between_rows);
       // the rim's distance in pixels, by the slope: a straight edge's share of the pixel
       const float slope = std::max(std::hypot(du, dv), 1e-6F);
@@ -255,7 +285,8 @@ cv::Mat Renderer::add_noise(std::uint64_t frame) const {
   for (int v = 0; v < view_.height; ++v) {
     const std::uint16_t* mean = scene_.ptr<std::uint16_t>(v);
     const std::uint16_t* sigma = scene_sigma_.ptr<std::uint16_t>(v);
-    const std::int16_t* normal = normal_.data() + mix(seed_, frame, static_cast<std::uint64_t>(v)) % kNormalSamples;
+    const std::int16_t* normal =
+        normal_.data() + mix(seed_, frame, static_cast<std::uint64_t>(v)) % kNormalSamples;
     std::uint8_t* out = image.ptr<std::uint8_t>(v);
     for (int u = 0; u < view_.width; ++u) {
       const int value = mean[u] + ((sigma[u] * normal[u]) >> 10) + 128;
@@ -271,11 +302,11 @@ Eigen::Vector2d at_depth(const optics::Ray& ray, double z) {
   return (ray.origin + (z - ray.origin.z()) / ray.direction.z() * ray.direction).head<2>();
 }
 
-/// Half the distance, at depth z, of the two rays that meet in the focus plane's point of the chief ray `in_air` and
-/// cross the aperture on opposite sides; of the largest part of it that the eye's rims let through. Half the difference
-/// is free of coma, which moves both alike.
-std::optional<double> half_spread(const optics::System& eye, const optics::Ray& in_air, double plane, double z,
-                                  const Eigen::Vector3d& rim) {
+/// Half the distance, at depth z, of the two rays that meet in the focus plane's point of the chief
+/// ray `in_air` and cross the aperture on opposite sides; of the largest part of it that the eye's
+/// rims let through. Half the difference is free of coma, which moves both alike.
+std::optional<double> half_spread(const optics::System& eye, const optics::Ray& in_air,
+                                  double plane, double z, const Eigen::Vector3d& rim) {
   for (const double part : {1.0, 0.75, 0.5, 0.25}) {
     std::array<std::optional<Eigen::Vector2d>, 2> there;
     for (const int side : {0, 1}) {
@@ -303,12 +334,13 @@ Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microsc
     const optics::Ray in_air = optics::chief_ray_in_air(eye, microscope, m);
     double sum = 0;
     for (int direction = 0; direction < 2; ++direction) {
-      const auto beside = optics::isopixel_line(eye, microscope, m + span * Eigen::Vector2d::Unit(direction));
-      const auto spread =
-          half_spread(eye, in_air, plane, z, microscope.numerical_aperture * Eigen::Vector3d::Unit(direction));
+      const auto beside =
+          optics::isopixel_line(eye, microscope, m + span * Eigen::Vector2d::Unit(direction));
+      const auto spread = half_spread(
+          eye, in_air, plane, z, microscope.numerical_aperture * Eigen::Vector3d::Unit(direction));
       if (!beside || !spread) return 0.0;
-      const double per_metre = (at_depth(*beside, z) - at_depth(*chief, z)).norm() / span;
-      sum += std::pow(*spread / per_metre / microscope.numerical_aperture, 2);
+      const double per_meter = (at_depth(*beside, z) - at_depth(*chief, z)).norm() / span;
+      sum += std::pow(*spread / per_meter / microscope.numerical_aperture, 2);
     }
     return std::sqrt(sum / 2);
   };
@@ -316,18 +348,21 @@ Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microsc
 
 cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
   cv::Mat ground(view.height, view.width, CV_32F);
-  const Eigen::Vector3d centre(0, 0, radius);
+  const Eigen::Vector3d center(0, 0, radius);
   for (int v = 0; v < view.height; ++v) {
     for (int u = 0; u < view.width; ++u) {
       const PixelLine& line = view.at(u, v);
-      const Eigen::Vector3d o = Eigen::Vector3d(line.x, line.y, 0) - centre, d(line.dx, line.dy, 1);
-      const double dd = d.squaredNorm(), od = o.dot(d), root = od * od - dd * (o.squaredNorm() - radius * radius);
+      const Eigen::Vector3d o = Eigen::Vector3d(line.x, line.y, 0) - center, d(line.dx, line.dy, 1);
+      const double dd = d.squaredNorm(), od = o.dot(d),
+                   root = od * od - dd * (o.squaredNorm() - radius * radius);
       if (!(root >= 0)) {
         ground.at<float>(v, u) = 0;
         continue;
       }
-      const Eigen::Vector3d outward = o + (-od - std::sqrt(root)) / dd * d;  // the far side: the retina, not the lens
-      const double across = std::hypot(outward.x(), outward.y()), angle = std::atan2(across, -outward.z());
+      const Eigen::Vector3d outward =
+          o + (-od - std::sqrt(root)) / dd * d;  // the far side: the retina, not the lens
+      const double across = std::hypot(outward.x(), outward.y()),
+                   angle = std::atan2(across, -outward.z());
       const double stretch = across > 1e-9 ? radius * angle / across : 1;
       ground.at<float>(v, u) = fundus.reflectance(stretch * outward.x(), stretch * outward.y());
     }

@@ -1,5 +1,5 @@
-// Draws what a simulated camera sees: the bodies by their pixel lines over a ground that is drawn once, the nearer over
-// the farther, then blur and noise.
+// Draws what a simulated camera sees: the bodies by their pixel lines over a ground that is drawn
+// once, the nearer over the farther, then blur and noise.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,26 +17,26 @@
 
 namespace vitreo::sim {
 
-/// Grey, or red, green and blue filters in the order of Bayer (RG over GB), demosaiced.
-enum class SensorColour { grey, bayer };
+/// Gray, or red, green and blue filters in the order of Bayer (RG over GB), demosaiced.
+enum class SensorColor { gray, bayer };
 
 /// An 8-bit sensor: its noise is that of the counted electrons and of the read-out.
 struct Sensor {
-  SensorColour colour = SensorColour::grey;
-  std::array<double, 3> ground_tint{1, 1, 1};  // what the ground's grey is in red, green, blue
-  double full_well = 20000;                    // electrons at grey level 255
+  SensorColor color = SensorColor::gray;
+  std::array<double, 3> ground_tint{1, 1, 1};  // what the ground's gray is in red, green, blue
+  double full_well = 20000;                    // electrons at gray level 255
   double read_noise = 15;                      // electrons, standard deviation
-  double brightness = 255;                     // grey level of reflectance 1 in the middle of the image
-  double vignette = 0.3;                       // part of the light that is missing in the corners
-  void check() const;                          // throws std::invalid_argument naming the parameter
+  double brightness = 255;  // gray level of reflectance 1 in the middle of the image
+  double vignette = 0.3;    // part of the light that is missing in the corners
+  void check() const;       // throws std::invalid_argument naming the parameter
 };
 
 /// How a body's surface reflects light that comes with the observer's view, a little from one side.
 struct BodyLook {
   double ambient = 0.06, diffuse = 0.16, specular = 0.35, shininess = 30;
-  std::array<double, 3> colour{1, 1, 1};  // red, green, blue; of all that it reflects
-  /// As the thesis' soft robots are: two elliptical plates that cross along the axis, in the planes of the body's side
-  /// and across it. 0: the whole spheroid.
+  std::array<double, 3> color{1, 1, 1};  // red, green, blue; of all that it reflects
+  /// As the thesis' soft robots are: two elliptical plates that cross along the axis, in the planes
+  /// of the body's side and across it. 0: the whole spheroid.
   double plate_thickness = 0;  // m
   double dot_pitch = 0;        // m: dark dots on a grid across the axis; 0: none
 };
@@ -49,28 +49,31 @@ struct DrawnBody {
 
 class Renderer {
  public:
-  /// The robot's and the ground's defocus: in m of the plane that the camera looks at, for a pixel and a depth in the
-  /// view.
+  /// The robot's and the ground's defocus: in m of the plane that the camera looks at, for a pixel
+  /// and a depth in the view.
   using DefocusOf = std::function<double(const Eigen::Vector2d& pixel, double z_in_view)>;
 
-  /// `ground`: sharp reflectance of the empty scene, CV_32F, of the view's size; `ground_defocus` in m.
-  Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground, double ground_defocus,
-           const Sensor& sensor, const BodyLook& look, std::uint64_t seed);
+  /// `ground`: sharp reflectance of the empty scene, CV_32F, of the view's size; `ground_defocus`
+  /// in m.
+  Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground,
+           double ground_defocus, const Sensor& sensor, const BodyLook& look, std::uint64_t seed);
   /// The image number `frame` with the robot there, or without. Same arguments, same image.
   cv::Mat render(const BodyState* robot, std::uint64_t frame);
-  /// With any bodies, smeared by how far they go; CV_8UC1, or CV_8UC3 (blue, green, red) of a colour sensor.
+  /// With any bodies, smeared by how far they go; CV_8UC1, or CV_8UC3 (blue, green, red) of a color
+  /// sensor.
   cv::Mat render(const std::vector<DrawnBody>& bodies, std::uint64_t frame);
   const View& view() const { return view_; }
 
  private:
-  cv::Rect window_of(const Eigen::Vector3d& centre, const Eigen::Vector2d& extent, const Eigen::Vector2d& pixel,
-                     double defocus);
+  cv::Rect window_of(const Eigen::Vector3d& center, const Eigen::Vector2d& extent,
+                     const Eigen::Vector2d& pixel, double defocus);
   double scale_at(const Eigen::Vector2d& pixel, double z) const;
   void draw(const DrawnBody& body);
   void shade(const BodyState& body, const BodyLook& look, const cv::Rect& window, cv::Mat& coverage,
              cv::Mat& light) const;
-  void compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look, const cv::Rect& window);
-  double factor(const std::array<double, 3>& colour, int u, int v) const;
+  void compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look,
+               const cv::Rect& window);
+  double factor(const std::array<double, 3>& color, int u, int v) const;
   void restore_ground();
   cv::Mat add_noise(std::uint64_t frame) const;
 
@@ -80,23 +83,23 @@ class Renderer {
   Sensor sensor_;
   BodyLook look_;
   std::uint64_t seed_;
-  cv::Mat vignette_;                           // CV_32F, 1 in the middle
-  cv::Mat ground_, scene_;                     // CV_16U: mean grey level * 256, empty and with the robot
-  cv::Mat ground_sigma_, scene_sigma_;         // CV_16U: noise * 256
-  std::vector<cv::Rect> drawn_;                // where scene_ differs from ground_
-  std::vector<std::uint16_t> sigma_of_level_;  // noise * 256 at each grey level
+  cv::Mat vignette_;                    // CV_32F, 1 in the middle
+  cv::Mat ground_, scene_;              // CV_16U: mean gray level * 256, empty and with the robot
+  cv::Mat ground_sigma_, scene_sigma_;  // CV_16U: noise * 256
+  std::vector<cv::Rect> drawn_;         // where scene_ differs from ground_
+  std::vector<std::uint16_t> sigma_of_level_;  // noise * 256 at each gray level
   std::vector<std::int16_t> normal_;           // standard normal samples * 1024
 };
 
-/// The defocus of a point at depth z (m, eye frame) seen by pixel `pixel`: marginal rays of the microscope's aperture
-/// are traced in, and their spread at the depth is measured against the pixel's own scale there; root mean square of
-/// tangential and sagittal, least midway between their foci. Where rims of the eye cut the aperture, of what they
-/// leave.
+/// The defocus of a point at depth z (m, eye frame) seen by pixel `pixel`: marginal rays of the
+/// microscope's aperture are traced in, and their spread at the depth is measured against the
+/// pixel's own scale there; root mean square of tangential and sagittal, least midway between their
+/// foci. Where rims of the eye cut the aperture, of what they leave.
 Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microscope& microscope,
                                 const optics::ImageScale& scale);
 
-/// The retina as each pixel's line meets it: a sphere of `radius` with its vertex at the view's origin, painted with
-/// `fundus`.
+/// The retina as each pixel's line meets it: a sphere of `radius` with its vertex at the view's
+/// origin, painted with `fundus`.
 cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius);
 
 }  // namespace vitreo::sim

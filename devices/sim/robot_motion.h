@@ -11,30 +11,34 @@
 
 namespace vitreo::sim {
 
-/// Inertia is left out: mass over drag is 0.5 ms at most in oil of 500 cSt (facts/magnetics 3.1), half a step.
+/// Inertia is left out: mass over drag is 0.5 ms at most in oil of 500 cSt (facts/magnetics 3.1),
+/// half a step.
 class RobotMotion {
  public:
-  /// In a gel when there is one, otherwise in the fluid. Throws std::invalid_argument naming a parameter.
-  RobotMotion(const control::Robot& robot, const control::Medium& fluid, const std::optional<control::Gel>& gel,
-              double moment_gain);
+  /// In a gel when there is one, otherwise in the fluid. Throws std::invalid_argument naming a
+  /// parameter.
+  RobotMotion(const control::Robot& robot, const control::Medium& fluid,
+              const std::optional<control::Gel>& gel, double moment_gain);
   struct Step {
     Eigen::Vector3d moved, turned;  // m, rad
   };
-  /// Moves and turns `body` by one step of `span` s in the field given (at the body's place; T, T/m). `push`: N, on top
-  /// of field and weight. Turning: torque m x B against Perrin's rotational drag, the axis' way to the field taken
-  /// exactly for a torque that falls with the angle (implicitly in a gel), so that no step overshoots. Where the field
-  /// wants it turned by just 180 degrees (a soft robot: 90), it is a ten-thousandth of a radian off: nothing real
-  /// balances. Drifting: Perrin's drag with Faxen's factors for the retina and the lens when `cavity` is given; walls
-  /// do not stiffen a gel.
-  Step step(BodyState& body, const control::FieldGradient& field, const Eigen::Vector3d& push, const Cavity* cavity,
-            double span);
+  /// Moves and turns `body` by one step of `span` s in the field given (at the body's place; T,
+  /// T/m). `push`: N, on top of field and weight. Turning: torque m x B against Perrin's rotational
+  /// drag, the axis' way to the field taken exactly for a torque that falls with the angle
+  /// (implicitly in a gel), so that no step overshoots. Where the field wants it turned by just 180
+  /// degrees (a soft robot: 90), it is a ten-thousandth of a radian off: nothing real balances.
+  /// Drifting: Perrin's drag with Faxen's factors for the retina and the lens when `cavity` is
+  /// given; walls do not stiffen a gel.
+  Step step(BodyState& body, const control::FieldGradient& field, const Eigen::Vector3d& push,
+            const Cavity* cavity, double span);
   double net_weight() const { return net_weight_; }  // N, downwards
-  void relax();                                      ///< a newly inserted robot sits in an unstressed gel
+  void relax();  ///< a newly inserted robot sits in an unstressed gel
   const control::EmbeddedRobot* gel() const { return embedded_ ? &*embedded_ : nullptr; }
 
  private:
   Eigen::Vector3d moment(const BodyState& body, const Eigen::Vector3d& field) const;
-  Eigen::Vector3d velocity(const BodyState& body, const Eigen::Vector3d& force, const Cavity* cavity) const;
+  Eigen::Vector3d velocity(const BodyState& body, const Eigen::Vector3d& force,
+                           const Cavity* cavity) const;
 
   control::Robot robot_;
   double moment_gain_;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/simulated_camera.h"
 
-#include "devices/error.h"
-#include "devices/sim/hardware_draw.h"
+#include "devices/sim/hardware_sample.h"
 #include "devices/sim/spoiled_picture.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,8 @@
 namespace vitreo::sim {
 
 void CameraSettings::check() const {
-  if (!(frame_rate > 0 && frame_rate <= 10000)) throw std::invalid_argument("frame_rate must be in (0, 10000] Hz");
+  if (!(frame_rate > 0 && frame_rate <= 10000))
+    throw std::invalid_argument("frame_rate must be in (0, 10000] Hz");
   if (!(exposure >= 0 && exposure <= 0.1 && exposure <= 1 / frame_rate))
     throw std::invalid_argument("exposure must be in [0, 1 / frame_rate] s, and at most 0.1 s");
   if (!(latency >= exposure / 2 && latency < 0.4))
@@ -21,8 +22,8 @@ void CameraSettings::check() const {
   sensor.check();
 }
 
-SimulatedCamera::SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock, std::uint64_t seed,
-                                 Draw draw, const ImagingFaults& faults)
+SimulatedCamera::SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock,
+                                 std::uint64_t seed, Draw draw, const ImagingFaults& faults)
     : info_(std::move(info)),
       clock_(clock),
       draw_(std::move(draw)),
@@ -37,7 +38,8 @@ Time SimulatedCamera::arrival(std::int64_t number) const {
   if (!(jitter_ > 0)) return steady;
   std::mt19937_64 random(mix(seed_, static_cast<std::uint64_t>(number), 7));
   const double late = jitter_ * std::abs(std::normal_distribution<double>()(random));
-  const double most = std::min(0.9 * to_seconds(period_), 0.09);  // frames come in their order, and within the history
+  const double most = std::min(0.9 * to_seconds(period_),
+                               0.09);  // frames come in their order, and within the history
   return steady + from_seconds(std::min(late, most));
 }
 
@@ -78,10 +80,12 @@ Frame SimulatedCamera::grab(Time timeout) {
     last_ = number;
     if (!comes(number)) continue;
     const auto count = static_cast<std::uint64_t>(number);
-    if (!faults_.frozen || picture_.empty()) picture_ = spoiled(draw_(exposed, count), faults_.picture, exposed);
+    if (!faults_.frozen || picture_.empty())
+      picture_ = spoiled(draw_(exposed, count), faults_.picture, exposed);
     if (faults_.late > Time::zero()) wait_until(later(arrives, faults_.late));
     ++statistics_.delivered;
-    return {picture_, count, exposed + faults_.jump, std::max(arrives, later(arrives, faults_.late))};
+    return {picture_, count, exposed + faults_.jump,
+            std::max(arrives, later(arrives, faults_.late))};
   }
 }
 

@@ -1,9 +1,9 @@
-// A camera of the simulated laboratory: it exposes at a steady rate whether or not anybody looks; only a frame that is
-// pulled is rendered.
+// A camera of the simulated laboratory: it exposes at a steady rate whether or not anybody looks;
+// only a frame that is pulled is rendered.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/camera.h"
+#include "devices/roles/camera.h"
 #include "devices/sim/faults.h"
 #include "devices/sim/renderer.h"
 #include "devices/sim/view.h"
@@ -16,8 +16,10 @@ struct CameraSettings {
   ImageSize size;
   double frame_rate = 15;  // Hz
   double exposure = 5e-3;  // s: what moves meanwhile is smeared
-  double latency = 80e-3;  // s, from the middle of the exposure until the host has the frame, at least
-  double jitter = 0;       // s, that come on top: |N(0,1)| times this, below a frame's period; from the seed
+  double latency =
+      80e-3;  // s, from the middle of the exposure until the host has the frame, at least
+  double jitter =
+      0;  // s, that come on top: |N(0,1)| times this, below a frame's period; from the seed
   Sensor sensor;
   void check() const;  // throws std::invalid_argument naming the parameter
 };
@@ -26,8 +28,8 @@ class SimulatedCamera : public Camera {
  public:
   using Draw = std::function<cv::Mat(Time exposed, std::uint64_t number)>;
   /// `faults` outlives the camera.
-  SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock, std::uint64_t seed, Draw draw,
-                  const ImagingFaults& faults);
+  SimulatedCamera(CameraInfo info, const CameraSettings& settings, Clock& clock, std::uint64_t seed,
+                  Draw draw, const ImagingFaults& faults);
   const CameraInfo& info() const override { return info_; }
   Frame grab(Time timeout) override;
   CameraStatistics statistics() const override { return statistics_; }

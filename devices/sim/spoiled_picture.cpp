@@ -17,7 +17,8 @@ cv::Mat disc(int radius_px) {
   cv::Mat kernel(2 * radius_px + 1, 2 * radius_px + 1, CV_32F);
   for (int v = -radius_px; v <= radius_px; ++v)
     for (int u = -radius_px; u <= radius_px; ++u)
-      kernel.at<float>(v + radius_px, u + radius_px) = u * u + v * v <= radius_px * radius_px ? 1.F : 0.F;
+      kernel.at<float>(v + radius_px, u + radius_px) =
+          u * u + v * v <= radius_px * radius_px ? 1.F : 0.F;
   return kernel / cv::sum(kernel)[0];
 }
 
@@ -26,12 +27,15 @@ void draw_floater(cv::Mat& picture, int radius_px, double since) {
   const double way = picture.cols + 2.0 * radius_px, u = std::fmod(since * kSpeed, way) - radius_px;
   const double v = 0.5 * (picture.rows - 1);
   const cv::Rect box = cv::Rect(static_cast<int>(std::floor(u)) - radius_px - 1,
-                                static_cast<int>(std::floor(v)) - radius_px - 1, 2 * radius_px + 4, 2 * radius_px + 4) &
+                                static_cast<int>(std::floor(v)) - radius_px - 1, 2 * radius_px + 4,
+                                2 * radius_px + 4) &
                        cv::Rect(0, 0, picture.cols, picture.rows);
   for (int y = box.y; y < box.br().y; ++y)
     for (int x = box.x; x < box.br().x; ++x) {
-      const double inside = std::clamp(radius_px + 0.5 - std::hypot(x - u, y - v), 0.0, 1.0);  // with a soft edge
-      auto* const pixel = picture.ptr<unsigned char>(y) + static_cast<std::ptrdiff_t>(x) * picture.channels();
+      const double inside =
+          std::clamp(radius_px + 0.5 - std::hypot(x - u, y - v), 0.0, 1.0);  // with a soft edge
+      auto* const pixel =
+          picture.ptr<unsigned char>(y) + static_cast<std::ptrdiff_t>(x) * picture.channels();
       for (int c = 0; c < picture.channels(); ++c)
         pixel[c] = cv::saturate_cast<unsigned char>(pixel[c] * (1 - (1 - kDark) * inside));
     }
@@ -43,8 +47,10 @@ cv::Mat spoiled(const cv::Mat& picture, const PictureFaults& faults, Time expose
   if (faults.light == 1 && faults.blur_px == 0 && faults.floater_px == 0) return picture;
   cv::Mat worse = picture.clone();
   if (faults.floater_px > 0)
-    draw_floater(worse, faults.floater_px, std::max(0.0, to_seconds(exposed - faults.floater_since)));
-  if (faults.blur_px > 0) cv::filter2D(worse, worse, -1, disc(faults.blur_px), {-1, -1}, 0, cv::BORDER_REPLICATE);
+    draw_floater(worse, faults.floater_px,
+                 std::max(0.0, to_seconds(exposed - faults.floater_since)));
+  if (faults.blur_px > 0)
+    cv::filter2D(worse, worse, -1, disc(faults.blur_px), {-1, -1}, 0, cv::BORDER_REPLICATE);
   if (faults.light != 1) worse.convertTo(worse, -1, faults.light);
   return worse;
 }

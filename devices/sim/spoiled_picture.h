@@ -8,8 +8,9 @@
 
 namespace vitreo::sim {
 
-/// Of an 8-bit picture exposed at `exposed`, grey or colour: `picture` itself where nothing is wrong with it, else a
-/// new one. The noise is taken as it is, so it is blurred, amplified and dimmed with the rest.
+/// Of an 8-bit picture exposed at `exposed`, gray or color: `picture` itself where nothing is wrong
+/// with it, else a new one. The noise is taken as it is, so it is blurred, amplified and dimmed
+/// with the rest.
 cv::Mat spoiled(const cv::Mat& picture, const PictureFaults& faults, Time exposed);
 
 }  // namespace vitreo::sim

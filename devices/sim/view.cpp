@@ -16,7 +16,8 @@ namespace {
 using Line = Eigen::Vector4d;  // x, y, dx, dy
 const double kNan = std::nan("");
 
-Line traced_line(const optics::System& eye, const optics::Microscope& microscope, const Eigen::Vector2d& m) {
+Line traced_line(const optics::System& eye, const optics::Microscope& microscope,
+                 const Eigen::Vector2d& m) {
   const auto ray = optics::isopixel_line(eye, microscope, m);
   if (!ray) return Line::Constant(kNan);
   const Eigen::Vector3d d = ray->direction / ray->direction.z();
@@ -24,32 +25,37 @@ Line traced_line(const optics::System& eye, const optics::Microscope& microscope
   return {foot.x(), foot.y(), d.x(), d.y()};
 }
 
-/// Weights of the four neighbours in cubic Lagrange interpolation at t in [0, 1] between the second and the third.
+/// Weights of the four neighbors in cubic Lagrange interpolation at t in [0, 1] between the second
+/// and the third.
 std::array<double, 4> cubic_weights(double t) {
   return {-t * (t - 1) * (t - 2) / 6, (t + 1) * (t - 1) * (t - 2) / 2, -(t + 1) * t * (t - 2) / 2,
           (t + 1) * t * (t - 1) / 6};
 }
 
-/// Traced lines on a grid that reaches two nodes beyond the image, so that every pixel has its 4x4 neighbours.
+/// Traced lines on a grid that reaches two nodes beyond the image, so that every pixel has its 4x4
+/// neighbors.
 struct Grid {
   int step, columns, rows;
   std::vector<Line> nodes;
-  const Line& node(int column, int row) const { return nodes[static_cast<std::size_t>(row) * columns + column]; }
+  const Line& node(int column, int row) const {
+    return nodes[static_cast<std::size_t>(row) * columns + column];
+  }
 };
 
-Grid trace_grid(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
-                const ImageSize& size, int step, const Eigen::Matrix2d& turned) {
+Grid trace_grid(const optics::System& eye, const optics::Microscope& microscope,
+                const optics::ImageScale& scale, const ImageSize& size, int step,
+                const Eigen::Matrix2d& turned) {
   Grid grid{step, (size.width + step - 1) / step + 4, (size.height + step - 1) / step + 4, {}};
   grid.nodes.reserve(static_cast<std::size_t>(grid.columns) * grid.rows);
   for (int row = 0; row < grid.rows; ++row)
     for (int column = 0; column < grid.columns; ++column)
-      grid.nodes.push_back(
-          traced_line(eye, microscope, turned * scale.m_from_pixel({(column - 1) * step, (row - 1) * step})));
+      grid.nodes.push_back(traced_line(
+          eye, microscope, turned * scale.m_from_pixel({(column - 1) * step, (row - 1) * step})));
   return grid;
 }
 
-Line interpolate(const Grid& grid, const std::array<double, 4>& wx, int column, const std::array<double, 4>& wy,
-                 int row) {
+Line interpolate(const Grid& grid, const std::array<double, 4>& wx, int column,
+                 const std::array<double, 4>& wy, int row) {
   Line sum = Line::Zero();
   for (int j = 0; j < 4; ++j)
     for (int i = 0; i < 4; ++i) sum += wy[j] * wx[i] * grid.node(column + i, row + j);
@@ -64,7 +70,8 @@ PixelLine to_float(const Line& line) {
 }  // namespace
 
 std::optional<Eigen::Vector2d> View::pixel_of(const Eigen::Vector3d& point) const {
-  // Newton on the line's distance at the point's depth, from the image's centre; the map is smooth and nearly linear.
+  // Newton on the line's distance at the point's depth, from the image's center; the map is smooth
+  // and nearly linear.
   Eigen::Vector2d pixel(width / 2.0, height / 2.0);
   const double z = point.z();
   const auto place = [&](int u, int v) {
@@ -90,9 +97,11 @@ std::optional<Eigen::Vector2d> View::pixel_of(const Eigen::Vector3d& point) cons
   return std::nullopt;
 }
 
-View eye_view(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
-              const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step, double turn) {
-  if (size.width < 32 || size.height < 32) throw std::invalid_argument("size: an image of at least 32x32 is wanted");
+View eye_view(const optics::System& eye, const optics::Microscope& microscope,
+              const optics::ImageScale& scale, const ImageSize& size,
+              const Eigen::Vector3d& eye_in_world, int grid_step, double turn) {
+  if (size.width < 32 || size.height < 32)
+    throw std::invalid_argument("size: an image of at least 32x32 is wanted");
   if (grid_step < 1) throw std::invalid_argument("grid_step must be at least 1");
   eye.check();
   microscope.check();
@@ -105,12 +114,16 @@ View eye_view(const optics::System& eye, const optics::Microscope& microscope, c
   view.origin_in_world = eye_in_world;
   view.lines.reserve(static_cast<std::size_t>(size.width) * size.height);
   std::vector<std::array<double, 4>> weights;
-  for (int i = 0; i < grid_step; ++i) weights.push_back(cubic_weights(static_cast<double>(i) / grid_step));
+  for (int i = 0; i < grid_step; ++i)
+    weights.push_back(cubic_weights(static_cast<double>(i) / grid_step));
   for (int v = 0; v < size.height; ++v) {
     for (int u = 0; u < size.width; ++u) {
-      Line line = interpolate(grid, weights[u % grid_step], u / grid_step, weights[v % grid_step], v / grid_step);
-      // At the edge of what the optics let through, a neighbour on the grid is lost: trace these pixels themselves.
-      if (!line.allFinite()) line = traced_line(eye, microscope, turned * scale.m_from_pixel({u, v}));
+      Line line = interpolate(grid, weights[u % grid_step], u / grid_step, weights[v % grid_step],
+                              v / grid_step);
+      // At the edge of what the optics let through, a neighbor on the grid is lost: trace these
+      // pixels themselves.
+      if (!line.allFinite())
+        line = traced_line(eye, microscope, turned * scale.m_from_pixel({u, v}));
       view.lines.push_back(to_float(line));
     }
   }
@@ -119,8 +132,8 @@ View eye_view(const optics::System& eye, const optics::Microscope& microscope, c
 
 namespace {
 
-/// Where the stop's middle seems to lie for who looks from the vitreous, first order: m before surface 2's vertex plane
-/// (towards the observer). Without a stop that plane itself.
+/// Where the stop's middle seems to lie for who looks from the vitreous, first order: m before
+/// surface 2's vertex plane (towards the observer). Without a stop that plane itself.
 double apparent_stop(const optics::System& eye) {
   double distance = 0;  // m behind the surface that is next, in the medium there
   if (!eye.stop) return 0;
@@ -138,47 +151,53 @@ optics::Microscope bare_sensor(const optics::System& eye, double focus, double n
   optics::Microscope sensor;
   sensor.focus = focus;
   sensor.numerical_aperture = numerical_aperture;
-  // Where a ray near the axis crosses the apparent stop is linear in its slope 1/d behind the eye: two rays tell the d
-  // for which it crosses on the axis.
+  // Where a ray near the axis crosses the apparent stop is linear in its slope 1/d behind the eye:
+  // two rays tell the d for which it crosses on the axis.
   const double stop = apparent_stop(eye);
   constexpr double kNear = 10e-6;  // m off the axis
-  const auto crossing = [&](double per_metre) {
-    sensor.pupil_distance = per_metre == 0 ? std::numeric_limits<double>::infinity() : 1 / per_metre;
+  const auto crossing = [&](double per_meter) {
+    sensor.pupil_distance =
+        per_meter == 0 ? std::numeric_limits<double>::infinity() : 1 / per_meter;
     const auto ray = optics::isopixel_line(eye, sensor, {kNear, 0});
     if (!ray) throw std::invalid_argument("bare_sensor: no light reaches the sensor on the axis");
     return ray->origin.x() + stop * ray->direction.x() / ray->direction.z();
   };
   constexpr double kTrial = -1.0;  // 1/m
   const double straight = crossing(0), tried = crossing(kTrial);
-  if (!(std::abs(tried - straight) > 0)) throw std::invalid_argument("bare_sensor: the eye has no pupil behind it");
-  const double per_metre = kTrial * straight / (straight - tried);
-  if (per_metre == 0)
-    throw std::invalid_argument("bare_sensor: the sensor lies where the pupil's image is at infinity");
-  sensor.pupil_distance = 1 / per_metre;
+  if (!(std::abs(tried - straight) > 0))
+    throw std::invalid_argument("bare_sensor: the eye has no pupil behind it");
+  const double per_meter = kTrial * straight / (straight - tried);
+  if (per_meter == 0)
+    throw std::invalid_argument(
+        "bare_sensor: the sensor lies where the pupil's image is at infinity");
+  sensor.pupil_distance = 1 / per_meter;
   return sensor;
 }
 
-View plain_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size) {
+View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size) {
   if (!(pixel > 0)) throw std::invalid_argument("pixel must be above zero");
   View view;
   view.width = size.width;
   view.height = size.height;
   for (int v = 0; v < size.height; ++v)
     for (int u = 0; u < size.width; ++u)
-      view.lines.push_back(to_float({(u - centre_px.x()) * pixel, (centre_px.y() - v) * pixel, 0, 0}));
+      view.lines.push_back(
+          to_float({(u - center_px.x()) * pixel, (center_px.y() - v) * pixel, 0, 0}));
   return view;
 }
 
-View side_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size) {
+View side_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size) {
   if (!(pixel > 0)) throw std::invalid_argument("pixel must be above zero");
   View view;
   view.width = size.width;
   view.height = size.height;
-  // The observer sits at -y and looks along +y: x right, z up, so the view's z is -y and its y is z.
+  // The observer sits at -y and looks along +y: x right, z up, so the view's z is -y and its y is
+  // z.
   view.view_from_world << 1, 0, 0, 0, 0, 1, 0, -1, 0;
   for (int v = 0; v < size.height; ++v)
     for (int u = 0; u < size.width; ++u)
-      view.lines.push_back(to_float({(u - centre_px.x()) * pixel, (centre_px.y() - v) * pixel, 0, 0}));
+      view.lines.push_back(
+          to_float({(u - center_px.x()) * pixel, (center_px.y() - v) * pixel, 0, 0}));
   return view;
 }
 

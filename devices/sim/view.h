@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "optics/observer.h"
-#include "optics/single_viewpoint.h"
+#include "optics/projection/single_viewpoint.h"
+#include "optics/rays/observer.h"
 
 #include <Eigen/Core>
 
@@ -12,12 +12,14 @@
 
 namespace vitreo::sim {
 
-/// A pixel's line in the view frame: it passes (x, y, 0) and goes along (dx, dy, 1). NaN where the pixel sees nothing.
+/// A pixel's line in the view frame: it passes (x, y, 0) and goes along (dx, dy, 1). NaN where the
+/// pixel sees nothing.
 struct PixelLine {
   float x, y, dx, dy;
 };
 
-/// The lines of all pixels, row by row. The view frame's z points out of the eye towards the observer.
+/// The lines of all pixels, row by row. The view frame's z points out of the eye towards the
+/// observer.
 struct View {
   int width = 0, height = 0;  // px
   std::vector<PixelLine> lines;
@@ -36,21 +38,24 @@ struct ImageSize {
   int width = 1384, height = 1036;  // px
 };
 
-/// Looks at the aerial image through a microscope: the isopixel lines, traced through the prescription. Traced on a
-/// grid of `grid_step` pixels and interpolated by cubics in between, which changes a line by less than 100 nm (tests
-/// hold it). `turn`: rad, of a camera that stands turned about the axis of its object plane.
-View eye_view(const optics::System& eye, const optics::Microscope& microscope, const optics::ImageScale& scale,
-              const ImageSize& size, const Eigen::Vector3d& eye_in_world, int grid_step = 16, double turn = 0);
+/// Looks at the aerial image through a microscope: the isopixel lines, traced through the
+/// prescription. Traced on a grid of `grid_step` pixels and interpolated by cubics in between,
+/// which changes a line by less than 100 nm (tests hold it). `turn`: rad, of a camera that stands
+/// turned about the axis of its object plane.
+View eye_view(const optics::System& eye, const optics::Microscope& microscope,
+              const optics::ImageScale& scale, const ImageSize& size,
+              const Eigen::Vector3d& eye_in_world, int grid_step = 16, double turn = 0);
 
-/// A bare sensor in the aerial image instead (thesis 4.1): nothing but the eye's own stop bounds the light (in the
-/// plane of surface 2 where the eye has none). Returns the microscope whose chief rays are the same: its pupil lies on
-/// the eye's side of the focus plane. `focus`: m, from the last vertex to the sensor.
+/// A bare sensor in the aerial image instead (thesis 4.1): nothing but the eye's own stop bounds
+/// the light (in the plane of surface 2 where the eye has none). Returns the microscope whose chief
+/// rays are the same: its pupil lies on the eye's side of the focus plane. `focus`: m, from the
+/// last vertex to the sensor.
 optics::Microscope bare_sensor(const optics::System& eye, double focus, double numerical_aperture);
 
 /// Looks down along -z without an eye, orthographic: u along world x, v against world y.
-View plain_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size);
+View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size);
 
 /// Looks from the side along +y, orthographic: u along world x, v against world z; `pixel` in m.
-View side_view(double pixel, const Eigen::Vector2d& centre_px, const ImageSize& size);
+View side_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size);
 
 }  // namespace vitreo::sim

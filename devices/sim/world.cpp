@@ -17,7 +17,8 @@ constexpr double kStepSeconds = 1e-3;
 constexpr std::int64_t kHistory = 1000;  // steps
 
 Eigen::Vector3d any_across(const Eigen::Vector3d& axis) {
-  const Eigen::Vector3d other = std::abs(axis.y()) < 0.9 ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d other =
+      std::abs(axis.y()) < 0.9 ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ();
   return (other - other.dot(axis) * axis).normalized();
 }
 
@@ -47,7 +48,8 @@ void WorldSettings::check() const {
   for (const BodySettings& body : bodies) {
     body.check();
     if (gel && !body.fixed)
-      throw std::invalid_argument("body '" + body.name + "': in a gel only fixed bodies are simulated");
+      throw std::invalid_argument("body '" + body.name +
+                                  "': in a gel only fixed bodies are simulated");
   }
 }
 
@@ -61,9 +63,12 @@ World::World(const WorldSettings& settings, std::uint64_t seed)
                 settings_.robot.semi_radius};
   for (const BodySettings& body : settings_.bodies) {
     const Eigen::Vector3d axis = body.axis.normalized();
-    now_.others.push_back({body.position, axis, body.semi_axis, body.semi_radius, any_across(axis)});
-    const SpheroidDrag drag = spheroid_drag(settings_.medium.dynamic_viscosity(), body.semi_axis, body.semi_radius);
-    const double weight = volume_of(body) * (body.density - settings_.medium.density) * control::kGravity;
+    now_.others.push_back(
+        {body.position, axis, body.semi_axis, body.semi_radius, any_across(axis)});
+    const SpheroidDrag drag =
+        spheroid_drag(settings_.medium.dynamic_viscosity(), body.semi_axis, body.semi_radius);
+    const double weight =
+        volume_of(body) * (body.density - settings_.medium.density) * control::kGravity;
     mobility_.push_back(body.fixed ? 0 : 3 / (drag.along + 2 * drag.across));
     sinking_.push_back(weight * mobility_.back());
   }
@@ -73,17 +78,22 @@ World::World(const WorldSettings& settings, std::uint64_t seed)
   history_.assign(kHistory, now_);
 }
 
-void World::set_coil_commands(Time time, const control::Currents& commands) { coils_.command(time, commands); }
+void World::set_coil_commands(Time time, const control::Currents& commands) {
+  coils_.command(time, commands);
+}
 
 void World::insert_robot(Time time, const Eigen::Vector3d& near) {
   advance_to(time);
   const double scatter = settings_.placement_scatter;
-  const double x = normal_(random_), y = normal_(random_), z = normal_(random_);  // one statement each: a fixed order
+  const double x = normal_(random_), y = normal_(random_),
+               z = normal_(random_);  // one statement each: a fixed order
   now_.robot.position = near + scatter * Eigen::Vector3d(x, y, z);
-  now_.robot.side = Eigen::AngleAxisd(settings_.roll, now_.robot.axis) * any_across(now_.robot.axis);
+  now_.robot.side =
+      Eigen::AngleAxisd(settings_.roll, now_.robot.axis) * any_across(now_.robot.axis);
   before_ = now_;
   motion_.relax();
-  keep_inside(settings_.cavity, Shape::spheroid, 0, now_.robot.position, Eigen::Vector3d::Zero(), now_.robot);
+  keep_inside(settings_.cavity, Shape::spheroid, 0, now_.robot.position, Eigen::Vector3d::Zero(),
+              now_.robot);
   now_.present = true;
   remember();
 }
@@ -105,7 +115,8 @@ void World::remember() { history_[static_cast<std::size_t>(steps_ % kHistory)] =
 std::pair<const World::Moment*, const World::Moment*> World::moments_about(Time time) {
   advance_to(time);
   const std::int64_t step = std::min(std::max<std::int64_t>(time / kStep, 0), steps_);
-  if (steps_ - step >= kHistory) throw std::out_of_range("the simulated world keeps only the last second");
+  if (steps_ - step >= kHistory)
+    throw std::out_of_range("the simulated world keeps only the last second");
   const Moment* at = &history_[static_cast<std::size_t>(step % kHistory)];
   return {at, step < steps_ ? &history_[static_cast<std::size_t>((step + 1) % kHistory)] : nullptr};
 }
@@ -113,8 +124,10 @@ std::pair<const World::Moment*, const World::Moment*> World::moments_about(Time 
 const BodyState* World::robot(Time time) {
   const auto [at, next] = moments_about(time);
   if (!at->present) return nullptr;
-  const double part = static_cast<double>((time % kStep).count()) / static_cast<double>(kStep.count());
-  answer_ = next != nullptr && next->present && part > 0 ? between(at->robot, next->robot, part) : at->robot;
+  const double part =
+      static_cast<double>((time % kStep).count()) / static_cast<double>(kStep.count());
+  answer_ = next != nullptr && next->present && part > 0 ? between(at->robot, next->robot, part)
+                                                         : at->robot;
   return &answer_;
 }
 
@@ -138,7 +151,8 @@ control::FieldGradient World::field(Time time, const Eigen::Vector3d& place) {
   return field_at(place, coils_.currents());
 }
 
-control::FieldGradient World::field_at(const Eigen::Vector3d& place, const control::Currents& currents) {
+control::FieldGradient World::field_at(const Eigen::Vector3d& place,
+                                       const control::Currents& currents) {
   const control::FieldModel& model = settings_.field;
   beyond_calibration_ = !model.valid_at(place);
   if (!beyond_calibration_) return model.matrix(place) * currents + model.background(place);
@@ -150,8 +164,8 @@ control::FieldGradient World::field_at(const Eigen::Vector3d& place, const contr
 }
 
 void World::advance_to(Time time) {
-  // It must not pass the present, where a command may still come: a command acts no earlier than the step that starts
-  // at or after it.
+  // It must not pass the present, where a command may still come: a command acts no earlier than
+  // the step that starts at or after it.
   while (Time(kStep * (steps_ + 1)) <= time) step();
 }
 
@@ -183,13 +197,16 @@ void World::move_others() {
   }
 }
 
-/// Bodies that overlap are moved apart, each by its mobility; Coulomb's friction between them takes their sliding.
+/// Bodies that overlap are moved apart, each by its mobility; Coulomb's friction between them takes
+/// their sliding.
 void World::push_apart() {
   const double robots_mobility =
-      1 / spheroid_drag(settings_.medium.dynamic_viscosity(), settings_.robot.semi_axis, settings_.robot.semi_radius)
+      1 / spheroid_drag(settings_.medium.dynamic_viscosity(), settings_.robot.semi_axis,
+                        settings_.robot.semi_radius)
               .across;
-  const auto separate = [this](Shape shape_a, BodyState& a, const BodyState& a_before, double mobility_a, Shape shape_b,
-                               BodyState& b, const BodyState& b_before, double mobility_b) {
+  const auto separate = [this](Shape shape_a, BodyState& a, const BodyState& a_before,
+                               double mobility_a, Shape shape_b, BodyState& b,
+                               const BodyState& b_before, double mobility_b) {
     if (!(mobility_a + mobility_b > 0)) return;
     const Overlap contact = overlap(shape_a, a, shape_b, b);
     if (!(contact.depth > 0)) return;
@@ -200,31 +217,33 @@ void World::push_apart() {
     sliding -= sliding.dot(contact.normal) * contact.normal;
     const double slid = sliding.norm();
     if (!(slid > 0)) return;
-    const Eigen::Vector3d taken = sliding * std::min(1.0, settings_.friction * contact.depth / slid);
+    const Eigen::Vector3d taken =
+        sliding * std::min(1.0, settings_.friction * contact.depth / slid);
     a.position -= part * taken;
     b.position += (1 - part) * taken;
   };
   for (std::size_t k = 0; k < now_.others.size(); ++k) {
     const Shape shape = settings_.bodies[k].shape;
     if (now_.present)
-      separate(Shape::spheroid, now_.robot, before_.robot, robots_mobility, shape, now_.others[k], before_.others[k],
-               mobility_[k]);
+      separate(Shape::spheroid, now_.robot, before_.robot, robots_mobility, shape, now_.others[k],
+               before_.others[k], mobility_[k]);
     for (std::size_t j = k + 1; j < now_.others.size(); ++j)
-      separate(shape, now_.others[k], before_.others[k], mobility_[k], settings_.bodies[j].shape, now_.others[j],
-               before_.others[j], mobility_[j]);
+      separate(shape, now_.others[k], before_.others[k], mobility_[k], settings_.bodies[j].shape,
+               now_.others[j], before_.others[j], mobility_[j]);
   }
 }
 
 void World::keep_all_inside() {
   const Cavity& cavity = settings_.cavity;
   if (now_.present)
-    keep_inside(cavity, Shape::spheroid, settings_.friction, before_.robot.position, turned_, now_.robot);
+    keep_inside(cavity, Shape::spheroid, settings_.friction, before_.robot.position, turned_,
+                now_.robot);
   for (std::size_t k = 0; k < now_.others.size(); ++k) {
     const BodySettings& body = settings_.bodies[k];
     if (body.fixed) continue;
     BodyState& state = now_.others[k];
-    const bool touches =
-        keep_inside(cavity, body.shape, settings_.friction, before_.others[k].position, Eigen::Vector3d::Zero(), state);
+    const bool touches = keep_inside(cavity, body.shape, settings_.friction,
+                                     before_.others[k].position, Eigen::Vector3d::Zero(), state);
     if (!touches || body.shape != Shape::disc) continue;
     // A disc that lies on the retina lies flat: it settles a hundredth of the way each step.
     const Eigen::Vector3d up = cavity.retina(state.position).normal;

@@ -1,16 +1,16 @@
-// The plant of the simulated laboratory: coils that lag and warm, a robot that turns, drifts, sinks and touches, and
-// other bodies that it can push, in the fluid or gel of the eye. It integrates lazily, in steps of 1 ms, up to the
-// latest time that anybody has asked about. World frame, SI.
+// The plant of the simulated laboratory: coils that lag and warm, a robot that turns, drifts, sinks
+// and touches, and other bodies that it can push, in the fluid or gel of the eye. It integrates
+// lazily, in steps of 1 ms, up to the latest time that anybody has asked about. World frame, SI.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "control/field_model.h"
 #include "control/robots.h"
 #include "control/vitreous.h"
-#include "devices/clock.h"
 #include "devices/sim/body.h"
 #include "devices/sim/coil_bank.h"
 #include "devices/sim/robot_motion.h"
+#include "devices/time/clock.h"
 
 #include <Eigen/Core>
 
@@ -29,26 +29,30 @@ struct WorldSettings {
   std::optional<control::Gel> gel;  // in the medium's place
   CoilBankSettings coils;
   Cavity cavity;
-  bool wall_drag = true;                 // Faxen's factors near retina and lens
-  double friction = 0.3;                 // on the retina and the walls, and between bodies
-  double placement_scatter = 0.3e-3;     // m, of the hand that inserts the robot, per axis
-  double roll = 0;                       // rad, of the inserted robot's plates about its axis
-  Eigen::Vector3d flow{0, 0, 0};         // m/s: convection of the fluid, which carries the bodies
-  Eigen::Vector3d extra_force{0, 0, 0};  // N, on the robot: what is left of hand tuning, see Laboratory
-  std::vector<BodySettings> bodies;      // besides the robot
-  void check() const;                    // throws std::invalid_argument naming the parameter
+  bool wall_drag = true;              // Faxen's factors near retina and lens
+  double friction = 0.3;              // on the retina and the walls, and between bodies
+  double placement_scatter = 0.3e-3;  // m, of the hand that inserts the robot, per axis
+  double roll = 0;                    // rad, of the inserted robot's plates about its axis
+  Eigen::Vector3d flow{0, 0, 0};      // m/s: convection of the fluid, which carries the bodies
+  Eigen::Vector3d extra_force{0, 0,
+                              0};    // N, on the robot: what is left of hand tuning, see Laboratory
+  std::vector<BodySettings> bodies;  // besides the robot
+  void check() const;                // throws std::invalid_argument naming the parameter
 };
 
 class World {
  public:
   World(const WorldSettings& settings, std::uint64_t seed);
-  /// New set-points of the amplifiers, A; they act from `time` + delay on. Times must not run backwards.
+  /// New set-points of the amplifiers, A; they act from `time` + delay on. Times must not run
+  /// backwards.
   void set_coil_commands(Time time, const control::Currents& commands);
   void insert_robot(Time time, const Eigen::Vector3d& near);
   void remove_robot(Time time);
-  /// Puts a body (counted as in the settings, from 0) somewhere else. Throws std::out_of_range without such a body.
+  /// Puts a body (counted as in the settings, from 0) somewhere else. Throws std::out_of_range
+  /// without such a body.
   void place_body(Time time, std::size_t index, const Eigen::Vector3d& position);
-  /// Null when no robot is in the eye. Throws std::out_of_range for times before the history (1 s) that is kept.
+  /// Null when no robot is in the eye. Throws std::out_of_range for times before the history (1 s)
+  /// that is kept.
   const BodyState* robot(Time time);
   /// The other bodies, in the settings' order. Throws as robot().
   const std::vector<BodyState>& bodies(Time time);
@@ -57,8 +61,8 @@ class World {
   const control::Currents& coil_temperatures(Time time);
   /// T and T/m, of the coils at the currents that flow, and the background.
   control::FieldGradient field(Time time, const Eigen::Vector3d& place);
-  /// Whether the field was last asked for outside the region for which a calibration holds; there it goes on from the
-  /// nearest place inside with the gradient of that place.
+  /// Whether the field was last asked for outside the region for which a calibration holds; there
+  /// it goes on from the nearest place inside with the gradient of that place.
   bool beyond_calibration() const { return beyond_calibration_; }
   const WorldSettings& settings() const { return settings_; }
 

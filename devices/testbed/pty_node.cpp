@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/testbed/pty_node.h"
 
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <fcntl.h>
 #include <pty.h>
@@ -17,7 +17,8 @@ PtyNode::PtyNode() {
   cfmakeraw(&raw);
   raw.c_cflag |= CREAD | CLOCAL;
   if (openpty(&far_, &near_, name, &raw, nullptr) != 0)
-    throw DeviceError(DeviceErrorKind::refused, "testbed", "the system has no pseudo-terminal left");
+    throw DeviceError(DeviceErrorKind::refused, "testbed",
+                      "the system has no pseudo-terminal left");
   path_ = name;
   for (const int end : {near_, far_}) fcntl(end, F_SETFD, FD_CLOEXEC);
   fcntl(near_, F_SETFL, O_NONBLOCK);

@@ -1,6 +1,6 @@
-// A pseudo-terminal in the place of a device node, for what poll() sees: an emulated node is a plain file, which is
-// always ready, so a client would spin. Output that is held back (Ctrl-S, so to speak) makes it unwritable, a byte in
-// its queue readable, and a closed far end is a hang-up.
+// A pseudo-terminal in the place of a device node, for what poll() sees: an emulated node is a
+// plain file, which is always ready, so a client would spin. Output that is held back (Ctrl-S, so
+// to speak) makes it unwritable, a byte in its queue readable, and a closed far end is a hang-up.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -65,28 +65,34 @@ UsbPlace::UsbPlace(int number)
 
 HidPlace::HidPlace(const UsbPlace& usb, const UsbIdentity& identity)
     : interface_devpath(usb.devpath + "/" + usb.name + ":1.0"),
-      hid_devpath(interface_devpath + "/" + format("0003:%04X:%04X", identity.vendor, identity.product) +
+      hid_devpath(interface_devpath + "/" +
+                  format("0003:%04X:%04X", identity.vendor, identity.product) +
                   format(".%04X", usb.device)),
       raw_devpath(hid_devpath + "/hidraw/hidraw" + std::to_string(usb.device)),
       node("/dev/hidraw" + std::to_string(usb.device)) {}
 
-std::string describe_usb(const UsbPlace& place, const UsbIdentity& d, std::uint8_t interface_class) {
+std::string describe_usb(const UsbPlace& place, const UsbIdentity& d,
+                         std::uint8_t interface_class) {
   Bytes descriptors = device_descriptor(d);
   const Bytes configuration = configuration_descriptor(interface_class);
   descriptors.insert(descriptors.end(), configuration.begin(), configuration.end());
   const std::string device = std::to_string(place.device);
   return "P: " + place.devpath + "\nN: " + place.node.substr(5) +
          "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=" + place.node +
-         "\nE: BUSNUM=001\nE: DEVNUM=" + format("%03d", place.device) + "\nA: busnum=1\nA: devnum=" + device +
+         "\nE: BUSNUM=001\nE: DEVNUM=" + format("%03d", place.device) +
+         "\nA: busnum=1\nA: devnum=" + device +
          "\nA: speed=12\nA: bConfigurationValue=1\nA: idVendor=" + format("%04x", d.vendor) +
-         "\nA: idProduct=" + format("%04x", d.product) + "\nA: bcdDevice=" + format("%04x", d.release) +
-         "\nA: manufacturer=" + d.manufacturer + "\nA: product=" + d.name + "\nA: serial=" + d.serial +
+         "\nA: idProduct=" + format("%04x", d.product) +
+         "\nA: bcdDevice=" + format("%04x", d.release) + "\nA: manufacturer=" + d.manufacturer +
+         "\nA: product=" + d.name + "\nA: serial=" + d.serial +
          "\nH: descriptors=" + in_hex(descriptors) + "\n\n";
 }
 
-std::string describe_hid(const UsbPlace&, const HidPlace& hid, const UsbIdentity& d, const Bytes& report_descriptor) {
+std::string describe_hid(const UsbPlace&, const HidPlace& hid, const UsbIdentity& d,
+                         const Bytes& report_descriptor) {
   return "P: " + hid.interface_devpath +
-         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\nA: bInterfaceNumber=00\n\nP: " + hid.hid_devpath +
+         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\nA: bInterfaceNumber=00\n\nP: " +
+         hid.hid_devpath +
          "\nE: SUBSYSTEM=hid\nE: HID_ID=" + format("0003:%08X:%08X", d.vendor, d.product) +
          "\nE: HID_NAME=" + d.manufacturer + " " + d.name + "\nE: HID_UNIQ=" + d.serial +
          "\nH: report_descriptor=" + in_hex(report_descriptor) + "\n\nP: " + hid.raw_devpath +

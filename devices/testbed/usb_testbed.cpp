@@ -1,8 +1,9 @@
-// The testbed by umockdev. The only file that knows umockdev and the kernel's usbfs and hidraw from inside.
+// The testbed by umockdev. The only file that knows umockdev and the kernel's usbfs and hidraw from
+// inside.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/testbed/usb_testbed.h"
 
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #ifndef VITREO_HAVE_UMOCKDEV
 
@@ -51,11 +52,15 @@ gboolean done(UMockdevIoctlClient* client, long result, int error = 0) {
   return TRUE;
 }
 
-/// One device that is plugged in. Its handlers run on the testbed's thread, under the testbed's lock.
+/// One device that is plugged in. Its handlers run on the testbed's thread, under the testbed's
+/// lock.
 class Plugged {
  public:
   Plugged(std::mutex& mutex, std::string node, std::string sysfs)
-      : mutex_(mutex), node_(std::move(node)), sysfs_(std::move(sysfs)), handler_(umockdev_ioctl_base_new()) {
+      : mutex_(mutex),
+        node_(std::move(node)),
+        sysfs_(std::move(sysfs)),
+        handler_(umockdev_ioctl_base_new()) {
     g_signal_connect(handler_, "handle-ioctl", G_CALLBACK(on_ioctl), this);
     g_signal_connect(handler_, "handle-read", G_CALLBACK(on_read), this);
     g_signal_connect(handler_, "handle-write", G_CALLBACK(on_write), this);
@@ -67,7 +72,8 @@ class Plugged {
     g_signal_handlers_disconnect_by_data(handler_, this);
     g_object_unref(handler_);
   }
-  /// Announces it: the handler before the device, or a fast client would find a node that nobody answers.
+  /// Announces it: the handler before the device, or a fast client would find a node that nobody
+  /// answers.
   void add(UMockdevTestbed* testbed, const std::string& description) {
     umockdev_testbed_attach_ioctl(testbed, node_.c_str(), handler_, nullptr);
     GError* error = nullptr;
@@ -92,9 +98,11 @@ class Plugged {
   const PtyNode& pty() const { return pty_; }
 
  protected:
-  virtual gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) = 0;
+  virtual gboolean ioctl(UMockdevIoctlClient* client, unsigned long request,
+                         UMockdevIoctlData* arg) = 0;
   virtual gboolean read(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
-  virtual void forget() {}  // what waited for an owner before this one: the kernel drops it with the file
+  virtual void forget() {
+  }  // what waited for an owner before this one: the kernel drops it with the file
   virtual gboolean write(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
 
   std::mutex& mutex_;
@@ -107,31 +115,37 @@ class Plugged {
  private:
   static gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
     return static_cast<Plugged*>(self)->serve(client, [&](Plugged& me) {
-      return me.ioctl(client, umockdev_ioctl_client_get_request(client), umockdev_ioctl_client_get_arg(client));
+      return me.ioctl(client, umockdev_ioctl_client_get_request(client),
+                      umockdev_ioctl_client_get_arg(client));
     });
   }
   static gboolean on_read(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
-    return static_cast<Plugged*>(self)->serve(
-        client, [&](Plugged& me) { return me.read(client, umockdev_ioctl_client_get_arg(client)); });
+    return static_cast<Plugged*>(self)->serve(client, [&](Plugged& me) {
+      return me.read(client, umockdev_ioctl_client_get_arg(client));
+    });
   }
   static gboolean on_write(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
-    return static_cast<Plugged*>(self)->serve(
-        client, [&](Plugged& me) { return me.write(client, umockdev_ioctl_client_get_arg(client)); });
+    return static_cast<Plugged*>(self)->serve(client, [&](Plugged& me) {
+      return me.write(client, umockdev_ioctl_client_get_arg(client));
+    });
   }
   template <class Work>
   gboolean serve(UMockdevIoctlClient* client, Work work) {
     const std::lock_guard lock(mutex_);
     if (gone_) return done(client, -1, ENODEV);
-    if (exclusive_ && owner_ != nullptr && owner_ != client && umockdev_ioctl_client_get_connected(owner_))
+    if (exclusive_ && owner_ != nullptr && owner_ != client &&
+        umockdev_ioctl_client_get_connected(owner_))
       return done(client, -1, EBUSY);
     if (exclusive_) own(client);
     return work(*this);
   }
 
-  /// A weak pointer: a client that dies in the middle of a request never counts as disconnected, but is destroyed.
+  /// A weak pointer: a client that dies in the middle of a request never counts as disconnected,
+  /// but is destroyed.
   void own(UMockdevIoctlClient* client) {
     if (owner_ == client) return;
-    if (owner_ != nullptr) g_object_remove_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
+    if (owner_ != nullptr)
+      g_object_remove_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
     owner_ = client;
     if (owner_ == nullptr) return;
     g_object_add_weak_pointer(G_OBJECT(owner_), reinterpret_cast<gpointer*>(&owner_));
@@ -139,7 +153,8 @@ class Plugged {
   }
 
   UMockdevIoctlBase* const handler_;
-  UMockdevIoctlClient* owner_ = nullptr;  // of an exclusive device; null again when umockdev has dropped it
+  UMockdevIoctlClient* owner_ =
+      nullptr;  // of an exclusive device; null again when umockdev has dropped it
 };
 
 /// usbfs: control transfers come as URBs that are submitted and later reaped.
@@ -151,7 +166,8 @@ class PluggedUsb final : public Plugged {
   }
 
  private:
-  gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) override {
+  gboolean ioctl(UMockdevIoctlClient* client, unsigned long request,
+                 UMockdevIoctlData* arg) override {
     switch (request) {
       case USBDEVFS_GET_CAPABILITIES: {
         const Data capabilities = resolve(arg, 0, sizeof(std::uint32_t));
@@ -179,7 +195,8 @@ class PluggedUsb final : public Plugged {
     Data urb_data = resolve(arg, 0, sizeof(usbdevfs_urb));
     auto* urb = reinterpret_cast<usbdevfs_urb*>(urb_data->data);
     const int length = urb->buffer_length;
-    const Data buffer = resolve(urb_data.get(), offsetof(usbdevfs_urb, buffer), static_cast<std::size_t>(length));
+    const Data buffer =
+        resolve(urb_data.get(), offsetof(usbdevfs_urb, buffer), static_cast<std::size_t>(length));
     if (urb->type != USBDEVFS_URB_TYPE_CONTROL || length < 8) return done(client, -1, EINVAL);
     if (fault_ == UsbFault::silent)
       pending_.push_back(std::move(urb_data));
@@ -191,13 +208,16 @@ class PluggedUsb final : public Plugged {
   }
 
   void transfer(usbdevfs_urb& urb, std::uint8_t* bytes) {
-    const auto word = [bytes](int at) { return static_cast<std::uint16_t>(bytes[at] | bytes[at + 1] << 8); };
+    const auto word = [bytes](int at) {
+      return static_cast<std::uint16_t>(bytes[at] | bytes[at + 1] << 8);
+    };
     const UsbSetup setup{bytes[0], bytes[1], word(2), word(4)};
     const auto length = static_cast<std::uint16_t>(std::min<int>(word(6), urb.buffer_length - 8));
     const bool in = (setup.type & 0x80) != 0;
     const auto standard = standard_answer(peer_.identity(), setup);
     auto answer =
-        standard ? standard : peer_.control(setup, {bytes + 8, in ? std::size_t{0} : length}, in ? length : 0);
+        standard ? standard
+                 : peer_.control(setup, {bytes + 8, in ? std::size_t{0} : length}, in ? length : 0);
     urb.status = answer ? 0 : -EPIPE;
     urb.actual_length = 0;
     if (!answer) return;
@@ -229,8 +249,9 @@ class PluggedUsb final : public Plugged {
   gboolean discard(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     unsigned long address = 0;
     std::memcpy(&address, arg->data, sizeof address);
-    const auto urb = std::find_if(pending_.begin(), pending_.end(),
-                                  [address](const Data& one) { return one->client_addr == address; });
+    const auto urb = std::find_if(pending_.begin(), pending_.end(), [address](const Data& one) {
+      return one->client_addr == address;
+    });
     if (urb == pending_.end()) return done(client, -1, EINVAL);
     reinterpret_cast<usbdevfs_urb*>((*urb)->data)->status = -ENOENT;
     finish(std::move(*urb));
@@ -242,10 +263,12 @@ class PluggedUsb final : public Plugged {
   std::deque<Data> pending_, finished_;
 };
 
-/// hidraw: reports are written and read whole; one byte waits in the pty for each report that can be read.
+/// hidraw: reports are written and read whole; one byte waits in the pty for each report that can
+/// be read.
 class PluggedHid final : public Plugged {
  public:
-  PluggedHid(std::mutex& mutex, const std::string& node, const std::string& sysfs, HidPeer& peer, Bytes descriptor)
+  PluggedHid(std::mutex& mutex, const std::string& node, const std::string& sysfs, HidPeer& peer,
+             Bytes descriptor)
       : Plugged(mutex, node, sysfs), peer_(peer), descriptor_(std::move(descriptor)) {
     peer_.connect([this](Bytes report) { put(std::move(report)); });
   }
@@ -259,7 +282,8 @@ class PluggedHid final : public Plugged {
   }
 
  private:
-  gboolean ioctl(UMockdevIoctlClient* client, unsigned long request, UMockdevIoctlData* arg) override {
+  gboolean ioctl(UMockdevIoctlClient* client, unsigned long request,
+                 UMockdevIoctlData* arg) override {
     if (request == HIDIOCGRDESCSIZE) {
       const Data size = resolve(arg, 0, sizeof(int));
       const int bytes = static_cast<int>(descriptor_.size());
@@ -268,7 +292,8 @@ class PluggedHid final : public Plugged {
     }
     if (request == HIDIOCGRDESC) {
       const Data all = resolve(arg, 0, sizeof(hidraw_report_descriptor));
-      std::memcpy(all->data + offsetof(hidraw_report_descriptor, value), descriptor_.data(), descriptor_.size());
+      std::memcpy(all->data + offsetof(hidraw_report_descriptor, value), descriptor_.data(),
+                  descriptor_.size());
       return done(client, 0);
     }
     return done(client, -1, ENOTTY);
@@ -320,8 +345,8 @@ class PluggedHid final : public Plugged {
   std::deque<Bytes> reports_;
 };
 
-/// A node that is a link to a real terminal: whoever has it open executes what it asks of it. (Without a handler
-/// umockdev answers ioctls on a node of the testbed itself, and wrongly.)
+/// A node that is a link to a real terminal: whoever has it open executes what it asks of it.
+/// (Without a handler umockdev answers ioctls on a node of the testbed itself, and wrongly.)
 class TerminalNode {
  public:
   TerminalNode(UMockdevTestbed* testbed, std::string node)
@@ -371,7 +396,8 @@ class Umockdev final : public UsbTestbed {
     const UsbPlace place(number);
     const Bytes descriptor = report_descriptor(usage_page, usage);
     const HidPlace hid(place, identity);
-    add(number, hid.node, std::make_unique<PluggedHid>(mutex_, hid.node, place.sysfs(), peer, descriptor),
+    add(number, hid.node,
+        std::make_unique<PluggedHid>(mutex_, hid.node, place.sysfs(), peer, descriptor),
         describe_usb(place, identity, 0x03) + describe_hid(place, hid, identity, descriptor));
     return number;
   }
@@ -399,7 +425,8 @@ class Umockdev final : public UsbTestbed {
   }
 
  private:
-  void add(int number, const std::string& node, std::unique_ptr<Plugged> device, const std::string& description) {
+  void add(int number, const std::string& node, std::unique_ptr<Plugged> device,
+           const std::string& description) {
     device->add(testbed_, description);
     link(node, device->pty().path());
     plugged_.emplace(number, std::move(device));
@@ -425,7 +452,9 @@ class Umockdev final : public UsbTestbed {
 
 std::string why_no_usb_testbed() {
   const char* const preloaded = std::getenv("LD_PRELOAD");
-  if (preloaded != nullptr && std::string(preloaded).find("libumockdev-preload") != std::string::npos) return "";
+  if (preloaded != nullptr &&
+      std::string(preloaded).find("libumockdev-preload") != std::string::npos)
+    return "";
   return "this process was not started by umockdev-wrapper";
 }
 

@@ -1,11 +1,11 @@
-// Emulated USB instruments under an unmodified libusb, hidapi and kernel interface, by umockdev: the operating system's
-// own path without hardware. Works only in a process that umockdev-wrapper started, and for the processes that it
-// starts.
+// Emulated USB instruments under an unmodified libusb, hidapi and kernel interface, by umockdev:
+// the operating system's own path without hardware. Works only in a process that umockdev-wrapper
+// started, and for the processes that it starts.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/hid_link.h"
-#include "devices/usb_link.h"
+#include "devices/links/hid_link.h"
+#include "devices/links/usb_link.h"
 
 #include <functional>
 #include <memory>
@@ -16,31 +16,39 @@ namespace vitreo {
 /// How a plugged device misbehaves.
 enum class UsbFault {
   none,
-  stuck,   ///< a HID report that is written to it does not get through: the writer waits, as in the kernel
-  silent,  ///< takes what it is given and never answers: transfers stay pending, reports do not come
+  stuck,   ///< a HID report that is written to it does not get through: the writer waits, as in the
+           ///< kernel
+  silent,  ///< takes what it is given and never answers: transfers stay pending, reports do not
+           ///< come
 };
 
 class UsbTestbed {
  public:
   virtual ~UsbTestbed() = default;
-  /// The device appears on the bus. `peer` must outlive the testbed or be unplugged first. Returns the plug's number.
+  /// The device appears on the bus. `peer` must outlive the testbed or be unplugged first. Returns
+  /// the plug's number.
   virtual int plug(UsbPeer& peer) = 0;
-  /// The same for a HID device, which appears as a hidraw node. `usage_page`, `usage`: of its top-level collection.
-  virtual int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page = 0xFF00, int usage = 1) = 0;
+  /// The same for a HID device, which appears as a hidraw node. `usage_page`, `usage`: of its
+  /// top-level collection.
+  virtual int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page = 0xFF00,
+                   int usage = 1) = 0;
   virtual void unplug(int plug) = 0;
-  /// The serial port `node` (below /dev) is the terminal `target` from now on: a pseudo-terminal, say.
+  /// The serial port `node` (below /dev) is the terminal `target` from now on: a pseudo-terminal,
+  /// say.
   virtual void add_node(const std::string& node, const std::string& target) = 0;
   virtual void set_fault(int plug, UsbFault fault) = 0;
-  /// A HID device that belongs to the process that opened it first, as long as that lives: others get EBUSY. hidraw is
-  /// not like that by itself; a device that is claimed by libusb is.
+  /// A HID device that belongs to the process that opened it first, as long as that lives: others
+  /// get EBUSY. hidraw is not like that by itself; a device that is claimed by libusb is.
   virtual void set_exclusive(int plug) = 0;
-  /// Emulators are called from a thread of the testbed: whoever else wants to touch them does it in `work`.
+  /// Emulators are called from a thread of the testbed: whoever else wants to touch them does it in
+  /// `work`.
   virtual void with_emulators(const std::function<void()>& work) = 0;
 };
 
 /// Whether this program can make a testbed, and if not, why (in words for the user); empty: it can.
 std::string why_no_usb_testbed();
-/// One at a time in a process. Throws DeviceError{not_found} where why_no_usb_testbed() has something to say.
+/// One at a time in a process. Throws DeviceError{not_found} where why_no_usb_testbed() has
+/// something to say.
 std::unique_ptr<UsbTestbed> make_usb_testbed();
 
 }  // namespace vitreo

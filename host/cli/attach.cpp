@@ -1,8 +1,9 @@
-// `vitreo attach`: follows a run that is going on in another program; with --control it may also speak to it.
+// `vitreo attach`: follows a run that is going on in another program; with --control it may also
+// speak to it.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/control_socket.h"
+#include "host/view/control_socket.h"
 
 #include <fmt/format.h>
 
@@ -33,14 +34,16 @@ void show(const nlohmann::json& reply, bool json) {
 /// "pause after focus", "answer 3 mm": the first word and the rest.
 nlohmann::json request_of(const std::string& line) {
   const std::size_t blank = line.find(' ');
-  const std::string word = line.substr(0, blank), rest = blank == std::string::npos ? "" : line.substr(blank + 1);
+  const std::string word = line.substr(0, blank),
+                    rest = blank == std::string::npos ? "" : line.substr(blank + 1);
   nlohmann::json request = {{"do", word}};
   if (word == "answer") request["text"] = rest;
   if (word == "pause" && !rest.empty()) request["at"] = rest;
   return request;
 }
 
-/// What was typed, line by line; false at the end of the input, and for a line that no run would take.
+/// What was typed, line by line; false at the end of the input, and for a line that no run would
+/// take.
 bool take_typed(ControlConnection& run, bool control, std::string& typed) {
   constexpr std::size_t kLongest = 32 << 10;
   char bytes[4096];
@@ -53,10 +56,12 @@ bool take_typed(ControlConnection& run, bool control, std::string& typed) {
     if (control)
       run.send(request_of(line));
     else
-      std::cerr << "vitreo: this looks on only; vitreo attach --control may also speak to the run" << std::endl;
+      std::cerr << "vitreo: this looks on only; vitreo attach --control may also speak to the run"
+                << std::endl;
   }
   if (typed.size() <= kLongest) return true;
-  std::cerr << "vitreo: a line of more than 32 KiB is not understood; what is typed is not looked at any more\n";
+  std::cerr << "vitreo: a line of more than 32 KiB is not understood; what is typed is not looked "
+               "at any more\n";
   return false;
 }
 
@@ -83,11 +88,14 @@ int attach(const Attach& wanted) {
 
 void add_attach(CommandLine& line, Program&) {
   const auto wanted = std::make_shared<Attach>();
-  Command command = line.command("attach", "follows a run that is going on, each change of what it does in a line",
-                                 [wanted] { return attach(*wanted); });
-  command.option("run", wanted->run, "the run's name, or its beginning, where several are going on");
-  command.flag("--control", wanted->control,
-               "lines that are typed go to the run: pause, resume, stop, abort, emergency, answer TEXT");
+  Command command = line.command(
+      "attach", "follows a run that is going on, each change of what it does in a line",
+      [wanted] { return attach(*wanted); });
+  command.option("run", wanted->run,
+                 "the run's name, or its beginning, where several are going on");
+  command.flag(
+      "--control", wanted->control,
+      "lines that are typed go to the run: pause, resume, stop, abort, emergency, answer TEXT");
   command.flag("--json", wanted->json, "each status as JSON, one a line");
   command.examples({"vitreo attach", "vitreo attach 2026-11-21T1830 --control"});
 }

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/preflight.h"
-#include "host/record_json.h"
+#include "host/engine/preflight.h"
+#include "host/record/record_json.h"
 
 #include <fmt/format.h>
 
@@ -43,17 +43,22 @@ int check(Program& program, Check& wanted) {
 
 void add_check(CommandLine& line, Program& program) {
   const auto wanted = std::make_shared<Check>();
-  Command command = line.command(
-      "check", "whether a run would be let, and what it would move and energise: a dry run on the rig's twin",
-      [&program, wanted] { return check(program, *wanted); });
+  Command command = line.command("check",
+                                 "whether a run would be let, and what it would move and energize: "
+                                 "a dry run on the rig's twin",
+                                 [&program, wanted] { return check(program, *wanted); });
   command.option("--rig", wanted->request.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
-  command.option("--seed", wanted->request.seed, "of everything that is drawn by chance (default: 1)");
-  command.option("--out", wanted->request.out, "folder in which the run's would be (default: runs)");
-  command.option("--frames", wanted->request.frames, "cameras whose frames would be recorded").delimiter(',');
+  command.option("--seed", wanted->request.seed,
+                 "of everything that is drawn by chance (default: 1)");
+  command.option("--out", wanted->request.out,
+                 "folder in which the run's would be (default: runs)");
+  command.option("--frames", wanted->request.frames, "cameras whose frames would be recorded")
+      .delimiter(',');
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
-  command.option("--answer", wanted->request.answers, "answers a question of the script: name=value, or value");
+  command.option("--answer", wanted->request.answers,
+                 "answers a question of the script: name=value, or value");
   command.seconds("--limit", wanted->limit, "wall time for the dry run (default: 10s)");
   command.flag("--json", wanted->json, "one JSON object, SI units");
   command.examples({"vitreo check servo_square speed=0.5mm/s"});

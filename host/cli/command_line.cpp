@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 
-#include "host/config.h"
-#include "host/units.h"
+#include "host/config/config.h"
+#include "host/text/units.h"
 
 #include <CLI/CLI.hpp>
 
@@ -113,15 +113,16 @@ int CommandLine::run(int count, char** words) {
 
 namespace {
 
-/// For CLI11: what is wrong with a whole number, or nothing. Its own reader takes -1 for the largest of all.
+/// For CLI11: what is wrong with a whole number, or nothing. Its own reader takes -1 for the
+/// largest of all.
 template <class Number>
 std::string is_number(const std::string& text) {
   Number number{};
   const char* const end = text.data() + text.size();
   const auto read = std::from_chars(text.data(), end, number);
   if (read.ec == std::errc() && read.ptr == end && !text.empty()) return "";
-  return "wants a whole number from " + std::to_string(std::numeric_limits<Number>::min()) + " to " +
-         std::to_string(std::numeric_limits<Number>::max()) + "; got '" + text + "'";
+  return "wants a whole number from " + std::to_string(std::numeric_limits<Number>::min()) +
+         " to " + std::to_string(std::numeric_limits<Number>::max()) + "; got '" + text + "'";
 }
 
 std::string is_plain_number(const std::string& text) {
@@ -141,7 +142,8 @@ double seconds_in(const std::string& option, const std::string& text) {
 Option Command::option(const std::string& names, std::string& into, const std::string& help) {
   return Option(app_.add_option(names, into, help));
 }
-Option Command::option(const std::string& names, std::vector<std::string>& into, const std::string& help) {
+Option Command::option(const std::string& names, std::vector<std::string>& into,
+                       const std::string& help) {
   return Option(app_.add_option(names, into, help));
 }
 Option Command::option(const std::string& names, std::uint64_t& into, const std::string& help) {
@@ -166,7 +168,9 @@ Command& Command::examples(const std::vector<std::string>& lines) {
   for (const std::string& line : lines) text += "  " + line + "\n";
   return app_.footer(text), *this;
 }
-Command& Command::help_about_word(std::function<void()> print) { return *about_word_ = std::move(print), *this; }
+Command& Command::help_about_word(std::function<void()> print) {
+  return *about_word_ = std::move(print), *this;
+}
 Command& Command::hidden() { return app_.group(""), *this; }
 
 namespace {
@@ -195,7 +199,8 @@ std::vector<Described> CommandLine::describe() const {
   return all;
 }
 
-void Command::one_of(const std::vector<std::pair<std::string, std::string>>& words, std::string& into) {
+void Command::one_of(const std::vector<std::pair<std::string, std::string>>& words,
+                     std::string& into) {
   for (const auto& [word, help] : words)
     app_.add_flag_function(
         "--" + word,

@@ -1,5 +1,5 @@
-// The words after `vitreo`: commands, their options and their help, over CLI11, whose headers only one file of ours
-// reads.
+// The words after `vitreo`: commands, their options and their help, over CLI11, whose headers only
+// one file of ours reads.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,18 +22,19 @@ class Option {
  public:
   explicit Option(CLI::Option* option) : option_(option) {}
   Option required();
-  Option needs(const std::string& other);  ///< another option of the command, which must be given with this one
-  Option delimiter(char separator);        ///< a list may be given as one word
-  Option one_word_each();                  ///< of a list: each `--name word` adds one, and the next word is not its
+  Option needs(const std::string&
+                   other);  ///< another option of the command, which must be given with this one
+  Option delimiter(char separator);  ///< a list may be given as one word
+  Option one_word_each();  ///< of a list: each `--name word` adds one, and the next word is not its
   Option between(int least, int most);
 
  private:
   CLI::Option* option_;
 };
 
-/// A command. `names`: "word" is positional, "--word" or "--word,-w" an option. What `into` refers to must live as long
-/// as the command line (keep it in a shared_ptr that the command's action captures); it keeps its value when the word
-/// is not given.
+/// A command. `names`: "word" is positional, "--word" or "--word,-w" an option. What `into` refers
+/// to must live as long as the command line (keep it in a shared_ptr that the command's action
+/// captures); it keeps its value when the word is not given.
 class Command {
  public:
   explicit Command(CLI::App& app) : app_(app) {}
@@ -49,7 +50,8 @@ class Command {
   void one_of(const std::vector<std::pair<std::string, std::string>>& words, std::string& into);
   /// Shown below the options, one a line.
   Command& examples(const std::vector<std::string>& lines);
-  /// Called when --help is asked with a first positional word: prints the help about that, instead of the command's.
+  /// Called when --help is asked with a first positional word: prints the help about that, instead
+  /// of the command's.
   Command& help_about_word(std::function<void()> print);
   /// Not shown in lists.
   Command& hidden();
@@ -85,8 +87,8 @@ class CommandLine {
   Command command(const std::string& name, const std::string& help, Action action);
   void version(std::function<std::string()> text);  ///< what --version prints
 
-  /// Parses the words and does what they ask; 0 for --help and --version. Throws ConfigError for words that are not
-  /// understood: one line that says what is wrong, and where to read on.
+  /// Parses the words and does what they ask; 0 for --help and --version. Throws ConfigError for
+  /// words that are not understood: one line that says what is wrong, and where to read on.
   int run(int count, char** words);
   char** words() const;  ///< those that run() was given
   /// The program's own words, then every command that is not hidden.

@@ -1,9 +1,9 @@
-// `vitreo completion`: scripts for bash, zsh and fish. They ask the program itself (`vitreo complete`), so that they
-// know every command, protocol, parameter and run, and cannot grow old.
+// `vitreo completion`: scripts for bash, zsh and fish. They ask the program itself (`vitreo
+// complete`), so that they know every command, protocol, parameter and run, and cannot grow old.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/run_reader.h"
+#include "host/runs/run_reader.h"
 
 #include <fmt/format.h>
 
@@ -46,7 +46,8 @@ _vitreo() {
 if [[ "$funcstack[1]" == _vitreo ]]; then _vitreo "$@"; else compdef _vitreo vitreo; fi
 )";
 
-constexpr const char* kFish = R"(# vitreo's completion for fish: put it into ~/.config/fish/completions/vitreo.fish
+constexpr const char* kFish =
+    R"(# vitreo's completion for fish: put it into ~/.config/fish/completions/vitreo.fish
 function __vitreo_complete
   set -l found (vitreo complete -- (commandline -opc)[2..-1] (commandline -ct) 2>/dev/null)
   if test (count $found) -gt 0
@@ -62,18 +63,20 @@ using Words = std::vector<std::string>;
 
 Words stems(const Words& files) {
   Words names;
-  for (const std::string& file : files) names.push_back(std::filesystem::path(file).stem().string());
+  for (const std::string& file : files)
+    names.push_back(std::filesystem::path(file).stem().string());
   return names;
 }
 
 /// "hold=" for the parameters that were not given; after "mode=" the values that there are.
-Words parameter_words(Program& program, const Words& before, const std::string& protocol, const std::string& word) {
+Words parameter_words(Program& program, const Words& before, const std::string& protocol,
+                      const std::string& word) {
   Words found;
   const ProtocolDescription described = program.engine().describe(Program::protocol_file(protocol));
   for (const Parameter& parameter : described.parameters) {
     const std::string head = parameter.name + "=";
-    const bool given =
-        std::any_of(before.begin(), before.end(), [&](const auto& one) { return one.starts_with(head); });
+    const bool given = std::any_of(before.begin(), before.end(),
+                                   [&](const auto& one) { return one.starts_with(head); });
     if (!given) found.push_back(head);
     if (!word.starts_with(head)) continue;
     found = {};
@@ -112,19 +115,25 @@ Words bare_words(const Described& command, const Words& before) {
 
 Words value_words(const std::string& option) {
   if (option == "--rig") return stems(Program::rig_files());
-  if (option == "--outcome") return {"completed", "failed", "stopped", "aborted", "lost", "running", "unreadable"};
+  if (option == "--outcome")
+    return {"completed", "failed", "stopped", "aborted", "lost", "running", "unreadable"};
   return {};  // the shell's files
 }
 
-Words positional_words(Program& program, const std::string& command, const Words& bare, const std::string& word) {
-  static const std::set<std::string> kOfProtocols{"run", "describe", "check", "test", "soak", "view"};
-  static const std::set<std::string> kOfRuns{"show", "verify", "recover", "report", "export", "replay"};
+Words positional_words(Program& program, const std::string& command, const Words& bare,
+                       const std::string& word) {
+  static const std::set<std::string> kOfProtocols{"run",  "describe", "check",
+                                                  "test", "soak",     "view"};
+  static const std::set<std::string> kOfRuns{"show",   "verify", "recover",
+                                             "report", "export", "replay"};
   if (kOfProtocols.contains(command) && bare.empty()) return stems(Program::protocol_files());
   if (kOfProtocols.contains(command) && command != "describe")
     return parameter_words(program, bare, bare.front(), word);
-  if (command == "new" && bare.size() == 2 && bare.front() == "driver") return {"stage", "coils", "field_probe"};
+  if (command == "new" && bare.size() == 2 && bare.front() == "driver")
+    return {"stage", "coils", "field_probe"};
   if (!bare.empty()) return {};
-  if (command == "control") return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack"};
+  if (command == "control")
+    return {"status", "pause", "resume", "stop", "abort", "emergency", "answer", "ack"};
   if (command == "completion") return {"bash", "zsh", "fish"};
   if (command == "new") return {"protocol", "driver"};
   if (command == "docs") return page_names();
@@ -142,11 +151,13 @@ Words complete(const CommandLine& line, Program& program, Words words) {
     if (!words.empty() && it->name == words.front()) here = it;
   Words found;
   if (here == commands.begin()) {
-    for (auto it = commands.begin() + 1; it != commands.end() && words.empty(); ++it) found.push_back(it->name);
+    for (auto it = commands.begin() + 1; it != commands.end() && words.empty(); ++it)
+      found.push_back(it->name);
   } else {
     words.erase(words.begin());
     const bool value = !words.empty() && takes_value(*here, words.back());
-    found = value ? value_words(words.back()) : positional_words(program, here->name, bare_words(*here, words), word);
+    found = value ? value_words(words.back())
+                  : positional_words(program, here->name, bare_words(*here, words), word);
   }
   if (word.starts_with("-"))
     for (const Described::Word& option : here->words)
@@ -159,22 +170,25 @@ Words complete(const CommandLine& line, Program& program, Words words) {
 
 void add_completion(CommandLine& line, Program& program) {
   const auto shell = std::make_shared<std::string>();
-  Command command = line.command("completion", "prints the completion for a shell: bash, zsh or fish", [shell] {
-    const std::string& name = *shell;
-    if (name != "bash" && name != "zsh" && name != "fish")
-      throw ConfigError("there is completion for bash, zsh and fish, not for '" + name + "'");
-    fmt::print("{}", name == "bash" ? kBash : name == "zsh" ? kZsh : kFish);
-    return 0;
-  });
+  Command command =
+      line.command("completion", "prints the completion for a shell: bash, zsh or fish", [shell] {
+        const std::string& name = *shell;
+        if (name != "bash" && name != "zsh" && name != "fish")
+          throw ConfigError("there is completion for bash, zsh and fish, not for '" + name + "'");
+        fmt::print("{}", name == "bash" ? kBash : name == "zsh" ? kZsh : kFish);
+        return 0;
+      });
   command.option("shell", *shell, "bash, zsh or fish").required();
   command.examples({"vitreo completion bash > ~/.local/share/bash-completion/completions/vitreo"});
 
   const auto words = std::make_shared<std::vector<std::string>>();
   Command asked =
-      line.command("complete", "what the last of these words may become, for the shells", [&line, &program, words] {
-        for (const std::string& one : complete(line, program, *words)) fmt::print("{}\n", one);
-        return 0;
-      });
+      line.command("complete", "what the last of these words may become, for the shells",
+                   [&line, &program, words] {
+                     for (const std::string& one : complete(line, program, *words))
+                       fmt::print("{}\n", one);
+                     return 0;
+                   });
   asked.option("words", *words, "after --: all words so far");
   asked.hidden();
 }

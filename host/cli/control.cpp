@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/config.h"
-#include "host/control_socket.h"
-#include "host/rights.h"
+#include "host/config/config.h"
+#include "host/config/rights.h"
+#include "host/view/control_socket.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -32,8 +32,9 @@ void show(const nlohmann::json& status) {
   }
   for (const auto& alarm : status.value("alarms", nlohmann::json::array())) {
     const std::string by = alarm.value("acknowledged_by", "");
-    fmt::print("ALARM {}: {}: {}{}{}\n", alarm["priority"].get<std::string>(), alarm["name"].get<std::string>(),
-               alarm["text"].get<std::string>(), alarm["active"].get<bool>() ? "" : " (gone)",
+    fmt::print("ALARM {}: {}: {}{}{}\n", alarm["priority"].get<std::string>(),
+               alarm["name"].get<std::string>(), alarm["text"].get<std::string>(),
+               alarm["active"].get<bool>() ? "" : " (gone)",
                by.empty() ? "" : " (acknowledged: " + by + ")");
   }
 }
@@ -48,7 +49,8 @@ int control(const Control& wanted) {
   if (std::find(words().begin(), words().end(), wanted.word) == words().end()) {
     const std::string near = nearest(wanted.word, words());
     throw ConfigError(fmt::format("'{}' is not understood{}: {}", wanted.word,
-                                  near.empty() ? "" : "; did you mean " + near + "?", fmt::join(words(), ", ")));
+                                  near.empty() ? "" : "; did you mean " + near + "?",
+                                  fmt::join(words(), ", ")));
   }
   const bool takes_text = wanted.word == "answer" || wanted.word == "pause" || wanted.word == "ack";
   if (!takes_text && !wanted.text.empty())
@@ -73,16 +75,21 @@ int control(const Control& wanted) {
 
 void add_control(CommandLine& line, Program&) {
   const auto wanted = std::make_shared<Control>();
-  Command command = line.command("control", "speaks to a run that is going on", [wanted] { return control(*wanted); });
-  command.option("word", wanted->word, "status, pause, resume, stop, abort, emergency, answer or ack").required();
+  Command command = line.command("control", "speaks to a run that is going on",
+                                 [wanted] { return control(*wanted); });
+  command
+      .option("word", wanted->word, "status, pause, resume, stop, abort, emergency, answer or ack")
+      .required();
   command.option("text", wanted->text,
                  "the answer, the checkpoint at which to pause, or the alarm to acknowledge (all)");
   command.option("--operator", wanted->by, "who says it (default: whose account it is)");
-  command.flag("--override", wanted->force, "with resume: although it is still suspended (a researcher's right)");
-  command.option("--run", wanted->run, "the run's name, or its beginning, where several are going on");
+  command.flag("--override", wanted->force,
+               "with resume: although it is still suspended (a researcher's right)");
+  command.option("--run", wanted->run,
+                 "the run's name, or its beginning, where several are going on");
   command.flag("--json", wanted->json, "the reply as JSON");
-  command.examples({"vitreo control status", "vitreo control pause \"after focus\"", "vitreo control answer 3mm",
-                    "vitreo control stop --run 2026-11-21T1830"});
+  command.examples({"vitreo control status", "vitreo control pause \"after focus\"",
+                    "vitreo control answer 3mm", "vitreo control stop --run 2026-11-21T1830"});
 }
 
 }  // namespace vitreo::cli

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/protocol_text.h"
-#include "host/record_json.h"
+#include "host/record/record_json.h"
+#include "host/session/protocol_text.h"
 
 #include <fmt/format.h>
 
@@ -34,7 +34,8 @@ const char* kind_name(ParameterKind kind) {
 nlohmann::json describe_json(const ProtocolDescription& protocol) {
   nlohmann::json parameters = nlohmann::json::array();
   for (const Parameter& p : protocol.parameters) {
-    nlohmann::json row = {{"name", p.name}, {"kind", kind_name(p.kind)}, {"unit", p.unit}, {"help", p.help}};
+    nlohmann::json row = {
+        {"name", p.name}, {"kind", kind_name(p.kind)}, {"unit", p.unit}, {"help", p.help}};
     std::visit([&row](const auto& held) { row["default"] = held; }, p.fallback);
     if (std::isfinite(p.min)) row["min"] = p.min;
     if (std::isfinite(p.max)) row["max"] = p.max;
@@ -42,8 +43,9 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
     if (!p.choices.empty()) row["choices"] = p.choices;
     parameters.push_back(row);
   }
-  return {{"name", protocol.name},   {"file", protocol.file}, {"title", protocol.title}, {"about", protocol.about},
-          {"needs", protocol.needs}, {"rig", protocol.rig},   {"parameters", parameters}};
+  return {{"name", protocol.name},   {"file", protocol.file},   {"title", protocol.title},
+          {"about", protocol.about}, {"needs", protocol.needs}, {"rig", protocol.rig},
+          {"parameters", parameters}};
 }
 
 /// As it could be written on the command line: hold=5s.
@@ -77,9 +79,9 @@ void list(ScriptEngine& engine, bool json) {
     return;
   }
   for (const auto& row : rows)
-    fmt::print(
-        "{:<{}}  {}\n", row["name"].get<std::string>(), widest,
-        row.contains("error") ? "does not load: " + row["error"].get<std::string>() : row["title"].get<std::string>());
+    fmt::print("{:<{}}  {}\n", row["name"].get<std::string>(), widest,
+               row.contains("error") ? "does not load: " + row["error"].get<std::string>()
+                                     : row["title"].get<std::string>());
 }
 
 }  // namespace
@@ -95,13 +97,15 @@ void add_describe(CommandLine& line, Program& program) {
     bool json = false;
   };
   const auto wanted = std::make_shared<Wanted>();
-  Command all = line.command("list", "the protocols there are",
-                             [&program, wanted] { return list(program.engine(), wanted->json), 0; });
-  all.flag("--json", wanted->json, "as JSON");
-  Command one = line.command("describe", "what a protocol does and which parameters it takes", [&program, wanted] {
-    describe(program.engine().describe(Program::protocol_file(wanted->protocol)), wanted->json);
-    return 0;
+  Command all = line.command("list", "the protocols there are", [&program, wanted] {
+    return list(program.engine(), wanted->json), 0;
   });
+  all.flag("--json", wanted->json, "as JSON");
+  Command one = line.command(
+      "describe", "what a protocol does and which parameters it takes", [&program, wanted] {
+        describe(program.engine().describe(Program::protocol_file(wanted->protocol)), wanted->json);
+        return 0;
+      });
   one.option("protocol", wanted->protocol, "a protocol's file or name").required();
   one.flag("--json", wanted->json, "as JSON, SI units");
   one.examples({"vitreo describe servo_square", "vitreo describe ./mine.lua --json"});

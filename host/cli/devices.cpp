@@ -2,27 +2,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/emulate.h"
-#include "host/instruments.h"
-#include "host/plugged_in.h"
-#include "host/record_json.h"
+#include "host/record/record_json.h"
+#include "host/rig/emulate.h"
+#include "host/rig/instruments.h"
+#include "host/rig/plugged_in.h"
 
 #include <fmt/format.h>
 
 namespace vitreo::cli {
 namespace {
 
-struct Wanted {
+struct DeviceWords {
   std::string rig, test;
   std::vector<std::string> command;
   bool json = false;
 };
 
-int test_role(Program& program, const Wanted& wanted) {
+int test_role(Program& program, const DeviceWords& wanted) {
   const std::vector<std::string> findings =
       test_instrument(program.engine().load_rig(Program::rig_file(wanted.rig)), wanted.test);
   if (wanted.json) {
-    const nlohmann::json row{{"role", wanted.test}, {"passed", findings.empty()}, {"findings", findings}};
+    const nlohmann::json row{
+        {"role", wanted.test}, {"passed", findings.empty()}, {"findings", findings}};
     fmt::print("{}\n", dumped(row));
   } else {
     for (const std::string& finding : findings) fmt::print("{}: {}\n", wanted.test, finding);
@@ -31,10 +32,11 @@ int test_role(Program& program, const Wanted& wanted) {
   return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
 }
 
-int devices(Program& program, const Wanted& wanted) {
+int devices(Program& program, const DeviceWords& wanted) {
   if (!wanted.test.empty()) return test_role(program, wanted);
   const nlohmann::json rows =
-      wanted.rig.empty() ? find_instruments() : examine_rig(program.engine().load_rig(Program::rig_file(wanted.rig)));
+      wanted.rig.empty() ? find_instruments()
+                         : examine_rig(program.engine().load_rig(Program::rig_file(wanted.rig)));
   fmt::print("{}", wanted.json ? dumped(rows) + "\n" : to_text(rows));
   return 0;
 }
@@ -42,21 +44,25 @@ int devices(Program& program, const Wanted& wanted) {
 }  // namespace
 
 void add_devices(CommandLine& line, Program& program) {
-  const auto wanted = std::make_shared<Wanted>();
+  const auto wanted = std::make_shared<DeviceWords>();
   Command command = line.command("devices", "what is plugged in, and which driver would take it",
                                  [&program, wanted] { return devices(program, *wanted); });
-  command.option("--rig", wanted->rig, "open this rig instead (a file or a name), and show each role");
-  command.option("--test", wanted->test, "a role: run its contract suite (it moves, it drives currents!)")
+  command.option("--rig", wanted->rig,
+                 "open this rig instead (a file or a name), and show each role");
+  command
+      .option("--test", wanted->test,
+              "a role: run its contract suite (it moves, it drives currents!)")
       .needs("--rig");
   command.flag("--json", wanted->json, "as JSON, SI units");
-  command.examples({"vitreo devices", "vitreo devices --rig lab.lua", "vitreo devices --rig lab.lua --test stage"});
+  command.examples({"vitreo devices", "vitreo devices --rig lab.lua",
+                    "vitreo devices --rig lab.lua --test stage"});
 
   const auto emulation = [&program, &line, wanted] {
     if (!wanted->command.empty()) restart_in_testbed(line.words());
     return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), wanted->command);
   };
-  Command emulated =
-      line.command("emulate", "offer a rig's emulated instruments, or run a command among them", emulation);
+  Command emulated = line.command(
+      "emulate", "offer a rig's emulated instruments, or run a command among them", emulation);
   emulated.option("rig", wanted->rig, "a rig's file or name").required();
   emulated.option("command", wanted->command, "after --: the command and its arguments");
   emulated.examples({"vitreo emulate octomag_lab -- vitreo devices"});

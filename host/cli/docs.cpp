@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/lua/editor_files.h"
+#include "host/lua/engine/library.h"
+#include "host/lua/reference/editor_files.h"
 
 #include <fmt/format.h>
 
@@ -35,8 +36,9 @@ std::string manual_words(const Described& command) {
   for (const Described::Word& word : command.words) {
     std::string names;
     for (const std::string& name : word.names) names += (names.empty() ? "" : ", ") + name;
-    text += ".TP\n\\fB" + troff(names) + "\\fR" + (word.takes_value && !word.positional ? " \\fIvalue\\fR" : "") +
-            "\n" + troff(word.help) + "\n";
+    text += ".TP\n\\fB" + troff(names) + "\\fR" +
+            (word.takes_value && !word.positional ? " \\fIvalue\\fR" : "") + "\n" +
+            troff(word.help) + "\n";
   }
   return text;
 }
@@ -45,19 +47,24 @@ std::string manual_words(const Described& command) {
 std::string manual(const CommandLine& line) {
   const std::vector<Described> all = line.describe();
   std::string text =
-      ".\\\" Printed by the program: vitreo docs man\n.TH VITREO 1 \"\" \"vitreo\" \"User commands\"\n.SH NAME\nvitreo "
+      ".\\\" Printed by the program: vitreo docs man\n.TH VITREO 1 \"\" \"vitreo\" \"User "
+      "commands\"\n.SH NAME\nvitreo "
       "\\- "
-      "drives the instruments of a laboratory that steers microrobots inside the eye\n.SH SYNOPSIS\n.B "
+      "drives the instruments of a laboratory that steers microrobots inside the eye\n.SH "
+      "SYNOPSIS\n.B "
       "vitreo\n[options]\n"
       ".br\n.B vitreo\n.I command\n[options] [words]\n.SH DESCRIPTION\n.nf\n" +
-      troff(all.front().help) + "\n.fi\n.SH OPTIONS\n" + manual_words(all.front()) + ".SH COMMANDS\n";
+      troff(all.front().help) + "\n.fi\n.SH OPTIONS\n" + manual_words(all.front()) +
+      ".SH COMMANDS\n";
   for (std::size_t i = 1; i < all.size(); ++i)
-    text += ".SS vitreo " + troff(all[i].name) + "\n" + troff(all[i].help) + "\n" + manual_words(all[i]) +
+    text += ".SS vitreo " + troff(all[i].name) + "\n" + troff(all[i].help) + "\n" +
+            manual_words(all[i]) +
             (all[i].examples.empty() ? "" : ".PP\n.nf\n" + troff(all[i].examples) + ".fi\n");
   text +=
       ".SH EXIT STATUS\n.nf\n" + troff(exit_codes_text()) +
-      ".fi\n.SH ENVIRONMENT\n.TP\n\\fBVITREO_ROOT\\fR\nthe folder with protocols/ and scripts/\n.TP\n\\fBNO_COLOR\\fR\n"
-      "no colours\n.SH FILES\n.TP\n~/.local/state/vitreo/history\nwhat was typed at the prompt\n";
+      ".fi\n.SH ENVIRONMENT\n.TP\n\\fBVITREO_ROOT\\fR\nthe folder with protocols/ and "
+      "scripts/\n.TP\n\\fBNO_COLOR\\fR\n"
+      "no colors\n.SH FILES\n.TP\n~/.local/state/vitreo/history\nwhat was typed at the prompt\n";
   return text;
 }
 
@@ -98,7 +105,8 @@ int list_pages(bool json) {
   if (json)
     std::cout << rows.dump() << "\n";
   else
-    fmt::print("\nprinted by the program itself: api, man, luacheck, stubs FOLDER\nin {}\n", docs_folder().string());
+    fmt::print("\nprinted by the program itself: api, man, luacheck, stubs FOLDER\nin {}\n",
+               docs_folder().string());
   return 0;
 }
 
@@ -108,7 +116,7 @@ int write_stubs(const std::string& folder, bool json) {
   fs::create_directories(folder, error);
   if (error) throw ConfigError(folder + ": cannot be made: " + error.message());
   nlohmann::json files = nlohmann::json::array();
-  for (const auto& [name, text] : lua_stubs()) {
+  for (const auto& [name, text] : lua::lua_stubs(lua::library())) {
     std::ofstream out(fs::path(folder) / name);
     out << text;
     if (!out.flush()) throw ConfigError(folder + "/" + name + ": cannot be written");
@@ -131,8 +139,11 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
   if (page == "stubs") return write_stubs(into, json);
   if (!into.empty()) throw ConfigError("'" + into + "': only stubs are written into a folder");
   const std::map<std::string, std::function<std::string()>> printed{
-      {"api", api_reference}, {"luacheck", luacheck_standard}, {"man", [&line] { return manual(line); }}};
-  if (const auto found = printed.find(page); found != printed.end()) return print_page(page, found->second(), json);
+      {"api", [] { return lua::api_reference(lua::library()); }},
+      {"luacheck", [] { return lua::luacheck_standard(lua::library()); }},
+      {"man", [&line] { return manual(line); }}};
+  if (const auto found = printed.find(page); found != printed.end())
+    return print_page(page, found->second(), json);
   const auto all = pages();
   std::vector<std::string> known;
   for (const auto& [name, file] : all) {
@@ -140,7 +151,8 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
     known.push_back(name);
   }
   const std::string near = nearest(page, known);
-  throw ConfigError("there is no page '" + page + "'" + (near.empty() ? "" : "; did you mean " + near + "?") +
+  throw ConfigError("there is no page '" + page + "'" +
+                    (near.empty() ? "" : "; did you mean " + near + "?") +
                     "; vitreo docs lists them");
 }
 
@@ -158,12 +170,16 @@ void add_docs(CommandLine& line, Program&) {
     bool json = false;
   };
   const auto wanted = std::make_shared<Wanted>();
-  Command command = line.command("docs", "the documentation: a list of its pages, or one of them",
-                                 [&line, wanted] { return docs(line, wanted->page, wanted->into, wanted->json); });
-  command.option("page", wanted->page, "safety, optics, ...; api, man, luacheck and stubs are made by the program");
+  Command command = line.command(
+      "docs", "the documentation: a list of its pages, or one of them",
+      [&line, wanted] { return docs(line, wanted->page, wanted->into, wanted->json); });
+  command.option("page", wanted->page,
+                 "safety, optics, ...; api, man, luacheck and stubs are made by the program");
   command.option("into", wanted->into, "of stubs: the folder for what editors read");
-  command.flag("--json", wanted->json, "as JSON: the list, {\"page\", \"text\"}, or the stubs' files");
-  command.examples({"vitreo docs safety | less", "vitreo docs api > api.md", "vitreo docs stubs ~/.vitreo/stubs"});
+  command.flag("--json", wanted->json,
+               "as JSON: the list, {\"page\", \"text\"}, or the stubs' files");
+  command.examples({"vitreo docs safety | less", "vitreo docs api > api.md",
+                    "vitreo docs stubs ~/.vitreo/stubs"});
 }
 
 }  // namespace vitreo::cli

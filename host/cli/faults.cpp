@@ -1,6 +1,6 @@
 // `vitreo faults`: what can be made to go wrong on a simulated rig.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/faults.h"
+#include "host/session/faults.h"
 
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
@@ -15,12 +15,14 @@ int list_faults(bool json) {
   for (const FaultKind& kind : fault_kinds()) {
     const bool plain = kind.unit == "n";
     rows.push_back({{"kind", kind.name}, {"doc", kind.doc}, {"roles", kind.roles}});
-    if (!kind.unit.empty()) rows.back()["by"] = {{"unit", plain ? "" : kind.unit}, {"default", kind.usual}};
+    if (!kind.unit.empty())
+      rows.back()["by"] = {{"unit", plain ? "" : kind.unit}, {"default", kind.usual}};
     if (!json)
-      fmt::print(
-          "{:<11} {}{}\n            of {}\n", kind.name, kind.doc,
-          kind.unit.empty() ? "" : fmt::format(" (by: {:g}{}{})", kind.usual, plain ? "" : " ", plain ? "" : kind.unit),
-          fmt::join(kind.roles, ", "));
+      fmt::print("{:<11} {}{}\n            of {}\n", kind.name, kind.doc,
+                 kind.unit.empty() ? ""
+                                   : fmt::format(" (by: {:g}{}{})", kind.usual, plain ? "" : " ",
+                                                 plain ? "" : kind.unit),
+                 fmt::join(kind.roles, ", "));
   }
   if (json) fmt::print("{}\n", rows.dump());
   return 0;
@@ -30,8 +32,9 @@ int list_faults(bool json) {
 
 void add_faults(CommandLine& line, Program&) {
   const auto json = std::make_shared<bool>(false);
-  Command command = line.command("faults", "what can be made to go wrong on a simulated rig: run --fault",
-                                 [json] { return list_faults(*json); });
+  Command command =
+      line.command("faults", "what can be made to go wrong on a simulated rig: run --fault",
+                   [json] { return list_faults(*json); });
   command.flag("--json", *json, "as JSON, SI units");
   command.examples({"vitreo faults"});
 }

@@ -1,9 +1,11 @@
-// `vitreo new`: starting points that run: a protocol with what an editor needs, a driver with its emulator and test.
+// `vitreo new`: starting points that run: a protocol with what an editor needs, a driver with its
+// emulator and test.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/config.h"
-#include "host/lua/editor_files.h"
+#include "host/config/config.h"
+#include "host/lua/engine/library.h"
+#include "host/lua/reference/editor_files.h"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -29,7 +31,8 @@ std::string camel_case(const std::string& name) {
   std::string camel;
   bool upper = true;
   for (const char c : name) {
-    if (c != '_') camel += upper ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
+    if (c != '_')
+      camel += upper ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
     upper = c == '_';
   }
   return camel;
@@ -70,7 +73,8 @@ void write_editor_files(Made& made, const fs::path& folder) {
   if (!fs::exists(folder / ".luarc.json")) {
     const fs::path stubs = folder / ".vitreo";
     fs::create_directories(stubs);
-    for (const auto& [name, text] : lua_stubs()) std::ofstream(stubs / name) << text;
+    for (const auto& [name, text] : lua::lua_stubs(lua::library()))
+      std::ofstream(stubs / name) << text;
     const nlohmann::json settings = {
         {"runtime.version", "Lua 5.4"},
         {"workspace.library",
@@ -78,7 +82,8 @@ void write_editor_files(Made& made, const fs::path& folder) {
         {"workspace.checkThirdParty", false}};
     write_new(made, folder / ".luarc.json", settings.dump(2) + "\n");
   }
-  if (!fs::exists(folder / ".luacheckrc")) write_new(made, folder / ".luacheckrc", luacheck_standard());
+  if (!fs::exists(folder / ".luacheckrc"))
+    write_new(made, folder / ".luacheckrc", lua::luacheck_standard(lua::library()));
 }
 
 Made new_protocol(const std::string& name) {
@@ -90,13 +95,15 @@ Made new_protocol(const std::string& name) {
   return made;
 }
 
-/// A driver of the project that a new one of the same role begins as: it speaks, has an emulator, and its tests pass.
+/// A driver of the project that a new one of the same role begins as: it speaks, has an emulator,
+/// and its tests pass.
 struct Model {
   std::string role, driver, camel;
 };
 const std::vector<Model>& models() {
-  static const std::vector<Model> known{
-      {"stage", "sutter_mp285", "Mp285"}, {"coils", "kepco_bop", "Kepco"}, {"field_probe", "scpi_probe", "ScpiProbe"}};
+  static const std::vector<Model> known{{"stage", "sutter_mp285", "Mp285"},
+                                        {"coils", "kepco_bop", "Kepco"},
+                                        {"field_probe", "scpi_probe", "ScpiProbe"}};
   return known;
 }
 
@@ -107,48 +114,61 @@ const Model& model_for(const std::string& role) {
     roles.push_back(model.role);
   }
   const std::string near = nearest(role, roles);
-  throw ConfigError(fmt::format("'{}' is no role that a driver can begin with: {}{}", role, fmt::join(roles, ", "),
+  throw ConfigError(fmt::format("'{}' is no role that a driver can begin with: {}{}", role,
+                                fmt::join(roles, ", "),
                                 near.empty() ? "" : "; did you mean " + near + "?"));
 }
 
 /// Puts a line below the one that holds `after`, the same but for the names.
-void add_row(Made& made, const fs::path& file, const std::string& after, const Model& model, const std::string& name) {
+void add_row(Made& made, const fs::path& file, const std::string& after, const Model& model,
+             const std::string& name) {
   std::string text = template_text(file);
   const std::size_t at = text.find(after);
-  if (at == std::string::npos) throw ConfigError(file.string() + ": has no line for " + model.driver);
+  if (at == std::string::npos)
+    throw ConfigError(file.string() + ": has no line for " + model.driver);
   const std::size_t begin = text.rfind('\n', at) + 1, end = text.find('\n', at) + 1;
   text.insert(end, replaced(text.substr(begin, end - begin), model.driver, name));
   std::ofstream(file) << text;
   made.changed.push_back(file.string());
 }
 
-/// In Vitreo's source folder: devices/NAME/, its row in the registry, its tests; a copy of a driver of that role.
+/// In Vitreo's source folder: devices/NAME/, its row in the registry, its tests; a copy of a driver
+/// of that role.
 Made new_driver(const std::string& name, const std::string& role) {
   Made made;
   const Model& model = model_for(role);
   if (!fs::is_directory(fs::path("devices") / model.driver))
-    throw ConfigError("new driver: is called in Vitreo's source folder, where devices/" + model.driver + " is");
-  if (fs::exists(fs::path("devices") / name)) throw ConfigError("devices/" + name + ": is there already");
+    throw ConfigError("new driver: is called in Vitreo's source folder, where devices/" +
+                      model.driver + " is");
+  if (fs::exists(fs::path("devices") / name))
+    throw ConfigError("devices/" + name + ": is there already");
   const auto renamed = [&](const fs::path& from) {
     const std::string text = replaced(template_text(from), model.driver, name);
     return replaced(text, model.camel, camel_case(name));
   };
   for (const char* part : {"wire.h", "driver.h", "driver.cpp", "emulator.h", "emulator.cpp"})
-    write_new(made, fs::path("devices") / name / part, renamed(fs::path("devices") / model.driver / part));
-  write_new(made, "host/drivers/" + name + ".cpp", renamed("host/drivers/" + model.driver + ".cpp"));
-  write_new(made, "tests/devices/" + name + "_test.cpp", renamed("tests/devices/" + model.driver + "_test.cpp"));
-  add_row(made, "host/drivers/drivers.h", "read_" + model.driver + "(", model, name);
-  add_row(made, "host/registry.cpp", "{\"" + model.driver + "\"", model, name);
+    write_new(made, fs::path("devices") / name / part,
+              renamed(fs::path("devices") / model.driver / part));
+  write_new(made, "host/rig/drivers/" + name + ".cpp",
+            renamed("host/rig/drivers/" + model.driver + ".cpp"));
+  write_new(made, "tests/devices/" + name + "_test.cpp",
+            renamed("tests/devices/" + model.driver + "_test.cpp"));
+  add_row(made, "host/rig/drivers/drivers.h", "read_" + model.driver + "(", model, name);
+  add_row(made, "host/rig/registry.cpp", "{\"" + model.driver + "\"", model, name);
   made.next = "it begins as " + model.driver +
-              ": change wire.h and emulator.h first, then driver.cpp, until the tests are your instrument's; "
+              ": change wire.h and emulator.h first, then driver.cpp, until the tests are your "
+              "instrument's; "
               "vitreo docs add_an_instrument";
   return made;
 }
 
 Made make_new(const std::string& kind, const std::string& name, const std::string& role) {
   if (kind != "protocol" && kind != "driver")
-    throw ConfigError("'" + kind + "' is not understood: vitreo new protocol NAME, or vitreo new driver NAME ROLE");
-  if (!is_name(name)) throw ConfigError("'" + name + "' is not a name: small letters, digits and _, a letter first");
+    throw ConfigError(
+        "'" + kind +
+        "' is not understood: vitreo new protocol NAME, or vitreo new driver NAME ROLE");
+  if (!is_name(name))
+    throw ConfigError("'" + name + "' is not a name: small letters, digits and _, a letter first");
   if (kind == "protocol") return new_protocol(name);
   if (role.empty()) throw ConfigError("new driver: a role is missing, such as stage");
   return new_driver(name, role);
@@ -173,13 +193,14 @@ void add_new(CommandLine& line, Program&) {
     bool json = false;
   };
   const auto wanted = std::make_shared<Wanted>();
-  Command command =
-      line.command("new", "a starting point that runs: a protocol, or a driver with emulator and test",
-                   [wanted] { return show(make_new(wanted->kind, wanted->name, wanted->role), wanted->json); });
+  Command command = line.command(
+      "new", "a starting point that runs: a protocol, or a driver with emulator and test",
+      [wanted] { return show(make_new(wanted->kind, wanted->name, wanted->role), wanted->json); });
   command.option("kind", wanted->kind, "protocol or driver").required();
   command.option("name", wanted->name, "small letters, digits and _").required();
   command.option("role", wanted->role, "of a driver: stage, coils or field_probe");
-  command.flag("--json", wanted->json, "one JSON object: the files that were made and those that were changed");
+  command.flag("--json", wanted->json,
+               "one JSON object: the files that were made and those that were changed");
   command.examples({"vitreo new protocol depth_scan", "vitreo new driver acme_stage stage"});
 }
 

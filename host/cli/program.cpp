@@ -2,8 +2,8 @@
 #include "host/cli/program.h"
 
 #include "host/cli/command_line.h"
-#include "host/config.h"
-#include "host/lua/engine.h"
+#include "host/config/config.h"
+#include "host/lua/engine/engine.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -20,7 +20,8 @@ Program::Program() = default;
 Program::~Program() = default;
 
 ScriptEngine& Program::engine() {
-  if (!engine_) engine_ = make_lua_engine({in_data_folder("scripts")}, {in_data_folder("protocols")});
+  if (!engine_)
+    engine_ = make_lua_engine({in_data_folder("scripts")}, {in_data_folder("protocols")});
   return *engine_;
 }
 
@@ -28,14 +29,15 @@ std::string Program::in_data_folder(const std::string& below) {
   const char* given = std::getenv("VITREO_ROOT");
   std::error_code error;
   const bool here = fs::exists("protocols", error) && fs::exists("scripts", error);
-  const fs::path installed = fs::read_symlink("/proc/self/exe", error).parent_path() / "../share/vitreo";
+  const fs::path installed =
+      fs::read_symlink("/proc/self/exe", error).parent_path() / "../share/vitreo";
   fs::path folder = given != nullptr                           ? given
                     : here                                     ? "."
                     : fs::exists(installed / "scripts", error) ? installed
                                                                : VITREO_SOURCE_DIR;
   // Docs and templates are the program's own, also where somebody's folder has protocols.
-  if (given == nullptr && here && !fs::exists(folder / below, error) && !below.starts_with("protocols") &&
-      !below.starts_with("scripts"))
+  if (given == nullptr && here && !fs::exists(folder / below, error) &&
+      !below.starts_with("protocols") && !below.starts_with("scripts"))
     folder = fs::exists(installed / "scripts", error) ? installed : fs::path(VITREO_SOURCE_DIR);
   return (folder / below).lexically_normal().string();
 }
@@ -46,15 +48,16 @@ std::vector<std::string> lua_files(const std::string& folder) {
   std::vector<std::string> files;
   std::error_code error;  // no such folder: no files
   for (const auto& entry : fs::directory_iterator(folder, error))
-    if (entry.path().extension() == ".lua") files.push_back(entry.path().lexically_normal().string());
+    if (entry.path().extension() == ".lua")
+      files.push_back(entry.path().lexically_normal().string());
   std::sort(files.begin(), files.end());
   return files;
 }
 
-/// A file as given (a folder may have its name), or NAME.lua in `folder`. What looks like a path and is none is left to
-/// who opens it.
-std::string file_or_name(const std::string& given, const std::string& folder, const std::string& kind,
-                         const std::string& read_on) {
+/// A file as given (a folder may have its name), or NAME.lua in `folder`. What looks like a path
+/// and is none is left to who opens it.
+std::string file_or_name(const std::string& given, const std::string& folder,
+                         const std::string& kind, const std::string& read_on) {
   if (fs::exists(given) && !fs::is_directory(given)) return given;
   if (given.find('/') != std::string::npos || given.ends_with(".lua")) return given;
   const std::string by_name = folder + "/" + given + ".lua";
@@ -71,7 +74,8 @@ void check_writable(const std::string& out) {
   fs::path folder = fs::absolute(out).lexically_normal();
   std::error_code error;
   while (folder.has_relative_path() && !fs::exists(folder, error)) folder = folder.parent_path();
-  if (!fs::is_directory(folder, error)) throw ConfigError("--out " + out + ": " + folder.string() + " is no folder");
+  if (!fs::is_directory(folder, error))
+    throw ConfigError("--out " + out + ": " + folder.string() + " is no folder");
   if (access(folder.c_str(), W_OK | X_OK) != 0)
     throw ConfigError("--out " + out + ": " + folder.string() + ": " + std::strerror(errno));
 }
@@ -87,47 +91,58 @@ std::string Program::rig_file(const std::string& given) {
   return file_or_name(given, folder, "rig", "; they are in " + folder);
 }
 
-std::vector<std::string> Program::protocol_files() { return lua_files(in_data_folder("protocols")); }
+std::vector<std::string> Program::protocol_files() {
+  return lua_files(in_data_folder("protocols"));
+}
 
 std::vector<std::string> Program::rig_files() { return lua_files(in_data_folder("scripts/rigs")); }
 
 std::string exit_codes_text() {
   return "0  completed\n"
          "1  the script failed, or a statement of a piped prompt\n"
-         "2  usage: unknown protocol, parameter out of range, error in a rig file; nothing was opened\n"
+         "2  usage: unknown protocol, parameter out of range, error in a rig file; nothing was "
+         "opened\n"
          "3  stopped, by the operator or by the script\n"
          "4  aborted: by the operator, because a device failed, or because the interlock tripped\n"
          "5  internal error, or the standard output could not be written\n"
          "6  the script did not respond to an abort: the devices are safe, the record is closed\n"
          "7  an instrument is missing\n"
-         "8  the preflight failed: nothing was opened (vitreo check; vitreo run on a laboratory rig)\n";
+         "8  the preflight failed: nothing was opened (vitreo check; vitreo run on a laboratory "
+         "rig)\n";
 }
 
 void add_run_options(Command& command, RunOptions& options) {
   command.option("--rig", options.request.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
-  command.option("--seed", options.request.seed, "of everything that is drawn by chance (default: 1)");
+  command.option("--seed", options.request.seed,
+                 "of everything that is drawn by chance (default: 1)");
   command.option("--out", options.request.out, "folder for the run's folder (default: runs)");
   command.option("--operator", options.request.operator_name, "who runs it, for the record");
   command
       .option("--fault", options.request.faults,
-              "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo faults` lists the kinds")
+              "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo "
+              "faults` lists the kinds")
       .one_word_each();
   command
       .option("--frames", options.request.frames,
-              "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), top_camera@96 (a window of\n"
+              "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), "
+              "top_camera@96 (a window of\n"
               "96 px about the robot), top_camera~10 (only 10 s around events)")
       .delimiter(',');
 }
 
 void add_view_options(Command& command, RunOptions& options) {
   command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
-  command.flag("--view", options.request.view.on, "a page in the browser shows the run; its address is printed");
-  command.option("--view-port", options.view_port, "the page's port (default: one that is free)").between(0, 65535);
+  command.flag("--view", options.request.view.on,
+               "a page in the browser shows the run; its address is printed");
+  command.option("--view-port", options.view_port, "the page's port (default: one that is free)")
+      .between(0, 65535);
   command.option("--listen", options.request.view.address,
-                 "an IP address of this machine at which the page is served (default: 127.0.0.1, this machine alone)");
-  command.option("--token-file", options.token_file,
-                 "a file for you alone (0600; made where there is none) whose token lets browsers in");
+                 "an IP address of this machine at which the page is served (default: 127.0.0.1, "
+                 "this machine alone)");
+  command.option(
+      "--token-file", options.token_file,
+      "a file for you alone (0600; made where there is none) whose token lets browsers in");
 }
 
 RunRequest& RunOptions::complete(Program& program) {
@@ -138,7 +153,8 @@ RunRequest& RunOptions::complete(Program& program) {
   check_writable(request.out);
   request.view.port = static_cast<unsigned short>(view_port);
   request.view.token_file = token_file;
-  if (!request.view.on && (request.view.address != view::ViewRequest().address || !token_file.empty()))
+  if (!request.view.on &&
+      (request.view.address != view::ViewRequest().address || !token_file.empty()))
     throw ConfigError("--listen, --token-file: are about the page, which wants --view");
   view::check(request.view);
   if (!token_file.empty()) view::shared_token(token_file);  // before anything is opened

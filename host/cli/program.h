@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/run_engine.h"
+#include "host/engine/run_engine.h"
 
 #include <memory>
 #include <string>
@@ -23,10 +23,12 @@ class Program {
   /// Made at the first call: commands without a script start faster.
   ScriptEngine& engine();
 
-  /// A path below protocols/, scripts/, docs/ or templates/: in VITREO_ROOT, else here where both protocols/ and
-  /// scripts/ are, else beside the installed program (../share/vitreo), else where the program was built.
+  /// A path below protocols/, scripts/, docs/ or templates/: in VITREO_ROOT, else here where both
+  /// protocols/ and scripts/ are, else beside the installed program (../share/vitreo), else where
+  /// the program was built.
   static std::string in_data_folder(const std::string& below);
-  /// What `--rig` says: a file, or the name of one in scripts/rigs/. Throws ConfigError when it can be neither.
+  /// What `--rig` says: a file, or the name of one in scripts/rigs/. Throws ConfigError when it can
+  /// be neither.
   static std::string rig_file(const std::string& given);
   /// A path as given, or a protocol's bare name. Throws ConfigError when it can be neither.
   static std::string protocol_file(const std::string& given);
@@ -43,8 +45,8 @@ struct RunOptions {
   bool real_time = false;
   int view_port = 0;
   std::string token_file;
-  /// With the defaults that depend on where the program is, and on the protocol: its own rig. Throws ScriptError when
-  /// that cannot be read, ConfigError for what cannot be.
+  /// With the defaults that depend on where the program is, and on the protocol: its own rig.
+  /// Throws ScriptError when that cannot be read, ConfigError for what cannot be.
   RunRequest& complete(Program& program);
 };
 void add_run_options(Command& command, RunOptions& options);
@@ -52,7 +54,8 @@ void add_run_options(Command& command, RunOptions& options);
 void add_view_options(Command& command, RunOptions& options);
 
 // One for each row of main.cpp, in a file of its name.
-void add_run(CommandLine& line, Program& program);  // and the prompt, which is the program without a command
+void add_run(CommandLine& line,
+             Program& program);  // and the prompt, which is the program without a command
 void add_check(CommandLine& line, Program& program);
 void add_control(CommandLine& line, Program& program);
 void add_describe(CommandLine& line, Program& program);

@@ -1,28 +1,29 @@
 // The commands about recorded runs; docs/records.md tells what they are for.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
+#include "host/cli/commands.h"
 #include "host/cli/program.h"
-#include "host/commands.h"
-#include "host/config.h"
-#include "host/report_files.h"
-#include "host/run_reader.h"
+#include "host/config/config.h"
+#include "host/runs/report_files.h"
+#include "host/runs/run_reader.h"
 
 #include <iostream>
 
 namespace vitreo::cli {
 namespace {
 
-struct Wanted {
+struct RecordWords {
   std::string run = "last", parent = "runs", into, format, csv, plots;
   RunFilter filter;
   bool json = false, png = false;
   std::filesystem::path folder() const { return find_run(run, parent); }
 };
 
-int plots(const Wanted& wanted) {
+int plots(const RecordWords& wanted) {
   nlohmann::json files = nlohmann::json::array();
   const PlotFiles kind = wanted.png ? PlotFiles::png : PlotFiles::svg;
-  for (const auto& file : write_plots(read_run(wanted.folder()), wanted.plots, kind)) files.push_back(file.string());
+  for (const auto& file : write_plots(read_run(wanted.folder()), wanted.plots, kind))
+    files.push_back(file.string());
   if (wanted.json) std::cout << files.dump() << "\n";
   for (const auto& file : files)
     if (!wanted.json) std::cout << file.get<std::string>() << "\n";
@@ -32,28 +33,34 @@ int plots(const Wanted& wanted) {
 }  // namespace
 
 void add_records(CommandLine& line, Program& program) {
-  const auto wanted = std::make_shared<Wanted>();
-  const auto add = [&line, wanted](const std::string& name, const std::string& help, CommandLine::Action action) {
+  const auto wanted = std::make_shared<RecordWords>();
+  const auto add = [&line, wanted](const std::string& name, const std::string& help,
+                                   CommandLine::Action action) {
     Command command = line.command(name, help, std::move(action));
     command.option("--runs", wanted->parent, "the folder in which the runs are (default: runs)");
     command.flag("--json", wanted->json, "one JSON document, SI units");
     return command;
   };
-  const auto add_one = [&add, wanted](const std::string& name, const std::string& help, CommandLine::Action action) {
+  const auto add_one = [&add, wanted](const std::string& name, const std::string& help,
+                                      CommandLine::Action action) {
     Command command = add(name, help, std::move(action));
-    command.option("run", wanted->run, "a run's folder, its name or the beginning of it, or last").required();
+    command.option("run", wanted->run, "a run's folder, its name or the beginning of it, or last")
+        .required();
     return command;
   };
-  const Wanted& w = *wanted;  // kept by the actions' own copy of the pointer
+  const RecordWords& w = *wanted;  // kept by the actions' own copy of the pointer
   Command runs = add("runs", "the recorded runs, newest last",
                      [wanted, &w] { return list_runs(w.parent, w.filter, w.json, std::cout); });
   runs.option("--protocol", wanted->filter.protocol, "only those with this in protocol or title");
-  runs.option("--operator", wanted->filter.operator_name, "only those with this in the operator's name");
+  runs.option("--operator", wanted->filter.operator_name,
+              "only those with this in the operator's name");
   runs.option("--outcome", wanted->filter.state,
               "only completed, failed, stopped, aborted, lost, running or unreadable");
-  runs.option("--since", wanted->filter.since, "only from this time on: 2026-11-21, 2026-11-21T14:30");
+  runs.option("--since", wanted->filter.since,
+              "only from this time on: 2026-11-21, 2026-11-21T14:30");
   runs.option("--newest", wanted->filter.newest, "only so many").between(1, 1000000);
-  runs.examples({"vitreo runs --protocol servo_square --newest 5", "vitreo runs --outcome failed --json"});
+  runs.examples(
+      {"vitreo runs --protocol servo_square --newest 5", "vitreo runs --outcome failed --json"});
   add_one("show", "what a run was asked, what came out, what is recorded", [wanted, &w] {
     return show_run(w.folder(), w.json, std::cout);
   }).examples({"vitreo show last"});
@@ -64,15 +71,19 @@ void add_records(CommandLine& line, Program& program) {
     return recover_command(w.folder(), w.json, std::cout);
   }).examples({"vitreo recover 2026-11-21T1830"});
   Command report = add_one("report", "makes a run's report anew from its record", [wanted, &w] {
-    if (w.plots.empty() && w.png) throw ConfigError("--png: says how --plots writes, which wants a folder");
+    if (w.plots.empty() && w.png)
+      throw ConfigError("--png: says how --plots writes, which wants a folder");
     return w.plots.empty() ? report_command(w.folder(), w.json, std::cout) : plots(w);
   });
-  report.option("--plots", wanted->plots, "a folder: writes each plot there as an SVG file instead");
-  report.flag("--png", wanted->png, "with --plots: PNG files, by the program rsvg-convert (Debian: librsvg2-bin)");
-  report.examples(
-      {"vitreo report last", "vitreo report last --plots figures", "vitreo report last --plots figures --png"});
+  report.option("--plots", wanted->plots,
+                "a folder: writes each plot there as an SVG file instead");
+  report.flag("--png", wanted->png,
+              "with --plots: PNG files, by the program rsvg-convert (Debian: librsvg2-bin)");
+  report.examples({"vitreo report last", "vitreo report last --plots figures",
+                   "vitreo report last --plots figures --png"});
   Command exported = add_one("export", "a run in the format of other programs", [wanted, &w] {
-    if (w.format.empty()) throw ConfigError("export: wants one of --csv, --mcap, --tiff, --mkv, --hdf5");
+    if (w.format.empty())
+      throw ConfigError("export: wants one of --csv, --mcap, --tiff, --mkv, --hdf5");
     return export_command(w.folder(), w.format, w.into, w.json, std::cout);
   });
   exported.option("--into", wanted->into, "a folder (default: export/ in the run's own)");
@@ -83,9 +94,11 @@ void add_records(CommandLine& line, Program& program) {
                    {"mkv", "the frames as a film without loss (FFV1), a file a camera"},
                    {"hdf5", "all streams in one file"}},
                   wanted->format);
-  Command replayed = add_one(
-      "replay", "the recorded frames through today's tracker and localiser",
-      [&program, wanted, &w] { return replay_command(program.engine(), w.folder(), w.csv, w.json, std::cout); });
+  Command replayed =
+      add_one("replay", "the recorded frames through today's tracker and localizer",
+              [&program, wanted, &w] {
+                return replay_command(program.engine(), w.folder(), w.csv, w.json, std::cout);
+              });
   replayed.option("--csv", wanted->csv, "a file for the differences frame by frame");
   replayed.examples({"vitreo replay last --csv differences.csv"});
 }

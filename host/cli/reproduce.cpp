@@ -1,11 +1,12 @@
-// `vitreo reproduce`: every protocol that has numbers of the thesis, and a page of theirs beside ours.
+// `vitreo reproduce`: every protocol that has numbers of the thesis, and a page of theirs beside
+// ours.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/record_json.h"
-#include "host/reproduction.h"
-#include "host/reproduction_joined.h"
-#include "host/run_folder.h"
+#include "host/files/run_folder.h"
+#include "host/record/record_json.h"
+#include "host/trials/reproduction.h"
+#include "host/trials/reproduction_joined.h"
 
 #include <fmt/format.h>
 
@@ -19,24 +20,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Wanted {
+struct ReproductionWords {
   std::vector<std::string> only;
   std::string out = "runs", docs, plan;
   int processes = 0;
   bool json = false, brief = false;
 };
 
-std::vector<PlannedRun> chosen(const RigDescription& plan, const Wanted& wanted) {
+std::vector<PlannedRun> chosen(const RigDescription& plan, const ReproductionWords& wanted) {
   const std::string& file = plan.file;
   std::vector<PlannedRun> all = read_plan(plan), runs;
   std::vector<std::string> known;
   for (const PlannedRun& run : all) known.push_back(run.protocol);
   for (const std::string& name : wanted.only)
     if (std::find(known.begin(), known.end(), name) == known.end())
-      throw ConfigError(fmt::format("reproduce: {} is not in {}; did you mean {}?", name, file, nearest(name, known)));
+      throw ConfigError(fmt::format("reproduce: {} is not in {}; did you mean {}?", name, file,
+                                    nearest(name, known)));
   for (PlannedRun& run : all) {
-    const bool asked =
-        wanted.only.empty() || std::find(wanted.only.begin(), wanted.only.end(), run.protocol) != wanted.only.end();
+    const bool asked = wanted.only.empty() || std::find(wanted.only.begin(), wanted.only.end(),
+                                                        run.protocol) != wanted.only.end();
     if (asked && !(wanted.brief && run.brief == "-")) runs.push_back(std::move(run));
   }
   return runs;
@@ -45,11 +47,12 @@ std::vector<PlannedRun> chosen(const RigDescription& plan, const Wanted& wanted)
 void tell(const ReproducedRun& run) {
   int missed = 0;
   for (const ReproducedRow& row : run.rows) missed += is_missed(row.verdict);
-  fmt::print(stderr, "{:<26} {:<10} {:5.1f} s  {} numbers, {} missed{}{}\n", run.plan.protocol, run.outcome,
-             run.wall_time, run.rows.size(), missed, run.reason.empty() ? "" : ": ", run.reason);
+  fmt::print(stderr, "{:<26} {:<10} {:5.1f} s  {} numbers, {} missed{}{}\n", run.plan.protocol,
+             run.outcome, run.wall_time, run.rows.size(), missed, run.reason.empty() ? "" : ": ",
+             run.reason);
 }
 
-int reproduce_thesis(Program& program, const Wanted& wanted) {
+int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   const RigDescription plan = program.engine().load_rig(
       wanted.plan.empty() ? Program::in_data_folder("scripts/reproduction.lua") : wanted.plan);
   const std::vector<JoinedRow> joined = read_joined(plan);
@@ -64,7 +67,8 @@ int reproduce_thesis(Program& program, const Wanted& wanted) {
   std::vector<ReproducedRun> runs = reproduce(request, tell);
   ReproducedRun together = join_rows(joined, runs, wanted.only.empty() && !wanted.brief);
   if (!together.rows.empty()) runs.push_back(std::move(together));
-  const fs::path docs = wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
+  const fs::path docs =
+      wanted.docs.empty() ? fs::path(Program::in_data_folder("docs")) : fs::path(wanted.docs);
   fs::create_directories(docs);
   fs::create_directories(request.out);
   // A part of the plan, or its short form, is no reason to write over the page about the whole.
@@ -84,23 +88,29 @@ int reproduce_thesis(Program& program, const Wanted& wanted) {
   if (wanted.json)
     std::cout << dumped(rows) << "\n";
   else
-    fmt::print("{}page: {}\n", whole || !wanted.docs.empty() ? "written: " + text.string() + "\n" : "", page.string());
+    fmt::print("{}page: {}\n",
+               whole || !wanted.docs.empty() ? "written: " + text.string() + "\n" : "",
+               page.string());
   return well ? 0 : 1;
 }
 
 }  // namespace
 
 void add_reproduce(CommandLine& line, Program& program) {
-  const auto wanted = std::make_shared<Wanted>();
-  Command command = line.command("reproduce", "the thesis' experiments, its numbers beside ours; 1 where one is missed",
-                                 [&program, wanted] { return reproduce_thesis(program, *wanted); });
+  const auto wanted = std::make_shared<ReproductionWords>();
+  Command command = line.command(
+      "reproduce", "the thesis' experiments, its numbers beside ours; 1 where one is missed",
+      [&program, wanted] { return reproduce_thesis(program, *wanted); });
   command.option("only", wanted->only, "protocols of the plan (default: all)");
-  command.flag("--json", wanted->json, "a row for each number: id, thesis, ours, unit, tolerance, verdict, why");
+  command.flag("--json", wanted->json,
+               "a row for each number: id, thesis, ours, unit, tolerance, verdict, why");
   command.flag("--brief", wanted->brief, "the short form of each run, to see that all of it works");
-  command.option("--processes", wanted->processes, "runs at a time (default: one a core)").between(1, 1000);
+  command.option("--processes", wanted->processes, "runs at a time (default: one a core)")
+      .between(1, 1000);
   command.option("--out", wanted->out, "folder for the runs' folders and the page (default: runs)");
-  command.option("--docs", wanted->docs,
-                 "folder for reproduction.md (default: docs/ beside protocols/, of the whole plan)");
+  command.option(
+      "--docs", wanted->docs,
+      "folder for reproduction.md (default: docs/ beside protocols/, of the whole plan)");
   command.option("--plan", wanted->plan, "another plan than scripts/reproduction.lua");
   command.examples({"vitreo reproduce", "vitreo reproduce sensitivity_focus --json"});
 }

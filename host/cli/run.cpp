@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/line_editor.h"
-#include "host/progress_line.h"
-#include "host/record_json.h"
-#include "host/run_reader.h"
-#include "host/terminal_text.h"
-#include "host/units.h"
+#include "host/record/record_json.h"
+#include "host/runs/run_reader.h"
+#include "host/terminal/line_editor.h"
+#include "host/terminal/progress_line.h"
+#include "host/text/terminal_text.h"
+#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -27,7 +27,8 @@ struct Run : RunOptions {
   bool json = false, quiet = false, verbose = false;
 };
 
-/// Nothing but questions, which want an answer, and the live view's address, without which it was asked for in vain.
+/// Nothing but questions, which want an answer, and the live view's address, without which it was
+/// asked for in vain.
 class Quiet : public ProgressLine {
  public:
   using ProgressLine::ProgressLine;
@@ -40,10 +41,12 @@ class Quiet : public ProgressLine {
 /// What was opened, and what became of it, for --verbose: on the standard error.
 void tell_before(ScriptEngine& engine, const RunRequest& request) {
   const ProtocolDescription protocol = engine.describe(request.protocol_file);
-  fmt::print(stderr, "protocol {}\nrig {}\nseed {}\n", protocol.file, request.rig_file, request.seed);
+  fmt::print(stderr, "protocol {}\nrig {}\nseed {}\n", protocol.file, request.rig_file,
+             request.seed);
   for (const auto& [name, value] : check_arguments(protocol, request.arguments)) {
-    const auto known = std::find_if(protocol.parameters.begin(), protocol.parameters.end(),
-                                    [&key = name](const Parameter& one) { return one.name == key; });
+    const auto known =
+        std::find_if(protocol.parameters.begin(), protocol.parameters.end(),
+                     [&key = name](const Parameter& one) { return one.name == key; });
     const auto unit = find_unit(known->unit);
     const double* number = std::get_if<double>(&value);
     const std::string* text = std::get_if<std::string>(&value);
@@ -56,19 +59,22 @@ void tell_before(ScriptEngine& engine, const RunRequest& request) {
 
 void tell_after(const RunResult& result) {
   for (const Event& event : read_run(result.folder).events)
-    fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, for_terminal(event.text));
+    fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind,
+               for_terminal(event.text));
 }
 
-/// The outcome, coloured on a terminal whose user has not said NO_COLOR (no-color.org).
-std::string coloured(Outcome outcome) {
-  const char* const no_colour = std::getenv("NO_COLOR");
+/// The outcome, colored on a terminal whose user has not said NO_COLOR (no-color.org).
+std::string colored(Outcome outcome) {
+  const char* const no_color = std::getenv("NO_COLOR");
   const char* const terminal = std::getenv("TERM");
-  const bool plain = isatty(STDOUT_FILENO) == 0 || (no_colour != nullptr && *no_colour != '\0') ||
+  const bool plain = isatty(STDOUT_FILENO) == 0 || (no_color != nullptr && *no_color != '\0') ||
                      terminal == nullptr || std::string_view(terminal) == "dumb";
   if (plain) return to_string(outcome);
   constexpr int kGreen = 32, kYellow = 33, kRed = 31;
-  const int colour = outcome == Outcome::completed ? kGreen : outcome == Outcome::stopped ? kYellow : kRed;
-  return fmt::format("\x1b[{}m{}\x1b[0m", colour, to_string(outcome));
+  const int color = outcome == Outcome::completed ? kGreen
+                    : outcome == Outcome::stopped ? kYellow
+                                                  : kRed;
+  return fmt::format("\x1b[{}m{}\x1b[0m", color, to_string(outcome));
 }
 
 void show(const RunResult& result, bool json) {
@@ -78,16 +84,16 @@ void show(const RunResult& result, bool json) {
   }
   for (const Figure& figure : result.figures)
     fmt::print("{:<28} {}\n", figure.name, format_quantity(figure.value, figure.unit));
-  fmt::print("{}{}{}\nrun: {}\nreport: {}\n", coloured(result.outcome), result.reason.empty() ? "" : ": ",
-             for_terminal(result.reason), result.folder,
+  fmt::print("{}{}{}\nrun: {}\nreport: {}\n", colored(result.outcome),
+             result.reason.empty() ? "" : ": ", for_terminal(result.reason), result.folder,
              (std::filesystem::path(result.folder) / "report.html").string());
 }
 
 int run(Program& program, Run& wanted) {
   wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
   const bool terminal = isatty(STDERR_FILENO) != 0;
-  const auto progress =
-      wanted.quiet ? std::make_unique<Quiet>(std::cerr, false) : std::make_unique<ProgressLine>(std::cerr, terminal);
+  const auto progress = wanted.quiet ? std::make_unique<Quiet>(std::cerr, false)
+                                     : std::make_unique<ProgressLine>(std::cerr, terminal);
   const RunRequest& request = wanted.complete(program);
   if (wanted.verbose) tell_before(program.engine(), request);
   const RunResult result = run_protocol(program.engine(), request, *progress);
@@ -102,7 +108,8 @@ int run(Program& program, Run& wanted) {
 /// What is said while somebody types appears above the line.
 class PromptLines : public ProgressLine {
  public:
-  PromptLines(std::ostream& out, bool animate, LineEditor& editor) : ProgressLine(out, animate), editor_(editor) {}
+  PromptLines(std::ostream& out, bool animate, LineEditor& editor)
+      : ProgressLine(out, animate), editor_(editor) {}
   void message(const std::string& line) override {
     if (!editor_.show_above(harmless(line))) ProgressLine::message(line);
   }
@@ -137,13 +144,14 @@ int prompt(Program& program, RunOptions& options) {
   const bool sits_there = isatty(STDIN_FILENO) != 0;
   if (sits_there) options.real_time = true;
   const bool edits = sits_there && isatty(STDOUT_FILENO) != 0;
-  const auto editor = edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, sits_there);
+  const auto editor =
+      edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, sits_there);
   PromptLines progress(edits ? std::cout : std::cerr, edits, *editor);
   AfterProgress buffer(progress, std::cout);
   std::ostream above(&buffer);
   std::ostream& out = edits ? above : std::cout;
-  const RunResult result =
-      run_prompt(program.engine(), options.complete(program), progress, *editor, out, edits ? out : std::cerr);
+  const RunResult result = run_prompt(program.engine(), options.complete(program), progress,
+                                      *editor, out, edits ? out : std::cerr);
   progress.clear();
   if (sits_there) fmt::print("run: {}\n", result.folder);
   return static_cast<int>(result.exit_code);
@@ -151,13 +159,17 @@ int prompt(Program& program, RunOptions& options) {
 
 void add_arguments(Command& command, Program& program, const std::shared_ptr<Run>& wanted) {
   command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
-  command.flag("--json", wanted->json, "one JSON object on the standard output at the end, SI units");
-  command.option("--answer", wanted->request.answers,
-                 "answers a question of the script in advance: name=value, or value in their order");
-  command.option("--override", wanted->request.override_reason,
-                 "run although the preflight fails, and why (a researcher's right; it is recorded)");
+  command.flag("--json", wanted->json,
+               "one JSON object on the standard output at the end, SI units");
+  command.option(
+      "--answer", wanted->request.answers,
+      "answers a question of the script in advance: name=value, or value in their order");
+  command.option(
+      "--override", wanted->request.override_reason,
+      "run although the preflight fails, and why (a researcher's right; it is recorded)");
   command.flag("--quiet,-q", wanted->quiet, "nothing but errors and questions");
-  command.flag("--verbose,-v", wanted->verbose, "also what was chosen, and every event of the record");
+  command.flag("--verbose,-v", wanted->verbose,
+               "also what was chosen, and every event of the record");
   command.help_about_word([&program, wanted] {
     fmt::print("{}\noptions: vitreo run --help\n",
                describe_text(program.engine().describe(Program::protocol_file(wanted->protocol))));
@@ -177,19 +189,21 @@ void add_run(CommandLine& line, Program& program) {
                  "vitreo docs                                the pages of the documentation"});
 
   const auto wanted = std::make_shared<Run>();
-  Command command = line.command("run", "run a protocol", [&program, wanted] { return run(program, *wanted); });
+  Command command =
+      line.command("run", "run a protocol", [&program, wanted] { return run(program, *wanted); });
   add_run_options(command, *wanted);
   add_view_options(command, *wanted);
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   add_arguments(command, program, wanted);
-  command.examples({"vitreo run servo_square speed=0.5mm/s --seed 7", "vitreo run drift_test --help",
-                    "vitreo run hold --json | jq .figures"});
+  command.examples({"vitreo run servo_square speed=0.5mm/s --seed 7",
+                    "vitreo run drift_test --help", "vitreo run hold --json | jq .figures"});
 
   const auto watched = std::make_shared<Run>();
   watched->protocol = "steer";
   watched->real_time = watched->request.view.on = true;
-  Command view = line.command("view", "run a protocol, shown by a page in the browser, in real time",
-                              [&program, watched] { return run(program, *watched); });
+  Command view =
+      line.command("view", "run a protocol, shown by a page in the browser, in real time",
+                   [&program, watched] { return run(program, *watched); });
   add_run_options(view, *watched);
   add_view_options(view, *watched);
   view.option("protocol", watched->protocol, "a protocol's file or name (default: steer, by hand)");

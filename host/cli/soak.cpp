@@ -1,10 +1,10 @@
 // `vitreo soak`: a protocol under faults, stops and kills that seeds draw.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/soak.h"
+#include "host/trials/soak.h"
 
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/record_json.h"
+#include "host/record/record_json.h"
 
 #include <fmt/format.h>
 
@@ -16,13 +16,13 @@ namespace {
 
 constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
 
-struct Wanted : RunOptions {
+struct SoakWords : RunOptions {
   std::string protocol;
   std::uint64_t seeds = 100, seed = kNone, run_seed = 1;
   bool json = false;
 };
 
-int soak_protocol(Program& program, Wanted& wanted) {
+int soak_protocol(Program& program, SoakWords& wanted) {
   SoakRequest request;
   wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
   wanted.request.seed = wanted.run_seed;
@@ -36,17 +36,19 @@ int soak_protocol(Program& program, Wanted& wanted) {
   if (wanted.json)
     fmt::print("{}\n", dumped(to_json(result)));
   else
-    fmt::print("{} seeds, {} violations, {:.0f} s\n", result.seeds, result.violations, result.seconds);
+    fmt::print("{} seeds, {} violations, {:.0f} s\n", result.seeds, result.violations,
+               result.seconds);
   return result.violations == 0 ? 0 : 1;
 }
 
 }  // namespace
 
 void add_soak(CommandLine& line, Program& program) {
-  const auto wanted = std::make_shared<Wanted>();
-  Command command =
-      line.command("soak", "runs a protocol under faults, stops and kills at random moments, and checks what must hold",
-                   [&program, wanted] { return soak_protocol(program, *wanted); });
+  const auto wanted = std::make_shared<SoakWords>();
+  Command command = line.command(
+      "soak",
+      "runs a protocol under faults, stops and kills at random moments, and checks what must hold",
+      [&program, wanted] { return soak_protocol(program, *wanted); });
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
   command.option("--seeds", wanted->seeds, "how many (default: 100)").between(1, 1000000);
@@ -54,8 +56,10 @@ void add_soak(CommandLine& line, Program& program) {
   command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
   command.option("--rig", wanted->request.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
-  command.option("--out", wanted->request.out, "folder in which the records of bad seeds stay (default: runs)");
-  command.flag("--json", wanted->json, "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");
+  command.option("--out", wanted->request.out,
+                 "folder in which the records of bad seeds stay (default: runs)");
+  command.flag("--json", wanted->json,
+               "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");
   command.examples({"vitreo soak hello_rig --seeds 20"});
 }
 

@@ -1,10 +1,11 @@
-// `vitreo test PROTOCOL`: whether it completes, fails as it should, and can be stopped at any moment.
+// `vitreo test PROTOCOL`: whether it completes, fails as it should, and can be stopped at any
+// moment.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/config.h"
-#include "host/protocol_check.h"
-#include "host/record_json.h"
+#include "host/config/config.h"
+#include "host/record/record_json.h"
+#include "host/trials/protocol_check.h"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -12,7 +13,7 @@
 namespace vitreo::cli {
 namespace {
 
-struct Wanted : RunOptions {
+struct TestWords : RunOptions {
   std::string protocol;
   int stops = 0;
   bool json = false;
@@ -23,7 +24,8 @@ std::vector<ProtocolTest> tests_of(Program& program, const RunRequest& base) {
   std::vector<ProtocolTest> tests = program.engine().describe(base.protocol_file).tests;
   if (!tests.empty()) {
     if (!base.arguments.empty() || !base.answers.empty())
-      throw ConfigError(base.protocol_file + ": lists its own tests, which say their arguments and answers");
+      throw ConfigError(base.protocol_file +
+                        ": lists its own tests, which say their arguments and answers");
     return tests;
   }
   tests = usual_tests();
@@ -31,7 +33,7 @@ std::vector<ProtocolTest> tests_of(Program& program, const RunRequest& base) {
   return tests;
 }
 
-int test(Program& program, Wanted& wanted) {
+int test(Program& program, TestWords& wanted) {
   wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
   const RunRequest& base = wanted.complete(program);
   int runs = 0, failed = 0;
@@ -41,7 +43,8 @@ int test(Program& program, Wanted& wanted) {
     try_protocol(program.engine(), base, one, [&](const ProtocolTrial& trial) {
       ++runs;
       failed += !trial.problem.empty();
-      const nlohmann::json row{{"what", trial.what}, {"passed", trial.problem.empty()}, {"problem", trial.problem}};
+      const nlohmann::json row{
+          {"what", trial.what}, {"passed", trial.problem.empty()}, {"problem", trial.problem}};
       if (wanted.json)
         fmt::print("{}\n", dumped(row));
       else
@@ -59,15 +62,19 @@ int test(Program& program, Wanted& wanted) {
 }  // namespace
 
 void add_test(CommandLine& line, Program& program) {
-  const auto wanted = std::make_shared<Wanted>();
-  Command command = line.command("test", "puts a protocol to its own tests, or stops it at 100 moments",
-                                 [&program, wanted] { return test(program, *wanted); });
+  const auto wanted = std::make_shared<TestWords>();
+  Command command =
+      line.command("test", "puts a protocol to its own tests, or stops it at 100 moments",
+                   [&program, wanted] { return test(program, *wanted); });
   add_run_options(command, *wanted);
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
-  command.option("arguments", wanted->request.arguments, "of a protocol that lists no tests: name=value");
+  command.option("arguments", wanted->request.arguments,
+                 "of a protocol that lists no tests: name=value");
   command.option("--answer", wanted->request.answers, "answers to its questions: name=value");
-  command.option("--stops", wanted->stops, "so many moments instead (default: 100)").between(1, 100000);
-  command.flag("--json", wanted->json, "a JSON object a run, and one at the end: {\"runs\", \"failed\"}");
+  command.option("--stops", wanted->stops, "so many moments instead (default: 100)")
+      .between(1, 100000);
+  command.flag("--json", wanted->json,
+               "a JSON object a run, and one at the end: {\"runs\", \"failed\"}");
   command.examples({"vitreo test servo_square", "vitreo test ./mine.lua speed=0.5mm/s --stops 20"});
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/admission.h"
 
-#include "host/config.h"
+#include "host/config/config.h"
 #include "host/view/web_server.h"
 
 #include <algorithm>
@@ -38,7 +38,8 @@ class Descriptor {
 }
 
 std::string made(const std::filesystem::path& file) {
-  const Descriptor out(::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
+  const Descriptor out(
+      ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (out.number() < 0) refuse(file, std::string("cannot be made: ") + std::strerror(errno));
   const std::string token = random_token(), line = token + "\n";
   if (::fchmod(out.number(), 0600) != 0 ||
@@ -64,31 +65,38 @@ void check(const ViewRequest& request) {
   } else {
     throw ConfigError(option + "wants an IP address of this machine, such as 192.168.1.5");
   }
-  if (any) throw ConfigError(option + "is every address at once; name the one on which the page is wanted");
+  if (any)
+    throw ConfigError(option +
+                      "is every address at once; name the one on which the page is wanted");
   if (!loopback && request.token_file.empty())
-    throw ConfigError(
-        option +
-        "can be reached from other machines, so it wants --token-file FILE (for its owner alone, mode 0600); "
-        "or leave it away, and from there: ssh -L PORT:127.0.0.1:PORT");
+    throw ConfigError(option +
+                      "can be reached from other machines, so it wants --token-file FILE (for its "
+                      "owner alone, mode 0600); "
+                      "or leave it away, and from there: ssh -L PORT:127.0.0.1:PORT");
 }
 
 std::string shared_token(const std::filesystem::path& file) {
   const Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (in.number() < 0 && errno == ENOENT) return made(file);
-  if (in.number() < 0) refuse(file, errno == ELOOP ? "is a link; name the file itself" : std::strerror(errno));
+  if (in.number() < 0)
+    refuse(file, errno == ELOOP ? "is a link; name the file itself" : std::strerror(errno));
   struct stat about = {};
-  if (::fstat(in.number(), &about) != 0 || !S_ISREG(about.st_mode)) refuse(file, "is no plain file");
+  if (::fstat(in.number(), &about) != 0 || !S_ISREG(about.st_mode))
+    refuse(file, "is no plain file");
   if (about.st_uid != ::geteuid()) refuse(file, "belongs to somebody else");
-  if ((about.st_mode & 077) != 0) refuse(file, "others may read or write it; chmod 600 " + file.string());
+  if ((about.st_mode & 077) != 0)
+    refuse(file, "others may read or write it; chmod 600 " + file.string());
   char bytes[kLongest + 2];
   const ssize_t got = ::read(in.number(), bytes, sizeof bytes);
   std::string token(bytes, static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
-  while (!token.empty() && std::isspace(static_cast<unsigned char>(token.back())) != 0) token.pop_back();
-  const bool hexadecimal =
-      std::all_of(token.begin(), token.end(), [](unsigned char c) { return std::isxdigit(c) != 0; });
+  while (!token.empty() && std::isspace(static_cast<unsigned char>(token.back())) != 0)
+    token.pop_back();
+  const bool hexadecimal = std::all_of(token.begin(), token.end(),
+                                       [](unsigned char c) { return std::isxdigit(c) != 0; });
   if (token.size() < kShortest || token.size() > kLongest || !hexadecimal)
     refuse(file,
-           "wants one line of 32 or more hexadecimal digits (openssl rand -hex 32), or not to be there: it is made");
+           "wants one line of 32 or more hexadecimal digits (openssl rand -hex 32), or not to be "
+           "there: it is made");
   return token;
 }
 

@@ -43,7 +43,8 @@ void Board::add_line(double time, const std::string& kind, const std::string& te
   if (lines_.size() > kLines) lines_.pop_front();
 }
 
-std::optional<Frame> Board::frame(const std::string& camera, std::optional<std::uint64_t> after) const {
+std::optional<Frame> Board::frame(const std::string& camera,
+                                  std::optional<std::uint64_t> after) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(camera);
   if (found == frames_.end() || (after && found->second.number <= *after)) return {};
@@ -64,14 +65,19 @@ std::vector<StreamInfo> Board::streams() const {
   return infos;
 }
 
-std::vector<Sample> Board::samples(const std::string& stream, std::optional<Time> after, std::size_t count) const {
+std::vector<Sample> Board::samples(const std::string& stream, std::optional<Time> after,
+                                   std::size_t count) const {
   const std::lock_guard lock(mutex_);
   const auto found = streams_.find(stream);
   if (found == streams_.end()) return {};
   const auto& held = found->second.samples;
   auto begin = held.begin();
-  if (after) begin = std::find_if(held.rbegin(), held.rend(), [&](const Sample& s) { return s.time <= *after; }).base();
-  if (static_cast<std::size_t>(held.end() - begin) > count) begin = held.end() - static_cast<std::ptrdiff_t>(count);
+  if (after)
+    begin = std::find_if(held.rbegin(), held.rend(), [&](const Sample& s) {
+              return s.time <= *after;
+            }).base();
+  if (static_cast<std::size_t>(held.end() - begin) > count)
+    begin = held.end() - static_cast<std::ptrdiff_t>(count);
   return {begin, held.end()};
 }
 

@@ -1,10 +1,11 @@
-// What the live view knows of a run: filled by the run's threads, which never wait for it, read by the server's.
+// What the live view knows of a run: filled by the run's threads, which never wait for it, read by
+// the server's.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/camera.h"
-#include "host/record_listener.h"
-#include "host/session.h"
+#include "devices/roles/camera.h"
+#include "host/record/record_listener.h"
+#include "host/session/session.h"
 
 #include <cstdint>
 #include <deque>
@@ -36,7 +37,9 @@ class Board final : public RecordListener, public ProgressListener {
   void sample(const StreamInfo& stream, Time time, std::span<const double> values) override;
   void event(Time time, const std::string& kind, const std::string& text) override;
 
-  void progress(double fraction, const std::string& label) override { terminal_.progress(fraction, label); }
+  void progress(double fraction, const std::string& label) override {
+    terminal_.progress(fraction, label);
+  }
   void message(const std::string& line) override;
   void question(const Question& asked) override { terminal_.question(asked); }
   std::optional<std::string> typed() override { return terminal_.typed(); }
@@ -46,7 +49,8 @@ class Board final : public RecordListener, public ProgressListener {
   std::vector<std::string> cameras() const;
   std::vector<StreamInfo> streams() const;
   /// The last samples of a stream, at most `count`, those after `after` only; in time's order.
-  std::vector<Sample> samples(const std::string& stream, std::optional<Time> after, std::size_t count) const;
+  std::vector<Sample> samples(const std::string& stream, std::optional<Time> after,
+                              std::size_t count) const;
   std::vector<Line> lines(std::uint64_t after) const;
   Time now() const;  // of the newest thing that was told
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/live_view.h"
 
-#include "host/control_socket.h"
-#include "host/view/aim.h"
 #include "host/view/assets.h"
 #include "host/view/board.h"
+#include "host/view/control_socket.h"
+#include "host/view/pointing.h"
 #include "host/view/web_server.h"
 
 #include <nlohmann/json.hpp>
@@ -17,13 +17,18 @@ namespace vitreo::view {
 namespace {
 
 using nlohmann::json;
-constexpr auto kFramePeriod = std::chrono::milliseconds(30);  // a multiple of the tick: 30 frames a second pass
+constexpr auto kFramePeriod =
+    std::chrono::milliseconds(30);  // a multiple of the tick: 30 frames a second pass
 constexpr auto kStatePeriod = std::chrono::milliseconds(100);
-constexpr Time kLook = std::chrono::milliseconds(500);  // of the experiment, between two readings of temperatures
-constexpr std::size_t kHistory = 600, kMostRows = 200;  // rows of a stream: for who joins, and at once
+constexpr Time kLook =
+    std::chrono::milliseconds(500);  // of the experiment, between two readings of temperatures
+constexpr std::size_t kHistory = 600,
+                      kMostRows = 200;  // rows of a stream: for who joins, and at once
 constexpr int kJpegQuality = 80;
 
-std::string text_of(const json& message) { return message.dump(-1, ' ', false, json::error_handler_t::replace); }
+std::string text_of(const json& message) {
+  return message.dump(-1, ' ', false, json::error_handler_t::replace);
+}
 
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
 
@@ -42,7 +47,9 @@ std::shared_ptr<const std::string> packed(int slot, const Frame& frame) {
   std::vector<unsigned char> jpeg;
   cv::imencode(".jpg", frame.image, jpeg, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   const auto bytes = std::make_shared<std::string>();
-  const auto add = [&bytes](auto value) { bytes->append(reinterpret_cast<const char*>(&value), sizeof value); };
+  const auto add = [&bytes](auto value) {
+    bytes->append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
   add(static_cast<std::uint32_t>(slot));
   add(static_cast<std::uint32_t>(frame.number));
   add(to_seconds(frame.exposed));
@@ -69,7 +76,8 @@ struct LiveView::State {
         token_file(request.token_file),
         server(settings(request),
                {[this](int viewer) { told[viewer] = {}; }, [this](int viewer) { leave(viewer); },
-                [this](int viewer, const std::string& message) { receive(viewer, message); }, [this] { tick(); }}) {}
+                [this](int viewer, const std::string& message) { receive(viewer, message); },
+                [this] { tick(); }}) {}
 
   static ServerSettings settings(const ViewRequest& request) {
     check(request);
@@ -135,13 +143,14 @@ void LiveView::State::show_frames() {
       if (server.busy(viewer, slot)) continue;
       auto& last = told[viewer].frames;
       const auto known = last.find(camera);
-      const auto frame =
-          board.frame(camera, known == last.end() ? std::nullopt : std::optional<std::uint64_t>(known->second));
+      const auto frame = board.frame(
+          camera, known == last.end() ? std::nullopt : std::optional<std::uint64_t>(known->second));
       if (!frame) continue;
       auto& kept = encoded[{camera, frame->number}];
       if (!kept) {
-        std::erase_if(encoded,
-                      [&](const auto& one) { return one.first.first == camera && one.first.second != frame->number; });
+        std::erase_if(encoded, [&](const auto& one) {
+          return one.first.first == camera && one.first.second != frame->number;
+        });
         encoded[{camera, frame->number}] = bytes = packed(slot, *frame);
       } else {
         bytes = kept;
@@ -157,7 +166,8 @@ void LiveView::State::greet(int viewer, Told& known) {
   known.greeted = true;
   const RunStart& start = session->recorder.start();
   json geometry = aim->to_json();
-  if (session->rig.coils != nullptr) geometry["current_limit"] = session->rig.coils->current_limit();
+  if (session->rig.coils != nullptr)
+    geometry["current_limit"] = session->rig.coils->current_limit();
   server.send(viewer, text_of({{"hello",
                                 {{"title", title},
                                  {"run", session->recorder.folder().filename().string()},
@@ -171,9 +181,9 @@ void LiveView::State::show_state(int viewer, Told& known) {
   json message = {{"time", to_seconds(board.now())}, {"cameras", board.cameras()}};
   for (const StreamInfo& info : board.streams()) {
     const auto last = known.streams.find(info.name);
-    const auto samples =
-        board.samples(info.name, last == known.streams.end() ? std::nullopt : std::optional<Time>(last->second),
-                      last == known.streams.end() ? kHistory : kMostRows);
+    const auto samples = board.samples(
+        info.name, last == known.streams.end() ? std::nullopt : std::optional<Time>(last->second),
+        last == known.streams.end() ? kHistory : kMostRows);
     if (samples.empty()) continue;
     known.streams[info.name] = samples.back().time;
     json channels = json::array();
@@ -195,7 +205,8 @@ json LiveView::State::status(int viewer) {
   state["viewers"] = told.size();
   const auto servo = board.samples("servo", {}, 1), currents = board.samples("currents", {}, 1);
   if (!servo.empty()) state.update(aim->marks(servo[0].values));
-  if (!currents.empty() && !servo.empty()) state["field"] = aim->field(servo[0].values, currents[0].values);
+  if (!currents.empty() && !servo.empty())
+    state["field"] = aim->field(servo[0].values, currents[0].values);
   return state;
 }
 
@@ -218,7 +229,8 @@ json LiveView::State::perform(int viewer, const json& message) {
   const std::string word = message["do"];
   if (session == nullptr) throw std::invalid_argument("the run has ended");
   if (word == "stop" || word == "abort" || word == "emergency") {
-    const StopTier tier = word == "stop" ? StopTier::stop : (word == "abort" ? StopTier::abort : StopTier::emergency);
+    const StopTier tier =
+        word == "stop" ? StopTier::stop : (word == "abort" ? StopTier::abort : StopTier::emergency);
     session->control.request(tier, "by the live view");
     return {{"done", word}};
   }
@@ -228,12 +240,14 @@ json LiveView::State::perform(int viewer, const json& message) {
     operator_viewer = viewer;
     return {{"done", word}};
   }
-  if (operator_viewer != viewer) throw std::invalid_argument("take control first: you are looking on");
+  if (operator_viewer != viewer)
+    throw std::invalid_argument("take control first: you are looking on");
   if (word == "release") return operator_viewer = 0, json{{"done", word}};
   if (word == "pause") return session->control.request_pause(), json{{"done", word}};
   if (word == "resume") return session->control.resume(), json{{"done", word}};
   if (word == "answer")
-    return session->questions.answer(message.at("text"), "operator at the live view"), json{{"done", word}};
+    return session->questions.answer(message.at("text"), "operator at the live view"),
+           json{{"done", word}};
   if (word == "ack") {
     if (session->alarms.acknowledge(message.value("alarm", ""), "operator at the live view") == 0)
       throw std::invalid_argument("no alarm stands");
@@ -241,9 +255,10 @@ json LiveView::State::perform(int viewer, const json& message) {
   }
   if (word == "invite") return {{"invitation", server.invitation()}};
   if (word != "target")
-    throw std::invalid_argument("'" + word +
-                                "' is not understood: do stop, abort, emergency, take, release, pause, resume, answer, "
-                                "ack, invite or target");
+    throw std::invalid_argument(
+        "'" + word +
+        "' is not understood: do stop, abort, emergency, take, release, pause, resume, answer, "
+        "ack, invite or target");
   std::vector<Eigen::Vector3d> places = aim->places(message);
   session->targets.give(places);
   return {{"target", {places.back().x(), places.back().y(), places.back().z()}}};
@@ -273,7 +288,8 @@ void LiveView::begin(Session& session, const std::string& title, const Rights& r
   session.recorder.watch(&state_->board);
   session.frames.watch();
   state_->watcher = session.clock.spawn(
-      "live view", [&session, this, info = StreamInfo{"coil_temperature", "the interlock's model", {}}]() mutable {
+      "live view", [&session, this,
+                    info = StreamInfo{"coil_temperature", "the interlock's model", {}}]() mutable {
         while (session.rig.coils != nullptr) {
           session.clock.sleep_for(kLook);
           const std::vector<double> kelvins = session.rig.coils->temperatures();
@@ -296,7 +312,8 @@ void LiveView::end(const std::string& outcome) {
 
 std::string LiveView::invitation() {
   if (state_->token_file.empty()) return state_->server.invitation();
-  return state_->server.address() + "?token=TOKEN, with what stands in " + state_->token_file.string() +
+  return state_->server.address() + "?token=TOKEN, with what stands in " +
+         state_->token_file.string() +
          " for TOKEN";  // not itself: a screen is seen by more people than the file is
 }
 

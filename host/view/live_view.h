@@ -1,10 +1,11 @@
-// The live view of a run (thesis figures 6.2, 6.7 and 6.8, and better): a page in the browser that shows it, from which
-// an operator can stop it, answer its questions, and point at places for the robot. docs/live_view.md has the protocol.
+// The live view of a run (thesis figures 6.2, 6.7 and 6.8, and better): a page in the browser that
+// shows it, from which an operator can stop it, answer its questions, and point at places for the
+// robot. docs/live_view.md has the protocol.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/rights.h"
-#include "host/session.h"
+#include "host/config/rights.h"
+#include "host/session/session.h"
 #include "host/view/admission.h"
 
 #include <memory>
@@ -15,17 +16,19 @@ namespace vitreo::view {
 /// Outlives the session that it shows, but for what begin() gives it.
 class LiveView {
  public:
-  /// Throws ConfigError as check() and shared_token() do, std::runtime_error naming an address at which it cannot
-  /// listen.
+  /// Throws ConfigError as check() and shared_token() do, std::runtime_error naming an address at
+  /// which it cannot listen.
   LiveView(const ViewRequest& request, ProgressListener& terminal);
   ~LiveView();
   /// Stands before the terminal: what the script says goes to both.
   ProgressListener& listener();
   /// Shows this session from now on; `title` is the protocol's, `rights` those of the rig.
   void begin(Session& session, const std::string& title, const Rights& rights);
-  /// No thread of the view touches the session after this. `outcome` is told to the viewers: "stopped: ...".
+  /// No thread of the view touches the session after this. `outcome` is told to the viewers:
+  /// "stopped: ...".
   void end(const std::string& outcome);
-  /// Where the page is: with a token that lets one browser in, or saying in which file the token is.
+  /// Where the page is: with a token that lets one browser in, or saying in which file the token
+  /// is.
   std::string invitation();
 
  private:

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/web_server.h"
 
-#include "devices/quiet_thread.h"
+#include "devices/time/quiet_thread.h"
 #include "host/view/admission.h"
 
 #include <algorithm>
@@ -96,17 +96,21 @@ struct WebServer::State {
   void listen();
   void accept();
   void tick();
-  std::string host() const { return host_and_port(settings.address, listener.local_endpoint().port()); }
+  std::string host() const {
+    return host_and_port(settings.address, listener.local_endpoint().port());
+  }
   bool is_ours(std::string_view host_word) const {
     const std::string port = ":" + std::to_string(listener.local_endpoint().port());
-    return host_word == host() || (settings.address == "127.0.0.1" && host_word == "localhost" + port);
+    return host_word == host() ||
+           (settings.address == "127.0.0.1" && host_word == "localhost" + port);
   }
   bool known(const Request& request) {
     std::string_view secret = cookie_in(view_of(request[http::field::cookie]));
     const std::string_view bearer = view_of(request[http::field::authorization]);
     if (bearer.starts_with("Bearer ")) secret = bearer.substr(7);
     const std::lock_guard lock(mutex);
-    return std::any_of(cookies.begin(), cookies.end(), [&](const std::string& one) { return equal(one, secret); });
+    return std::any_of(cookies.begin(), cookies.end(),
+                       [&](const std::string& one) { return equal(one, secret); });
   }
   /// The cookie's value for a token, which is used up by that, unless it is the shared one.
   std::optional<std::string> exchange(std::string_view token) {
@@ -115,8 +119,8 @@ struct WebServer::State {
       if (cookies.size() >= kMostCookies) return {};
       return *cookies.insert(random_token()).first;
     }
-    const auto found =
-        std::find_if(tokens.begin(), tokens.end(), [&](const std::string& one) { return equal(one, token); });
+    const auto found = std::find_if(tokens.begin(), tokens.end(),
+                                    [&](const std::string& one) { return equal(one, token); });
     if (found == tokens.end()) return {};
     tokens.erase(found);
     return *cookies.insert(random_token()).first;
@@ -144,9 +148,10 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     socket_.set_option(patience);
     socket_.read_message_max(kLongestMessage);
     socket_.auto_fragment(false);
-    socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {  // pings cost answers, too
-      if (kind == websocket::frame_type::ping && floods()) drop();
-    });
+    socket_.control_callback(
+        [this](websocket::frame_type kind, beast::string_view) {  // pings cost answers, too
+          if (kind == websocket::frame_type::ping && floods()) drop();
+        });
     socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
       if (error) return;
       self->state_.viewers[self->number_] = self;
@@ -182,13 +187,14 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
 
  private:
   void read() {
-    socket_.async_read(received_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-      if (error || !self->socket_.got_text() || self->floods()) return self->drop();
-      const std::string message = beast::buffers_to_string(self->received_.data());
-      self->received_.consume(self->received_.size());
-      self->state_.call.received(self->number_, message);
-      if (self->open_) self->read();
-    });
+    socket_.async_read(
+        received_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+          if (error || !self->socket_.got_text() || self->floods()) return self->drop();
+          const std::string message = beast::buffers_to_string(self->received_.data());
+          self->received_.consume(self->received_.size());
+          self->state_.call.received(self->number_, message);
+          if (self->open_) self->read();
+        });
   }
   bool floods() {
     const auto now = std::chrono::steady_clock::now();
@@ -202,21 +208,23 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
       texts_.pop_front();
       socket_.text(true);
     } else {
-      const auto next =
-          std::find_if(frames_.begin(), frames_.end(), [](const auto& one) { return one.second != nullptr; });
+      const auto next = std::find_if(frames_.begin(), frames_.end(),
+                                     [](const auto& one) { return one.second != nullptr; });
       if (next == frames_.end()) return;
       sending_ = std::exchange(next->second, nullptr);
       slot_being_sent_ = next->first;
       socket_.binary(true);
     }
     writing_ = true;
-    socket_.async_write(asio::buffer(*sending_), [self = shared_from_this()](beast::error_code error, std::size_t) {
-      self->writing_ = false;
-      if (self->slot_being_sent_ < 0) self->queued_ -= std::min(self->queued_, self->sending_->size());
-      self->slot_being_sent_ = -1;
-      if (error) return self->drop();
-      self->write();
-    });
+    socket_.async_write(asio::buffer(*sending_),
+                        [self = shared_from_this()](beast::error_code error, std::size_t) {
+                          self->writing_ = false;
+                          if (self->slot_being_sent_ < 0)
+                            self->queued_ -= std::min(self->queued_, self->sending_->size());
+                          self->slot_being_sent_ = -1;
+                          if (error) return self->drop();
+                          self->write();
+                        });
   }
 
   State& state_;
@@ -236,7 +244,9 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
 /// One connection that speaks HTTP until it becomes a viewer's.
 class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
  public:
-  Visitor(State& state, tcp::socket socket) : state_(state), stream_(std::move(socket)) { ++state_.visitors; }
+  Visitor(State& state, tcp::socket socket) : state_(state), stream_(std::move(socket)) {
+    ++state_.visitors;
+  }
   ~Visitor() { --state_.visitors; }
 
   void read() {
@@ -244,16 +254,17 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
     parser_->header_limit(kLongestHeader);
     parser_->body_limit(kLongestBody);
     stream_.expires_after(state_.settings.patience);
-    http::async_read(stream_, received_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-      if (!error) self->take(self->parser_->release());
-    });
+    http::async_read(stream_, received_, *parser_,
+                     [self = shared_from_this()](beast::error_code error, std::size_t) {
+                       if (!error) self->take(self->parser_->release());
+                     });
   }
 
  private:
   void take(Request request) {
     if (websocket::is_upgrade(request) && view_of(request.target()) == "/live" &&
-        state_.is_ours(view_of(request[http::field::host])) && state_.known(request) && state_.may_upgrade(request) &&
-        state_.viewers.size() < state_.settings.most_viewers) {
+        state_.is_ours(view_of(request[http::field::host])) && state_.known(request) &&
+        state_.may_upgrade(request) && state_.viewers.size() < state_.settings.most_viewers) {
       std::make_shared<Viewer>(state_, std::move(stream_), ++state_.last_viewer)->start(request);
       return;
     }
@@ -261,12 +272,13 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
     response_->keep_alive(request.keep_alive() && response_->result() == http::status::ok);
     response_->prepare_payload();
     if (request.method() == http::verb::head) response_->body().clear();
-    http::async_write(stream_, *response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-      if (error) return;
-      if (self->response_->keep_alive()) return self->read();
-      beast::error_code ignored;
-      self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
-    });
+    http::async_write(stream_, *response_,
+                      [self = shared_from_this()](beast::error_code error, std::size_t) {
+                        if (error) return;
+                        if (self->response_->keep_alive()) return self->read();
+                        beast::error_code ignored;
+                        self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+                      });
   }
 
   State& state_;
@@ -283,27 +295,34 @@ Response WebServer::State::answer(const Request& request) {
     response.set(http::field::cache_control, "no-store");
     response.set("X-Content-Type-Options", "nosniff");
     response.set("Referrer-Policy", "no-referrer");
-    response.set("Content-Security-Policy",
-                 "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; "
-                 "form-action 'none'");
+    response.set(
+        "Content-Security-Policy",
+        "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; "
+        "form-action 'none'");
     response.body() = text;
     return response;
   };
-  if (!is_ours(view_of(request[http::field::host]))) return reply(http::status::forbidden, "this host is not ours\n");
+  if (!is_ours(view_of(request[http::field::host])))
+    return reply(http::status::forbidden, "this host is not ours\n");
   if (request.method() != http::verb::get && request.method() != http::verb::head)
-    return reply(http::status::method_not_allowed, "only GET: what changes something goes through the WebSocket\n");
+    return reply(http::status::method_not_allowed,
+                 "only GET: what changes something goes through the WebSocket\n");
   const std::string_view target = view_of(request.target());
   constexpr std::string_view kInvited = "/?token=";
   if (target.starts_with(kInvited)) {
     const auto cookie = exchange(target.substr(kInvited.size()));
-    if (!cookie) return reply(http::status::forbidden, "this invitation was used already, or is none of ours\n");
+    if (!cookie)
+      return reply(http::status::forbidden,
+                   "this invitation was used already, or is none of ours\n");
     Response response = reply(http::status::see_other, "");
-    response.set(http::field::set_cookie, kCookie + *cookie + "; HttpOnly; SameSite=Strict; Path=/");
+    response.set(http::field::set_cookie,
+                 kCookie + *cookie + "; HttpOnly; SameSite=Strict; Path=/");
     response.set(http::field::location, "/");
     return response;
   }
   if (!known(request))
-    return reply(http::status::forbidden, "open the address that the program printed: it has an invitation in it\n");
+    return reply(http::status::forbidden,
+                 "open the address that the program printed: it has an invitation in it\n");
   const std::string_view path = target == "/" ? "/index.html" : target;
   for (const Asset& asset : settings.assets) {
     if (asset.path != path) continue;
@@ -326,7 +345,8 @@ void WebServer::State::listen() {
 void WebServer::State::accept() {
   listener.async_accept([this](beast::error_code error, tcp::socket socket) {
     if (error == asio::error::operation_aborted) return;
-    if (!error && visitors < 4 * settings.most_viewers) std::make_shared<Visitor>(*this, std::move(socket))->read();
+    if (!error && visitors < 4 * settings.most_viewers)
+      std::make_shared<Visitor>(*this, std::move(socket))->read();
     accept();
   });
 }

@@ -1,5 +1,6 @@
-// The web server of the live view: a table of files and one WebSocket, for people whom a token let in. Its library,
-// Boost.Beast, is read by web_server.cpp alone. It has a thread of its own, and nobody waits for a viewer.
+// The web server of the live view: a table of files and one WebSocket, for people whom a token let
+// in. Its library, Boost.Beast, is read by web_server.cpp alone. It has a thread of its own, and
+// nobody waits for a viewer.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -24,8 +25,10 @@ struct ServerSettings {
   unsigned short port = 0;  // 0: any that is free
   std::vector<Asset> assets;
   std::size_t most_viewers = 32;
-  std::string shared_token{};  // lets in whoever knows it, as often as they like; empty: there is none
-  std::chrono::milliseconds patience = std::chrono::seconds(10);  // with a request, and with a viewer who is silent
+  std::string
+      shared_token{};  // lets in whoever knows it, as often as they like; empty: there is none
+  std::chrono::milliseconds patience =
+      std::chrono::seconds(10);  // with a request, and with a viewer who is silent
 };
 
 /// 128 bits from the system's generator, as 32 hexadecimal digits.
@@ -33,7 +36,8 @@ std::string random_token();
 
 class WebServer {
  public:
-  /// All of them are called on the server's thread, which also is the only one that may call send() and the like.
+  /// All of them are called on the server's thread, which also is the only one that may call send()
+  /// and the like.
   struct Callbacks {
     std::function<void(int viewer)> joined, left;
     std::function<void(int viewer, const std::string& message)> received;  // text of up to 64 kB
@@ -53,9 +57,11 @@ class WebServer {
 
   /// Whoever is more than 1 MB of text behind is dropped.
   void send(int viewer, const std::string& text);
-  /// Of each slot only the newest waits to be sent: a slow viewer sees fewer frames, not older ones.
+  /// Of each slot only the newest waits to be sent: a slow viewer sees fewer frames, not older
+  /// ones.
   void send_frame(int viewer, int slot, std::shared_ptr<const std::string> bytes);
-  /// Whether the viewer's last frame of that slot is on its way: encoding another one would be in vain.
+  /// Whether the viewer's last frame of that slot is on its way: encoding another one would be in
+  /// vain.
   bool busy(int viewer, int slot) const;
   std::vector<int> viewers() const;
 

@@ -44,7 +44,7 @@ return {
         fixed = true,
         dotted = true,
         dot_pitch = 0.15 * mm,
-        colour = { 1, 1, 1 },
+        color = { 1, 1, 1 },
       },
     },
   },

@@ -1,4 +1,4 @@
--- The miniature ophthalmoscope of thesis appendix A: a small sensor in the aerial image, decentred, on a stage along the axis and
+-- The miniature ophthalmoscope of thesis appendix A: a small sensor in the aerial image, decentered, on a stage along the axis and
 -- on one that turns it about the axis.
 -- SPDX-License-Identifier: Apache-2.0
 return {
@@ -8,7 +8,7 @@ return {
   top_camera = {
     width_px = 330,
     height_px = 360,
-    centre_px = { 30, 180 }, -- the axis is at the sensor's rim
+    center_px = { 30, 180 }, -- the axis is at the sensor's rim
     sensor_aperture = 0.08, -- of the lens before this sensor; the eye's own pupil would give 0.14 on the axis
   },
 

@@ -1,12 +1,12 @@
--- A robot and a disc on the floor of the eye, seen from above without optics by a colour camera (thesis 8.3.1); the pose sensor
+-- A robot and a disc on the floor of the eye, seen from above without optics by a color camera (thesis 8.3.1); the pose sensor
 -- stands in for the operator's hand.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um = units.mm, units.um
 
 return {
-  base = "colour_eye",
-  title = "Simulated OctoMag, colour camera from above, one disc",
+  base = "color_eye",
+  title = "Simulated OctoMag, color camera from above, one disc",
 
   top_camera = {
     view = "plain",
@@ -28,7 +28,7 @@ return {
         position = { 0.4 * mm, 0, -4.65 * mm },
         axis = { 0, 0, 1 },
         density = 1200,
-        colour = { 0.9, 0.2, 0.05 },
+        color = { 0.9, 0.2, 0.05 },
       },
     },
   },

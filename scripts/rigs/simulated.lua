@@ -24,8 +24,8 @@ return {
     frame_rate = 15 * Hz,
     latency = 80 * ms, -- with the coils' 50 ms: the 130 ms of the loop
     effective_pixel = 14.3 * um,
-    projection = "single_viewpoint", -- the thesis' model; "exact" localises by the chain's own chief rays
-    microscope = { numerical_aperture = 0.01, focus = 12.3 * mm, decentre = { 0, 0 }, tilt = { 0, 0 } }, -- telecentric
+    projection = "single_viewpoint", -- the thesis' model; "exact" localizes by the chain's own chief rays
+    microscope = { numerical_aperture = 0.01, focus = 12.3 * mm, decenter = { 0, 0 }, tilt = { 0, 0 } }, -- telecentric
     sensor = { full_well = 20000, read_noise = 15, brightness = 255, vignette = 0.3 },
   },
 

@@ -1,4 +1,5 @@
-// How long the loop's calculations take: field, allocation, estimate, law, and one tick of all of them.
+// How long the loop's calculations take: field, allocation, estimate, law, and one tick of all of
+// them.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/allocation.h"
 #include "control/box_allocation.h"
@@ -65,7 +66,8 @@ void multipole_matrix(benchmark::State& state) {
     const MultipoleSource one{dipole.position, dipole.moment_per_ampere / size, {}, {-1e-7 * size}};
     coils.emplace_back(static_cast<std::size_t>(state.range(0)), one);
   }
-  const MultipoleField field(coils, {}, {Eigen::Vector3d::Constant(-0.01), Eigen::Vector3d::Constant(0.01)});
+  const MultipoleField field(coils, {},
+                             {Eigen::Vector3d::Constant(-0.01), Eigen::Vector3d::Constant(0.01)});
   Eigen::Vector3d p(1e-3, 2e-3, -1e-3);
   for (auto _ : state) {
     benchmark::DoNotOptimize(p);
@@ -97,7 +99,8 @@ struct HardestWrench {
       const FieldAndForce wrench{20e-3 * axis, {0, 0, robot.net_weight(Medium{})}, draw(60e-6)};
       const CurrentLimits bound = CurrentLimits::Constant(8, limit(random));
       try {
-        const BoxAllocation got = allocate_within(field_matrix, robot.moment(20e-3) * axis, wrench, bound);
+        const BoxAllocation got =
+            allocate_within(field_matrix, robot.moment(20e-3) * axis, wrench, bound);
         if (got.iterations <= iterations) continue;
         iterations = got.iterations;
       } catch (const std::domain_error&) {
@@ -112,7 +115,8 @@ void box_worst(benchmark::State& state) {
   HardestWrench hardest(200000);
   for (auto _ : state) {
     benchmark::DoNotOptimize(hardest.moment);
-    benchmark::DoNotOptimize(allocate_within(hardest.matrix, hardest.moment, hardest.wanted, hardest.limits));
+    benchmark::DoNotOptimize(
+        allocate_within(hardest.matrix, hardest.moment, hardest.wanted, hardest.limits));
   }
   state.counters["iterations"] = hardest.iterations;
 }
@@ -123,7 +127,8 @@ void box_free(benchmark::State& state) {
   hardest.limits.setConstant(1e3);
   for (auto _ : state) {
     benchmark::DoNotOptimize(hardest.moment);
-    benchmark::DoNotOptimize(allocate_within(hardest.matrix, hardest.moment, hardest.wanted, hardest.limits));
+    benchmark::DoNotOptimize(
+        allocate_within(hardest.matrix, hardest.moment, hardest.wanted, hardest.limits));
   }
 }
 BENCHMARK(box_free)->Name("control/allocate_within_unconstrained");
@@ -144,7 +149,8 @@ void tick(benchmark::State& state) {
     const Eigen::Vector3d u = servo_velocity(tuning.gains, reference, *estimate);
     const FieldMatrix matrix = octomag.matrix(estimate->position);
     benchmark::DoNotOptimize(matrix);
-    benchmark::DoNotOptimize(allocate_within(hardest.matrix, hardest.moment, hardest.wanted, hardest.limits));
+    benchmark::DoNotOptimize(
+        allocate_within(hardest.matrix, hardest.moment, hardest.wanted, hardest.limits));
     estimator.command(time, u);
   }
 }

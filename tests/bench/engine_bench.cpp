@@ -1,10 +1,11 @@
-// What the engine costs a script: a call into the host beyond a raw C call of Lua's (goal 1 us), a fresh state with all
-// bindings (goal 1 ms), and the checks of a request's arguments before anything is opened (goal 10 ms).
+// What the engine costs a script: a call into the host beyond a raw C call of Lua's (goal 1 us), a
+// fresh state with all bindings (goal 1 ms), and the checks of a request's arguments before
+// anything is opened (goal 10 ms).
 // SPDX-License-Identifier: Apache-2.0
-#include "host/lua/engine.h"
-#include "host/lua/state.h"
-#include "host/preflight.h"
-#include "tests/host/fake_rig.h"
+#include "host/engine/preflight.h"
+#include "host/lua/engine/engine.h"
+#include "host/lua/interpreter/state.h"
+#include "tests/host/rig/fake_rig.h"
 
 #include <benchmark/benchmark.h>
 
@@ -25,8 +26,9 @@ struct Bench {
 
   std::string write(const std::string& body) {
     const std::string file = (folder.path() / "p.lua").string();
-    std::ofstream(file) << "return { title = 'b', run = function(rig, p, run)\nlocal abs = math.abs\n"
-                        << body << "\nend }";
+    std::ofstream(file)
+        << "return { title = 'b', run = function(rig, p, run)\nlocal abs = math.abs\n"
+        << body << "\nend }";
     return file;
   }
   /// s for `calls` of it.
@@ -56,7 +58,7 @@ BENCHMARK(engine_call)->Iterations(5)->Unit(benchmark::kMillisecond);
 void engine_fresh_state(benchmark::State& state) {
   Bench bench;
   for (auto _ : state) {
-    const lua::State fresh(&bench.session, {});
+    const lua::State fresh(lua::library(), &bench.session, {});
     benchmark::DoNotOptimize(&fresh);
   }
 }

@@ -58,8 +58,8 @@ const bool kRegistered = [] {
 }();
 
 void peak(benchmark::State& state) {
-  const auto samples =
-      synthetic::curve_of(synthetic::images_of({}), FocusMeasure::smoothed_tenengrad, {60, 60, 80, 80});
+  const auto samples = synthetic::curve_of(synthetic::images_of({}),
+                                           FocusMeasure::smoothed_tenengrad, {60, 60, 80, 80});
   for (auto _ : state) benchmark::DoNotOptimize(find_focus_peak(samples));
 }
 BENCHMARK(peak)->Name("vision/focus_peak_31_steps");

@@ -1,13 +1,14 @@
-// What viewers cost: a camera of 640x480 at 30 frames a second in real time, every frame through the chain to currents
-// and into the record, shown to none, one or two viewers, each a process of its own that reads all it gets. Printed:
-// the share of a core that the threads beside the chain's took (the server, its encoding, the recorder's writing), the
-// chain's median and 99 % quantile, and how many frames a second a viewer got. Goals: 25 % of a core for two, and a
-// chain that is as it was.
+// What viewers cost: a camera of 640x480 at 30 frames a second in real time, every frame through
+// the chain to currents and into the record, shown to none, one or two viewers, each a process of
+// its own that reads all it gets. Printed: the share of a core that the threads beside the chain's
+// took (the server, its encoding, the recorder's writing), the chain's median and 99 % quantile,
+// and how many frames a second a viewer got. Goals: 25 % of a core for two, and a chain that is as
+// it was.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/open_rig.h"
-#include "host/recorder.h"
-#include "host/servo_record.h"
-#include "host/session.h"
+#include "host/record/recorder.h"
+#include "host/rig/open_rig.h"
+#include "host/servo/servo_record.h"
+#include "host/session/session.h"
 #include "host/view/live_view.h"
 
 #include <benchmark/benchmark.h>
@@ -54,22 +55,27 @@ std::string until_empty_line(int socket) {
   return text;
 }
 
-/// One viewer: lets itself in, opens the socket, and counts the pictures until it is closed. Never returns.
+/// One viewer: lets itself in, opens the socket, and counts the pictures until it is closed. Never
+/// returns.
 [[noreturn]] void watch(const std::string& invitation, int report) {
   const std::size_t port_at = invitation.find(':', 7) + 1, path_at = invitation.find('/', 7);
   const std::string host = invitation.substr(7, path_at - 7);
   sockaddr_in address = {};
   address.sin_family = AF_INET;
-  address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(invitation.substr(port_at, path_at - port_at))));
+  address.sin_port =
+      htons(static_cast<std::uint16_t>(std::stoi(invitation.substr(port_at, path_at - port_at))));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   const auto open = [&] {
     const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
     if (connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) _exit(1);
     return socket;
   };
-  const auto say = [](int socket, const std::string& text) { ::send(socket, text.data(), text.size(), MSG_NOSIGNAL); };
+  const auto say = [](int socket, const std::string& text) {
+    ::send(socket, text.data(), text.size(), MSG_NOSIGNAL);
+  };
   const int first = open();
-  say(first, "GET " + invitation.substr(path_at) + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n\r\n");
+  say(first, "GET " + invitation.substr(path_at) + " HTTP/1.1\r\nHost: " + host +
+                 "\r\nConnection: close\r\n\r\n");
   const std::string reply = until_empty_line(first);
   const std::size_t begin = reply.find("vitreo=");
   if (begin == std::string::npos) _exit(2);
@@ -93,7 +99,8 @@ std::string until_empty_line(int socket) {
     payload.resize(length);
     if (length > 0 && !read_all(live, payload.data(), length)) break;
     if ((head[0] & 0x0f) == 2) ++pictures;
-    if (pictures % 50 == 49) say(live, std::string("\x8a\x80\0\0\0\0", 6));  // a pong: somebody is there
+    if (pictures % 50 == 49)
+      say(live, std::string("\x8a\x80\0\0\0\0", 6));  // a pong: somebody is there
     [[maybe_unused]] const auto written = ::pwrite(report, &pictures, sizeof pictures, 0);
   }
   _exit(0);
@@ -141,8 +148,8 @@ class Laboratory {
         view_({.on = true}, deaf_) {
     session_.real_time = true;
     view_.begin(session_, "benchmark", {});
-    localiser_.emplace(rig_->rig().model, session_.learn_background(15), Eigen::Vector3d::UnitX());
-    LoopSettings settings;
+    localizer_.emplace(rig_->rig().model, session_.learn_background(15), Eigen::Vector3d::UnitX());
+    ControllerSettings settings;
     settings.law = ControlLaw::estimator;
     chain_.emplace(rig_->rig().model, settings);
     record_.emplace(recorder_, rig_->rig(), "benchmark", true);
@@ -159,14 +166,16 @@ class Laboratory {
 
   /// One frame to currents, s of wall time; nothing while the robot is not seen.
   double tick(int number) {
-    if (number % 15 == 0) rig_->rig().sample->insert_robot({-1e-3 + 2e-3 * (number % 300) / 300, 0, 0});
+    if (number % 15 == 0)
+      rig_->rig().sample->insert_robot({-1e-3 + 2e-3 * (number % 300) / 300, 0, 0});
     const Frame frame = rig_->rig().top_camera->grab(kForever);
     const auto begin = std::chrono::steady_clock::now();
-    const Sighting seen = localiser_->look(frame.image);
+    const Observation seen = localizer_->look(frame.image);
     std::optional<control::PositionMeasurement> measured;
     if (seen.position) measured = {to_seconds(frame.exposed), *seen.position, seen.covariance};
-    const LoopStep step = chain_->step(to_seconds(clock_->now()), measured, {}, Aim::follow);
-    const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const ControlStep step = chain_->step(to_seconds(clock_->now()), measured, {}, Aim::follow);
+    const double took =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     record_->sample(frame.exposed, clock_->now(), seen, {}, step);
     return seen.position ? took : -1;
   }
@@ -175,8 +184,10 @@ class Laboratory {
   static RigDescription description() {
     RigDescription made;
     made.file = "benchmark";
-    made.table["top_camera"] = ConfigValue{
-        ConfigTable{{"width_px", {640.0}}, {"height_px", {480.0}}, {"frame_rate", {static_cast<double>(kRate)}}}};
+    made.table["top_camera"] =
+        ConfigValue{ConfigTable{{"width_px", {640.0}},
+                                {"height_px", {480.0}},
+                                {"frame_rate", {static_cast<double>(kRate)}}}};
     for (const char* role : {"coils", "sample"}) made.table[role] = ConfigValue{ConfigTable{}};
     return made;
   }
@@ -187,7 +198,8 @@ class Laboratory {
     return made;
   }
   const std::filesystem::path& folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "vitreo_view_bench_XXXXXX").string();
+    std::string name =
+        (std::filesystem::temp_directory_path() / "vitreo_view_bench_XXXXXX").string();
     return folder_ = mkdtemp(name.data());
   }
 
@@ -198,26 +210,30 @@ class Laboratory {
   Recorder recorder_;
   Session session_;
   view::LiveView view_;
-  std::optional<Localiser> localiser_;
-  std::optional<PlaceToCurrents> chain_;
+  std::optional<Localizer> localizer_;
+  std::optional<ServoController> chain_;
   std::optional<ServoRecord> record_;
 };
 
 void viewers(benchmark::State& state) {
   Laboratory laboratory;
   std::vector<std::unique_ptr<Viewer>> watching;
-  for (int i = 0; i < state.range(0); ++i) watching.push_back(std::make_unique<Viewer>(laboratory.invitation()));
+  for (int i = 0; i < state.range(0); ++i)
+    watching.push_back(std::make_unique<Viewer>(laboratory.invitation()));
   std::vector<double> took;
   for (int i = 0; i < kRate; ++i) laboratory.tick(i);  // until everybody is there
   for (auto _ : state) {
     const auto pictures = [&] { return watching.empty() ? 0 : watching.back()->pictures(); };
     const int before = pictures();
     const auto begin = std::chrono::steady_clock::now();
-    const double all = cpu_seconds(CLOCK_PROCESS_CPUTIME_ID), own = cpu_seconds(CLOCK_THREAD_CPUTIME_ID);
+    const double all = cpu_seconds(CLOCK_PROCESS_CPUTIME_ID),
+                 own = cpu_seconds(CLOCK_THREAD_CPUTIME_ID);
     for (int i = 0; i < kFrames; ++i)
       if (const double seconds = laboratory.tick(i); seconds > 0) took.push_back(seconds * 1e6);
-    const double others = cpu_seconds(CLOCK_PROCESS_CPUTIME_ID) - all - (cpu_seconds(CLOCK_THREAD_CPUTIME_ID) - own);
-    const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double others =
+        cpu_seconds(CLOCK_PROCESS_CPUTIME_ID) - all - (cpu_seconds(CLOCK_THREAD_CPUTIME_ID) - own);
+    const double wall =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     state.counters["others_%"] = 100 * others / wall;
     state.counters["shown_per_s"] = (pictures() - before) / wall;
   }

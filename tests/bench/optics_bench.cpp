@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/batch.h"
-#include "optics/field_errors.h"
-#include "optics/lens_design.h"
-#include "optics/object_pose.h"
-#include "optics/pose.h"
-#include "optics/thesis_curves.h"
+#include "optics/analysis/field_errors.h"
+#include "optics/design/lens_design.h"
+#include "optics/maps/thesis_curves.h"
+#include "optics/pose/object_pose.h"
+#include "optics/pose/pose.h"
+#include "optics/rays/batch.h"
 
 #include <benchmark/benchmark.h>
 
@@ -17,24 +17,29 @@ namespace {
 
 using namespace vitreo::optics;
 
-/// Navarro's eye with the condensing lens of tables 3.3 and 3.4: seven surfaces, six of which refract.
+/// Navarro's eye with the condensing lens of tables 3.3 and 3.4: seven surfaces, six of which
+/// refract.
 System table_3_4() {
   constexpr double kMm = 1e-3;
-  const double rows[7][4] = {{12.00, 0.00, 16.32, 1.336}, {6.00, -1.00, 4.00, 1.420},  {-10.20, -3.13, 3.05, 1.337},
-                             {-6.50, 0.00, 0.55, 1.376},  {-7.72, -0.26, 2.31, 1.000}, {11.65, -9.24, 13.00, 1.523},
+  const double rows[7][4] = {{12.00, 0.00, 16.32, 1.336},  {6.00, -1.00, 4.00, 1.420},
+                             {-10.20, -3.13, 3.05, 1.337}, {-6.50, 0.00, 0.55, 1.376},
+                             {-7.72, -0.26, 2.31, 1.000},  {11.65, -9.24, 13.00, 1.523},
                              {-9.48, -1.07, 0.00, 1.000}};
   System system;
   for (const auto& row : rows) {
     Surface surface;
-    surface.radius = row[0] * kMm, surface.conic = row[1], surface.thickness = row[2] * kMm, surface.index = row[3];
+    surface.radius = row[0] * kMm, surface.conic = row[1], surface.thickness = row[2] * kMm,
+    surface.index = row[3];
     system.surfaces.push_back(surface);
   }
-  system.surfaces[5].aspheric = {4.078e-5 * 1e9, -1.542e-7 * 1e15, -2.647e-9 * 1e21, 2.023e-11 * 1e27};
+  system.surfaces[5].aspheric = {4.078e-5 * 1e9, -1.542e-7 * 1e15, -2.647e-9 * 1e21,
+                                 2.023e-11 * 1e27};
   system.stop = Stop{3, 1.5 * kMm};
   return system;
 }
 
-/// Skew rays of a retinal point 20 degrees off the axis that come through the stop, as the peers were measured with.
+/// Skew rays of a retinal point 20 degrees off the axis that come through the stop, as the peers
+/// were measured with.
 std::vector<Ray> skew_rays(const System& system, int count) {
   const PupilTracer tracer(system, Pupil::of_stop(system));
   const Eigen::Vector3d object = *point_at_field(system, 20 * std::numbers::pi / 180);
@@ -43,7 +48,9 @@ std::vector<Ray> skew_rays(const System& system, int count) {
   std::uniform_real_distribution<double> uniform(-0.06, 0.06);
   std::vector<Ray> rays;
   while (static_cast<int>(rays.size()) < count) {
-    const Ray ray{object, (chief.direction + Eigen::Vector3d(uniform(generator), uniform(generator), 0)).normalized()};
+    const Ray ray{object,
+                  (chief.direction + Eigen::Vector3d(uniform(generator), uniform(generator), 0))
+                      .normalized()};
     if (trace_out(system, ray).status == TraceStatus::ok) rays.push_back(ray);
   }
   return rays;
@@ -52,8 +59,8 @@ std::vector<Ray> skew_rays(const System& system, int count) {
 /// Counts refractions only: the peers' numbers have the image plane besides, a seventh.
 void count_ray_surfaces(benchmark::State& state, const System& system, int rays) {
   const double each = static_cast<double>(rays) * (system.size() - 1);
-  state.counters["ray_surfaces_per_second"] =
-      benchmark::Counter(each * static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
+  state.counters["ray_surfaces_per_second"] = benchmark::Counter(
+      each * static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
 }
 
 void trace_batch(benchmark::State& state, CpuLevel level) {
@@ -74,7 +81,8 @@ void trace_batch(benchmark::State& state, CpuLevel level) {
 }
 const bool kRegistered = [] {
   for (const CpuLevel level : cpu_levels()) {
-    benchmark::RegisterBenchmark(("optics/trace_batch/" + std::string(to_string(level))).c_str(), trace_batch, level);
+    benchmark::RegisterBenchmark(("optics/trace_batch/" + std::string(to_string(level))).c_str(),
+                                 trace_batch, level);
   }
   return true;
 }();
@@ -110,19 +118,25 @@ void map_point(benchmark::State& state) {
 }
 BENCHMARK(map_point)->Name("optics/map_inverse");
 
-/// A bare sensor's, a finite-pupil microscope's, and a tilted and decentred one's.
+/// A bare sensor's, a finite-pupil microscope's, and a tilted and decentered one's.
 void map_of_observer(benchmark::State& state) {
   WideAngleSettings settings;
   settings.max_angle = 30 * std::numbers::pi / 180;
   settings.microscope = Microscope{};
   settings.microscope->pupil_distance = 0.15;
-  if (state.range(0) != 0) settings.microscope->tilt = {0.03, 0.01}, settings.microscope->decentre = {0.5e-3, 0};
+  if (state.range(0) != 0)
+    settings.microscope->tilt = {0.03, 0.01}, settings.microscope->decenter = {0.5e-3, 0};
   const System system = model_eye_5_3();
   for (auto _ : state) benchmark::DoNotOptimize(WideAngleMap(system, settings));
 }
-BENCHMARK(map_of_observer)->Name("optics/map_of_microscope")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(map_of_observer)
+    ->Name("optics/map_of_microscope")
+    ->Arg(0)
+    ->Arg(1)
+    ->Unit(benchmark::kMillisecond);
 
-/// 24 eyes, each with its own map and curves, and what one who believes in the prescription gets wrong in it.
+/// 24 eyes, each with its own map and curves, and what one who believes in the prescription gets
+/// wrong in it.
 void sensitivity_with_maps(benchmark::State& state) {
   const Prescription eye = prescription("navarro_condensing");
   auto uncertainties = table_5_1();
@@ -138,15 +152,18 @@ void sensitivity_with_maps(benchmark::State& state) {
     }
   }
 }
-BENCHMARK(sensitivity_with_maps)->Name("optics/sensitivity_24_cases")->Unit(benchmark::kMillisecond);
+BENCHMARK(sensitivity_with_maps)
+    ->Name("optics/sensitivity_24_cases")
+    ->Unit(benchmark::kMillisecond);
 
 /// From spheres, six variables, four ways.
 void lens_design(benchmark::State& state) {
   Prescription start = prescription("navarro_condensing");
-  start.system.surfaces[5].conic = start.system.surfaces[6].conic = 0, start.system.surfaces[5].aspheric = {};
+  start.system.surfaces[5].conic = start.system.surfaces[6].conic = 0,
+  start.system.surfaces[5].aspheric = {};
   LensDesignOptions options;
-  for (const char* shape :
-       {"posterior.conic", "posterior.a4", "posterior.a6", "posterior.a8", "posterior.a10", "anterior.conic"}) {
+  for (const char* shape : {"posterior.conic", "posterior.a4", "posterior.a6", "posterior.a8",
+                            "posterior.a10", "anterior.conic"}) {
     options.variables.push_back({std::string("condensing.") + shape});
   }
   for (auto _ : state) benchmark::DoNotOptimize(design_lens(start, options));
@@ -165,7 +182,8 @@ void exact_projection(benchmark::State& state) {
   std::uniform_real_distribution<double> uniform(-1, 1);
   std::vector<Eigen::Vector3d> points;
   while (points.size() < 1024) {
-    const Eigen::Vector3d p(5e-3 * uniform(generator), 5e-3 * uniform(generator), 4e-3 * (uniform(generator) + 1));
+    const Eigen::Vector3d p(5e-3 * uniform(generator), 5e-3 * uniform(generator),
+                            4e-3 * (uniform(generator) + 1));
     if (exact.project(p)) points.push_back(p);
   }
   std::size_t i = 0;
@@ -173,7 +191,8 @@ void exact_projection(benchmark::State& state) {
 }
 BENCHMARK(exact_projection)->Name("optics/exact_projection")->Arg(0)->Arg(1);
 
-/// With argument 0 by the thesis' single viewpoint, with 1 by the exact projection, with 2 by that and weighted.
+/// With argument 0 by the thesis' single viewpoint, with 1 by the exact projection, with 2 by that
+/// and weighted.
 void locate_robot(benchmark::State& state) {
   PoseSettings settings;
   settings.projection = fit_single_viewpoint(model_eye_5_3(), Microscope{}, 7e-3);
@@ -191,8 +210,8 @@ void locate_robot(benchmark::State& state) {
 }
 BENCHMARK(locate_robot)->Name("optics/locate")->Arg(0)->Arg(1)->Arg(2);
 
-/// Bodies of all shapes by the exact projection, from the last frame's place; with argument 1 with its uncertain
-/// orientation.
+/// Bodies of all shapes by the exact projection, from the last frame's place; with argument 1 with
+/// its uncertain orientation.
 void locate_body(benchmark::State& state, const ObjectModel& body) {
   ObjectPoseSettings settings;
   settings.exact.emplace(model_eye_5_3(), Microscope{}, 8e-3);
@@ -203,13 +222,17 @@ void locate_body(benchmark::State& state, const ObjectModel& body) {
   seen[2] += 0.2, seen[0] -= 0.1;  // px, as a tracker would
   EllipseCovariance covariance = EllipseCovariance::Identity() * 0.04;
   covariance(4, 4) = 1e-5;
-  const PoseStart start{pose.position_in_eye + Eigen::Vector3d(5e-5, -5e-5, 1e-4), pose.orientation};
+  const PoseStart start{pose.position_in_eye + Eigen::Vector3d(5e-5, -5e-5, 1e-4),
+                        pose.orientation};
   for (auto _ : state) benchmark::DoNotOptimize(locate_object(settings, seen, covariance, start));
 }
 BENCHMARK_CAPTURE(locate_body, ellipsoid, ellipsoid({0.5e-3, 0.5e-3, 1e-3}))
     ->Name("optics/locate_ellipsoid")
     ->Arg(0)
     ->Arg(1);
-BENCHMARK_CAPTURE(locate_body, cylinder, cylinder(1e-3, 0.25e-3))->Name("optics/locate_cylinder")->Arg(0)->Arg(1);
+BENCHMARK_CAPTURE(locate_body, cylinder, cylinder(1e-3, 0.25e-3))
+    ->Name("optics/locate_cylinder")
+    ->Arg(0)
+    ->Arg(1);
 
 }  // namespace

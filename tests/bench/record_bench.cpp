@@ -1,8 +1,8 @@
-// What recording costs: 8 currents and a pose (x, y, z, axis) at 1 kHz, 640x480 frames at 60 per second, for 60 s of
-// real time; the goal is 15 % of one core with nothing dropped. The share is all the process used, the feeding
-// included.
+// What recording costs: 8 currents and a pose (x, y, z, axis) at 1 kHz, 640x480 frames at 60 per
+// second, for 60 s of real time; the goal is 15 % of one core with nothing dropped. The share is
+// all the process used, the feeding included.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/recorder.h"
+#include "host/record/recorder.h"
 
 #include <benchmark/benchmark.h>
 #include <opencv2/core.hpp>
@@ -30,8 +30,10 @@ StreamInfo stream(const std::string& name, const std::vector<std::string>& chann
 }
 
 void record(Recorder& recorder, int seconds) {
-  const int currents = recorder.add_stream(stream("currents", {"i1", "i2", "i3", "i4", "i5", "i6", "i7", "i8"}));
-  const int pose = recorder.add_stream(stream("pose", {"x", "y", "z", "axis_x", "axis_y", "axis_z"}));
+  const int currents =
+      recorder.add_stream(stream("currents", {"i1", "i2", "i3", "i4", "i5", "i6", "i7", "i8"}));
+  const int pose =
+      recorder.add_stream(stream("pose", {"x", "y", "z", "axis_x", "axis_y", "axis_z"}));
   const int camera = recorder.add_camera({"top_camera", "bench", 1, 1 / 60.0, 1e-6});
   std::array<cv::Mat, 8> images;
   for (cv::Mat& image : images) {
@@ -47,8 +49,8 @@ void record(Recorder& recorder, int seconds) {
     recorder.sample(currents, now, std::array{value, 1.1, 2.2, 3.3, 4.4, 5.5, 6.6, 7.7});
     recorder.sample(pose, now, std::array{value, 1e-3, 2e-3, 1.0, 0.0, 0.0});
     if (tick * 60 / 1000 < frames) continue;
-    recorder.frame(camera,
-                   {images[static_cast<std::size_t>(frames) % 8], static_cast<std::uint64_t>(frames), now, now});
+    recorder.frame(camera, {images[static_cast<std::size_t>(frames) % 8],
+                            static_cast<std::uint64_t>(frames), now, now});
     ++frames;
   }
 }

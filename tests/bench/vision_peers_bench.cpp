@@ -1,10 +1,10 @@
-// What trackers that people take first do on the frames of the colour tracker's bench: OpenCV's background models, and
-// CamShift on our own evidence. `slower`: their time over ours; `lost` of 100 frames: no answer, or more than 10 px
-// off.
+// What trackers that people take first do on the frames of the color tracker's bench: OpenCV's
+// background models, and CamShift on our own evidence. `slower`: their time over ours; `lost` of
+// 100 frames: no answer, or more than 10 px off.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/vision/sequence_generator.h"
 #include "vision/background_tracker.h"
-#include "vision/colour_tracker.h"
+#include "vision/color_tracker.h"
 
 #include <benchmark/benchmark.h>
 #include <opencv2/video/tracking.hpp>
@@ -51,7 +51,7 @@ double thread_microseconds() {
 using Find = std::function<std::optional<Ellipse>(const cv::Mat&)>;
 
 struct Score {
-  double microseconds = 0, centre_px = 0;
+  double microseconds = 0, center_px = 0;
   int lost = 0;
 };
 
@@ -63,20 +63,20 @@ Score score(const Find& find) {
     const double start = thread_microseconds();
     const auto found = find(frame.image);
     score.microseconds += (thread_microseconds() - start) / kFrames;
-    const double off = found ? (found->centre_px - frame.truth.centre_px).norm() : 1e9;
+    const double off = found ? (found->center_px - frame.truth.center_px).norm() : 1e9;
     if (off > 10) {
       ++score.lost;
       continue;
     }
-    score.centre_px += off;
+    score.center_px += off;
     ++seen;
   }
-  score.centre_px /= std::max(seen, 1);
+  score.center_px /= std::max(seen, 1);
   return score;
 }
 
 Find ours() {
-  auto tracker = std::make_shared<ColourTracker>(recording().model, ColourTrackerSettings{});
+  auto tracker = std::make_shared<ColorTracker>(recording().model, ColorTrackerSettings{});
   return [tracker](const cv::Mat& image) -> std::optional<Ellipse> {
     const Track track = tracker->update(image);
     if (!track.measured) return std::nullopt;
@@ -95,20 +95,21 @@ Find background(BackgroundKind kind) {
 // F of the whole image, as bytes, then CamShift from where the robot is at first.
 Find cam_shift() {
   const Ellipse first = recording().frames[0].truth;
-  auto window = std::make_shared<cv::Rect>(static_cast<int>(first.centre_px.x()) - 33,
-                                           static_cast<int>(first.centre_px.y()) - 33, 66, 66);
+  auto window = std::make_shared<cv::Rect>(static_cast<int>(first.center_px.x()) - 33,
+                                           static_cast<int>(first.center_px.y()) - 33, 66, 66);
   return [window](const cv::Mat& image) -> std::optional<Ellipse> {
     cv::Mat likely(image.size(), CV_8UC1);
-    const std::int8_t* table = recording().model.colour.table().data();
+    const std::int8_t* table = recording().model.color.table().data();
     for (int v = 0; v < image.rows; ++v) {
       const auto* from = image.ptr<cv::Vec3b>(v);
       auto* to = likely.ptr<unsigned char>(v);
       for (int u = 0; u < image.cols; ++u)
         to[u] = static_cast<unsigned char>(
-            2 * std::max<int>(table[ColourModel::cell_of(from[u][0], from[u][1], from[u][2])], 0));
+            2 * std::max<int>(table[ColorModel::cell_of(from[u][0], from[u][1], from[u][2])], 0));
     }
     if (window->area() < 1) return std::nullopt;
-    const cv::RotatedRect box = cv::CamShift(likely, *window, {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 10, 1});
+    const cv::RotatedRect box =
+        cv::CamShift(likely, *window, {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 10, 1});
     if (!(box.size.width > 1 && box.size.height > 1)) return std::nullopt;
     return Ellipse{{box.center.x, box.center.y}, box.size.height / 2.0, box.size.width / 2.0, 0};
   };
@@ -121,7 +122,7 @@ void peer(benchmark::State& state, Find (*make)()) {
   state.counters["frame_us"] = last.microseconds;
   state.counters["slower"] = last.microseconds / own;
   state.counters["lost"] = last.lost;
-  state.counters["centre_px"] = last.centre_px;
+  state.counters["center_px"] = last.center_px;
 }
 
 template <BackgroundKind kKind>
@@ -136,8 +137,12 @@ BENCHMARK_CAPTURE(peer, fixed, background_of<BackgroundKind::fixed>)
 BENCHMARK_CAPTURE(peer, running, background_of<BackgroundKind::running>)
     ->Name("vision/peers_running_mean")
     ->Iterations(1);
-BENCHMARK_CAPTURE(peer, mog2, background_of<BackgroundKind::mog2>)->Name("vision/peers_opencv_mog2")->Iterations(1);
-BENCHMARK_CAPTURE(peer, knn, background_of<BackgroundKind::knn>)->Name("vision/peers_opencv_knn")->Iterations(1);
+BENCHMARK_CAPTURE(peer, mog2, background_of<BackgroundKind::mog2>)
+    ->Name("vision/peers_opencv_mog2")
+    ->Iterations(1);
+BENCHMARK_CAPTURE(peer, knn, background_of<BackgroundKind::knn>)
+    ->Name("vision/peers_opencv_knn")
+    ->Iterations(1);
 BENCHMARK_CAPTURE(peer, cam_shift, cam_shift)->Name("vision/peers_opencv_camshift")->Iterations(1);
 
 }  // namespace

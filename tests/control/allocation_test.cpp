@@ -27,7 +27,9 @@ Eigen::Vector3d random_vector(std::mt19937_64& random, double size) {
 
 FieldAndForce hold(const Eigen::Vector3d& field) { return {field, {0, 0, kWeight}, {0, 0, 0}}; }
 
-Eigen::Vector3d moment_in(const Eigen::Vector3d& field) { return coni_2mm().moment(field.norm()) * field.normalized(); }
+Eigen::Vector3d moment_in(const Eigen::Vector3d& field) {
+  return coni_2mm().moment(field.norm()) * field.normalized();
+}
 
 struct Made {
   Eigen::Vector3d field, force;
@@ -47,7 +49,7 @@ std::string complaint(const std::function<void()>& call) {
   return "";
 }
 
-TEST(Allocate, holds_the_robot_at_the_centre_with_the_published_currents) {
+TEST(Allocate, holds_the_robot_at_the_center_with_the_published_currents) {
   const FieldMatrix matrix = CoilField::octomag().matrix({0, 0, 0});
   const auto largest = [&](const Eigen::Vector3d& field) {
     return allocate(matrix, moment_in(field), hold(field), 12).currents.cwiseAbs().maxCoeff();
@@ -62,7 +64,8 @@ TEST(Allocate, makes_exactly_the_wanted_field_and_force_with_the_least_current) 
   std::mt19937_64 random(1);
   for (int trial = 0; trial < 200; ++trial) {
     const FieldMatrix matrix = octomag.matrix(random_vector(random, 3e-3));
-    const Eigen::Vector3d field = 10e-3 * random_vector(random, 1).normalized(), moment = moment_in(field);
+    const Eigen::Vector3d field = 10e-3 * random_vector(random, 1).normalized(),
+                          moment = moment_in(field);
     const FieldAndForce wanted{field, {0, 0, kWeight}, random_vector(random, 2e-6)};
     const Allocation result = allocate(matrix, moment, wanted, 1e3);
     EXPECT_FALSE(result.limited());
@@ -74,7 +77,8 @@ TEST(Allocate, makes_exactly_the_wanted_field_and_force_with_the_least_current) 
     a << matrix.topRows<3>(), force_from_field(moment) * matrix;
     const Eigen::MatrixXd null = Eigen::FullPivLU<Eigen::Matrix<double, 6, 8>>(a).kernel();
     // Least norm: nothing of the currents lies where they would do nothing.
-    EXPECT_LT((null.transpose() * result.currents).norm(), 1e-9 * null.norm() * result.currents.norm());
+    EXPECT_LT((null.transpose() * result.currents).norm(),
+              1e-9 * null.norm() * result.currents.norm());
   }
 }
 
@@ -85,7 +89,8 @@ TEST(Allocate, cuts_first_the_force_then_the_field_and_never_the_levitation) {
   int force_cut = 0, field_cut = 0, refused = 0;
   for (int trial = 0; trial < 500; ++trial) {
     const FieldMatrix matrix = octomag.matrix(random_vector(random, 3e-3));
-    const Eigen::Vector3d field = 20e-3 * random_vector(random, 1).normalized(), moment = moment_in(field);
+    const Eigen::Vector3d field = 20e-3 * random_vector(random, 1).normalized(),
+                          moment = moment_in(field);
     const FieldAndForce wanted{field, {0, 0, kWeight}, random_vector(random, 30e-6)};
     const double limit = limits(random);
     Allocation result;
@@ -93,14 +98,17 @@ TEST(Allocate, cuts_first_the_force_then_the_field_and_never_the_levitation) {
       result = allocate(matrix, moment, wanted, limit);
     } catch (const std::domain_error&) {
       ++refused;
-      EXPECT_GT(allocate(matrix, moment, {{0, 0, 0}, wanted.levitation, {0, 0, 0}}, 1e3).currents.cwiseAbs().maxCoeff(),
+      EXPECT_GT(allocate(matrix, moment, {{0, 0, 0}, wanted.levitation, {0, 0, 0}}, 1e3)
+                    .currents.cwiseAbs()
+                    .maxCoeff(),
                 limit);
       continue;
     }
     EXPECT_LE(result.currents.cwiseAbs().maxCoeff(), limit);
     const Made got = made(matrix, moment, result.currents);
     EXPECT_LT((got.field - result.field_scale * field).norm(), 1e-11 * field.norm());  // as above
-    EXPECT_LT((got.force - wanted.levitation - result.force_scale * wanted.force).norm(), 1e-9 * kWeight);
+    EXPECT_LT((got.force - wanted.levitation - result.force_scale * wanted.force).norm(),
+              1e-9 * kWeight);
     EXPECT_TRUE(result.field_scale == 1 || result.force_scale == 0);
     if (result.limited()) {
       EXPECT_NEAR(result.currents.cwiseAbs().maxCoeff(), limit, 1e-9);  // no less than it could
@@ -148,12 +156,23 @@ TEST(Allocate, names_the_argument_that_is_no_number) {
   const Eigen::Vector3d field(10e-3, 0, 0), moment = moment_in(field), bad(0, kNan, 0);
   FieldMatrix bad_matrix = matrix;
   bad_matrix(3, 3) = kNan;
-  const auto says = [](const std::string& text, const std::string& name) { return text.rfind(name + ":", 0) == 0; };
+  const auto says = [](const std::string& text, const std::string& name) {
+    return text.rfind(name + ":", 0) == 0;
+  };
   EXPECT_TRUE(says(complaint([&] { allocate(bad_matrix, moment, hold(field), 12); }), "matrix"));
   EXPECT_TRUE(says(complaint([&] { allocate(matrix, bad, hold(field), 12); }), "moment"));
-  EXPECT_TRUE(says(complaint([&] { allocate(matrix, moment, {bad, {0, 0, 0}, {0, 0, 0}}, 12); }), "wanted.field"));
-  EXPECT_TRUE(says(complaint([&] { allocate(matrix, moment, {field, bad, {0, 0, 0}}, 12); }), "wanted.levitation"));
-  EXPECT_TRUE(says(complaint([&] { allocate(matrix, moment, {field, {0, 0, 0}, bad}, 12); }), "wanted.force"));
+  EXPECT_TRUE(says(complaint([&] {
+                     allocate(matrix, moment, {bad, {0, 0, 0}, {0, 0, 0}}, 12);
+                   }),
+                   "wanted.field"));
+  EXPECT_TRUE(says(complaint([&] {
+                     allocate(matrix, moment, {field, bad, {0, 0, 0}}, 12);
+                   }),
+                   "wanted.levitation"));
+  EXPECT_TRUE(says(complaint([&] {
+                     allocate(matrix, moment, {field, {0, 0, 0}, bad}, 12);
+                   }),
+                   "wanted.force"));
   for (const double limit : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity()}) {
     EXPECT_TRUE(says(complaint([&] { allocate(matrix, moment, hold(field), limit); }), "limit"));
   }

@@ -43,9 +43,11 @@ TEST(AllocateWithin, is_the_least_norm_answer_where_no_limit_is_met) {
   std::mt19937_64 random(1);
   for (int trial = 0; trial < 100; ++trial) {
     const Draw draw = drawn(random, 10e-3, 5e-6);
-    const BoxAllocation got = allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1e3));
+    const BoxAllocation got =
+        allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1e3));
     const Currents same = allocate(draw.matrix, draw.moment, draw.wanted, 1e3).currents;
-    EXPECT_LT((got.currents - same).norm(), 1e-11 * same.norm());  // two orders of the same sums, condition 200
+    EXPECT_LT((got.currents - same).norm(),
+              1e-11 * same.norm());  // two orders of the same sums, condition 200
     EXPECT_FALSE(got.limited);
     EXPECT_EQ(got.iterations, 0);
     EXPECT_NEAR(got.headroom, 1 - same.cwiseAbs().maxCoeff() / 1e3, 1e-12);
@@ -108,13 +110,15 @@ TEST(BoxProgram, ends_where_nothing_feasible_is_better) {
     // On the free unknowns, downhill is along the plane's normal; at the held ones it leads out.
     double mixed = 0, square = 0;
     for (int k = 0; k < 8; ++k) {
-      if (std::abs(x[k]) < 0.5) mixed += program.plane[k] * downhill[k], square += program.plane[k] * program.plane[k];
+      if (std::abs(x[k]) < 0.5)
+        mixed += program.plane[k] * downhill[k], square += program.plane[k] * program.plane[k];
     }
     if (square == 0) continue;
     for (int k = 0; k < 8; ++k) {
       const double own = downhill[k] - mixed / square * program.plane[k];
       const double outwards = x[k] >= 0.5 ? own : x[k] <= -0.5 ? -own : -std::abs(own);
-      ASSERT_GT(outwards, -1e-6) << "trial " << trial;  // 1e-9 of the slope is let pass, curvature 1e-6 rounds more
+      ASSERT_GT(outwards, -1e-6)
+          << "trial " << trial;  // 1e-9 of the slope is let pass, curvature 1e-6 rounds more
     }
   }
 }
@@ -129,7 +133,8 @@ TEST(AllocateWithin, lets_seven_coils_take_the_part_of_a_dead_one) {
     const BoxAllocation seven = allocate_within(draw.matrix, draw.moment, draw.wanted, limits);
     EXPECT_EQ(seven.currents[dead], 0);
     EXPECT_FALSE(seven.limited);
-    EXPECT_LT((seven.field - draw.wanted.field).norm(), 1e-4 * 10e-3);  // where a limit is met, kSmallness shows
+    EXPECT_LT((seven.field - draw.wanted.field).norm(),
+              1e-4 * 10e-3);  // where a limit is met, kSmallness shows
     EXPECT_LT((seven.force - draw.wanted.levitation - draw.wanted.force).norm(), 1e-4 * kWeight);
     EXPECT_LE(seven.headroom, all.headroom + 0.3);
     EXPECT_GE(condition_number(draw.matrix, draw.moment, limits),
@@ -142,7 +147,8 @@ TEST(AllocateWithin, still_levitates_with_so_few_coils_that_the_rest_cannot_be_h
   const Draw draw = drawn(random, 10e-3, 0);
   CurrentLimits limits = limits_of(20);
   for (int k = 0; k < 4; ++k) limits[k] = 0;
-  EXPECT_EQ(condition_number(draw.matrix, draw.moment, limits), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(condition_number(draw.matrix, draw.moment, limits),
+            std::numeric_limits<double>::infinity());
   const BoxAllocation got = allocate_within(draw.matrix, draw.moment, draw.wanted, limits);
   EXPECT_NEAR(got.force.z(), kWeight, 1e-9 * kWeight);
   EXPECT_TRUE(got.limited);
@@ -154,12 +160,16 @@ TEST(AllocateFiveDegrees, makes_torque_and_force_with_less_current_than_a_whole_
   for (int trial = 0; trial < 200; ++trial) {
     const Draw draw = drawn(random, 20e-3, 5e-6);
     const Eigen::Vector3d torque = 1e-7 * any_direction(random);
-    const BoxAllocation got = allocate_five_degrees(draw.matrix, draw.moment, torque, draw.wanted, limits_of(1e3));
-    const Eigen::Vector3d axis = draw.moment.normalized(), across = torque - torque.dot(axis) * axis;
-    EXPECT_LT((draw.moment.cross(got.field) - across).norm(), 1e-10 * torque.norm());  // rounding, condition 200
+    const BoxAllocation got =
+        allocate_five_degrees(draw.matrix, draw.moment, torque, draw.wanted, limits_of(1e3));
+    const Eigen::Vector3d axis = draw.moment.normalized(),
+                          across = torque - torque.dot(axis) * axis;
+    EXPECT_LT((draw.moment.cross(got.field) - across).norm(),
+              1e-10 * torque.norm());  // rounding, condition 200
     EXPECT_LT((got.force - draw.wanted.levitation - draw.wanted.force).norm(), 1e-10 * kWeight);
     five += got.currents.squaredNorm();
-    six += allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1e3)).currents.squaredNorm();
+    six += allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1e3))
+               .currents.squaredNorm();
   }
   EXPECT_LT(five, six);
 }
@@ -179,14 +189,20 @@ TEST(ConditionNumber, is_the_published_one) {
 TEST(AllocateWithin, names_what_is_wrong) {
   std::mt19937_64 random(8);
   Draw draw = drawn(random, 10e-3, 0);
-  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, CurrentLimits::Constant(7, 1)),
+  EXPECT_THROW(
+      allocate_within(draw.matrix, draw.moment, draw.wanted, CurrentLimits::Constant(7, 1)),
+      std::invalid_argument);
+  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(0)),
                std::invalid_argument);
-  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(0)), std::invalid_argument);
-  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(-1)), std::invalid_argument);
-  EXPECT_THROW(allocate_within(draw.matrix, {0, 0, 0}, draw.wanted, limits_of(1)), std::domain_error);
-  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1e-3)), std::domain_error);
+  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(-1)),
+               std::invalid_argument);
+  EXPECT_THROW(allocate_within(draw.matrix, {0, 0, 0}, draw.wanted, limits_of(1)),
+               std::domain_error);
+  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1e-3)),
+               std::domain_error);
   draw.wanted.force.x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1)), std::invalid_argument);
+  EXPECT_THROW(allocate_within(draw.matrix, draw.moment, draw.wanted, limits_of(1)),
+               std::invalid_argument);
 }
 
 }  // namespace

@@ -33,7 +33,8 @@ Eigen::Vector3d random_direction(std::mt19937_64& random) {
 Eigen::Vector3d differenced(const CoilField& field, const Eigen::Vector3d& p, int coil, int axis) {
   const double h = 0.5e-3;
   const auto at = [&](int steps) {
-    return Eigen::Vector3d(field.matrix(p + steps * h * Eigen::Vector3d::Unit(axis)).col(coil).head<3>());
+    return Eigen::Vector3d(
+        field.matrix(p + steps * h * Eigen::Vector3d::Unit(axis)).col(coil).head<3>());
   };
   return ((at(3) - at(-3)) - 9 * (at(2) - at(-2)) + 45 * (at(1) - at(-1))) / (60 * h);
 }
@@ -48,7 +49,8 @@ Eigen::Vector3d from_potential(const Dipole& dipole, const Eigen::Vector3d& p) {
   Eigen::Vector3d b;
   for (int axis = 0; axis < 3; ++axis) {
     const Eigen::Vector3d e = h * Eigen::Vector3d::Unit(axis);
-    b[axis] = -((potential(p + 3 * e) - potential(p - 3 * e)) - 9 * (potential(p + 2 * e) - potential(p - 2 * e)) +
+    b[axis] = -((potential(p + 3 * e) - potential(p - 3 * e)) -
+                9 * (potential(p + 2 * e) - potential(p - 2 * e)) +
                 45 * (potential(p + e) - potential(p - e))) /
               (60 * h);
   }
@@ -66,7 +68,7 @@ double condition(const Eigen::MatrixXd& m) {
   return s[0] / s[s.size() - 1];
 }
 
-TEST(CoilField, gives_at_the_centre_the_published_field_per_ampere) {
+TEST(CoilField, gives_at_the_center_the_published_field_per_ampere) {
   const FieldMatrix matrix = CoilField::octomag().matrix({0, 0, 0});
   for (int k = 0; k < 8; ++k) {
     // The eight numbers of the model reproduce the calibration to 1.3 to 2.4 % a coil.
@@ -75,7 +77,7 @@ TEST(CoilField, gives_at_the_centre_the_published_field_per_ampere) {
   }
 }
 
-TEST(CoilField, points_at_the_centre_where_the_calibration_says) {
+TEST(CoilField, points_at_the_center_where_the_calibration_says) {
   const FieldMatrix matrix = CoilField::octomag().matrix({0, 0, 0});
   for (int k = 0; k < 8; ++k) {
     const Eigen::Vector3d b = matrix.col(k).head<3>();
@@ -94,7 +96,8 @@ TEST(CoilField, is_the_gradient_of_the_dipoles_potential) {
     const FieldMatrix matrix = field.matrix(p);
     for (int k = 0; k < 8; ++k) {
       const Eigen::Vector3d b = from_potential(field.dipoles()[static_cast<std::size_t>(k)], p);
-      // Differences of sixth order over 0.5 mm at 80 mm: truncation about 1e-10, rounding about 1e-13.
+      // Differences of sixth order over 0.5 mm at 80 mm: truncation about 1e-10, rounding about
+      // 1e-13.
       EXPECT_LT((matrix.col(k).head<3>() - b).norm(), 1e-8 * b.norm());
     }
   }
@@ -109,7 +112,8 @@ TEST(CoilField, has_the_gradients_that_differences_of_its_field_give) {
     for (int k = 0; k < 8; ++k) {
       const Eigen::Matrix3d g = gradient_matrix(matrix.col(k));
       for (int axis = 0; axis < 3; ++axis) {
-        EXPECT_LT((g.col(axis) - differenced(field, p, k, axis)).norm(), 1e-8 * g.norm());  // as above
+        EXPECT_LT((g.col(axis) - differenced(field, p, k, axis)).norm(),
+                  1e-8 * g.norm());  // as above
       }
     }
   }
@@ -138,7 +142,8 @@ TEST(CoilField, has_rank_eight_and_the_published_condition_all_over_the_cube) {
     best = std::min(best, c);
     worst = std::max(worst, c);
   }
-  // Facts 1.4, computed from the same eight numbers: only the rounding of the printed figures is between us.
+  // Facts 1.4, computed from the same eight numbers: only the rounding of the printed figures is
+  // between us.
   EXPECT_NEAR(condition(scaled(field.matrix({0, 0, 0}))), 4.98, 0.01);
   EXPECT_NEAR(best, 4.44, 0.01);
   EXPECT_NEAR(worst, 9.95, 0.01);
@@ -149,7 +154,8 @@ TEST(CoilField, makes_field_and_force_independently_for_every_orientation) {
   std::mt19937_64 random(4);
   std::vector<double> conditions;
   for (int i = 0; i < 125; ++i) {
-    const FieldMatrix matrix = field.matrix(5e-3 * Eigen::Vector3d(i % 5 - 2, i / 5 % 5 - 2, i / 25 - 2));
+    const FieldMatrix matrix =
+        field.matrix(5e-3 * Eigen::Vector3d(i % 5 - 2, i / 5 % 5 - 2, i / 25 - 2));
     for (int trial = 0; trial < 60; ++trial) {
       Eigen::Matrix<double, 6, 8> a;
       a << matrix.topRows<3>(), 20e-3 * (force_from_field(random_direction(random)) * matrix);
@@ -157,8 +163,8 @@ TEST(CoilField, makes_field_and_force_independently_for_every_orientation) {
     }
   }
   std::sort(conditions.begin(), conditions.end());
-  // Published over 60 other orientations a place: 2.9, 5.1, 12.5. The median moves by hundredths between draws, the
-  // extremes by about a tenth of themselves.
+  // Published over 60 other orientations a place: 2.9, 5.1, 12.5. The median moves by hundredths
+  // between draws, the extremes by about a tenth of themselves.
   EXPECT_NEAR(conditions.front(), 2.9, 0.3);
   EXPECT_NEAR(conditions[conditions.size() / 2], 5.1, 0.1);
   EXPECT_NEAR(conditions.back(), 12.5, 1.3);
@@ -186,7 +192,8 @@ TEST(CoilField, gives_force_as_the_moment_along_the_gradient) {
     const FieldGradient f = field.matrix(random_place(random, 0.01)).col(trial % 8);
     const Eigen::Vector3d m = random_direction(random);
     const Eigen::Vector3d force = force_from_field(m) * f;
-    EXPECT_LT((force - gradient_matrix(f) * m).norm(), 1e-14);  // curl-free: (m.grad)B = grad(m.B); rounding
+    EXPECT_LT((force - gradient_matrix(f) * m).norm(),
+              1e-14);  // curl-free: (m.grad)B = grad(m.B); rounding
   }
 }
 
@@ -197,7 +204,8 @@ TEST(CoilField, perturbs_as_much_as_two_real_calibrations_differ) {
   for (int machine = 0; machine < 60; ++machine) {
     const CoilField truth = nominal.perturbed({}, random);
     Eigen::Matrix<double, 8, 1> change, gain_change, size, gradient_size, gradient_change, dot;
-    size.setZero(), dot.setZero(), change.setZero(), gradient_size.setZero(), gradient_change.setZero();
+    size.setZero(), dot.setZero(), change.setZero(), gradient_size.setZero(),
+        gradient_change.setZero();
     std::vector<FieldMatrix> a, b;
     for (int i = 0; i < 30; ++i) {
       const Eigen::Vector3d p = random_place(random, 0.0075);
@@ -220,7 +228,8 @@ TEST(CoilField, perturbs_as_much_as_two_real_calibrations_differ) {
   }
   std::sort(field_error.begin(), field_error.end());
   std::sort(gradient_error.begin(), gradient_error.end());
-  // Facts 1.2: 2.7 % of field and 4.1 % of gradient in the median, over a sphere and a norm of its own: within 25 %.
+  // Facts 1.2: 2.7 % of field and 4.1 % of gradient in the median, over a sphere and a norm of its
+  // own: within 25 %.
   EXPECT_NEAR(field_error[field_error.size() / 2], 0.027, 0.007);
   EXPECT_NEAR(gradient_error[gradient_error.size() / 2], 0.041, 0.010);
 }
@@ -243,12 +252,14 @@ TEST(CoilField, turns_the_axis_without_changing_its_length) {
   for (int machine = 0; machine < 200; ++machine) {
     const CoilField truth = nominal.perturbed({0, 0, 0.03}, random);
     for (std::size_t k = 0; k < 8; ++k, ++count) {
-      const Eigen::Vector3d a = nominal.dipoles()[k].moment_per_ampere, b = truth.dipoles()[k].moment_per_ampere;
+      const Eigen::Vector3d a = nominal.dipoles()[k].moment_per_ampere,
+                            b = truth.dipoles()[k].moment_per_ampere;
       EXPECT_NEAR(b.norm(), a.norm(), 1e-12);  // rounding
       sum += std::pow(std::asin(a.cross(b).norm() / a.squaredNorm()), 2);
     }
   }
-  EXPECT_NEAR(std::sqrt(sum / count), 0.03, 0.002);  // 1600 draws: 1.8 % standard error, here four of them
+  EXPECT_NEAR(std::sqrt(sum / count), 0.03,
+              0.002);  // 1600 draws: 1.8 % standard error, here four of them
 }
 
 TEST(CoilField, refuses_what_is_no_set_of_coils) {

@@ -87,7 +87,8 @@ TEST(PositionEstimator, finds_the_disturbance_and_predicts_over_the_latency) {
   place = truth.advance(lagged, -1, now).moved + push * (now + 1);
   const auto estimate = estimator.at(now);
   ASSERT_TRUE(estimate);
-  // Exact measurements of an exact model: what is left of the first guess, with time constants below half a second.
+  // Exact measurements of an exact model: what is left of the first guess, with time constants
+  // below half a second.
   EXPECT_LT((estimate->disturbance - push).norm(), 1e-9);
   EXPECT_LT((estimate->position - place).norm(), 1e-9);
 }
@@ -163,25 +164,41 @@ TEST(PositionEstimator, takes_up_again_after_a_long_silence) {
   for (int k = 0; k < 20; ++k) estimator.measure(at(0.1 * k, {10e-6 * k, 0, 0}));
   EXPECT_TRUE(estimator.measure(at(30, {2e-3, 0, 0})));
   EXPECT_EQ(estimator.at(30)->position.x(), 2e-3);
-  EXPECT_NEAR(estimator.at(30)->disturbance.x(), 100e-6, 30e-6);  // what it was: 10 um in 0.1 s, with its sigma
+  EXPECT_NEAR(estimator.at(30)->disturbance.x(), 100e-6,
+              30e-6);  // what it was: 10 um in 0.1 s, with its sigma
 }
 
 TEST(PositionEstimator, names_what_is_wrong) {
   PositionEstimator estimator({});
-  EXPECT_EQ(complaint([&] { estimator.measure(at(kNan, {0, 0, 0})); }), "measurement time: not finite");
-  EXPECT_EQ(complaint([&] { estimator.measure(at(0, {0, kNan, 0})); }), "measured position: not finite");
+  EXPECT_EQ(complaint([&] {
+              estimator.measure(at(kNan, {0, 0, 0}));
+            }),
+            "measurement time: not finite");
+  EXPECT_EQ(complaint([&] {
+              estimator.measure(at(0, {0, kNan, 0}));
+            }),
+            "measured position: not finite");
   EXPECT_EQ(complaint([&] {
               estimator.measure({0, {0, 0, 0}, Eigen::Matrix3d::Zero()});
             }),
             "measurement covariance: not positive definite");
   Eigen::Matrix3d skew = 1e-12 * Eigen::Matrix3d::Identity();
   skew(0, 1) = 1e-13;
-  EXPECT_EQ(complaint([&] { estimator.measure({0, {0, 0, 0}, skew}); }), "measurement covariance: not symmetric");
+  EXPECT_EQ(complaint([&] {
+              estimator.measure({0, {0, 0, 0}, skew});
+            }),
+            "measurement covariance: not symmetric");
   EXPECT_FALSE(estimator.at(0));  // none of these left a trace
   estimator.measure(at(1, {0, 0, 0}));
-  EXPECT_EQ(complaint([&] { estimator.measure(at(0.9, {0, 0, 0})); }), "measurement time: runs backwards");
+  EXPECT_EQ(complaint([&] {
+              estimator.measure(at(0.9, {0, 0, 0}));
+            }),
+            "measurement time: runs backwards");
   EXPECT_EQ(complaint([&] { estimator.at(0.9); }), "time: before the last measurement");
-  EXPECT_EQ(complaint([&] { estimator.command(0, {0, kNan, 0}); }), "commanded velocity: not finite");
+  EXPECT_EQ(complaint([&] {
+              estimator.command(0, {0, kNan, 0});
+            }),
+            "commanded velocity: not finite");
   estimator.command(1, {0, 0, 0});
   EXPECT_EQ(complaint([&] { estimator.command(0.9, {0, 0, 0}); }), "command time: runs backwards");
   EstimatorSettings bad;
@@ -189,7 +206,8 @@ TEST(PositionEstimator, names_what_is_wrong) {
   EXPECT_EQ(complaint([&] { PositionEstimator x(bad); }), "command_delay: must be at least 0 s");
   bad = {};
   bad.disturbance_walk = 0;
-  EXPECT_EQ(complaint([&] { PositionEstimator x(bad); }), "disturbance_walk: must be above 0 m/s per sqrt(s)");
+  EXPECT_EQ(complaint([&] { PositionEstimator x(bad); }),
+            "disturbance_walk: must be above 0 m/s per sqrt(s)");
 }
 
 TEST(PositionEstimator, recovers_from_a_leap_of_what_pushes_however_sharp_it_thought_itself) {

@@ -1,4 +1,5 @@
-// Calibration files: the layout ETH's software writes, read to the number; what is wrong named with its line.
+// Calibration files: the layout ETH's software writes, read to the number; what is wrong named with
+// its line.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_calibration_file.h"
 
@@ -12,7 +13,8 @@
 namespace vitreo::control {
 namespace {
 
-// The layout of the real files (keys in any order, block lists, ~ for none, a nested dash), with numbers of our own.
+// The layout of the real files (keys in any order, block lists, ~ for none, a nested dash), with
+// numbers of our own.
 const std::string kFile = R"(#
 # a comment
 #
@@ -109,7 +111,9 @@ TEST(FieldCalibrationFile, is_read_in_the_layout_that_eth_writes) {
   EXPECT_EQ(file.field.region().low, Eigen::Vector3d(-0.01, -0.02, -0.03));
   EXPECT_EQ(file.field.region().high, Eigen::Vector3d(0.01, 0.02, 0.03));
   // Offset is the field without current: here uniform, 50 uT along x.
-  EXPECT_LT((file.field.background({1e-3, 2e-3, 3e-3}).head<3>() - Eigen::Vector3d(5e-5, 0, 0)).norm(), 1e-19);
+  EXPECT_LT(
+      (file.field.background({1e-3, 2e-3, 3e-3}).head<3>() - Eigen::Vector3d(5e-5, 0, 0)).norm(),
+      1e-19);
 }
 
 TEST(FieldCalibrationFile, written_and_read_again_is_the_same_to_the_bit) {
@@ -164,7 +168,8 @@ Notes: {}
 }
 
 TEST(FieldCalibrationFile, says_what_is_wrong_and_in_which_line) {
-  const auto expect = [](const std::string& text, const std::string& line, const std::string& what) {
+  const auto expect = [](const std::string& text, const std::string& line,
+                         const std::string& what) {
     const std::string said = complaint(text);
     EXPECT_EQ(said.rfind("line " + line + ": ", 0), 0U) << said;
     EXPECT_NE(said.find(what), std::string::npos) << said;
@@ -180,7 +185,8 @@ TEST(FieldCalibrationFile, says_what_is_wrong_and_in_which_line) {
   expect(with("- 9.5e-07", "- 1e999"), "12", "not a number");
   expect(with("      - 0.6\n", ""), "15", "Source_Direction: three numbers");
   expect(with("      - 0.6\n", "      - 0.9\n"), "15", "Source_Direction: not a unit vector");
-  expect(with("Source_Position: [0.1, 0.2, 0.3]", "Src_Position: [0.1, 0.2, 0.3]"), "27", "Source_Position is missing");
+  expect(with("Source_Position: [0.1, 0.2, 0.3]", "Src_Position: [0.1, 0.2, 0.3]"), "27",
+         "Source_Position is missing");
   expect(with("Source_List: [Src_1, Src_0]", "Source_List: []"), "25", "Source_List: empty");
   expect(with("Workspace_Dimensions:", "Workspace:"), "4", "Workspace_Dimensions is missing");
   expect(with("    - -0.02\n", "    - 0.05\n"), "59", "low must be below high");

@@ -15,8 +15,8 @@
 namespace vitreo::control {
 namespace {
 
-std::vector<ProbeReading> readings_of(const CoilField& truth, const Eigen::Vector3d& background, double noise,
-                                      int count, std::mt19937_64& random) {
+std::vector<ProbeReading> readings_of(const CoilField& truth, const Eigen::Vector3d& background,
+                                      double noise, int count, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
   std::vector<ProbeReading> readings;
   for (int n = 0; n < count; ++n) {
@@ -35,7 +35,8 @@ TEST(FitDipoles, finds_the_machine_and_its_background_from_exact_readings) {
   std::mt19937_64 random(1);
   const CoilField truth = CoilField::octomag().perturbed({}, random);
   const Eigen::Vector3d earth(20e-6, 0, -45e-6);
-  const DipoleFit fit = fit_dipoles(CoilField::octomag(), readings_of(truth, earth, 0, 300, random));
+  const DipoleFit fit =
+      fit_dipoles(CoilField::octomag(), readings_of(truth, earth, 0, 300, random));
   EXPECT_TRUE(fit.converged);
   for (std::size_t k = 0; k < 8; ++k) {
     // Exact data: what the solver's stopping leaves, a hundred thousandth of the perturbation.
@@ -61,8 +62,8 @@ TEST(FitDipoles, reports_the_noise_of_the_probe_and_improves_on_the_nominal_mach
     after += (fit.field.matrix(p) - true_matrix).squaredNorm();
     size += true_matrix.squaredNorm();
   }
-  std::printf("  model error in the gradients: nominal %.2f %%, calibrated %.3f %%\n", 100 * std::sqrt(before / size),
-              100 * std::sqrt(after / size));
+  std::printf("  model error in the gradients: nominal %.2f %%, calibrated %.3f %%\n",
+              100 * std::sqrt(before / size), 100 * std::sqrt(after / size));
   EXPECT_LT(after, 0.01 * before);  // a tenth of the error or less
 }
 

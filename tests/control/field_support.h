@@ -22,7 +22,8 @@ inline Eigen::Vector3d any_direction(std::mt19937_64& random) {
   return Eigen::Vector3d(x, y, z).normalized();
 }
 
-/// G(i, j) = dB_i/dx_j by an eighth-order central difference of `field`, a function from place to Vector3d.
+/// G(i, j) = dB_i/dx_j by an eighth-order central difference of `field`, a function from place to
+/// Vector3d.
 template <typename Field>
 Eigen::Matrix3d differenced_gradient(const Field& field, const Eigen::Vector3d& p, double h) {
   Eigen::Matrix3d g;

@@ -1,4 +1,5 @@
-// The multipole model against dipoles, its own potential, differences of its field, and the traps real files hold.
+// The multipole model against dipoles, its own potential, differences of its field, and the traps
+// real files hold.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/multipole_field.h"
 
@@ -39,16 +40,23 @@ double potential(const MultipoleSource& source, const Eigen::Vector3d& p) {
     sum += source.regular[k] * std::pow(r, k + 1) * std::legendre(static_cast<unsigned>(k + 1), c);
   }
   for (std::size_t k = 0; k < source.irregular.size(); ++k) {
-    sum += source.irregular[k] / std::pow(r, k + 2) * std::legendre(static_cast<unsigned>(k + 1), c);
+    sum +=
+        source.irregular[k] / std::pow(r, k + 2) * std::legendre(static_cast<unsigned>(k + 1), c);
   }
   return sum;
 }
 
-FieldGradient column(const MultipoleField& field, const Eigen::Vector3d& p) { return field.matrix(p).col(0); }
+FieldGradient column(const MultipoleField& field, const Eigen::Vector3d& p) {
+  return field.matrix(p).col(0);
+}
 
-// Field against potential, gradient against field, and neither sources nor curl, at `p` with the step h.
-void expect_consistent(const MultipoleField& field, const Eigen::Vector3d& p, double h, double tolerance) {
-  const auto b = [&](const Eigen::Vector3d& at) { return Eigen::Vector3d(column(field, at).head<3>()); };
+// Field against potential, gradient against field, and neither sources nor curl, at `p` with the
+// step h.
+void expect_consistent(const MultipoleField& field, const Eigen::Vector3d& p, double h,
+                       double tolerance) {
+  const auto b = [&](const Eigen::Vector3d& at) {
+    return Eigen::Vector3d(column(field, at).head<3>());
+  };
   const auto psi = [&](const Eigen::Vector3d& at) {
     double sum = 0;
     for (const MultipoleSource& source : field.sources()[0]) sum += potential(source, at);
@@ -71,8 +79,10 @@ TEST(MultipoleField, of_the_first_order_is_the_dipole_with_moment_minus_b) {
     const Eigen::Vector3d p = place_within(random, 10e-3);
     const FieldMatrix a = dipoles.matrix(p), b = field.matrix(p);
     for (int k = 0; k < 8; ++k) {  // the same sums in another order: rounding
-      EXPECT_LT((a.col(k).head<3>() - b.col(k).head<3>()).norm(), 1e-13 * a.col(k).head<3>().norm());
-      EXPECT_LT((a.col(k).tail<5>() - b.col(k).tail<5>()).norm(), 1e-13 * a.col(k).tail<5>().norm());
+      EXPECT_LT((a.col(k).head<3>() - b.col(k).head<3>()).norm(),
+                1e-13 * a.col(k).head<3>().norm());
+      EXPECT_LT((a.col(k).tail<5>() - b.col(k).tail<5>()).norm(),
+                1e-13 * a.col(k).tail<5>().norm());
     }
   }
 }
@@ -95,13 +105,15 @@ TEST(MultipoleField, is_the_gradient_of_its_potential_and_knows_its_own_gradient
 
 TEST(MultipoleField, adds_its_orders) {
   std::mt19937_64 random(3);
-  const MultipoleSource source{{0.03, -0.08, 0.05}, any_direction(random), {2e-3, -0.01, 0.3}, {-9e-7, 3e-8, -4e-10}};
+  const MultipoleSource source{
+      {0.03, -0.08, 0.05}, any_direction(random), {2e-3, -0.01, 0.3}, {-9e-7, 3e-8, -4e-10}};
   for (int trial = 0; trial < 20; ++trial) {
-    expect_consistent(MultipoleField({{source}}, {}, kWide), place_within(random, 10e-3), 0.3e-3, 2e-10);  // as above
+    expect_consistent(MultipoleField({{source}}, {}, kWide), place_within(random, 10e-3), 0.3e-3,
+                      2e-10);  // as above
   }
 }
 
-TEST(MultipoleField, of_regular_harmonics_is_smooth_at_its_own_centre) {
+TEST(MultipoleField, of_regular_harmonics_is_smooth_at_its_own_center) {
   const MultipoleSource source{{1e-3, 0, 0}, {0, 0, 1}, {1e-3, 0.02, 0.5}, {}};
   const MultipoleField field({{source}}, {}, kCube);
   const FieldGradient at = column(field, {1e-3, 0, 0});
@@ -109,12 +121,12 @@ TEST(MultipoleField, of_regular_harmonics_is_smooth_at_its_own_centre) {
   EXPECT_NEAR(at[3], -0.02, 1e-16);  // A_2 (3 zz - 1)
   EXPECT_NEAR(at[6], -0.02, 1e-16);
   const FieldGradient near = column(field, {1e-3 + 1e-9, 0, 0});
-  EXPECT_LT((at - near).norm(), 1e-8);  // a nanometre away: A_3 times it, 3e-9
+  EXPECT_LT((at - near).norm(), 1e-8);  // a nanometer away: A_3 times it, 3e-9
 }
 
 TEST(MultipoleField, copes_with_the_traps_of_real_files) {
-  // As found in calibrations of the machine: a faint source inside the workspace, a pair that nearly cancels just
-  // outside it, a source hundreds of kilometres away.
+  // As found in calibrations of the machine: a faint source inside the workspace, a pair that
+  // nearly cancels just outside it, a source hundreds of kilometers away.
   const Eigen::Vector3d far(1.12e5, 2.1e5, -0.53e5);
   MultipoleField::Sources sources{
       {{-11e-3, 11e-3, -11e-3}, Eigen::Vector3d(0.9, -0.1, 0.3).normalized(), {}, {1e-11}},
@@ -125,8 +137,11 @@ TEST(MultipoleField, copes_with_the_traps_of_real_files) {
   std::mt19937_64 random(4);
   for (int trial = 0; trial < 50; ++trial) {
     const Eigen::Vector3d p = place_within(random, 8e-3);
-    // The potential of the far source is 50 T m, of which differences over 0.1 mm keep four digits: field only.
-    const auto b = [&](const Eigen::Vector3d& at) { return Eigen::Vector3d(column(field, at).head<3>()); };
+    // The potential of the far source is 50 T m, of which differences over 0.1 mm keep four digits:
+    // field only.
+    const auto b = [&](const Eigen::Vector3d& at) {
+      return Eigen::Vector3d(column(field, at).head<3>());
+    };
     const Eigen::Matrix3d g = differenced_gradient(b, p, 0.1e-3);
     EXPECT_LT((gradient_matrix(column(field, p)) - g).norm(), 1e-9 * g.norm());
     EXPECT_LT(std::abs(g.trace()), 1e-9 * g.norm());
@@ -155,7 +170,8 @@ TEST(MultipoleField, refuses_what_is_no_field) {
     EXPECT_THROW(MultipoleField({{source}}, {}, region), std::invalid_argument);
   };
   EXPECT_THROW(MultipoleField({}, {}, kCube), std::invalid_argument);
-  EXPECT_THROW(MultipoleField(std::vector<MultipoleField::Sources>(9, {good}), {}, kCube), std::invalid_argument);
+  EXPECT_THROW(MultipoleField(std::vector<MultipoleField::Sources>(9, {good}), {}, kCube),
+               std::invalid_argument);
   refuse({{0, 0, 0.1}, {0, 0, 2}, {}, {1e-7}});
   refuse({{0, 0, 0.1}, {0, 0, 0}, {}, {1e-7}});
   refuse({{0, 0, 0.1}, {0, 0, 1}, {}, std::vector<double>(13, 1e-7)});
@@ -167,10 +183,12 @@ TEST(MultipoleField, refuses_what_is_no_field) {
 
 TEST(FieldModel, takes_either_kind_and_adds_the_background) {
   const MultipoleSource pole{{0, 0, 0.2}, {0, 0, 1}, {}, {-1e-7}};
-  FieldModel multipoles(MultipoleField(as_multipoles(CoilField::octomag()).sources(), {pole}, kCube));
+  FieldModel multipoles(
+      MultipoleField(as_multipoles(CoilField::octomag()).sources(), {pole}, kCube));
   FieldModel dipoles(CoilField::octomag());
   const Eigen::Vector3d p(1e-3, 2e-3, 3e-3), earth(0, 20e-6, -45e-6);
-  EXPECT_LT((multipoles.matrix(p) - dipoles.matrix(p)).norm(), 1e-13);  // rounding of entries below 1
+  EXPECT_LT((multipoles.matrix(p) - dipoles.matrix(p)).norm(),
+            1e-13);  // rounding of entries below 1
   EXPECT_EQ(dipoles.background(p).norm(), 0);
   const FieldGradient own = multipoles.background(p);
   EXPECT_GT(own.norm(), 0);
@@ -179,7 +197,8 @@ TEST(FieldModel, takes_either_kind_and_adds_the_background) {
   EXPECT_EQ(multipoles.background(p).tail<5>(), own.tail<5>());
   EXPECT_TRUE(dipoles.valid_at({1, 0, 0}));
   EXPECT_FALSE(multipoles.valid_at({1, 0, 0}));
-  EXPECT_THROW(dipoles.set_uniform_background({0, std::numeric_limits<double>::infinity(), 0}), std::invalid_argument);
+  EXPECT_THROW(dipoles.set_uniform_background({0, std::numeric_limits<double>::infinity(), 0}),
+               std::invalid_argument);
 }
 
 }  // namespace

@@ -17,16 +17,19 @@ namespace {
 
 const Region kBox{Eigen::Vector3d::Constant(-12e-3), Eigen::Vector3d::Constant(12e-3)};
 
-// A machine whose coils are more than dipoles: a third of quadrupole at the workspace, and moved about.
+// A machine whose coils are more than dipoles: a third of quadrupole at the workspace, and moved
+// about.
 MultipoleField machine(std::mt19937_64& random) {
   const MultipoleField plain = multipoles_like(CoilField::octomag().perturbed({}, random), 2, kBox);
   std::vector<MultipoleField::Sources> coils = plain.sources();
-  for (auto& sources : coils) sources[0].irregular[1] = 0.3 * sources[0].irregular[0] * sources[0].position.norm();
+  for (auto& sources : coils)
+    sources[0].irregular[1] = 0.3 * sources[0].irregular[0] * sources[0].position.norm();
   return {coils, {}, kBox};
 }
 
-std::vector<ProbeReading> readings_of(const MultipoleField& truth, const Eigen::Vector3d& background, double noise,
-                                      int count, std::mt19937_64& random) {
+std::vector<ProbeReading> readings_of(const MultipoleField& truth,
+                                      const Eigen::Vector3d& background, double noise, int count,
+                                      std::mt19937_64& random) {
   std::normal_distribution<double> normal;
   std::vector<ProbeReading> readings;
   for (int n = 0; n < count; ++n) {
@@ -41,7 +44,8 @@ std::vector<ProbeReading> readings_of(const MultipoleField& truth, const Eigen::
   return readings;
 }
 
-double relative_error(const MultipoleField& truth, const std::function<FieldMatrix(const Eigen::Vector3d&)>& model) {
+double relative_error(const MultipoleField& truth,
+                      const std::function<FieldMatrix(const Eigen::Vector3d&)>& model) {
   std::mt19937_64 random(9);
   double miss = 0, size = 0;
   for (int trial = 0; trial < 100; ++trial) {
@@ -60,10 +64,13 @@ TEST(FitMultipoles, finds_the_field_and_the_background_and_does_better_than_dipo
   const auto readings = readings_of(truth, earth, noise, 400, random);
   const MultipoleFit fit = fit_multipoles(multipoles_like(CoilField::octomag(), 2, kBox), readings);
   const DipoleFit dipoles = fit_dipoles(CoilField::octomag(), readings);
-  const double error = relative_error(truth, [&](const Eigen::Vector3d& p) { return fit.field.matrix(p); });
-  const double plain = relative_error(truth, [&](const Eigen::Vector3d& p) { return dipoles.field.matrix(p); });
-  std::printf("  error of the gradients: dipoles %.3f %%, multipoles %.3f %%; residual %.2f and %.2f uT\n", 100 * plain,
-              100 * error, 1e6 * dipoles.residual_rms, 1e6 * fit.residual.rms);
+  const double error =
+      relative_error(truth, [&](const Eigen::Vector3d& p) { return fit.field.matrix(p); });
+  const double plain =
+      relative_error(truth, [&](const Eigen::Vector3d& p) { return dipoles.field.matrix(p); });
+  std::printf(
+      "  error of the gradients: dipoles %.3f %%, multipoles %.3f %%; residual %.2f and %.2f uT\n",
+      100 * plain, 100 * error, 1e6 * dipoles.residual_rms, 1e6 * fit.residual.rms);
   // 1200 numbers less 59 unknowns: the residual is the noise, less 2.5 %.
   EXPECT_NEAR(fit.residual.rms, noise, 0.1 * noise);
   EXPECT_LT((fit.background - earth).norm(), 2e-6);
@@ -73,17 +80,20 @@ TEST(FitMultipoles, finds_the_field_and_the_background_and_does_better_than_dipo
 
 TEST(FitMultipoles, holds_only_where_it_was_measured) {
   std::mt19937_64 random(2);
-  const MultipoleFit fit = fit_multipoles(multipoles_like(CoilField::octomag(), 1, kBox),
-                                          readings_of(machine(random), {0, 0, 0}, 1e-6, 100, random));
+  const MultipoleFit fit =
+      fit_multipoles(multipoles_like(CoilField::octomag(), 1, kBox),
+                     readings_of(machine(random), {0, 0, 0}, 1e-6, 100, random));
   EXPECT_NO_THROW(fit.field.matrix({0, 0, 0}));
   EXPECT_THROW(fit.field.matrix({11e-3, 0, 0}), std::domain_error);
 }
 
 TEST(FitMultipoles, is_written_as_a_calibration_file_and_read_back_to_the_bit) {
   std::mt19937_64 random(3);
-  const MultipoleFit fit = fit_multipoles(multipoles_like(CoilField::octomag(), 2, kBox),
-                                          readings_of(machine(random), {0, 0, 0}, 1e-6, 150, random));
-  const FieldCalibrationFile back = parse_field_calibration(field_calibration_text({"fitted", fit.field}));
+  const MultipoleFit fit =
+      fit_multipoles(multipoles_like(CoilField::octomag(), 2, kBox),
+                     readings_of(machine(random), {0, 0, 0}, 1e-6, 150, random));
+  const FieldCalibrationFile back =
+      parse_field_calibration(field_calibration_text({"fitted", fit.field}));
   for (int trial = 0; trial < 20; ++trial) {
     const Eigen::Vector3d p = place_within(random, 9e-3);
     EXPECT_EQ(back.field.matrix(p), fit.field.matrix(p));
@@ -102,7 +112,8 @@ TEST(FitMultipoles, names_what_is_wrong) {
     }
     return std::string();
   };
-  EXPECT_EQ(complaint({readings.begin(), readings.begin() + 12}, start), "readings: 12 given, at least 17 needed");
+  EXPECT_EQ(complaint({readings.begin(), readings.begin() + 12}, start),
+            "readings: 12 given, at least 17 needed");
   auto flat = readings;
   for (ProbeReading& reading : flat) reading.position.z() = 1e-3;
   EXPECT_EQ(complaint(flat, start), "readings: all in one plane, they span no box");
@@ -111,7 +122,8 @@ TEST(FitMultipoles, names_what_is_wrong) {
   EXPECT_EQ(complaint(dead, start), "readings: coil 2 never had a current");
   std::vector<MultipoleField::Sources> empty = start.sources();
   empty[3][0].irregular.clear();
-  EXPECT_EQ(complaint(readings, MultipoleField(empty, {}, kBox)), "start: coil 3 has an empty source");
+  EXPECT_EQ(complaint(readings, MultipoleField(empty, {}, kBox)),
+            "start: coil 3 has an empty source");
   EXPECT_THROW(multipoles_like(CoilField::octomag(), 0, kBox), std::invalid_argument);
 }
 

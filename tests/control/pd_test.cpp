@@ -83,7 +83,8 @@ TEST(PdController, takes_two_measurements_of_one_moment_and_irregular_ones) {
   control.update(0, kZero, {});
   const Eigen::Vector3d before = control.update(0.1, {1e-5, 0, 0}, {});
   EXPECT_EQ(control.update(0.1, {9e-5, 0, 0}, {}), before);
-  EXPECT_NEAR(control.update(0.4, {4e-5, 0, 0}, {}).x(), -1e-4, 1e-15);  // from the first of the two
+  EXPECT_NEAR(control.update(0.4, {4e-5, 0, 0}, {}).x(), -1e-4,
+              1e-15);  // from the first of the two
 }
 
 TEST(PdController, refuses_time_that_runs_backwards_and_what_is_no_number) {
@@ -104,7 +105,8 @@ TEST(PdController, refuses_gains_that_cannot_be) {
   };
   EXPECT_THROW(PdController(with([](PdGains& g) { g.proportional = -1; })), std::invalid_argument);
   EXPECT_THROW(PdController(with([](PdGains& g) { g.derivative = kNan; })), std::invalid_argument);
-  EXPECT_THROW(PdController(with([](PdGains& g) { g.derivative_time = -0.1; })), std::invalid_argument);
+  EXPECT_THROW(PdController(with([](PdGains& g) { g.derivative_time = -0.1; })),
+               std::invalid_argument);
   EXPECT_THROW(PdController(with([](PdGains& g) { g.max_speed = 0; })), std::invalid_argument);
 }
 
@@ -115,14 +117,16 @@ TEST(PdController, brings_a_delayed_robot_to_the_reference_with_its_default_gain
     PdController control({});
     const Eigen::Vector3d goal(1e-3, -2e-3, 0.5e-3);
     Eigen::Vector3d p = kZero;
-    std::deque<Eigen::Vector3d> late(2, kZero);  // two frames: the 130 ms of the thesis' camera and coils
+    std::deque<Eigen::Vector3d> late(
+        2, kZero);  // two frames: the 130 ms of the thesis' camera and coils
     for (int k = 0; k < 300; ++k) {
       const double x = noise(random), y = noise(random), z = noise(random);
       late.push_back(p + Eigen::Vector3d(x, y, z));
       p += control.update(k / 15.0, late.front(), {goal, kZero}) / 15;
       late.pop_front();
     }
-    EXPECT_LT((p - goal).norm(), 60e-6);  // a gain of 0.1 a frame leaves a quarter of the noise an axis; ten of those
+    EXPECT_LT((p - goal).norm(),
+              60e-6);  // a gain of 0.1 a frame leaves a quarter of the noise an axis; ten of those
   }
 }
 

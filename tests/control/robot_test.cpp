@@ -15,7 +15,8 @@ namespace vitreo::control {
 namespace {
 
 Robot sphere(double radius) {
-  return {"sphere", radius, radius, 4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3), 7500, 9.55e5, 0, true};
+  return {"sphere", radius, radius, 4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3),
+          7500,     9.55e5, 0,      true};
 }
 
 std::string complaint(const Robot& robot) {
@@ -58,24 +59,30 @@ TEST(Robot, of_coni_drags_less_along_its_axis) {
 TEST(Robot, drags_as_stokes_says_when_it_becomes_a_sphere) {
   const Medium oil;
   const double stokes = 6 * std::numbers::pi * oil.dynamic_viscosity() * 0.5e-3;
-  EXPECT_LT((resistance(sphere(0.5e-3), oil, {1, 2, 3}) - stokes * Eigen::Matrix3d::Identity()).norm(), 1e-14);
-  // Nearly a sphere: to first order in a/b - 1 the drag grows by 1/5 along and 2/5 across of it (Happel).
+  EXPECT_LT(
+      (resistance(sphere(0.5e-3), oil, {1, 2, 3}) - stokes * Eigen::Matrix3d::Identity()).norm(),
+      1e-14);
+  // Nearly a sphere: to first order in a/b - 1 the drag grows by 1/5 along and 2/5 across of it
+  // (Happel).
   for (const double excess : {1e-9, 1e-6, 1e-3}) {
     Robot robot = sphere(0.5e-3);
     robot.semi_axis *= 1 + excess;
     const Eigen::Matrix3d drag = resistance(robot, oil, Eigen::Vector3d::UnitZ()) / stokes;
-    EXPECT_NEAR(drag(2, 2), 1 + excess / 5, excess * excess + 1e-14);  // the second order, and rounding
+    EXPECT_NEAR(drag(2, 2), 1 + excess / 5,
+                excess * excess + 1e-14);  // the second order, and rounding
     EXPECT_NEAR(drag(0, 0), 1 + 2 * excess / 5, excess * excess + 1e-14);
   }
 }
 
 TEST(Robot, drags_continuously_where_the_series_hands_over) {
-  // Series below e^2 = 0.05, closed form above: the two agree there but for the closed form's cancellation.
+  // Series below e^2 = 0.05, closed form above: the two agree there but for the closed form's
+  // cancellation.
   const double a = 1e-3;
   Robot below = coni_2mm(), above = below;
   below.semi_radius = a * std::sqrt(1 - 0.05 * (1 - 1e-9));
   above.semi_radius = a * std::sqrt(1 - 0.05 * (1 + 1e-9));
-  const Eigen::Matrix3d d = resistance(below, Medium{}, {0, 0, 1}) - resistance(above, Medium{}, {0, 0, 1});
+  const Eigen::Matrix3d d =
+      resistance(below, Medium{}, {0, 0, 1}) - resistance(above, Medium{}, {0, 0, 1});
   EXPECT_LT(d.norm(), 1e-10 * resistance(below, Medium{}, {0, 0, 1}).norm());
 }
 
@@ -86,8 +93,9 @@ TEST(Robot, turns_its_drag_with_its_axis_and_always_loses_energy) {
   for (int trial = 0; trial < 50; ++trial) {
     const double w = normal(random), x = normal(random), y = normal(random), z = normal(random);
     const Eigen::Matrix3d turn = Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix();
-    const Eigen::Matrix3d drag = resistance(coni_2mm(), Medium{}, 3 * turn.col(0));  // the length does not matter
-    EXPECT_LT((drag - turn * along_x * turn.transpose()).norm(), 1e-15);             // rounding of 6e-3
+    const Eigen::Matrix3d drag =
+        resistance(coni_2mm(), Medium{}, 3 * turn.col(0));  // the length does not matter
+    EXPECT_LT((drag - turn * along_x * turn.transpose()).norm(), 1e-15);  // rounding of 6e-3
     EXPECT_LT((drag - drag.transpose()).norm(), 1e-17);
     EXPECT_GT(drag.ldlt().vectorD().minCoeff(), 0);
   }
@@ -108,8 +116,8 @@ TEST(Robot, names_the_parameter_that_cannot_be) {
   robot.semi_radius = 2e-3;
   EXPECT_NE(complaint(robot).find("semi_axis"), std::string::npos);
   robot = coni_2mm();
-  robot.demagnetisation = 0;
-  EXPECT_NE(complaint(robot).find("demagnetisation"), std::string::npos);
+  robot.demagnetization = 0;
+  EXPECT_NE(complaint(robot).find("demagnetization"), std::string::npos);
   robot = coni_2mm();
   robot.solid_volume = 1e-6;
   EXPECT_NE(complaint(robot).find("solid_volume"), std::string::npos);

@@ -1,5 +1,5 @@
-// A small laboratory in one loop, without devices: perturbed coils with delay and lag, an overdamped robot, a late and
-// noisy position sensor. For the tests of the whole of control/.
+// A small laboratory in one loop, without devices: perturbed coils with delay and lag, an
+// overdamped robot, a late and noisy position sensor. For the tests of the whole of control/.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -20,9 +20,9 @@
 namespace vitreo::control {
 
 struct LoopSetting {
-  double frame_rate = 15;                             // 1/s
-  double latency = 0.08;                              // s, exposure to measurement: 0.13 with the coils
-  double coil_delay = 0.05;                           // s
+  double frame_rate = 15;    // 1/s
+  double latency = 0.08;     // s, exposure to measurement: 0.13 with the coils
+  double coil_delay = 0.05;  // s
   double coil_lag = 1 / (2 * std::numbers::pi * 15);  // s
   double noise = 0.3 * 14.3e-6;                       // m, each axis
   double field = 10e-3;                               // T, along x: the hardest case
@@ -52,7 +52,7 @@ class SimulatedLoop {
   LoopError run(const Trajectory& path, bool estimate, double settle, double end) {
     const ServoTuning tuning = tune(identity_);
     EstimatorSettings estimation = tuning.estimator;
-    if (command_error) estimation.command_error = *command_error;
+    if (actuation_uncertainty) estimation.actuation_uncertainty = *actuation_uncertainty;
     PositionEstimator estimator(estimation);
     PdController pd(tuning.pd);
     position_ = path.at(0).position;
@@ -89,30 +89,34 @@ class SimulatedLoop {
   }
 
   LoopIdentity& identity() { return identity_; }
-  std::optional<double> command_error;  // in place of the tuned one
+  std::optional<double> actuation_uncertainty;  // in place of the tuned one
 
  private:
   static constexpr double kStep = 1e-3;
 
   PositionMeasurement measured(double t) {
-    PositionMeasurement m{t, position_, setting_.noise * setting_.noise * Eigen::Matrix3d::Identity()};
+    PositionMeasurement m{t, position_,
+                          setting_.noise * setting_.noise * Eigen::Matrix3d::Identity()};
     for (int axis = 0; axis < 3; ++axis) m.position[axis] += setting_.noise * normal_(random_);
     return m;
   }
 
-  void servo(double t, const Trajectory& path, const ServoTuning& tuning, PositionEstimator& estimator) {
+  void servo(double t, const Trajectory& path, const ServoTuning& tuning,
+             PositionEstimator& estimator) {
     const auto estimate = estimator.at(t + tuning.horizon);
     const auto now = estimator.at(t);
     if (!estimate || !now) return;
     const Reference reference = held_reference(path, t + tuning.horizon, 1 / setting_.frame_rate);
-    estimator.command(t, command(t, now->position, servo_velocity(tuning.gains, reference, *estimate)));
+    estimator.command(
+        t, command(t, now->position, servo_velocity(tuning.gains, reference, *estimate)));
   }
 
   // The velocity that the currents' limit left.
   Eigen::Vector3d command(double t, const Eigen::Vector3d& where, const Eigen::Vector3d& velocity) {
     const Eigen::Vector3d field(setting_.field, 0, 0), moment(robot_.moment(setting_.field), 0, 0);
     const Allocation got =
-        allocate(controller_.matrix(where), moment, {field, {0, 0, robot_.net_weight(medium_)}, drag_ * velocity}, 12);
+        allocate(controller_.matrix(where), moment,
+                 {field, {0, 0, robot_.net_weight(medium_)}, drag_ * velocity}, 12);
     pending_.emplace_back(t + setting_.coil_delay, got.currents);
     return got.force_scale * velocity;
   }
@@ -121,14 +125,16 @@ class SimulatedLoop {
     while (!pending_.empty() && t >= pending_.front().first) {
       wanted_ = pending_.front().second;
       pending_.pop_front();
-      if (currents_.size() == 0) currents_ = wanted_;  // the robot is released when the coils first are on
+      if (currents_.size() == 0)
+        currents_ = wanted_;  // the robot is released when the coils first are on
     }
     if (currents_.size() == 0) return;
     currents_ += (1 - std::exp(-kStep / setting_.coil_lag)) * (wanted_ - currents_);
     const FieldGradient f = truth_.matrix(position_) * currents_;
     const Eigen::Vector3d b = f.head<3>();
     const Eigen::Vector3d moment = moment_error_ * robot_.moment(b.norm()) * b.normalized();
-    const Eigen::Vector3d force = force_from_field(moment) * f - Eigen::Vector3d(0, 0, robot_.net_weight(medium_));
+    const Eigen::Vector3d force =
+        force_from_field(moment) * f - Eigen::Vector3d(0, 0, robot_.net_weight(medium_));
     position_ += kStep * resistance(robot_, medium_, b).inverse() * force;
   }
 

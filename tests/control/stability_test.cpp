@@ -14,11 +14,12 @@ namespace {
 const Robot kRobot = coni_2mm();
 const Medium kOil;
 
-// The currents that levitate the robot at the centre in a field of 20 mT.
+// The currents that levitate the robot at the center in a field of 20 mT.
 Currents levitating(const FieldModel& field, const Eigen::Vector3d& axis) {
   const Eigen::Vector3d moment = kRobot.moment(20e-3) * axis;
   const FieldAndForce wanted{20e-3 * axis, {0, 0, kRobot.net_weight(kOil)}, {0, 0, 0}};
-  return allocate_within(field.matrix({0, 0, 0}), moment, wanted, CurrentLimits::Constant(8, 12)).currents;
+  return allocate_within(field.matrix({0, 0, 0}), moment, wanted, CurrentLimits::Constant(8, 12))
+      .currents;
 }
 
 double time_constant(const Eigen::Vector3d& axis) {

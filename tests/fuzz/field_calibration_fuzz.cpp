@@ -1,5 +1,5 @@
-// libFuzzer target of the field calibration reader: any bytes give a field or std::invalid_argument, never else.
-// Built and run by `make fuzz`.
+// libFuzzer target of the field calibration reader: any bytes give a field or
+// std::invalid_argument, never else. Built and run by `make fuzz`.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_calibration_file.h"
 
@@ -11,7 +11,8 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace vitreo::control;
   try {
-    const FieldCalibrationFile file = parse_field_calibration({reinterpret_cast<const char*>(data), size});
+    const FieldCalibrationFile file =
+        parse_field_calibration({reinterpret_cast<const char*>(data), size});
     // What was read can be written and read again.
     parse_field_calibration(field_calibration_text({"", file.field}));
     file.field.matrix((file.field.region().low + file.field.region().high) / 2);

@@ -1,8 +1,9 @@
-// libFuzzer target of the prescription loader: any table of rows gives a sound system or std::invalid_argument, and
-// what is computed from a sound one is never a NaN that travels on. Built and run by `make fuzz`.
+// libFuzzer target of the prescription loader: any table of rows gives a sound system or
+// std::invalid_argument, and what is computed from a sound one is never a NaN that travels on.
+// Built and run by `make fuzz`.
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/first_order.h"
-#include "optics/prescription_rows.h"
+#include "optics/system/first_order.h"
+#include "optics/system/prescription_rows.h"
 
 #include <cmath>
 #include <cstddef>

@@ -1,12 +1,13 @@
-// libFuzzer target of the drivers that talk bytes: whatever the instrument says, a driver opens, works, or says what is
-// wrong with a DeviceError, in a finite time. The first byte chooses the driver, the rest is what comes.
+// libFuzzer target of the drivers that talk bytes: whatever the instrument says, a driver opens,
+// works, or says what is wrong with a DeviceError, in a finite time. The first byte chooses the
+// driver, the rest is what comes.
 // SPDX-License-Identifier: Apache-2.0
-#include "devices/error.h"
-#include "devices/kepco_bop/driver.h"
-#include "devices/scpi_probe/driver.h"
-#include "devices/sutter_mp285/driver.h"
-#include "devices/sutter_mpc200/driver.h"
-#include "devices/zaber/driver.h"
+#include "devices/instruments/kepco_bop/driver.h"
+#include "devices/instruments/scpi_probe/driver.h"
+#include "devices/instruments/sutter_mp285/driver.h"
+#include "devices/instruments/sutter_mpc200/driver.h"
+#include "devices/instruments/zaber/driver.h"
+#include "devices/time/error.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -19,12 +20,15 @@ namespace {
 
 using namespace vitreo;
 
-/// Says a piece of the input whenever it is asked, and nothing when there is none left. A piece has a length before it.
+/// Says a piece of the input whenever it is asked, and nothing when there is none left. A piece has
+/// a length before it.
 class Babbler final : public ByteLink {
  public:
   Babbler(std::span<const std::uint8_t> says, Clock& clock) : says_(says), clock_(clock) {}
   const std::string& address() const override { return address_; }
-  void write(std::span<const std::uint8_t>, Time) override { clock_.sleep_for(std::chrono::milliseconds(1)); }
+  void write(std::span<const std::uint8_t>, Time) override {
+    clock_.sleep_for(std::chrono::milliseconds(1));
+  }
   ByteString read(std::size_t most, Time timeout) override {
     if (says_.empty() || says_[0] % 8 == 0) {  // now and then it is late
       if (!says_.empty()) says_ = says_.subspan(1);

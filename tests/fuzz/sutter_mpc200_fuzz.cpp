@@ -1,7 +1,8 @@
-// libFuzzer target of the MPC-200's blocks: any bytes are a reply, a command or nothing, and the emulator takes them.
+// libFuzzer target of the MPC-200's blocks: any bytes are a reply, a command or nothing, and the
+// emulator takes them.
 // SPDX-License-Identifier: Apache-2.0
-#include "devices/sutter_mpc200/emulator.h"
-#include "devices/sutter_mpc200/wire.h"
+#include "devices/instruments/sutter_mpc200/emulator.h"
+#include "devices/instruments/sutter_mpc200/wire.h"
 
 #include <chrono>
 #include <cstddef>
@@ -25,6 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     emulator->receive(bytes.subspan(i, 1), now += std::chrono::milliseconds(50));
     emulator->say(now);
   }
-  for (int drive = 1; drive <= kDrives; ++drive) emulator->position(drive, now + std::chrono::seconds(1));
+  for (int drive = 1; drive <= kDrives; ++drive)
+    emulator->position(drive, now + std::chrono::seconds(1));
   return 0;
 }

@@ -1,7 +1,8 @@
-// libFuzzer target of Zaber's packets: any bytes are a message, a command or nothing; what is taken can be said again.
+// libFuzzer target of Zaber's packets: any bytes are a message, a command or nothing; what is taken
+// can be said again.
 // SPDX-License-Identifier: Apache-2.0
-#include "devices/zaber/emulator.h"
-#include "devices/zaber/wire.h"
+#include "devices/instruments/zaber/emulator.h"
+#include "devices/instruments/zaber/wire.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -26,7 +27,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto emulator = make_emulator();
   emulator->receive({data, size}, vitreo::Time(1));
   for (const auto& saying : emulator->say(vitreo::Time(2)))
-    if (!decode_message({reinterpret_cast<const char*>(saying.bytes.data()), saying.bytes.size()})) std::abort();
+    if (!decode_message({reinterpret_cast<const char*>(saying.bytes.data()), saying.bytes.size()}))
+      std::abort();
   emulator->position(0, 0, vitreo::Time(1'000'000'000));
   return 0;
 }

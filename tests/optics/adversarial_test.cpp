@@ -1,13 +1,13 @@
-// Eyes at random: every prescription perturbed far beyond what eyes are, and all that is computed of them. Answers are
-// finite, or there is none, or a typed error names why; no NaN travels on.
+// Eyes at random: every prescription perturbed far beyond what eyes are, and all that is computed
+// of them. Answers are finite, or there is none, or a typed error names why; no NaN travels on.
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/aberrations.h"
-#include "optics/batch.h"
-#include "optics/field_curves.h"
-#include "optics/first_order.h"
-#include "optics/prescriptions.h"
-#include "optics/trace.h"
-#include "optics/wide_angle_map.h"
+#include "optics/analysis/aberrations.h"
+#include "optics/analysis/field_curves.h"
+#include "optics/maps/wide_angle_map.h"
+#include "optics/rays/batch.h"
+#include "optics/rays/trace.h"
+#include "optics/system/first_order.h"
+#include "optics/system/prescriptions.h"
 #include "tests/optics/support.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,9 @@ constexpr double kDegree = std::numbers::pi / 180;
 class Chance {
  public:
   explicit Chance(unsigned seed) : generator_(seed) {}
-  double between(double low, double high) { return std::uniform_real_distribution<double>(low, high)(generator_); }
+  double between(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(generator_);
+  }
   bool one_in(int n) { return std::uniform_int_distribution<int>(1, n)(generator_) == 1; }
   std::mt19937& generator() { return generator_; }
 
@@ -33,8 +35,8 @@ class Chance {
   std::mt19937 generator_;
 };
 
-/// Every parameter but one in three off by up to +-40 %, now and then one at an extreme. Nothing when it is unsound,
-/// which then is said with a name.
+/// Every parameter but one in three off by up to +-40 %, now and then one at an extreme. Nothing
+/// when it is unsound, which then is said with a name.
 std::optional<Prescription> wild(const Prescription& start, Chance& chance) {
   std::vector<Override> changes;
   for (const Parameter& one : parameters(start)) {
@@ -56,13 +58,16 @@ std::optional<Prescription> wild(const Prescription& start, Chance& chance) {
 
 bool finite(const Ray& ray) { return ray.origin.allFinite() && ray.direction.allFinite(); }
 
-/// Rays at random through the scalar tracer and the batch: finite whatever becomes of them, and the same.
+/// Rays at random through the scalar tracer and the batch: finite whatever becomes of them, and the
+/// same.
 void trace_at_random(const System& system, Chance& chance) {
   RayBatch batch(64);
   std::vector<TraceResult> scalar;
   for (int i = 0; i < batch.size(); ++i) {
-    const Eigen::Vector3d from(chance.between(-8, 8) * kMm, chance.between(-8, 8) * kMm, chance.between(-2, 12) * kMm);
-    const Eigen::Vector3d way = Eigen::Vector3d(chance.between(-1, 1), chance.between(-1, 1), chance.between(0.1, 1));
+    const Eigen::Vector3d from(chance.between(-8, 8) * kMm, chance.between(-8, 8) * kMm,
+                               chance.between(-2, 12) * kMm);
+    const Eigen::Vector3d way =
+        Eigen::Vector3d(chance.between(-1, 1), chance.between(-1, 1), chance.between(0.1, 1));
     const Ray ray{from, way.normalized()};
     scalar.push_back(trace_out(system, ray));
     batch.put(i, ray);
@@ -73,7 +78,8 @@ void trace_at_random(const System& system, Chance& chance) {
     ASSERT_TRUE(finite(one.ray) && finite(scalar[i].ray)) << system.name << " ray " << i;
     if (one.status != TraceStatus::ok || scalar[i].status != TraceStatus::ok) continue;
     EXPECT_LT((one.ray.origin - scalar[i].ray.origin).norm(), 1e-9) << system.name << " ray " << i;
-    const TraceResult back = trace_in(system, {one.ray.origin + 1e-3 * one.ray.direction, -one.ray.direction});
+    const TraceResult back =
+        trace_in(system, {one.ray.origin + 1e-3 * one.ray.direction, -one.ray.direction});
     ASSERT_TRUE(finite(back.ray)) << system.name;
   }
 }
@@ -81,7 +87,8 @@ void trace_at_random(const System& system, Chance& chance) {
 void first_order_at_random(const System& system, Chance& chance) {
   const auto points = cardinal_points(system);
   if (points) {
-    EXPECT_TRUE(std::isfinite(points->focal_length) && std::isfinite(points->second_principal_point));
+    EXPECT_TRUE(std::isfinite(points->focal_length) &&
+                std::isfinite(points->second_principal_point));
   }
   const double depth = chance.between(0, 0.9) * system.surfaces.front().thickness;
   const auto image = axial_image(system, depth);
@@ -106,11 +113,13 @@ void field_at_random(const System& system) {
 }
 
 /// Points anywhere, and image places anywhere: nothing, or finite and there and back again.
-void map_at_random(const System& system, Chance& chance, std::optional<Microscope> microscope, int& maps) {
+void map_at_random(const System& system, Chance& chance, std::optional<Microscope> microscope,
+                   int& maps) {
   WideAngleSettings settings;
   settings.microscope = microscope;
   settings.rings = 3, settings.arms = 8, settings.angle_nodes = 10, settings.depth_nodes = 8;
-  settings.max_depth = chance.between(2, 9) * kMm, settings.max_angle = chance.between(10, 40) * kDegree;
+  settings.max_depth = chance.between(2, 9) * kMm,
+  settings.max_angle = chance.between(10, 40) * kDegree;
   std::optional<WideAngleMap> map;
   try {
     map.emplace(system, settings);
@@ -120,9 +129,11 @@ void map_at_random(const System& system, Chance& chance, std::optional<Microscop
   }
   ++maps;
   for (int i = 0; i < 60; ++i) {
-    const Eigen::Vector3d p(chance.between(-10, 10) * kMm, chance.between(-10, 10) * kMm, chance.between(-1, 15) * kMm);
+    const Eigen::Vector3d p(chance.between(-10, 10) * kMm, chance.between(-10, 10) * kMm,
+                            chance.between(-1, 15) * kMm);
     const auto aerial = map->image(p);
-    const AerialPoint any{{chance.between(-9, 9) * kMm, chance.between(-9, 9) * kMm}, chance.between(-30, 30) * kMm};
+    const AerialPoint any{{chance.between(-9, 9) * kMm, chance.between(-9, 9) * kMm},
+                          chance.between(-30, 30) * kMm};
     const auto from_any = map->point(any);
     if (from_any) {
       EXPECT_TRUE(from_any->allFinite());
@@ -131,7 +142,8 @@ void map_at_random(const System& system, Chance& chance, std::optional<Microscop
     ASSERT_TRUE(aerial->m.allFinite() && std::isfinite(aerial->focus)) << system.name;
     const auto traced = map->traced_image(p);
     ASSERT_TRUE(traced) << system.name << " " << p.transpose();
-    EXPECT_LT((traced->m - aerial->m).norm() + std::abs(traced->focus - aerial->focus), 10 * kUm) << system.name;
+    EXPECT_LT((traced->m - aerial->m).norm() + std::abs(traced->focus - aerial->focus), 10 * kUm)
+        << system.name;
     const auto back = map->point(*aerial);
     if (back) {
       EXPECT_LT((*back - p).norm(), 1e-8) << system.name;

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "optics/system.h"
+#include "optics/system/system.h"
 
 #include <gtest/gtest.h>
 
@@ -24,14 +24,16 @@ inline Surface make_surface(double radius, double conic, double thickness, doubl
 }
 
 /// Vitreous of index `before`, then one surface.
-inline System one_surface(double radius, double conic, double before, double behind, double vertex = 20 * kMm) {
+inline System one_surface(double radius, double conic, double before, double behind,
+                          double vertex = 20 * kMm) {
   System system;
-  system.surfaces = {make_surface(12 * kMm, 0, vertex, before), make_surface(radius, conic, 0, behind)};
+  system.surfaces = {make_surface(12 * kMm, 0, vertex, before),
+                     make_surface(radius, conic, 0, behind)};
   return system;
 }
 
-/// Navarro's eye with the condensing lens of thesis table 3.3; with `asphere`, of table 3.4 (mm^-3 .. mm^-9 turned to
-/// m).
+/// Navarro's eye with the condensing lens of thesis table 3.3; with `asphere`, of table 3.4 (mm^-3
+/// .. mm^-9 turned to m).
 inline System navarro_with_condensing_lens(bool asphere) {
   System eye;
   eye.surfaces = {make_surface(12.00 * kMm, 0.00, 16.32 * kMm, 1.336),
@@ -41,7 +43,9 @@ inline System navarro_with_condensing_lens(bool asphere) {
                   make_surface(-7.72 * kMm, -0.26, 2.31 * kMm, 1.000),
                   make_surface(11.65 * kMm, -9.24, 13.00 * kMm, 1.523),
                   make_surface(-9.48 * kMm, -1.07, 0, 1.000)};
-  if (asphere) eye.surfaces[5].aspheric = {4.078e-5 * 1e9, -1.542e-7 * 1e15, -2.647e-9 * 1e21, 2.023e-11 * 1e27};
+  if (asphere)
+    eye.surfaces[5].aspheric = {4.078e-5 * 1e9, -1.542e-7 * 1e15, -2.647e-9 * 1e21,
+                                2.023e-11 * 1e27};
   eye.stop = Stop{3, 1.5 * kMm};
   return eye;
 }

@@ -104,15 +104,15 @@ async function answer(page) {
   await state(page, 'ended: completed');
 }
 
-/** How many pixels of the depth bar have a colour. */
-const inBar = (page, colour) =>
+/** How many pixels of the depth bar have a color. */
+const inBar = (page, color) =>
   page.evaluate(([r, g, b]) => {
     const canvas = document.querySelector('#depth_bar');
     const { data } = canvas.getContext('2d').getImageData(13, 0, 40, canvas.height);
     let found = 0;
     for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) ++found;
     return found;
-  }, colour);
+  }, color);
 
 /** Points at places for a protocol that waits for them, and says when it is enough. */
 async function supervise(page) {

@@ -1,4 +1,5 @@
-// The program in surroundings that nobody wishes for: odd words, closed streams, no home, small limits, other locales.
+// The program in surroundings that nobody wishes for: odd words, closed streams, no home, small
+// limits, other locales.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
 
@@ -8,18 +9,20 @@ namespace vitreo {
 namespace {
 
 constexpr const char* kIdle =
-    "return { title = 'idle', run = function(rig, p, run) run:wait(1) print(1.5) run:figure('half', 0.5) end }";
+    "return { title = 'idle', run = function(rig, p, run) run:wait(1) print(1.5) "
+    "run:figure('half', 0.5) end }";
 constexpr const char* kBareRig = "return { title = 'bare' }";
 
-struct Surroundings : testing::Test {
-  Surroundings() {
+struct RigContext : testing::Test {
+  RigContext() {
     place.write("idle.lua", kIdle);
     place.write("bare.lua", kBareRig);
   }
   /// A shell's line; PROGRAM stands for the program, RUN for a run that is in order.
   int shell(std::string line) const {
     const auto replace = [&](const std::string& what, const std::string& with) {
-      for (std::size_t at; (at = line.find(what)) != std::string::npos;) line.replace(at, what.size(), with);
+      for (std::size_t at; (at = line.find(what)) != std::string::npos;)
+        line.replace(at, what.size(), with);
     };
     replace("RUN", "PROGRAM run idle.lua --rig bare.lua");
     replace("PROGRAM", "'" VITREO_PROGRAM "'");
@@ -29,7 +32,7 @@ struct Surroundings : testing::Test {
   Workplace place;
 };
 
-TEST_F(Surroundings, WordsThatAreNotUnderstoodAreExitCode2) {
+TEST_F(RigContext, WordsThatAreNotUnderstoodAreExitCode2) {
   EXPECT_EQ(place.vitreo("run idle.lua --rig bare.lua --no-such-flag").exit_code, 2);
   EXPECT_EQ(place.vitreo("run idle.lua --rig").exit_code, 2);
   EXPECT_EQ(place.vitreo("run idle.lua --rig bare.lua --seed").exit_code, 2);
@@ -41,34 +44,37 @@ TEST_F(Surroundings, WordsThatAreNotUnderstoodAreExitCode2) {
   EXPECT_EQ(place.vitreo("run --rig bare.lua -- idle.lua").exit_code, 0);
 }
 
-TEST_F(Surroundings, ClosedStreamsChangeNothingButWhatIsSeen) {
+TEST_F(RigContext, ClosedStreamsChangeNothingButWhatIsSeen) {
   EXPECT_EQ(shell("RUN <&- >/dev/null 2>/dev/null"), 0);
   EXPECT_EQ(shell("RUN >&- 2>/dev/null"), 0);
   EXPECT_EQ(shell("RUN 2>&- >/dev/null"), 0);
-  EXPECT_EQ(shell("(RUN; echo $? > code) 2>/dev/null | true; grep -qx '0' code"), 0) << "a reader that is gone";
+  EXPECT_EQ(shell("(RUN; echo $? > code) 2>/dev/null | true; grep -qx '0' code"), 0)
+      << "a reader that is gone";
 }
 
-TEST_F(Surroundings, WithoutAHomeOrWithOneThatCannotBeWrittenItRunsAndSaysWhatIsMissing) {
+TEST_F(RigContext, WithoutAHomeOrWithOneThatCannotBeWrittenItRunsAndSaysWhatIsMissing) {
   EXPECT_EQ(shell("env -u HOME -u XDG_STATE_HOME -u VITREO_LOG RUN >/dev/null 2>&1"), 0);
   EXPECT_EQ(shell("VITREO_LOG=/proc/nowhere/host.log RUN >/dev/null 2>err"), 0);
   EXPECT_NE(place.read("err").find("no log"), std::string::npos) << place.read("err");
 }
 
-TEST_F(Surroundings, OtherLocalesZonesMasksAndNarrowTerminalsDoNotMatter) {
-  EXPECT_EQ(shell("LANG=tr_TR.UTF-8 LC_ALL=de_DE.UTF-8 TZ=Pacific/Chatham COLUMNS=20 RUN --json >out 2>/dev/null"), 0);
+TEST_F(RigContext, OtherLocalesZonesMasksAndNarrowTerminalsDoNotMatter) {
+  EXPECT_EQ(shell("LANG=tr_TR.UTF-8 LC_ALL=de_DE.UTF-8 TZ=Pacific/Chatham COLUMNS=20 RUN --json "
+                  ">out 2>/dev/null"),
+            0);
   EXPECT_NE(place.read("out").find("\"half\":0.5"), std::string::npos) << place.read("out");
   EXPECT_EQ(shell("TZ=Nowhere/At_all RUN >/dev/null 2>&1"), 0);
   EXPECT_EQ(shell("(umask 0; RUN >/dev/null 2>&1)"), 0);
 }
 
-TEST_F(Surroundings, TooFewFilesAreSaidInAWordNotInACrash) {
+TEST_F(RigContext, TooFewFilesAreSaidInAWordNotInACrash) {
   const int code = shell("(ulimit -n 16; RUN >/dev/null 2>err)");
   EXPECT_TRUE(code >= 0 && code < 8) << code;
   const bool explained = code == 0 || place.read("err").find("vitreo: ") != std::string::npos;
   EXPECT_TRUE(explained) << place.read("err");
 }
 
-TEST_F(Surroundings, TheHostLogKeepsWhatMattersOnOneLineEach) {
+TEST_F(RigContext, TheHostLogKeepsWhatMattersOnOneLineEach) {
   EXPECT_EQ(shell("VITREO_LOG=here/host.log RUN >/dev/null 2>&1"), 0);
   EXPECT_EQ(shell("VITREO_LOG=here/host.log PROGRAM run nowhere.lua >/dev/null 2>&1"), 2);
   const std::string log = place.read("here/host.log");
@@ -77,7 +83,7 @@ TEST_F(Surroundings, TheHostLogKeepsWhatMattersOnOneLineEach) {
   EXPECT_NE(log.find("nowhere.lua"), std::string::npos) << log;
 }
 
-TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
+TEST_F(RigContext, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
   EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua").exit_code, 0);
   EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua speed=3").exit_code, 2);
   place.write("fails.lua", "return { title = 'f', run = function() error('no') end }");
@@ -91,15 +97,20 @@ TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
   EXPECT_EQ(late.exit_code, 0) << "it warns";
   EXPECT_NE(late.out.find("not fully simulated"), std::string::npos) << late.out;
 #endif
-  place.write("stuck.lua", "return { title = 's', run = function() string.find(('a'):rep(400), '.-.-.-.-.-b$') end }");
+  place.write(
+      "stuck.lua",
+      "return { title = 's', run = function() string.find(('a'):rep(400), '.-.-.-.-.-b$') end }");
   const Spoken stuck = place.vitreo("check stuck.lua --rig bare.lua --limit 200ms");
   EXPECT_EQ(stuck.exit_code, 8);
-  EXPECT_NE(stuck.out.find("problem: the script is stuck in a call"), std::string::npos) << stuck.out;
+  EXPECT_NE(stuck.out.find("problem: the script is stuck in a call"), std::string::npos)
+      << stuck.out;
   EXPECT_EQ(place.runs(), 0);
 }
 
-TEST_F(Surroundings, AnErrorOfMegabytesOrForTheTerminalIsShownShortAndHarmless) {
-  place.write("huge.lua", "return { title = 'h', run = function() error('\\27[31mred' .. ('x'):rep(3000000), 0) end }");
+TEST_F(RigContext, AnErrorOfMegabytesOrForTheTerminalIsShownShortAndHarmless) {
+  place.write(
+      "huge.lua",
+      "return { title = 'h', run = function() error('\\27[31mred' .. ('x'):rep(3000000), 0) end }");
   const Spoken spoken = place.vitreo("run huge.lua --rig bare.lua");
   EXPECT_EQ(spoken.exit_code, 1);
   EXPECT_LT(spoken.out.size() + spoken.err.size(), 5000U);

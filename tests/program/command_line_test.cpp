@@ -31,10 +31,13 @@ return {
 }
 )";
 
-bool one_line(const std::string& text) { return !text.empty() && text.find('\n') == text.size() - 1; }
+bool one_line(const std::string& text) {
+  return !text.empty() && text.find('\n') == text.size() - 1;
+}
 
 /// Refused before anything was opened: the code, one line that has `words`, and no run's folder.
-void expect_refused(const Workplace& place, const std::string& command, const std::vector<std::string>& words) {
+void expect_refused(const Workplace& place, const std::string& command,
+                    const std::vector<std::string>& words) {
   const Spoken spoken = place.vitreo(command);
   EXPECT_EQ(spoken.exit_code, 2) << command << "\n" << spoken.err;
   EXPECT_TRUE(one_line(spoken.err)) << spoken.err;
@@ -53,7 +56,8 @@ TEST(CommandLine, AProtocolRunsAndItsFiguresCloseTheJson) {
   EXPECT_DOUBLE_EQ(json["figures"]["waited"], 0.5);
   EXPECT_DOUBLE_EQ(json["figures"]["speed"], 0.5e-3);
   EXPECT_GE(json["figures"]["experiment_time"].get<double>(), 0.5);
-  EXPECT_TRUE(std::filesystem::exists(place.folder() / json["run"].get<std::string>() / "report.html"));
+  EXPECT_TRUE(
+      std::filesystem::exists(place.folder() / json["run"].get<std::string>() / "report.html"));
   EXPECT_TRUE(one_line(spoken.out)) << "one object, one line";
 }
 
@@ -78,8 +82,10 @@ TEST(CommandLine, BadFilesAreRefusedInOneLineWithTheirPlace) {
   expect_refused(place, "run broken.lua", {"broken.lua:3"});
   place.write("odd.lua", "return { title = 'odd', tilte = 1, needs = {}, run = function() end }");
   expect_refused(place, "run odd.lua", {"tilte", "title"});
-  place.write("rig.lua", "return {\n  title = 'r',\n  coils = { driver = 'usb3103', curent_limit = 3 },\n}\n");
-  expect_refused(place, "run idle.lua --rig rig.lua", {"rig.lua:3", "curent_limit", "current_limit"});
+  place.write("rig.lua",
+              "return {\n  title = 'r',\n  coils = { driver = 'usb3103', curent_limit = 3 },\n}\n");
+  expect_refused(place, "run idle.lua --rig rig.lua",
+                 {"rig.lua:3", "curent_limit", "current_limit"});
   place.write("bounds.lua", "return {\n  coils = { current_limit = 3000 },\n}\n");
   expect_refused(place, "run idle.lua --rig bounds.lua", {"bounds.lua:2", "current_limit", "20 A"});
   place.write("bare.lua", "return { title = 'bare' }");
@@ -97,8 +103,10 @@ TEST(CommandLine, AScriptThatFailsLeavesAnEndRecordWithItsLine) {
   EXPECT_EQ(spoken.exit_code, 1);
   const auto json = nlohmann::json::parse(spoken.out);
   EXPECT_EQ(json["outcome"], "failed");
-  EXPECT_NE(json["reason"].get<std::string>().find("fails.lua:3: on purpose"), std::string::npos) << json["reason"];
-  EXPECT_TRUE(std::filesystem::exists(place.folder() / json["run"].get<std::string>() / "report.html"));
+  EXPECT_NE(json["reason"].get<std::string>().find("fails.lua:3: on purpose"), std::string::npos)
+      << json["reason"];
+  EXPECT_TRUE(
+      std::filesystem::exists(place.folder() / json["run"].get<std::string>() / "report.html"));
 }
 
 TEST(CommandLine, CtrlCStopsALongRunAndSaysSo) {
@@ -111,37 +119,45 @@ TEST(CommandLine, CtrlCStopsALongRunAndSaysSo) {
                               "' && timeout --foreground -s INT 1.5 '" VITREO_PROGRAM
                               "' run endless.lua --real-time --json >out 2>err";
   const int status = std::system(command.c_str());
-  EXPECT_EQ(WEXITSTATUS(status), 124) << "timeout's own code: it did end by itself after the signal";
+  EXPECT_EQ(WEXITSTATUS(status), 124)
+      << "timeout's own code: it did end by itself after the signal";
   const auto json = nlohmann::json::parse(place.read("out"));
   EXPECT_EQ(json["outcome"], "stopped");
 }
 
 TEST(CommandLine, AnEndlessLoopWithoutAWaitIsStoppedToo) {
 #ifdef __SANITIZE_THREAD__
-  GTEST_SKIP() << "the thread sanitizer keeps signals back until a call that blocks; this loop has none";
+  GTEST_SKIP()
+      << "the thread sanitizer keeps signals back until a call that blocks; this loop has none";
 #endif
   const Workplace place;
   place.write("busy.lua",
-              "return { title = 'busy', needs = {}, run = function() while true do pcall(error, 'x') end end }");
+              "return { title = 'busy', needs = {}, run = function() while true do pcall(error, "
+              "'x') end end }");
   const std::string command = "cd '" + place.folder().string() +
-                              "' && timeout --foreground -s INT 1 '" VITREO_PROGRAM "' run busy.lua --json >out 2>err";
+                              "' && timeout --foreground -s INT 1 '" VITREO_PROGRAM
+                              "' run busy.lua --json >out 2>err";
   EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), 124);
   EXPECT_EQ(nlohmann::json::parse(place.read("out"))["outcome"], "stopped");
 }
 
-/// A call of C's that no hook reaches: after two Ctrl-C and a grace of 5 s the program says so and leaves.
+/// A call of C's that no hook reaches: after two Ctrl-C and a grace of 5 s the program says so and
+/// leaves.
 TEST(CommandLine, APromptWhoseStatementIsStuckSaysSoAndLeaves) {
 #ifdef __SANITIZE_THREAD__
-  GTEST_SKIP() << "the thread sanitizer keeps signals back until a call that blocks; this search has none";
+  GTEST_SKIP()
+      << "the thread sanitizer keeps signals back until a call that blocks; this search has none";
 #endif
   const Workplace place;
   Terminal terminal(place.folder());
   ASSERT_TRUE(terminal.prompts());
   terminal.type("rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\r");
   ASSERT_TRUE(terminal.prompts()) << terminal.unseen();
-  terminal.type("print('st' .. 'uck') string.find(string.rep('a', 60), string.rep('a-', 60) .. 'b')\r");
+  terminal.type(
+      "print('st' .. 'uck') string.find(string.rep('a', 60), string.rep('a-', 60) .. 'b')\r");
   ASSERT_TRUE(terminal.sees("stuck")) << terminal.unseen();
-  usleep(300'000);  // print has yet to come back, and the search to begin, which nothing outside shows
+  usleep(
+      300'000);  // print has yet to come back, and the search to begin, which nothing outside shows
   terminal.type("\x03");
   usleep(100'000);
   terminal.type("\x03");
@@ -176,8 +192,10 @@ TEST(CommandLine, HelpListAndDescribeAnswer) {
 
 TEST(CommandLine, AProtocolRunsOnTheRigThatItNamesUnlessAnotherIsAskedFor) {
   const Workplace place;
-  EXPECT_EQ(nlohmann::json::parse(place.vitreo("describe calibrate_coils --json").out)["rig"], "calibration");
-  EXPECT_NE(place.vitreo("describe calibrate_coils").out.find("\nrig: calibration, unless another"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(place.vitreo("describe calibrate_coils --json").out)["rig"],
+            "calibration");
+  EXPECT_NE(place.vitreo("describe calibrate_coils").out.find("\nrig: calibration, unless another"),
+            std::string::npos);
   EXPECT_EQ(place.vitreo("check calibrate_coils").exit_code, 0);
   const Spoken another = place.vitreo("check calibrate_coils --rig simulated");
   EXPECT_EQ(another.exit_code, 2);
@@ -189,7 +207,8 @@ TEST(CommandLine, ItStartsWithoutTheLibrariesThatFewRunsNeed) {
 #if !defined(__x86_64__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "they are linked as usual here";
 #endif
-  ASSERT_EQ(std::system("LD_TRACE_LOADED_OBJECTS=1 '" VITREO_PROGRAM "' | grep -q libopencv_core"), 0);
+  ASSERT_EQ(std::system("LD_TRACE_LOADED_OBJECTS=1 '" VITREO_PROGRAM "' | grep -q libopencv_core"),
+            0);
   EXPECT_NE(std::system("LD_TRACE_LOADED_OBJECTS=1 '" VITREO_PROGRAM
                         "' | grep -E 'avcodec|gdal|aravis|opencv_(videoio|imgcodecs|dnn)'"),
             0)
@@ -199,8 +218,9 @@ TEST(CommandLine, ItStartsWithoutTheLibrariesThatFewRunsNeed) {
 TEST(CommandLine, WithJsonAnErrorIsAnObjectToo) {
   const Workplace place;
   for (const char* words :
-       {"run nowhere.lua --json", "check hold --rig nowhere --json", "show nope --json", "runs --outcome odd --json",
-        "run hello_rig --sed 3 --json", "control status --json", "docs sefety --json", "new thing x --json"}) {
+       {"run nowhere.lua --json", "check hold --rig nowhere --json", "show nope --json",
+        "runs --outcome odd --json", "run hello_rig --sed 3 --json", "control status --json",
+        "docs sefety --json", "new thing x --json"}) {
     const Spoken spoken = place.vitreo(words);
     EXPECT_EQ(spoken.exit_code, 2) << words << spoken.err;
     EXPECT_TRUE(one_line(spoken.err)) << spoken.err;
@@ -216,9 +236,10 @@ TEST(CommandLine, WhatAProgramReadsIsJsonEverywhere) {
   const Workplace place;
   place.write("idle.lua", kIdle);
   for (const char* words :
-       {"devices --json", "devices --rig simulated --json", "devices --rig simulated --test lens_mover --json",
-        "docs --json", "docs safety --json", "docs api --json", "docs stubs here --json", "list --json",
-        "faults --json", "describe idle.lua --json", "check idle.lua --json", "test idle.lua --stops 2 --json",
+       {"devices --json", "devices --rig simulated --json",
+        "devices --rig simulated --test lens_mover --json", "docs --json", "docs safety --json",
+        "docs api --json", "docs stubs here --json", "list --json", "faults --json",
+        "describe idle.lua --json", "check idle.lua --json", "test idle.lua --stops 2 --json",
         "runs --json", "new protocol fresh --json"}) {
     const Spoken spoken = place.vitreo(words);
     EXPECT_EQ(spoken.exit_code, 0) << words << spoken.err;
@@ -227,7 +248,8 @@ TEST(CommandLine, WhatAProgramReadsIsJsonEverywhere) {
       EXPECT_TRUE(nlohmann::json::accept(line)) << words << ": " << line.substr(0, 200);
     EXPECT_FALSE(spoken.out.empty()) << words;
   }
-  const auto tested = nlohmann::json::parse(place.vitreo("devices --rig simulated --test lens_mover --json").out);
+  const auto tested =
+      nlohmann::json::parse(place.vitreo("devices --rig simulated --test lens_mover --json").out);
   EXPECT_EQ(tested["role"], "lens_mover");
   EXPECT_EQ(tested["passed"], true);
 }
@@ -235,10 +257,11 @@ TEST(CommandLine, WhatAProgramReadsIsJsonEverywhere) {
 TEST(CommandLine, TextThatIsNoUtf8IsReplacedInJson) {
   const Workplace place;
   place.write("odd.lua", "return { title = 'b\\xffd', run = function() error('x\\xfe') end }");
-  for (const auto& [words, code] : std::vector<std::pair<std::string, int>>{{"run odd.lua --json", 1},
-                                                                            {"describe odd.lua --json", 0},
-                                                                            {"check odd.lua --json", 8},
-                                                                            {"show last --json", 0}}) {
+  for (const auto& [words, code] :
+       std::vector<std::pair<std::string, int>>{{"run odd.lua --json", 1},
+                                                {"describe odd.lua --json", 0},
+                                                {"check odd.lua --json", 8},
+                                                {"show last --json", 0}}) {
     const Spoken spoken = place.vitreo(words);
     EXPECT_EQ(spoken.exit_code, code) << words << spoken.err;
     EXPECT_TRUE(nlohmann::json::accept(spoken.out)) << words << spoken.out;
@@ -250,7 +273,8 @@ TEST(CommandLine, SlipsOfThePenGetASuggestionOrWhatThereIs) {
   place.write("idle.lua", kIdle);
   for (const auto& [words, answer] : std::vector<std::pair<std::string, std::string>>{
            {"run servo_sqare",
-            "there is no protocol 'servo_sqare', and no file of that name; did you mean servo_square?"},
+            "there is no protocol 'servo_sqare', and no file of that name; did you mean "
+            "servo_square?"},
            {"run zzzzzz", "vitreo list names them"},
            {"run idle.lua --rig simulatd",
             "there is no rig 'simulatd', and no file of that name; did you mean simulated?"},
@@ -272,24 +296,29 @@ TEST(CommandLine, ARunsFolderThatCannotBeMadeIsRefusedBeforeAnythingIsOpened) {
   const Workplace place;
   place.write("idle.lua", kIdle);
   place.write("occupied", "");
-  expect_refused(place, "run idle.lua --out occupied/runs", {"--out occupied/runs: ", "occupied is no folder"});
+  expect_refused(place, "run idle.lua --out occupied/runs",
+                 {"--out occupied/runs: ", "occupied is no folder"});
   if (geteuid() == 0) return;  // root may write everywhere
   std::filesystem::create_directory(place.folder() / "closed");
   std::filesystem::permissions(place.folder() / "closed", std::filesystem::perms(0500));
-  expect_refused(place, "run idle.lua --out closed/runs", {"--out closed/runs: ", "Permission denied"});
+  expect_refused(place, "run idle.lua --out closed/runs",
+                 {"--out closed/runs: ", "Permission denied"});
 }
 
 TEST(CommandLine, WhatCannotBePrintedIsAnErrorAndAReaderThatIsGoneIsNone) {
   const Workplace place;
   place.write("idle.lua", kIdle);
   const auto code = [&place](const std::string& line) {
-    return WEXITSTATUS(std::system(("cd '" + place.folder().string() + "' && exec bash -c \"" + line + "\"").c_str()));
+    return WEXITSTATUS(std::system(
+        ("cd '" + place.folder().string() + "' && exec bash -c \"" + line + "\"").c_str()));
   };
   const std::string program = "'" VITREO_PROGRAM "' ";
   EXPECT_EQ(code(program + "docs api >/dev/full 2>err"), 5);
-  EXPECT_NE(place.read("err").find("cannot be written to the standard output"), std::string::npos) << place.read("err");
+  EXPECT_NE(place.read("err").find("cannot be written to the standard output"), std::string::npos)
+      << place.read("err");
   EXPECT_EQ(code(program + "list >/dev/full 2>err"), 5);
-  EXPECT_EQ(code(program + "run idle.lua --json >/dev/full 2>err"), 5) << "the record is whole, what is read is not";
+  EXPECT_EQ(code(program + "run idle.lua --json >/dev/full 2>err"), 5)
+      << "the record is whole, what is read is not";
   EXPECT_EQ(code("echo 'print(1)' | " + program + ">/dev/full 2>err"), 5);
   EXPECT_EQ(code("set -o pipefail; " + program + "docs api | head -n 1 >out 2>err"), 0);
   EXPECT_EQ(place.read("out"), "# What scripts can call\n");
@@ -315,11 +344,11 @@ TEST(CommandLine, ProgressFitsTheTerminalAndIsPlainElsewhere) {
   EXPECT_EQ(piped.err.find('['), std::string::npos) << piped.err;
 }
 
-TEST(CommandLine, OnlyATerminalSeesColoursAndNoColorSwitchesThemOff) {
+TEST(CommandLine, OnlyATerminalSeesColorsAndNoColorSwitchesThemOff) {
   const Workplace place;
   place.write("idle.lua", kIdle);
-  Terminal colours(place.folder(), "run idle.lua");
-  EXPECT_TRUE(colours.sees("\x1b[32mcompleted\x1b[0m")) << colours.unseen();
+  Terminal colors(place.folder(), "run idle.lua");
+  EXPECT_TRUE(colors.sees("\x1b[32mcompleted\x1b[0m")) << colors.unseen();
   setenv("NO_COLOR", "1", 1);
   Terminal none(place.folder(), "run idle.lua");
   unsetenv("NO_COLOR");
@@ -349,9 +378,10 @@ TEST(Prompt, AnErrorAboutMegabytesIsAFewLines) {
 
 TEST(Prompt, ItAnswersInAPipe) {
   const Workplace place;
-  const Spoken spoken = place.vitreo("",
-                                     "1 + 1\nfor i = 1, 2 do\n  print(i * 10)\nend\nrig.coils:limit()\nnonsense(\n)\n"
-                                     "print('still here')\n");
+  const Spoken spoken =
+      place.vitreo("",
+                   "1 + 1\nfor i = 1, 2 do\n  print(i * 10)\nend\nrig.coils:limit()\nnonsense(\n)\n"
+                   "print('still here')\n");
   EXPECT_EQ(spoken.exit_code, 1) << spoken.err;  // a statement failed
   const std::string all = spoken.out + spoken.err;
   for (const char* word : {"2", "10", "20", "12", "nonsense", "still here"})
@@ -360,7 +390,8 @@ TEST(Prompt, ItAnswersInAPipe) {
 
 TEST(Prompt, BinaryJunkDoesNotEndIt) {
   const Workplace place;
-  const Spoken spoken = place.vitreo("", std::string("\x1bLua\0\xff\xfe\n", 8) + "print('still here')\n");
+  const Spoken spoken =
+      place.vitreo("", std::string("\x1bLua\0\xff\xfe\n", 8) + "print('still here')\n");
   EXPECT_NE((spoken.out + spoken.err).find("still here"), std::string::npos) << spoken.err;
 }
 

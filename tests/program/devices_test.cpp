@@ -1,10 +1,10 @@
 // `vitreo devices` and `vitreo emulate` as their users start them.
 // SPDX-License-Identifier: Apache-2.0
-#include "devices/camera.h"
-#include "devices/error.h"
-#include "devices/genicam/driver.h"
-#include "devices/serial_link.h"
-#include "devices/zaber/driver.h"
+#include "devices/instruments/genicam/driver.h"
+#include "devices/instruments/zaber/driver.h"
+#include "devices/links/serial_link.h"
+#include "devices/roles/camera.h"
+#include "devices/time/error.h"
 #include "tests/program/program.h"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,9 @@ const std::string kAmongEmulators = "emulate " + kLaboratory + " -- '" VITREO_PR
 
 /// The GigE port is fixed and tests run side by side: one at a time.
 struct GigePort {
-  GigePort() : file(::open("/tmp/vitreo_gige_test.lock", O_CREAT | O_RDWR | O_CLOEXEC, 0666)) { flock(file, LOCK_EX); }
+  GigePort() : file(::open("/tmp/vitreo_gige_test.lock", O_CREAT | O_RDWR | O_CLOEXEC, 0666)) {
+    flock(file, LOCK_EX);
+  }
   ~GigePort() { ::close(file); }
   int file;
 };
@@ -41,7 +43,8 @@ class Emulate {
  public:
   Emulate(const Workplace& place, const std::string& rig) : place_(place) {
     std::string shell = "sh", option = "-c",
-                script = "cd '" + place.folder().string() + "' && exec '" VITREO_PROGRAM "' emulate " + rig +
+                script = "cd '" + place.folder().string() +
+                         "' && exec '" VITREO_PROGRAM "' emulate " + rig +
                          " >offered 2>told </dev/null";
     char* words[] = {shell.data(), option.data(), script.data(), nullptr};
     posix_spawnp(&child_, "sh", nullptr, nullptr, words, environ);
@@ -52,7 +55,8 @@ class Emulate {
   Emulate(const Emulate&) = delete;
   Emulate& operator=(const Emulate&) = delete;
 
-  /// "stage: serial:/dev/pts/3, 115200 baud" as {"stage", "serial:/dev/pts/3"}, once `role` is among them.
+  /// "stage: serial:/dev/pts/3, 115200 baud" as {"stage", "serial:/dev/pts/3"}, once `role` is
+  /// among them.
   std::map<std::string, std::string> offers(const std::string& role) const {
     std::map<std::string, std::string> found;
     for (int i = 0; i < 600 && found.find(role) == found.end(); ++i) {
@@ -103,7 +107,8 @@ TEST(Emulate, OffersPortsAndACameraThatAnyProgramCanOpenUntilCtrlC) {
   const std::string node = offered.at("stage").substr(7);
   {
     zaber::Settings settings;
-    const auto stage = zaber::open(open_serial(node, {.baud_rate = 115200}, *clock), settings, *clock);
+    const auto stage =
+        zaber::open(open_serial(node, {.baud_rate = 115200}, *clock), settings, *clock);
     EXPECT_EQ(to_string(stage->info().identity), "Zaber device 50081, serial 12345, firmware 7.14");
     move_to(*stage, std::vector<double>{1e-3}, 5e-3, 10s, *clock);
     EXPECT_NEAR(stage->position()[0], 1e-3, 1e-7);
@@ -140,7 +145,8 @@ TEST(Emulate, AKilledCameraProcessIsALostCameraAndOneThatIsBackOpensAgain) {
     EXPECT_EQ(error.kind, DeviceErrorKind::lost) << error.what();
     EXPECT_EQ(error.device, "camera");
   }
-  EXPECT_LT(clock->now() - killed, 3s);  // of the ten that a grab may take; the figure of 0.45 s is the bench's
+  EXPECT_LT(clock->now() - killed,
+            3s);  // of the ten that a grab may take; the figure of 0.45 s is the bench's
   place.write("offered", "");
   emulate = std::make_unique<Emulate>(place, "rig.lua");
   ASSERT_EQ(emulate->offers("top_camera").count("top_camera"), 1U) << place.read("told");
@@ -154,7 +160,8 @@ TEST(Devices, ListsTheRolesOfTheSimulatedRigAsJson) {
   const Spoken spoken = place.vitreo("devices --json --rig " + kSimulated);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
   auto roles = roles_of(spoken);
-  for (const char* role : {"top_camera", "side_camera", "coils", "lens_mover", "stage", "pose_sensor", "sample"}) {
+  for (const char* role :
+       {"top_camera", "side_camera", "coils", "lens_mover", "stage", "pose_sensor", "sample"}) {
     EXPECT_TRUE(roles[role]["present"].get<bool>()) << role;
     for (const char* key : {"driver", "link", "identity", "state", "limits"})
       EXPECT_TRUE(roles[role].contains(key)) << role << " has no " << key;
@@ -163,23 +170,28 @@ TEST(Devices, ListsTheRolesOfTheSimulatedRigAsJson) {
   EXPECT_EQ(roles["stage"]["limits"][0]["travel_max"], 15e-3);
   const std::string text = place.vitreo("devices --rig " + kSimulated).out;
   EXPECT_EQ(text.find("missing"), std::string::npos) << text;
-  EXPECT_NE(text.find("standing; at 0 mm; z -15 mm to 15 mm up to 20 mm/s"), std::string::npos) << text;
+  EXPECT_NE(text.find("standing; at 0 mm; z -15 mm to 15 mm up to 20 mm/s"), std::string::npos)
+      << text;
 }
 
 TEST(Devices, SaysWhichRoleIsMissingAndWhyAndShowsTheOthers) {
   const Workplace place;
-  place.write("rig.lua", "return { coils = {}, stage = { driver = 'sutter_mp285', address = 'serial:/dev/none' } }");
+  place.write(
+      "rig.lua",
+      "return { coils = {}, stage = { driver = 'sutter_mp285', address = 'serial:/dev/none' } }");
   auto roles = roles_of(place.vitreo("devices --json --rig rig.lua"));
   EXPECT_TRUE(roles["coils"]["present"].get<bool>());
   EXPECT_FALSE(roles["stage"]["present"].get<bool>());
   EXPECT_EQ(roles["stage"]["state"], "not found");
-  EXPECT_NE(roles["stage"]["why"].get<std::string>().find("/dev/none"), std::string::npos) << roles["stage"];
+  EXPECT_NE(roles["stage"]["why"].get<std::string>().find("/dev/none"), std::string::npos)
+      << roles["stage"];
 }
 
 TEST(Devices, RunsTheContractSuiteOfEachSimulatedRole) {
   const Workplace place;
   for (const char* role : {"coils", "lens_mover", "stage", "top_camera", "side_camera"}) {
-    const Spoken spoken = place.vitreo(std::string("devices --test ") + role + " --rig " + kSimulated);
+    const Spoken spoken =
+        place.vitreo(std::string("devices --test ") + role + " --rig " + kSimulated);
     EXPECT_EQ(spoken.out, std::string(role) + ": keeps its contract\n") << spoken.err;
     EXPECT_EQ(spoken.exit_code, 0) << role;
   }
@@ -195,8 +207,8 @@ TEST(Laboratory, OpensUnchangedAmongEmulatedInstruments) {
   const Spoken spoken = place.vitreo(kAmongEmulators + "devices --json --rig " + kLaboratory);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
   auto roles = roles_of(spoken);
-  for (const char* role :
-       {"top_camera", "coils", "lens_mover", "lamp", "joystick", "pedal", "stage", "rotation_stage", "field_probe"}) {
+  for (const char* role : {"top_camera", "coils", "lens_mover", "lamp", "joystick", "pedal",
+                           "stage", "rotation_stage", "field_probe"}) {
     EXPECT_TRUE(roles[role].value("present", false)) << roles[role];
     EXPECT_NE(roles[role]["link"], "emulated");
   }
@@ -207,11 +219,13 @@ TEST(Laboratory, IsListedWithTheDriversThatWouldTakeIt) {
   const GigePort port;
   const Workplace place;
   std::map<std::string, std::string> drivers, taken_as;
-  for (const auto& row : nlohmann::json::parse(place.vitreo(kAmongEmulators + "devices --json").out)) {
+  for (const auto& row :
+       nlohmann::json::parse(place.vitreo(kAmongEmulators + "devices --json").out)) {
     if (row.contains("address")) drivers[row["address"]] = row["driver"];
     if (row.contains("taken_as")) taken_as[row["address"]] = row["taken_as"];
   }
-  EXPECT_EQ(taken_as["usb:05f3:0268"], "hid") << "one device, two addresses: only one of them has a driver";
+  EXPECT_EQ(taken_as["usb:05f3:0268"], "hid")
+      << "one device, two addresses: only one of them has a driver";
   EXPECT_EQ(drivers["hid:09db:009c:01A2B3C4"], "usb3103");
   EXPECT_EQ(drivers["usb:1ffb:00b3:00123456"], "pololu_tic");
   EXPECT_EQ(drivers["hid:256f:c635:1"], "spacemouse");
@@ -227,7 +241,8 @@ TEST(Laboratory, ItsInstrumentsKeepTheirContractsOnTheSystemsOwnPath) {
     roles = {"coils", "lamp",           "lens_mover",  "joystick",  "pedal",
              "stage", "rotation_stage", "field_probe", "top_camera"};
   for (const std::string& role : roles) {
-    const Spoken spoken = place.vitreo(kAmongEmulators + "devices --test " + role + " --rig " + kLaboratory);
+    const Spoken spoken =
+        place.vitreo(kAmongEmulators + "devices --test " + role + " --rig " + kLaboratory);
     EXPECT_EQ(spoken.out, role + ": keeps its contract\n") << spoken.err;
   }
 }

@@ -1,4 +1,5 @@
-// The thesis' experiments as protocols: each runs in its short form and leaves its numbers beside the thesis'.
+// The thesis' experiments as protocols: each runs in its short form and leaves its numbers beside
+// the thesis'.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
 
@@ -17,7 +18,9 @@
 namespace vitreo {
 namespace {
 
-std::string rig(const std::string& name) { return "--rig '" VITREO_SOURCE_DIR "/scripts/rigs/" + name + ".lua'"; }
+std::string rig(const std::string& name) {
+  return "--rig '" VITREO_SOURCE_DIR "/scripts/rigs/" + name + ".lua'";
+}
 
 TEST(Reproduce, EveryExperimentRunsInItsShortFormAndLeavesItsNumbers) {
   const Workplace place;
@@ -43,15 +46,16 @@ TEST(Reproduce, EveryExperimentRunsInItsShortFormAndLeavesItsNumbers) {
 
 TEST(Reproduce, APartOfThePlanWritesNoPageUnlessAskedAndUnknownNamesAreRefused) {
   const Workplace place;
-  const Spoken some =
-      place.vitreo("reproduce compare_ophthalmoscopes sensitivity_focus --json --docs pages --out runs");
+  const Spoken some = place.vitreo(
+      "reproduce compare_ophthalmoscopes sensitivity_focus --json --docs pages --out runs");
   ASSERT_EQ(some.exit_code, 0) << some.err;
   const std::string text = place.read("pages/reproduction.md");
   EXPECT_NE(text.find("| figure 4.2 |"), std::string::npos) << text;
   EXPECT_NE(text.find("0 do not"), std::string::npos) << text;
   const Spoken unknown = place.vitreo("reproduce compare_ophthalmoscope");
   EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_NE(unknown.err.find("did you mean compare_ophthalmoscopes"), std::string::npos) << unknown.err;
+  EXPECT_NE(unknown.err.find("did you mean compare_ophthalmoscopes"), std::string::npos)
+      << unknown.err;
 }
 
 TEST(Reproduce, AProtocolThatFailsIsToldAndTheRestGoesOn) {
@@ -69,7 +73,8 @@ TEST(Reproduce, AProtocolThatFailsIsToldAndTheRestGoesOn) {
   EXPECT_NE(wrong.err.find("did you mean arguments"), std::string::npos) << wrong.err;
 }
 
-// The bench with a bare sensor, but with a small one: its image is traced anew for each place of the stage.
+// The bench with a bare sensor, but with a small one: its image is traced anew for each place of
+// the stage.
 std::string small_bench(const Workplace& place) {
   std::ostringstream text;
   text << std::ifstream(VITREO_SOURCE_DIR "/scripts/rigs/bare_sensor.lua").rdbuf();
@@ -80,14 +85,15 @@ std::string small_bench(const Workplace& place) {
   return " --rig bench.lua";
 }
 
-TEST(DepthFromFocus, TargetsAreLocalisedAndTheRetinaCalibratesAnEyeThatNobodyKnows) {
+TEST(DepthFromFocus, TargetsAreLocalizedAndTheRetinaCalibratesAnEyeThatNobodyKnows) {
   const Workplace place;
   const std::string bench = small_bench(place);
-  const Spoken places =
-      place.vitreo("run localise_by_focus angles=2 field=2deg surfaces=1 repetitions=1 eyes=0 --json" + bench);
+  const Spoken places = place.vitreo(
+      "run localize_by_focus angles=2 field=2deg surfaces=1 repetitions=1 eyes=0 --json" + bench);
   ASSERT_EQ(places.exit_code, 0) << places.out << places.err;
-  EXPECT_EQ(nlohmann::json::parse(places.out)["figures"]["localised"], 2) << places.err;
-  const Spoken law = place.vitreo("run calibrate_biometric points=3 deepest=3mm reach=2.2mm --json" + bench);
+  EXPECT_EQ(nlohmann::json::parse(places.out)["figures"]["localized"], 2) << places.err;
+  const Spoken law =
+      place.vitreo("run calibrate_biometric points=3 deepest=3mm reach=2.2mm --json" + bench);
   ASSERT_EQ(law.exit_code, 0) << law.out << law.err;
   const auto figures = nlohmann::json::parse(law.out)["figures"];
   EXPECT_EQ(figures["expectations_missed"], 0) << law.err;
@@ -96,28 +102,30 @@ TEST(DepthFromFocus, TargetsAreLocalisedAndTheRetinaCalibratesAnEyeThatNobodyKno
 
 TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
   const Workplace place;
-  place.write(
-      "told.lua",
-      "return { title = 'x', needs = { 'sample' }, run = function(rig, p, run)\n"
-      "  local s, eye = rig.simulation, rig:eye()\n"
-      "  local function says(what, f, ...) local ok, e = pcall(f, ...) run:note(what .. ': ' .. tostring(e)) end\n"
-      "  says('eye', s.set_eye, s, optics.prescription 'navarro')\n"
-      "  says('body', s.move_body, s, 'ball', { 0, 0, 0 })\n"
-      "  says('robot', s.change, s, { robot = 'coni_3mm' })\n"
-      "  says('gel', s.change, s, { robot = 'coni_2mm', gel = 'gel_12' })\n"
-      "  local other = eye:drawn(3)\n"
-      "  run:figure('index', other:parameter 'lens.index')\n"
-      "  run:figure('again', eye:drawn(3):parameter 'lens.index')\n"
-      "  run:figure('number_4', eye:drawn(4):parameter 'lens.index')\n"
-      "  s:set_eye(other)\n"
-      "  run:figure('pixel', rig:model().pixel, 'm')\n"
-      "  local image = rig.top_camera:grab().image\n"
-      "  local mask = image:ellipse_mask { x_px = 100, y_px = 90, major_px = 40, minor_px = 20, angle = 0 }\n"
-      "  run:figure('area', mask:mean() / 255 * 1384 * 1036)\n"
-      "end }");
+  place.write("told.lua",
+              "return { title = 'x', needs = { 'sample' }, run = function(rig, p, run)\n"
+              "  local s, eye = rig.simulation, rig:eye()\n"
+              "  local function says(what, f, ...) local ok, e = pcall(f, ...) run:note(what .. ': "
+              "' .. tostring(e)) end\n"
+              "  says('eye', s.set_eye, s, optics.prescription 'navarro')\n"
+              "  says('body', s.move_body, s, 'ball', { 0, 0, 0 })\n"
+              "  says('robot', s.change, s, { robot = 'coni_3mm' })\n"
+              "  says('gel', s.change, s, { robot = 'coni_2mm', gel = 'gel_12' })\n"
+              "  local other = eye:drawn(3)\n"
+              "  run:figure('index', other:parameter 'lens.index')\n"
+              "  run:figure('again', eye:drawn(3):parameter 'lens.index')\n"
+              "  run:figure('number_4', eye:drawn(4):parameter 'lens.index')\n"
+              "  s:set_eye(other)\n"
+              "  run:figure('pixel', rig:model().pixel, 'm')\n"
+              "  local image = rig.top_camera:grab().image\n"
+              "  local mask = image:ellipse_mask { x_px = 100, y_px = 90, major_px = 40, minor_px "
+              "= 20, angle = 0 }\n"
+              "  run:figure('area', mask:mean() / 255 * 1384 * 1036)\n"
+              "end }");
   const Spoken spoken = place.vitreo("run told.lua --json");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
-  for (const char* said : {"eye: ", "wants one of 7 surfaces, got 5", "none called 'ball'", "coni_3mm", "gel_12"})
+  for (const char* said :
+       {"eye: ", "wants one of 7 surfaces, got 5", "none called 'ball'", "coni_3mm", "gel_12"})
     EXPECT_NE(spoken.err.find(said), std::string::npos) << said << "\n" << spoken.err;
   const auto figures = nlohmann::json::parse(spoken.out)["figures"];
   EXPECT_EQ(figures["index"], figures["again"]);
@@ -147,7 +155,8 @@ TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
   }
 }
 
-/// The rig of calibrate_rig with a camera of a quarter of the pixels and none at the side: nothing else takes its time.
+/// The rig of calibrate_rig with a camera of a quarter of the pixels and none at the side: nothing
+/// else takes its time.
 std::string small_calibration_rig(const std::string& more = "") {
   return "return { base = 'calibration', title = 'small', side_camera = false,\n"
          "  top_camera = { width_px = 328, height_px = 246, effective_pixel = 41.4e-6 },\n" +
@@ -157,12 +166,15 @@ std::string small_calibration_rig(const std::string& more = "") {
 constexpr const char* kInstalled = "runs/calibrations/calibration_rig.json";
 
 constexpr const char* kBelieved =
-    "return { title = 'What is believed', needs = { 'coils' }, parameters = {}, run = function(rig, _, run)\n"
-    "run:figure('pixel', rig:model().pixel, 'm') run:figure('delay', rig:model().command_delay, 's') end }\n";
+    "return { title = 'What is believed', needs = { 'coils' }, parameters = {}, run = "
+    "function(rig, _, run)\n"
+    "run:figure('pixel', rig:model().pixel, 'm') run:figure('delay', rig:model().command_delay, "
+    "'s') end }\n";
 
 std::vector<std::string> kept_before(const Workplace& place) {
   std::vector<std::string> texts;
-  for (const auto& entry : std::filesystem::directory_iterator(place.folder() / "runs/calibrations"))
+  for (const auto& entry :
+       std::filesystem::directory_iterator(place.folder() / "runs/calibrations"))
     if (entry.path().filename().string().starts_with("calibration_rig_before_"))
       texts.push_back(place.read(entry.path().lexically_relative(place.folder()).string()));
   return texts;
@@ -173,7 +185,8 @@ TEST(Calibrations, WhatWasAcceptedIsInForceAtTheNextStartAndTheFileBeforeIsKept)
   place.write("rig.lua", small_calibration_rig());
   place.write("believed.lua", kBelieved);
   ASSERT_EQ(place.vitreo("check calibrate_latency coils=1 frames=2 --rig rig.lua").exit_code, 0);
-  EXPECT_FALSE(std::filesystem::exists(place.folder() / "runs/calibrations")) << "a dry run installs nothing";
+  EXPECT_FALSE(std::filesystem::exists(place.folder() / "runs/calibrations"))
+      << "a dry run installs nothing";
   const Spoken first = place.vitreo("run calibrate_rig count=2 --rig rig.lua --json");
   ASSERT_EQ(first.exit_code, 0) << first.out << first.err;
   const std::string before = place.read(kInstalled);
@@ -201,7 +214,8 @@ TEST(Calibrations, WhatWasAcceptedIsInForceAtTheNextStartAndTheFileBeforeIsKept)
   ASSERT_EQ(second.exit_code, 0) << second.out << second.err;
   const auto after = nlohmann::json::parse(place.read(kInstalled))["values"];
   EXPECT_NE(after["model.coil_delay"]["run"], values["model.coil_delay"]["run"]);
-  EXPECT_EQ(after["top_camera.effective_pixel"], values["top_camera.effective_pixel"]) << "nobody measured it again";
+  EXPECT_EQ(after["top_camera.effective_pixel"], values["top_camera.effective_pixel"])
+      << "nobody measured it again";
   EXPECT_EQ(kept_before(place), std::vector<std::string>{before});
 }
 
@@ -228,20 +242,25 @@ TEST(Calibrations, ABrokenFileIsRefusedByNameAndKeyBeforeAnythingIsOpened) {
   place.write("rig.lua", small_calibration_rig());
   place.write("believed.lua", kBelieved);
   std::filesystem::create_directories(place.folder() / "runs/calibrations");
-  const std::string dated = R"("date": "2026-01-01", "devices": {})", pixel = "top_camera.effective_pixel";
+  const std::string dated = R"("date": "2026-01-01", "devices": {})",
+                    pixel = "top_camera.effective_pixel";
   const std::vector<std::pair<std::string, std::string>> all = {
       {"{\"values\": {", "no JSON"},
       {"[]", "values must be"},
       {"", "no JSON"},
       {installed(pixel, R"("value": "20 um", )" + dated), pixel + ".value must be a number"},
       {installed(pixel, R"("value": 1e-3, )" + dated), pixel + " is 1 mm"},
-      {installed(pixel, R"("value": 2e-5, "date": "2026-02-30", "devices": {})"), pixel + ".date wants the day"},
+      {installed(pixel, R"("value": 2e-5, "date": "2026-02-30", "devices": {})"),
+       pixel + ".date wants the day"},
       {installed(pixel, R"("value": 2e-5, "date": "2026-02-03")"), pixel + ".devices must be"},
-      {installed("coils.interlock_current", R"("value": 20, )" + dated), "coils.interlock_current is no key"},
-      {installed("side_camera.effective_pixel", R"("value": 2e-5, )" + dated), "the rig has no side_camera"},
+      {installed("coils.interlock_current", R"("value": 20, )" + dated),
+       "coils.interlock_current is no key"},
+      {installed("side_camera.effective_pixel", R"("value": 2e-5, )" + dated),
+       "the rig has no side_camera"},
       {installed("model.calibration", R"("file": "none.yaml", "sha256": "0", )" + dated),
        "model.calibration.file cannot"},
-      {installed("model.calibration", R"("file": "../a.yaml", "sha256": "0", )" + dated), "without a folder"},
+      {installed("model.calibration", R"("file": "../a.yaml", "sha256": "0", )" + dated),
+       "without a folder"},
       {installed("model.calibration", R"("file": "calibration_rig.json", "sha256": "0", )" + dated),
        "as it was installed"}};
   for (const auto& [text, said] : all) {
@@ -249,7 +268,8 @@ TEST(Calibrations, ABrokenFileIsRefusedByNameAndKeyBeforeAnythingIsOpened) {
     const Spoken spoken = place.vitreo("run believed.lua --rig rig.lua");
     EXPECT_EQ(spoken.exit_code, 2) << text << spoken.err;
     EXPECT_NE(spoken.err.find(said), std::string::npos) << said << "\n" << spoken.err;
-    EXPECT_NE(spoken.err.find("calibrations/calibration_rig.json: "), std::string::npos) << spoken.err;
+    EXPECT_NE(spoken.err.find("calibrations/calibration_rig.json: "), std::string::npos)
+        << spoken.err;
   }
   EXPECT_EQ(place.runs(), 1) << "the folder of calibrations, and no run's";
 }
@@ -266,7 +286,8 @@ TEST(Calibrations, AnInstalledValueThatIsStaleOrAnotherDevicesIsWarnedAboutOrRef
   place.write("believed.lua", kBelieved);
   std::filesystem::create_directories(place.folder() / "runs/calibrations");
   for (const auto& [inner, said] : std::vector<std::pair<std::string, std::string>>{
-           {R"("value": 4.2e-5, "date": "2020-01-01", "devices": {})", "days old, and valid for 90"},
+           {R"("value": 4.2e-5, "date": "2020-01-01", "devices": {})",
+            "days old, and valid for 90"},
            {R"("value": 4.2e-5, "date": ")" + today() + R"(", "devices": {"top_camera": "SN 77"})",
             "top_camera = 'SN 77'"}}) {
     place.write(kInstalled, installed("top_camera.effective_pixel", inner));
@@ -274,21 +295,26 @@ TEST(Calibrations, AnInstalledValueThatIsStaleOrAnotherDevicesIsWarnedAboutOrRef
     const Spoken warned = place.vitreo("run believed.lua --rig rig.lua --json");
     ASSERT_EQ(warned.exit_code, 0) << warned.err;
     EXPECT_EQ(nlohmann::json::parse(warned.out)["figures"]["pixel"], 4.2e-5);
-    const std::string of_run = nlohmann::json::parse(warned.out)["run"];  // two of one second have no order
+    const std::string of_run =
+        nlohmann::json::parse(warned.out)["run"];  // two of one second have no order
     EXPECT_NE(place.vitreo("show " + of_run + " --json").out.find(said), std::string::npos);
     place.write("rig.lua", small_calibration_rig("calibrations = { when_stale = 'refuse' }"));
     const Spoken refused = place.vitreo("run believed.lua --rig rig.lua --json");
     EXPECT_NE(refused.exit_code, 0);
-    EXPECT_NE((refused.out + refused.err).find(said), std::string::npos) << refused.out << refused.err;
+    EXPECT_NE((refused.out + refused.err).find(said), std::string::npos)
+        << refused.out << refused.err;
   }
 }
 
 TEST(PorcineSession, ItAsksForEverythingInOrderAndStopsWhereTheEyeIsNotFresh) {
   const Workplace place;
   const std::string yes =
-      " --answer eye_fresh=yes --answer photo_eye=none --answer eye_clear=yes --answer opened=yes --answer fixed=yes "
-      "--answer photo_holder=none --answer light=yes --answer biom_in=yes --answer field_of_view=no "
-      "--answer photo_retina=camera --answer clear=yes --answer photo_robot=camera --answer 'notes=well preserved' "
+      " --answer eye_fresh=yes --answer photo_eye=none --answer eye_clear=yes --answer opened=yes "
+      "--answer fixed=yes "
+      "--answer photo_holder=none --answer light=yes --answer biom_in=yes --answer "
+      "field_of_view=no "
+      "--answer photo_retina=camera --answer clear=yes --answer photo_robot=camera --answer "
+      "'notes=well preserved' "
       "--answer cleared_up=yes";
   const Spoken spoken = place.vitreo("run porcine_session trials=1 tracked=3 --json" + yes);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
@@ -298,7 +324,8 @@ TEST(PorcineSession, ItAsksForEverythingInOrderAndStopsWhereTheEyeIsNotFresh) {
   const std::string report = place.read(told["run"].get<std::string>() + "/report.html");
   EXPECT_NE(report.find("well preserved"), std::string::npos);
   const Spoken stale = place.vitreo(
-      "run porcine_session --json --answer no --answer no --answer no --answer no --answer no --answer no");
+      "run porcine_session --json --answer no --answer no --answer no --answer no --answer no "
+      "--answer no");
   EXPECT_EQ(stale.exit_code, 1);
   EXPECT_NE(stale.out.find("not done"), std::string::npos) << stale.out;
 }

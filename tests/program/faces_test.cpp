@@ -1,4 +1,5 @@
-// The faces of the built program on the command line: help, completion, docs, reports, starting points.
+// The faces of the built program on the command line: help, completion, docs, reports, starting
+// points.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
 #include "tests/program/terminal.h"
@@ -19,11 +20,14 @@ std::string file_text(const std::filesystem::path& file) {
   return text.str();
 }
 
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
 TEST(Help, OfEveryCommandIsTheGoldenOne) {
   const Workplace place;
-  EXPECT_EQ(place.vitreo("--help").out, file_text(VITREO_SOURCE_DIR "/tests/program/golden/vitreo.txt"));
+  EXPECT_EQ(place.vitreo("--help").out,
+            file_text(VITREO_SOURCE_DIR "/tests/program/golden/vitreo.txt"));
   std::istringstream commands(place.vitreo("complete -- ''").out);
   int count = 0;
   for (std::string command; std::getline(commands, command); ++count) {
@@ -40,7 +44,8 @@ TEST(Help, OfARunWithAProtocolIsAboutTheProtocol) {
   const Workplace place;
   const Spoken spoken = place.vitreo("run drift_test --help");
   EXPECT_EQ(spoken.exit_code, 0);
-  for (const char* words : {"drift_test: ", "needs: ", "hold", "for instance: vitreo run drift_test "})
+  for (const char* words :
+       {"drift_test: ", "needs: ", "hold", "for instance: vitreo run drift_test "})
     EXPECT_TRUE(contains(spoken.out, words)) << words << " in " << spoken.out;
   EXPECT_EQ(place.vitreo("run nothing_like_it --help").exit_code, 2);
 }
@@ -73,10 +78,12 @@ TEST(Help, WrongWordsGetOneLineWithWhatWasPerhapsMeant) {
            {"run servo_sqare", "there is no protocol 'servo_sqare'"},
            {"run servo_sqare", "did you mean servo_square?"},
            {"run hello_rig --rig simulatd", "there is no rig 'simulatd'"},
-           {"run hello_rig --seed -1", "wants a whole number from 0 to 18446744073709551615; got '-1'"},
+           {"run hello_rig --seed -1",
+            "wants a whole number from 0 to 18446744073709551615; got '-1'"},
            {"run hello_rig --seed 18446744073709551616", "got '18446744073709551616'"},
            {"soak hello_rig --seeds 0", "--seeds"},
-           {"check hello_rig --limit soon", "--limit: wants a time above zero, such as 10s; got 'soon'"},
+           {"check hello_rig --limit soon",
+            "--limit: wants a time above zero, such as 10s; got 'soon'"},
            {"check hello_rig --limit 5mm", "--limit: wants a time"},
            {"run hello_rig --fault top_camera:drops:after=1s,after=2s", "after is given twice"},
            {"run hello_rig --out /proc/nowhere", "/proc/nowhere"},
@@ -91,7 +98,9 @@ TEST(Help, WrongWordsGetOneLineWithWhatWasPerhapsMeant) {
 
 TEST(ShellCompletion, KnowsCommandsOptionsProtocolsParametersAndValues) {
   const Workplace place;
-  const auto complete = [&place](const std::string& words) { return place.vitreo("complete -- " + words).out; };
+  const auto complete = [&place](const std::string& words) {
+    return place.vitreo("complete -- " + words).out;
+  };
   EXPECT_EQ(complete("desc"), "describe\n");
   EXPECT_TRUE(contains(complete("run ser"), "servo_square\n"));
   EXPECT_TRUE(contains(complete("run servo_square sp"), "speed=\n"));
@@ -99,35 +108,44 @@ TEST(ShellCompletion, KnowsCommandsOptionsProtocolsParametersAndValues) {
   EXPECT_TRUE(contains(complete("run --se"), "--seed\n"));
   EXPECT_TRUE(contains(complete("control pa"), "pause\n"));
   EXPECT_EQ(complete("nonsense x"), "");
-  EXPECT_EQ(complete("run --seed 3 servo_sq"), "servo_square\n") << "an option's value is no protocol";
+  EXPECT_EQ(complete("run --seed 3 servo_sq"), "servo_square\n")
+      << "an option's value is no protocol";
   EXPECT_EQ(complete("run servo_square --rig calib"), "calibration\n");
   EXPECT_EQ(complete("runs --outcome st"), "stopped\n");
   EXPECT_EQ(complete("docs saf"), "safety\nsafety_bad_input\nsafety_faults\n");
   EXPECT_EQ(complete("test hel"), "hello_rig\n");
   EXPECT_EQ(complete("new driver acme_stage st"), "stage\n");
   place.write("choose.lua",
-              "return { title = 'c', parameters = { mode = { default = 'calm', choices = { 'calm', 'brisk' } } },\n"
+              "return { title = 'c', parameters = { mode = { default = 'calm', choices = { 'calm', "
+              "'brisk' } } },\n"
               "run = function() end }");
   EXPECT_EQ(complete("run choose.lua mode=b"), "mode=brisk\n");
 }
 
 TEST(ShellCompletion, WorksInBashAndItsScriptsAreForTheirShells) {
   const Workplace place;
-  place.write("try.sh", "source <('" VITREO_PROGRAM "' completion bash)\nvitreo() { '" VITREO_PROGRAM
-                        "' \"$@\"; }\nCOMP_WORDS=(vitreo run servo_square sp); COMP_CWORD=3\n"
-                        "COMP_LINE='vitreo run servo_square sp'; COMP_POINT=${#COMP_LINE}\n_vitreo 2>/dev/null; echo "
-                        "\"${COMPREPLY[@]}\"\n");
-  ASSERT_EQ(std::system(("cd '" + place.folder().string() + "' && bash try.sh >said 2>&1").c_str()), 0);
+  place.write(
+      "try.sh",
+      "source <('" VITREO_PROGRAM "' completion bash)\nvitreo() { '" VITREO_PROGRAM
+      "' \"$@\"; }\nCOMP_WORDS=(vitreo run servo_square sp); COMP_CWORD=3\n"
+      "COMP_LINE='vitreo run servo_square sp'; COMP_POINT=${#COMP_LINE}\n_vitreo 2>/dev/null; echo "
+      "\"${COMPREPLY[@]}\"\n");
+  ASSERT_EQ(std::system(("cd '" + place.folder().string() + "' && bash try.sh >said 2>&1").c_str()),
+            0);
   EXPECT_EQ(place.read("said"), "speed=\n");
   const std::string zsh = place.vitreo("completion zsh").out;
   EXPECT_TRUE(contains(zsh, "#compdef vitreo"));
-  EXPECT_TRUE(contains(zsh, "then _vitreo \"$@\"")) << "loaded by its name it answers the first Tab, too";
+  EXPECT_TRUE(contains(zsh, "then _vitreo \"$@\""))
+      << "loaded by its name it answers the first Tab, too";
   const std::string fish = place.vitreo("completion fish").out;
   EXPECT_TRUE(contains(fish, "complete -c vitreo -f"));
   if (std::system("command -v fish >/dev/null") == 0) {
     place.write("try.fish", fish + "function vitreo\n  '" VITREO_PROGRAM
                                    "' $argv\nend\ncomplete -C 'vitreo run servo_square law='\n");
-    EXPECT_EQ(std::system(("cd '" + place.folder().string() + "' && HOME=. fish try.fish >said 2>&1").c_str()), 0);
+    EXPECT_EQ(
+        std::system(
+            ("cd '" + place.folder().string() + "' && HOME=. fish try.fish >said 2>&1").c_str()),
+        0);
     EXPECT_EQ(place.read("said"), "law=estimator\nlaw=pd\n");
   }
 }
@@ -141,12 +159,11 @@ TEST(Docs, TheManPageHasEveryCommandAndTroffTakesIt) {
   EXPECT_TRUE(contains(page, ".SH EXIT STATUS"));
   if (std::system("command -v man >/dev/null") != 0) GTEST_SKIP() << "no man to read it with";
   place.write("vitreo.1", page);
-  EXPECT_EQ(
-      std::system(
-          ("cd '" + place.folder().string() +
-           "' && LC_ALL=C.UTF-8 MANROFFSEQ= man --warnings -E UTF-8 -l -Tutf8 -Z vitreo.1 2>&1 >/dev/null | grep -q .")
-              .c_str()),
-      256)
+  EXPECT_EQ(std::system(("cd '" + place.folder().string() +
+                         "' && LC_ALL=C.UTF-8 MANROFFSEQ= man --warnings -E UTF-8 -l -Tutf8 -Z "
+                         "vitreo.1 2>&1 >/dev/null | grep -q .")
+                            .c_str()),
+            256)
       << "no warnings";
 }
 
@@ -161,20 +178,28 @@ TEST(NewProtocol, RunsAtOnceAndIsWhatTheEditorNeeds) {
   const Workplace place;
   const Spoken made = place.vitreo("new protocol depth_scan");
   EXPECT_EQ(made.exit_code, 0) << made.err;
-  for (const char* file : {"depth_scan.lua", ".luarc.json", ".luacheckrc", ".vitreo/vitreo.lua", ".vitreo/units.lua"})
+  for (const char* file :
+       {"depth_scan.lua", ".luarc.json", ".luacheckrc", ".vitreo/vitreo.lua", ".vitreo/units.lua"})
     EXPECT_TRUE(std::filesystem::exists(place.folder() / file)) << file;
   const Spoken ran = place.vitreo("run depth_scan.lua wait=0.1s places=2 --quiet");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_EQ(ran.out + ran.err, "") << "quiet";
-  place.write("fails.lua", "return { title = 'x', parameters = {}, run = function() error('no light', 0) end }");
+  place.write("fails.lua",
+              "return { title = 'x', parameters = {}, run = function() error('no light', 0) end }");
   const Spoken failed = place.vitreo("run fails.lua --quiet");
   EXPECT_EQ(failed.exit_code, 1);
   EXPECT_EQ(failed.err, "vitreo: failed: no light\n") << "why is told all the same";
-  EXPECT_TRUE(contains(place.vitreo("run depth_scan.lua wait=0.1s places=1 --verbose").err, "wait = 100 ms"));
-  EXPECT_EQ(place.vitreo("new protocol depth_scan").exit_code, 2) << "never over a file that is there";
-  EXPECT_EQ(place.vitreo("new protocol second_scan --json").out, "{\"changed\":[],\"files\":[\"second_scan.lua\"]}\n");
+  EXPECT_TRUE(contains(place.vitreo("run depth_scan.lua wait=0.1s places=1 --verbose").err,
+                       "wait = 100 ms"));
+  EXPECT_EQ(place.vitreo("new protocol depth_scan").exit_code, 2)
+      << "never over a file that is there";
+  EXPECT_EQ(place.vitreo("new protocol second_scan --json").out,
+            "{\"changed\":[],\"files\":[\"second_scan.lua\"]}\n");
   if (std::system("command -v luacheck >/dev/null") == 0) {
-    EXPECT_EQ(std::system(("cd '" + place.folder().string() + "' && luacheck -q depth_scan.lua >said").c_str()), 0)
+    EXPECT_EQ(
+        std::system(
+            ("cd '" + place.folder().string() + "' && luacheck -q depth_scan.lua >said").c_str()),
+        0)
         << place.read("said");
   }
 }
@@ -213,40 +238,48 @@ end }
   const Spoken files = place.vitreo("report last --plots figures");
   EXPECT_EQ(files.out,
             "figures/01_histogram.svg\nfigures/02_bars.svg\nfigures/03_way_from_above.svg\n"
-            "figures/04_way_from_the_side.svg\nfigures/05_counted.svg\nfigures/06_heat_more.svg\nfigures/07_seen.svg\n")
+            "figures/04_way_from_the_side.svg\nfigures/05_counted.svg\nfigures/"
+            "06_heat_more.svg\nfigures/07_seen.svg\n")
       << files.err;
   EXPECT_TRUE(contains(place.read("figures/06_heat_more.svg"), "Heat &amp; more"));
   EXPECT_TRUE(contains(place.read("figures/07_seen.svg"), ">goals</text>"));
   EXPECT_EQ(place.vitreo("report last --png").exit_code, 2);
   EXPECT_EQ(place.vitreo("report last --plots figures --png").exit_code, 0);
   for (const char* name : {"01_histogram", "06_heat_more", "07_seen"}) {
-    const cv::Mat drawn = cv::imread((place.folder() / "figures" / (name + std::string(".png"))).string());
+    const cv::Mat drawn =
+        cv::imread((place.folder() / "figures" / (name + std::string(".png"))).string());
     ASSERT_GT(drawn.cols, 700) << name;
     cv::Scalar mean, deviation;
     cv::meanStdDev(drawn, mean, deviation);
     EXPECT_GT(deviation[0], 10) << name << ": something is drawn";
     EXPECT_EQ(drawn.at<cv::Vec3b>(0, 0), cv::Vec3b(255, 255, 255)) << name << ": on white";
   }
-  const std::string report =
-      file_text(std::filesystem::directory_iterator(place.folder() / "runs")->path() / "report.html");
-  for (const char* part : {"NOT within", "<title>note: two seconds</title>", "role=\"img\"", ">umbra</td>",
-                           ">137 \u00b5m<", ">3.5 \u00b5m/s<", "camera = top_camera, count = 2"})
+  const std::string report = file_text(
+      std::filesystem::directory_iterator(place.folder() / "runs")->path() / "report.html");
+  for (const char* part :
+       {"NOT within", "<title>note: two seconds</title>", "role=\"img\"", ">umbra</td>",
+        ">137 \u00b5m<", ">3.5 \u00b5m/s<", "camera = top_camera, count = 2"})
     EXPECT_TRUE(contains(report, part)) << part;
   EXPECT_FALSE(contains(report, "{&quot;")) << "what devices say is read by people";
   EXPECT_FALSE(contains(report, ">1.5</text>")) << "there is no place one and a half";
 }
 
 TEST(Scripts, AreLaidOutByStyLua) {
-  if (std::system("command -v node >/dev/null") != 0 || !std::filesystem::exists(VITREO_PAGE_TEST "/node_modules"))
+  if (std::system("command -v node >/dev/null") != 0 ||
+      !std::filesystem::exists(VITREO_PAGE_TEST "/node_modules"))
     GTEST_SKIP() << "wants node, and npm when this was built";
   const Workplace place;
-  const std::string tool = "node " VITREO_SOURCE_DIR "/cmake/format_scripts.cjs " VITREO_PAGE_TEST " ";
+  const std::string tool =
+      "node " VITREO_SOURCE_DIR "/cmake/format_scripts.cjs " VITREO_PAGE_TEST " ";
   const auto differing = [&](const std::string& files) {
-    return std::system((tool + "--check " + files + " >'" + (place.folder() / "said").string() + "' 2>&1").c_str());
+    return std::system(
+        (tool + "--check " + files + " >'" + (place.folder() / "said").string() + "' 2>&1")
+            .c_str());
   };
   std::string files;
   for (const char* folder : {"protocols", "scripts", "templates"})
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(VITREO_SOURCE_DIR "/" + std::string(folder)))
+    for (const auto& entry :
+         std::filesystem::recursive_directory_iterator(VITREO_SOURCE_DIR "/" + std::string(folder)))
       if (entry.path().extension() == ".lua") files += " '" + entry.path().string() + "'";
   EXPECT_EQ(differing(files), 0) << "make format-scripts lays these out: " << place.read("said");
   const std::string odd = place.write("odd.lua", "return   { a=1 }\n");
@@ -258,24 +291,29 @@ TEST(Scripts, AreLaidOutByStyLua) {
 TEST(NewDriver, BeginsAsADriverOfItsRoleUnderItsOwnNameAndCompiles) {
   const Workplace place;
   const std::filesystem::path source = VITREO_SOURCE_DIR;
-  for (const char* part : {"devices/sutter_mp285", "host/drivers"}) {
+  for (const char* part : {"devices/instruments/sutter_mp285", "host/rig/drivers"}) {
     std::filesystem::create_directories(place.folder() / part);
-    std::filesystem::copy(source / part, place.folder() / part, std::filesystem::copy_options::recursive);
+    std::filesystem::copy(source / part, place.folder() / part,
+                          std::filesystem::copy_options::recursive);
   }
   std::filesystem::create_directories(place.folder() / "tests/devices");
-  std::filesystem::copy(source / "tests/devices/sutter_mp285_test.cpp", place.folder() / "tests/devices");
-  std::filesystem::copy(source / "host/registry.cpp", place.folder() / "host");
+  std::filesystem::copy(source / "tests/devices/instruments/sutter_mp285_test.cpp",
+                        place.folder() / "tests/devices");
+  std::filesystem::copy(source / "host/rig/registry.cpp", place.folder() / "host");
   const Spoken made = place.vitreo("new driver acme_stage stage");
   ASSERT_EQ(made.exit_code, 0) << made.err;
-  EXPECT_TRUE(contains(place.read("host/registry.cpp"), "{\"acme_stage\", read_acme_stage}"));
+  EXPECT_TRUE(contains(place.read("host/rig/registry.cpp"), "{\"acme_stage\", read_acme_stage}"));
   EXPECT_TRUE(contains(place.read("tests/devices/acme_stage_test.cpp"), "AcmeStage"));
   for (const char* file : {"devices/acme_stage/driver.cpp", "devices/acme_stage/wire.h"})
-    EXPECT_FALSE(contains(place.read(file), "sutter_mp285") || contains(place.read(file), "Mp285")) << file;
+    EXPECT_FALSE(contains(place.read(file), "sutter_mp285") || contains(place.read(file), "Mp285"))
+        << file;
   EXPECT_EQ(
-      std::system(("cd '" + place.folder().string() + "' && c++ -std=c++20 -fsyntax-only -I . -I '" + source.string() +
-                   "' -I /usr/include/eigen3 devices/acme_stage/driver.cpp devices/acme_stage/emulator.cpp "
-                   "tests/devices/acme_stage_test.cpp 2>said")
-                      .c_str()),
+      std::system(
+          ("cd '" + place.folder().string() + "' && c++ -std=c++20 -fsyntax-only -I . -I '" +
+           source.string() +
+           "' -I /usr/include/eigen3 devices/acme_stage/driver.cpp devices/acme_stage/emulator.cpp "
+           "tests/devices/acme_stage_test.cpp 2>said")
+              .c_str()),
       0)
       << place.read("said");
   EXPECT_EQ(place.vitreo("new driver acme_stage stage").exit_code, 2) << "it is there already";
@@ -284,16 +322,20 @@ TEST(NewDriver, BeginsAsADriverOfItsRoleUnderItsOwnNameAndCompiles) {
 
 TEST(Attach, FollowsARunReadsOnlyAndSpeaksToItWithControl) {
   const Workplace place;
-  place.write("long.lua", "return { title = 'long', run = function(rig, p, run) run:wait(60) end }");
-  const std::string run = "env XDG_RUNTIME_DIR='" + place.folder().string() + "' '" VITREO_PROGRAM "' ";
-  const std::string command = "cd '" + place.folder().string() + "' && (" + run +
-                              "run long.lua --real-time >run.out 2>&1; echo $? >code) & cd '" +
-                              place.folder().string() + "'; for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.3; " + run +
-                              "control status >/dev/null 2>&1 && break; done; echo stop | timeout 3 " + run +
-                              "attach >looks 2>looks.err; echo stop | timeout 9 " + run +
-                              "attach --control >speaks 2>&1; wait";
+  place.write("long.lua",
+              "return { title = 'long', run = function(rig, p, run) run:wait(60) end }");
+  const std::string run =
+      "env XDG_RUNTIME_DIR='" + place.folder().string() + "' '" VITREO_PROGRAM "' ";
+  const std::string command =
+      "cd '" + place.folder().string() + "' && (" + run +
+      "run long.lua --real-time >run.out 2>&1; echo $? >code) & cd '" + place.folder().string() +
+      "'; for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.3; " + run +
+      "control status >/dev/null 2>&1 && break; done; echo stop | timeout 3 " + run +
+      "attach >looks 2>looks.err; echo stop | timeout 9 " + run +
+      "attach --control >speaks 2>&1; wait";
   ASSERT_EQ(std::system(command.c_str()), 0);
-  EXPECT_TRUE(contains(place.read("looks"), "running, waiting for run:wait")) << place.read("looks");
+  EXPECT_TRUE(contains(place.read("looks"), "running, waiting for run:wait"))
+      << place.read("looks");
   EXPECT_TRUE(contains(place.read("looks.err"), "this looks on only")) << place.read("looks.err");
   EXPECT_TRUE(contains(place.read("speaks"), "has ended")) << place.read("speaks");
   EXPECT_EQ(place.read("code"), "3\n");

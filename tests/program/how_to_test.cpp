@@ -60,7 +60,8 @@ TEST(HowTo, WriteAProtocolWorksAsItStands) {
   EXPECT_EQ(judged.exit_code, 0) << judged.out << judged.err;
   EXPECT_NE(judged.out.find("expectations_met"), std::string::npos) << judged.out;
   // "before `parameters`", "at the head of the file"
-  protocol = "local testing = require \"testing\"\n" + with(protocol, "  parameters = {", blocks[3].text);
+  protocol =
+      "local testing = require \"testing\"\n" + with(protocol, "  parameters = {", blocks[3].text);
   place.write("wobble.lua", protocol);
   run(blocks[4]);
 }
@@ -69,7 +70,8 @@ TEST(TestCommand, AProtocolThatLeavesItsTestsIsToldWhere) {
   const Workplace place;
   place.write("slow.lua",
               "local testing = require 'testing'\n"
-              "return { title = 'Slow', needs = {}, tests = { testing.test_run { figures = { a = { 2, 3 } } },\n"
+              "return { title = 'Slow', needs = {}, tests = { testing.test_run { figures = { a = { "
+              "2, 3 } } },\n"
               "  testing.test_fail { says = 'nothing' }, testing.test_stop { times = 3 } },\n"
               "  run = function(rig, p, run) run:wait(1) run:figure('a', 1) end }");
   const Spoken spoken = place.vitreo("test slow.lua");
@@ -85,7 +87,8 @@ TEST(TestCommand, WithoutTestsItIsRunAndStoppedAndWrongTestsAreRefused) {
   const Spoken usual = place.vitreo("test hello_rig --stops 4");
   EXPECT_EQ(usual.exit_code, 0) << usual.out << usual.err;
   EXPECT_NE(usual.out.find("5 of 5 runs passed"), std::string::npos) << usual.out;
-  place.write("wrong.lua", "return { title = 'x', tests = { { test = 'stopp' } }, run = function() end }");
+  place.write("wrong.lua",
+              "return { title = 'x', tests = { { test = 'stopp' } }, run = function() end }");
   const Spoken wrong = place.vitreo("test wrong.lua");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_NE(wrong.err.find("tests.1.test is run, fail or stop"), std::string::npos) << wrong.err;

@@ -12,15 +12,18 @@
 namespace vitreo {
 namespace {
 
-bool there(const std::string& what) { return std::system(("command -v " + what + " >/dev/null 2>&1").c_str()) == 0; }
+bool there(const std::string& what) {
+  return std::system(("command -v " + what + " >/dev/null 2>&1").c_str()) == 0;
+}
 
 bool browser_there() {
   const bool has_page = !std::filesystem::exists(VITREO_PAGE_TEST "/../../page/notice");
-  return has_page && there("node") && there("chromium") && std::filesystem::exists(VITREO_PAGE_TEST "/node_modules");
+  return has_page && there("node") && there("chromium") &&
+         std::filesystem::exists(VITREO_PAGE_TEST "/node_modules");
 }
 
-/// Runs `vitreo WORDS` beside the browser, which does `task`; what the browser saw. The program's exit code is in
-/// "code".
+/// Runs `vitreo WORDS` beside the browser, which does `task`; what the browser saw. The program's
+/// exit code is in "code".
 nlohmann::json watched(const Workplace& place, const std::string& words, const std::string& task) {
   // When the browser is done the program may still write its report.
   place.write("work.sh",
@@ -28,11 +31,13 @@ nlohmann::json watched(const Workplace& place, const std::string& words, const s
                   " >out 2>err &\n"
                   "program=$!\n"
                   "for i in $(seq 150); do\n"
-                  "  address=$(cat out err | grep -o 'http://127.0.0.1:[0-9]*/?token=[0-9a-f]*' | head -n 1)\n"
+                  "  address=$(cat out err | grep -o 'http://127.0.0.1:[0-9]*/?token=[0-9a-f]*' | "
+                  "head -n 1)\n"
                   "  [ -n \"$address\" ] && break\n"
                   "  sleep 0.1\n"
                   "done\n"
-                  "timeout 150 node " VITREO_PAGE_TEST "/live_view.mjs \"$address\" . \"$(command -v chromium)\" " +
+                  "timeout 150 node " VITREO_PAGE_TEST
+                  "/live_view.mjs \"$address\" . \"$(command -v chromium)\" " +
                   task +
                   " >seen 2>seen.err\n"
                   "for i in $(seq 100); do kill -0 $program 2>/dev/null || break; sleep 0.1; done\n"
@@ -43,7 +48,8 @@ nlohmann::json watched(const Workplace& place, const std::string& words, const s
   if (const char* keep = std::getenv("VITREO_KEEP_PICTURES"))
     std::system(("cp '" + place.folder().string() + "'/*.png '" + keep + "'").c_str());
   const auto seen = nlohmann::json::parse(place.read("seen"), nullptr, false);
-  EXPECT_TRUE(seen.is_object()) << place.read("seen") << place.read("seen.err") << place.read("err");
+  EXPECT_TRUE(seen.is_object()) << place.read("seen") << place.read("seen.err")
+                                << place.read("err");
   if (!seen.is_object()) return nlohmann::json::object();
   EXPECT_FALSE(seen.contains("failed")) << seen << place.read("err");
   EXPECT_TRUE(seen["errors"].empty()) << seen["errors"];
@@ -60,10 +66,12 @@ constexpr bool too_slow() {
 }
 
 /// "target 0.35 mm"
-double millimetres(const nlohmann::json& text) {
+double millimeters(const nlohmann::json& text) {
   std::smatch number;
   const std::string words = text;
-  return std::regex_search(words, number, std::regex("target (-?[0-9.]+) mm")) ? std::stod(number[1]) : std::nan("");
+  return std::regex_search(words, number, std::regex("target (-?[0-9.]+) mm"))
+             ? std::stod(number[1])
+             : std::nan("");
 }
 
 /// "8.4 um" or "-0.87 mm" in mm.
@@ -73,25 +81,26 @@ double quantity_mm(const std::string& text) {
 }
 
 TEST(LiveView, ShowsSteersAndStopsARun) {
-  if (too_slow()) GTEST_SKIP() << "a loop that cannot keep the pace of the clock trips its dead-man, rightly";
+  if (too_slow())
+    GTEST_SKIP() << "a loop that cannot keep the pace of the clock trips its dead-man, rightly";
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
   std::string rig = place.read(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua");
   const std::size_t last = rig.rfind('}');
   ASSERT_NE(last, std::string::npos);
-  // A push of 0.6 of full deflection for 1 s at 0.5 mm/s, up by 0.3 mm, again and again: the browser may be slow to
-  // begin.
-  rig.insert(
-      last,
-      "  joystick = { driver = \"spacemouse\", address = \"emulated\", pushed = { 0, 0, 0.6 }, pushed_from = 6 * s,\n"
-      "    pushed_for = 1 * s, pushed_every = 6 * s },\n");
+  // A push of 0.6 of full deflection for 1 s at 0.5 mm/s, up by 0.3 mm, again and again: the
+  // browser may be slow to begin.
+  rig.insert(last,
+             "  joystick = { driver = \"spacemouse\", address = \"emulated\", pushed = { 0, 0, 0.6 "
+             "}, pushed_from = 6 * s,\n"
+             "    pushed_for = 1 * s, pushed_every = 6 * s },\n");
   place.write("rig.lua", rig);
   auto seen = watched(place, "view --operator 'Eve <b>Bold</b>' --rig rig.lua", "steer");
   ASSERT_TRUE(seen.contains("state")) << seen;
   EXPECT_EQ(seen["addressAfter"].get<std::string>().find("token"), std::string::npos);
   EXPECT_EQ(seen["withoutControl"], 0);
   EXPECT_EQ(seen["note"].get<std::string>().rfind("target ", 0), 0U) << seen["note"];
-  const double rise = millimetres(seen["aimAfter"]) - millimetres(seen["aimBefore"]);
+  const double rise = millimeters(seen["aimAfter"]) - millimeters(seen["aimBefore"]);
   EXPECT_GT(rise, 0) << seen;
   EXPECT_LT(rise, 0.38) << "one push, and a look of 0.1 s at either end";
   EXPECT_EQ(seen["whiteBefore"], 0);
@@ -114,15 +123,17 @@ std::vector<std::string> coordinates(const std::string& note) {
 }
 
 TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
-  if (too_slow()) GTEST_SKIP() << "a loop that cannot keep the pace of the clock trips its dead-man, rightly";
+  if (too_slow())
+    GTEST_SKIP() << "a loop that cannot keep the pace of the clock trips its dead-man, rightly";
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
   auto seen = watched(place, "view servo_supervised points=view speed=2mm/s", "supervise");
   ASSERT_TRUE(seen.contains("stopInSight")) << seen;
   EXPECT_EQ(seen["stopInSight"], true) << "on a tablet, at the page's end";
   EXPECT_GT(seen["bar"]["free"], 1000);
-  EXPECT_GE(seen["bar"]["spread"], 4 * 40) << "in the inverse colour";
-  EXPECT_NE(seen["near"]["text"].get<std::string>().find("near"), std::string::npos) << seen["near"];
+  EXPECT_GE(seen["bar"]["spread"], 4 * 40) << "in the inverse color";
+  EXPECT_NE(seen["near"]["text"].get<std::string>().find("near"), std::string::npos)
+      << seen["near"];
   EXPECT_GT(seen["near"]["orange"], 400);
   EXPECT_GE(seen["near"]["spread"], 4 * 40) << seen["near"];
   EXPECT_EQ(place.read("code"), "0\n") << place.read("out") << place.read("err");
@@ -135,7 +146,9 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
     ASSERT_EQ(clicked.size(), 3U) << seen["places"];
     std::smatch visited;
     const std::string pattern = " at ([^,]+), ([^,]+), ([^:]+): reached";
-    ASSERT_TRUE(std::regex_search(said, visited, std::regex("point " + std::to_string(i + 1) + pattern))) << said;
+    ASSERT_TRUE(
+        std::regex_search(said, visited, std::regex("point " + std::to_string(i + 1) + pattern)))
+        << said;
     for (std::size_t axis = 0; axis < 3; ++axis)  // with other digits: 0.00 mm here, 8.4 um there
       EXPECT_NEAR(quantity_mm(visited[axis + 1]), std::stod(clicked[axis]), 0.006) << visited[0];
   }
@@ -144,14 +157,15 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
 TEST(LiveView, QuestionsAreAnsweredByButtonsAndARunPausesAndGoesOn) {
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
-  place.write(
-      "asks.lua",
-      "local units = require 'units'\n"
-      "return { title = 'Asks', run = function(rig, p, run)\n"
-      "  run:note('fixed: ' .. tostring(run:confirm('Is the eye fixed?')))\n"
-      "  run:note('height: ' .. run:show(run:ask('How high?', { unit = 'mm', min = 0, max = 5 * units.mm }), 'm'))\n"
-      "  run:note('eye: ' .. run:ask('Which eye?', { choices = { 'left', 'right' } }))\n"
-      "  for step = 1, 30 do run:checkpoint('step') run:note('step ' .. step) run:wait(0.1) end\nend }\n");
+  place.write("asks.lua",
+              "local units = require 'units'\n"
+              "return { title = 'Asks', run = function(rig, p, run)\n"
+              "  run:note('fixed: ' .. tostring(run:confirm('Is the eye fixed?')))\n"
+              "  run:note('height: ' .. run:show(run:ask('How high?', { unit = 'mm', min = 0, max "
+              "= 5 * units.mm }), 'm'))\n"
+              "  run:note('eye: ' .. run:ask('Which eye?', { choices = { 'left', 'right' } }))\n"
+              "  for step = 1, 30 do run:checkpoint('step') run:note('step ' .. step) "
+              "run:wait(0.1) end\nend }\n");
   auto seen = watched(place, "view asks.lua", "answer");
   EXPECT_EQ(seen["lookingOn"], true) << "who looks on answers nothing";
   EXPECT_NE(seen["wrong"].get<std::string>().find("refused: "), std::string::npos) << seen["wrong"];
@@ -174,7 +188,8 @@ TEST(LiveView, IsServedToOtherMachinesOnlyWithATokenFileOfOnesOwn) {
     EXPECT_EQ(spoken.exit_code, 2) << words;
     EXPECT_NE(spoken.err.find(why), std::string::npos) << words << ": " << spoken.err;
   };
-  refused("--view --listen 192.168.7.7", "can be reached from other machines, so it wants --token-file");
+  refused("--view --listen 192.168.7.7",
+          "can be reached from other machines, so it wants --token-file");
   refused("--view --listen fd00::5", "so it wants --token-file");
   refused("--view --listen 0.0.0.0 --token-file mine", "is every address at once");
   refused("--view --listen :: --token-file mine", "is every address at once");
@@ -186,7 +201,8 @@ TEST(LiveView, IsServedToOtherMachinesOnlyWithATokenFileOfOnesOwn) {
   refused("--view --token-file no/such/folder/token", "cannot be made");
   refused("--listen 127.0.0.2", "wants --view");
   EXPECT_EQ(place.runs(), 0) << "nothing was opened";
-  const Spoken spoken = place.vitreo("run hello_rig --quiet --view --listen 127.0.0.2 --token-file made");
+  const Spoken spoken =
+      place.vitreo("run hello_rig --quiet --view --listen 127.0.0.2 --token-file made");
   EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
   const std::string said = spoken.out + spoken.err, token = place.read("made");
   EXPECT_NE(said.find("http://127.0.0.2:"), std::string::npos) << said;

@@ -15,17 +15,22 @@ TEST(Mask, OneOutlineGivesATrainingFolderThatTracks) {
   vision::generated::Sequence sequence(settings);
   const vision::Ellipse e = sequence.truth(0);
   char outline[200];
-  std::snprintf(outline, sizeof outline, "%.1f,%.1f,%.1f,%.1f,%.1f", e.centre_px.x() + 2, e.centre_px.y() - 1,
-                2 * e.semi_major_px + 2, 2 * e.semi_minor_px + 1, e.angle * 57.29578 + 3);
-  const std::string command = "mask frames/*.png --grab --out made --ellipse=" + std::string(outline);
+  std::snprintf(outline, sizeof outline, "%.1f,%.1f,%.1f,%.1f,%.1f", e.center_px.x() + 2,
+                e.center_px.y() - 1, 2 * e.semi_major_px + 2, 2 * e.semi_minor_px + 1,
+                e.angle * 57.29578 + 3);
+  const std::string command =
+      "mask frames/*.png --grab --out made --ellipse=" + std::string(outline);
   const Spoken spoken = place.vitreo(command);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   for (int k = 0; k < 4; ++k) {
     const std::string name = "frame_000" + std::to_string(k);
-    const cv::Mat mask = cv::imread((place.folder() / "made" / (name + "_mask.png")).string(), cv::IMREAD_GRAYSCALE);
+    const cv::Mat mask =
+        cv::imread((place.folder() / "made" / (name + "_mask.png")).string(), cv::IMREAD_GRAYSCALE);
     const cv::Mat truth = vision::generated::Sequence::mask_of(sequence.truth(k), {320, 240});
     ASSERT_EQ(mask.size(), truth.size()) << name;
-    EXPECT_GT(static_cast<double>(cv::countNonZero(mask & truth)) / cv::countNonZero(mask | truth), 0.88) << name;
+    EXPECT_GT(static_cast<double>(cv::countNonZero(mask & truth)) / cv::countNonZero(mask | truth),
+              0.88)
+        << name;
     EXPECT_TRUE(std::filesystem::exists(place.folder() / "made" / "overlays" / (name + ".png")));
   }
   EXPECT_EQ(place.vitreo("run track_sequence images=frames training=made").exit_code, 0);
@@ -40,7 +45,8 @@ TEST(Mask, SaysWhatIsWrong) {
   const auto refused = [&](const std::string& words, const std::string& part) {
     const Spoken spoken = place.vitreo("mask " + words);
     EXPECT_EQ(spoken.exit_code, 2) << words;
-    EXPECT_NE((spoken.out + spoken.err).find(part), std::string::npos) << words << "\n" << spoken.out << spoken.err;
+    EXPECT_NE((spoken.out + spoken.err).find(part), std::string::npos) << words << "\n"
+                                                                       << spoken.out << spoken.err;
   };
   refused("frames/frame_0000.png", "wants --ellipse or --polygon");
   refused("frames/frame_0000.png --ellipse=1,2,3", "--ellipse: wants cx,cy,A,B,phi");

@@ -11,7 +11,8 @@ namespace {
 nlohmann::json figures_of(const Workplace& place, const std::string& arguments) {
   const Spoken spoken = place.vitreo("run " + arguments + " --json");
   EXPECT_EQ(spoken.exit_code, 0) << arguments << "\n" << spoken.out << spoken.err;
-  return spoken.exit_code == 0 ? nlohmann::json::parse(spoken.out)["figures"] : nlohmann::json::object();
+  return spoken.exit_code == 0 ? nlohmann::json::parse(spoken.out)["figures"]
+                               : nlohmann::json::object();
 }
 
 TEST(OpticsReport, ItGivesThePublishedFiguresOfTable34) {
@@ -26,11 +27,11 @@ TEST(OpticsReport, ItGivesThePublishedFiguresOfTable34) {
 
 TEST(OpticsReport, EveryEyeWithAnAerialImageGivesAllFigures) {
   const Workplace place;
-  for (const std::string name :
-       {"navarro_vitrectomy", "navarro_condensing_conic", "model_eye_5_3", "porcine_condensing", "model_eye_in_air"}) {
+  for (const std::string name : {"navarro_vitrectomy", "navarro_condensing_conic", "model_eye_5_3",
+                                 "porcine_condensing", "model_eye_in_air"}) {
     const auto figures = figures_of(place, "optics_report prescription=" + name);
-    for (const char* figure : {"magnification", "numerical_aperture", "retina_image_distance", "depth_of_focus",
-                               "field_curvature_span", "map_round_trip_max"})
+    for (const char* figure : {"magnification", "numerical_aperture", "retina_image_distance",
+                               "depth_of_focus", "field_curvature_span", "map_round_trip_max"})
       EXPECT_TRUE(figures.contains(figure)) << name << ": " << figure;
     EXPECT_LT(figures.value("map_round_trip_max", 1.0), 5e-6) << name;
   }

@@ -18,7 +18,8 @@ struct Spoken {
   std::string out, err;
 };
 
-/// A new folder with the program's own protocols and scripts in reach; everything in it goes when the test ends.
+/// A new folder with the program's own protocols and scripts in reach; everything in it goes when
+/// the test ends.
 class Workplace {
  public:
   Workplace() {
@@ -37,9 +38,9 @@ class Workplace {
   Spoken vitreo(const std::string& words, const std::string& input = "") const {
     write("input", input);
     // Control sockets of its own: other tests' runs are going on, too.
-    const std::string command = "cd '" + folder_.string() + "' && XDG_RUNTIME_DIR='" + folder_.string() +
-                                "' VITREO_LOG='" + (folder_ / "host.log").string() +
-                                "' '" VITREO_PROGRAM "' " + words + " <input >out 2>err";
+    const std::string command =
+        "cd '" + folder_.string() + "' && XDG_RUNTIME_DIR='" + folder_.string() + "' VITREO_LOG='" +
+        (folder_ / "host.log").string() + "' '" VITREO_PROGRAM "' " + words + " <input >out 2>err";
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("out"), read("err")};
   }
@@ -54,7 +55,8 @@ class Workplace {
   int runs() const {
     if (!std::filesystem::exists(folder_ / "runs")) return 0;
     int count = 0;
-    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder_ / "runs")) ++count;
+    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder_ / "runs"))
+      ++count;
     return count;
   }
 

@@ -29,7 +29,8 @@ TEST(TerminalPrompt, LinesAreEditedContinuedAndKeptForTheNextSession) {
   Terminal again(place.folder());
   ASSERT_TRUE(again.prompts());
   again.type(std::string(kUp) + "\r");
-  EXPECT_TRUE(again.sees("\r77\r\n") && again.prompts()) << "three lines, one statement: " << again.unseen();
+  EXPECT_TRUE(again.sees("\r77\r\n") && again.prompts())
+      << "three lines, one statement: " << again.unseen();
   again.type(std::string(kUp) + kUp + "\r");
   EXPECT_TRUE(again.sees("\r42\r\n")) << again.unseen();
 }
@@ -80,7 +81,8 @@ TEST(TerminalPrompt, WhatIsPrintedTakesTheProgressAwayAndWatchingAServoIsALineAL
   ASSERT_TRUE(terminal.prompts());
   terminal.type("run('hello_rig')\r");
   EXPECT_TRUE(terminal.sees("100 %") && terminal.prompts()) << terminal.unseen();
-  EXPECT_NE(terminal.screen().find(" \rframe_period  66.7 ms"), std::string::npos) << terminal.screen();
+  EXPECT_NE(terminal.screen().find(" \rframe_period  66.7 ms"), std::string::npos)
+      << terminal.screen();
   terminal.type("watch(rig:servo { feedback = 'pose_sensor' }, { count = 1 })\r");
   EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") && terminal.prompts())
       << "nothing is seen yet: " << terminal.unseen();
@@ -111,10 +113,12 @@ TEST(TerminalPrompt, APastedFileIsOneStatement) {
 
 TEST(PipedPrompt, ErrorsNameTheLineOfTheFileAndMakeTheExitCodeOne) {
   const Workplace place;
-  const Spoken spoken = place.vitreo("", "print('first')\n\nx = {\n  1,\n  nil + 1,\n}\nprint('last')\n");
+  const Spoken spoken =
+      place.vitreo("", "print('first')\n\nx = {\n  1,\n  nil + 1,\n}\nprint('last')\n");
   EXPECT_EQ(spoken.exit_code, 1);
   EXPECT_EQ(spoken.out, "first\nlast\n");
-  EXPECT_NE(spoken.err.find("prompt:5: attempt to perform arithmetic on a nil value\n    nil + 1,"), std::string::npos)
+  EXPECT_NE(spoken.err.find("prompt:5: attempt to perform arithmetic on a nil value\n    nil + 1,"),
+            std::string::npos)
       << spoken.err;
   EXPECT_EQ(place.vitreo("", "1 + 1\n").exit_code, 0);
 }
@@ -123,24 +127,27 @@ TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
   const Workplace place;
   std::filesystem::create_directories(place.folder() / "protocols");
   std::filesystem::create_directories(place.folder() / "scripts/rigs");
-  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua", place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua",
+                        place.folder() / "scripts/rigs");
   place.write("protocols/push.lua",
               "return { title = 'push', needs = { 'coils' }, parameters = {\n"
-              "  current = { default = 1, unit = 'A', max = 5 }, kind = { default = 'a', choices = { 'a', 'b' } } },\n"
+              "  current = { default = 1, unit = 'A', max = 5 }, kind = { default = 'a', choices = "
+              "{ 'a', 'b' } } },\n"
               "run = function(rig, p, run)\n"
               "  run:defer(function() rig.coils:set_currents { 0, 0, 0, 0, 0, 0, 0, 0 } end)\n"
               "  rig.coils:set_currents { p.current, 0, 0, 0, 0, 0, 0, 0 }\n"
               "  run:figure('current', rig.coils:currents()[1], 'A')\n"
               "  if p.kind == 'b' then error('on purpose') end\nend }\n");
-  const Spoken spoken =
-      place.vitreo("",
-                   "run('push', {current = 2*A})\nrig.coils:currents()[1]\nrun('push', {current = 9*A})\n"
-                   "run('push', {curent = 1})\nrun('pusch')\nrun('push', {kind = 'b'})\n"
-                   "rig.coils:currents()[1]\nrun('push', {current = '3um'})\n");
+  const Spoken spoken = place.vitreo(
+      "",
+      "run('push', {current = 2*A})\nrig.coils:currents()[1]\nrun('push', {current = 9*A})\n"
+      "run('push', {curent = 1})\nrun('pusch')\nrun('push', {kind = 'b'})\n"
+      "rig.coils:currents()[1]\nrun('push', {current = '3um'})\n");
   EXPECT_EQ(spoken.out, "current  2 A\n0.0\ncurrent  1 A\n0.0\n") << spoken.err;
   for (const char* words :
        {"current: wants at most 5 A, got 9 A", "curent is not known; did you mean current?",
-        "there is no protocol 'pusch'; did you mean push?", "push.lua:7: on purpose", "current: wants a current"})
+        "there is no protocol 'pusch'; did you mean push?", "push.lua:7: on purpose",
+        "current: wants a current"})
     EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
 }
 
@@ -148,18 +155,22 @@ TEST(PipedPrompt, EachProtocolShowsItsOwnFigures) {
   const Workplace place;
   std::filesystem::create_directories(place.folder() / "protocols");
   std::filesystem::create_directories(place.folder() / "scripts/rigs");
-  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua", place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua",
+                        place.folder() / "scripts/rigs");
   for (const std::string name : {"one", "two"})
-    place.write("protocols/" + name + ".lua",
-                "return { title = '" + name + "', run = function(rig, p, run) run:figure('" + name + "', 1) end }");
-  EXPECT_EQ(place.vitreo("", "run('one')\nrun('two')\nrun('one')\n").out, "one  1\ntwo  1\none  1\n");
+    place.write("protocols/" + name + ".lua", "return { title = '" + name +
+                                                  "', run = function(rig, p, run) run:figure('" +
+                                                  name + "', 1) end }");
+  EXPECT_EQ(place.vitreo("", "run('one')\nrun('two')\nrun('one')\n").out,
+            "one  1\ntwo  1\none  1\n");
 }
 
 TEST(PipedPrompt, CheckDriesAProtocolAndTouchesNothing) {
   const Workplace place;
   std::filesystem::create_directories(place.folder() / "protocols");
   std::filesystem::create_directories(place.folder() / "scripts/rigs");
-  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua", place.folder() / "scripts/rigs");
+  std::filesystem::copy(VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua",
+                        place.folder() / "scripts/rigs");
   place.write("protocols/push.lua",
               "return { title = 'push', needs = { 'coils' }, parameters = {\n"
               "  current = { default = 1, unit = 'A', max = 5 }, note = { default = '' } },\n"
@@ -167,26 +178,28 @@ TEST(PipedPrompt, CheckDriesAProtocolAndTouchesNothing) {
               "  rig.coils:set_currents { p.current, 0, 0, 0, 0, 0, 0, 0 }\n"
               "  run:wait(2)\n  rig.coils:set_currents { 0, 0, 0, 0, 0, 0, 0, 0 }\n"
               "  if p.note ~= '' then error('noted: ' .. p.note) end\nend }\n");
-  const Spoken spoken = place.vitreo("",
-                                     "check('push', {current = 1.25*A})\n"
-                                     "check('push', {note = 'a b \\'c\\''})\n"
-                                     "rig.coils:currents()[1]\nrun:now()\ncheck('push', {current = 9*A})\n"
-                                     "check('push', {curent = 1})\ncheck('pusch')\ncheck('push', 5)\ncheck()\n");
+  const Spoken spoken =
+      place.vitreo("",
+                   "check('push', {current = 1.25*A})\n"
+                   "check('push', {note = 'a b \\'c\\''})\n"
+                   "rig.coils:currents()[1]\nrun:now()\ncheck('push', {current = 9*A})\n"
+                   "check('push', {curent = 1})\ncheck('pusch')\ncheck('push', 5)\ncheck()\n");
   EXPECT_EQ(spoken.exit_code, 1);
   for (const char* words : {"coils: up to 1.25 A in one", "disk: at least", "passed\ntrue\n",
                             "problem: ", "noted: a b 'c'", "failed\nfalse\n0.0\n0 s\n"})
     EXPECT_NE(spoken.out.find(words), std::string::npos) << words << " in " << spoken.out;
-  for (const char* words : {"check: current: wants at most 5 A, got 9 A", "curent is not known; did you mean current?",
-                            "there is no protocol 'pusch'; did you mean push?",
-                            "parameters: wants a table, got a number", "protocol: is missing"})
+  for (const char* words :
+       {"check: current: wants at most 5 A, got 9 A", "curent is not known; did you mean current?",
+        "there is no protocol 'pusch'; did you mean push?",
+        "parameters: wants a table, got a number", "protocol: is missing"})
     EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
   EXPECT_EQ(place.runs(), 1) << "the dry runs leave no record";
 }
 
 TEST(TerminalPrompt, CtrlCEndsACheckAndKeepsTheSession) {
   const Workplace place;
-  const std::string hangs =
-      place.write("hangs.lua", "return { title = 'hangs', run = function() while true do end end }\n");
+  const std::string hangs = place.write(
+      "hangs.lua", "return { title = 'hangs', run = function() while true do end end }\n");
   Terminal terminal(place.folder());
   ASSERT_TRUE(terminal.sees("> "));
   terminal.type("print('loo' .. 'king') check('" + hangs + "')\r");
@@ -208,10 +221,11 @@ TEST(PipedPrompt, AHandleSaysWhatCanBeAskedOfIt) {
 TEST(PipedPrompt, TablesAreShownInPeoplesUnits) {
   const Workplace place;
   const std::string said =
-      place.vitreo("", "rig.top_camera:info()\nrig:model()\nrig.top_camera:info().frame_period\n").out;
-  for (const char* part :
-       {"effective_pixel = 14.3 um,", "frame_period = 66.6667 ms,", "width_px = 1384,",
-        "eye_in_world = {0 mm, 0 mm, -5 mm},", "microscope = {focus = 12.3 mm, numerical_aperture = 0.01},"})
+      place.vitreo("", "rig.top_camera:info()\nrig:model()\nrig.top_camera:info().frame_period\n")
+          .out;
+  for (const char* part : {"effective_pixel = 14.3 um,", "frame_period = 66.6667 ms,",
+                           "width_px = 1384,", "eye_in_world = {0 mm, 0 mm, -5 mm},",
+                           "microscope = {focus = 12.3 mm, numerical_aperture = 0.01},"})
     EXPECT_NE(said.find(part), std::string::npos) << part << " in " << said;
 }
 

@@ -11,7 +11,8 @@ namespace vitreo {
 namespace {
 
 bool needs_arguments(const Workplace& place, const std::string& protocol) {
-  const auto described = nlohmann::json::parse(place.vitreo("describe '" + protocol + "' --json").out);
+  const auto described =
+      nlohmann::json::parse(place.vitreo("describe '" + protocol + "' --json").out);
   for (const auto& parameter : described["parameters"])
     if (parameter.value("required", false)) return true;
   return false;
@@ -20,13 +21,14 @@ bool needs_arguments(const Workplace& place, const std::string& protocol) {
 // What makes a long protocol short; the others run with their defaults.
 std::string shortened(const std::string& protocol) {
   if (protocol == "drift_test") return " feedback=one_camera machines=1 hold=0.5s settle=1s";
-  if (protocol == "hold") return " compare=false settle=2s hold=2s width=0.5mm depth=0.5mm align=false";
+  if (protocol == "hold")
+    return " compare=false settle=2s hold=2s width=0.5mm depth=0.5mm align=false";
   if (protocol == "steer") return " duration=2s";
   return "";
 }
 
-// The experiments of the thesis run in their short forms in experiments_test.cpp, as do those that ask or need other
-// rigs.
+// The experiments of the thesis run in their short forms in experiments_test.cpp, as do those that
+// ask or need other rigs.
 bool tested_elsewhere(const std::string& protocol) {
   std::ostringstream plan;
   plan << std::ifstream(VITREO_SOURCE_DIR "/scripts/reproduction.lua").rdbuf();
@@ -37,8 +39,11 @@ bool tested_elsewhere(const std::string& protocol) {
 TEST(Protocols, EachRunsWithItsDefaultsOrShortened) {
   const Workplace place;
   for (const auto& entry : std::filesystem::directory_iterator(VITREO_SOURCE_DIR "/protocols")) {
-    if (needs_arguments(place, entry.path().string()) || tested_elsewhere(entry.path().stem().string())) continue;
-    const std::string words = "run '" + entry.path().string() + "' --json" + shortened(entry.path().stem().string());
+    if (needs_arguments(place, entry.path().string()) ||
+        tested_elsewhere(entry.path().stem().string()))
+      continue;
+    const std::string words =
+        "run '" + entry.path().string() + "' --json" + shortened(entry.path().stem().string());
     const Spoken spoken = place.vitreo(words);
     ASSERT_EQ(spoken.exit_code, 0) << entry.path() << "\n" << spoken.out << spoken.err;
     EXPECT_EQ(nlohmann::json::parse(spoken.out)["outcome"], "completed") << entry.path();
@@ -51,47 +56,53 @@ TEST(ServoSquare, ItStaysWithinTheFiguresForSeveralMachines) {
     const Spoken spoken = place.vitreo("run servo_square --json --seed " + std::to_string(seed));
     ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
     const auto figures = nlohmann::json::parse(spoken.out)["figures"];
-    // the goals of every seed: 300 um in 3-D, 150 um across (docs/figures.md has what 20 seeds gave)
+    // the goals of every seed: 300 um in 3-D, 150 um across (docs/figures.md has what 20 seeds
+    // gave)
     EXPECT_LT(figures["path_error_rms"], 300e-6) << seed;
     EXPECT_LT(figures["path_error_lateral_rms"], 150e-6) << seed;
-    EXPECT_GT(figures["path_error_rms"], 10e-6) << "a figure this good is not the thesis' PD: look for the leak";
-    EXPECT_LT(figures["localisation_error_mean"], 300e-6) << seed;
-    EXPECT_GT(figures["localisation_error_max"], figures["localisation_error_mean"]) << seed;
+    EXPECT_GT(figures["path_error_rms"], 10e-6)
+        << "a figure this good is not the thesis' PD: look for the leak";
+    EXPECT_LT(figures["localization_error_mean"], 300e-6) << seed;
+    EXPECT_GT(figures["localization_error_max"], figures["localization_error_mean"]) << seed;
     EXPECT_GT(figures["experiment_time"], 56) << "28 mm at 0.5 mm/s";
   }
 }
 
 TEST(ServoSquare, AnotherMicroscopeDoesToo) {
   const Workplace place;
-  // a finite pupil, off the axis and tilted, with twice the aperture: other chief rays, three times the blur
-  place.write("rig.lua",
-              "return { top_camera = { microscope = { numerical_aperture = 0.02, focus = 11.5e-3,\n"
-              "  pupil_distance = 0.15, decentre = { 0.3e-3, -0.2e-3 }, tilt = { 0.01, -0.005 } } },\n"
-              "  side_camera = {}, coils = {}, sample = {} }");
+  // a finite pupil, off the axis and tilted, with twice the aperture: other chief rays, three times
+  // the blur
+  place.write(
+      "rig.lua",
+      "return { top_camera = { microscope = { numerical_aperture = 0.02, focus = 11.5e-3,\n"
+      "  pupil_distance = 0.15, decenter = { 0.3e-3, -0.2e-3 }, tilt = { 0.01, -0.005 } } },\n"
+      "  side_camera = {}, coils = {}, sample = {} }");
   const Spoken spoken = place.vitreo("run servo_square --json --rig rig.lua");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
   EXPECT_LT(nlohmann::json::parse(spoken.out)["figures"]["path_error_rms"], 300e-6);
 }
 
-TEST(ServoSquare, TheExactProjectionLocalisesBetterThanTheSingleViewpoint) {
+TEST(ServoSquare, TheExactProjectionLocalizesBetterThanTheSingleViewpoint) {
   const Workplace place;
-  const auto localisation = [&](const std::string& projection) {
-    place.write("rig.lua", "return { top_camera = { projection = '" + projection +
-                               "' }, coils = {}, sample = {}, truth = { drawn_as = 'ellipsoid' } }");
+  const auto localization = [&](const std::string& projection) {
+    place.write("rig.lua",
+                "return { top_camera = { projection = '" + projection +
+                    "' }, coils = {}, sample = {}, truth = { drawn_as = 'ellipsoid' } }");
     const Spoken spoken = place.vitreo("run servo_square --json --rig rig.lua --seed 2");
     EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
-    return nlohmann::json::parse(spoken.out)["figures"]["localisation_error_mean"].get<double>();
+    return nlohmann::json::parse(spoken.out)["figures"]["localization_error_mean"].get<double>();
   };
-  // The single viewpoint's 50 um are one of three causes; the pitch of the true field and the contour stay. As crossed
-  // plates the robot's outline is no ellipse, and that error is larger than either.
-  EXPECT_LT(localisation("exact"), 0.9 * localisation("single_viewpoint"));
+  // The single viewpoint's 50 um are one of three causes; the pitch of the true field and the
+  // contour stay. As crossed plates the robot's outline is no ellipse, and that error is larger
+  // than either.
+  EXPECT_LT(localization("exact"), 0.9 * localization("single_viewpoint"));
 }
 
 TEST(ServoSquare, TheSameSeedGivesTheSameFiguresToTheBit) {
   const Workplace place;
   const auto figures = [&](int seed) {
-    auto all =
-        nlohmann::json::parse(place.vitreo("run servo_square --json --seed " + std::to_string(seed)).out)["figures"];
+    auto all = nlohmann::json::parse(
+        place.vitreo("run servo_square --json --seed " + std::to_string(seed)).out)["figures"];
     all.erase("wall_time");
     return all;
   };
@@ -103,16 +114,19 @@ TEST(ServoSquare, TheSameSeedGivesTheSameFiguresToTheBit) {
 nlohmann::json figures_of(const Workplace& place, const std::string& words) {
   const Spoken spoken = place.vitreo("run " + words + " --json");
   EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
-  return spoken.exit_code == 0 ? nlohmann::json::parse(spoken.out)["figures"] : nlohmann::json::object();
+  return spoken.exit_code == 0 ? nlohmann::json::parse(spoken.out)["figures"]
+                               : nlohmann::json::object();
 }
 
 TEST(Hold, TheEstimatorMeetsItsFiguresOnThePoseSensorAndTheReportNamesIt) {
   const Workplace place;
   for (int seed = 1; seed <= 3; ++seed) {
-    const auto figures = figures_of(place, "hold feedback=pose_sensor --seed " + std::to_string(seed));
+    const auto figures =
+        figures_of(place, "hold feedback=pose_sensor --seed " + std::to_string(seed));
     EXPECT_LT(figures["hold_error_rms"], 6e-6) << seed;
     EXPECT_LT(figures["square_error_rms"], 15e-6) << seed;
-    EXPECT_GT(figures["hold_error_rms"], 1e-6) << "four micrometres of noise go in: look for the leak";
+    EXPECT_GT(figures["hold_error_rms"], 1e-6)
+        << "four micrometers of noise go in: look for the leak";
     EXPECT_GT(figures["hold_error_rms_pd"], figures["hold_error_rms"]) << seed;
   }
   std::string report;
@@ -124,14 +138,15 @@ TEST(Hold, TheEstimatorMeetsItsFiguresOnThePoseSensorAndTheReportNamesIt) {
 
 TEST(Hold, AFastLoopHoldsWithinAMicrometre) {
   const Workplace place;
-  const auto figures = figures_of(
-      place, "hold feedback=pose_sensor compare=false hold=5s settle=3s width=1mm depth=1mm --rig '" VITREO_SOURCE_DIR
-             "/scripts/rigs/fast.lua'");
+  const auto figures =
+      figures_of(place,
+                 "hold feedback=pose_sensor compare=false hold=5s settle=3s width=1mm depth=1mm "
+                 "--rig '" VITREO_SOURCE_DIR "/scripts/rigs/fast.lua'");
   EXPECT_LT(figures["hold_error_rms"], 1e-6);
 }
 
-/// An OctoMag as ETH's software would have measured it (facts/magnetics 1.2): one source a coil, `gain` of the nominal
-/// strength, the coils numbered from another one on.
+/// An OctoMag as ETH's software would have measured it (facts/magnetics 1.2): one source a coil,
+/// `gain` of the nominal strength, the coils numbered from another one on.
 std::string calibration(double gain, int first) {
   std::string text = "System_Name: measured\nCoil_List: [C0, C1, C2, C3, C4, C5, C6, C7]\n";
   for (int k = 0; k < 8; ++k) {
@@ -140,10 +155,12 @@ std::string calibration(double gain, int first) {
     const double radian = M_PI / 180, azimuth = 45 * coil * radian;
     const auto vector = [&](double length, double elevation) {
       const double flat = length * std::cos(elevation * radian);
-      return "[" + std::to_string(flat * std::cos(azimuth)) + ", " + std::to_string(flat * std::sin(azimuth)) + ", " +
+      return "[" + std::to_string(flat * std::cos(azimuth)) + ", " +
+             std::to_string(flat * std::sin(azimuth)) + ", " +
              std::to_string(length * std::sin(elevation * radian)) + "]";
     };
-    text += "C" + std::to_string(k) + ":\n  Source_List: [Src_0]\n  Src_0:\n    A_Coeff: ~\n    B_Coeff: [" +
+    text += "C" + std::to_string(k) +
+            ":\n  Source_List: [Src_0]\n  Src_0:\n    A_Coeff: ~\n    B_Coeff: [" +
             std::to_string(gain * (lower ? 9.35 : 19.64)) +
             "e-7]\n    Source_Position: " + (lower ? vector(0.0942, -56.3) : vector(0.1089, -7.8)) +
             "\n    Source_Direction: " + (lower ? vector(1, -83.1) : vector(1, -37.9)) + "\n";
@@ -154,8 +171,8 @@ std::string calibration(double gain, int first) {
 TEST(Calibration, AMeasuredMachineInThePlantIsHeldThoughItIsWeakerAndNumbersItsCoilsOtherwise) {
   const Workplace place;
   place.write("machine.yaml", calibration(0.85, 2));
-  const auto figures =
-      figures_of(place, "hold feedback=pose_sensor compare=false settle=5s hold=5s calibration=machine.yaml");
+  const auto figures = figures_of(
+      place, "hold feedback=pose_sensor compare=false settle=5s hold=5s calibration=machine.yaml");
   EXPECT_LT(figures["hold_error_rms"], 6e-6);
   EXPECT_LT(figures["square_error_rms"], 15e-6);
   std::string report;
@@ -172,7 +189,8 @@ TEST(Calibration, AFileThatIsMissingOrMalformedIsNamedBeforeAnythingMoves) {
   for (const char* protocol : {"hold feedback=pose_sensor", "drift_test"}) {
     const Spoken missing = place.vitreo(std::string("run ") + protocol + " calibration=none.yaml");
     EXPECT_NE(missing.exit_code, 0);
-    EXPECT_NE(missing.out.find("none.yaml: there is no such file"), std::string::npos) << missing.out;
+    EXPECT_NE(missing.out.find("none.yaml: there is no such file"), std::string::npos)
+        << missing.out;
     const Spoken broken = place.vitreo(std::string("run ") + protocol + " calibration=broken.yaml");
     EXPECT_NE(broken.exit_code, 0);
     EXPECT_NE(broken.out.find("broken.yaml: line "), std::string::npos) << broken.out;
@@ -182,14 +200,16 @@ TEST(Calibration, AFileThatIsMissingOrMalformedIsNamedBeforeAnythingMoves) {
 
 TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOvershoot) {
   const Workplace place;
-  const auto gel = figures_of(place, "gel_step watch=40s --rig '" VITREO_SOURCE_DIR "/scripts/rigs/gel.lua'");
+  const auto gel =
+      figures_of(place, "gel_step watch=40s --rig '" VITREO_SOURCE_DIR "/scripts/rigs/gel.lua'");
   EXPECT_GT(gel["pid_overshoot"], 1) << "more than the step itself";
   EXPECT_GT(gel["pid_reversals"], 40) << "one a second and more, without end";
   EXPECT_LT(gel["velocity_overshoot"], 0.05) << "noise and creep";
   EXPECT_NEAR(gel["velocity_last"].get<double>(), 1, 0.05);
   // In the oil for which it was tuned the same PID rings, and arrives.
   place.write("oil.lua",
-              "return { model = { robot = 'ndfeb_cylinder_1mm' }, coils = {}, sample = {}, pose_sensor = {} }");
+              "return { model = { robot = 'ndfeb_cylinder_1mm' }, coils = {}, sample = {}, "
+              "pose_sensor = {} }");
   const auto oil = figures_of(place, "gel_step watch=40s --rig oil.lua");
   EXPECT_LT(oil["pid_reversals"], 30);
   EXPECT_NEAR(oil["pid_last"].get<double>(), 1, 0.05);
@@ -198,9 +218,11 @@ TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOver
 TEST(Views, APlainViewFromAboveServesTwoCamerasAndNotOneAlone) {
   const Workplace place;
   place.write("rig.lua",
-              "return { top_camera = { view = 'plain', effective_pixel = 14.3e-6, width_px = 900, height_px = 700 },\n"
+              "return { top_camera = { view = 'plain', effective_pixel = 14.3e-6, width_px = 900, "
+              "height_px = 700 },\n"
               "  side_camera = {}, coils = {}, sample = {} }");
-  const std::string hold = "hold compare=false settle=2s hold=2s width=0.2mm depth=0.2mm --rig rig.lua ";
+  const std::string hold =
+      "hold compare=false settle=2s hold=2s width=0.2mm depth=0.2mm --rig rig.lua ";
   EXPECT_LT(figures_of(place, hold + "feedback=two_cameras")["hold_error_rms"], 10e-6);
   const Spoken alone = place.vitreo("run " + hold + "feedback=one_camera");
   EXPECT_NE(alone.exit_code, 0);

@@ -31,7 +31,8 @@ return {
   end,
 }
 )");
-    const Spoken spoken = place_->vitreo("run ./small.lua --frames top_camera --operator Ada --json");
+    const Spoken spoken =
+        place_->vitreo("run ./small.lua --frames top_camera --operator Ada --json");
     if (spoken.exit_code != 0) {
       trouble_ = spoken.err + spoken.out;
       return;
@@ -47,7 +48,8 @@ return {
   }
   /// Another program's words, in the work place.
   static std::string ask(const std::string& command) {
-    const int status = std::system(("cd '" + place_->folder().string() + "' && (" + command + ") >asked 2>&1").c_str());
+    const int status = std::system(
+        ("cd '" + place_->folder().string() + "' && (" + command + ") >asked 2>&1").c_str());
     EXPECT_EQ(status, 0) << command << "\n" << place_->read("asked");
     return place_->read("asked");
   }
@@ -55,7 +57,9 @@ return {
     return "python3 '" VITREO_SOURCE_DIR "/tests/program/readers/" + name + "' ";
   }
   static json shown() { return json::parse(place_->vitreo("show last --json").out); }
-  static std::int64_t frames(const std::string& camera) { return shown()["frames"][camera]["recorded"]; }
+  static std::int64_t frames(const std::string& camera) {
+    return shown()["frames"][camera]["recorded"];
+  }
 
   static Workplace* place_;
   static std::string run_, trouble_;
@@ -70,7 +74,8 @@ TEST_F(Records, SayWhatTheRunWasMadeWith) {
   EXPECT_EQ(run["operator"], "Ada");
   EXPECT_TRUE(run["modules"].contains("judge"));
   EXPECT_TRUE(run["versions"].contains("commit"));
-  EXPECT_TRUE(run["devices"].contains("top_camera") && run["devices"].contains("coils")) << run["devices"];
+  EXPECT_TRUE(run["devices"].contains("top_camera") && run["devices"].contains("coils"))
+      << run["devices"];
   EXPECT_EQ(run["files"].size(), 1u) << run["files"];  // the rig file
   EXPECT_GT(frames("top_camera"), 20);
   EXPECT_GT(frames("side_camera"), 3);
@@ -81,7 +86,8 @@ TEST_F(Records, SayWhatTheRunWasMadeWith) {
 }
 
 TEST_F(Records, OpenInPythonsOwnSqliteAndInItsCommandLine) {
-  const std::string rows = ask("sqlite3 '" + run_ + "/run.sqlite' 'select count(*) from sample_servo'");
+  const std::string rows =
+      ask("sqlite3 '" + run_ + "/run.sqlite' 'select count(*) from sample_servo'");
   EXPECT_EQ(std::stoll(rows), shown()["samples"]["servo"]);
   EXPECT_EQ(ask("python3 -c \"import sqlite3; c = sqlite3.connect('" + run_ +
                 "/run.sqlite'); print(c.execute('select count(*) from frame').fetchone()[0])\""),
@@ -94,20 +100,20 @@ TEST_F(Records, KeepFramesThatOtherReadersOfTiffAndNdtiffRead) {
   EXPECT_EQ(read[0], frames("top_camera"));
   EXPECT_EQ(read[3]["Camera"], "top_camera");
   EXPECT_TRUE(read[2].contains("Exposed-ns"));
-  const std::string pages =
-      ask("tiffinfo '" + (stack / "top_camera_NDTiffStack.tif").string() + "' 2>/dev/null | grep -c 'TIFF Directory'");
+  const std::string pages = ask("tiffinfo '" + (stack / "top_camera_NDTiffStack.tif").string() +
+                                "' 2>/dev/null | grep -c 'TIFF Directory'");
   EXPECT_EQ(std::stoll(pages), frames("top_camera"));
 }
 
 TEST_F(Records, AreExportedAsCsv) {
   ASSERT_EQ(place_->vitreo("export last --csv").exit_code, 0) << place_->read("err");
-  const std::string script =
-      "import csv, json; r = list(csv.reader(open('" + run_ +
-      "/export/servo.csv', newline=''))); "
-      "e = list(csv.reader(open('" +
-      run_ +
-      "/export/events.csv', newline=''))); "
-      "print(json.dumps([r[0], len(r) - 1, len(set(len(x) for x in r)), [x for x in e if x[1] == 'note'][0][2]]))";
+  const std::string script = "import csv, json; r = list(csv.reader(open('" + run_ +
+                             "/export/servo.csv', newline=''))); "
+                             "e = list(csv.reader(open('" +
+                             run_ +
+                             "/export/events.csv', newline=''))); "
+                             "print(json.dumps([r[0], len(r) - 1, len(set(len(x) for x in r)), [x "
+                             "for x in e if x[1] == 'note'][0][2]]))";
   const json read = json::parse(ask("python3 -c \"" + script + "\""));
   EXPECT_EQ(read[0][0], "t (s)");
   EXPECT_EQ(read[0][1], "x (m)");
@@ -117,7 +123,8 @@ TEST_F(Records, AreExportedAsCsv) {
 }
 
 TEST_F(Records, AreExportedAsMcap) {
-  ASSERT_EQ(place_->vitreo("export last --mcap --into out_mcap").exit_code, 0) << place_->read("err");
+  ASSERT_EQ(place_->vitreo("export last --mcap --into out_mcap").exit_code, 0)
+      << place_->read("err");
   const json read = json::parse(ask(reader("mcap_read.py") + "out_mcap/run.mcap"));
   EXPECT_EQ(read["/servo"][0], shown()["samples"]["servo"]);
   EXPECT_TRUE(read["/servo"][1].contains("target_x"));
@@ -125,18 +132,22 @@ TEST_F(Records, AreExportedAsMcap) {
 }
 
 TEST_F(Records, AreExportedAsTiff) {
-  ASSERT_EQ(place_->vitreo("export last --tiff --into out_tiff").exit_code, 0) << place_->read("err");
+  ASSERT_EQ(place_->vitreo("export last --tiff --into out_tiff").exit_code, 0)
+      << place_->read("err");
   const std::string info = ask("tiffinfo out_tiff/top_camera.tif");
   EXPECT_NE(info.find("ImageJ="), std::string::npos) << info;
-  EXPECT_EQ(std::stoll(ask("tiffinfo out_tiff/top_camera.tif 2>/dev/null | grep -c 'TIFF Directory'")),
-            frames("top_camera"));
+  EXPECT_EQ(
+      std::stoll(ask("tiffinfo out_tiff/top_camera.tif 2>/dev/null | grep -c 'TIFF Directory'")),
+      frames("top_camera"));
   // The same pixels as in the stack, page by page.
-  ask("tiffcmp -t out_tiff/top_camera.tif '" + run_ + "/frames/top_camera/top_camera_NDTiffStack.tif'");
+  ask("tiffcmp -t out_tiff/top_camera.tif '" + run_ +
+      "/frames/top_camera/top_camera_NDTiffStack.tif'");
 }
 
 TEST_F(Records, AreExportedAsMatroska) {
   ASSERT_EQ(place_->vitreo("export last --mkv --into out_mkv").exit_code, 0) << place_->read("err");
-  const json probed = json::parse(ask("ffprobe -v error -count_frames -show_streams -of json out_mkv/top_camera.mkv"));
+  const json probed = json::parse(
+      ask("ffprobe -v error -count_frames -show_streams -of json out_mkv/top_camera.mkv"));
   EXPECT_EQ(probed["streams"][0]["codec_name"], "ffv1");
   EXPECT_EQ(probed["streams"][0]["nb_read_frames"], std::to_string(frames("top_camera")));
 }
@@ -144,7 +155,8 @@ TEST_F(Records, AreExportedAsMatroska) {
 TEST_F(Records, AreExportedAsHdf5) {
   ASSERT_EQ(place_->vitreo("export last --hdf5 --into out_h5").exit_code, 0) << place_->read("err");
   const std::string head = ask("h5dump -H -d /frames/top_camera/images out_h5/run.h5");
-  EXPECT_NE(head.find("SIMPLE { ( " + std::to_string(frames("top_camera")) + ", 1036, 1384 )"), std::string::npos)
+  EXPECT_NE(head.find("SIMPLE { ( " + std::to_string(frames("top_camera")) + ", 1036, 1384 )"),
+            std::string::npos)
       << head;
   const std::string unit = ask("h5dump -a /streams/servo/x/unit out_h5/run.h5");
   EXPECT_NE(unit.find("\"m\""), std::string::npos) << unit;
@@ -166,7 +178,8 @@ TEST_F(Records, AreTheSameBytesForTheSameSeedWithFrames) {
   ASSERT_EQ(place_->vitreo("run ./small.lua --frames top_camera --out again").exit_code, 0);
   const auto again = fs::directory_iterator(place_->folder() / "again")->path();
   for (const char* file : {"frames/top_camera/NDTiff.index", "frames/side_camera/NDTiff.index"})
-    EXPECT_EQ(ask("sha256sum < '" + (again / file).string() + "'"), ask("sha256sum < '" + run_ + "/" + file + "'"));
+    EXPECT_EQ(ask("sha256sum < '" + (again / file).string() + "'"),
+              ask("sha256sum < '" + run_ + "/" + file + "'"));
   const std::string query = " 'select * from sample_servo; select number, t_ns, crc32 from frame'";
   EXPECT_EQ(ask("sqlite3 '" + (again / "run.sqlite").string() + "'" + query),
             ask("sqlite3 '" + run_ + "/run.sqlite'" + query));
@@ -183,13 +196,15 @@ TEST_F(Records, TellWhatIsWrongWithARequest) {
 }
 
 TEST_F(Records, OfAKilledRunAreRecovered) {
-  place_->write("long.lua",
-                "return { title = 'Long', needs = { 'top_camera' }, run = function(rig, p, run)\n"
-                "for i = 1, 100000 do rig.top_camera:grab() run:record('count', { i = i }) end end }\n");
+  place_->write(
+      "long.lua",
+      "return { title = 'Long', needs = { 'top_camera' }, run = function(rig, p, run)\n"
+      "for i = 1, 100000 do rig.top_camera:grab() run:record('count', { i = i }) end end }\n");
   // Killed once its stack has some twenty frames and a second more.
   ask("'" VITREO_PROGRAM
       "' run ./long.lua --frames top_camera --real-time --out killed >/dev/null 2>&1 & "
-      "until [ \"$(cat killed/*/frames/top_camera/NDTiff.index 2>/dev/null | wc -c)\" -gt 1600 ]; do sleep 0.1; done; "
+      "until [ \"$(cat killed/*/frames/top_camera/NDTiff.index 2>/dev/null | wc -c)\" -gt 1600 ]; "
+      "do sleep 0.1; done; "
       "sleep 1.1; kill -9 $!; wait $! || true");
   EXPECT_EQ(json::parse(place_->vitreo("runs --runs killed --json").out).at(0)["outcome"], "lost");
   EXPECT_EQ(place_->vitreo("verify last --runs killed").exit_code, 1);
@@ -202,13 +217,15 @@ TEST_F(Records, OfAKilledRunAreRecovered) {
 }
 
 TEST_F(Records, OfARunOntoAFullDiskAreIntactAndItsOutcomeIsAborted) {
-  const std::string limited = "ulimit -f 6000; '" VITREO_PROGRAM
-                              "' run ./small.lua --frames top_camera --out full --json >full.json 2>full.err";
+  const std::string limited =
+      "ulimit -f 6000; '" VITREO_PROGRAM
+      "' run ./small.lua --frames top_camera --out full --json >full.json 2>full.err";
   place_->write("limited.sh", "trap '' XFSZ\n" + limited + "\necho $?\n");
   EXPECT_EQ(ask("bash limited.sh"), "4\n") << place_->read("full.err");
   const json result = json::parse(place_->read("full.json"));
   EXPECT_EQ(result["outcome"], "aborted");
-  EXPECT_NE(result["reason"].get<std::string>().find("recording failed"), std::string::npos) << result;
+  EXPECT_NE(result["reason"].get<std::string>().find("recording failed"), std::string::npos)
+      << result;
   const json run = json::parse(place_->vitreo("show last --runs full --json").out);
   EXPECT_EQ(run["outcome"], "aborted");
   EXPECT_GT(run["frames"]["top_camera"]["recorded"], 0);
@@ -217,10 +234,15 @@ TEST_F(Records, OfARunOntoAFullDiskAreIntactAndItsOutcomeIsAborted) {
 
 TEST(RecordsOfARigWithABase, KeepEveryTextAndAreReplayedWithThem) {
   const Workplace place;
-  place.write("bench.lua", "return { base = 'simulated', title = 'bench', top_camera = { effective_pixel = 15e-6 } }");
+  place.write(
+      "bench.lua",
+      "return { base = 'simulated', title = 'bench', top_camera = { effective_pixel = 15e-6 } }");
   place.write("mine.lua",
-              "return { base = 'bench', title = 'mine', truth = { drawn_as = 'ellipsoid' }, stage = false }");
-  place.write("p.lua", R"(return { title = 'p', needs = { 'top_camera', 'coils', 'sample' }, run = function(rig, p, run)
+              "return { base = 'bench', title = 'mine', truth = { drawn_as = 'ellipsoid' }, stage "
+              "= false }");
+  place.write(
+      "p.lua",
+      R"(return { title = 'p', needs = { 'top_camera', 'coils', 'sample' }, run = function(rig, p, run)
     rig.sample:remove_robot()
     run:record_frames("top_camera")
     local servo <close> = rig:servo { background = rig:learn_background { frames = 4 } }

@@ -11,7 +11,8 @@ namespace vitreo {
 namespace {
 
 constexpr const char* kHold =
-    "soak hold feedback=pose_sensor compare=false settle=0.5s hold=1s width=0.3mm depth=0.3mm speed=2mm/s ";
+    "soak hold feedback=pose_sensor compare=false settle=0.5s hold=1s width=0.3mm depth=0.3mm "
+    "speed=2mm/s ";
 
 std::string last_line(const std::string& text) {
   const std::size_t end = text.find_last_not_of('\n'), begin = text.rfind('\n', end);
@@ -34,14 +35,16 @@ TEST(Soak, ASeedHappensAgainAsItDid) {
     const Spoken first = place.vitreo(kHold + (std::string("--seed ") + seed)),
                  second = place.vitreo(kHold + (std::string("--seed ") + seed));
     EXPECT_EQ(first.exit_code, 0) << first.out << first.err;
-    EXPECT_EQ(first.out.substr(0, first.out.find('\n')), second.out.substr(0, second.out.find('\n')));
+    EXPECT_EQ(first.out.substr(0, first.out.find('\n')),
+              second.out.substr(0, second.out.find('\n')));
     EXPECT_NE(first.out.find(std::string("seed ") + seed + ": "), std::string::npos) << first.out;
   }
 }
 
 TEST(Soak, ARigWithRealInstrumentsIsRefused) {
   const Workplace place;
-  const Spoken said = place.vitreo("soak hold --seeds 1 --rig '" VITREO_SOURCE_DIR "/scripts/rigs/octomag_lab.lua'");
+  const Spoken said = place.vitreo("soak hold --seeds 1 --rig '" VITREO_SOURCE_DIR
+                                   "/scripts/rigs/octomag_lab.lua'");
   EXPECT_EQ(said.exit_code, 2);
   EXPECT_NE(said.err.find("real instruments"), std::string::npos) << said.err;
 }

@@ -18,7 +18,8 @@ namespace vitreo {
 class Terminal {
  public:
   /// Starts `vitreo` with `words` in `folder`, which is its home too.
-  explicit Terminal(const std::filesystem::path& folder, const std::string& words = "", unsigned short columns = 80) {
+  explicit Terminal(const std::filesystem::path& folder, const std::string& words = "",
+                    unsigned short columns = 80) {
     const winsize size{24, columns, 0, 0};
     child_ = forkpty(&master_, nullptr, nullptr, &size);
     if (child_ != 0) return;
@@ -60,7 +61,8 @@ class Terminal {
     }
   }
 
-  /// Waits until it asks for a line and reads keys one by one: what is typed before that is the kernel's to interpret.
+  /// Waits until it asks for a line and reads keys one by one: what is typed before that is the
+  /// kernel's to interpret.
   bool prompts() {
     if (!sees("> ")) return false;
     termios settings{};

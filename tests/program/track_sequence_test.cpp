@@ -29,23 +29,26 @@ std::string track_csv(const Workplace& place, const nlohmann::json& result) {
 
 TEST(TrackSequence, TracksAFolderOfFramesAndJudgesItself) {
   const Workplace place;
-  vision::generated::write_sequence({.seed = 61, .hidden_from = 12, .hidden_frames = 8}, 30, 5, place.folder());
-  const Spoken spoken = place.vitreo("run track_sequence --json images=frames training=training truth=truth.csv");
+  vision::generated::write_sequence({.seed = 61, .hidden_from = 12, .hidden_frames = 8}, 30, 5,
+                                    place.folder());
+  const Spoken spoken =
+      place.vitreo("run track_sequence --json images=frames training=training truth=truth.csv");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   const auto result = nlohmann::json::parse(spoken.out);
   const auto& figures = result["figures"];
   EXPECT_EQ(figures["frames_judged"], 30);
   EXPECT_EQ(figures["wrong"], 0);
   EXPECT_LE(figures["lost"], 3) << "found again within three frames";
-  EXPECT_LT(figures["centre_error_mean"], 0.5);
+  EXPECT_LT(figures["center_error_mean"], 0.5);
   EXPECT_LT(figures["major_error_mean"], 2);
   EXPECT_LT(figures["minor_error_mean"], 2);
   EXPECT_LT(figures["angle_error_mean"], 0.026) << "1.5 degrees, in rad as all of --json";
   EXPECT_GT(figures["frames_per_second"], 0);
   const auto rows = rows_of(track_csv(place, result));
   ASSERT_EQ(rows.size(), 31u);
-  EXPECT_EQ(rows[0], (std::vector<std::string>{"frame", "state", "x_px", "y_px", "major_px", "minor_px", "angle_deg",
-                                               "covariance", "microseconds"}));
+  EXPECT_EQ(rows[0],
+            (std::vector<std::string>{"frame", "state", "x_px", "y_px", "major_px", "minor_px",
+                                      "angle_deg", "covariance", "microseconds"}));
   EXPECT_EQ(rows[1][1], "tracking");
   std::istringstream covariance(rows[1][7]);
   EXPECT_EQ(std::distance(std::istream_iterator<double>(covariance), {}), 25);
@@ -53,7 +56,8 @@ TEST(TrackSequence, TracksAFolderOfFramesAndJudgesItself) {
     EXPECT_NE(rows[k][1], "tracking") << k;
     EXPECT_EQ(rows[k][2], "") << "a place that was not seen is not made up";
   }
-  EXPECT_TRUE(std::filesystem::exists(place.folder() / result["run"].get<std::string>() / "report.html"));
+  EXPECT_TRUE(
+      std::filesystem::exists(place.folder() / result["run"].get<std::string>() / "report.html"));
 }
 
 TEST(TrackSequence, TakesATruthThatCountsFromOneAndHasSemiAxes) {
@@ -62,15 +66,16 @@ TEST(TrackSequence, TakesATruthThatCountsFromOneAndHasSemiAxes) {
   auto rows = rows_of(place.read("truth.csv"));
   std::string text = "frame,cx,cy,A,B,phi_deg,visible\n";
   for (std::size_t k = 1; k < rows.size(); ++k)
-    text += std::to_string(k) + "," + rows[k][1] + "," + rows[k][2] + "," + std::to_string(std::stod(rows[k][3]) / 2) +
-            "," + std::to_string(std::stod(rows[k][4]) / 2) + "," + rows[k][5] + ",true\n";
+    text += std::to_string(k) + "," + rows[k][1] + "," + rows[k][2] + "," +
+            std::to_string(std::stod(rows[k][3]) / 2) + "," +
+            std::to_string(std::stod(rows[k][4]) / 2) + "," + rows[k][5] + ",true\n";
   place.write("semi.csv", text);
-  const Spoken spoken =
-      place.vitreo("run track_sequence --json images=frames training=training truth=semi.csv truth_axes=semi");
+  const Spoken spoken = place.vitreo(
+      "run track_sequence --json images=frames training=training truth=semi.csv truth_axes=semi");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   const auto result = nlohmann::json::parse(spoken.out);
   EXPECT_EQ(result["figures"]["frames_judged"], 4);
-  EXPECT_LT(result["figures"]["centre_error_mean"], 1);
+  EXPECT_LT(result["figures"]["center_error_mean"], 1);
   EXPECT_LT(result["figures"]["major_error_mean"], 4);
   EXPECT_EQ(rows_of(track_csv(place, result))[1][0], "1");
 }

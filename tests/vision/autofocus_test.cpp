@@ -12,8 +12,9 @@
 namespace vitreo::vision {
 namespace {
 
-const std::vector<AutofocusStrategy> kAll{AutofocusStrategy::sweep, AutofocusStrategy::coarse_to_fine,
-                                          AutofocusStrategy::golden_section, AutofocusStrategy::fibonacci};
+const std::vector<AutofocusStrategy> kAll{
+    AutofocusStrategy::sweep, AutofocusStrategy::coarse_to_fine, AutofocusStrategy::golden_section,
+    AutofocusStrategy::fibonacci};
 
 // A stage with play, and a focus curve as facts/vision.md measured it: a bell on a floor of noise.
 struct Bench {
@@ -30,7 +31,8 @@ struct Bench {
     if (commanded < carriage - play) carriage = commanded + play;
     std::normal_distribution<double> normal;
     std::uniform_real_distribution<double> unit(0, 1);
-    const double x = (carriage - best) / width, lucky = unit(random), error = noise * normal(random);
+    const double x = (carriage - best) / width, lucky = unit(random),
+                 error = noise * normal(random);
     return (1 / (1 + x * x) + floor) * (1 + error) * (lucky < flash ? 1.5 : 1);
   }
 };
@@ -63,9 +65,12 @@ TEST(Autofocus, finds_the_peak_by_every_strategy_wherever_it_is) {
       bench.best = 0.7 + 8.6 * trial / 39;
       bench.random.seed(static_cast<std::uint64_t>(trial));
       const AutofocusDone done = run(over(strategy), bench);
-      ASSERT_TRUE(done.fit.peak) << name_of(strategy) << " at " << bench.best << ": " << name_of(done.fit.answer);
-      EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05) << name_of(strategy);  // the finest step
-      EXPECT_NEAR(done.fit.peak->position, bench.best, 5 * done.fit.peak->sigma) << name_of(strategy);
+      ASSERT_TRUE(done.fit.peak) << name_of(strategy) << " at " << bench.best << ": "
+                                 << name_of(done.fit.answer);
+      EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05)
+          << name_of(strategy);  // the finest step
+      EXPECT_NEAR(done.fit.peak->position, bench.best, 5 * done.fit.peak->sigma)
+          << name_of(strategy);
       EXPECT_EQ(done.park.value(), done.fit.peak->position);
       EXPECT_EQ(done.readings, bench.moves);
       moves += bench.moves;
@@ -99,7 +104,8 @@ TEST(Autofocus, says_on_which_side_the_peak_lies_outside) {
     const AutofocusDone below = run(over(strategy), low), above = run(over(strategy), high);
     EXPECT_EQ(below.fit.answer, FocusAnswer::at_low_end) << name_of(strategy);
     EXPECT_EQ(above.fit.answer, FocusAnswer::at_high_end) << name_of(strategy);
-    EXPECT_NEAR(below.park.value(), 0, 0.3) << name_of(strategy);  // the best it saw: the values there differ little
+    EXPECT_NEAR(below.park.value(), 0, 0.3)
+        << name_of(strategy);  // the best it saw: the values there differ little
     EXPECT_NEAR(above.park.value(), 10, 0.3) << name_of(strategy);
   }
 }
@@ -112,7 +118,8 @@ TEST(Autofocus, comes_at_every_position_from_below_when_the_stage_has_play) {
     settings.backlash = 0.3;
     const AutofocusDone done = run(settings, bench);
     ASSERT_TRUE(done.fit.peak) << name_of(strategy);
-    EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05) << name_of(strategy);  // not a play of 0.2 away
+    EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05)
+        << name_of(strategy);  // not a play of 0.2 away
   }
 }
 
@@ -134,7 +141,8 @@ TEST(Autofocus, takes_the_median_of_repeats_against_flashes) {
 TEST(Autofocus, looks_closer_for_a_peak_that_the_first_sweep_stepped_over) {
   for (const AutofocusStrategy strategy : kAll) {
     Bench bench;
-    bench.best = 4.53, bench.width = 0.07, bench.floor = 1, bench.noise = 0.0005;  // the coarse spacing is 1
+    bench.best = 4.53, bench.width = 0.07, bench.floor = 1,
+    bench.noise = 0.0005;  // the coarse spacing is 1
     const AutofocusDone done = run(over(strategy), bench);
     ASSERT_TRUE(done.fit.peak) << name_of(strategy);
     EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05) << name_of(strategy);
@@ -167,7 +175,8 @@ TEST(Autofocus, ends_on_pure_noise_and_on_a_stuck_stage) {
     Autofocus stuck(over(strategy));
     AutofocusStep step = stuck.start();
     int count = 0;
-    for (; std::holds_alternative<double>(step) && count < 5000; ++count) step = stuck.next(2.5, 1 + 0.1 * (count % 3));
+    for (; std::holds_alternative<double>(step) && count < 5000; ++count)
+      step = stuck.next(2.5, 1 + 0.1 * (count % 3));
     ASSERT_LT(count, 1000) << name_of(strategy);
     EXPECT_EQ(std::get<AutofocusDone>(step).fit.answer, FocusAnswer::no_peak);
   }
@@ -192,7 +201,8 @@ TEST(Autofocus, refuses_readings_and_settings_that_make_no_sense) {
   refused([](AutofocusSettings& s) { s.repeats = 0; });
   refused([](AutofocusSettings& s) { s.backlash = 0.6; });
   refused([&](AutofocusSettings& s) { s.hysteresis = nan; });
-  for (const AutofocusStrategy strategy : kAll) EXPECT_EQ(autofocus_strategy(name_of(strategy)), strategy);
+  for (const AutofocusStrategy strategy : kAll)
+    EXPECT_EQ(autofocus_strategy(name_of(strategy)), strategy);
   EXPECT_THROW(autofocus_strategy("luck"), std::invalid_argument);
 }
 

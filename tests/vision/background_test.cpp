@@ -16,7 +16,8 @@ using namespace synthetic;
 
 double expected_noise(const Scene& scene, double level) {
   const double gain = 255 / scene.full_well;
-  return std::sqrt(gain * level + std::pow(gain * scene.read_noise, 2) + 1.0 / 12);  // with the rounding to grey levels
+  return std::sqrt(gain * level + std::pow(gain * scene.read_noise, 2) +
+                   1.0 / 12);  // with the rounding to gray levels
 }
 
 TEST(Background, learns_the_mean_of_the_empty_scene) {
@@ -25,7 +26,7 @@ TEST(Background, learns_the_mean_of_the_empty_scene) {
   const cv::Mat ground = ground_of(scene);
   const Background background = learnt(ground, scene, random, 16);
   EXPECT_EQ(background.count(), 16);
-  // Noise below 1.4 grey levels, a quarter of that in the mean of 16.
+  // Noise below 1.4 gray levels, a quarter of that in the mean of 16.
   EXPECT_LT(cv::norm(background.mean(), ground, cv::NORM_L2) / std::sqrt(ground.total()), 0.4);
 }
 
@@ -36,7 +37,8 @@ TEST(Background, finds_shot_and_read_noise_from_a_few_images) {
     std::mt19937_64 random(2);
     const cv::Mat noise = learnt(ground_of(scene), scene, random, 5).noise_of_level();
     ASSERT_EQ(noise.size(), cv::Size(256, 1));
-    // Pooled over 300 000 pixels: the level's slope is the weak point, where the scene does not go, at 30.
+    // Pooled over 300 000 pixels: the level's slope is the weak point, where the scene does not go,
+    // at 30.
     for (const double level : {80.0, 125.0, 140.0}) {
       EXPECT_NEAR(noise.at<float>(static_cast<int>(level)), expected_noise(scene, level), 0.05);
     }
@@ -52,7 +54,7 @@ TEST(Background, errs_towards_more_noise_from_a_single_image) {
   EXPECT_LE(noise, 2.5 * expected_noise(scene, 125));  // the vessels' edges count as noise
 }
 
-TEST(Background, never_claims_less_noise_than_the_rounding_to_grey_levels) {
+TEST(Background, never_claims_less_noise_than_the_rounding_to_gray_levels) {
   Background background;
   for (int k = 0; k < 3; ++k) background.learn(cv::Mat(20, 30, CV_8U, cv::Scalar(77)));
   EXPECT_NEAR(background.noise_of_level().at<float>(77), std::sqrt(1.0 / 12), 1e-6);

@@ -9,8 +9,8 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr BackgroundKind kKinds[] = {BackgroundKind::fixed, BackgroundKind::running, BackgroundKind::mog2,
-                                     BackgroundKind::knn};
+constexpr BackgroundKind kKinds[] = {BackgroundKind::fixed, BackgroundKind::running,
+                                     BackgroundKind::mog2, BackgroundKind::knn};
 
 /// A noisy scene, with a dark ellipse or without.
 cv::Mat scene(int k, const Ellipse* at = nullptr) {
@@ -30,7 +30,8 @@ TEST(BackgroundTracker, finds_what_is_new_whatever_the_kind) {
     const Ellipse truth{{70, 60}, 16, 9, 0.4};
     const auto found = tracker.update(scene(41, &truth));
     ASSERT_TRUE(found.has_value()) << name_of(kind);
-    EXPECT_LT((found->centre_px - truth.centre_px).norm(), 0.6) << name_of(kind);  // px: moments of whole pixels
+    EXPECT_LT((found->center_px - truth.center_px).norm(), 0.6)
+        << name_of(kind);  // px: moments of whole pixels
     EXPECT_NEAR(found->semi_major_px, 16, 1.5) << name_of(kind);
     EXPECT_NEAR(found->angle, 0.4, 0.1) << name_of(kind);
   }
@@ -38,7 +39,8 @@ TEST(BackgroundTracker, finds_what_is_new_whatever_the_kind) {
 
 TEST(BackgroundTracker, keeps_what_holds_still_only_when_fixed) {
   const Ellipse truth{{70, 60}, 16, 9, 0.4};
-  BackgroundTracker fixed({.kind = BackgroundKind::fixed}), mixture({.kind = BackgroundKind::mog2, .rate = 0.1});
+  BackgroundTracker fixed({.kind = BackgroundKind::fixed}),
+      mixture({.kind = BackgroundKind::mog2, .rate = 0.1});
   for (int k = 0; k < 30; ++k) fixed.learn(scene(k)), mixture.learn(scene(k));
   bool kept = true, absorbed = false;
   for (int k = 0; k < 100; ++k) {
@@ -50,14 +52,16 @@ TEST(BackgroundTracker, keeps_what_holds_still_only_when_fixed) {
 }
 
 TEST(BackgroundTracker, running_follows_a_lamp_that_fades) {
-  BackgroundTracker fixed({.kind = BackgroundKind::fixed}), running({.kind = BackgroundKind::running, .rate = 0.1});
+  BackgroundTracker fixed({.kind = BackgroundKind::fixed}),
+      running({.kind = BackgroundKind::running, .rate = 0.1});
   for (int k = 0; k < 10; ++k) fixed.learn(scene(k)), running.learn(scene(k));
   const Ellipse truth{{70, 60}, 16, 9, 0.4};
   for (int k = 0; k < 60; ++k) running.update(scene(k) * (1 - 0.004 * k));
   const cv::Mat last = scene(60, &truth) * 0.76;
   ASSERT_TRUE(running.update(last).has_value());
-  EXPECT_LT((running.update(last)->centre_px - truth.centre_px).norm(), 1.0);
-  EXPECT_FALSE(fixed.update(last).has_value()) << "all of the image differs: nothing in it can be the object";
+  EXPECT_LT((running.update(last)->center_px - truth.center_px).norm(), 1.0);
+  EXPECT_FALSE(fixed.update(last).has_value())
+      << "all of the image differs: nothing in it can be the object";
 }
 
 TEST(BackgroundTracker, refuses_what_it_can_not_use) {

@@ -25,12 +25,13 @@ Look lit_from_the_side() {  // the highlight reaches the rim
 }
 
 struct Bias {
-  double major = 0, minor = 0, centre = 0;  // px: full axes, mean error; root mean square
+  double major = 0, minor = 0, center = 0;  // px: full axes, mean error; root mean square
   int lost = 0;
 };
 
 // Over random places and orientations.
-Bias bias(double major, double minor, double blur, const Look& look, double believed_blur, int trials = 12) {
+Bias bias(double major, double minor, double blur, const Look& look, double believed_blur,
+          int trials = 12) {
   Scene scene;
   scene.blur_sigma_px = blur;
   Bench bench(scene);
@@ -48,9 +49,9 @@ Bias bias(double major, double minor, double blur, const Look& look, double beli
     }
     sum.major += 2 * (found->ellipse.semi_major_px - truth.semi_major_px) / trials;
     sum.minor += 2 * (found->ellipse.semi_minor_px - truth.semi_minor_px) / trials;
-    sum.centre += (found->ellipse.centre_px - truth.centre_px).squaredNorm() / trials;
+    sum.center += (found->ellipse.center_px - truth.center_px).squaredNorm() / trials;
   }
-  sum.centre = std::sqrt(sum.centre);
+  sum.center = std::sqrt(sum.center);
   return sum;
 }
 
@@ -64,11 +65,11 @@ TEST(BlobTracker, measures_a_flat_body_without_bias_whatever_the_blur) {
     for (const double blur : {1.0, 2.0, 3.0, 4.0}) {
       const Bias b = bias(major, minor, blur, {}, blur);
       EXPECT_EQ(b.lost, 0);
-      // The issue allows 0.5 px; a body of constant brightness is what the edge model describes exactly, so hold it to
-      // less (0.2 px where 30 px of body are blurred by 4).
+      // The issue allows 0.5 px; a body of constant brightness is what the edge model describes
+      // exactly, so hold it to less (0.2 px where 30 px of body are blurred by 4).
       EXPECT_LT(std::abs(b.major), 0.2) << major << " " << blur;
       EXPECT_LT(std::abs(b.minor), 0.25) << major << " " << blur;
-      EXPECT_LT(b.centre, 0.15) << major << " " << blur;
+      EXPECT_LT(b.center, 0.15) << major << " " << blur;
     }
   }
 }
@@ -78,11 +79,12 @@ TEST(BlobTracker, measures_a_shaded_body_with_a_highlight_to_half_a_pixel) {
     for (const double blur : {1.0, 2.0, 3.0, 4.0}) {
       const Bias b = bias(major, minor, blur, metal(), blur);
       EXPECT_EQ(b.lost, 0);
-      // The issue's figure. A body of 30 px blurred by 4 has its highlight within the blur of its rim: 0.7 there.
+      // The issue's figure. A body of 30 px blurred by 4 has its highlight within the blur of its
+      // rim: 0.7 there.
       const double allowed = minor == 30 && blur == 4 ? 0.7 : 0.5;
       EXPECT_LT(std::abs(b.major), allowed) << major << " " << blur;
       EXPECT_LT(std::abs(b.minor), allowed) << major << " " << blur;
-      EXPECT_LT(b.centre, 0.25) << major << " " << blur;
+      EXPECT_LT(b.center, 0.25) << major << " " << blur;
     }
   }
 }
@@ -109,13 +111,14 @@ TEST(BlobTracker, finds_the_blur_itself_when_the_setting_is_off) {
   }
 }
 
-// The microscope of an eye that is off by table 5.1 is out of focus by up to 9 mm of aerial image where a robot lies on the
-// retina: a blur of 3 px and more, believed to be 1.2.
+// The microscope of an eye that is off by table 5.1 is out of focus by up to 9 mm of aerial image
+// where a robot lies on the retina: a blur of 3 px and more, believed to be 1.2.
 TEST(BlobTracker, finds_a_body_far_out_of_focus_whatever_it_was_told_of_the_blur) {
   for (const auto& [major, minor] : kSizes) {
     for (const double blur : {3.0, 4.0, 5.0}) {
       if (minor < 8 * blur) continue;  // its middle is in the blur of its rim
-      const Bias flat = bias(major, minor, blur, {}, 1.2), lit = bias(major, minor, blur, metal(), 1.2);
+      const Bias flat = bias(major, minor, blur, {}, 1.2),
+                 lit = bias(major, minor, blur, metal(), 1.2);
       EXPECT_EQ(flat.lost, 0) << major << " " << blur;
       EXPECT_EQ(lit.lost, 0) << major << " " << blur;
       EXPECT_LT(std::abs(flat.major), 0.5) << major << " " << blur;  // the issue's figure

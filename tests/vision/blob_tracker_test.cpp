@@ -41,7 +41,8 @@ TEST(BlobTracker, states_about_the_scatter_it_has_on_a_body_at_rest) {
   for (int k = 0; k < 5; ++k) {
     const double ratio = std::sqrt(said[k] / (squares[k] - sum[k] * sum[k]));
     EXPECT_GT(ratio, 0.7) << k;  // never much too sure
-    EXPECT_LT(ratio, 6) << k;    // its floors stand for what noise does not show: 0.02 px all round, 0.05 px a normal
+    EXPECT_LT(ratio, 6)
+        << k;  // its floors stand for what noise does not show: 0.02 px all round, 0.05 px a normal
   }
 }
 
@@ -68,10 +69,11 @@ TEST(BlobTracker, follows_a_body_that_moves_turns_and_jumps) {
   BlobTracker tracker(bench.background, settings_for(bench));
   for (int k = 0; k < 40; ++k) {
     Ellipse truth{{100 + 9.0 * k, 200 + 80 * std::sin(0.2 * k)}, 40, 20, 0.04 * k};
-    if (k == 30) truth.centre_px = {60, 60};
+    if (k == 30) truth.center_px = {60, 60};
     const auto found = tracker.update(bench.image(truth, metal()));
     ASSERT_TRUE(found) << k;
-    EXPECT_LT((found->ellipse.centre_px - truth.centre_px).norm(), 0.3) << k;  // several times the bias of this look
+    EXPECT_LT((found->ellipse.center_px - truth.center_px).norm(), 0.3)
+        << k;  // several times the bias of this look
     EXPECT_GT(found->inlier_fraction, 0.8) << k;
   }
 }
@@ -80,7 +82,8 @@ TEST(BlobTracker, measures_the_same_whatever_it_saw_before) {
   Bench bench;
   const Ellipse truth{{300, 200}, 70, 35, 0.4};
   const cv::Mat image = bench.image(truth, metal());
-  BlobTracker fresh(bench.background, settings_for(bench)), used(bench.background, settings_for(bench));
+  BlobTracker fresh(bench.background, settings_for(bench)),
+      used(bench.background, settings_for(bench));
   used.update(bench.image({{310, 195}, 70, 35, 0.5}, metal()));
   const auto a = fresh.update(image), b = used.update(image), c = fresh.update(image);
   ASSERT_TRUE(a && b && c);
@@ -95,21 +98,24 @@ TEST(BlobTracker, measures_the_same_whatever_it_saw_before) {
 TEST(BlobTracker, gives_nothing_on_the_empty_scene_a_blank_or_a_blinded_image) {
   Bench bench;
   BlobTracker tracker(bench.background, settings_for(bench));
-  for (int k = 0; k < 20; ++k) EXPECT_FALSE(tracker.update(noisy(bench.ground, bench.scene, bench.random)));
+  for (int k = 0; k < 20; ++k)
+    EXPECT_FALSE(tracker.update(noisy(bench.ground, bench.scene, bench.random)));
   EXPECT_FALSE(tracker.update(cv::Mat::zeros(bench.scene.size, CV_8U)));
   EXPECT_FALSE(tracker.update(cv::Mat(bench.scene.size, CV_8U, cv::Scalar(255))));
   EXPECT_TRUE(tracker.update(bench.image({{300, 200}, 70, 35, 0.4}, metal())));
   EXPECT_FALSE(tracker.update(cv::Mat::zeros(bench.scene.size, CV_8U)));
   EXPECT_FALSE(tracker.update(noisy(bench.ground, bench.scene, bench.random)));
-  EXPECT_TRUE(tracker.update(bench.image({{100, 300}, 70, 35, 0.4}, metal())));  // and finds it again at once
+  EXPECT_TRUE(tracker.update(
+      bench.image({{100, 300}, 70, 35, 0.4}, metal())));  // and finds it again at once
 }
 
 /// A dark disc with a soft edge, over whatever is there.
-void darken(cv::Mat& mean, const Eigen::Vector2d& centre, double radius_px) {
+void darken(cv::Mat& mean, const Eigen::Vector2d& center, double radius_px) {
   for (int v = 0; v < mean.rows; ++v)
     for (int u = 0; u < mean.cols; ++u)
       mean.at<float>(v, u) *= static_cast<float>(
-          1 - 0.8 * std::clamp(radius_px + 0.5 - std::hypot(u - centre.x(), v - centre.y()), 0.0, 1.0));
+          1 -
+          0.8 * std::clamp(radius_px + 0.5 - std::hypot(u - center.x(), v - center.y()), 0.0, 1.0));
 }
 
 TEST(BlobTracker, keeps_to_its_body_while_a_speck_drifts_across_it) {
@@ -124,7 +130,8 @@ TEST(BlobTracker, keeps_to_its_body_while_a_speck_drifts_across_it) {
       draw_body(mean, truth, metal(), bench.scene);
       darken(mean, {u, 242}, radius_px);
       const auto found = tracker.update(noisy(mean, bench.scene, bench.random));
-      if (!found || found->inlier_fraction < 0.6) continue;  // who says that half of the rim is wrong is believed
+      if (!found || found->inlier_fraction < 0.6)
+        continue;  // who says that half of the rim is wrong is believed
       ++seen;
       const Eigen::Matrix<double, 5, 1> off = found->ellipse.vector() - truth.vector();
       worst = std::max(worst, off.head<4>().cwiseAbs().maxCoeff());
@@ -162,7 +169,7 @@ TEST(BlobTracker, keeps_measuring_beside_the_images_edge_or_gives_up) {
     if (!found) continue;
     EXPECT_TRUE(found->ellipse.vector().allFinite() && found->covariance.allFinite());
     if (found->inlier_fraction > 0.8) {
-      EXPECT_LT((found->ellipse.centre_px - truth.centre_px).norm(), 0.5);
+      EXPECT_LT((found->ellipse.center_px - truth.center_px).norm(), 0.5);
     }
   }
   EXPECT_FALSE(tracker.update(bench.image({{-90, 240}, 60, 30, 0}, metal())));
@@ -177,7 +184,8 @@ TEST(BlobTracker, sees_through_a_lamp_that_flickers) {
   for (const double lamp : {0.98, 1.02}) {
     const auto found = tracker.update(noisy(mean * lamp, bench.scene, bench.random));
     ASSERT_TRUE(found);
-    EXPECT_LT(2 * std::abs(found->ellipse.semi_minor_px - truth.semi_minor_px), 0.5);  // the figure
+    EXPECT_LT(2 * std::abs(found->ellipse.semi_minor_px - truth.semi_minor_px),
+              0.5);  // the figure
     EXPECT_LT(2 * std::abs(found->ellipse.semi_major_px - truth.semi_major_px), 0.5);
   }
 }
@@ -185,13 +193,14 @@ TEST(BlobTracker, sees_through_a_lamp_that_flickers) {
 TEST(BlobTracker, stays_free_of_nan_on_random_scribble) {
   Bench bench;
   BlobTracker tracker(bench.background, settings_for(bench));
-  std::uniform_int_distribution<int> u(-100, 740), v(-100, 580), grey(0, 255), size(1, 150), turn(0, 360);
+  std::uniform_int_distribution<int> u(-100, 740), v(-100, 580), gray(0, 255), size(1, 150),
+      turn(0, 360);
   for (int k = 0; k < 150; ++k) {
     cv::Mat image = noisy(bench.ground, bench.scene, bench.random);
     for (int shapes = 0; shapes < 4; ++shapes) {
       const cv::Point at(u(bench.random), v(bench.random)), other(u(bench.random), v(bench.random));
       const cv::Size axes(size(bench.random), size(bench.random));
-      const int level = grey(bench.random), angle = turn(bench.random);
+      const int level = gray(bench.random), angle = turn(bench.random);
       if (shapes % 2 == 0) {
         cv::ellipse(image, at, axes, angle, 0, 360, level, -1);
       } else {
@@ -224,7 +233,8 @@ TEST(BlobTracker, refuses_images_and_settings_that_cannot_be) {
   };
   refused([](BlobTrackerSettings& s) { s.min_semi_minor_px = 0; });
   refused([](BlobTrackerSettings& s) { s.max_semi_major_px = 1; });
-  refused([](BlobTrackerSettings& s) { s.threshold_sigma = std::numeric_limits<double>::quiet_NaN(); });
+  refused(
+      [](BlobTrackerSettings& s) { s.threshold_sigma = std::numeric_limits<double>::quiet_NaN(); });
   refused([](BlobTrackerSettings& s) { s.min_contrast = 0; });
   refused([](BlobTrackerSettings& s) { s.normals = 63; });
   refused([](BlobTrackerSettings& s) { s.search_px = 100; });

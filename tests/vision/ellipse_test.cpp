@@ -17,8 +17,10 @@ constexpr double kPi = std::numbers::pi;
 
 Ellipse random_ellipse(std::mt19937_64& random) {
   std::uniform_real_distribution<double> unit(0, 1);
-  const double u = unit(random), v = unit(random), a = unit(random), ratio = unit(random), turn = unit(random);
-  return {{100 * u, 100 * v}, 10 + 60 * a, (10 + 60 * a) * (0.3 + 0.65 * ratio), kPi * (turn - 0.5)};
+  const double u = unit(random), v = unit(random), a = unit(random), ratio = unit(random),
+               turn = unit(random);
+  return {
+      {100 * u, 100 * v}, 10 + 60 * a, (10 + 60 * a) * (0.3 + 0.65 * ratio), kPi * (turn - 0.5)};
 }
 
 // Distances along `from`'s normals to `to`, exactly, by bisection.
@@ -28,7 +30,7 @@ void measure(const Ellipse& to, std::vector<Normal>& normals) {
     double low = -5, high = 5;
     for (int k = 0; k < 60; ++k) {
       const double middle = (low + high) / 2;
-      const bool outside = (inverse * (n.rim_px + middle * n.outward - to.centre_px)).norm() > 1;
+      const bool outside = (inverse * (n.rim_px + middle * n.outward - to.center_px)).norm() > 1;
       (outside ? high : low) = middle;
     }
     n.found = true;
@@ -46,16 +48,18 @@ TEST(Ellipse, survives_the_way_through_its_shape) {
   std::mt19937_64 random(1);
   for (int trial = 0; trial < 100; ++trial) {
     const Ellipse e = random_ellipse(random);
-    const Ellipse back = Ellipse::from_shape(e.centre_px, e.shape());
-    EXPECT_LT((back.vector() - e.vector()).norm(), 1e-9);  // rounding, by the smallest difference of axes
+    const Ellipse back = Ellipse::from_shape(e.center_px, e.shape());
+    EXPECT_LT((back.vector() - e.vector()).norm(),
+              1e-9);  // rounding, by the smallest difference of axes
     for (const double t : {0.3, 2.0, 5.0}) {
-      EXPECT_NEAR((e.shape().inverse() * (e.point(t) - e.centre_px)).norm(), 1, 1e-12);
+      EXPECT_NEAR((e.shape().inverse() * (e.point(t) - e.center_px)).norm(), 1, 1e-12);
     }
   }
 }
 
 TEST(Ellipse, keeps_its_angle_in_the_half_open_half_turn) {
-  const Ellipse upright = Ellipse::from_shape({0, 0}, (Eigen::Matrix2d() << 3, -0.0, -0.0, 5).finished());
+  const Ellipse upright =
+      Ellipse::from_shape({0, 0}, (Eigen::Matrix2d() << 3, -0.0, -0.0, 5).finished());
   EXPECT_DOUBLE_EQ(upright.angle, kPi / 2);
   const Ellipse circle = Ellipse::from_shape({0, 0}, 4 * Eigen::Matrix2d::Identity());
   EXPECT_EQ(circle.angle, 0);
@@ -68,8 +72,9 @@ TEST(FitEllipse, lands_on_the_ellipse_that_the_distances_come_from) {
   for (int trial = 0; trial < 50; ++trial) {
     const Ellipse truth = random_ellipse(random);
     Ellipse e = truth;
-    const double du = off(random), dv = off(random), da = off(random), db = off(random), turn = off(random);
-    e.centre_px += Eigen::Vector2d(du, dv);
+    const double du = off(random), dv = off(random), da = off(random), db = off(random),
+                 turn = off(random);
+    e.center_px += Eigen::Vector2d(du, dv);
     e.semi_major_px += da;
     e.semi_minor_px += 0.5 * db;
     e.angle += 0.05 * turn;
@@ -81,7 +86,8 @@ TEST(FitEllipse, lands_on_the_ellipse_that_the_distances_come_from) {
       ASSERT_TRUE(fitted.valid);
       e = fitted.ellipse;
     }
-    EXPECT_LT((e.shape() - truth.shape()).norm() + (e.centre_px - truth.centre_px).norm(), 1e-6);  // converged
+    EXPECT_LT((e.shape() - truth.shape()).norm() + (e.center_px - truth.center_px).norm(),
+              1e-6);  // converged
   }
 }
 

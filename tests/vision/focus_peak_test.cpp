@@ -15,7 +15,8 @@
 namespace vitreo::vision {
 namespace {
 
-std::vector<FocusSample> bell(double best, double width, double noise, std::uint64_t seed, int steps = 31) {
+std::vector<FocusSample> bell(double best, double width, double noise, std::uint64_t seed,
+                              int steps = 31) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   std::vector<FocusSample> samples;
@@ -31,17 +32,19 @@ struct Score {
   int found = 0;
 };
 
-// Peaks all over a step, so that no sampling is favoured.
+// Peaks all over a step, so that no sampling is favored.
 std::vector<Score> scores_of(double noise, const cv::Rect& window, int trials) {
   std::vector<Score> scores(focus_measures().size());
   for (int trial = 0; trial < trials; ++trial) {
     synthetic::FocusStack stack;
     stack.noise = noise;
-    stack.seed = static_cast<std::uint64_t>(trial) + 101;  // not those that the fit's depth was chosen on
+    stack.seed =
+        static_cast<std::uint64_t>(trial) + 101;  // not those that the fit's depth was chosen on
     stack.best = 13 + 0.37 * trial;
     const std::vector<cv::Mat> images = synthetic::images_of(stack);
     for (std::size_t k = 0; k < scores.size(); ++k) {
-      const FocusPeakFit fit = find_focus_peak(synthetic::curve_of(images, focus_measures()[k], window));
+      const FocusPeakFit fit =
+          find_focus_peak(synthetic::curve_of(images, focus_measures()[k], window));
       if (!fit.peak) continue;
       const double error = std::abs(fit.peak->position - stack.best);
       scores[k].mean += error;
@@ -58,15 +61,19 @@ TEST(FocusPeak, of_the_default_measure_is_right_within_fifteen_hundredths_of_a_s
   constexpr int kTrials = 10;
   for (const double noise : {1.5, 5.0}) {
     const std::vector<Score> scores = scores_of(noise, {60, 60, 80, 80}, kTrials);
-    std::cout << "noise " << noise << ", flicker 2 %: error in steps, mean and worst; found of " << kTrials << "\n";
+    std::cout << "noise " << noise << ", flicker 2 %: error in steps, mean and worst; found of "
+              << kTrials << "\n";
     for (std::size_t k = 0; k < scores.size(); ++k)
-      std::cout << "  " << std::setw(28) << std::left << name_of(focus_measures()[k]) << std::setprecision(2)
-                << scores[k].mean << "  " << scores[k].worst << "  " << scores[k].found << "\n";
-    const auto chosen = std::find(focus_measures().begin(), focus_measures().end(), kDefaultFocusMeasure);
+      std::cout << "  " << std::setw(28) << std::left << name_of(focus_measures()[k])
+                << std::setprecision(2) << scores[k].mean << "  " << scores[k].worst << "  "
+                << scores[k].found << "\n";
+    const auto chosen =
+        std::find(focus_measures().begin(), focus_measures().end(), kDefaultFocusMeasure);
     const Score& score = scores[static_cast<std::size_t>(chosen - focus_measures().begin())];
     EXPECT_EQ(score.found, kTrials);
     EXPECT_LE(score.worst, 0.15);  // the issue's, here for each of the trials and at both noises
-    EXPECT_GT(score.chi2, 0.05);   // ten errors that claim to be normal: a factor of 4 either way is no chance
+    EXPECT_GT(score.chi2,
+              0.05);  // ten errors that claim to be normal: a factor of 4 either way is no chance
     EXPECT_LT(score.chi2, 4);
   }
 }
@@ -76,12 +83,14 @@ TEST(FocusPeak, claims_the_error_that_it_makes) {
   constexpr int kTrials = 400;
   for (int trial = 0; trial < kTrials; ++trial) {
     const double best = 12 + 6.0 * trial / kTrials;
-    const FocusPeakFit fit = find_focus_peak(bell(best, 5, 0.02, static_cast<std::uint64_t>(trial)));
+    const FocusPeakFit fit =
+        find_focus_peak(bell(best, 5, 0.02, static_cast<std::uint64_t>(trial)));
     ASSERT_TRUE(fit.peak);
     chi2 += std::pow((fit.peak->position - best) / fit.peak->sigma, 2);
     sigma += fit.peak->sigma;
   }
-  EXPECT_GT(chi2 / kTrials, 0.3);  // the doubt about the curve's shape is added to the noise: rather too careful
+  EXPECT_GT(chi2 / kTrials,
+            0.3);  // the doubt about the curve's shape is added to the noise: rather too careful
   EXPECT_LT(chi2 / kTrials, 1.5);
   EXPECT_LT(sigma / kTrials, 0.3);  // and still of use
 }
@@ -92,7 +101,8 @@ TEST(FocusPeak, is_not_moved_by_one_flash) {
     samples[static_cast<std::size_t>(where)].value *= 1.5;
     const FocusPeakFit fit = find_focus_peak(samples);
     ASSERT_TRUE(fit.peak) << where;
-    EXPECT_NEAR(fit.peak->position, 15.3, 0.3) << where;  // without the flash 0.05; a plain fit errs by up to 2
+    EXPECT_NEAR(fit.peak->position, 15.3, 0.3)
+        << where;  // without the flash 0.05; a plain fit errs by up to 2
   }
 }
 
@@ -104,7 +114,8 @@ TEST(FocusPeak, is_the_same_in_whatever_order_unit_and_sign_of_travel) {
   EXPECT_EQ(find_focus_peak(samples).peak.value().position, peak.position);
   for (FocusSample& s : samples) s.position = 0.02 - 1e-6 * s.position, s.value *= 1e-7;
   const FocusPeak mirrored = find_focus_peak(samples).peak.value();
-  EXPECT_NEAR(mirrored.position, 0.02 - 1e-6 * peak.position, 1e-12);  // rounding of 0.02 by a step of 1e-6
+  EXPECT_NEAR(mirrored.position, 0.02 - 1e-6 * peak.position,
+              1e-12);  // rounding of 0.02 by a step of 1e-6
   EXPECT_NEAR(mirrored.sigma, 1e-6 * peak.sigma, 1e-11);
 }
 
@@ -112,7 +123,8 @@ TEST(FocusPeak, at_the_edge_is_an_answer) {
   EXPECT_EQ(find_focus_peak(bell(-3, 5, 0.01, 4)).answer, FocusAnswer::at_low_end);
   EXPECT_EQ(find_focus_peak(bell(34, 5, 0.01, 5)).answer, FocusAnswer::at_high_end);
   EXPECT_FALSE(find_focus_peak(bell(34, 5, 0.01, 5)).peak);
-  EXPECT_EQ(find_focus_peak(bell(1.4, 5, 0.002, 6)).answer, FocusAnswer::found);  // just inside is inside
+  EXPECT_EQ(find_focus_peak(bell(1.4, 5, 0.002, 6)).answer,
+            FocusAnswer::found);  // just inside is inside
 }
 
 TEST(FocusPeak, that_is_none_is_an_answer) {
@@ -130,7 +142,8 @@ TEST(FocusPeak, that_is_none_is_an_answer) {
 }
 
 TEST(FocusPeak, refuses_what_is_not_a_number) {
-  const double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+  const double nan = std::numeric_limits<double>::quiet_NaN(),
+               infinity = std::numeric_limits<double>::infinity();
   for (const double bad : {nan, infinity, -infinity}) {
     std::vector<FocusSample> samples = bell(15, 5, 0, 1);
     samples[7].position = bad;

@@ -1,5 +1,5 @@
-// A synthetic focus stack: the robot before the retina, blurred more with every step from focus, noisy, under a lamp
-// that flickers.
+// A synthetic focus stack: the robot before the retina, blurred more with every step from focus,
+// noisy, under a lamp that flickers.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +15,7 @@ struct FocusStack {
   int steps = 31;
   double best = 15.3;  // step
   double sharp_sigma_px = 0.8, sigma_px_per_step = 0.35;
-  double noise = 1.5;     // grey levels
+  double noise = 1.5;     // gray levels
   double flicker = 0.02;  // of the light, either way
   std::uint64_t seed = 1;
 };
@@ -40,12 +40,14 @@ inline std::vector<cv::Mat> images_of(const FocusStack& stack) {
   for (int step = 0; step < stack.steps; ++step) {
     const double defocus = stack.sigma_px_per_step * (step - stack.best);
     cv::Mat mean, image(scene.size(), CV_8U);
-    cv::GaussianBlur(scene, mean, {0, 0}, std::hypot(stack.sharp_sigma_px, defocus), 0, cv::BORDER_REFLECT);
+    cv::GaussianBlur(scene, mean, {0, 0}, std::hypot(stack.sharp_sigma_px, defocus), 0,
+                     cv::BORDER_REFLECT);
     const double light = 1 + stack.flicker * unit(random);
     for (int v = 0; v < mean.rows; ++v) {
       for (int u = 0; u < mean.cols; ++u) {
         const double noise = stack.noise * normal(random);
-        image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(light * mean.at<float>(v, u) + noise);
+        image.at<unsigned char>(v, u) =
+            cv::saturate_cast<unsigned char>(light * mean.at<float>(v, u) + noise);
       }
     }
     images.push_back(image);

@@ -13,22 +13,23 @@ namespace {
 
 constexpr int kObject = 60, kGround = 180, kBetween = 120;
 
-// A model that knows two greys; what lies between it has never seen: F = 0.
-const ColourModel& two_greys() {
-  static const ColourModel model = [] {
-    LabelledImage one{cv::Mat(60, 60, CV_8UC3, cv::Scalar::all(kGround)), cv::Mat::zeros(60, 60, CV_8UC1)};
+// A model that knows two grays; what lies between it has never seen: F = 0.
+const ColorModel& two_grays() {
+  static const ColorModel model = [] {
+    LabeledImage one{cv::Mat(60, 60, CV_8UC3, cv::Scalar::all(kGround)),
+                     cv::Mat::zeros(60, 60, CV_8UC1)};
     cv::circle(one.mask, {30, 30}, 15, cv::Scalar(255), cv::FILLED);
     one.image.setTo(cv::Scalar::all(kObject), one.mask);
-    return ColourModel::train(std::vector{one}, {});
+    return ColorModel::train(std::vector{one}, {});
   }();
   return model;
 }
 
-void draw(cv::Mat& image, const Ellipse& e, int grey) {
+void draw(cv::Mat& image, const Ellipse& e, int gray) {
   for (int v = 0; v < image.rows; ++v) {
     const RowSpan span = row_of(e, v);
     for (int u = std::max(span.first, 0); u < std::min(span.end, image.cols); ++u) {
-      image.at<cv::Vec3b>(v, u) = cv::Vec3b::all(static_cast<unsigned char>(grey));
+      image.at<cv::Vec3b>(v, u) = cv::Vec3b::all(static_cast<unsigned char>(gray));
     }
   }
 }
@@ -39,10 +40,10 @@ struct Evolved {
   Evidence evidence;
   LevelSet front;
   Segment segment;
-  Evolved(const cv::Mat& image, const Ellipse& start, double gate_px, const LevelSetSettings& settings = {},
-          const Thresholds& thresholds = {-1, 1})
+  Evolved(const cv::Mat& image, const Ellipse& start, double gate_px,
+          const LevelSetSettings& settings = {}, const Thresholds& thresholds = {-1, 1})
       : front(settings) {
-    evidence.look(image, two_greys(), grown(start, gate_px), 400);
+    evidence.look(image, two_grays(), grown(start, gate_px), 400);
     front.start(evidence, start);
     front.evolve(thresholds);
     segment = front.keep_largest();
@@ -55,11 +56,12 @@ TEST(LevelSet, grows_and_shrinks_onto_an_object_from_a_start_that_is_off) {
   draw(image, truth, kObject);
   for (const double by : {-8.0, 0.0, 8.0}) {
     Ellipse start = grown(truth, by);
-    start.centre_px += Eigen::Vector2d(3, -2);
+    start.center_px += Eigen::Vector2d(3, -2);
     const Evolved run(image, start, 14);
-    EXPECT_LT((run.segment.ellipse.centre_px - truth.centre_px).norm(),
+    EXPECT_LT((run.segment.ellipse.center_px - truth.center_px).norm(),
               0.5);  // px: pixels count whole, and what is undecided stays
-    EXPECT_NEAR(run.segment.ellipse.semi_major_px, truth.semi_major_px, 0.8);  // cycle two rounds the tips off
+    EXPECT_NEAR(run.segment.ellipse.semi_major_px, truth.semi_major_px,
+                0.8);  // cycle two rounds the tips off
     EXPECT_NEAR(run.segment.ellipse.semi_minor_px, truth.semi_minor_px, 0.8);
     EXPECT_NEAR(run.segment.ellipse.angle, truth.angle, 0.02);
     EXPECT_FALSE(run.front.leaked());
@@ -91,7 +93,8 @@ TEST(LevelSet, keeps_phi_and_its_two_lists_as_the_definition_says) {
 }
 
 TEST(LevelSet, leaves_undecided_pixels_as_they_were) {
-  // All of one grey that says nothing: the front stays where it started, between the two thresholds.
+  // All of one gray that says nothing: the front stays where it started, between the two
+  // thresholds.
   const cv::Mat image(200, 200, CV_8UC3, cv::Scalar::all(kBetween));
   const Ellipse start{{100, 100}, 30, 15, 0};
   const Evolved run(image, start, 12);
@@ -100,7 +103,8 @@ TEST(LevelSet, leaves_undecided_pixels_as_they_were) {
 }
 
 TEST(LevelSet, never_leaves_the_gate_nor_the_image) {
-  const cv::Mat image(200, 200, CV_8UC3, cv::Scalar::all(kObject));  // nothing stops it but the gate
+  const cv::Mat image(200, 200, CV_8UC3,
+                      cv::Scalar::all(kObject));  // nothing stops it but the gate
   for (const double u : {100.0, 2.0, 198.0, -300.0}) {
     const Ellipse start{{u, 100}, 30, 15, 0};
     const Evolved run(image, start, 9);
@@ -127,7 +131,7 @@ TEST(LevelSet, keeps_only_the_largest_part) {
   draw(image, {{80, 100}, 20, 15, 0}, kObject);
   draw(image, {{125, 100}, 10, 8, 0}, kObject);
   const Evolved run(image, {{95, 100}, 45, 18, 0}, 10);
-  EXPECT_NEAR(run.segment.ellipse.centre_px.x(), 80, 0.5);
+  EXPECT_NEAR(run.segment.ellipse.center_px.x(), 80, 0.5);
   EXPECT_GT(run.front.phi(125, 100), 0);
 }
 
@@ -136,11 +140,12 @@ TEST(LevelSet, finds_nothing_where_nothing_is) {
   EXPECT_EQ(run.segment.area_px, 0);
 }
 
-TEST(CycleThree, pulls_the_front_to_the_shape_where_colour_says_nothing) {
+TEST(CycleThree, pulls_the_front_to_the_shape_where_color_says_nothing) {
   std::vector<cv::Mat> masks;
   for (const double b : {14.0, 15.0, 16.0}) {
     cv::Mat mask = cv::Mat::zeros(120, 120, CV_8UC1);
-    cv::ellipse(mask, {60, 60}, cv::Size(30, static_cast<int>(b)), 0, 0, 360, cv::Scalar(255), cv::FILLED);
+    cv::ellipse(mask, {60, 60}, cv::Size(30, static_cast<int>(b)), 0, 0, 360, cv::Scalar(255),
+                cv::FILLED);
     masks.push_back(mask);
   }
   const ShapeModel model = ShapeModel::train(masks);
@@ -158,8 +163,9 @@ TEST(CycleThree, pulls_the_front_to_the_shape_where_colour_says_nothing) {
   run.front.pull_to(PlacedShape(model, fit));
   const Segment after = run.front.keep_largest();
   EXPECT_LT(run.segment.area_px, 0.9 * 3.14 * 30 * 15);
-  EXPECT_NEAR(after.area_px, 3.14 * 30 * 15, 0.12 * 3.14 * 30 * 15);  // the bar's edges pull the fit a little
-  EXPECT_LT((after.ellipse.centre_px - truth.centre_px).norm(), 3);
+  EXPECT_NEAR(after.area_px, 3.14 * 30 * 15,
+              0.12 * 3.14 * 30 * 15);  // the bar's edges pull the fit a little
+  EXPECT_LT((after.ellipse.center_px - truth.center_px).norm(), 3);
 }
 
 }  // namespace

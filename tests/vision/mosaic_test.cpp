@@ -24,14 +24,15 @@ struct Session {
     picture_from_view.push_back(synthetic::picture_from_view(at, angle));
     views.push_back(synthetic::view_of(picture, picture_from_view.back(), look, random));
   }
-  /// To and fro in rows, with a turn of up to 12.5 degrees either way, so up to 25 between two views.
+  /// To and fro in rows, with a turn of up to 12.5 degrees either way, so up to 25 between two
+  /// views.
   void scan(int rows, int columns) {
     std::uniform_real_distribution<double> unit(-1, 1);
     for (int k = 0; k < rows * columns; ++k) {
       const int row = k / columns, column = row % 2 == 0 ? k % columns : columns - 1 - k % columns;
       const double u = unit(random), v = unit(random), turn = unit(random), light = unit(random);
-      look({430 + 230 * column + 40 * u, 400 + 230 * row + 40 * v}, 12.5 * std::numbers::pi / 180 * turn,
-           1 + 0.1 * light);
+      look({430 + 230 * column + 40 * u, 400 + 230 * row + 40 * v},
+           12.5 * std::numbers::pi / 180 * turn, 1 + 0.1 * light);
     }
   }
   // Of all points of all views, in the frame of the first.
@@ -43,7 +44,8 @@ struct Session {
       const Eigen::Affine2d truth = picture_from_view[0].inverse() * picture_from_view[k];
       for (int v = 0; v < 480; v += 40) {
         for (int u = 0; u < 640; u += 40, ++count)
-          sum += (truth * Eigen::Vector2d(u, v) - *plan.mosaic_from_view[k] * Eigen::Vector2d(u, v)).squaredNorm();
+          sum += (truth * Eigen::Vector2d(u, v) - *plan.mosaic_from_view[k] * Eigen::Vector2d(u, v))
+                     .squaredNorm();
       }
     }
     return std::sqrt(sum / count);
@@ -55,8 +57,9 @@ TEST(Mosaic, places_every_view_within_three_tenths_of_a_pixel) {
   session.scan(3, 4);
   const MosaicPlan plan = plan_mosaic(session.views);
   const double error = session.error_px(plan);
-  std::cout << "mosaic of 12 views: rms " << error << " px from the truth; links " << plan.links.size() << ", spare "
-            << plan.spare_links << ", rms " << plan.rms_px << " px, worst " << plan.worst_px << " px\n";
+  std::cout << "mosaic of 12 views: rms " << error << " px from the truth; links "
+            << plan.links.size() << ", spare " << plan.spare_links << ", rms " << plan.rms_px
+            << " px, worst " << plan.worst_px << " px\n";
   EXPECT_EQ(plan.joined(), 12);
   EXPECT_LE(error, 0.3);  // the issue's
   EXPECT_GE(plan.spare_links, 5);
@@ -74,7 +77,8 @@ TEST(Mosaic, looks_like_the_retina_with_the_lamp_evened) {
   ASSERT_EQ(plan.joined(), 3);
   const Mosaic mosaic = blend_mosaic(session.views, plan);
   // The lamp's strength is known up to a common factor.
-  EXPECT_NEAR(mosaic.gains[1] / mosaic.gains[0], 1 / 0.8, 0.05);  // the vignette, averaged over the overlap, remains
+  EXPECT_NEAR(mosaic.gains[1] / mosaic.gains[0], 1 / 0.8,
+              0.05);  // the vignette, averaged over the overlap, remains
   EXPECT_NEAR(mosaic.gains[2] / mosaic.gains[0], 1 / 1.1, 0.05);
   // Small structure, which neither lamp nor vignette touch, against the picture's.
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> m =
@@ -88,10 +92,11 @@ TEST(Mosaic, looks_like_the_retina_with_the_lamp_evened) {
     *image -= wide;
   }
   cv::Mat inside;
-  cv::erode(mosaic.cover, inside, cv::Mat::ones(61, 61, CV_8U), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
+  cv::erode(mosaic.cover, inside, cv::Mat::ones(61, 61, CV_8U), {-1, -1}, 1, cv::BORDER_CONSTANT,
+            cv::Scalar(0));
   seen.setTo(0, ~inside), truth.setTo(0, ~inside);
   const double correlation = seen.dot(truth) / (cv::norm(seen) * cv::norm(truth));
-  EXPECT_GT(correlation, 0.8);  // noise 4 against structure of about 8 grey levels
+  EXPECT_GT(correlation, 0.8);  // noise 4 against structure of about 8 gray levels
   EXPECT_EQ(mosaic.image.type(), CV_8U);
   EXPECT_EQ(cv::countNonZero(mosaic.image & ~mosaic.cover), 0);
 }
@@ -114,15 +119,16 @@ TEST(Mosaic, leaves_out_by_name_what_does_not_belong) {
   EXPECT_LT(highest, 255);  // the dazzled view is not painted
 }
 
-TEST(Mosaic, of_colour_is_in_colour) {
+TEST(Mosaic, of_color_is_in_color) {
   Session session;
   session.look({500, 500}, 0);
   session.look({650, 540}, 0.1);
-  for (cv::Mat& view : session.views) cv::merge(std::vector<cv::Mat>{view / 4, view, view / 2}, view);
+  for (cv::Mat& view : session.views)
+    cv::merge(std::vector<cv::Mat>{view / 4, view, view / 2}, view);
   const Mosaic mosaic = blend_mosaic(session.views, plan_mosaic(session.views));
   ASSERT_EQ(mosaic.image.type(), CV_8UC3);
   const cv::Scalar mean = cv::mean(mosaic.image, mosaic.cover);
-  EXPECT_NEAR(mean[2] / mean[1], 0.5, 0.01);  // whole grey levels
+  EXPECT_NEAR(mean[2] / mean[1], 0.5, 0.01);  // whole gray levels
   EXPECT_NEAR(mean[0] / mean[1], 0.25, 0.01);
 }
 

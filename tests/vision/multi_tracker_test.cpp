@@ -1,4 +1,5 @@
-// Several objects at once: apart, touching, alike, hidden; who is who stays true or is said to be lost.
+// Several objects at once: apart, touching, alike, hidden; who is who stays true or is said to be
+// lost.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/vision/several.h"
 
@@ -9,32 +10,34 @@
 namespace vitreo::vision::generated {
 namespace {
 
-void expect_good(const char* name, const SeveralScore& s, double centre_px = 0.5) {
-  std::printf("%-22s 4 objects, %d frames: lost %d, wrong %d, swapped %d, centre %.2f px\n", name, s.frames, s.lost,
-              s.wrong, s.swapped, s.centre_px);
+void expect_good(const char* name, const SeveralScore& s, double center_px = 0.5) {
+  std::printf("%-22s 4 objects, %d frames: lost %d, wrong %d, swapped %d, center %.2f px\n", name,
+              s.frames, s.lost, s.wrong, s.swapped, s.center_px);
   EXPECT_EQ(s.lost, 0) << name;
   EXPECT_EQ(s.wrong, 0) << name;
-  EXPECT_LT(s.centre_px, centre_px) << name;
+  EXPECT_LT(s.center_px, center_px) << name;
 }
 
-TEST(MultiTracker, follows_a_robot_and_three_discs_of_other_colours_through_touch) {
-  expect_good("colours, touching", score_several({.seed = 31, .meeting = Meeting::touching}, 66));
+TEST(MultiTracker, follows_a_robot_and_three_discs_of_other_colors_through_touch) {
+  expect_good("colors, touching", score_several({.seed = 31, .meeting = Meeting::touching}, 66));
 }
 
-TEST(MultiTracker, follows_four_bodies_of_one_colour_through_touch_over_a_fundus) {
-  expect_good("one colour, touching",
-              score_several({.seed = 32, .one_colour = true, .meeting = Meeting::touching, .fundus = true}, 66));
+TEST(MultiTracker, follows_four_bodies_of_one_color_through_touch_over_a_fundus) {
+  expect_good(
+      "one color, touching",
+      score_several({.seed = 32, .one_color = true, .meeting = Meeting::touching, .fundus = true},
+                    66));
 }
 
 TEST(MultiTracker, never_takes_one_for_another_while_the_robot_is_hidden) {
-  const SeveralScore s =
-      score_several({.seed = 33, .one_colour = true, .meeting = Meeting::touching, .hidden_from = 18}, 50);
+  const SeveralScore s = score_several(
+      {.seed = 33, .one_color = true, .meeting = Meeting::touching, .hidden_from = 18}, 50);
   EXPECT_EQ(s.wrong, 0);
   EXPECT_EQ(s.swapped, 0);
   EXPECT_LE(s.lost, 6);  // three frames each for the robot and the disc that the bar covers with it
 }
 
-/// Two discs of one colour on a plain ground, where the caller wants them.
+/// Two discs of one color on a plain ground, where the caller wants them.
 struct TwoDiscs {
   static Ellipse at(double u, double v) { return {{u, v}, 18, 17.5, 0.2}; }
   static Frame frame(const Ellipse& one, const Ellipse& other) {
@@ -45,7 +48,7 @@ struct TwoDiscs {
     return Sequence(settings).frame(0);
   }
   static MultiTracker tracker() {
-    std::vector<LabelledImage> images;
+    std::vector<LabeledImage> images;
     for (const double u : {60.0, 90.0, 120.0, 150.0}) {
       const Ellipse one = at(u, 0.5 * u), other = at(-80, -80);
       images.push_back({frame(one, other).image, Sequence::mask_of(one, {320, 240})});
@@ -55,28 +58,33 @@ struct TwoDiscs {
   }
 };
 
-TEST(MultiTracker, calls_two_alike_lost_when_one_runs_over_the_other_and_tells_them_apart_only_where_it_can) {
+TEST(MultiTracker,
+     calls_two_alike_lost_when_one_runs_over_the_other_and_tells_them_apart_only_where_it_can) {
   MultiTracker tracker = TwoDiscs::tracker();
   ASSERT_TRUE(tracker.alike(0, 1));
   tracker.place(0, TwoDiscs::at(80, 120));
   tracker.place(1, TwoDiscs::at(200, 120));
   for (int k = 0; k <= 10; ++k) {
-    const auto& tracks =
-        tracker.update(TwoDiscs::frame(TwoDiscs::at(80 + 6 * k, 120), TwoDiscs::at(200 - 6 * k, 120)).image);
+    const auto& tracks = tracker.update(
+        TwoDiscs::frame(TwoDiscs::at(80 + 6 * k, 120), TwoDiscs::at(200 - 6 * k, 120)).image);
     for (int i = 0; i < 2; ++i) {
       if (tracks[static_cast<std::size_t>(i)].state != TrackState::tracking) continue;
       const double expected = i == 0 ? 80 + 6 * k : 200 - 6 * k;
-      EXPECT_NEAR(tracks[static_cast<std::size_t>(i)].measured->ellipse.centre_px.x(), expected, 10) << i << " " << k;
+      EXPECT_NEAR(tracks[static_cast<std::size_t>(i)].measured->ellipse.center_px.x(), expected, 10)
+          << i << " " << k;
     }
   }
   // Both in one place, for long: nobody knows which of them comes out on which side.
-  for (int k = 0; k < 8; ++k) tracker.update(TwoDiscs::frame(TwoDiscs::at(140, 120), TwoDiscs::at(140, 120)).image);
-  const auto& tracks = tracker.update(TwoDiscs::frame(TwoDiscs::at(95, 120), TwoDiscs::at(185, 120)).image);
+  for (int k = 0; k < 8; ++k)
+    tracker.update(TwoDiscs::frame(TwoDiscs::at(140, 120), TwoDiscs::at(140, 120)).image);
+  const auto& tracks =
+      tracker.update(TwoDiscs::frame(TwoDiscs::at(95, 120), TwoDiscs::at(185, 120)).image);
   EXPECT_FALSE(tracks[0].state == TrackState::tracking && tracks[1].state == TrackState::tracking);
   // A person who points ends it.
   tracker.place(0, TwoDiscs::at(95, 120));
   tracker.place(1, TwoDiscs::at(185, 120));
-  for (const Track& track : tracker.update(TwoDiscs::frame(TwoDiscs::at(96, 120), TwoDiscs::at(184, 120)).image))
+  for (const Track& track :
+       tracker.update(TwoDiscs::frame(TwoDiscs::at(96, 120), TwoDiscs::at(184, 120)).image))
     EXPECT_EQ(track.state, TrackState::tracking);
 }
 

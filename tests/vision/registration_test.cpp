@@ -41,11 +41,14 @@ struct Pair {
 };
 
 // Shifted by 100 to 300 px any way, turned by up to 25 degrees.
-Pair random_pair(std::mt19937_64& random, const Eigen::Matrix2d& shear = Eigen::Matrix2d::Identity()) {
+Pair random_pair(std::mt19937_64& random,
+                 const Eigen::Matrix2d& shear = Eigen::Matrix2d::Identity()) {
   std::uniform_real_distribution<double> unit(-1, 1);
   const double length = 200 + 100 * unit(random), way = std::numbers::pi * unit(random);
-  const double turn = 25 * kDegree * unit(random), u = unit(random), v = unit(random), turned = 0.2 * unit(random);
-  const Eigen::Vector2d at(750 + 100 * u, 600 + 50 * v), shift(length * std::cos(way), length * std::sin(way));
+  const double turn = 25 * kDegree * unit(random), u = unit(random), v = unit(random),
+               turned = 0.2 * unit(random);
+  const Eigen::Vector2d at(750 + 100 * u, 600 + 50 * v),
+      shift(length * std::cos(way), length * std::sin(way));
   const Eigen::Affine2d first = synthetic::picture_from_view(at, turned);
   Eigen::Affine2d second = synthetic::picture_from_view(at + shift, turned + turn);
   second.linear() *= shear;
@@ -70,9 +73,10 @@ TEST(Registration, of_turned_shifted_noisy_vignetted_views_is_right_to_a_tenth_o
     squares += error * error;
     variances += found->sigma_px * found->sigma_px;
   }
-  std::cout << "registration: rms " << std::sqrt(squares / kPairs) << " px, claimed " << std::sqrt(variances / kPairs)
-            << " px\n";
-  EXPECT_GT(variances, squares / 4);  // the error is what was claimed, within a factor of two either way
+  std::cout << "registration: rms " << std::sqrt(squares / kPairs) << " px, claimed "
+            << std::sqrt(variances / kPairs) << " px\n";
+  EXPECT_GT(variances,
+            squares / 4);  // the error is what was claimed, within a factor of two either way
   EXPECT_LT(variances, squares * 4);
 }
 
@@ -81,11 +85,13 @@ TEST(Registration, finds_scale_and_shear_when_they_are_allowed) {
   RegistrationSettings settings;
   settings.model = ViewModel::affine;
   for (int k = 0; k < 5; ++k) {
-    const Pair pair = random_pair(random, (Eigen::Matrix2d() << 1.01, 0.008, -0.004, 0.99).finished());
+    const Pair pair =
+        random_pair(random, (Eigen::Matrix2d() << 1.01, 0.008, -0.004, 0.99).finished());
     const RegistrationView first(pair.first, settings), second(pair.second, settings);
     const auto found = register_views(first, second, settings);
     ASSERT_TRUE(found) << k;
-    EXPECT_LT(error_px(found->first_from_second, pair.first_from_second), 0.2) << k;  // twice as many unknowns
+    EXPECT_LT(error_px(found->first_from_second, pair.first_from_second), 0.2)
+        << k;  // twice as many unknowns
   }
 }
 
@@ -111,9 +117,12 @@ TEST(Registration, finds_nothing_where_there_is_nothing_in_common) {
   for (int k = 0; k < 12; ++k) {
     const cv::Mat other = synthetic::retina({800, 640}, 100 + static_cast<std::uint64_t>(k));
     const RegistrationView first(
-        synthetic::view_of(picture(), synthetic::picture_from_view({750, 600}, 0.5 * k), {}, random), settings);
-    const RegistrationView second(synthetic::view_of(other, synthetic::picture_from_view({400, 320}, 0), {}, random),
-                                  settings);
+        synthetic::view_of(picture(), synthetic::picture_from_view({750, 600}, 0.5 * k), {},
+                           random),
+        settings);
+    const RegistrationView second(
+        synthetic::view_of(other, synthetic::picture_from_view({400, 320}, 0), {}, random),
+        settings);
     const auto found = register_views(first, second, settings);
     if (found) ++wrong, highest = std::max(highest, found->correlation);
   }
@@ -123,41 +132,48 @@ TEST(Registration, finds_nothing_where_there_is_nothing_in_common) {
 TEST(Registration, finds_nothing_in_blank_saturated_or_merely_noisy_views) {
   std::mt19937_64 random(5);
   const RegistrationSettings settings;
-  const RegistrationView good(synthetic::view_of(picture(), synthetic::picture_from_view({750, 600}, 0), {}, random),
-                              settings);
+  const RegistrationView good(
+      synthetic::view_of(picture(), synthetic::picture_from_view({750, 600}, 0), {}, random),
+      settings);
   for (const int level : {0, 128, 255}) {
     const RegistrationView flat(cv::Mat(480, 640, CV_8U, cv::Scalar(level)), settings);
     EXPECT_TRUE(flat.blank());
     EXPECT_FALSE(register_views(good, flat, settings)) << level;
     EXPECT_FALSE(register_views(flat, flat, settings)) << level;
   }
-  const cv::Mat grey(600, 800, CV_32F, cv::Scalar(120));
+  const cv::Mat gray(600, 800, CV_32F, cv::Scalar(120));
   const Eigen::Affine2d middle = synthetic::picture_from_view({400, 300}, 0);
-  const RegistrationView noise(synthetic::view_of(grey, middle, {}, random), settings);
-  const RegistrationView more(synthetic::view_of(grey, middle, {}, random), settings);
+  const RegistrationView noise(synthetic::view_of(gray, middle, {}, random), settings);
+  const RegistrationView more(synthetic::view_of(gray, middle, {}, random), settings);
   EXPECT_FALSE(register_views(good, noise, settings));
   EXPECT_FALSE(register_views(noise, more, settings));
 }
 
-TEST(Registration, takes_colour_by_its_green) {
+TEST(Registration, takes_color_by_its_green) {
   std::mt19937_64 random(6);
-  const cv::Mat green = synthetic::view_of(picture(), synthetic::picture_from_view({700, 500}, 0), {}, random);
-  cv::Mat colour;
-  cv::merge(std::vector<cv::Mat>{cv::Mat::zeros(green.size(), CV_8U), green, 255 - green}, colour);
+  const cv::Mat green =
+      synthetic::view_of(picture(), synthetic::picture_from_view({700, 500}, 0), {}, random);
+  cv::Mat color;
+  cv::merge(std::vector<cv::Mat>{cv::Mat::zeros(green.size(), CV_8U), green, 255 - green}, color);
   const RegistrationSettings settings;
-  const auto found = register_views(RegistrationView(green, settings), RegistrationView(colour, settings), settings);
+  const auto found = register_views(RegistrationView(green, settings),
+                                    RegistrationView(color, settings), settings);
   ASSERT_TRUE(found);
-  EXPECT_TRUE(found->first_from_second.isApprox(Eigen::Affine2d::Identity(), 1e-6));  // the same pixels
+  EXPECT_TRUE(
+      found->first_from_second.isApprox(Eigen::Affine2d::Identity(), 1e-6));  // the same pixels
 }
 
 TEST(Registration, refuses_images_and_settings_that_make_no_sense) {
   const RegistrationSettings settings;
   const cv::Mat image(100, 100, CV_8U, cv::Scalar(9));
   EXPECT_THROW(RegistrationView({}, settings), std::invalid_argument);
-  EXPECT_THROW(RegistrationView(cv::Mat(100, 100, CV_32F, cv::Scalar(0)), settings), std::invalid_argument);
-  EXPECT_THROW(RegistrationView(cv::Mat(100, 63, CV_8U, cv::Scalar(0)), settings), std::invalid_argument);
+  EXPECT_THROW(RegistrationView(cv::Mat(100, 100, CV_32F, cv::Scalar(0)), settings),
+               std::invalid_argument);
+  EXPECT_THROW(RegistrationView(cv::Mat(100, 63, CV_8U, cv::Scalar(0)), settings),
+               std::invalid_argument);
   const cv::Mat wider(100, 101, CV_8U, cv::Scalar(9));
-  EXPECT_THROW(register_views(RegistrationView(image, settings), RegistrationView(wider, settings), settings),
+  EXPECT_THROW(register_views(RegistrationView(image, settings), RegistrationView(wider, settings),
+                              settings),
                std::invalid_argument);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (double RegistrationSettings::*field :
@@ -170,8 +186,9 @@ TEST(Registration, refuses_images_and_settings_that_make_no_sense) {
   Eigen::Affine2d lost = Eigen::Affine2d::Identity();
   lost.translation() = Eigen::Vector2d(nan, 5);
   std::mt19937_64 random(7);
-  const RegistrationView view(synthetic::view_of(picture(), synthetic::picture_from_view({700, 500}, 0), {}, random),
-                              settings);
+  const RegistrationView view(
+      synthetic::view_of(picture(), synthetic::picture_from_view({700, 500}, 0), {}, random),
+      settings);
   EXPECT_THROW(refine_registration(view, view, lost, settings), std::invalid_argument);
   lost.translation() = Eigen::Vector2d(5000, 5);
   EXPECT_FALSE(refine_registration(view, view, lost, settings));

@@ -14,8 +14,8 @@
 
 namespace vitreo::vision::generated {
 
-/// Writes `frames/frame_0000.png` ..., `training/NAME.png` with `NAME_mask.png`, and `truth.csv` (full axes) below
-/// `folder`.
+/// Writes `frames/frame_0000.png` ..., `training/NAME.png` with `NAME_mask.png`, and `truth.csv`
+/// (full axes) below `folder`.
 inline void write_sequence(const SequenceSettings& settings, int frames, int masks,
                            const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder / "frames");
@@ -28,12 +28,12 @@ inline void write_sequence(const SequenceSettings& settings, int frames, int mas
     const Frame one = sequence.frame(k);
     std::snprintf(name, sizeof name, "frame_%04d.png", k);
     cv::imwrite((folder / "frames" / name).string(), one.image, {cv::IMWRITE_PNG_COMPRESSION, 1});
-    truth << k << ',' << one.truth.centre_px.x() << ',' << one.truth.centre_px.y() << ',' << 2 * one.truth.semi_major_px
-          << ',' << 2 * one.truth.semi_minor_px << ',' << one.truth.angle * 180 / std::numbers::pi << ',' << one.visible
-          << '\n';
+    truth << k << ',' << one.truth.center_px.x() << ',' << one.truth.center_px.y() << ','
+          << 2 * one.truth.semi_major_px << ',' << 2 * one.truth.semi_minor_px << ','
+          << one.truth.angle * 180 / std::numbers::pi << ',' << one.visible << '\n';
   }
   int k = 0;
-  for (const LabelledImage& one : sequence.training(masks)) {
+  for (const LabeledImage& one : sequence.training(masks)) {
     std::snprintf(name, sizeof name, "robot_%d", k++);
     cv::imwrite((folder / "training" / (std::string(name) + ".png")).string(), one.image);
     cv::imwrite((folder / "training" / (std::string(name) + "_mask.png")).string(), one.mask);

@@ -1,4 +1,5 @@
-// Synthetic scenes for the tracker's tests: an ellipsoid of known outline over a fundus-like ground, blurred, noisy.
+// Synthetic scenes for the tracker's tests: an ellipsoid of known outline over a fundus-like
+// ground, blurred, noisy.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,28 +17,30 @@
 
 namespace vitreo::vision::synthetic {
 
-struct Look {  // of the body, grey levels; the rim is ambient
+struct Look {  // of the body, gray levels; the rim is ambient
   double ambient = 20, diffuse = 0, specular = 0, shininess = 30;
   Eigen::Vector3d lamp{0.25, 0.15, 1};
 };
 
 struct Scene {
   cv::Size size{640, 480};
-  double ground = 125, mottling = 6, vessels = 40;  // grey levels
+  double ground = 125, mottling = 6, vessels = 40;  // gray levels
   double blur_sigma_px = 2;
-  double full_well = 20000, read_noise = 15;  // electrons at grey 255; electrons
+  double full_well = 20000, read_noise = 15;  // electrons at gray 255; electrons
   std::uint64_t seed = 1;
 };
 
 inline cv::Mat noisy(const cv::Mat& mean, const Scene& scene, std::mt19937_64& random) {
   std::normal_distribution<float> normal;
   cv::Mat image(mean.size(), CV_8U);
-  const double gain = 255 / scene.full_well;  // grey levels per electron
+  const double gain = 255 / scene.full_well;  // gray levels per electron
   for (int v = 0; v < mean.rows; ++v) {
     for (int u = 0; u < mean.cols; ++u) {
       const double level = mean.at<float>(v, u);
-      const double sigma = std::sqrt(gain * std::max(level, 0.0) + std::pow(gain * scene.read_noise, 2));
-      image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(level + sigma * normal(random));
+      const double sigma =
+          std::sqrt(gain * std::max(level, 0.0) + std::pow(gain * scene.read_noise, 2));
+      image.at<unsigned char>(v, u) =
+          cv::saturate_cast<unsigned char>(level + sigma * normal(random));
     }
   }
   return image;
@@ -53,29 +56,33 @@ inline cv::Mat ground_of(const Scene& scene) {
   }
   cv::resize(coarse, ground, scene.size, 0, 0, cv::INTER_CUBIC);
   ground = ground * scene.mottling + scene.ground;
-  std::uniform_real_distribution<double> u(0, scene.size.width), v(0, scene.size.height), thickness(2, 7);
+  std::uniform_real_distribution<double> u(0, scene.size.width), v(0, scene.size.height),
+      thickness(2, 7);
   for (int k = 0; scene.vessels > 0 && k < 12; ++k) {
-    const double u1 = u(random), v1 = v(random), u2 = u(random), v2 = v(random), width = thickness(random);
+    const double u1 = u(random), v1 = v(random), u2 = u(random), v2 = v(random),
+                 width = thickness(random);
     cv::Mat line = cv::Mat::zeros(scene.size, CV_32F);
-    cv::line(line, {static_cast<int>(u1), static_cast<int>(v1)}, {static_cast<int>(u2), static_cast<int>(v2)},
-             scene.vessels, static_cast<int>(width));
+    cv::line(line, {static_cast<int>(u1), static_cast<int>(v1)},
+             {static_cast<int>(u2), static_cast<int>(v2)}, scene.vessels, static_cast<int>(width));
     cv::GaussianBlur(line, line, {0, 0}, 2.5);
     ground -= line;
   }
   return ground;
 }
 
-inline Background learnt(const cv::Mat& ground, const Scene& scene, std::mt19937_64& random, int images = 10) {
+inline Background learnt(const cv::Mat& ground, const Scene& scene, std::mt19937_64& random,
+                         int images = 10) {
   Background background;
   for (int k = 0; k < images; ++k) background.learn(noisy(ground, scene, random));
   return background;
 }
 
-/// Brightness of a spheroid seen from above whose axis lies in the image, at (x, y) of its unit disc; a, b its
-/// semi-axes.
+/// Brightness of a spheroid seen from above whose axis lies in the image, at (x, y) of its unit
+/// disc; a, b its semi-axes.
 inline double brightness(const Look& look, double x, double y, double a, double b) {
   const double z = std::sqrt(std::max(1 - x * x - y * y, 0.0));
-  const Eigen::Vector3d normal = Eigen::Vector3d(x / a, y / b, z / b).normalized(), lamp = look.lamp.normalized();
+  const Eigen::Vector3d normal = Eigen::Vector3d(x / a, y / b, z / b).normalized(),
+                        lamp = look.lamp.normalized();
   const Eigen::Vector3d half_way = (lamp + Eigen::Vector3d::UnitZ()).normalized();
   return look.ambient + look.diffuse * std::max(normal.dot(lamp), 0.0) +
          look.specular * std::pow(std::max(normal.dot(half_way), 0.0), look.shininess);
@@ -84,18 +91,21 @@ inline double brightness(const Look& look, double x, double y, double a, double 
 /// Draws the body over `mean`: (1 - cover) ground + light, both blurred; 6 x 6 points a pixel.
 inline void draw_body(cv::Mat& mean, const Ellipse& e, const Look& look, const Scene& scene) {
   const int reach = static_cast<int>(e.semi_major_px + 5 * scene.blur_sigma_px) + 3;
-  const int u0 = static_cast<int>(e.centre_px.x()) - reach, v0 = static_cast<int>(e.centre_px.y()) - reach;
+  const int u0 = static_cast<int>(e.center_px.x()) - reach,
+            v0 = static_cast<int>(e.center_px.y()) - reach;
   cv::Mat cover = cv::Mat::zeros(2 * reach + 1, 2 * reach + 1, CV_32F), light = cover.clone();
   const double c = std::cos(e.angle), s = std::sin(e.angle);
   for (int j = 0; j < cover.rows; ++j) {
     for (int i = 0; i < cover.cols; ++i) {
       for (int k = 0; k < 36; ++k) {
-        const double du = u0 + i + (k % 6 - 2.5) / 6 - e.centre_px.x(),
-                     dv = v0 + j + (k / 6 - 2.5) / 6 - e.centre_px.y();
-        const double x = (c * du + s * dv) / e.semi_major_px, y = (c * dv - s * du) / e.semi_minor_px;
+        const double du = u0 + i + (k % 6 - 2.5) / 6 - e.center_px.x(),
+                     dv = v0 + j + (k / 6 - 2.5) / 6 - e.center_px.y();
+        const double x = (c * du + s * dv) / e.semi_major_px,
+                     y = (c * dv - s * du) / e.semi_minor_px;
         if (x * x + y * y > 1) continue;
         cover.at<float>(j, i) += 1.0F / 36;
-        light.at<float>(j, i) += static_cast<float>(brightness(look, x, y, e.semi_major_px, e.semi_minor_px) / 36);
+        light.at<float>(j, i) +=
+            static_cast<float>(brightness(look, x, y, e.semi_major_px, e.semi_minor_px) / 36);
       }
     }
   }
@@ -111,7 +121,8 @@ inline void draw_body(cv::Mat& mean, const Ellipse& e, const Look& look, const S
   }
 }
 
-inline Ellipse random_ellipse(std::mt19937_64& random, double major, double minor, const cv::Size& size) {
+inline Ellipse random_ellipse(std::mt19937_64& random, double major, double minor,
+                              const cv::Size& size) {
   std::uniform_real_distribution<double> unit(0, 1);
   const double u = unit(random), v = unit(random), turn = unit(random);
   const double margin = major / 2 + 25;
@@ -137,7 +148,8 @@ struct Bench {
   }
 };
 
-// As the simulated laboratory draws it: dark, brighter in the middle, a highlight as bright as the ground.
+// As the simulated laboratory draws it: dark, brighter in the middle, a highlight as bright as the
+// ground.
 inline Look metal() {
   Look look;
   look.ambient = 15;

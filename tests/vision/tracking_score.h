@@ -1,9 +1,9 @@
-// Scores a colour tracker on a generated sequence as the project's figures are defined.
+// Scores a color tracker on a generated sequence as the project's figures are defined.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "tests/vision/sequence_generator.h"
-#include "vision/colour_tracker.h"
+#include "vision/color_tracker.h"
 
 #include <Eigen/LU>
 
@@ -16,27 +16,29 @@ namespace vitreo::vision::generated {
 
 struct Score {
   int frames = 0, lost = 0, wrong = 0, seen = 0;
-  int hidden_tracked = 0;                ///< frames reported tracking though nothing of the object is visible
+  int hidden_tracked = 0;  ///< frames reported tracking though nothing of the object is visible
   std::optional<int> found_again_after;  ///< frames from the end of the hiding to the first track
-  double centre_px = 0, major_px = 0, minor_px = 0, angle_deg = 0;  ///< mean errors where all is visible; full axes
-  double inside = 0;  ///< share of those centres within their own 95 % ellipse
+  double center_px = 0, major_px = 0, minor_px = 0,
+         angle_deg = 0;  ///< mean errors where all is visible; full axes
+  double inside = 0;     ///< share of those centers within their own 95 % ellipse
 };
 
 inline void add_errors(Score& score, const EllipseMeasurement& m, const Ellipse& truth) {
-  const Eigen::Vector2d off = m.ellipse.centre_px - truth.centre_px;
+  const Eigen::Vector2d off = m.ellipse.center_px - truth.center_px;
   const Eigen::Matrix2d covariance = m.covariance.topLeftCorner<2, 2>();
   ++score.seen;
-  score.centre_px += off.norm();
+  score.center_px += off.norm();
   score.major_px += 2 * std::abs(m.ellipse.semi_major_px - truth.semi_major_px);
   score.minor_px += 2 * std::abs(m.ellipse.semi_minor_px - truth.semi_minor_px);
-  score.angle_deg += std::abs(std::remainder(m.ellipse.angle - truth.angle, std::numbers::pi)) * 180 / std::numbers::pi;
+  score.angle_deg += std::abs(std::remainder(m.ellipse.angle - truth.angle, std::numbers::pi)) *
+                     180 / std::numbers::pi;
   score.inside += off.dot(covariance.inverse() * off) < 5.991 ? 1 : 0;  // chi^2 of two, 95 %
 }
 
-inline Score score(const SequenceSettings& settings, int frames, const ColourTrackerSettings& chosen = {},
-                   const ColourModelSettings& colour = {}) {
+inline Score score(const SequenceSettings& settings, int frames,
+                   const ColorTrackerSettings& chosen = {}, const ColorModelSettings& color = {}) {
   Sequence sequence(settings);
-  ColourTracker tracker(ObjectModel::train(sequence.training(24), colour, chosen.view), chosen);
+  ColorTracker tracker(ObjectModel::train(sequence.training(24), color, chosen.view), chosen);
   Score score;
   score.frames = frames;
   const int hidden_end = settings.hidden_from + settings.hidden_frames;
@@ -48,14 +50,15 @@ inline Score score(const SequenceSettings& settings, int frames, const ColourTra
       score.lost += frame.visible >= 0.3;
       continue;
     }
-    const double off = (track.measured->ellipse.centre_px - frame.truth.centre_px).norm();
+    const double off = (track.measured->ellipse.center_px - frame.truth.center_px).norm();
     score.wrong += off > 10 || hidden;
     score.hidden_tracked += hidden;
     if (settings.hidden_from >= 0 && k >= hidden_end && !score.found_again_after)
       score.found_again_after = k - hidden_end;
     if (frame.visible > 0.99) add_errors(score, *track.measured, frame.truth);
   }
-  for (double* sum : {&score.centre_px, &score.major_px, &score.minor_px, &score.angle_deg, &score.inside}) {
+  for (double* sum :
+       {&score.center_px, &score.major_px, &score.minor_px, &score.angle_deg, &score.inside}) {
     *sum /= std::max(score.seen, 1);
   }
   return score;

@@ -1,15 +1,15 @@
-// Prints the figures of the instruments' links: what an update of eight coils costs through driver and kernel
-// interface, and what the GigE Vision path delivers. Start it under umockdev-wrapper; the first argument is seconds a
-// stream (60).
+// Prints the figures of the instruments' links: what an update of eight coils costs through driver
+// and kernel interface, and what the GigE Vision path delivers. Start it under umockdev-wrapper;
+// the first argument is seconds a stream (60).
 // SPDX-License-Identifier: Apache-2.0
-#include "devices/error.h"
-#include "devices/genicam/camera_server.h"
-#include "devices/genicam/driver.h"
-#include "devices/pololu_tic/emulator.h"
+#include "devices/instruments/genicam/camera_server.h"
+#include "devices/instruments/genicam/driver.h"
+#include "devices/instruments/pololu_tic/emulator.h"
+#include "devices/instruments/usb3103/driver.h"
+#include "devices/instruments/usb3103/emulator.h"
+#include "devices/links/usb_link.h"
 #include "devices/testbed/usb_testbed.h"
-#include "devices/usb3103/driver.h"
-#include "devices/usb3103/emulator.h"
-#include "devices/usb_link.h"
+#include "devices/time/error.h"
 
 #include <opencv2/core.hpp>
 
@@ -35,26 +35,28 @@ void print_latency(const char* path, CoilAmplifier& coils, const Clock& clock) {
   }
   coils.make_safe();
   std::sort(times.begin(), times.end());
-  std::printf("update of 8 coils, %-24s median %.2f ms, 99th percentile %.2f ms, most %.2f ms\n", path,
-              times[kUpdates / 2], times[kUpdates * 99 / 100], times.back());
+  std::printf("update of 8 coils, %-24s median %.2f ms, 99th percentile %.2f ms, most %.2f ms\n",
+              path, times[kUpdates / 2], times[kUpdates * 99 / 100], times.back());
 }
 
 void measure_coils() {
   const auto clock = wall_clock();
   const auto emulator = usb3103::make_emulator({}, nullptr);
-  print_latency("link in memory:", *usb3103::open(memory_hid_link(*emulator, *clock, Time(0)), {}, *clock), *clock);
+  print_latency("link in memory:",
+                *usb3103::open(memory_hid_link(*emulator, *clock, Time(0)), {}, *clock), *clock);
   if (const std::string why = why_no_usb_testbed(); !why.empty()) {
     std::printf("update of 8 coils, hidapi and umockdev: not measured, %s\n", why.c_str());
     return;
   }
   const auto testbed = make_usb_testbed();
   const int plug = testbed->plug(*emulator, {0x09DB, 0x009C, 0x0100, "1", "MCC", "USB-3103", ""});
-  print_latency("hidapi and umockdev:", *usb3103::open(open_hid_link({0x09DB, 0x009C, ""}, *clock), {}, *clock),
-                *clock);
+  print_latency("hidapi and umockdev:",
+                *usb3103::open(open_hid_link({0x09DB, 0x009C, ""}, *clock), {}, *clock), *clock);
   testbed->unplug(plug);
 }
 
-/// How long it takes until the link says so, when the device is pulled out while somebody waits for it.
+/// How long it takes until the link says so, when the device is pulled out while somebody waits for
+/// it.
 void print_unplug(const char* path, const Clock& clock, const std::function<void()>& pull,
                   const std::function<void()>& use) {
   const Time start = clock.now();
@@ -78,7 +80,8 @@ void measure_unplugs() {
   const int usb = testbed->plug(*motor);
   const auto reports = open_hid_link({0x09DB, 0x009C, ""}, *clock);
   print_unplug(
-      "inside a HID read:", *clock, [&] { testbed->unplug(hid); }, [&] { reports->read(std::chrono::seconds(10)); });
+      "inside a HID read:", *clock, [&] { testbed->unplug(hid); },
+      [&] { reports->read(std::chrono::seconds(10)); });
   const auto transfers = open_usb_link({0x1FFB, 0x00B3, ""}, *clock);
   testbed->set_fault(usb, UsbFault::silent);
   print_unplug(
@@ -129,14 +132,16 @@ void measure_stream(int width, int height, double rate, double seconds) {
   const CameraStatistics s = camera->statistics();
   const double host_cpu = 100. * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC / seconds;
   std::printf(
-      "GigE %4d x %4d asked %2.0f Hz for %.0f s: grabbed %.1f Hz, corrupt %d, delivered %llu, lost %llu, torn %llu, "
+      "GigE %4d x %4d asked %2.0f Hz for %.0f s: grabbed %.1f Hz, corrupt %d, delivered %llu, lost "
+      "%llu, torn %llu, "
       "from the first packet to the host %.1f ms, CPU of camera and host %.0f %%\n",
-      width, height, rate, seconds, grabbed / seconds, bad, static_cast<unsigned long long>(s.delivered),
-      static_cast<unsigned long long>(s.lost), static_cast<unsigned long long>(s.torn), 1e3 * latency / grabbed,
-      host_cpu);
+      width, height, rate, seconds, grabbed / seconds, bad,
+      static_cast<unsigned long long>(s.delivered), static_cast<unsigned long long>(s.lost),
+      static_cast<unsigned long long>(s.torn), 1e3 * latency / grabbed, host_cpu);
   server.reset();
   print_unplug(
-      "from the network (GigE camera):", *clock, [] {}, [&] { camera->grab(std::chrono::seconds(10)); });
+      "from the network (GigE camera):", *clock, [] {},
+      [&] { camera->grab(std::chrono::seconds(10)); });
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/allocation.h"
 #include "control/field_calibration_file.h"
-#include "devices/sim/hardware_draw.h"
+#include "devices/sim/hardware_sample.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@ namespace vitreo::sim {
 namespace {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
-const Eigen::Vector3d kCentre = Eigen::Vector3d::Zero();
+const Eigen::Vector3d kCenter = Eigen::Vector3d::Zero();
 
 /// A calibration in multipoles that says the same as the dipoles: B_1 = -mu0 |m| / 4 pi.
 control::MultipoleField as_multipoles(const control::CoilField& dipoles, double half_size) {
@@ -45,7 +45,8 @@ TEST(Coils, AHotCoilsCurrentIsWhatTheSupplyDrivesThroughIt) {
   for (int k = 0; k < 100; ++k) coils.step(k * kMs);
   EXPECT_NEAR(coils.currents()[0], 11, 1e-3) << "cold: 12 A could flow";
   for (int k = 100; k < 30000; ++k) coils.step(k * kMs);
-  const double resistance = 1 + settings.temperature_coefficient * (coils.temperatures()[0] - settings.ambient);
+  const double resistance =
+      1 + settings.temperature_coefficient * (coils.temperatures()[0] - settings.ambient);
   EXPECT_LT(coils.currents()[0], 10.5);
   EXPECT_NEAR(coils.currents()[0], 12 / resistance, 1e-6);
 }
@@ -67,12 +68,12 @@ TEST(PlantsField, ACalibrationFileInThePlantMovesTheRobotAsTheDipolesItSays) {
   WorldSettings dipoles;
   dipoles.coils.noise = 0;
   WorldSettings calibrated = dipoles;
-  const std::string text =
-      control::field_calibration_text({"test", as_multipoles(control::CoilField::octomag(), 20e-3)});
+  const std::string text = control::field_calibration_text(
+      {"test", as_multipoles(control::CoilField::octomag(), 20e-3)});
   calibrated.field = control::parse_field_calibration(text).field;
   const auto end = [](const WorldSettings& settings) {
     World world(settings, 4);
-    world.insert_robot(Time(0), kCentre);
+    world.insert_robot(Time(0), kCenter);
     world.set_coil_commands(Time(0), control::Currents::Constant(8, 1.5));
     return world.robot(800 * kMs)->position;
   };
@@ -96,7 +97,8 @@ TEST(PlantsField, TheBackgroundIsFeltWithoutCurrent) {
   WorldSettings settings;
   settings.field.set_uniform_background({20e-6, 0, -45e-6});
   World world(settings, 1);
-  EXPECT_LT((world.field(Time(0), kCentre).head<3>() - Eigen::Vector3d(20e-6, 0, -45e-6)).norm(), 1e-12);
+  EXPECT_LT((world.field(Time(0), kCenter).head<3>() - Eigen::Vector3d(20e-6, 0, -45e-6)).norm(),
+            1e-12);
 }
 
 TEST(HardwareDraw, EitherKindOfModelIsPerturbedByTheSamePrior) {
@@ -105,18 +107,20 @@ TEST(HardwareDraw, EitherKindOfModelIsPerturbedByTheSamePrior) {
   double sum = 0, count = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     std::mt19937_64 random(seed);
-    const control::FieldMatrix drawn = perturbed(multipoles, {}, random).matrix(kCentre), was = nominal.matrix(kCentre);
+    const control::FieldMatrix drawn = perturbed(multipoles, {}, random).matrix(kCenter),
+                               was = nominal.matrix(kCenter);
     for (int coil = 0; coil < 8; ++coil) {
       const Eigen::Vector3d a = drawn.col(coil).head<3>(), b = was.col(coil).head<3>();
       sum += (a - b).squaredNorm() / b.squaredNorm();
       ++count;
     }
   }
-  // gain 3 %, shift 1.2 mm at 100 mm (three axes of about 3 % a length), turn 1.5 degrees about three axes
+  // gain 3 %, shift 1.2 mm at 100 mm (three axes of about 3 % a length), turn 1.5 degrees about
+  // three axes
   EXPECT_NEAR(std::sqrt(sum / count), 0.06, 0.02);
 }
 
-TEST(HandTuning, TheDriftLeftAtTheCentreIsTheTolerance) {
+TEST(HandTuning, TheDriftLeftAtTheCenterIsTheTolerance) {
   const control::FieldModel believed = control::CoilField::octomag();
   double worst_untuned = 0;
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
@@ -130,18 +134,18 @@ TEST(HandTuning, TheDriftLeftAtTheCentreIsTheTolerance) {
     tuning.tolerance = 0;
     const auto drift = [&](const WorldSettings& settings) {
       const Eigen::Vector3d field(10e-3, 0, 0), weight(0, 0, plant.robot.net_weight(plant.medium));
-      const auto held =
-          control::allocate(believed.matrix(kCentre), control::robot_moment(plant.robot, {1, 0, 0}, field),
-                            {field, weight, {0, 0, 0}}, 20);
+      const auto held = control::allocate(believed.matrix(kCenter),
+                                          control::robot_moment(plant.robot, {1, 0, 0}, field),
+                                          {field, weight, {0, 0, 0}}, 20);
       World world(settings, 1);
       world.set_coil_commands(Time(0), held.currents);
-      world.insert_robot(400 * kMs, kCentre);
+      world.insert_robot(400 * kMs, kCenter);
       const Eigen::Vector3d start = world.robot(500 * kMs)->position;
       return Eigen::Vector3d((world.robot(600 * kMs)->position - start) / 0.1);
     };
     worst_untuned = std::max(worst_untuned, drift(plant).norm());
     plant.extra_force = force_left_by_tuning(tuning, plant, believed, random);
-    // in the 0.1 s before, while it turned to the field, it left the centre by some micrometres
+    // in the 0.1 s before, while it turned to the field, it left the center by some micrometers
     EXPECT_LT(drift(plant).norm(), 10e-6) << "seed " << seed;
   }
   EXPECT_GT(worst_untuned, 50e-6);

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/laboratory.h"
 
-#include "devices/error.h"
-#include "devices/usb3103/driver.h"
+#include "devices/instruments/usb3103/driver.h"
+#include "devices/time/error.h"
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
@@ -17,9 +17,9 @@ const Eigen::Vector3d kNone = Eigen::Vector3d::Zero();
 LaboratorySettings small() {
   LaboratorySettings settings;
   settings.top.size = {320, 240};
-  settings.top_image.centre_px = {159.5, 119.5};
+  settings.top_image.center_px = {159.5, 119.5};
   settings.side.size = {160, 120};
-  settings.side_centre_px = {79.5, 59.5};
+  settings.side_center_px = {79.5, 59.5};
   return settings;
 }
 
@@ -32,7 +32,8 @@ TEST(Laboratory, FramesComeAtTheirRateWithTheirLatency) {
   EXPECT_NEAR(to_seconds(second.exposed - first.exposed), 1.0 / 15, 1e-8);
   clock->sleep_for(1001 * kMs);
   const Frame late = camera.grab(kForever);
-  EXPECT_EQ(late.number, second.number + 15) << "only the newest is given; the gap shows in the numbers";
+  EXPECT_EQ(late.number, second.number + 15)
+      << "only the newest is given; the gap shows in the numbers";
   EXPECT_LE(late.received, clock->now());
 }
 
@@ -68,16 +69,19 @@ TEST(Laboratory, TheReportedTruthCanBeShiftedWithoutChangingAPixel) {
   honest.sample().insert_robot(kNone);
   lying.sample().insert_robot(kNone);
   clock->sleep_for(200 * kMs);
-  EXPECT_EQ(cv::norm(honest.top_camera().grab(kForever).image, lying.top_camera().grab(kForever).image, cv::NORM_INF),
+  EXPECT_EQ(cv::norm(honest.top_camera().grab(kForever).image,
+                     lying.top_camera().grab(kForever).image, cv::NORM_INF),
             0);
-  EXPECT_NEAR((lying.truth(clock->now())->position - honest.truth(clock->now())->position).x(), 0.5e-3, 1e-12);
+  EXPECT_NEAR((lying.truth(clock->now())->position - honest.truth(clock->now())->position).x(),
+              0.5e-3, 1e-12);
 }
 
 TEST(Laboratory, TheCoilsListenToTheirEmulatedSetPointDevice) {
   const auto clock = virtual_clock();
   Laboratory laboratory(small(), *clock, 1);
   laboratory.sample().insert_robot(kNone);
-  auto coils = usb3103::open(memory_hid_link(laboratory.coil_outputs(), *clock, Time(0)), {}, *clock);
+  auto coils =
+      usb3103::open(memory_hid_link(laboratory.coil_outputs(), *clock, Time(0)), {}, *clock);
   coils->set_currents(std::vector<double>{1, -2, 3, 0, 0, 0, 0, 0.5});
   clock->sleep_for(400 * kMs);
   const auto flowing = laboratory.truth(clock->now())->currents;
@@ -91,7 +95,8 @@ TEST(Laboratory, TheLensMoverMovesTheImage) {
   const auto clock = virtual_clock();
   Laboratory laboratory(small(), *clock, 1);
   const cv::Mat before = laboratory.top_camera().grab(kForever).image;
-  const auto lens = pololu_tic::open(memory_usb_link(laboratory.lens_motor(), *clock, Time(0)), {}, *clock);
+  const auto lens =
+      pololu_tic::open(memory_usb_link(laboratory.lens_motor(), *clock, Time(0)), {}, *clock);
   EXPECT_DOUBLE_EQ(lens->position(), 0);
   lens->move_to(2e-3, 10000 * kMs);
   EXPECT_DOUBLE_EQ(lens->position(), 2e-3);

@@ -12,7 +12,7 @@ namespace vitreo::sim {
 namespace {
 
 constexpr Time kMs = std::chrono::milliseconds(1);
-const Eigen::Vector3d kCentre = Eigen::Vector3d::Zero(), kX = Eigen::Vector3d::UnitX();
+const Eigen::Vector3d kCenter = Eigen::Vector3d::Zero(), kX = Eigen::Vector3d::UnitX();
 
 WorldSettings quiet(const control::Robot& robot = control::coni_2mm()) {
   WorldSettings settings;
@@ -25,12 +25,13 @@ WorldSettings quiet(const control::Robot& robot = control::coni_2mm()) {
 }
 
 /// Currents for field and gradient along the robot's axis: pulls of `gradient` T/m, weight carried.
-control::Currents pull(const WorldSettings& settings, const Eigen::Vector3d& place, const Eigen::Vector3d& field,
-                       const Eigen::Vector3d& gradient) {
+control::Currents pull(const WorldSettings& settings, const Eigen::Vector3d& place,
+                       const Eigen::Vector3d& field, const Eigen::Vector3d& gradient) {
   const Eigen::Vector3d moment = control::robot_moment(settings.robot, field.normalized(), field);
   const double density = settings.gel ? settings.gel->density : settings.medium.density;
   const double weight = settings.robot.net_weight({"", density, 1e-6});
-  return control::allocate(settings.field.matrix(place), moment, {field, {0, 0, weight}, moment.norm() * gradient}, 40)
+  return control::allocate(settings.field.matrix(place), moment,
+                           {field, {0, 0, weight}, moment.norm() * gradient}, 40)
       .currents;
 }
 
@@ -39,11 +40,13 @@ TEST(Walls, FaxensFactorsSlowTheFallTowardsTheRetina) {
   free.wall_drag = false;
   const auto fallen = [](const WorldSettings& settings) {
     World world(settings, 1);
-    world.insert_robot(Time(0), kCentre);
+    world.insert_robot(Time(0), kCenter);
     return -world.robot(20 * kMs)->position.z();
   };
-  const double radius = std::cbrt(1e-3 * 0.5e-3 * 0.5e-3), x = radius / 5e-3, top = radius / 10.5e-3;
-  const double expected = (1 - 9. / 8 * x + x * x * x / 2) * (1 - 9. / 8 * top + top * top * top / 2);
+  const double radius = std::cbrt(1e-3 * 0.5e-3 * 0.5e-3), x = radius / 5e-3,
+               top = radius / 10.5e-3;
+  const double expected =
+      (1 - 9. / 8 * x + x * x * x / 2) * (1 - 9. / 8 * top + top * top * top / 2);
   EXPECT_NEAR(fallen(quiet()) / fallen(free), expected, 0.01);
 }
 
@@ -51,14 +54,15 @@ TEST(Turning, AMagnetLagsBehindATurningFieldByItsTorqueBalance) {
   WorldSettings settings = quiet(control::ndfeb_cylinder_1mm());
   settings.medium.kinematic_viscosity = 0.5;  // so thick that the lag can be seen
   World world(settings, 1);
-  world.insert_robot(Time(0), kCentre);
+  world.insert_robot(Time(0), kCenter);
   const double rate = 1, field = 5e-3, lift = 0;
   double angle = 0;
   for (int k = 0; k <= 3999; ++k) {
     angle = rate * k * 1e-3;
-    world.set_coil_commands(
-        k * kMs, pull(settings, world.robot(k * kMs)->position,
-                      field * Eigen::Vector3d(std::cos(angle), std::sin(angle), lift), Eigen::Vector3d::Zero()));
+    world.set_coil_commands(k * kMs,
+                            pull(settings, world.robot(k * kMs)->position,
+                                 field * Eigen::Vector3d(std::cos(angle), std::sin(angle), lift),
+                                 Eigen::Vector3d::Zero()));
   }
   const BodyState& robot = *world.robot(4000 * kMs);
   const double at = std::atan2(robot.axis.y(), robot.axis.x());
@@ -72,8 +76,8 @@ TEST(Turning, AMagnetTurnsRoundWhereASoftRobotKeepsItsEnd) {
   for (const bool hard : {true, false}) {
     WorldSettings settings = quiet(hard ? control::ndfeb_cylinder_1mm() : control::coni_2mm());
     World world(settings, 1);
-    world.insert_robot(Time(0), kCentre);
-    world.set_coil_commands(Time(0), pull(settings, kCentre, -10e-3 * kX, Eigen::Vector3d::Zero()));
+    world.insert_robot(Time(0), kCenter);
+    world.set_coil_commands(Time(0), pull(settings, kCenter, -10e-3 * kX, Eigen::Vector3d::Zero()));
     const double along = world.robot(400 * kMs)->axis.x();
     EXPECT_GT(hard ? -along : along, 0.99) << (hard ? "magnet" : "soft");
   }
@@ -81,8 +85,9 @@ TEST(Turning, AMagnetTurnsRoundWhereASoftRobotKeepsItsEnd) {
 
 TEST(Turning, TheSideOfTheBodyStaysAcrossItsAxis) {
   World world(quiet(), 1);
-  world.insert_robot(Time(0), kCentre);
-  world.set_coil_commands(Time(0), pull(quiet(), kCentre, {4e-3, 3e-3, 6e-3}, Eigen::Vector3d::Zero()));
+  world.insert_robot(Time(0), kCenter);
+  world.set_coil_commands(Time(0),
+                          pull(quiet(), kCenter, {4e-3, 3e-3, 6e-3}, Eigen::Vector3d::Zero()));
   const BodyState& robot = *world.robot(300 * kMs);
   EXPECT_NEAR(robot.axis.dot(robot.side), 0, 1e-12);
   EXPECT_NEAR(robot.side.norm(), 1, 1e-12);
@@ -94,13 +99,15 @@ TEST(Gels, ThePullOfFactsThreeTwoMovesTheMagnetInCasesOneToSixAndNoConiAnywhere)
       WorldSettings settings = quiet(hard ? control::ndfeb_cylinder_1mm() : control::coni_2mm());
       settings.gel = control::artificial_vitreous(number);
       World world(settings, 1);
-      world.insert_robot(Time(0), kCentre);
-      // 1.3 T/m along the axis: the 243 uN on the magnet of facts 3.2, at 10 A there; the currents' limit is not the
-      // point here.
-      world.set_coil_commands(Time(0), pull(settings, kCentre, 20e-3 * kX, 1.3 * kX));
-      const double stretched = world.robot(3000 * kMs)->position.x(), later = world.robot(5000 * kMs)->position.x();
+      world.insert_robot(Time(0), kCenter);
+      // 1.3 T/m along the axis: the 243 uN on the magnet of facts 3.2, at 10 A there; the currents'
+      // limit is not the point here.
+      world.set_coil_commands(Time(0), pull(settings, kCenter, 20e-3 * kX, 1.3 * kX));
+      const double stretched = world.robot(3000 * kMs)->position.x(),
+                   later = world.robot(5000 * kMs)->position.x();
       if (hard && number <= 6) {
-        EXPECT_GT(later, 1e-3) << "NdFeB, case " << number << ": many times what a spring would give";
+        EXPECT_GT(later, 1e-3) << "NdFeB, case " << number
+                               << ": many times what a spring would give";
       } else if (!hard) {
         EXPECT_GT(stretched, 20e-6) << "the gel gives way like a spring";
         EXPECT_LT(std::abs(later - stretched), 5e-6) << "CoNi, case " << number << ": and no more";
@@ -114,11 +121,12 @@ TEST(Gels, ConiMovesThroughTheThinnestGelByTumbling) {
   settings.gel = control::artificial_vitreous(1);
   const auto moved = [&](bool tumbling) {
     World world(settings, 1);
-    world.insert_robot(Time(0), kCentre);
+    world.insert_robot(Time(0), kCenter);
     for (int k = 0; k < 6000; k += 10) {
       const double angle = tumbling ? 2 * M_PI * k * 1e-3 : 0;
       const Eigen::Vector3d field = 30e-3 * Eigen::Vector3d(std::cos(angle), 0, std::sin(angle));
-      world.set_coil_commands(k * kMs, pull(settings, world.robot(k * kMs)->position, field, 0.5 * kX));
+      world.set_coil_commands(k * kMs,
+                              pull(settings, world.robot(k * kMs)->position, field, 0.5 * kX));
     }
     return world.robot(6000 * kMs)->position.x();
   };
@@ -132,8 +140,8 @@ TEST(Gels, ReleasedItSpringsBack) {
   WorldSettings settings = quiet(control::ndfeb_cylinder_1mm());
   settings.gel = control::artificial_vitreous(11);
   World world(settings, 1);
-  world.insert_robot(Time(0), kCentre);
-  world.set_coil_commands(Time(0), pull(settings, kCentre, 20e-3 * kX, 0.5 * kX));
+  world.insert_robot(Time(0), kCenter);
+  world.set_coil_commands(Time(0), pull(settings, kCenter, 20e-3 * kX, 0.5 * kX));
   const double stretched = world.robot(2000 * kMs)->position.x();
   world.set_coil_commands(2000 * kMs, control::Currents::Zero(8));
   EXPECT_GT(stretched, 50e-6);
@@ -192,9 +200,10 @@ TEST(Bodies, TheRobotDoesNotPassThroughAFixedOne) {
   settings.bodies[0].position = {2e-3, 0, 0};
   settings.bodies[0].axis = kX;
   World world(settings, 1);
-  world.insert_robot(Time(0), kCentre);
+  world.insert_robot(Time(0), kCenter);
   for (int k = 0; k < 3000; k += 20)
-    world.set_coil_commands(k * kMs, pull(settings, world.robot(k * kMs)->position, 10e-3 * kX, 0.25 * kX));
+    world.set_coil_commands(k * kMs,
+                            pull(settings, world.robot(k * kMs)->position, 10e-3 * kX, 0.25 * kX));
   const double tip = world.robot(3000 * kMs)->position.x() + 1e-3;
   EXPECT_NEAR(tip, 2e-3 - 0.2e-3, 20e-6);
 }

@@ -1,4 +1,5 @@
-// What the cameras show of several bodies, of plates, of motion and of colour; and the arrangements of the top camera.
+// What the cameras show of several bodies, of plates, of motion and of color; and the arrangements
+// of the top camera.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/camera.h"
 #include "devices/sim/laboratory.h"
@@ -28,7 +29,8 @@ Sensor clean() {
 Renderer from_above(const Sensor& sensor) {
   const ImageSize size{200, 160};
   return Renderer(
-      plain_view(20e-6, {99.5, 79.5}, size), {0.02, 550e-9, 20e-6}, [](const Eigen::Vector2d&, double) { return 0.0; },
+      plain_view(20e-6, {99.5, 79.5}, size), {0.02, 550e-9, 20e-6},
+      [](const Eigen::Vector2d&, double) { return 0.0; },
       cv::Mat(size.height, size.width, CV_32F, cv::Scalar(0.6)), 0, sensor, {}, 9);
 }
 
@@ -43,7 +45,8 @@ DrawnBody still(const BodyState& state, const BodyLook& look) { return {state, s
 TEST(Pictures, TheNearerHidesTheFarther) {
   Renderer renderer = from_above(clean());
   BodyLook bright{0.9, 0, 0, 1};
-  const BodyState low{{0, 0, -2e-3}, kZ, 0.1e-3, 0.8e-3}, high{{0.5e-3, 0, 1e-3}, kX, 0.5e-3, 0.25e-3};
+  const BodyState low{{0, 0, -2e-3}, kZ, 0.1e-3, 0.8e-3},
+      high{{0.5e-3, 0, 1e-3}, kX, 0.5e-3, 0.25e-3};
   for (const bool robot_first : {true, false}) {
     std::vector<DrawnBody> bodies{still(high, dull()), still(low, bright)};
     if (!robot_first) std::swap(bodies[0], bodies[1]);
@@ -89,13 +92,13 @@ TEST(Exposure, MotionSmearsWithoutTakingLight) {
   EXPECT_LT(cv::norm(slopes[1], cv::NORM_INF), 0.4 * cv::norm(slopes[0], cv::NORM_INF));
 }
 
-TEST(Colour, ARedDiscIsRedAndTheGroundKeepsItsTint) {
+TEST(Color, ARedDiscIsRedAndTheGroundKeepsItsTint) {
   Sensor sensor = clean();
-  sensor.colour = SensorColour::bayer;
+  sensor.color = SensorColor::bayer;
   sensor.ground_tint = {1, 0.5, 0.25};
   Renderer renderer = from_above(sensor);
   BodyLook red{1, 0, 0, 1};
-  red.colour = {0.8, 0.2, 0.1};
+  red.color = {0.8, 0.2, 0.1};
   const cv::Mat image = renderer.render({still({{0, 0, 0}, kZ, 0.1e-3, 0.6e-3}, red)}, 0);
   ASSERT_EQ(image.type(), CV_8UC3);
   const auto disc = image.at<cv::Vec3b>(80, 100), ground = image.at<cv::Vec3b>(20, 20);
@@ -109,9 +112,9 @@ TEST(Colour, ARedDiscIsRedAndTheGroundKeepsItsTint) {
 LaboratorySettings small() {
   LaboratorySettings settings;
   settings.top.size = {320, 240};
-  settings.top_image.centre_px = {159.5, 119.5};
+  settings.top_image.center_px = {159.5, 119.5};
   settings.side.size = {160, 120};
-  settings.side_centre_px = {79.5, 59.5};
+  settings.side_center_px = {79.5, 59.5};
   settings.world.placement_scatter = 0;
   return settings;
 }
@@ -140,7 +143,8 @@ TEST(Jitter, FramesAreLateByChanceButInOrderAndTheSameForOneSeed) {
   EXPECT_GT(*std::max_element(first.begin(), first.end()), 10e-3);
 }
 
-/// The steepest edge in the picture's middle with the bare sensor there: that of the dark body over the retina.
+/// The steepest edge in the picture's middle with the bare sensor there: that of the dark body over
+/// the retina.
 double sharpness(Laboratory& laboratory, Clock& clock, double z) {
   laboratory.carry_sensor([z](Time) { return z; });
   clock.sleep_for(200 * kMs);
@@ -160,12 +164,14 @@ TEST(BareSensor, ItIsSharpWhereTheAerialImageIsAndBlursBothWays) {
   ball.name = "ball";
   ball.shape = Shape::spheroid;
   ball.semi_axis = ball.semi_radius = 0.5e-3;
-  ball.colour = {0, 0, 0};
+  ball.color = {0, 0, 0};
   ball.fixed = true;
   settings.world.bodies = {ball};
   Laboratory laboratory(settings, *clock, 1);
-  // the aerial image of the centre lies 11.832 mm behind the last vertex (facts/optics 2), the sensor's 0 at 12.3 mm
-  const double at = sharpness(laboratory, *clock, -0.47e-3), before = sharpness(laboratory, *clock, -3.5e-3),
+  // the aerial image of the center lies 11.832 mm behind the last vertex (facts/optics 2), the
+  // sensor's 0 at 12.3 mm
+  const double at = sharpness(laboratory, *clock, -0.47e-3),
+               before = sharpness(laboratory, *clock, -3.5e-3),
                behind = sharpness(laboratory, *clock, 3e-3);
   EXPECT_GT(at, 1.5 * before);
   EXPECT_GT(at, 1.5 * behind);
@@ -210,7 +216,8 @@ TEST(Lamp, ThePictureIsAsBrightAsTheLight) {
   Laboratory laboratory(settings, *clock, 1);
   const double full = cv::mean(laboratory.top_image(Time(0), 1))[0];
   laboratory.set_light(0.5);
-  EXPECT_NEAR(cv::mean(laboratory.top_image(Time(0), 1))[0], full / 2, 1);  // of rounding to grey levels
+  EXPECT_NEAR(cv::mean(laboratory.top_image(Time(0), 1))[0], full / 2,
+              1);  // of rounding to gray levels
   laboratory.set_light(0);
   EXPECT_LT(cv::mean(laboratory.top_image(Time(0), 1))[0], 1);
 }
@@ -221,7 +228,8 @@ TEST(BareSensor, ItsLightComesThroughTheMiddleOfTheStop) {
   for (const double m : {10e-6, 0.5e-3, 2e-3}) {
     const auto ray = optics::isopixel_line(eye, sensor, {m, 0});
     ASSERT_TRUE(ray);
-    // The stop, 4 mm behind surface 2, seems 3.80 mm behind it: 1.403 / (1.492 / 4 mm - 0.089 / 24.73 mm).
+    // The stop, 4 mm behind surface 2, seems 3.80 mm behind it: 1.403 / (1.492 / 4 mm - 0.089
+    // / 24.73 mm).
     const double across = ray->origin.x() + 3.798e-3 * ray->direction.x() / ray->direction.z();
     EXPECT_LT(std::abs(across), 0.1 * m) << "the pupil's own aberration grows with m";
   }
@@ -246,13 +254,15 @@ TEST(Pictures, ABodyShowsInTheSideView) {
   disc.name = "disc";
   disc.fixed = true;
   disc.semi_radius = 0.8e-3;
-  disc.colour = {0, 0, 0};
+  disc.color = {0, 0, 0};
   settings.world.bodies = {disc};
   const auto clock = virtual_clock();
   Laboratory with(settings, *clock, 1), without(small(), *clock, 1);
   cv::Mat difference;
-  cv::absdiff(with.side_camera().grab(kForever).image, without.side_camera().grab(kForever).image, difference);
-  const double area = cv::countNonZero(difference > 60), expected = M_PI * (0.8e-3 / 20.4e-6) * (0.1e-3 / 20.4e-6);
+  cv::absdiff(with.side_camera().grab(kForever).image, without.side_camera().grab(kForever).image,
+              difference);
+  const double area = cv::countNonZero(difference > 60),
+               expected = M_PI * (0.8e-3 / 20.4e-6) * (0.1e-3 / 20.4e-6);
   EXPECT_NEAR(area, expected, 0.2 * expected);
 }
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/pose_sensor.h"
 
-#include "devices/error.h"
+#include "devices/time/error.h"
 
 #include <gtest/gtest.h>
 
@@ -49,7 +49,8 @@ TEST(PoseSensor, gives_the_same_noise_for_the_same_seed_whatever_was_missed) {
   EXPECT_EQ(other.number, 8U);
   EXPECT_EQ(one.number, 8U);
   EXPECT_EQ(*one.position, *other.position);
-  EXPECT_NE(*patient->read(from_seconds(1)).position - *one.position, Eigen::Vector3d(1 / 15.0, 0, 0));
+  EXPECT_NE(*patient->read(from_seconds(1)).position - *one.position,
+            Eigen::Vector3d(1 / 15.0, 0, 0));
 }
 
 TEST(PoseSensor, sees_no_robot_where_there_is_none_and_does_not_wait_for_ever) {

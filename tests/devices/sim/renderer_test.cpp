@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/renderer.h"
 
-#include "optics/trace.h"
-#include "optics/wide_angle_map.h"
+#include "optics/maps/wide_angle_map.h"
+#include "optics/rays/trace.h"
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
@@ -16,14 +16,14 @@ const Eigen::Vector3d kEye(0, 0, -5e-3);
 
 optics::ImageScale scale_for(const ImageSize& size) {
   optics::ImageScale scale;
-  scale.centre_px = {(size.width - 1) / 2.0, (size.height - 1) / 2.0};
+  scale.center_px = {(size.width - 1) / 2.0, (size.height - 1) / 2.0};
   return scale;
 }
 
 optics::Microscope tilted_microscope() {
   optics::Microscope microscope;
   microscope.pupil_distance = 0.15;
-  microscope.decentre = {0.2e-3, -0.1e-3};
+  microscope.decenter = {0.2e-3, -0.1e-3};
   microscope.tilt = {0.01, 0.02};
   return microscope;
 }
@@ -40,8 +40,10 @@ double greatest_line_error(const optics::Microscope& microscope) {
       if (!ray) continue;
       const PixelLine& line = view.at(u, v);
       for (const double z : {0.0, 8e-3}) {
-        const Eigen::Vector3d exact = ray->origin + (z - ray->origin.z()) / ray->direction.z() * ray->direction;
-        worst = std::max(worst, std::hypot(line.x + z * line.dx - exact.x(), line.y + z * line.dy - exact.y()));
+        const Eigen::Vector3d exact =
+            ray->origin + (z - ray->origin.z()) / ray->direction.z() * ray->direction;
+        worst = std::max(
+            worst, std::hypot(line.x + z * line.dx - exact.x(), line.y + z * line.dy - exact.y()));
       }
     }
   }
@@ -57,13 +59,16 @@ TEST(View, InterpolatedLinesAreTheTracedOnes) {
 TEST(View, ThePixelOfAPointLooksAtThatPoint) {
   const ImageSize size{1384, 1036};
   const View view = eye_view(optics::model_eye_5_3(), {}, scale_for(size), size, kEye);
-  for (const Eigen::Vector3d& point : {Eigen::Vector3d(0, 0, 5e-3), {4e-3, 0, 2e-3}, {-3e-3, 2e-3, 8e-3}}) {
+  for (const Eigen::Vector3d& point :
+       {Eigen::Vector3d(0, 0, 5e-3), {4e-3, 0, 2e-3}, {-3e-3, 2e-3, 8e-3}}) {
     const auto pixel = view.pixel_of(point);
     ASSERT_TRUE(pixel);
-    const PixelLine& line =
-        view.at(static_cast<int>(std::lround(pixel->x())), static_cast<int>(std::lround(pixel->y())));
+    const PixelLine& line = view.at(static_cast<int>(std::lround(pixel->x())),
+                                    static_cast<int>(std::lround(pixel->y())));
     // one pixel is at most 20 um in the eye; half of it by the rounding
-    EXPECT_LT(std::hypot(line.x + point.z() * line.dx - point.x(), line.y + point.z() * line.dy - point.y()), 15e-6);
+    EXPECT_LT(std::hypot(line.x + point.z() * line.dx - point.x(),
+                         line.y + point.z() * line.dy - point.y()),
+              15e-6);
   }
   EXPECT_FALSE(view.pixel_of({20e-3, 0, 5e-3})) << "outside the image";
 }
@@ -71,18 +76,18 @@ TEST(View, ThePixelOfAPointLooksAtThatPoint) {
 TEST(View, WorldXIsToTheRightAndYUpInTheTopImage) {
   const ImageSize size{1384, 1036};
   const View view = eye_view(optics::model_eye_5_3(), {}, scale_for(size), size, kEye);
-  const auto centre = view.pixel_of({0, 0, 5e-3}), right = view.pixel_of({1e-3, 0, 5e-3}),
+  const auto center = view.pixel_of({0, 0, 5e-3}), right = view.pixel_of({1e-3, 0, 5e-3}),
              up = view.pixel_of({0, 1e-3, 5e-3});
-  EXPECT_GT(right->x(), centre->x() + 30);
-  EXPECT_LT(up->y(), centre->y() - 30);
+  EXPECT_GT(right->x(), center->x() + 30);
+  EXPECT_LT(up->y(), center->y() - 30);
 }
 
 TEST(SideView, WorldXIsToTheRightAndZUp) {
   const View view = side_view(20e-6, {100, 80}, {200, 160});
-  const auto centre = view.pixel_of(view.point_in_view({0, 5e-3, 0}));
-  ASSERT_TRUE(centre);
-  EXPECT_NEAR(centre->x(), 100, 1e-3);
-  EXPECT_NEAR(centre->y(), 80, 1e-3);
+  const auto center = view.pixel_of(view.point_in_view({0, 5e-3, 0}));
+  ASSERT_TRUE(center);
+  EXPECT_NEAR(center->x(), 100, 1e-3);
+  EXPECT_NEAR(center->y(), 80, 1e-3);
   const auto moved = view.pixel_of(view.point_in_view({0.4e-3, 0, 0.2e-3}));
   EXPECT_NEAR(moved->x(), 120, 1e-3);
   EXPECT_NEAR(moved->y(), 70, 1e-3);
@@ -97,9 +102,11 @@ TEST(PointSpread, ItKeepsTheLightAndGrowsWithTheDefocus) {
     double second = 0;
     const int half = kernel.rows / 2;
     for (int j = -half; j <= half; ++j)
-      for (int i = -half; i <= half; ++i) second += static_cast<double>(kernel.at<float>(j + half, i + half)) * i * i;
+      for (int i = -half; i <= half; ++i)
+        second += static_cast<double>(kernel.at<float>(j + half, i + half)) * i * i;
     EXPECT_GT(second, last);
-    // a disc of radius r has the second moment r^2/4; the rest is diffraction and the pixel, below 1.6 px^2
+    // a disc of radius r has the second moment r^2/4; the rest is diffraction and the pixel,
+    // below 1.6 px^2
     const double radius = defocus * aperture.numerical_aperture / aperture.pixel;
     EXPECT_NEAR(second, radius * radius / 4 + 0.8, 0.8 + 0.05 * radius * radius);
     last = second;
@@ -123,7 +130,8 @@ TEST(Blur, ItsSeparableKernelsEqualTheWholeOne) {
 Renderer flat_renderer(double level, const Sensor& sensor) {
   const ImageSize size{256, 200};
   return Renderer(
-      side_view(20e-6, {127.5, 99.5}, size), {0.01, 550e-9, 20e-6}, [](const Eigen::Vector2d&, double) { return 0.0; },
+      side_view(20e-6, {127.5, 99.5}, size), {0.01, 550e-9, 20e-6},
+      [](const Eigen::Vector2d&, double) { return 0.0; },
       cv::Mat(size.height, size.width, CV_32F, cv::Scalar(level)), 0, sensor, {}, 9);
 }
 
@@ -141,8 +149,10 @@ TEST(Renderer, NoiseIsThatOfTheCountedElectrons) {
     ++count;
   }
   EXPECT_NEAR(sum / count, 127.5, 0.05);
-  const double electrons = sensor.full_well / 2, shot = std::sqrt(electrons + 15 * 15) * 255 / sensor.full_well;
-  EXPECT_NEAR(squares / count, shot * shot + 1.0 / 12, 0.03 * shot * shot);  // rounding to grey levels adds 1/12
+  const double electrons = sensor.full_well / 2,
+               shot = std::sqrt(electrons + 15 * 15) * 255 / sensor.full_well;
+  EXPECT_NEAR(squares / count, shot * shot + 1.0 / 12,
+              0.03 * shot * shot);  // rounding to gray levels adds 1/12
 }
 
 TEST(Renderer, FramesDifferAndEachIsRepeatable) {
@@ -167,7 +177,8 @@ TEST(Renderer, ASilhouetteHasTheRobotsSizeToATenthOfAPixel) {
   Renderer renderer = flat_renderer(0.6, clean);
   const BodyState robot{{0, 0, 0}, Eigen::Vector3d::UnitX(), 1e-3, 0.5e-3};
   const cv::Mat with = renderer.render(&robot, 0), without = renderer.render(nullptr, 0);
-  // The area of the part that is darker than half-way to the robot's own rim, which is nearly black.
+  // The area of the part that is darker than half-way to the robot's own rim, which is nearly
+  // black.
   cv::Mat darker;
   cv::subtract(without, with, darker);
   const double threshold = 0.5 * (0.6 - 0.06) * 255;
@@ -186,7 +197,8 @@ TEST(Renderer, ASilhouetteHasTheRobotsSizeToATenthOfAPixel) {
     if (first >= 0) mask.row(v).colRange(first, last + 1).setTo(255);
   }
   const double expected = M_PI * 50 * 25;  // px^2: 1 mm and 0.5 mm at 20 um
-  // 0.3 px all round would be 74 px^2: the blur moves the half-way line inwards by about sigma^2 / 2R there
+  // 0.3 px all round would be 74 px^2: the blur moves the half-way line inwards by about sigma^2 /
+  // 2R there
   EXPECT_NEAR(cv::countNonZero(mask), expected, 0.3 * M_PI * 75);
 }
 
@@ -207,9 +219,10 @@ TEST(EyeDefocus, ABareSensorGoesThroughFocusAtEveryAngleWhereTheMapHasTheImage) 
       if (blur < least) least = blur, best = i * kApart;
       farthest = std::max(farthest, blur);
     }
-    EXPECT_NEAR(best, 0, 0.35e-3) << aside << ": rim rays and the whole bundle differ by spherical aberration";
-    EXPECT_GT(farthest, 2 * least) << aside
-                                   << ": astigmatism leaves half a millimetre at 5.5 mm, a millimetre off adds";
+    EXPECT_NEAR(best, 0, 0.35e-3)
+        << aside << ": rim rays and the whole bundle differ by spherical aberration";
+    EXPECT_GT(farthest, 2 * least)
+        << aside << ": astigmatism leaves half a millimeter at 5.5 mm, a millimeter off adds";
   }
 }
 
@@ -217,10 +230,10 @@ TEST(EyeDefocus, ItIsTheDistanceOfTheAerialImageFromTheFocus) {
   const optics::System eye = optics::model_eye_5_3();
   optics::ImageScale scale = scale_for({1384, 1036});
   const auto defocus = eye_defocus(eye, {}, scale);
-  // the paraxial aerial images of facts section 2: 8.985 mm for the retina, 11.832 at 5 mm, against the focus at 12.3
-  // mm; 2 % for the aperture's own aberration
-  EXPECT_NEAR(defocus(scale.centre_px, 0), 12.3e-3 - 8.985e-3, 0.02 * 3.3e-3);
-  EXPECT_NEAR(defocus(scale.centre_px, 5e-3), 12.3e-3 - 11.832e-3, 0.02 * 3.3e-3);
+  // the paraxial aerial images of facts section 2: 8.985 mm for the retina, 11.832 at 5 mm, against
+  // the focus at 12.3 mm; 2 % for the aperture's own aberration
+  EXPECT_NEAR(defocus(scale.center_px, 0), 12.3e-3 - 8.985e-3, 0.02 * 3.3e-3);
+  EXPECT_NEAR(defocus(scale.center_px, 5e-3), 12.3e-3 - 11.832e-3, 0.02 * 3.3e-3);
 }
 
 TEST(Fundus, ItHasVesselsAndAnOpticDisc) {
@@ -234,7 +247,8 @@ TEST(Fundus, ItHasVesselsAndAnOpticDisc) {
   }
   EXPECT_GT(most - least, 0.1) << "a line across the arcades crosses vessels";
   EXPECT_EQ(fundus.reflectance(1, 1), 0) << "outside";
-  EXPECT_NE(cv::norm(fundus.map(), Fundus::drawn(4, 15e-3).map(), cv::NORM_L1), 0) << "the seed decides";
+  EXPECT_NE(cv::norm(fundus.map(), Fundus::drawn(4, 15e-3).map(), cv::NORM_L1), 0)
+      << "the seed decides";
 }
 
 TEST(Fundus, APhotographLiesOnTheRetinaTheRightWayRound) {

@@ -23,18 +23,21 @@ TEST(World, ARobotWithoutAFieldSinksAtItsStokesVelocity) {
   settings.wall_drag = false;
   World world(settings, 1);
   world.insert_robot(Time(0), kNone);
-  const double start = world.robot(100 * kMs)->position.z(), end = world.robot(600 * kMs)->position.z();
-  // 1565 um/s is what the facts compute for this robot in 500 cSt oil; 2 % for the rounding of its tabulated numbers
+  const double start = world.robot(100 * kMs)->position.z(),
+               end = world.robot(600 * kMs)->position.z();
+  // 1565 um/s is what the facts compute for this robot in 500 cSt oil; 2 % for the rounding of its
+  // tabulated numbers
   EXPECT_NEAR((start - end) / 0.5, 1565e-6, 0.02 * 1565e-6);
 }
 
 TEST(World, ARobotComesToRestOnTheRetinaAndStaysThere) {
   World world(quiet(), 1);
   world.insert_robot(Time(0), {2e-3, 0, 0});
-  const Eigen::Vector3d after = world.robot(20000 * kMs)->position, later = world.robot(20400 * kMs)->position;
+  const Eigen::Vector3d after = world.robot(20000 * kMs)->position,
+                        later = world.robot(20400 * kMs)->position;
   EXPECT_LT((later - after).norm(), 0.5e-3);  // it may creep down the slope
-  const Eigen::Vector3d centre(0, 0, -5e-3 + 11.5e-3);
-  const double distance = (later - centre).norm();
+  const Eigen::Vector3d center(0, 0, -5e-3 + 11.5e-3);
+  const double distance = (later - center).norm();
   EXPECT_LT(distance, 11.5e-3 - 0.45e-3);  // inside by at least about its smaller radius
   EXPECT_GT(distance, 11.5e-3 - 1.05e-3);  // and touching
 }
@@ -58,7 +61,8 @@ TEST(World, TheAxisFollowsTheField) {
   const Eigen::Vector3d wanted(0, 10e-3, 0);
   const Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 8> b = matrix.topRows<3>();
   world.set_coil_commands(Time(0), b.transpose() * (b * b.transpose()).inverse() * wanted);
-  // from just across, where it balances: ln(1e4) times 24 ms (torque over drag at 10 mT), and the coils before that
+  // from just across, where it balances: ln(1e4) times 24 ms (torque over drag at 10 mT), and the
+  // coils before that
   EXPECT_LT(std::abs(world.robot(100 * kMs)->axis.y()), 0.1);
   EXPECT_GT(std::abs(world.robot(450 * kMs)->axis.y()), 0.99);
 }

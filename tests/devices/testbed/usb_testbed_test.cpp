@@ -1,21 +1,22 @@
-// The drivers over the operating system's own path: unmodified libusb and hidapi, emulated devices behind the kernel's
-// interface. ctest starts this program under umockdev-wrapper; these tests wait for real, a few milliseconds each.
+// The drivers over the operating system's own path: unmodified libusb and hidapi, emulated devices
+// behind the kernel's interface. ctest starts this program under umockdev-wrapper; these tests wait
+// for real, a few milliseconds each.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/testbed/usb_testbed.h"
 
 #include "devices/contract/coil_amplifier.h"
 #include "devices/contract/lens_mover.h"
 #include "devices/contract/operator_input.h"
-#include "devices/error.h"
-#include "devices/foot_pedal/driver.h"
-#include "devices/foot_pedal/emulator.h"
-#include "devices/pololu_tic/driver.h"
-#include "devices/pololu_tic/emulator.h"
-#include "devices/reopening.h"
-#include "devices/spacemouse/driver.h"
-#include "devices/spacemouse/emulator.h"
-#include "devices/usb3103/driver.h"
-#include "devices/usb3103/emulator.h"
+#include "devices/instruments/foot_pedal/driver.h"
+#include "devices/instruments/foot_pedal/emulator.h"
+#include "devices/instruments/pololu_tic/driver.h"
+#include "devices/instruments/pololu_tic/emulator.h"
+#include "devices/instruments/spacemouse/driver.h"
+#include "devices/instruments/spacemouse/emulator.h"
+#include "devices/instruments/usb3103/driver.h"
+#include "devices/instruments/usb3103/emulator.h"
+#include "devices/roles/reopening.h"
+#include "devices/time/error.h"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +28,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using Findings = std::vector<std::string>;
-const UsbIdentity kUsb3103{0x09DB, 0x009C, 0x0100, "01A2B3C4", "Measurement Computing Corp", "USB-3103", ""};
+const UsbIdentity kUsb3103{0x09DB,     0x009C, 0x0100, "01A2B3C4", "Measurement Computing Corp",
+                           "USB-3103", ""};
 
 struct UsbTestbedTest : ::testing::Test {
   DeviceErrorKind kind_of(const std::function<void()>& work) {
@@ -58,7 +60,8 @@ struct TicOverLibusb : UsbTestbedTest {
     return settings;
   }
   std::unique_ptr<LensMover> open() {
-    return pololu_tic::open(open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3"), *clock), small(), *clock);
+    return pololu_tic::open(open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3"), *clock),
+                            small(), *clock);
   }
   std::unique_ptr<pololu_tic::Emulator> emulator = pololu_tic::make_emulator(near_home(), *clock);
   int plug = testbed->plug(*emulator);
@@ -109,7 +112,8 @@ TEST_F(TicOverLibusb, MustBeNamedByItsSerialNumberWhenThereAreTwo) {
   const auto second = pololu_tic::make_emulator(settings, *clock);
   const int other = testbed->plug(*second);
   EXPECT_EQ(kind_of([&] { open(); }), DeviceErrorKind::not_found);
-  EXPECT_EQ(open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3:2"), *clock)->identity().serial, "2");
+  EXPECT_EQ(open_usb_link(parse_usb_address("usb", "usb:1ffb:00b3:2"), *clock)->identity().serial,
+            "2");
   testbed->unplug(other);
 }
 
@@ -156,7 +160,8 @@ TEST_F(TicOverLibusb, OpensAgainAfterAReplugWithoutMoving) {
 struct Usb3103OverHidraw : UsbTestbedTest {
   ~Usb3103OverHidraw() override { testbed.reset(); }
   std::unique_ptr<CoilAmplifier> open() {
-    return usb3103::open(open_hid_link(parse_usb_address("hid", "hid:09db:009c"), *clock), {}, *clock);
+    return usb3103::open(open_hid_link(parse_usb_address("hid", "hid:09db:009c"), *clock), {},
+                         *clock);
   }
   usb3103::Voltages outputs() {
     usb3103::Voltages volts{};
@@ -195,7 +200,8 @@ TEST_F(Usb3103OverHidraw, IsNotThereUnderAnotherSerialNumber) {
 TEST_F(Usb3103OverHidraw, GivesUpOnASilentDeviceAtTheDeadline) {
   const auto coils = open();
   testbed->set_fault(plug, UsbFault::silent);
-  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 1)); }), DeviceErrorKind::timeout);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 1)); }),
+            DeviceErrorKind::timeout);
   testbed->set_fault(plug, UsbFault::none);
   coils->make_safe();
   EXPECT_EQ(outputs(), usb3103::Voltages{});
@@ -205,12 +211,14 @@ TEST_F(Usb3103OverHidraw, ComesBackAtZeroWhenItIsMadeSafeAfterAReplug) {
   const auto coils = reopening([this] { return open(); }, {.name = "coils"}, *clock);
   coils->set_currents(std::vector<double>(8, 1));
   testbed->unplug(plug);
-  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
+            DeviceErrorKind::lost);
   EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);  // nobody is there
   EXPECT_NE(outputs(), usb3103::Voltages{});
   testbed->plug(*emulator, kUsb3103);
   clock->sleep_for(100ms);
-  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
+            DeviceErrorKind::lost);
   coils->make_safe();
   EXPECT_EQ(outputs(), usb3103::Voltages{});
   coils->set_currents(std::vector<double>(8, 2));
@@ -229,7 +237,8 @@ TEST_F(Usb3103OverHidraw, NoticesAnUnplugInsideAReadAndComesBackAtZero) {
   EXPECT_EQ(kind_of([&] { link->read(10s); }), DeviceErrorKind::lost);
   EXPECT_LT(clock->now() - start, 500ms);  // it takes a few ms
   hand->join();
-  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
+            DeviceErrorKind::lost);
   coils.reset();
   EXPECT_NE(outputs(), usb3103::Voltages{});  // no watchdog: it holds what it was told last
   testbed->plug(*emulator, kUsb3103);
@@ -241,11 +250,13 @@ TEST_F(Usb3103OverHidraw, GivesUpOnAReportThatDoesNotGetThroughWithinHalfASecond
   auto coils = open();
   testbed->set_fault(plug, UsbFault::stuck);
   const Time start = clock->now();
-  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 1)); }), DeviceErrorKind::timeout);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 1)); }),
+            DeviceErrorKind::timeout);
   EXPECT_GE(clock->now() - start, 490ms);
   EXPECT_LT(clock->now() - start, 2s);  // the kernel alone would hold it for 5 s
   const Time again = clock->now();
-  EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);  // nor does what follows wait for each
+  EXPECT_EQ(kind_of([&] { coils->make_safe(); }),
+            DeviceErrorKind::lost);  // nor does what follows wait for each
   EXPECT_LT(clock->now() - again, 400ms);
   coils.reset();
   testbed->set_fault(plug, UsbFault::none);
@@ -258,12 +269,15 @@ TEST_F(Usb3103OverHidraw, AnAmplifierWhoseLinkGotStuckIsOpenedAgainByMakingItSaf
   const auto coils = reopening([this] { return open(); }, {.name = "coils"}, *clock);
   coils->set_currents(std::vector<double>(8, 1));
   testbed->set_fault(plug, UsbFault::stuck);
-  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::timeout);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
+            DeviceErrorKind::timeout);
   EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);
-  EXPECT_NE(outputs(), usb3103::Voltages{});  // it stays so for as long as it takes nothing: the enable line's business
+  EXPECT_NE(outputs(), usb3103::Voltages{});  // it stays so for as long as it takes nothing: the
+                                              // enable line's business
   testbed->set_fault(plug, UsbFault::none);
   clock->sleep_for(100ms);
-  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }), DeviceErrorKind::lost);
+  EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
+            DeviceErrorKind::lost);
   coils->make_safe();
   EXPECT_EQ(outputs(), usb3103::Voltages{});
   EXPECT_NO_THROW(coils->set_currents(std::vector<double>(8, 1)));
@@ -275,7 +289,8 @@ struct OperatorOverHidraw : UsbTestbedTest {
     return foot_pedal::open(open_hid_link(parse_usb_address("hid", "hid:05f3:0268"), *clock), {});
   }
   std::unique_ptr<OperatorInput> open_mouse() {
-    return spacemouse::open(open_hid_link(parse_usb_address("hid", "hid:256f:c635"), *clock), {}, *clock);
+    return spacemouse::open(open_hid_link(parse_usb_address("hid", "hid:256f:c635"), *clock), {},
+                            *clock);
   }
   /// Until it says so, or half a second is over.
   bool soon(const std::function<bool()>& says) {
@@ -289,7 +304,8 @@ struct OperatorOverHidraw : UsbTestbedTest {
   foot_pedal::Emulator foot;
   spacemouse::Emulator hand;
   int pedal = testbed->plug(foot, {0x05F3, 0x0268, 0x0100, "", "P.I. Engineering", "XK-3", ""});
-  int mouse = testbed->plug(hand, {0x256F, 0xC635, 0x0100, "", "3Dconnexion", "SpaceMouse Compact", ""}, 0x01, 0x08);
+  int mouse = testbed->plug(
+      hand, {0x256F, 0xC635, 0x0100, "", "3Dconnexion", "SpaceMouse Compact", ""}, 0x01, 0x08);
 };
 
 TEST_F(OperatorOverHidraw, KeepTheContractOfAnOperatorInput) {
@@ -319,7 +335,8 @@ TEST_F(OperatorOverHidraw, TheMouseIsFeltInOurAxesAndLetGoWhenItFallsSilent) {
     hand.deflect({350, 0, 0}, {0, 0, 0});
     hand.press(1);
   });
-  EXPECT_TRUE(soon([&] { return input->state().translation.x() == 1 && input->state().pressed == 1; }));
+  EXPECT_TRUE(
+      soon([&] { return input->state().translation.x() == 1 && input->state().pressed == 1; }));
   EXPECT_TRUE(soon([&] { return input->state().translation.x() == 0; }));
 }
 

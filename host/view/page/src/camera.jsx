@@ -38,12 +38,12 @@ function drawTop(pen, store, frame, scale) {
   pen.beginPath();
   pen.ellipse(row.u_px, row.v_px, row.semi_major_px, row.semi_minor_px, row.angle, 0, 2 * Math.PI);
   pen.stroke();
-  const perMetre = store.hello?.geometry.top_px_per_m;
-  if (perMetre && row.sigma_x !== null) {
+  const perMeter = store.hello?.geometry.top_px_per_m;
+  if (perMeter && row.sigma_x !== null) {
     pen.strokeStyle = '#cc79a7'; // ten times the 95 % ellipse, or nobody would see it
     pen.setLineDash([6 * scale, 4 * scale]);
     pen.beginPath();
-    pen.ellipse(row.u_px, row.v_px, 24.5 * row.sigma_x * perMetre, 24.5 * row.sigma_y * perMetre, 0, 0, 2 * Math.PI);
+    pen.ellipse(row.u_px, row.v_px, 24.5 * row.sigma_x * perMeter, 24.5 * row.sigma_y * perMeter, 0, 0, 2 * Math.PI);
     pen.stroke();
     pen.setLineDash([]);
   }
@@ -52,8 +52,8 @@ function drawTop(pen, store, frame, scale) {
 function drawSide(pen, store, scale) {
   const row = newest(store, 'servo'), geometry = store.hello?.geometry;
   if (!row || !geometry || row.target_x === null) return;
-  const u = geometry.side_centre[0] + row.target_x / geometry.side_pixel;
-  const v = geometry.side_centre[1] - row.target_z / geometry.side_pixel;
+  const u = geometry.side_center[0] + row.target_x / geometry.side_pixel;
+  const v = geometry.side_center[1] - row.target_z / geometry.side_pixel;
   pen.strokeStyle = '#e69f00';
   pen.lineWidth = 2 * scale;
   pen.beginPath();

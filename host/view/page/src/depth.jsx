@@ -5,7 +5,7 @@ import { named, newest } from './link.js';
 
 const kNear = 1.0e-3, kClose = 0.4e-3; // m from the retina: orange, red
 const kSpread = 30; // rows: 2 s at 15 Hz
-const kThinnest = 4; // px: a spread of micrometres is still seen
+const kThinnest = 4; // px: a spread of micrometers is still seen
 
 /** Standard deviation of the last places' depth about their steady motion, m: a robot that moves is not thereby uncertain. */
 export function spreadOf(store) {
@@ -19,7 +19,7 @@ export function spreadOf(store) {
   return Math.sqrt((mean((r) => (r.z - z - slope * (r.t - t)) ** 2) * rows.length) / (rows.length - 2));
 }
 
-const mm = (metres) => (Math.round(metres * 1e5) / 100 + 0).toFixed(2); // never -0.00
+const mm = (meters) => (Math.round(meters * 1e5) / 100 + 0).toFixed(2); // never -0.00
 
 export function DepthBar({ store, zero, setZero, depth, jog }) {
   const canvas = useRef(null);
@@ -32,7 +32,7 @@ export function DepthBar({ store, zero, setZero, depth, jog }) {
     const surface = canvas.current, pen = surface.getContext('2d');
     const { width, height } = surface;
     const y = (z) => height - ((z - from) / (to - from)) * height;
-    const colour = { none: '#555e68', free: '#009e73', near: '#e69f00', close: '#d55e00' }[level];
+    const color = { none: '#555e68', free: '#009e73', near: '#e69f00', close: '#d55e00' }[level];
     pen.fillStyle = '#10151b';
     pen.fillRect(0, 0, width, height);
     pen.fillStyle = '#5a2626';
@@ -53,11 +53,11 @@ export function DepthBar({ store, zero, setZero, depth, jog }) {
     }
     if (row && row.z !== null) {
       const bottom = y(geometry?.retina.z ?? from);
-      pen.fillStyle = colour;
+      pen.fillStyle = color;
       pen.fillRect(12, y(row.z), 44, bottom - y(row.z));
       if (spread !== null) {
         const high = Math.max(kThinnest, Math.round(y(row.z - spread) - y(row.z + spread)));
-        pen.fillStyle = inverse(colour);
+        pen.fillStyle = inverse(color);
         pen.fillRect(12, Math.round(y(row.z) - high / 2), 44, high);
       }
     }
@@ -106,7 +106,7 @@ export function DepthBar({ store, zero, setZero, depth, jog }) {
   );
 }
 
-function inverse(colour) {
-  const value = parseInt(colour.slice(1), 16) ^ 0xffffff;
+function inverse(color) {
+  const value = parseInt(color.slice(1), 16) ^ 0xffffff;
   return `#${value.toString(16).padStart(6, '0')}`;
 }

@@ -13,13 +13,13 @@ connect(store);
 
 const difference = (a, b) => (a === null || b === null ? null : (a - b) * 1e6);
 const kErrors = [
-  { name: 'x', colour: '#56b4e9', of: (r) => difference(r.x, r.target_x) },
-  { name: 'y', colour: '#f0e442', of: (r) => difference(r.y, r.target_y) },
-  { name: 'z', colour: '#d55e00', of: (r) => difference(r.z, r.target_z) },
+  { name: 'x', color: '#56b4e9', of: (r) => difference(r.x, r.target_x) },
+  { name: 'y', color: '#f0e442', of: (r) => difference(r.y, r.target_y) },
+  { name: 'z', color: '#d55e00', of: (r) => difference(r.z, r.target_z) },
 ];
 const kDepth = [
-  { name: 'z', colour: '#56b4e9', of: (r) => (r.z === null ? null : r.z * 1e3) },
-  { name: 'target', colour: '#e69f00', dash: [6, 4], of: (r) => (r.target_z === null ? null : r.target_z * 1e3) },
+  { name: 'z', color: '#56b4e9', of: (r) => (r.z === null ? null : r.z * 1e3) },
+  { name: 'target', color: '#e69f00', dash: [6, 4], of: (r) => (r.target_z === null ? null : r.target_z * 1e3) },
 ];
 
 function Page() {

@@ -17,7 +17,7 @@ export function Plot({ title, unit, series, rows }) {
         cursor: { show: false },
         scales: { x: { time: false } },
         axes: [{ ...axis, size: 30 }, { ...axis, size: 52 }],
-        series: [{}, ...series.map(({ colour, dash }) => ({ stroke: colour, width: 1.5, dash, spanGaps: false }))],
+        series: [{}, ...series.map(({ color, dash }) => ({ stroke: color, width: 1.5, dash, spanGaps: false }))],
       },
       [[], ...series.map(() => [])],
       place.current,
@@ -35,7 +35,7 @@ export function Plot({ title, unit, series, rows }) {
     <section class="plot">
       <h2>
         {title} <span class="quiet">{unit}, last {kSpan} s</span>
-        {series.map(({ name, colour }) => <span class="key"><i style={{ background: colour }} />{name}</span>)}
+        {series.map(({ name, color }) => <span class="key"><i style={{ background: color }} />{name}</span>)}
       </h2>
       <div ref={place} />
     </section>

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/foot_pedal/driver.h"
+
+#include "devices/time/error.h"
+
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::foot_pedal {
+namespace {
+
+constexpr int kMostReports =
+    1024;  // in one call: a device that floods the link is not obeyed for ever
+
+class FootPedal final : public OperatorInput {
+ public:
+  FootPedal(std::unique_ptr<HidLink> link, const Settings& settings)
+      : link_(std::move(link)), settings_(settings) {}
+  std::string identity() const override {
+    return "foot switch with " + std::to_string(settings_.layout.pedals.size()) + " pedals";
+  }
+  OperatorState state() override {
+    if (lost_)
+      throw DeviceError(DeviceErrorKind::lost, settings_.name, "it was unplugged; open it again");
+    try {
+      for (int i = 0; i < kMostReports; ++i) {
+        const auto report = link_->read(Time::zero());
+        if (!report) break;
+        if (const auto down = decode(*report, settings_.layout)) state_.pressed = *down;
+      }
+    } catch (const DeviceError& error) {
+      lost_ = true;  // one that comes back is not pressed because it was when it went
+      throw DeviceError(error.kind, settings_.name, error.what());
+    }
+    return state_;
+  }
+
+ private:
+  std::unique_ptr<HidLink> link_;
+  const Settings settings_;
+  OperatorState state_;
+  bool lost_ = false;
+};
+
+}  // namespace
+
+void Settings::check() const {
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  if (layout.size < 1 || layout.size > 64)
+    throw std::invalid_argument("layout: a report has 1 to 64 bytes");
+  if (layout.pedals.empty() || layout.pedals.size() > 32)
+    throw std::invalid_argument("layout: wants 1 to 32 pedals");
+  for (const Pedal& pedal : layout.pedals)
+    if (pedal.byte >= layout.size || pedal.mask == 0)
+      throw std::invalid_argument("layout: a pedal is outside the report");
+}
+
+std::unique_ptr<OperatorInput> open(std::unique_ptr<HidLink> link, const Settings& settings) {
+  if (!link) throw std::invalid_argument("link: must not be null");
+  settings.check();
+  return std::make_unique<FootPedal>(std::move(link), settings);
+}
+
+}  // namespace vitreo::foot_pedal

@@ -1,0 +1,46 @@
+// A foot pedal's input reports, encoded and decoded; no I/O.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace vitreo::foot_pedal {
+
+using Bytes = std::span<const std::uint8_t>;
+using Report = std::vector<std::uint8_t>;
+
+/// Where one pedal is in a report.
+struct Pedal {
+  std::size_t byte = 0;
+  std::uint8_t mask = 1;
+};
+struct Layout {
+  std::size_t size = 2;       ///< bytes of a report; a shorter one is foreign
+  std::vector<Pedal> pedals;  ///< left to right
+};
+
+/// X-keys XK-3, 05f3:0268 (its SDK counts bits from 1).
+inline Layout xkeys_xk3() { return {20, {{1, 0x02}, {1, 0x04}, {1, 0x08}}}; }
+/// VEC Infinity, 05f3:00ff. No source was found for it: check it with `vitreo devices --test`.
+inline Layout infinity() { return {2, {{0, 0x01}, {0, 0x02}, {0, 0x04}}}; }
+
+/// A bit for each pedal that is down, the left one in bit 0; nothing for a report that is cut
+/// short.
+inline std::optional<std::uint32_t> decode(Bytes report, const Layout& layout) {
+  if (report.size() < layout.size) return std::nullopt;
+  std::uint32_t down = 0;
+  for (std::size_t i = 0; i < layout.pedals.size(); ++i)
+    if ((report[layout.pedals[i].byte] & layout.pedals[i].mask) != 0) down |= 1U << i;
+  return down;
+}
+inline Report encode(std::uint32_t down, const Layout& layout) {
+  Report report(layout.size, 0);
+  for (std::size_t i = 0; i < layout.pedals.size(); ++i)
+    if ((down >> i & 1U) != 0) report[layout.pedals[i].byte] |= layout.pedals[i].mask;
+  return report;
+}
+
+}  // namespace vitreo::foot_pedal

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/genicam/driver.h"
+
+#include "devices/instruments/genicam/aravis.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::genicam {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr int kBuffers = 16;
+constexpr Time kSlice = 20ms;     // how long a stop may have to wait
+constexpr Time kSilence = 450ms;  // after which a camera is lost
+constexpr int kWrap = 65535;      // GigE Vision counts frames from 1 to this
+
+class GenicamCamera final : public Camera {
+ public:
+  GenicamCamera(const Settings& settings, Clock& clock) : settings_(settings), clock_(clock) {
+    clock_.outside([this] { start(); });
+    heard_ = clock_.now();
+  }
+  GenicamCamera(const GenicamCamera&) = delete;
+  GenicamCamera& operator=(const GenicamCamera&) = delete;
+  ~GenicamCamera() override {
+    clock_.outside([this] { stop(); });
+  }
+
+  const CameraInfo& info() const override { return info_; }
+  CameraStatistics statistics() const override { return statistics_; }
+  Frame grab(Time timeout) override;
+
+ private:
+  void start();
+  void configure();
+  void open_stream();
+  void stop();
+  template <class Call>
+  auto ask(const std::string& what, Call call);
+  std::optional<Frame> newest(ArvBuffer* first);
+  std::optional<Frame> take(ArvBuffer* buffer);
+  void count(std::uint64_t id);
+  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
+    throw DeviceError(kind, settings_.name, what);
+  }
+  static void on_control_lost(ArvDevice*, gpointer self) {
+    static_cast<GenicamCamera*>(self)->control_lost_ = true;
+  }
+
+  const Settings settings_;
+  Clock& clock_;
+  CameraInfo info_;
+  Object<ArvCamera> camera_;
+  Object<ArvStream> stream_;
+  std::atomic<bool> control_lost_{false};
+  Time heard_{};  // when a buffer came last, whole or torn
+  std::uint64_t last_id_ = 0, number_ = 0;
+  CameraStatistics statistics_;
+};
+
+template <class Call>
+auto GenicamCamera::ask(const std::string& what, Call call) {
+  GError* error = nullptr;
+  if constexpr (std::is_void_v<decltype(call(&error))>) {
+    call(&error);
+    if (error != nullptr) fail(DeviceErrorKind::refused, what + ": " + text_and_free(error));
+  } else {
+    auto result = call(&error);
+    if (error != nullptr) fail(DeviceErrorKind::refused, what + ": " + text_and_free(error));
+    return result;
+  }
+}
+
+void GenicamCamera::start() {
+  GError* error = nullptr;
+  camera_.reset(
+      arv_camera_new(settings_.camera.empty() ? nullptr : settings_.camera.c_str(), &error));
+  if (!camera_)
+    fail(DeviceErrorKind::not_found, "no camera '" + settings_.camera + "'" +
+                                         (error != nullptr ? ": " + text_and_free(error) : ""));
+  g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
+                   G_CALLBACK(on_control_lost), this);
+  configure();
+  open_stream();
+}
+
+void GenicamCamera::configure() {
+  ArvCamera* const c = camera_.get();
+  ask("stop", [c](GError** e) { arv_camera_stop_acquisition(c, e); });
+  ask("8-bit gray",
+      [c](GError** e) { arv_camera_set_pixel_format(c, ARV_PIXEL_FORMAT_MONO_8, e); });
+  int least = 0, widest = 0, highest = 0;
+  ask("width_px", [&](GError** e) { arv_camera_get_width_bounds(c, &least, &widest, e); });
+  ask("height_px", [&](GError** e) { arv_camera_get_height_bounds(c, &least, &highest, e); });
+  if (settings_.width_px > widest || settings_.height_px > highest)
+    fail(DeviceErrorKind::refused, "width_px, height_px: it makes images of up to " +
+                                       std::to_string(widest) + " x " + std::to_string(highest));
+  ask("width_px, height_px", [&](GError** e) {
+    arv_camera_set_region(c, 0, 0, settings_.width_px, settings_.height_px, e);
+  });
+  ask("frame_rate", [&](GError** e) { arv_camera_set_frame_rate(c, settings_.frame_rate, e); });
+  ask("exposure",
+      [&](GError** e) { arv_camera_set_exposure_time(c, settings_.exposure * 1e6, e); });
+  if (arv_camera_is_gain_available(c, nullptr) != FALSE)
+    ask("gain", [&](GError** e) { arv_camera_set_gain(c, settings_.gain, e); });
+  if (arv_camera_is_gv_device(c) != FALSE)
+    ask("packet_size",
+        [&](GError** e) { arv_camera_gv_set_packet_size(c, settings_.packet_size, e); });
+  int x = 0, y = 0, width = 0, height = 0;
+  ask("region", [&](GError** e) { arv_camera_get_region(c, &x, &y, &width, &height, e); });
+  const double rate =
+      ask("frame_rate", [c](GError** e) { return arv_camera_get_frame_rate(c, e); });
+  const double exposure =
+      ask("exposure", [c](GError** e) { return arv_camera_get_exposure_time(c, e); }) * 1e-6;
+  if (width != settings_.width_px || height != settings_.height_px)
+    fail(DeviceErrorKind::refused, "width_px, height_px: it makes images of " +
+                                       std::to_string(width) + " x " + std::to_string(height) +
+                                       " instead");
+  if (std::abs(rate - settings_.frame_rate) > 0.05 * settings_.frame_rate)
+    fail(DeviceErrorKind::refused,
+         "frame_rate: it runs at " + std::to_string(rate) + " Hz instead");
+  if (std::abs(exposure - settings_.exposure) > 0.05 * settings_.exposure + 10e-6)
+    fail(DeviceErrorKind::refused,
+         "exposure: it exposes for " + std::to_string(exposure) + " s instead");
+  const auto text = [](const char* said) { return std::string(said == nullptr ? "?" : said); };
+  info_.identity = text(arv_camera_get_vendor_name(c, nullptr)) + " " +
+                   text(arv_camera_get_model_name(c, nullptr)) + ", serial " +
+                   text(arv_camera_get_device_serial_number(c, nullptr));
+  info_.width_px = width;
+  info_.height_px = height;
+  info_.frame_period = 1 / rate;
+  info_.effective_pixel = settings_.effective_pixel;
+}
+
+void GenicamCamera::open_stream() {
+  ArvCamera* const c = camera_.get();
+  stream_.reset(
+      ask("stream", [c](GError** e) { return arv_camera_create_stream(c, nullptr, nullptr, e); }));
+  if (!stream_) fail(DeviceErrorKind::refused, "no stream; does somebody else control it?");
+  if (ARV_IS_GV_STREAM(stream_.get()))
+    g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
+                 "socket-buffer-size", settings_.socket_buffer, nullptr);
+  const unsigned payload = ask("payload", [c](GError** e) { return arv_camera_get_payload(c, e); });
+  for (int i = 0; i < kBuffers; ++i)
+    arv_stream_push_buffer(stream_.get(), arv_buffer_new(payload, nullptr));
+  ask("start", [c](GError** e) { arv_camera_start_acquisition(c, e); });
+}
+
+/// Blocks for seconds when nobody answers any more, and then says so to nobody.
+void GenicamCamera::stop() {
+  if (camera_) g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
+  if (camera_ && stream_ && !control_lost_) {
+    GError* error = nullptr;
+    arv_camera_stop_acquisition(camera_.get(), &error);
+    if (error != nullptr) g_error_free(error);
+  }
+  stream_.reset();
+  camera_.reset();
+}
+
+/// Frames are numbered by the exposure; the gap to the one before is what was lost.
+void GenicamCamera::count(std::uint64_t id) {
+  std::uint64_t step = 1;
+  if (last_id_ != 0) {
+    if (id > last_id_)
+      step = id - last_id_;
+    else if (last_id_ <= kWrap)
+      step = id + kWrap - last_id_;  // wrapped round
+    if (step == 0) step = 1;
+  }
+  last_id_ = id;
+  number_ += step;
+  statistics_.lost += step - 1;
+}
+
+std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
+  heard_ = clock_.now();
+  count(arv_buffer_get_frame_id(buffer));
+  if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) {
+    ++statistics_.torn;
+    return std::nullopt;
+  }
+  ++statistics_.delivered;
+  const int width = arv_buffer_get_image_width(buffer),
+            height = arv_buffer_get_image_height(buffer);
+  std::size_t size = 0;
+  const void* const pixels = arv_buffer_get_data(buffer, &size);
+  if (width != info_.width_px || height != info_.height_px ||
+      size < std::size_t(width) * std::size_t(height))
+    fail(DeviceErrorKind::protocol,
+         "an image of " + std::to_string(width) + " x " + std::to_string(height) + " came");
+  Frame frame;
+  frame.image.create(height, width, CV_8U);
+  std::memcpy(frame.image.data, pixels, std::size_t(width) * std::size_t(height));
+  frame.number = number_;
+  frame.received = clock_.now();
+  const std::int64_t age =
+      g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
+  frame.exposed = frame.received - Time(std::clamp<std::int64_t>(age, 0, 1'000'000'000)) -
+                  from_seconds(settings_.exposure / 2);
+  return frame;
+}
+
+/// Of all that wait. When nobody has looked for so long that all buffers are full, what waits is
+/// old: then nothing.
+std::optional<Frame> GenicamCamera::newest(ArvBuffer* first) {
+  std::optional<Frame> frame;
+  int count = 0;
+  for (ArvBuffer* buffer = first; buffer != nullptr;
+       buffer = arv_stream_try_pop_buffer(stream_.get()), ++count) {
+    std::optional<Frame> one;
+    try {
+      one = take(buffer);
+    } catch (...) {
+      arv_stream_push_buffer(stream_.get(), buffer);
+      throw;
+    }
+    arv_stream_push_buffer(stream_.get(), buffer);
+    if (one) frame = std::move(one);
+  }
+  return count >= kBuffers ? std::nullopt : frame;
+}
+
+Frame GenicamCamera::grab(Time timeout) {
+  const Time deadline = later(clock_.now(), timeout);
+  const Time silence = std::max(kSilence, from_seconds(5 * info_.frame_period));
+  // What nobody looked for is no silence.
+  Time listening = clock_.now();
+  for (;;) {
+    if (control_lost_) fail(DeviceErrorKind::lost, "the camera no longer answers");
+    ArvBuffer* buffer = nullptr;
+    const Time slice = std::min(kSlice, deadline - clock_.now());
+    clock_.outside([&] {
+      buffer = arv_stream_timeout_pop_buffer(
+          stream_.get(),
+          static_cast<std::uint64_t>(std::max<std::int64_t>(0, slice.count() / 1000)));
+    });
+    if (auto frame = newest(buffer)) return *std::move(frame);
+    listening = std::max(listening, heard_);
+    if (clock_.now() - listening >= silence)
+      fail(DeviceErrorKind::lost, "the camera has fallen silent");
+    if (clock_.now() >= deadline) fail(DeviceErrorKind::timeout, "no frame in time");
+    clock_.sleep_until(clock_.now());  // a stop comes through here
+  }
+}
+
+}  // namespace
+
+void Settings::check() const {
+  const auto in = [](double value, double min, double max, const char* setting) {
+    if (!(value >= min && value <= max))
+      throw std::invalid_argument(std::string(setting) + ": must be in [" + std::to_string(min) +
+                                  ", " + std::to_string(max) + "]");
+  };
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  in(width_px, 1, 1 << 16, "width_px");
+  in(height_px, 1, 1 << 16, "height_px");
+  in(frame_rate, 0.01, 1e5, "frame_rate");
+  in(exposure, 1e-6, 100, "exposure");
+  in(gain, 0, 1e6, "gain");
+  in(effective_pixel, 1e-9, 1, "effective_pixel");
+  in(packet_size, 576, 9000, "packet_size");
+  in(socket_buffer, 1 << 12, 1 << 28, "socket_buffer");
+}
+
+std::unique_ptr<Camera> open(const Settings& settings, Clock& clock) {
+  settings.check();
+  return std::make_unique<GenicamCamera>(settings, clock);
+}
+
+std::vector<Found> list_cameras() {
+  arv_update_device_list();
+  std::vector<Found> found;
+  const auto text = [](const char* said) { return std::string(said == nullptr ? "" : said); };
+  for (unsigned i = 0; i < arv_get_n_devices(); ++i)
+    found.push_back({text(arv_get_device_id(i)), text(arv_get_device_vendor(i)),
+                     text(arv_get_device_model(i)), text(arv_get_device_serial_nbr(i)),
+                     text(arv_get_device_address(i)), text(arv_get_device_protocol(i))});
+  return found;
+}
+
+}  // namespace vitreo::genicam

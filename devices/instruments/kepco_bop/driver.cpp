@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/kepco_bop/driver.h"
+
+#include "devices/instruments/kepco_bop/wire.h"
+#include "devices/links/dialogue.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <deque>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::kepco_bop {
+namespace {
+
+constexpr Time kSilence = std::chrono::milliseconds(30);
+constexpr int kMostErrors = 16;     // its queue holds 15
+constexpr double kReadBack = 1e-3;  // relative: a limit comes back in few digits
+
+std::string in_short(double number) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%g", number);
+  return text.data();
+}
+
+/// One supply: one channel.
+class Supply {
+ public:
+  Supply(std::unique_ptr<ByteLink> link, int channel, const Settings& settings, Clock& clock)
+      : settings_(settings),
+        channel_("channel " + std::to_string(channel) + ": "),
+        dialogue_(std::move(link), settings.name, clock) {}
+
+  void configure();
+  void be_open();
+  void send_current(double current);
+  double take_measured();
+  double measure();
+  void zero() {
+    expect_number("CURR 0;CURR?", 0);
+    lately_.push_back({clock().now(), 0});
+  }
+  void switch_off() { ask("OUTP OFF;OUTP?"); }
+  const Identity& identity() const { return identity_; }
+  bool lost() const { return dialogue_.lost(); }
+  Dialogue& dialogue() { return dialogue_; }
+
+ private:
+  void send(const std::string& line);
+  std::string answer();
+  std::string ask(const std::string& line) {
+    send(line);
+    return answer();
+  }
+  void expect(const std::string& line, const std::string& wanted);
+  void expect_number(const std::string& line, double wanted);
+  void check_read_back(double measured);
+  void fail_for(const scpi::Error& error);
+  Clock& clock() const { return dialogue_.clock(); }
+  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
+    dialogue_.fail(kind, channel_ + what);
+  }
+
+  struct Set {
+    Time at;
+    double current;
+  };
+  const Settings& settings_;
+  const std::string channel_;
+  Dialogue dialogue_;
+  Identity identity_;
+  bool unsure_ = true;      // something may still come that answers an older question
+  std::deque<Set> lately_;  // what was set within the settling time, and the last before
+};
+
+void Supply::send(const std::string& line) {
+  if (unsure_) {
+    const char clear = kClearInput;
+    dialogue_.send(std::string_view(&clear, 1));
+    dialogue_.settle(kSilence);
+  }
+  dialogue_.discard();
+  unsure_ = true;
+  dialogue_.send(line + "\n");
+}
+
+/// The next line that is not empty: set commands are answered by an empty one on a serial port, but
+/// not on the network.
+std::string Supply::answer() {
+  const Time deadline = later(clock().now(), from_seconds(settings_.reply_timeout));
+  for (;;) {
+    std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
+    if (line.empty()) continue;
+    unsure_ = false;
+    return line;
+  }
+}
+
+void Supply::expect(const std::string& line, const std::string& wanted) {
+  const std::string said = ask(line);
+  if (said != wanted)
+    fail(DeviceErrorKind::refused,
+         "after \"" + line + "\" it says " + printable(said) + ", not " + wanted);
+}
+
+void Supply::expect_number(const std::string& line, double wanted) {
+  const std::string said = ask(line);
+  const auto number = scpi::number(said);
+  if (!number)
+    fail(DeviceErrorKind::protocol, "\"" + line + "\" is answered by " + printable(said));
+  if (std::abs(*number - wanted) > kReadBack * std::max(1., std::abs(wanted)))
+    fail(DeviceErrorKind::refused, "after \"" + line + "\" it keeps " + in_short(*number));
+}
+
+void Supply::fail_for(const scpi::Error& error) {
+  if (error.code == 0) return;
+  const std::string what = "error " + std::to_string(error.code) + ", " + printable(error.text);
+  fail(error.code == -222 || error.code > 0 ? DeviceErrorKind::refused : DeviceErrorKind::protocol,
+       what);
+}
+
+/// Everything that a fresh link needs, at zero current: first of all the zero, for the supply may
+/// still hold what a host that died has asked for.
+void Supply::configure() {
+  unsure_ = true;
+  lately_.clear();
+  const std::string said = ask("*IDN?");
+  const auto who = decode_identity(said);
+  if (!who) fail(DeviceErrorKind::not_found, "this is no Kepco BOP: " + printable(said));
+  if (!identity_.name.empty() && (who->name != identity_.name || who->serial != identity_.serial))
+    fail(DeviceErrorKind::not_found,
+         "it was a " + to_string(identity_) + ", and now there is a " + to_string(*who));
+  expect("*CLS;SYST:REM 1;SYST:REM?", "1");
+  expect_number("CURR 0;CURR?", 0);
+  const std::string mode = ask("FUNC:MODE CURR;FUNC:MODE?");
+  if (mode != "1" && mode != "CURR") fail(DeviceErrorKind::refused, "it stays in voltage mode");
+  expect_number("CURR 0;CURR?", 0);
+  expect_number(with_number("CURR:LIM", settings_.current_limit) + ";CURR:LIM?",
+                settings_.current_limit);
+  expect_number(with_number("VOLT", settings_.voltage_limit) + ";VOLT?", settings_.voltage_limit);
+  expect("OUTP:MODE ACTIVE;OUTP:MODE?", "ACTIVE");
+  expect("OUTP ON;OUTP?", "1");
+  for (int i = 0; i < kMostErrors; ++i) {
+    const auto error = scpi::error(ask("SYST:ERR?"));
+    if (!error) fail(DeviceErrorKind::protocol, "its error queue cannot be read");
+    if (error->code == 0) break;
+    fail_for(*error);
+  }
+  identity_ = *who;
+  lately_.push_back({clock().now(), 0});
+}
+
+/// After a lost link.
+void Supply::be_open() {
+  if (!dialogue_.lost()) return;
+  dialogue_.reopen();
+  try {
+    configure();
+  } catch (const DeviceError&) {
+    dialogue_.abandon();
+    throw;
+  }
+}
+
+void Supply::send_current(double current) {
+  send(set_and_measure(current));
+  lately_.push_back({clock().now(), current});
+}
+
+double Supply::take_measured() {
+  const std::string said = answer();
+  const auto measured = decode_measured(said);
+  if (!measured)
+    fail(DeviceErrorKind::protocol, "no current and no error can be read in " + printable(said));
+  fail_for(measured->error);
+  check_read_back(measured->current);
+  return measured->current;
+}
+
+double Supply::measure() {
+  const std::string said = ask("MEAS:CURR?");
+  const auto current = scpi::number(said);
+  if (!current) fail(DeviceErrorKind::protocol, "its current is no number: " + printable(said));
+  return *current;
+}
+
+/// What flows lies between what was set within the settling time, or something is broken: a fuse, a
+/// coil, a supply.
+void Supply::check_read_back(double measured) {
+  const Time begin =
+      lately_.back().at - from_seconds(settings_.settling_time);  // it was measured when it was set
+  while (lately_.size() > 1 && lately_[1].at <= begin) lately_.pop_front();
+  const auto [low, high] =
+      std::minmax_element(lately_.begin(), lately_.end(),
+                          [](const Set& a, const Set& b) { return a.current < b.current; });
+  if (measured < low->current - settings_.read_back_tolerance ||
+      measured > high->current + settings_.read_back_tolerance)
+    fail(DeviceErrorKind::refused,
+         in_short(measured) + " A flow where " + in_short(lately_.back().current) + " A were set");
+}
+
+class Bops final : public Amplifier {
+ public:
+  Bops(std::vector<std::unique_ptr<ByteLink>> links, const Settings& settings, Clock& clock)
+      : settings_(settings), clock_(clock), currents_(links.size()) {
+    for (auto& link : links)
+      supplies_.push_back(std::make_unique<Supply>(
+          std::move(link), static_cast<int>(supplies_.size()), settings_, clock));
+    const Dialogue::Turn turn(supplies_.front()->dialogue());
+    for (const auto& supply : supplies_) supply->configure();
+  }
+  Bops(const Bops&) = delete;
+  Bops& operator=(const Bops&) = delete;
+  ~Bops() override {
+    const StopShield shield(clock_);
+    const auto quietly = [](const auto& work) {
+      try {
+        work();
+      } catch (...) {  // nobody is left to hear it; the other supplies still get their zero
+      }
+    };
+    quietly([this] { zero_all(false); });
+    for (const auto& supply : supplies_) quietly([&] { supply->switch_off(); });
+  }
+
+  std::string identity() const override {
+    return std::to_string(supplies_.size()) + " x " + to_string(supplies_.front()->identity());
+  }
+  int channels() const override { return static_cast<int>(supplies_.size()); }
+  double current_limit() const override { return settings_.current_limit; }
+  std::vector<double> currents() const override { return currents_; }
+  void set_currents(std::span<const double> currents) override;
+  std::vector<double> measured_currents() override {
+    const Dialogue::Turn turn(supplies_.front()->dialogue());
+    std::vector<double> measured;
+    for (const auto& supply : supplies_) measured.push_back(supply->measure());
+    return measured;
+  }
+  void make_safe() override {
+    const Dialogue::Turn turn(supplies_.front()->dialogue());
+    zero_all(true);
+  }
+
+ private:
+  void check(std::span<const double> currents) const;
+  void step(const std::vector<double>& currents);
+  void zero_all(bool open_lost);
+
+  const Settings settings_;
+  Clock& clock_;
+  std::vector<std::unique_ptr<Supply>> supplies_;
+  std::vector<double> currents_;  // A, as last set
+};
+
+void Bops::check(std::span<const double> currents) const {
+  if (currents.size() != supplies_.size())
+    throw std::invalid_argument("currents: " + settings_.name + " has " +
+                                std::to_string(supplies_.size()) + " channels, not " +
+                                std::to_string(currents.size()));
+  for (std::size_t i = 0; i < currents.size(); ++i)
+    if (!std::isfinite(currents[i]))
+      throw std::invalid_argument("currents: channel " + std::to_string(i) +
+                                  " is not a finite number");
+  for (std::size_t i = 0; i < currents.size(); ++i)
+    if (std::abs(currents[i]) > settings_.current_limit)
+      throw DeviceError(DeviceErrorKind::refused, settings_.name,
+                        in_short(currents[i]) + " A on channel " + std::to_string(i) +
+                            " is beyond the limit of " + in_short(settings_.current_limit) + " A");
+}
+
+/// All channels are told before any is listened to: they step together but for the time of a line.
+void Bops::step(const std::vector<double>& currents) {
+  std::exception_ptr failure;
+  std::vector<bool> told(supplies_.size());
+  for (std::size_t i = 0; i < supplies_.size(); ++i) {
+    try {
+      currents_[i] = currents[i];  // from here on it may flow
+      supplies_[i]->send_current(currents[i]);
+      told[i] = true;
+    } catch (const DeviceError&) {
+      if (!failure) failure = std::current_exception();
+    }
+  }
+  for (std::size_t i = 0; i < supplies_.size(); ++i) {
+    try {
+      if (told[i]) supplies_[i]->take_measured();
+    } catch (const DeviceError&) {
+      if (!failure) failure = std::current_exception();
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+/// In as many steps as the steepest channel wants, on straight ways.
+void Bops::set_currents(std::span<const double> currents) {
+  check(currents);
+  const Dialogue::Turn turn(supplies_.front()->dialogue());
+  const std::vector<double> from = currents_;
+  double largest = 0;
+  for (std::size_t i = 0; i < from.size(); ++i)
+    largest = std::max(largest, std::abs(currents[i] - from[i]));
+  const int steps = std::max(
+      1, static_cast<int>(std::ceil(largest / (settings_.max_slope * settings_.step_time))));
+  for (int k = 1; k <= steps; ++k) {
+    const Time begun = clock_.now();
+    std::vector<double> wanted(currents.begin(), currents.end());
+    for (std::size_t i = 0; k < steps && i < wanted.size(); ++i)
+      wanted[i] = from[i] + (currents[i] - from[i]) * k / steps;
+    step(wanted);
+    if (k < steps) clock_.sleep_until(later(begun, from_seconds(settings_.step_time)));
+  }
+}
+
+/// At once, for the supplies' own voltage limits protect the coils; each zero that gets through
+/// counts.
+void Bops::zero_all(bool open_lost) {
+  std::exception_ptr failure;
+  for (std::size_t i = 0; i < supplies_.size(); ++i) {
+    for (int round = 0; round < 2; ++round) {
+      try {
+        if (open_lost) supplies_[i]->be_open();
+        supplies_[i]->zero();
+        currents_[i] = 0;
+        break;
+      } catch (const DeviceError&) {
+        if (round == 1) failure = std::current_exception();
+      }
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace
+
+void Settings::check() const {
+  const auto positive = [](double value) { return std::isfinite(value) && value > 0; };
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  if (!positive(current_limit)) throw std::invalid_argument("current_limit: must be positive");
+  if (!positive(voltage_limit)) throw std::invalid_argument("voltage_limit: must be positive");
+  if (!positive(max_slope)) throw std::invalid_argument("max_slope: must be positive");
+  if (!positive(step_time)) throw std::invalid_argument("step_time: must be positive");
+  if (!positive(reply_timeout)) throw std::invalid_argument("reply_timeout: must be positive");
+  if (!positive(settling_time)) throw std::invalid_argument("settling_time: must be positive");
+  if (!positive(read_back_tolerance))
+    throw std::invalid_argument("read_back_tolerance: must be positive");
+}
+
+std::unique_ptr<Amplifier> open(std::vector<std::unique_ptr<ByteLink>> links,
+                                const Settings& settings, Clock& clock) {
+  settings.check();
+  if (links.empty()) throw std::invalid_argument("links: there must be one at least");
+  return std::make_unique<Bops>(std::move(links), settings, clock);
+}
+
+}  // namespace vitreo::kepco_bop

@@ -1,0 +1,44 @@
+// Kepco BOP bipolar supplies in current mode, by SCPI over a serial port or TCP: several units as
+// one amplifier.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/byte_link.h"
+#include "devices/roles/coil_amplifier.h"
+#include "devices/time/clock.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vitreo::kepco_bop {
+
+struct Settings {
+  std::string name = "coils";  ///< how errors call it
+  double current_limit = 12;   ///< A, per channel, either sign; also set as the supply's own limit
+  double voltage_limit = 20;   ///< V: how far it may drive the coils' inductance
+  double max_slope =
+      200;  ///< A/s: larger steps are made in several set-points, for the coils are inductive
+  double step_time = 0.02;     ///< s between those
+  double reply_timeout = 0.5;  ///< s
+  double settling_time = 0.3;  ///< s, within which the current follows its set-point
+  double read_back_tolerance =
+      0.2;             ///< A, between what was set lately and what is measured with every set-point
+  void check() const;  ///< throws std::invalid_argument naming the setting
+};
+
+class Amplifier : public CoilAmplifier {
+ public:
+  /// A, as the supplies measure it now, one per channel. Throws DeviceError.
+  virtual std::vector<double> measured_currents() = 0;
+};
+
+/// One link a channel. Opens each supply: identity, remote control, current mode, limits read back,
+/// zero current, output on (off means zero current through a closed loop, since coils are
+/// inductive). Throws DeviceError. Destruction ramps to zero and switches the outputs off. A supply
+/// has no watchdog: what holds its last current when the host dies is the guardian's to switch off.
+/// After DeviceError{lost} make_safe() opens what was lost anew, at zero.
+std::unique_ptr<Amplifier> open(std::vector<std::unique_ptr<ByteLink>> links,
+                                const Settings& settings, Clock& clock);
+
+}  // namespace vitreo::kepco_bop

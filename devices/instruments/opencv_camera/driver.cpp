@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/opencv_camera/driver.h"
+
+#include "devices/roles/gray.h"
+#include "devices/time/error.h"
+
+#include <opencv2/videoio.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::opencv_camera {
+namespace {
+
+constexpr double kSilence = 0.45;    // s after which a camera is lost
+constexpr double kUnknownRate = 15;  // Hz
+constexpr double kFastest = 1e4;     // Hz; more is what a broken header says
+
+class OpencvCamera final : public Camera {
+ public:
+  OpencvCamera(const Settings& settings, Clock& clock)
+      : settings_(settings), clock_(clock), live_(settings.source.rfind("/dev/", 0) == 0) {
+    if (!std::filesystem::exists(settings_.source))
+      fail(DeviceErrorKind::not_found, "no such file or device");
+    clock_.outside([this] { start(); });
+    begin_ = clock_.now();
+  }
+  OpencvCamera(const OpencvCamera&) = delete;
+  OpencvCamera& operator=(const OpencvCamera&) = delete;
+  ~OpencvCamera() override {
+    clock_.outside([this] { capture_.release(); });
+  }
+  const CameraInfo& info() const override { return info_; }
+  CameraStatistics statistics() const override { return statistics_; }
+  Frame grab(Time timeout) override { return live_ ? grab_live(timeout) : grab_of_file(timeout); }
+
+ private:
+  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
+    throw DeviceError(kind, settings_.name, settings_.source + ": " + what);
+  }
+
+  void start() {
+    capture_.setExceptionMode(false);
+    if (!(live_ ? capture_.open(settings_.source, cv::CAP_V4L2)
+                : capture_.open(settings_.source, cv::CAP_FFMPEG)))
+      fail(DeviceErrorKind::not_found,
+           live_ ? "is no camera, or is in use" : "is no video that can be read");
+    if (live_) configure();
+    double rate = capture_.get(cv::CAP_PROP_FPS);
+    if (!live_ && settings_.frame_rate > 0) rate = settings_.frame_rate;
+    if (!(rate > 0 && rate <= kFastest)) rate = kUnknownRate;
+    info_ = {(live_ ? "UVC camera " : "video file ") + settings_.source,
+             static_cast<int>(std::lround(capture_.get(cv::CAP_PROP_FRAME_WIDTH))),
+             static_cast<int>(std::lround(capture_.get(cv::CAP_PROP_FRAME_HEIGHT))), 1 / rate,
+             settings_.effective_pixel};
+    period_ = from_seconds(1 / rate);
+  }
+
+  void configure() {
+    const auto want = [this](int property, double value, const char* setting) {
+      if (value == 0) return;
+      capture_.set(property, value);
+      if (std::abs(capture_.get(property) - value) > 0.05 * value)
+        fail(DeviceErrorKind::refused, std::string(setting) + ": it gives " +
+                                           std::to_string(capture_.get(property)) + " instead of " +
+                                           std::to_string(value));
+    };
+    want(cv::CAP_PROP_FRAME_WIDTH, settings_.width_px, "width_px");
+    want(cv::CAP_PROP_FRAME_HEIGHT, settings_.height_px, "height_px");
+    want(cv::CAP_PROP_FPS, settings_.frame_rate, "frame_rate");
+    capture_.set(cv::CAP_PROP_BUFFERSIZE,
+                 2);  // of a queue of old frames only the newest would count
+    const double rate = std::max(capture_.get(cv::CAP_PROP_FPS), 1.);
+    capture_.set(cv::CAP_PROP_READ_TIMEOUT_MSEC, 1e3 * std::max(kSilence, 5 / rate));
+  }
+
+  /// One image, or an empty one at the end or when none comes.
+  cv::Mat read() {
+    cv::Mat image;
+    clock_.outside([&] {
+      if (!capture_.read(image)) image.release();
+    });
+    return image;
+  }
+  Frame frame_of(const cv::Mat& image, std::int64_t number, Time exposed) {
+    if (image.cols != info_.width_px || image.rows != info_.height_px) {
+      ++statistics_.torn;
+      fail(DeviceErrorKind::protocol, "an image of another size came");
+    }
+    ++statistics_.delivered;
+    last_ = number;
+    return {in_gray(image), static_cast<std::uint64_t>(number), exposed,
+            std::max(exposed, clock_.now())};
+  }
+
+  Frame grab_of_file(Time timeout) {
+    const Time exposed = begin_ + (last_ + 1) * period_, deadline = later(clock_.now(), timeout);
+    if (exposed > deadline) {
+      clock_.sleep_until(deadline);
+      fail(DeviceErrorKind::timeout, "no frame in time");
+    }
+    clock_.sleep_until(exposed);
+    const cv::Mat image = read();
+    if (image.empty()) fail(DeviceErrorKind::lost, "the video is over");
+    return frame_of(image, last_ + 1, exposed);
+  }
+
+  Frame grab_live(Time timeout) {
+    const Time start = clock_.now();
+    const cv::Mat image = read();  // the read timeout set above is the deadline that V4L2 knows
+    const Time now = clock_.now();
+    if (image.empty()) {
+      clock_.sleep_until(now);  // a stop comes through here
+      fail(DeviceErrorKind::lost, "the camera has fallen silent");
+    }
+    const auto passed =
+        last_ < 0 ? 1 : std::max<std::int64_t>(1, (now - heard_ + period_ / 2) / period_);
+    statistics_.lost += static_cast<std::uint64_t>(passed - 1);
+    heard_ = now;
+    Frame frame = frame_of(image, last_ + passed, now);
+    if (now - start > timeout) fail(DeviceErrorKind::timeout, "no frame in time");
+    return frame;
+  }
+
+  const Settings settings_;
+  Clock& clock_;
+  const bool live_;
+  cv::VideoCapture capture_;
+  CameraInfo info_;
+  Time begin_{}, heard_{}, period_{};
+  std::int64_t last_ = -1;
+  CameraStatistics statistics_;
+};
+
+}  // namespace
+
+void Settings::check() const {
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  if (source.empty()) throw std::invalid_argument("source: must not be empty");
+  if (width_px < 0 || height_px < 0)
+    throw std::invalid_argument("width_px, height_px: must not be negative");
+  if (!(frame_rate >= 0 && frame_rate <= kFastest))
+    throw std::invalid_argument("frame_rate: must be in [0, 1e4] Hz");
+  if (!(effective_pixel > 0 && effective_pixel < 1))
+    throw std::invalid_argument("effective_pixel: must be in (0, 1) m");
+}
+
+std::unique_ptr<Camera> open(const Settings& settings, Clock& clock) {
+  settings.check();
+  return std::make_unique<OpencvCamera>(settings, clock);
+}
+
+}  // namespace vitreo::opencv_camera

@@ -1,0 +1,378 @@
+// The driver of the Tic: every motion is a call in progress that polls the motor and feeds its
+// command timeout.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/pololu_tic/driver.h"
+
+#include "devices/instruments/pololu_tic/wire.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::pololu_tic {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr Time kPoll = 20ms;
+constexpr Time kEnergizing = 1s;  // until the coils have settled and the state is normal
+constexpr Time kSettingTimeout =
+    1600ms;  // the controller may stall while it writes its settings (Pololu's own value)
+constexpr double kPerSpeed = 1e4;         // speeds count usteps per 10000 s
+constexpr double kPerAcceleration = 100;  // accelerations count usteps per 100 s^2
+constexpr std::uint16_t kEndsByItself =
+    kCommandTimeout | kSafeStartViolation | kIntentionallyDeEnergized;
+
+std::string in_millimeters(double meters) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g mm", meters * 1e3);
+  return text;
+}
+
+std::string names_of(std::uint16_t errors) {
+  static constexpr const char* kNames[] = {"intentionally de-energized",
+                                           "motor driver error",
+                                           "low supply voltage",
+                                           "kill switch",
+                                           "required input invalid",
+                                           "serial error",
+                                           "command timeout",
+                                           "safe start violation",
+                                           "error line high"};
+  std::string text;
+  for (int bit = 0; bit < 9; ++bit)
+    if ((errors >> bit & 1) != 0) text += (text.empty() ? "" : ", ") + std::string(kNames[bit]);
+  return text.empty() ? "no error named" : text;
+}
+
+const char* model_of(std::uint16_t product) {
+  switch (product) {
+    case 0x00B3:
+      return "T825";
+    case 0x00B5:
+      return "T834";
+    case 0x00BD:
+      return "T500";
+    case 0x00C3:
+      return "N825";
+    case 0x00C9:
+      return "T249";
+    default:
+      return "36v4";
+  }
+}
+
+class Tic final : public LensMover {
+ public:
+  Tic(std::unique_ptr<UsbLink> link, const Settings& settings, Clock& clock)
+      : link_(std::move(link)),
+        settings_(settings),
+        clock_(clock),
+        ustep_(settings.step_length / settings.usteps_per_step) {
+    check_identity();
+    // First of all, for it may still be on the way on which a host that died sent it.
+    command({Code::set_target_velocity, 0});
+    command({Code::enter_safe_start});
+    apply_settings();
+    configure();
+  }
+  Tic(const Tic&) = delete;
+  Tic& operator=(const Tic&) = delete;
+  ~Tic() override {
+    try {
+      make_safe();
+    } catch (...) {  // nobody is left to hear it; the motor's own command timeout remains
+    }
+  }
+
+  std::string identity() const override;
+  double position() const override { return meters(read_variables().current_position); }
+  bool homed() const override { return !read_variables().position_uncertain; }
+  double travel_min() const override { return settings_.travel_min; }
+  double travel_max() const override { return settings_.travel_max; }
+  void move_to(double position, Time timeout) override;
+  void home(Time timeout) override;
+  void make_safe() override;
+
+ private:
+  double meters(std::int32_t usteps) const { return settings_.home_position + usteps * ustep_; }
+  std::int32_t usteps(double meters) const {
+    return static_cast<std::int32_t>(std::lround((meters - settings_.home_position) / ustep_));
+  }
+  std::int32_t speed_units() const {
+    return static_cast<std::int32_t>(std::lround(settings_.speed / std::abs(ustep_) * kPerSpeed));
+  }
+  std::int32_t acceleration_units() const {
+    return static_cast<std::int32_t>(
+        std::lround(settings_.acceleration / std::abs(ustep_) * kPerAcceleration));
+  }
+  std::uint8_t step_mode() const {
+    return static_cast<std::uint8_t>(std::lround(std::log2(settings_.usteps_per_step)));
+  }
+  int timeout_ms() const { return static_cast<int>(std::lround(settings_.command_timeout * 1e3)); }
+
+  void check_identity() const;
+  void apply_settings();
+  std::vector<std::pair<std::uint16_t, std::uint8_t>> wanted_settings() const;
+  bool settings_are_as_wanted();
+  void configure();
+  void check_no_error(const Variables& now) const;
+  void energize(Time deadline);
+  void watch(Time deadline, const std::string& what,
+             const std::function<bool(const Variables&)>& arrived);
+  void drive(Time timeout, const std::string& what, const std::function<void()>& start,
+             const std::function<bool(const Variables&)>& arrived);
+  void stand_still();
+  template <class Work>
+  auto on_link(Work work) const;
+  void command(const Command& what, Time timeout) const;
+  void command(const Command& what) const {
+    command(what, from_seconds(settings_.transfer_timeout));
+  }
+  std::vector<std::uint8_t> read(const Read& what) const;
+  Variables read_variables() const;
+  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
+    throw DeviceError(kind, settings_.name, what);
+  }
+
+  const std::unique_ptr<UsbLink> link_;
+  const Settings settings_;
+  Clock& clock_;
+  const double ustep_;  // m
+};
+
+/// Errors of the link, under the name by which the rig knows the device.
+template <class Work>
+auto Tic::on_link(Work work) const {
+  try {
+    return work();
+  } catch (const DeviceError& error) {
+    throw DeviceError(error.kind, settings_.name, error.what());
+  }
+}
+
+void Tic::command(const Command& what, Time timeout) const {
+  on_link([&] { link_->write(encode(what), {}, timeout); });
+}
+
+std::vector<std::uint8_t> Tic::read(const Read& what) const {
+  auto bytes = on_link([&] {
+    return link_->read(encode(what), what.length, from_seconds(settings_.transfer_timeout));
+  });
+  if (bytes.size() != what.length) fail(DeviceErrorKind::protocol, "an answer is cut short");
+  return bytes;
+}
+
+Variables Tic::read_variables() const {
+  const auto variables = decode_variables(read({Code::get_variable, 0, kVariablesSize}));
+  if (!variables) fail(DeviceErrorKind::protocol, "its variables make no sense");
+  return *variables;
+}
+
+std::string Tic::identity() const {
+  const UsbIdentity& usb = link_->identity();
+  char text[96];
+  std::snprintf(text, sizeof text, "Pololu Tic %s, firmware %x.%02x, serial %s",
+                model_of(usb.product), usb.release >> 8U, usb.release & 0xFFU, usb.serial.c_str());
+  return text;
+}
+
+void Tic::check_identity() const {
+  const UsbIdentity& usb = link_->identity();
+  if (usb.vendor != kVendor ||
+      std::find(kProducts.begin(), kProducts.end(), usb.product) == kProducts.end())
+    fail(DeviceErrorKind::not_found,
+         "this is no Tic: " + to_string("usb", {usb.vendor, usb.product, ""}));
+}
+
+std::vector<std::pair<std::uint16_t, std::uint8_t>> Tic::wanted_settings() const {
+  return {{kControlMode, std::uint8_t{0}},
+          {kDisableSafeStart, std::uint8_t{0}},
+          {kCommandTimeoutSetting, static_cast<std::uint8_t>(timeout_ms() & 0xFF)},
+          {static_cast<std::uint16_t>(kCommandTimeoutSetting + 1),
+           static_cast<std::uint8_t>(timeout_ms() >> 8)},
+          {kSoftErrorResponse, kDecelerateToHold}};
+}
+
+bool Tic::settings_are_as_wanted() {
+  const auto settings = read({Code::get_setting, 0, kSettingsSize});
+  const auto wanted = wanted_settings();
+  return std::all_of(wanted.begin(), wanted.end(),
+                     [&](const auto& one) { return settings[one.first] == one.second; });
+}
+
+/// The settings live in a memory that wears out, so they are written only where they differ.
+void Tic::apply_settings() {
+  if (settings_are_as_wanted()) return;
+  for (const auto& [offset, value] : wanted_settings())
+    command({Code::set_setting, value, offset}, kSettingTimeout);
+  command({Code::reinitialize}, kSettingTimeout);
+  if (!settings_are_as_wanted()) fail(DeviceErrorKind::refused, "it does not keep its settings");
+}
+
+void Tic::configure() {
+  const std::uint8_t current =
+      code_from_current(link_->identity().product, settings_.current_limit);
+  const bool counted_otherwise = read_variables().step_mode != step_mode();
+  command({Code::set_step_mode, step_mode()});
+  command({Code::set_current_limit, current});
+  command({Code::set_max_speed, speed_units()});
+  command({Code::set_max_acceleration, acceleration_units()});
+  command({Code::set_max_deceleration, acceleration_units()});
+  // Its counter is in steps of another size, which say nothing about the place any more.
+  if (counted_otherwise) command({Code::halt_and_hold});
+  const Variables now = read_variables();
+  const auto same = [](std::uint32_t is, std::int32_t wanted) {
+    return is == static_cast<std::uint32_t>(wanted);
+  };
+  if (now.step_mode != step_mode() || now.current_limit != current ||
+      !same(now.max_speed, speed_units()) || !same(now.max_acceleration, acceleration_units()) ||
+      !same(now.max_deceleration, acceleration_units()))
+    fail(DeviceErrorKind::refused,
+         "it does not take its speed, acceleration, current limit or step mode");
+}
+
+void Tic::check_no_error(const Variables& now) const {
+  if (now.state != OperationState::normal)
+    fail(DeviceErrorKind::refused,
+         "the motor was stopped by its controller: " + names_of(now.error_status));
+}
+
+/// From whatever state to the normal one. Only a call that is asked to move does this.
+void Tic::energize(Time deadline) {
+  const Time settled = std::min(deadline, clock_.now() + kEnergizing);
+  for (;;) {
+    command({Code::energize});
+    command({Code::exit_safe_start});  // holds for 200 ms only, unless the state is normal by then
+    const Variables now = read_variables();
+    if (now.state == OperationState::normal) return;
+    if (const auto lasting = static_cast<std::uint16_t>(now.error_status & ~kEndsByItself);
+        lasting != 0)
+      fail(DeviceErrorKind::refused, "the motor cannot move: " + names_of(lasting));
+    if (clock_.now() >= settled)
+      fail(DeviceErrorKind::timeout, "the motor does not get ready: " + names_of(now.error_status));
+    clock_.sleep_for(kPoll);
+  }
+}
+
+void Tic::watch(Time deadline, const std::string& what,
+                const std::function<bool(const Variables&)>& arrived) {
+  const Time pause = std::min(kPoll, from_seconds(settings_.command_timeout / 4));
+  for (;;) {
+    const Variables now = read_variables();
+    check_no_error(now);
+    if (arrived(now)) return;
+    if (clock_.now() >= deadline) fail(DeviceErrorKind::timeout, what + " in time");
+    clock_.sleep_until(std::min(deadline, clock_.now() + pause));
+    command({Code::reset_command_timeout});  // reads do not feed it
+  }
+}
+
+void Tic::drive(Time timeout, const std::string& what, const std::function<void()>& start,
+                const std::function<bool(const Variables&)>& arrived) {
+  const Time deadline = later(clock_.now(), timeout);
+  try {
+    energize(deadline);
+    start();
+    watch(deadline, what, arrived);
+  } catch (...) {
+    try {
+      make_safe();
+    } catch (
+        const DeviceError&) {  // the first error says more; the motor's command timeout remains
+    }
+    throw;
+  }
+}
+
+void Tic::move_to(double position, Time timeout) {
+  if (!(position >= settings_.travel_min && position <= settings_.travel_max))
+    fail(DeviceErrorKind::refused, in_millimeters(position) + " is outside the travel from " +
+                                       in_millimeters(settings_.travel_min) + " to " +
+                                       in_millimeters(settings_.travel_max));
+  if (!homed()) fail(DeviceErrorKind::refused, "it does not know its position; home it first");
+  const std::int32_t target = usteps(position);
+  drive(
+      timeout, "not at " + in_millimeters(position),
+      [&] {
+        command({Code::set_target_position, target});
+      },
+      [&](const Variables& now) {
+        if (now.position_uncertain)
+          fail(DeviceErrorKind::refused, "it lost its position on the way; home it again");
+        return now.current_position == target && now.current_velocity == 0;
+      });
+}
+
+void Tic::home(Time timeout) {
+  if (settings_.home == Home::none) {
+    command({Code::halt_and_set_position, 0});
+    if (!homed()) fail(DeviceErrorKind::refused, "it does not take its position");
+    return;
+  }
+  drive(
+      timeout, "the home switch was not found",
+      [&] {
+        command({Code::go_home, settings_.home == Home::forward});
+      },
+      [](const Variables& now) { return !now.homing && !now.position_uncertain; });
+}
+
+/// Decelerates, then forbids motion until the next call that moves. Where it does not slow down,
+/// halts abruptly, which costs the position.
+void Tic::make_safe() {
+  const StopShield shield(clock_);
+  command({Code::set_target_velocity, 0});
+  const Time deadline =
+      clock_.now() + from_seconds(2 * settings_.speed / settings_.acceleration) + 100ms;
+  while (read_variables().current_velocity != 0) {
+    if (clock_.now() >= deadline) {
+      command({Code::halt_and_hold});
+      break;
+    }
+    clock_.sleep_for(kPoll);
+  }
+  command({Code::enter_safe_start});
+}
+
+}  // namespace
+
+void Settings::check() const {
+  const auto positive = [](double value, double most, const char* setting) {
+    if (!(std::isfinite(value) && value > 0 && value <= most))
+      throw std::invalid_argument(std::string(setting) + ": must be in (0, " +
+                                  std::to_string(most) + "]");
+  };
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  positive(std::abs(step_length), 0.01, "step_length");
+  if (usteps_per_step < 1 || usteps_per_step > 32 || (usteps_per_step & (usteps_per_step - 1)) != 0)
+    throw std::invalid_argument("usteps_per_step: must be 1, 2, 4, 8, 16 or 32");
+  const double ustep = std::abs(step_length) / usteps_per_step;
+  positive(speed, 5e8 / kPerSpeed * ustep, "speed");
+  positive(acceleration, 0x7FFFFFFF / kPerAcceleration * ustep, "acceleration");
+  if (acceleration < ustep)
+    throw std::invalid_argument("acceleration: is too little for the controller");
+  if (!(std::isfinite(travel_min) && std::isfinite(travel_max) && travel_min < travel_max))
+    throw std::invalid_argument("travel_min: must be less than travel_max");
+  const double reach =
+      std::max(std::abs(travel_min - home_position), std::abs(travel_max - home_position));
+  if (!(reach < std::numeric_limits<std::int32_t>::max() * ustep))
+    throw std::invalid_argument("home_position: the travel is too far from it to be counted");
+  positive(current_limit, 10, "current_limit");
+  if (!(command_timeout >= 0.1 && command_timeout <= 60))
+    throw std::invalid_argument("command_timeout: must be in [0.1, 60] s");
+  positive(transfer_timeout, command_timeout, "transfer_timeout");
+}
+
+std::unique_ptr<LensMover> open(std::unique_ptr<UsbLink> link, const Settings& settings,
+                                Clock& clock) {
+  if (!link) throw std::invalid_argument("link: must not be null");
+  settings.check();
+  return std::make_unique<Tic>(std::move(link), settings, clock);
+}
+
+}  // namespace vitreo::pololu_tic

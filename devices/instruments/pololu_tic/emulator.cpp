@@ -1,0 +1,324 @@
+// The Tic as it looks from the far end of the wire. Its motion is integrated up to the present
+// whenever somebody asks.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/pololu_tic/emulator.h"
+
+#include "devices/instruments/pololu_tic/wire.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace vitreo::pololu_tic {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr Time kStep = 1ms;  // of the integration
+constexpr Time kSafeStartGrace = 200ms;
+constexpr double kLowVoltage = 8;        // V
+constexpr double kTwoSecondsAtRest = 2;  // s after which nothing of a motion can be left
+constexpr std::uint16_t kHardErrors =
+    kIntentionallyDeEnergized | kMotorDriverError | kLowVin | kKillSwitch;
+
+enum class Planning { off, position, velocity };
+enum class Homing { no, approaching, leaving };
+
+class EmulatedTic final : public Emulator {
+ public:
+  EmulatedTic(const EmulatorSettings& settings, const Clock& clock)
+      : clock_(clock), given_(settings) {
+    identity_ = {kVendor, settings.product, 0x0106, settings.serial, "Pololu Corporation",
+                 "Tic",   "emulated"};
+    settings_bytes_[kCommandTimeoutSetting] =
+        static_cast<std::uint8_t>(settings.command_timeout_ms & 0xFF);
+    settings_bytes_[kCommandTimeoutSetting + 1] =
+        static_cast<std::uint8_t>(settings.command_timeout_ms >> 8);
+    settings_bytes_[kSoftErrorResponse] = settings.soft_error_response;
+    reported_.step_mode = settings.step_mode;
+    reported_.max_speed = 2000000;
+    reported_.max_acceleration = reported_.max_deceleration = 40000;
+    uncertain_ = !settings.position_known;
+    zero_ = -settings.position;
+    vin_ = settings.vin;
+    now_ = fed_ = clock.now();
+    update_state();
+  }
+
+  const UsbIdentity& identity() const override { return identity_; }
+
+  std::optional<std::vector<std::uint8_t>> control(const UsbSetup& setup,
+                                                   std::span<const std::uint8_t>,
+                                                   std::uint16_t length) override {
+    advance();
+    if (const auto read = decode_read(setup, length)) return answer(*read);
+    const auto command = decode_command(setup);
+    if (!command) return std::nullopt;
+    if (feeds_the_timeout(command->code)) {
+      fed_ = now_;
+      errors_ &= static_cast<std::uint16_t>(~kCommandTimeout);
+    }
+    obey(*command);
+    update_state();
+    return std::vector<std::uint8_t>{};
+  }
+
+  double motor_usteps() override { return advance(), motor_; }
+  bool moving() override { return advance(), speed_ != 0; }
+  bool energized() override { return advance(), is_energized(); }
+  void slip(std::int64_t usteps) override {
+    advance();
+    motor_ += static_cast<double>(usteps);
+    zero_ += static_cast<double>(usteps);
+  }
+  void set_vin(double volts) override {
+    advance();
+    vin_ = volts;
+    update_state();
+  }
+  void set_jammed(bool jammed) override {
+    advance();
+    jammed_ = jammed;
+  }
+  void set_kill_switch(bool pressed) override {
+    advance();
+    killed_ = pressed;
+    update_state();
+  }
+
+ private:
+  std::optional<std::vector<std::uint8_t>> answer(const Read& read) {
+    std::vector<std::uint8_t> from =
+        read.code == Code::get_variable ? encode_variables(variables()) : settings_bytes_;
+    if (read.offset >= from.size()) return std::nullopt;
+    from.erase(from.begin(), from.begin() + read.offset);
+    if (from.size() > read.length) from.resize(read.length);
+    return from;
+  }
+  Variables variables() const {
+    Variables v = reported_;
+    v.state = state_;
+    v.energized = is_energized();
+    v.position_uncertain = uncertain_;
+    v.reverse_limit = motor_ <= static_cast<double>(given_.home_usteps) && given_.home_switch_works;
+    v.homing = homing_ != Homing::no;
+    v.error_status = errors_;
+    v.target_position = target_;
+    v.current_position = static_cast<std::int32_t>(std::lround(motor_ - zero_));
+    v.current_velocity = static_cast<std::int32_t>(std::lround(speed_ * 1e4));
+    v.vin_millivolts = static_cast<std::uint16_t>(std::lround(vin_ * 1000));
+    return v;
+  }
+  void obey(const Command& command);
+  void halt() {
+    speed_ = 0;
+    planning_ = Planning::off;
+    homing_ = Homing::no;
+  }
+  void reload() {
+    halt();
+    errors_ |= kSafeStartViolation;
+  }
+  bool is_energized() const {
+    return (errors_ & kHardErrors) == 0 && state_ != OperationState::reset;
+  }
+  void update_state();
+  void advance();
+  void step(double dt);
+  double wanted_speed(double dt) const;
+  double homing_speed() const;
+  void follow_the_switch();
+
+  const Clock& clock_;
+  const EmulatorSettings given_;
+  UsbIdentity identity_;
+  std::vector<std::uint8_t> settings_bytes_ = std::vector<std::uint8_t>(kSettingsSize, 0);
+  Variables reported_;  // the part that commands set and reads show
+  std::uint16_t errors_ = kIntentionallyDeEnergized | kSafeStartViolation;
+  OperationState state_ = OperationState::de_energized;
+  bool uncertain_ = true, jammed_ = false, killed_ = false;
+  double vin_ = 0;
+  Time now_{}, fed_{}, safe_start_left_{};
+  double motor_ = 0, zero_ = 0;  // usteps: where the motor is, and where the counter is 0
+  double speed_ = 0;             // usteps per s
+  Planning planning_ = Planning::off;
+  Homing homing_ = Homing::no;
+  bool homing_forward_ = false;
+  std::int32_t target_ = 0;
+  double target_speed_ = 0;
+};
+
+void EmulatedTic::obey(const Command& command) {
+  switch (command.code) {
+    case Code::set_target_position:
+      planning_ = Planning::position;
+      homing_ = Homing::no;
+      target_ = command.argument;
+      break;
+    case Code::set_target_velocity:
+      planning_ = Planning::velocity;
+      homing_ = Homing::no;
+      target_speed_ = command.argument / 1e4;
+      break;
+    case Code::halt_and_set_position:
+      halt();
+      zero_ = motor_ - command.argument;
+      uncertain_ = false;
+      break;
+    case Code::halt_and_hold:
+      halt();
+      uncertain_ = true;
+      break;
+    case Code::go_home:
+      homing_ = Homing::approaching;
+      planning_ = Planning::off;
+      homing_forward_ = command.argument == 1;
+      uncertain_ = true;
+      break;
+    case Code::de_energize:
+      halt();
+      errors_ |= kIntentionallyDeEnergized;
+      uncertain_ = true;
+      break;
+    case Code::energize:
+      errors_ &= static_cast<std::uint16_t>(~kIntentionallyDeEnergized);
+      break;
+    case Code::exit_safe_start:
+      errors_ &= static_cast<std::uint16_t>(~kSafeStartViolation);
+      safe_start_left_ = now_;
+      break;
+    case Code::enter_safe_start:
+      errors_ |= kSafeStartViolation;
+      break;
+    case Code::reset:
+    case Code::reinitialize:
+      reload();
+      break;
+    case Code::set_max_speed:
+      reported_.max_speed = static_cast<std::uint32_t>(command.argument);
+      break;
+    case Code::set_max_acceleration:
+      reported_.max_acceleration = static_cast<std::uint32_t>(command.argument);
+      break;
+    case Code::set_max_deceleration:
+      reported_.max_deceleration = static_cast<std::uint32_t>(command.argument);
+      break;
+    case Code::set_step_mode:
+      reported_.step_mode = static_cast<std::uint8_t>(command.argument);
+      break;
+    case Code::set_current_limit:
+      reported_.current_limit = static_cast<std::uint8_t>(command.argument);
+      break;
+    case Code::set_setting:
+      if (command.setting < kSettingsSize)
+        settings_bytes_[command.setting] = static_cast<std::uint8_t>(command.argument);
+      break;
+    default:  // what only feeds the timeout, or clears what this emulator does not have
+      break;
+  }
+}
+
+/// From the errors follows the state; leaving the normal one wants a new exit from safe start.
+void EmulatedTic::update_state() {
+  const auto set = [this](std::uint16_t error, bool on) {
+    errors_ = static_cast<std::uint16_t>(on ? errors_ | error : errors_ & ~error);
+  };
+  set(kLowVin, vin_ < kLowVoltage);
+  set(kKillSwitch, killed_);
+  const bool was_normal = state_ == OperationState::normal;
+  if ((errors_ & kHardErrors) != 0) {
+    if (state_ != OperationState::de_energized) halt();
+    if (vin_ < kLowVoltage) uncertain_ = true;
+    state_ = OperationState::de_energized;
+  } else {
+    state_ = errors_ != 0 ? OperationState::soft_error : OperationState::normal;
+  }
+  const bool in_grace =
+      now_ - safe_start_left_ <= kSafeStartGrace && safe_start_left_ != Time::zero();
+  if (state_ == OperationState::normal) return;
+  if ((was_normal || !in_grace) && settings_bytes_[kDisableSafeStart] == 0) {
+    errors_ |= kSafeStartViolation;
+    if (state_ == OperationState::normal) state_ = OperationState::soft_error;
+  }
+}
+
+void EmulatedTic::advance() {
+  const Time until = clock_.now();
+  // What stood still for so long goes on standing still: only the timeouts have to be looked at.
+  while (now_ < until) {
+    const bool at_rest =
+        speed_ == 0 &&
+        (state_ != OperationState::normal ||
+         (planning_ == Planning::off && homing_ == Homing::no) ||
+         (planning_ == Planning::position && std::lround(motor_ - zero_) == target_) ||
+         (planning_ == Planning::velocity && target_speed_ == 0));
+    Time step_length = std::min(kStep, until - now_);
+    if (at_rest && to_seconds(until - now_) > kTwoSecondsAtRest) step_length = until - now_ - 1s;
+    now_ += step_length;
+    const Time timeout = std::chrono::milliseconds(
+        settings_bytes_[kCommandTimeoutSetting] | settings_bytes_[kCommandTimeoutSetting + 1] << 8);
+    if (timeout > Time::zero() && now_ - fed_ > timeout) errors_ |= kCommandTimeout;
+    update_state();
+    if (at_rest) continue;
+    const double before = motor_;
+    step(to_seconds(step_length));
+    if (!jammed_) continue;
+    zero_ -= motor_ - before;
+    motor_ = before;
+  }
+}
+
+double EmulatedTic::homing_speed() const {
+  return reported_.max_speed / 1e4 / (homing_ == Homing::approaching ? 4 : 16);
+}
+
+double EmulatedTic::wanted_speed(double dt) const {
+  if (state_ != OperationState::normal) return 0;  // the soft error response: decelerate to hold
+  if (homing_ != Homing::no) {
+    const bool forward = homing_forward_ == (homing_ == Homing::approaching);
+    return forward ? homing_speed() : -homing_speed();
+  }
+  const double limit = reported_.max_speed / 1e4;
+  if (planning_ == Planning::velocity) return std::clamp(target_speed_, -limit, limit);
+  if (planning_ == Planning::off) return 0;
+  const double way = zero_ + target_ - motor_;
+  const double slow_enough = std::sqrt(2 * reported_.max_deceleration / 100. * std::abs(way));
+  return std::copysign(std::min({limit, slow_enough, std::abs(way) / dt}), way);
+}
+
+void EmulatedTic::step(double dt) {
+  const double wanted = wanted_speed(dt);
+  const bool speeds_up = std::abs(wanted) > std::abs(speed_);
+  const double change =
+      (speeds_up ? reported_.max_acceleration : reported_.max_deceleration) / 100. * dt;
+  const bool abrupt =
+      state_ != OperationState::normal && settings_bytes_[kSoftErrorResponse] != kDecelerateToHold;
+  speed_ = abrupt ? 0 : std::clamp(wanted, speed_ - change, speed_ + change);
+  if (abrupt && settings_bytes_[kSoftErrorResponse] <= 1) uncertain_ = true;
+  motor_ += speed_ * dt;
+  if (planning_ == Planning::position && state_ == OperationState::normal &&
+      std::abs(zero_ + target_ - motor_) < 0.5 && std::abs(speed_) <= 4 * change) {
+    motor_ = zero_ + target_;
+    speed_ = 0;
+  }
+  if (homing_ != Homing::no) follow_the_switch();
+}
+
+void EmulatedTic::follow_the_switch() {
+  if (!given_.home_switch_works || state_ != OperationState::normal) return;
+  const double from_switch =
+      (motor_ - static_cast<double>(given_.home_usteps)) * (homing_forward_ ? -1 : 1);
+  if (homing_ == Homing::approaching && from_switch <= 0) homing_ = Homing::leaving;
+  if (homing_ != Homing::leaving || from_switch <= 0) return;
+  halt();
+  motor_ = zero_ = static_cast<double>(given_.home_usteps);  // where the switch is just released
+  target_ = 0;
+  uncertain_ = false;
+}
+
+}  // namespace
+
+std::unique_ptr<Emulator> make_emulator(const EmulatorSettings& settings, const Clock& clock) {
+  return std::make_unique<EmulatedTic>(settings, clock);
+}
+
+}  // namespace vitreo::pololu_tic

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/scpi_probe/driver.h"
+
+#include "devices/instruments/scpi_probe/wire.h"
+#include "devices/links/dialogue.h"
+#include "devices/time/error.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::scpi_probe {
+namespace {
+
+constexpr Time kReplyTimeout = std::chrono::seconds(1), kSilence = std::chrono::milliseconds(30);
+
+class Probe final : public FieldProbe {
+ public:
+  Probe(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock)
+      : settings_(settings), dialogue_(std::move(link), settings.name, clock) {
+    const Dialogue::Turn turn(dialogue_);
+    info_ = {configure(), settings.axes, settings.range};
+  }
+  const FieldProbeInfo& info() const override { return info_; }
+  FieldReading measure(Time timeout) override;
+
+ private:
+  std::string ask(const std::string& question, Time timeout);
+  Identity configure();
+  void be_open();
+
+  const Settings settings_;
+  Dialogue dialogue_;
+  FieldProbeInfo info_;
+  bool unsure_ = true;  // an older answer may still come
+};
+
+std::string Probe::ask(const std::string& question, Time timeout) {
+  const Time deadline = later(dialogue_.clock().now(), timeout);
+  if (unsure_) dialogue_.settle(kSilence);
+  dialogue_.discard();
+  unsure_ = true;
+  dialogue_.send(question + "\n");
+  for (;;) {
+    std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
+    if (line.empty()) continue;
+    unsure_ = false;
+    return line;
+  }
+}
+
+Identity Probe::configure() {
+  unsure_ = true;
+  const std::string said = ask("*IDN?", kReplyTimeout);
+  const auto who = scpi::identity(said);
+  if (!who || who->name.find(settings_.model) == std::string::npos)
+    dialogue_.fail(DeviceErrorKind::not_found,
+                   "this is no " + (settings_.model.empty() ? "probe" : settings_.model) + ": " +
+                       printable(said));
+  dialogue_.send(std::string_view("*CLS\n"));
+  for (const std::string& line : scpi::parts(settings_.setup, '|'))
+    if (!line.empty()) dialogue_.send(line + "\n");
+  const auto error = scpi::error(ask("SYST:ERR?", kReplyTimeout));
+  if (!error) dialogue_.fail(DeviceErrorKind::protocol, "its error queue cannot be read");
+  if (error->code != 0)
+    dialogue_.fail(DeviceErrorKind::refused,
+                   "it does not take its setup: " + printable(error->text));
+  return *who;
+}
+
+void Probe::be_open() {
+  if (!dialogue_.lost()) return;
+  dialogue_.reopen();
+  try {
+    const Identity now = configure();
+    if (now.name != info_.identity.name || now.serial != info_.identity.serial)
+      dialogue_.fail(DeviceErrorKind::not_found, "now there is a " + to_string(now));
+  } catch (const DeviceError&) {
+    dialogue_.abandon();
+    throw;
+  }
+}
+
+FieldReading Probe::measure(Time timeout) {
+  const Dialogue::Turn turn(dialogue_);
+  be_open();
+  const Time asked = dialogue_.clock().now();
+  const std::string said = ask(settings_.question, timeout);
+  const auto field = decode_field(said, static_cast<std::size_t>(settings_.axes));
+  if (!field)
+    dialogue_.fail(DeviceErrorKind::protocol,
+                   "not " + std::to_string(settings_.axes) + " numbers: " + printable(said));
+  FieldReading reading{{}, asked};
+  for (const double component : *field) {
+    if (std::abs(component) >= kOverload || std::abs(component * settings_.unit) > settings_.range)
+      dialogue_.fail(DeviceErrorKind::refused, "the field is beyond its range: " + printable(said));
+    reading.field.push_back(component * settings_.unit);
+  }
+  return reading;
+}
+
+}  // namespace
+
+void Settings::check() const {
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  if (question.empty() || question.size() > 80)
+    throw std::invalid_argument("question: must have 1 to 80 characters");
+  if (axes != 1 && axes != 3) throw std::invalid_argument("axes: must be 1 or 3");
+  if (!std::isfinite(unit) || unit == 0)
+    throw std::invalid_argument("unit: must be a number other than zero");
+  if (!std::isfinite(range) || range <= 0) throw std::invalid_argument("range: must be positive");
+}
+
+std::unique_ptr<FieldProbe> open(std::unique_ptr<ByteLink> link, const Settings& settings,
+                                 Clock& clock) {
+  settings.check();
+  return std::make_unique<Probe>(std::move(link), settings, clock);
+}
+
+}  // namespace vitreo::scpi_probe

@@ -1,0 +1,72 @@
+// A teslameter as it looks from the far end of the wire.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/scpi_probe/emulator.h"
+
+#include "devices/instruments/scpi_probe/wire.h"
+
+#include <cmath>
+#include <deque>
+#include <utility>
+
+namespace vitreo::scpi_probe {
+namespace {
+
+class EmulatedProbe final : public BytePeer {
+ public:
+  EmulatedProbe(EmulatorSettings settings, std::function<std::vector<double>(Time)> field)
+      : settings_(std::move(settings)), field_(std::move(field)) {}
+
+  void receive(std::span<const std::uint8_t> bytes, Time now) override {
+    for (const std::uint8_t byte : bytes) {
+      if (byte == '\r' || byte == '\n') {
+        if (!line_.empty()) obey(scpi::trimmed(std::exchange(line_, {})), now);
+      } else if (line_.size() < kMaxAnswer) {
+        line_.push_back(static_cast<char>(byte));
+      }
+    }
+  }
+  std::vector<TimedBytes> say(Time now) override {
+    std::vector<TimedBytes> said;
+    while (!sayings_.empty() && sayings_.front().at <= now) {
+      said.push_back(std::move(sayings_.front()));
+      sayings_.pop_front();
+    }
+    return said;
+  }
+  Time next() const override { return sayings_.empty() ? kForever : sayings_.front().at; }
+
+ private:
+  void obey(const std::string& line, Time now) {
+    if (line == "*IDN?") return speak(settings_.identity, now);
+    if (line == "*CLS") {
+      complaint_.clear();
+    } else if (line == "SYST:ERR?") {
+      speak(complaint_.empty() ? "0,\"No error\"" : std::exchange(complaint_, {}), now);
+    } else if (line == settings_.question) {
+      std::vector<double> field = field_(now);
+      for (double& component : field)
+        if (std::abs(component) > settings_.range) component = kOverload;
+      speak(encode_field(field), later(now, settings_.duration));
+    } else {
+      complaint_ = "-113,\"Undefined header\"";
+    }
+  }
+  void speak(const std::string& text, Time at) {
+    sayings_.push_back({at, {text.begin(), text.end()}});
+    sayings_.back().bytes.push_back('\n');
+  }
+
+  const EmulatorSettings settings_;
+  const std::function<std::vector<double>(Time)> field_;
+  std::string line_, complaint_;
+  std::deque<TimedBytes> sayings_;
+};
+
+}  // namespace
+
+std::unique_ptr<BytePeer> make_emulator(const EmulatorSettings& settings,
+                                        std::function<std::vector<double>(Time)> field) {
+  return std::make_unique<EmulatedProbe>(settings, std::move(field));
+}
+
+}  // namespace vitreo::scpi_probe

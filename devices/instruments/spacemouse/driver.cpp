@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/spacemouse/driver.h"
+
+#include "devices/instruments/spacemouse/wire.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::spacemouse {
+namespace {
+
+constexpr int kMostReports =
+    1024;  // in one call: a device that floods the link is not obeyed for ever
+
+class SpaceMouse final : public OperatorInput {
+ public:
+  SpaceMouse(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock)
+      : link_(std::move(link)), settings_(settings), clock_(clock) {}
+  std::string identity() const override { return "3Dconnexion SpaceMouse"; }
+
+  OperatorState state() override {
+    if (lost_)
+      throw DeviceError(DeviceErrorKind::lost, settings_.name, "it was unplugged; open it again");
+    try {
+      for (int i = 0; i < kMostReports; ++i) {
+        const auto report = link_->read(Time::zero());
+        if (!report) break;
+        take(*report);
+      }
+    } catch (const DeviceError& error) {
+      lost_ = true;
+      throw DeviceError(error.kind, settings_.name, error.what());
+    }
+    if (clock_.now() - moved_ > from_seconds(settings_.watchdog))
+      state_.translation = state_.rotation = {0, 0, 0};
+    return state_;
+  }
+
+ private:
+  void take(const Report& report) {
+    const auto input = decode(report);
+    if (!input) return;
+    if (const auto* buttons = std::get_if<Buttons>(&*input)) {
+      state_.pressed = buttons->pressed;
+      return;
+    }
+    moved_ = clock_.now();
+    if (const auto* t = std::get_if<Translation>(&*input)) state_.translation = ours(t->counts);
+    if (const auto* r = std::get_if<Rotation>(&*input)) state_.rotation = ours(r->counts);
+    if (const auto* both = std::get_if<Both>(&*input)) {
+      state_.translation = ours(both->translation);
+      state_.rotation = ours(both->rotation);
+    }
+  }
+  /// The device's y and z point the other way than ours: half a turn about x, so that rotations
+  /// follow.
+  Eigen::Vector3d ours(const Axes& counts) const {
+    return {scaled(counts[0]), -scaled(counts[1]), -scaled(counts[2])};
+  }
+  double scaled(int counts) const {
+    const double deflection = std::clamp(static_cast<double>(counts) / kFullScale_counts, -1., 1.);
+    const double beyond = std::abs(deflection) - settings_.dead_zone;
+    return beyond <= 0 ? 0 : std::copysign(beyond / (1 - settings_.dead_zone), deflection);
+  }
+
+  std::unique_ptr<HidLink> link_;
+  const Settings settings_;
+  Clock& clock_;
+  OperatorState state_;
+  Time moved_{};
+  bool lost_ = false;
+};
+
+}  // namespace
+
+void Settings::check() const {
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  if (!(dead_zone >= 0 && dead_zone < 0.9))
+    throw std::invalid_argument("dead_zone: must be in [0, 0.9)");
+  if (!(watchdog >= 0.02 && watchdog <= 10))
+    throw std::invalid_argument("watchdog: must be in [0.02, 10] s");
+}
+
+std::unique_ptr<OperatorInput> open(std::unique_ptr<HidLink> link, const Settings& settings,
+                                    Clock& clock) {
+  if (!link) throw std::invalid_argument("link: must not be null");
+  settings.check();
+  return std::make_unique<SpaceMouse>(std::move(link), settings, clock);
+}
+
+}  // namespace vitreo::spacemouse

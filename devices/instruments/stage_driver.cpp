@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/stage_driver.h"
+
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr Time kPoll = std::chrono::milliseconds(20);
+
+/// All of a stage's driver but the role it plays.
+class Motion {
+ public:
+  Motion(std::unique_ptr<StageProtocol> protocol, const char* unit)
+      : protocol_(std::move(protocol)), dialogue_(protocol_->dialogue), unit_(unit) {
+    const Dialogue::Turn turn(dialogue_);
+    info_ = protocol_->configure();
+  }
+  ~Motion() {
+    try {
+      if (!dialogue_.lost()) stop();
+    } catch (...) {  // nobody is left to hear it
+    }
+  }
+  Motion(const Motion&) = delete;
+  Motion& operator=(const Motion&) = delete;
+
+  const StageInfo& info() const { return info_; }
+
+  std::vector<double> position() {
+    const Dialogue::Turn turn(dialogue_);
+    be_open();
+    return protocol_->position();
+  }
+
+  void start(std::span<const double> target, double speed) {
+    check_motion(info_.axes, target, speed, dialogue_.device(), unit_);
+    const Dialogue::Turn turn(dialogue_);
+    begin(false);
+    protocol_->set_off(target, speed);
+  }
+
+  bool moving() {
+    const Dialogue::Turn turn(dialogue_);
+    be_open();
+    return look();
+  }
+
+  void wait(Time timeout) {
+    const Time deadline = later(clock().now(), timeout);
+    for (;;) {
+      {
+        const Dialogue::Turn turn(dialogue_);
+        if (!look()) {
+          if (const auto ending = std::exchange(ending_, nullptr)) std::rethrow_exception(ending);
+          return;
+        }
+        if (clock().now() >= deadline) give_up();
+      }
+      clock().sleep_until(std::min(deadline, later(clock().now(), kPoll)));
+    }
+  }
+
+  void home(Time timeout) {
+    {
+      const Dialogue::Turn turn(dialogue_);
+      begin(true);
+      protocol_->set_off_home();
+    }
+    wait(timeout);
+  }
+
+  void stop() {
+    const Dialogue::Turn turn(dialogue_);
+    be_open();
+    if (moving_) end(DeviceErrorKind::refused, "it was stopped on its way");
+    protocol_->halt();
+  }
+
+ private:
+  Clock& clock() const { return dialogue_.clock(); }
+
+  void begin(bool homing) {
+    be_open();
+    if (look()) dialogue_.fail(DeviceErrorKind::refused, "it is still moving");
+    ending_ = nullptr;
+    moving_ = true;  // should the exchange fail half-way, it may be
+    homing_ = homing;
+  }
+
+  /// Whether the motion goes on; when it does not, ending_ says how it ended, or is null when it is
+  /// there.
+  bool look() {
+    if (!moving_) return false;
+    try {
+      if (protocol_->busy()) return true;
+      moving_ = false;
+      protocol_->check_arrival(homing_);
+    } catch (const DeviceError& error) {
+      ending_ = std::current_exception();
+      moving_ = false;
+      if (error.kind != DeviceErrorKind::lost) protocol_->tell_to_halt();
+    }
+    return false;
+  }
+
+  void end(DeviceErrorKind kind, const char* how) {
+    moving_ = false;
+    ending_ = std::make_exception_ptr(DeviceError(kind, dialogue_.device(), how));
+  }
+
+  [[noreturn]] void give_up() {
+    moving_ = false;
+    protocol_->halt();
+    dialogue_.fail(DeviceErrorKind::timeout, homing_ ? "not home in time" : "not there in time");
+  }
+
+  /// After a lost link: opens it again, where it can be. What was set off is dropped; the halt is
+  /// part of configure().
+  void be_open() {
+    if (!dialogue_.lost()) return;
+    if (moving_) end(DeviceErrorKind::lost, "the link was lost while it moved");
+    dialogue_.reopen();
+    try {
+      const Identity now = protocol_->configure().identity;
+      if (now.name != info_.identity.name || now.serial != info_.identity.serial)
+        dialogue_.fail(DeviceErrorKind::not_found, "it was a " + to_string(info_.identity) +
+                                                       ", and now there is a " + to_string(now));
+    } catch (...) {
+      dialogue_.abandon();  // half configured is not open
+      throw;
+    }
+  }
+
+  std::unique_ptr<StageProtocol> protocol_;
+  Dialogue& dialogue_;
+  const char* const unit_;
+  StageInfo info_;
+  bool moving_ = false, homing_ = false;
+  std::exception_ptr ending_;  // how the last motion ended, unless well, until wait() has told it
+};
+
+class DrivenStage final : public Stage {
+ public:
+  explicit DrivenStage(std::unique_ptr<StageProtocol> protocol)
+      : motion_(std::move(protocol), "m") {}
+  const StageInfo& info() const override { return motion_.info(); }
+  std::vector<double> position() override { return motion_.position(); }
+  void start(std::span<const double> target, double speed) override {
+    motion_.start(target, speed);
+  }
+  bool moving() override { return motion_.moving(); }
+  void wait(Time timeout) override { motion_.wait(timeout); }
+  void home(Time timeout) override { motion_.home(timeout); }
+  void stop() override { motion_.stop(); }
+  void make_safe() override { motion_.stop(); }
+
+ private:
+  Motion motion_;
+};
+
+class DrivenRotationStage final : public RotationStage {
+ public:
+  explicit DrivenRotationStage(std::unique_ptr<StageProtocol> protocol)
+      : motion_(std::move(protocol), "rad") {
+    if (motion_.info().axes.size() != 1)
+      throw std::invalid_argument("axes: a rotation stage has one");
+    info_ = {motion_.info().identity, motion_.info().axes.front()};
+  }
+  const RotationStageInfo& info() const override { return info_; }
+  double angle() override { return motion_.position().front(); }
+  void start(double angle, double speed) override { motion_.start({&angle, 1}, speed); }
+  bool moving() override { return motion_.moving(); }
+  void wait(Time timeout) override { motion_.wait(timeout); }
+  void home(Time timeout) override { motion_.home(timeout); }
+  void stop() override { motion_.stop(); }
+  void make_safe() override { motion_.stop(); }
+
+ private:
+  Motion motion_;
+  RotationStageInfo info_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_stage(std::unique_ptr<StageProtocol> protocol) {
+  return std::make_unique<DrivenStage>(std::move(protocol));
+}
+
+std::unique_ptr<RotationStage> make_rotation_stage(std::unique_ptr<StageProtocol> protocol) {
+  return std::make_unique<DrivenRotationStage>(std::move(protocol));
+}
+
+}  // namespace vitreo

@@ -1,0 +1,268 @@
+// The driver of the MPC-200: one drive of the controller, silent while it moves.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/sutter_mpc200/driver.h"
+
+#include "devices/instruments/stage_driver.h"
+#include "devices/instruments/sutter_mpc200/wire.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::sutter_mpc200 {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Time kBetween = 2ms;  // it wants a rest between commands
+constexpr Time kSilence =
+    20ms;  // after which nothing more comes: 14 bytes take 1.1 ms at 128000 baud
+constexpr Time kMotionMargin = 1s;
+constexpr Time kLongestHoming = 100s;  // 25 mm at its slowest, and a quarter
+constexpr double kMotionFactor = 1.5;  // its speeds differ from stage to stage
+constexpr int kFast = -1;              // in place of a straight motion's speed
+
+/// The fastest that is not faster than `speed`; nothing when it cannot go so slowly.
+std::optional<int> code_for(double speed) {
+  const double most = speed * (1 + 1e-3);  // so that a rounded table value means itself
+  if (most >= kFastMotion) return kFast;
+  for (int code = kFastest; code >= kSlowest; --code)
+    if (speed_of(code) <= most) return code;
+  return std::nullopt;
+}
+
+class Mpc200 final : public StageProtocol {
+ public:
+  Mpc200(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock)
+      : StageProtocol(std::move(link), settings.name, clock), settings_(settings) {}
+  StageInfo configure() override;
+  std::vector<double> position() override;
+  void set_off(std::span<const double> target, double speed) override;
+  void set_off_home() override;
+  bool busy() override;
+  void check_arrival(bool homing) override;
+  void halt() override;
+  void tell_to_halt() override;
+
+ private:
+  Time reply_deadline() const {
+    return later(clock().now(), from_seconds(settings_.reply_timeout));
+  }
+  void send(const Command& command);
+  ByteString ask(const Command& question, std::size_t size);
+  void take_drive();
+  Usteps where();
+  void resynchronize();
+  void begin(Time longest);
+  Clock& clock() const { return dialogue.clock(); }
+  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
+    dialogue.fail(kind, what);
+  }
+
+  const Settings settings_;
+  bool unsure_ = false;  // an exchange was broken off: something of it may still come
+  bool moving_ = false;
+  Usteps from_{}, target_{};
+  double speed_ = 0;  // m/s, of the motion under way
+  Time begun_{}, deadline_{};
+};
+
+/// Nobody talks to it while it moves. A straight motion in one write would crash it.
+void Mpc200::send(const Command& command) {
+  if (unsure_) resynchronize();
+  clock().sleep_for(kBetween);
+  dialogue.discard();
+  unsure_ = true;
+  const ByteString bytes = encode(command);
+  if (!std::holds_alternative<StraightMove>(command)) return dialogue.send(bytes);
+  dialogue.send(std::span(bytes).first(1));
+  clock().sleep_for(std::chrono::milliseconds(kStraightPause_ms + 5));
+  dialogue.send(std::span(bytes).subspan(1));
+}
+
+/// `size` bytes and a CR; the mark of an interrupted motion may stand before them, and no reply
+/// begins like it.
+ByteString Mpc200::ask(const Command& question, std::size_t size) {
+  send(question);
+  const Time deadline = reply_deadline();
+  ByteString reply = dialogue.take(1, deadline);
+  if (reply.front() == kInterrupted) reply = dialogue.take(1, deadline);
+  const ByteString rest = dialogue.take(size + 1 - reply.size(), deadline);
+  reply.insert(reply.end(), rest.begin(), rest.end());
+  if (reply.back() != kEnd)
+    fail(DeviceErrorKind::protocol, "an answer without its end: " + printable(reply));
+  unsure_ = false;
+  return reply;
+}
+
+void Mpc200::take_drive() {
+  const ByteString reply = ask(SelectDrive{settings_.drive}, 1);
+  if (reply.front() == kNoSuchDrive)
+    fail(DeviceErrorKind::not_found,
+         "drive " + std::to_string(settings_.drive) + " is not connected");
+  if (reply.front() != settings_.drive)
+    fail(DeviceErrorKind::protocol, "it took another drive than it was told: " + printable(reply));
+}
+
+/// Where the drive stands. Somebody at its panel may have made another one the active one.
+Usteps Mpc200::where() {
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const ByteString reply = ask(GetPosition{}, kPositionSize);
+    const auto is = decode_position(reply);
+    if (!is) fail(DeviceErrorKind::protocol, "an answer that is no position: " + printable(reply));
+    if (is->drive == settings_.drive) return is->place;
+    take_drive();
+  }
+  fail(DeviceErrorKind::refused,
+       "it does not keep drive " + std::to_string(settings_.drive) + " active");
+}
+
+/// After an answer that did not come or could not be read. The interrupt ends whatever it was at.
+void Mpc200::resynchronize() {
+  unsure_ = false;
+  moving_ = false;
+  dialogue.send(encode(Interrupt{}));
+  dialogue.settle(kSilence);
+}
+
+StageInfo Mpc200::configure() {
+  resynchronize();
+  std::optional<Drive> is;
+  try {
+    is = decode_drive(ask(GetDrive{}, kDriveSize));
+  } catch (const DeviceError& error) {
+    if (error.kind != DeviceErrorKind::protocol) throw;
+    fail(DeviceErrorKind::not_found, std::string("this is no MPC-200: ") + error.what());
+  }
+  if (!is)
+    fail(DeviceErrorKind::not_found, "this is no MPC-200: it names no drive and no firmware");
+  const auto connected = decode_drives(ask(GetDrives{}, kDrivesSize));
+  if (!connected || !(*connected)[static_cast<std::size_t>(settings_.drive - 1)])
+    fail(DeviceErrorKind::not_found,
+         "drive " + std::to_string(settings_.drive) + " is not connected");
+  take_drive();
+  where();
+  std::array<char, 16> version{};
+  std::snprintf(version.data(), version.size(), "%d.%02d", is->version / 100, is->version % 100);
+  StageInfo info{{"Sutter MPC-200", "", version.data()}, {}};
+  for (std::size_t i = 0; i < 3; ++i)
+    info.axes.push_back({std::string(1, "xyz"[i]), settings_.travel_min[i], settings_.travel_max[i],
+                         settings_.max_speed, settings_.speed, kLeastMotion_usteps * kUstep});
+  return info;
+}
+
+std::vector<double> Mpc200::position() {
+  std::vector<double> place(3);
+  const Usteps at = moving_ ? from_ : where();
+  double longest = 0, gone = 0;
+  for (std::size_t i = 0; i < 3; ++i)
+    longest = std::max(longest, std::abs(target_[i] - from_[i]) * kUstep);
+  if (moving_)
+    gone = longest > 0 ? std::min(1., to_seconds(clock().now() - begun_) * speed_ / longest) : 1;
+  for (std::size_t i = 0; i < 3; ++i) place[i] = (at[i] + gone * (target_[i] - at[i])) * kUstep;
+  return place;
+}
+
+void Mpc200::begin(Time longest) {
+  begun_ = clock().now();
+  deadline_ = later(begun_, longest);
+  moving_ = true;
+}
+
+void Mpc200::set_off(std::span<const double> target, double speed) {
+  const auto code = code_for(speed);
+  if (!code) fail(DeviceErrorKind::refused, "its slowest motion is 0.338 mm/s");
+  from_ = where();
+  std::int32_t longest = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    target_[i] = static_cast<std::int32_t>(std::lround(target[i] / kUstep));
+    longest = std::max(longest, std::abs(target_[i] - from_[i]));
+  }
+  if (longest < kLeastMotion_usteps) return;  // it would not move, and not answer either
+  speed_ = *code == kFast ? kFastMotion : speed_of(*code);
+  if (*code == kFast)
+    send(FastMove{target_});
+  else
+    send(StraightMove{*code, target_});
+  begin(later(from_seconds(kMotionFactor * longest * kUstep / speed_), kMotionMargin));
+}
+
+void Mpc200::set_off_home() {
+  from_ = where();
+  target_ = {0, 0, 0};
+  speed_ = speed_of(kFastest);  // of the estimate only: its own is not known
+  send(Calibrate{});
+  begin(kLongestHoming);
+}
+
+/// Listens for the CR at the end of the motion, and says nothing.
+bool Mpc200::busy() {
+  if (!moving_) return false;
+  const auto first = dialogue.next(clock().now());
+  if (!first && clock().now() < deadline_) return true;
+  moving_ = false;
+  if (!first) fail(DeviceErrorKind::timeout, "it was silent when its motion should have ended");
+  if (*first == kInterrupted) fail(DeviceErrorKind::refused, "its motion was interrupted");
+  if (*first != kEnd)
+    fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&*first, 1)));
+  unsure_ = false;
+  return false;
+}
+
+void Mpc200::check_arrival(bool) {
+  const Usteps at = where();
+  for (std::size_t i = 0; i < 3; ++i)
+    if (std::abs(at[i] - target_[i]) >= kLeastMotion_usteps)
+      fail(DeviceErrorKind::refused, std::string("axis ") + "xyz"[i] + ": it stands " +
+                                         std::to_string((at[i] - target_[i]) / kUsteps_per_um) +
+                                         " um from its target");
+}
+
+/// The interrupt is the only byte that may be sent during a motion; that it answers afterwards
+/// shows that it stands.
+void Mpc200::halt() {
+  if (!moving_ && !unsure_) return;
+  resynchronize();
+  const Usteps first = where();
+  clock().sleep_for(kSilence);
+  if (where() != first) fail(DeviceErrorKind::timeout, "it does not stop");
+}
+
+void Mpc200::tell_to_halt() {
+  unsure_ = true;
+  try {
+    dialogue.send(encode(Interrupt{}));
+  } catch (const DeviceError&) {  // it was told what could be told
+  }
+}
+
+}  // namespace
+
+void Settings::check() const {
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  if (drive < 1 || drive > kDrives) throw std::invalid_argument("drive: must be 1 to 4");
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (!(travel_min[i] < travel_max[i]))
+      throw std::invalid_argument("travel_min: must be below travel_max");
+    if (!(travel_min[i] >= 0 && std::lround(travel_max[i] / kUstep) <= kTravel_usteps))
+      throw std::invalid_argument("travel_min, travel_max: must lie within 0 to 25 mm");
+  }
+  if (!(max_speed >= speed_of(kSlowest) && max_speed <= 5e-3))
+    throw std::invalid_argument("max_speed: must be 0.338 to 5 mm/s");
+  if (!(speed >= speed_of(kSlowest)) || speed > max_speed)
+    throw std::invalid_argument("speed: must be 0.338 mm/s at least and max_speed at most");
+  if (!(std::isfinite(reply_timeout) && reply_timeout > 0))
+    throw std::invalid_argument("reply_timeout: must be positive");
+}
+
+std::unique_ptr<Stage> open(std::unique_ptr<ByteLink> link, const Settings& settings,
+                            Clock& clock) {
+  settings.check();
+  return make_stage(std::make_unique<Mpc200>(std::move(link), settings, clock));
+}
+
+}  // namespace vitreo::sutter_mpc200

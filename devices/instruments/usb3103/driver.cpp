@@ -1,0 +1,250 @@
+// The driver of the USB-3103: eight latched writes and one sync make all coils step together.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/usb3103/driver.h"
+
+#include "devices/instruments/usb3103/wire.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::usb3103 {
+namespace {
+
+constexpr double kFullScale = 10;    // V
+constexpr int kForeignReports = 32;  // how many reports that are not the answer may come before it
+
+/// The error of a link, under the name by which the rig knows the device.
+DeviceError renamed(const DeviceError& error, const std::string& name) {
+  return {error.kind, name, error.what()};
+}
+
+std::string in_short(double number) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%g", number);
+  return text.data();
+}
+
+class Usb3103 final : public CoilAmplifier {
+ public:
+  Usb3103(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock)
+      : link_(std::move(link)), settings_(settings), clock_(clock) {
+    check_identity();
+    // First of all, for it may still hold what a host that died asked of it: this sets every output
+    // to 0 V.
+    for (int channel = 0; channel < kChannels; ++channel)
+      send(AnalogOutConfig{static_cast<std::uint8_t>(channel), Range::plus_minus_10_v});
+    if (settings_.enable_line) {
+      set_enabled(false);
+      send(DigitalConfig{static_cast<std::uint8_t>(*settings_.enable_line), false});
+    }
+    become_master();
+    read_calibration();
+    make_safe();
+  }
+  Usb3103(const Usb3103&) = delete;
+  Usb3103& operator=(const Usb3103&) = delete;
+  ~Usb3103() override {
+    try {
+      make_safe();
+    } catch (...) {  // nobody is left to hear it; the guardian and the enable line remain
+    }
+  }
+
+  std::string identity() const override { return "Measurement Computing USB-3103, 8 x +-10 V"; }
+  int channels() const override { return kChannels; }
+  double current_limit() const override { return settings_.current_limit; }
+  std::vector<double> currents() const override { return {currents_.begin(), currents_.end()}; }
+  void set_currents(std::span<const double> currents) override;
+  void make_safe() override;
+
+ private:
+  void check_identity();
+  void become_master();
+  void read_calibration();
+  void check(std::span<const double> currents) const;
+  std::uint16_t counts(int channel, double current) const {
+    return counts_from_volts(current / settings_.amperes_per_volt, calibration_[channel]);
+  }
+  void set_enabled(bool enabled);
+  void send(const Command& command);
+  Report ask(const Command& command);
+  std::optional<Report> read(Time timeout);
+  Status ask_status();
+  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
+    throw DeviceError(kind, settings_.name, what);
+  }
+
+  std::unique_ptr<HidLink> link_;
+  const Settings settings_;
+  Clock& clock_;
+  std::array<Calibration, kChannels> calibration_{};
+  std::array<double, kChannels> currents_{};  // A
+  bool enabled_ = false;
+};
+
+void Usb3103::send(const Command& command) {
+  try {
+    link_->write(encode(command));
+  } catch (const DeviceError& error) {
+    throw renamed(error, settings_.name);
+  }
+}
+
+std::optional<Report> Usb3103::read(Time timeout) {
+  try {
+    return link_->read(std::max(timeout, Time::zero()));
+  } catch (const DeviceError& error) {
+    throw renamed(error, settings_.name);
+  }
+}
+
+/// Answers carry nothing of the question but its id, so what an earlier question left behind goes
+/// first.
+Report Usb3103::ask(const Command& command) {
+  for (int i = 0; i < kForeignReports && read(Time::zero()); ++i) {
+  }
+  send(command);
+  const std::uint8_t id = encode(command).front();
+  const Time deadline = later(clock_.now(), from_seconds(settings_.reply_timeout));
+  int foreign = 0;
+  for (; foreign < kForeignReports; ++foreign) {
+    auto report = read(deadline - clock_.now());
+    if (!report) break;
+    if (!report->empty() && report->front() == id) return *std::move(report);
+  }
+  const std::string within = " within " + in_short(settings_.reply_timeout) + " s";
+  if (foreign == 0) fail(DeviceErrorKind::timeout, "no answer" + within);
+  fail(DeviceErrorKind::protocol, "only answers to something else" + within);
+}
+
+Status Usb3103::ask_status() {
+  const auto status = decode_status(ask(GetStatus{}));
+  if (!status) fail(DeviceErrorKind::protocol, "its status is cut short");
+  return *status;
+}
+
+/// There is no identity to ask for; that it answers GetStatus in this way must do.
+void Usb3103::check_identity() {
+  try {
+    ask_status();
+  } catch (const DeviceError& error) {
+    if (error.kind != DeviceErrorKind::protocol) throw;
+    fail(DeviceErrorKind::not_found, std::string("this is no USB-3103: ") + error.what());
+  }
+}
+
+/// A slave of the sync pin would not obey AOutSync.
+void Usb3103::become_master() {
+  send(SetSync{.master = true});
+  if (!ask_status().master)
+    fail(DeviceErrorKind::refused, "stays a slave of its sync pin, so coils cannot step together");
+}
+
+void Usb3103::read_calibration() {
+  for (int channel = 0; channel < kChannels; ++channel) {
+    const auto calibration =
+        decode_calibration(ask(MemoryRead{calibration_address(channel), kCalibrationSize}));
+    if (!calibration) fail(DeviceErrorKind::protocol, "its calibration is cut short");
+    // An erased flash reads as NaN: such a device is used as if it were ideal.
+    calibration_[channel] = calibration->plausible() ? *calibration : Calibration{};
+  }
+}
+
+void Usb3103::check(std::span<const double> currents) const {
+  if (currents.size() != kChannels)
+    throw std::invalid_argument("currents: " + settings_.name + " has 8 channels, not " +
+                                std::to_string(currents.size()));
+  for (std::size_t i = 0; i < currents.size(); ++i)
+    if (!std::isfinite(currents[i]))
+      throw std::invalid_argument("currents: channel " + std::to_string(i) +
+                                  " is not a finite number");
+  for (std::size_t i = 0; i < currents.size(); ++i)
+    if (std::abs(currents[i]) > settings_.current_limit)
+      fail(DeviceErrorKind::refused, in_short(currents[i]) + " A on channel " + std::to_string(i) +
+                                         " is beyond the limit of " +
+                                         in_short(settings_.current_limit) + " A");
+}
+
+void Usb3103::set_enabled(bool enabled) {
+  if (!settings_.enable_line) return;
+  enabled_ = enabled_ || enabled;  // from here on it may be
+  send(DigitalOut{static_cast<std::uint8_t>(*settings_.enable_line), enabled});
+  enabled_ = enabled;
+}
+
+void Usb3103::set_currents(std::span<const double> currents) {
+  check(currents);
+  if (!enabled_) set_enabled(true);  // at zero, before the step
+  for (int channel = 0; channel < kChannels; ++channel)
+    send(AnalogOut{static_cast<std::uint8_t>(channel), counts(channel, currents[channel]), true});
+  std::copy(currents.begin(), currents.end(), currents_.begin());  // from here on they may be out
+  send(AnalogOutSync{});
+  ask_status();  // writes are not answered: that it still lives is all that can be known, and the
+                 // coils do not wait
+}
+
+/// At once and channel by channel: each zero that gets through counts. A second round for those
+/// that did not.
+void Usb3103::make_safe() {
+  std::exception_ptr stopped, failure;
+  std::array<bool, kChannels> zeroed{};
+  for (int round = 0; round < 2; ++round) {
+    failure = nullptr;
+    for (int channel = 0; channel < kChannels; ++channel) {
+      if (zeroed[channel]) continue;
+      try {
+        zeroed[channel] = true;
+        send(AnalogOut{static_cast<std::uint8_t>(channel), counts(channel, 0), false});
+      } catch (const Stopped&) {
+        stopped = std::current_exception();  // thrown after the report has left
+      } catch (...) {
+        zeroed[channel] = false;
+        failure = std::current_exception();
+      }
+    }
+  }
+  // Whatever became of the zeros: without the amplifiers they do not matter.
+  try {
+    set_enabled(false);
+  } catch (const Stopped&) {
+    stopped = std::current_exception();
+    enabled_ = false;
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  if (failure) std::rethrow_exception(failure);
+  currents_.fill(0);
+  if (stopped) std::rethrow_exception(stopped);
+  ask_status();
+}
+
+}  // namespace
+
+void Settings::check() const {
+  const auto positive = [](double value) { return std::isfinite(value) && value > 0; };
+  if (name.empty()) throw std::invalid_argument("name: must not be empty");
+  if (!positive(amperes_per_volt))
+    throw std::invalid_argument("amperes_per_volt: must be positive");
+  if (!positive(current_limit)) throw std::invalid_argument("current_limit: must be positive");
+  if (current_limit > kFullScale * amperes_per_volt)
+    throw std::invalid_argument("current_limit: " + in_short(current_limit) +
+                                " A is more than +-10 V can ask for");
+  if (!positive(reply_timeout)) throw std::invalid_argument("reply_timeout: must be positive");
+  if (enable_line && (*enable_line < 0 || *enable_line >= kDigitalLines))
+    throw std::invalid_argument("enable_line: must be 0 to 7");
+}
+
+std::unique_ptr<CoilAmplifier> open(std::unique_ptr<HidLink> link, const Settings& settings,
+                                    Clock& clock) {
+  if (!link) throw std::invalid_argument("link: must not be null");
+  settings.check();
+  return std::make_unique<Usb3103>(std::move(link), settings, clock);
+}
+
+}  // namespace vitreo::usb3103

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/usb3103/rescue.h"
+
+#include "devices/instruments/usb3103/wire.h"
+#include "devices/time/error.h"
+
+#include <exception>
+
+namespace vitreo::usb3103 {
+namespace {
+
+constexpr Time kPatience = std::chrono::milliseconds(100);
+
+bool lives(HidLink& link, Clock& clock) {
+  const Time deadline = later(clock.now(), kPatience);
+  while (clock.now() < deadline) {
+    const auto report = link.read(deadline - clock.now());
+    if (report && decode_status(*report)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock) {
+  std::exception_ptr failure;
+  const auto tell = [&](const Command& command) {
+    try {
+      link.write(encode(command));
+    } catch (const DeviceError&) {
+      failure = std::current_exception();
+    }
+  };
+  if (enable_line) tell(DigitalOut{static_cast<std::uint8_t>(*enable_line), false});
+  // To set a range sets the output to 0 V: no calibration is needed for that, and latched values
+  // are forgotten.
+  for (int channel = 0; channel < kChannels; ++channel)
+    tell(AnalogOutConfig{static_cast<std::uint8_t>(channel), Range::plus_minus_10_v});
+  if (enable_line) tell(DigitalConfig{static_cast<std::uint8_t>(*enable_line), false});
+  tell(GetStatus{});
+  if (failure) std::rethrow_exception(failure);
+  if (!lives(link, clock))
+    throw DeviceError(DeviceErrorKind::timeout, "usb3103",
+                      "was told to go to 0 V, and does not answer");
+}
+
+}  // namespace vitreo::usb3103

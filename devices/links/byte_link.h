@@ -1,0 +1,75 @@
+// A link that carries a stream of bytes, serial or TCP: to an instrument, an emulator or a
+// recording; the driver never learns which.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/time/clock.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+using ByteString = std::vector<std::uint8_t>;
+
+class ByteLink {
+ public:
+  virtual ~ByteLink() = default;
+  virtual const std::string& address() const = 0;  ///< as in the rig file
+  /// All of it, or DeviceError{timeout} where the far end takes no more, {lost}. Stopped, but only
+  /// once it is on its way, so that a stopped task can still stop its instrument.
+  virtual void write(std::span<const std::uint8_t> bytes, Time timeout) = 0;
+  /// What has arrived, at most `most` bytes; waits for the first one. Empty when none came within
+  /// `timeout`. Throws DeviceError{lost} within 0.5 s of the far end's going, Stopped.
+  virtual ByteString read(std::size_t most, Time timeout) = 0;
+  /// Closes it, and opens it again: after DeviceError{lost}. What was on its way is gone. Throws
+  /// DeviceError{lost, not_found, refused}; then it may be tried again.
+  virtual void reopen() = 0;
+};
+
+/// What an instrument says, and when.
+struct TimedBytes {
+  Time at{};
+  ByteString bytes;
+};
+
+/// The instrument's end of the same wire. It has no thread and no clock: it is told the time, which
+/// never goes back.
+class BytePeer {
+ public:
+  virtual ~BytePeer() = default;
+  virtual void receive(std::span<const std::uint8_t> bytes, Time now) = 0;
+  /// What it has said up to `now` and was not yet taken, in order.
+  virtual std::vector<TimedBytes> say(Time now) = 0;
+  /// When it will say something next if nobody talks to it; kForever when never. In the past: it
+  /// has something to say.
+  virtual Time next() const = 0;
+};
+
+/// What can go wrong with a link in memory; set them at any time.
+struct LinkFaults {
+  bool unplugged = false;  ///< every call throws DeviceError{lost}
+  bool deaf = false;       ///< what the host says does not arrive
+  bool silent = false;     ///< what the instrument says does not arrive
+  Time late{};             ///< how much later what the instrument says arrives
+  int keep = -1;    ///< only so many of the next bytes from the instrument arrive; negative: all
+  int garble = -1;  ///< so many arrive before one arrives with `flip`; negative: none does
+  std::uint8_t flip = 0x15;
+};
+
+struct MemoryLinkSettings {
+  Time latency{};   ///< either way
+  Time per_byte{};  ///< 10 / baud rate
+};
+
+/// A link in memory; time is spent on the clock by the caller. `peer` and `faults` (may be null)
+/// outlive the link.
+std::unique_ptr<ByteLink> memory_byte_link(BytePeer& peer, Clock& clock,
+                                           const MemoryLinkSettings& settings = {},
+                                           const LinkFaults* faults = nullptr);
+
+}  // namespace vitreo

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/links/file_link.h"
+
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <poll.h>
+#include <sys/socket.h>
+#include <system_error>
+#include <unistd.h>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr Time kFirstSlice = std::chrono::microseconds(100),
+               kLongestSlice = std::chrono::milliseconds(4);
+constexpr std::size_t kMostAtOnce = 4096;
+
+class Descriptor final : public OpenFile {
+ public:
+  explicit Descriptor(int handle) : handle_(handle) {}
+  ~Descriptor() override { ::close(handle_); }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int handle() const override { return handle_; }
+
+ private:
+  int handle_;
+};
+
+class FileLink final : public ByteLink {
+ public:
+  FileLink(std::string address, std::function<std::unique_ptr<OpenFile>()> open, Clock& clock)
+      : address_(std::move(address)), open_(std::move(open)), clock_(clock), file_(open_()) {}
+
+  const std::string& address() const override { return address_; }
+
+  void write(std::span<const std::uint8_t> bytes, Time timeout) override {
+    const Time deadline = later(clock_.now(), timeout);
+    const StopShield shield(
+        clock_);  // half a command on the wire would confuse the instrument; it is over soon
+    Time slice = kFirstSlice;
+    while (!bytes.empty()) {
+      // A port that is gone can still take bytes into the kernel's buffer.
+      if (look(POLLOUT)) {
+        const std::ptrdiff_t written = write_quietly(file_->handle(), bytes);
+        if (written > 0) {
+          bytes = bytes.subspan(static_cast<std::size_t>(written));
+          continue;
+        }
+        if (written < 0 && errno != EAGAIN && errno != EINTR) lose(system_error());
+      }
+      if (clock_.now() >= deadline)
+        throw DeviceError(DeviceErrorKind::timeout, address_, "it did not take the bytes in time");
+      pause(slice, deadline);
+    }
+  }
+
+  ByteString read(std::size_t most, Time timeout) override {
+    const Time deadline = later(clock_.now(), timeout);
+    Time slice = kFirstSlice;
+    for (;;) {
+      if (look(POLLIN)) {
+        ByteString bytes(std::min(most, kMostAtOnce));
+        const ssize_t count = ::read(file_->handle(), bytes.data(), bytes.size());
+        if (count == 0) lose("the far end is gone");
+        if (count > 0) {
+          bytes.resize(static_cast<std::size_t>(count));
+          return bytes;
+        }
+        if (errno != EAGAIN && errno != EINTR) lose(system_error());
+      }
+      if (clock_.now() >= deadline) return {};
+      pause(slice, deadline);
+    }
+  }
+
+  void reopen() override {
+    file_.reset();
+    file_ = open_();
+  }
+
+ private:
+  /// Whether `event` (POLLIN, POLLOUT) can be served now. What had arrived before the far end went
+  /// may still be read.
+  bool look(short event) {
+    if (!file_) lose("it is closed");
+    pollfd file{file_->handle(), static_cast<short>(event | POLLRDHUP), 0};
+    if (::poll(&file, 1, 0) < 0 && errno != EINTR) lose(system_error());
+    if ((file.revents & POLLIN) != 0 && event == POLLIN) return true;
+    if ((file.revents & (POLLERR | POLLHUP | POLLRDHUP | POLLNVAL)) != 0)
+      lose("the far end is gone");
+    return (file.revents & event) != 0;
+  }
+
+  void pause(Time& slice, Time deadline) {
+    clock_.sleep_for(std::min(slice, deadline - clock_.now()));
+    slice = std::min(2 * slice, kLongestSlice);
+  }
+
+  [[noreturn]] void lose(const std::string& what) {
+    file_.reset();
+    throw DeviceError(DeviceErrorKind::lost, address_, what);
+  }
+
+  const std::string address_;
+  const std::function<std::unique_ptr<OpenFile>()> open_;
+  Clock& clock_;
+  std::unique_ptr<OpenFile> file_;  // null once it was lost
+};
+
+}  // namespace
+
+std::unique_ptr<OpenFile> own_descriptor(int handle) {
+  return std::make_unique<Descriptor>(handle);
+}
+
+std::unique_ptr<ByteLink> file_link(std::string address,
+                                    std::function<std::unique_ptr<OpenFile>()> open, Clock& clock) {
+  return std::make_unique<FileLink>(std::move(address), std::move(open), clock);
+}
+
+std::ptrdiff_t write_quietly(int handle, std::span<const std::uint8_t> bytes) {
+  const std::ptrdiff_t sent = ::send(handle, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  return sent < 0 && errno == ENOTSOCK ? ::write(handle, bytes.data(), bytes.size()) : sent;
+}
+
+std::string system_error() { return std::generic_category().message(errno); }
+
+}  // namespace vitreo

@@ -1,0 +1,76 @@
+// The HID link in memory: the wire between a real driver and an emulator.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/links/hid_link.h"
+
+#include <deque>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+class MemoryHidLink final : public HidLink {
+ public:
+  MemoryHidLink(HidPeer& peer, Clock& clock, Time latency)
+      : peer_(peer), clock_(clock), latency_(latency) {
+    if (latency < Time::zero()) throw std::invalid_argument("latency: must not be negative");
+    peer_.connect([this](std::vector<std::uint8_t> report) { put(std::move(report)); });
+  }
+  MemoryHidLink(const MemoryHidLink&) = delete;
+  MemoryHidLink& operator=(const MemoryHidLink&) = delete;
+  ~MemoryHidLink() override { peer_.connect(nullptr); }
+
+  void write(std::span<const std::uint8_t> report) override {
+    try {
+      clock_.sleep_for(latency_);
+    } catch (const Stopped&) {
+      deliver(report);  // what is on the wire arrives, whatever becomes of the sender
+      throw;
+    }
+    deliver(report);
+  }
+
+  std::optional<std::vector<std::uint8_t>> read(Time timeout) override {
+    const Time deadline = later(clock_.now(), timeout);
+    while (clock_.wait(
+        arrival_, [this] { return !replies_.empty(); }, deadline)) {
+      const Time due = replies_.front().due;
+      if (due > deadline) break;
+      clock_.sleep_until(due);
+      if (replies_.empty()) continue;  // another reader took it
+      auto report = std::move(replies_.front().report);
+      replies_.pop_front();
+      return report;
+    }
+    clock_.sleep_until(deadline);
+    return std::nullopt;
+  }
+
+ private:
+  struct Reply {
+    Time due;
+    std::vector<std::uint8_t> report;
+  };
+
+  void deliver(std::span<const std::uint8_t> report) {
+    for (auto& reply : peer_.receive(report)) put(std::move(reply));
+  }
+  void put(std::vector<std::uint8_t> report) {
+    replies_.push_back({later(clock_.now(), latency_), std::move(report)});
+    clock_.notify(arrival_);
+  }
+
+  HidPeer& peer_;
+  Clock& clock_;
+  const Time latency_;
+  std::deque<Reply> replies_;
+  Signal arrival_;
+};
+
+}  // namespace
+
+std::unique_ptr<HidLink> memory_hid_link(HidPeer& peer, Clock& clock, Time latency) {
+  return std::make_unique<MemoryHidLink>(peer, clock, latency);
+}
+
+}  // namespace vitreo

@@ -1,0 +1,143 @@
+// The byte link in memory: the wire between a real driver and an emulator.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/links/byte_link.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <deque>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr Time kLook =
+    std::chrono::milliseconds(50);  // how often a reader looks whether a test has pulled the cable
+
+class MemoryByteLink final : public ByteLink {
+ public:
+  MemoryByteLink(BytePeer& peer, Clock& clock, const MemoryLinkSettings& settings,
+                 const LinkFaults* faults)
+      : peer_(peer), clock_(clock), settings_(settings), faults_(faults) {
+    if (settings.latency < Time::zero())
+      throw std::invalid_argument("latency: must not be negative");
+    if (settings.per_byte < Time::zero())
+      throw std::invalid_argument("per_byte: must not be negative");
+  }
+
+  const std::string& address() const override { return address_; }
+
+  void write(std::span<const std::uint8_t> bytes, Time timeout) override {
+    check_cable();
+    const Time needed =
+        settings_.latency + settings_.per_byte * static_cast<std::int64_t>(bytes.size());
+    if (needed > timeout) {
+      clock_.sleep_for(timeout);
+      throw DeviceError(DeviceErrorKind::timeout, address_, "it did not take the bytes in time");
+    }
+    try {
+      clock_.sleep_for(needed);
+    } catch (const Stopped&) {
+      deliver(bytes);  // what is on the wire arrives, whatever becomes of the sender
+      throw;
+    }
+    check_cable();
+    deliver(bytes);
+  }
+
+  ByteString read(std::size_t most, Time timeout) override {
+    const Time deadline = later(clock_.now(), timeout);
+    for (;;) {
+      check_cable();
+      collect();
+      if (ByteString bytes = arrived(most); !bytes.empty()) return bytes;
+      if (clock_.now() >= deadline) return {};
+      const std::uint64_t before = deliveries_;
+      clock_.wait(
+          arrival_, [&] { return deliveries_ != before; }, wake_up(deadline));
+    }
+  }
+
+  void reopen() override {
+    check_cable();
+    collect();
+    coming_.clear();
+  }
+
+ private:
+  struct Byte {
+    Time due;
+    std::uint8_t value;
+  };
+
+  void check_cable() const {
+    if (faults_ != nullptr && faults_->unplugged)
+      throw DeviceError(DeviceErrorKind::lost, address_, "is gone");
+  }
+
+  void deliver(std::span<const std::uint8_t> bytes) {
+    collect();  // what it said before is not changed by what it hears now
+    if (faults_ == nullptr || !faults_->deaf) peer_.receive(bytes, clock_.now());
+    ++deliveries_;
+    clock_.notify(arrival_);
+  }
+
+  void collect() {
+    for (const TimedBytes& saying : peer_.say(clock_.now())) {
+      for (const std::uint8_t value : saying.bytes) {
+        Byte byte{later(saying.at, settings_.latency), value};
+        if (faults_ != nullptr && !survives(byte)) continue;
+        if (!coming_.empty()) byte.due = std::max(byte.due, coming_.back().due);
+        byte.due += settings_.per_byte;
+        coming_.push_back(byte);
+      }
+    }
+  }
+
+  /// What the faults make of one byte; they count bytes since they were set.
+  bool survives(Byte& byte) {
+    if (faults_->silent || faults_->unplugged) return false;
+    if (faults_->keep != keep_set_) keep_left_ = keep_set_ = faults_->keep;
+    if (faults_->garble != garble_set_) garble_left_ = garble_set_ = faults_->garble;
+    if (keep_set_ >= 0 && keep_left_-- <= 0) return false;
+    if (garble_set_ >= 0 && garble_left_-- == 0) byte.value ^= faults_->flip;
+    byte.due = later(byte.due, faults_->late);
+    return true;
+  }
+
+  ByteString arrived(std::size_t most) {
+    ByteString bytes;
+    while (!coming_.empty() && coming_.front().due <= clock_.now() && bytes.size() < most) {
+      bytes.push_back(coming_.front().value);
+      coming_.pop_front();
+    }
+    return bytes;
+  }
+
+  Time wake_up(Time deadline) const {
+    Time due = std::min(deadline, peer_.next());
+    if (!coming_.empty()) due = std::min(due, coming_.front().due);
+    if (faults_ != nullptr) due = std::min(due, later(clock_.now(), kLook));
+    return due;
+  }
+
+  const std::string address_ = "emulated";
+  BytePeer& peer_;
+  Clock& clock_;
+  const MemoryLinkSettings settings_;
+  const LinkFaults* const faults_;
+  int keep_set_ = -1, keep_left_ = 0, garble_set_ = -1, garble_left_ = 0;
+  std::deque<Byte> coming_;
+  std::uint64_t deliveries_ = 0;
+  Signal arrival_;
+};
+
+}  // namespace
+
+std::unique_ptr<ByteLink> memory_byte_link(BytePeer& peer, Clock& clock,
+                                           const MemoryLinkSettings& settings,
+                                           const LinkFaults* faults) {
+  return std::make_unique<MemoryByteLink>(peer, clock, settings, faults);
+}
+
+}  // namespace vitreo

@@ -1,0 +1,28 @@
+// The far end of a real wire, for emulators: a pseudo-terminal or a TCP port that any program can
+// open.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/byte_link.h"
+
+#include <memory>
+#include <string>
+
+namespace vitreo {
+
+/// Whoever owns it calls pump() again and again. Destruction hangs up: the other side sees a pulled
+/// cable.
+class PeerEnd {
+ public:
+  virtual ~PeerEnd() = default;
+  virtual const std::string& address() const = 0;  ///< what a rig file would say to reach it
+  /// Hands `peer` what has arrived and takes away what it has said; never blocks.
+  virtual void pump(BytePeer& peer, Time now) = 0;
+};
+
+/// Both throw DeviceError{refused} when the system does not give one. The TCP port is on 127.0.0.1
+/// and takes one connection at a time; 0: any free one.
+std::unique_ptr<PeerEnd> open_pty_end();
+std::unique_ptr<PeerEnd> open_tcp_end(int port = 0);
+
+}  // namespace vitreo

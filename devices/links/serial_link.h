@@ -1,0 +1,34 @@
+// Serial ports: real ones through libserialport, and those it does not know (pseudo-terminals,
+// socat, ser2net) through termios.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/byte_link.h"
+#include "devices/links/file_link.h"
+
+#include <memory>
+#include <string>
+
+namespace vitreo {
+
+/// Always 8 data bits and no parity: no instrument here wants anything else.
+struct SerialSettings {
+  int baud_rate = 9600;
+  bool rts_cts = false;   ///< hardware flow control
+  bool xon_xoff = false;  ///< software flow control: 0x11 and 0x13 never reach the driver then
+};
+
+/// `path` as in "serial:/dev/ttyUSB0". DTR and RTS are asserted. Throws DeviceError{not_found},
+/// {refused} when another program has it open or it does not take the settings.
+std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSettings& settings,
+                                      Clock& clock);
+
+/// Whether the kernel lists a device behind the terminal: libserialport takes no other.
+bool has_sysfs_entry(const std::string& path);
+
+std::unique_ptr<OpenFile> open_with_libserialport(const std::string& path,
+                                                  const SerialSettings& settings);
+std::unique_ptr<OpenFile> open_with_termios(const std::string& path,
+                                            const SerialSettings& settings);
+
+}  // namespace vitreo

@@ -1,0 +1,82 @@
+// Serial ports through libserialport, which knows the oddities of their drivers. Bytes are read and
+// written by our own code: its reads cannot tell a port that is gone from one that is silent, and
+// spin on it.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/links/serial_link.h"
+#include "devices/time/error.h"
+
+#include <libserialport.h>
+#include <sys/file.h>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+class Port final : public OpenFile {
+ public:
+  explicit Port(std::string path) : path_(std::move(path)) {
+    check(sp_get_port_by_name(path_.c_str(), &port_), DeviceErrorKind::not_found, "no such port");
+    if (sp_open(port_, SP_MODE_READ_WRITE) != SP_OK) {
+      const std::string what = why("does not open");
+      sp_free_port(std::exchange(port_, nullptr));
+      throw DeviceError(DeviceErrorKind::not_found, "serial:" + path_, what);
+    }
+  }
+  ~Port() override {
+    sp_close(port_);
+    sp_free_port(port_);
+  }
+  Port(const Port&) = delete;
+  Port& operator=(const Port&) = delete;
+
+  void configure(const SerialSettings& settings) {
+    const auto set = [this](sp_return result, const char* what) {
+      check(result, DeviceErrorKind::refused, what);
+    };
+    set(sp_set_baudrate(port_, settings.baud_rate), "does not take the baud rate");
+    set(sp_set_bits(port_, 8), "does not take 8 data bits");
+    set(sp_set_parity(port_, SP_PARITY_NONE), "does not take no parity");
+    set(sp_set_stopbits(port_, 1), "does not take one stop bit");
+    const sp_flowcontrol flow = settings.rts_cts    ? SP_FLOWCONTROL_RTSCTS
+                                : settings.xon_xoff ? SP_FLOWCONTROL_XONXOFF
+                                                    : SP_FLOWCONTROL_NONE;
+    set(sp_set_flowcontrol(port_, flow), "does not take the flow control");
+    if (!settings.rts_cts) set(sp_set_rts(port_, SP_RTS_ON), "does not assert RTS");
+    set(sp_set_dtr(port_, SP_DTR_ON), "does not assert DTR");
+    set(sp_flush(port_, SP_BUF_BOTH), "does not flush");
+    if (::flock(handle(), LOCK_EX | LOCK_NB) != 0)
+      throw DeviceError(DeviceErrorKind::refused, "serial:" + path_, "another program has it open");
+  }
+
+  int handle() const override {
+    int descriptor = -1;
+    sp_get_port_handle(port_, &descriptor);
+    return descriptor;
+  }
+
+ private:
+  void check(sp_return result, DeviceErrorKind kind, const char* what) const {
+    if (result != SP_OK) throw DeviceError(kind, "serial:" + path_, why(what));
+  }
+  static std::string why(const char* what) {
+    char* const message = sp_last_error_message();
+    std::string text = what;
+    if (message != nullptr && *message != '\0') text += std::string(": ") + message;
+    sp_free_error_message(message);
+    return text;
+  }
+
+  const std::string path_;
+  sp_port* port_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<OpenFile> open_with_libserialport(const std::string& path,
+                                                  const SerialSettings& settings) {
+  auto port = std::make_unique<Port>(path);
+  port->configure(settings);
+  return port;
+}
+
+}  // namespace vitreo

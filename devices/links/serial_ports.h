@@ -1,0 +1,24 @@
+// The serial ports that the system has, and what their adapters say of themselves. Nothing is
+// opened, no byte is sent.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/usb_address.h"
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+struct SerialPort {
+  std::string node;                // "/dev/ttyUSB0"
+  std::optional<UsbIdentity> usb;  // of the adapter, or of an instrument that is its own adapter
+};
+
+/// Those with a device behind them, by name; a pseudo-terminal has none. `listing`: the kernel's,
+/// for tests another.
+std::vector<SerialPort> list_serial_ports(const std::filesystem::path& listing = "/sys/class/tty");
+
+}  // namespace vitreo

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/links/tcp_link.h"
+
+#include "devices/links/file_link.h"
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <stdexcept>
+#include <sys/socket.h>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr int kUserTimeout_ms =
+    500;  // after which bytes that nobody acknowledged mean that the far end is gone
+constexpr Time kSlice = std::chrono::milliseconds(1);
+
+struct HostAndPort {
+  std::string host, port;
+};
+
+HostAndPort split(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  HostAndPort result;
+  if (colon != std::string::npos) result = {text.substr(0, colon), text.substr(colon + 1)};
+  if (result.host.size() > 2 && result.host.front() == '[' && result.host.back() == ']')
+    result.host = result.host.substr(1, result.host.size() - 2);
+  else if (result.host.find(':') != std::string::npos)
+    result.host.clear();
+  const bool number = !result.port.empty() && result.port.size() <= 5 &&
+                      result.port.find_first_not_of("0123456789") == std::string::npos;
+  if (result.host.empty() || !number || std::stoi(result.port) < 1 ||
+      std::stoi(result.port) > 65535)
+    throw std::invalid_argument("address: tcp:" + text + " is not tcp:HOST:PORT");
+  return result;
+}
+
+/// Waits for a connection under way. Empty when it stands, else why not.
+std::string connected(int handle, Time deadline, Clock& clock) {
+  for (;;) {
+    pollfd file{handle, POLLOUT, 0};
+    if (::poll(&file, 1, 0) > 0) {
+      int error = 0;
+      socklen_t size = sizeof error;
+      ::getsockopt(handle, SOL_SOCKET, SO_ERROR, &error, &size);
+      errno = error;
+      return error == 0 ? "" : system_error();
+    }
+    if (clock.now() >= deadline) return "no answer in time";
+    clock.sleep_for(std::min(kSlice, deadline - clock.now()));
+  }
+}
+
+void configure(int handle) {
+  const int yes = 1, user_timeout = kUserTimeout_ms;
+  ::setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+  ::setsockopt(handle, IPPROTO_TCP, TCP_USER_TIMEOUT, &user_timeout, sizeof user_timeout);
+}
+
+std::unique_ptr<OpenFile> connect(const std::string& address, const HostAndPort& to, Time timeout,
+                                  Clock& clock) {
+  addrinfo wanted{}, *found = nullptr;
+  wanted.ai_socktype = SOCK_STREAM;
+  const auto fail = [&address](DeviceErrorKind kind, const std::string& what) {
+    throw DeviceError(kind, address, what);
+  };
+  if (const int error = ::getaddrinfo(to.host.c_str(), to.port.c_str(), &wanted, &found);
+      error != 0)
+    fail(DeviceErrorKind::not_found, ::gai_strerror(error));
+  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> guard(found, &::freeaddrinfo);
+  const Time deadline = later(clock.now(), timeout);
+  std::string why;
+  for (const addrinfo* one = found; one != nullptr; one = one->ai_next) {
+    const int handle =
+        ::socket(one->ai_family, one->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, one->ai_protocol);
+    if (handle < 0) {
+      why = system_error();
+      continue;
+    }
+    auto file = own_descriptor(handle);
+    configure(handle);
+    if (::connect(handle, one->ai_addr, one->ai_addrlen) == 0) return file;
+    why = errno == EINPROGRESS ? connected(handle, deadline, clock) : system_error();
+    if (why.empty()) return file;
+  }
+  fail(clock.now() >= deadline ? DeviceErrorKind::timeout : DeviceErrorKind::not_found, why);
+  return nullptr;
+}
+
+}  // namespace
+
+std::unique_ptr<ByteLink> open_tcp(const std::string& host_and_port, Time timeout, Clock& clock) {
+  const HostAndPort to = split(host_and_port);
+  const std::string address = "tcp:" + host_and_port;
+  return file_link(
+      address, [=, &clock] { return connect(address, to, timeout, clock); }, clock);
+}
+
+}  // namespace vitreo

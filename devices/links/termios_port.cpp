@@ -1,0 +1,62 @@
+// Serial ports by the kernel's own interface: for those that have no entry in sysfs. Everything
+// goes through termios2, for the baud rates that termios has no name for (the MPC-200 talks at
+// 128000).
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/links/serial_link.h"
+#include "devices/time/error.h"
+
+#include <asm/termbits.h>
+#include <cerrno>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+
+namespace vitreo {
+namespace {
+
+[[noreturn]] void fail(DeviceErrorKind kind, const std::string& path, const std::string& what) {
+  throw DeviceError(kind, "serial:" + path, what);
+}
+
+DeviceErrorKind kind_of_errno() {
+  return errno == EACCES || errno == EPERM || errno == EBUSY ? DeviceErrorKind::refused
+                                                             : DeviceErrorKind::not_found;
+}
+
+void configure(int handle, const std::string& path, const SerialSettings& settings) {
+  termios2 wanted{};
+  if (::ioctl(handle, TCGETS2, &wanted) != 0)
+    fail(DeviceErrorKind::not_found, path, "is no serial port");
+  wanted.c_iflag = settings.xon_xoff ? IXON | IXOFF : 0;
+  wanted.c_oflag = 0;
+  wanted.c_lflag = 0;
+  wanted.c_cflag = CS8 | CREAD | CLOCAL | HUPCL | BOTHER | (settings.rts_cts ? CRTSCTS : 0U);
+  wanted.c_ispeed = wanted.c_ospeed = static_cast<speed_t>(settings.baud_rate);
+  wanted.c_cc[VMIN] = 1;
+  wanted.c_cc[VTIME] = 0;
+  if (::ioctl(handle, TCSETS2, &wanted) != 0)
+    fail(DeviceErrorKind::refused, path, "does not take the settings: " + system_error());
+  termios2 taken{};  // TCSETS2 succeeds when any of the settings could be made
+  if (::ioctl(handle, TCGETS2, &taken) != 0 || taken.c_ospeed != wanted.c_ospeed ||
+      taken.c_lflag != 0)
+    fail(DeviceErrorKind::refused, path,
+         "does not take " + std::to_string(settings.baud_rate) + " baud");
+}
+
+}  // namespace
+
+std::unique_ptr<OpenFile> open_with_termios(const std::string& path,
+                                            const SerialSettings& settings) {
+  const int handle = ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  if (handle < 0) fail(kind_of_errno(), path, system_error());
+  auto file = own_descriptor(handle);
+  if (::flock(handle, LOCK_EX | LOCK_NB) != 0)
+    fail(DeviceErrorKind::refused, path, "another program has it open");
+  configure(handle, path, settings);
+  const int lines = TIOCM_DTR | TIOCM_RTS;
+  ::ioctl(handle, TIOCMBIS, &lines);   // pseudo-terminals have no such lines, and need none
+  ::ioctl(handle, TCFLSH, TCIOFLUSH);  // what came before we listened is not for us
+  return file;
+}
+
+}  // namespace vitreo

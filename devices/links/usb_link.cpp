@@ -1,0 +1,61 @@
+// The USB link in memory: the wire between a real driver and an emulator.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/links/usb_link.h"
+
+#include "devices/time/error.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+class MemoryUsbLink final : public UsbLink {
+ public:
+  MemoryUsbLink(UsbPeer& peer, Clock& clock, Time latency)
+      : peer_(peer), clock_(clock), latency_(latency) {
+    if (latency < Time::zero()) throw std::invalid_argument("latency: must not be negative");
+  }
+  const UsbIdentity& identity() const override { return peer_.identity(); }
+  void write(const UsbSetup& setup, std::span<const std::uint8_t> data, Time timeout) override {
+    transfer(setup, data, 0, timeout);
+  }
+  std::vector<std::uint8_t> read(const UsbSetup& setup, std::uint16_t length,
+                                 Time timeout) override {
+    return transfer(setup, {}, length, timeout);
+  }
+
+ private:
+  std::vector<std::uint8_t> transfer(const UsbSetup& setup, std::span<const std::uint8_t> data,
+                                     std::uint16_t length, Time timeout) {
+    std::exception_ptr stopped;
+    try {
+      clock_.sleep_for(std::min(latency_, timeout));
+    } catch (const Stopped&) {
+      stopped =
+          std::current_exception();  // what is on the wire arrives, whatever becomes of the sender
+    }
+    auto answer = peer_.control(setup, data, length);
+    if (stopped) std::rethrow_exception(stopped);
+    const std::string device = to_string("usb", {identity().vendor, identity().product, ""});
+    if (latency_ > timeout)
+      throw DeviceError(DeviceErrorKind::timeout, device, "the transfer was not over in time");
+    if (!answer)
+      throw DeviceError(DeviceErrorKind::refused, device, "the device stalled the transfer");
+    if (answer->size() > length) answer->resize(length);
+    return *std::move(answer);
+  }
+
+  UsbPeer& peer_;
+  Clock& clock_;
+  const Time latency_;
+};
+
+}  // namespace
+
+std::unique_ptr<UsbLink> memory_usb_link(UsbPeer& peer, Clock& clock, Time latency) {
+  return std::make_unique<MemoryUsbLink>(peer, clock, latency);
+}
+
+}  // namespace vitreo

@@ -1,0 +1,62 @@
+// A link to a USB device by control transfers on its endpoint 0: to an instrument, an emulator or a
+// recording.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/usb_address.h"
+#include "devices/time/clock.h"
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// The eight bytes that begin a control transfer, but for the length. Bit 7 of `type` set: device
+/// to host.
+struct UsbSetup {
+  std::uint8_t type = 0, request = 0;
+  std::uint16_t value = 0, index = 0;
+};
+
+class UsbLink {
+ public:
+  virtual ~UsbLink() = default;
+  virtual const UsbIdentity& identity() const = 0;
+  /// Host to device. Throws DeviceError{lost}, {timeout}, {refused} when the device stalls the
+  /// transfer; Stopped, but only once the transfer is on its way, so that a stopped task can still
+  /// stop its motor.
+  virtual void write(const UsbSetup& setup, std::span<const std::uint8_t> data, Time timeout) = 0;
+  /// Device to host: up to `length` bytes; fewer when the device has no more. Throws as write()
+  /// does.
+  virtual std::vector<std::uint8_t> read(const UsbSetup& setup, std::uint16_t length,
+                                         Time timeout) = 0;
+};
+
+/// The instrument's end of the same wire.
+class UsbPeer {
+ public:
+  virtual ~UsbPeer() = default;
+  virtual const UsbIdentity& identity() const = 0;
+  /// Answers one transfer; of the answer at most `length` bytes reach the host. Nothing means a
+  /// stall: the device does not know the request.
+  virtual std::optional<std::vector<std::uint8_t>> control(const UsbSetup& setup,
+                                                           std::span<const std::uint8_t> data,
+                                                           std::uint16_t length) = 0;
+};
+
+/// A link in memory. A transfer takes `latency`, spent on the clock by the caller. `peer` must
+/// outlive the link.
+std::unique_ptr<UsbLink> memory_usb_link(UsbPeer& peer, Clock& clock, Time latency);
+
+/// The device with this address, by libusb. Throws DeviceError{not_found} (none, or several and no
+/// serial number to choose by), {refused} without the right to open it.
+std::unique_ptr<UsbLink> open_usb_link(const UsbAddress& address, Clock& clock);
+/// What is plugged in; strings are empty for a device that may not be opened. Throws
+/// DeviceError{lost} without USB.
+std::vector<UsbIdentity> list_usb_devices();
+
+}  // namespace vitreo

@@ -1,0 +1,25 @@
+// The role of the amplifiers that drive the coils.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+class CoilAmplifier {
+ public:
+  virtual ~CoilAmplifier() = default;
+  virtual std::string identity() const = 0;
+  virtual int channels() const = 0;
+  virtual double current_limit() const = 0;  ///< A, per channel, either sign
+  /// Sets all channels together, in A. Throws std::invalid_argument for a wrong count or a number
+  /// that is not finite, DeviceError{refused} beyond the limit; then nothing has changed.
+  virtual void set_currents(std::span<const double> currents) = 0;
+  virtual std::vector<double> currents() const = 0;  ///< A, as last set
+  /// Zero current on every channel, whatever the state. Idempotent.
+  virtual void make_safe() = 0;
+};
+
+}  // namespace vitreo

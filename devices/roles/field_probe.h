@@ -1,0 +1,33 @@
+// The role of a field probe: a teslameter with one axis or three.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/time/clock.h"
+#include "devices/time/identity.h"
+
+#include <vector>
+
+namespace vitreo {
+
+struct FieldProbeInfo {
+  Identity identity;
+  int axes = 1;      ///< 1 or 3
+  double range = 0;  ///< T: the largest magnitude of a component that it can tell
+};
+
+struct FieldReading {
+  std::vector<double> field;  ///< T, one per axis, along the probe's own axes
+  Time measured{};            ///< when it was asked for
+};
+
+/// It only listens: there is nothing to make safe.
+class FieldProbe {
+ public:
+  virtual ~FieldProbe() = default;
+  virtual const FieldProbeInfo& info() const = 0;
+  /// A reading taken after the call. Throws DeviceError{timeout}, {refused} when the field is
+  /// beyond the range, {lost}, {protocol}; Stopped.
+  virtual FieldReading measure(Time timeout) = 0;
+};
+
+}  // namespace vitreo

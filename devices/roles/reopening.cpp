@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/roles/reopening.h"
+
+#include "devices/time/error.h"
+
+#include <optional>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+template <class Role>
+std::string identity_of(const Role& device) {
+  return device.identity();
+}
+template <>
+std::string identity_of(const Camera& device) {
+  return device.info().identity;
+}
+
+enum class Gone { comes_back, stays };
+
+/// What all roles have in common: the instrument, or that it is gone. Called with the clock's baton
+/// only.
+template <class Role>
+class Held {
+ public:
+  using Open = std::function<std::unique_ptr<Role>()>;
+  Held(Open open, ReopeningSettings settings, const Clock& clock)
+      : open_(std::move(open)), settings_(std::move(settings)), clock_(clock) {
+    if (!open_) throw std::invalid_argument("open: must not be empty");
+    if (settings_.name.empty()) throw std::invalid_argument("name: must not be empty");
+    if (settings_.retry < Time::zero()) throw std::invalid_argument("retry: must not be negative");
+    device_ = open_();
+    identity_ = identity_of(*device_);
+  }
+
+  const std::string& identity() const { return identity_; }
+  /// The instrument, for what needs no link; null when it is gone.
+  const Role* now() const { return gone_ ? nullptr : device_.get(); }
+  int times_opened() const { return times_opened_; }
+
+  template <class Call>
+  auto use(Gone gone, const Call& call) {
+    if (gone_ && gone == Gone::stays) fail("it was lost; make it safe first: that opens it again");
+    if (gone_) come_back();
+    const std::shared_ptr<Role> device = device_;
+    try {
+      return call(*device);
+    } catch (const DeviceError& error) {
+      gone_ = gone_ || (error.kind == DeviceErrorKind::lost && device == device_);
+      throw;
+    }
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what,
+                         DeviceErrorKind kind = DeviceErrorKind::lost) const {
+    throw DeviceError(kind, settings_.name, what);
+  }
+
+  void come_back() {
+    if (opening_ || (tried_ && clock_.now() - *tried_ < settings_.retry))
+      fail("it was lost, and is not back yet");
+    opening_ = true;
+    device_.reset();  // its port must be free; only here, for a camera that is gone takes seconds
+                      // to close
+    try {
+      std::unique_ptr<Role> back = open_();
+      if (identity_of(*back) != identity_)
+        fail("another instrument came back: " + identity_of(*back) + " instead of " + identity_,
+             DeviceErrorKind::refused);
+      device_ = std::move(back);
+    } catch (const DeviceError& error) {
+      tried_ = clock_.now();
+      opening_ = false;
+      if (error.kind == DeviceErrorKind::refused && error.device == settings_.name) throw;
+      fail(std::string("it was lost, and cannot be opened again: ") + error.what());
+    } catch (...) {
+      opening_ = false;
+      throw;
+    }
+    opening_ = gone_ = false;
+    tried_.reset();
+    ++times_opened_;
+  }
+
+  const Open open_;
+  const ReopeningSettings settings_;
+  const Clock& clock_;
+  std::string identity_;
+  // Shared with the calls under way: of two tasks inside the same instrument one may find it lost,
+  // and open it again.
+  std::shared_ptr<Role> device_;
+  bool gone_ = false, opening_ = false;
+  std::optional<Time> tried_;
+  int times_opened_ = 1;
+};
+
+class ReopeningAmplifier final : public CoilAmplifier {
+ public:
+  explicit ReopeningAmplifier(Held<CoilAmplifier> held)
+      : held_(std::move(held)),
+        channels_(held_.now()->channels()),
+        limit_(held_.now()->current_limit()),
+        last_(static_cast<std::size_t>(channels_), 0.0) {}
+  std::string identity() const override { return held_.identity(); }
+  int channels() const override { return channels_; }
+  double current_limit() const override { return limit_; }
+  std::vector<double> currents() const override {
+    return held_.now() != nullptr ? held_.now()->currents() : last_;
+  }
+  void set_currents(std::span<const double> currents) override {
+    held_.use(Gone::stays, [&](CoilAmplifier& device) { device.set_currents(currents); });
+    last_.assign(currents.begin(), currents.end());
+  }
+  void make_safe() override {
+    held_.use(Gone::comes_back, [](CoilAmplifier& device) { device.make_safe(); });
+    last_.assign(last_.size(), 0.0);
+  }
+
+ private:
+  Held<CoilAmplifier> held_;
+  const int channels_;
+  const double limit_;
+  std::vector<double> last_;  // A, as last set: what a lost one may still hold
+};
+
+class ReopeningLamp final : public Lamp {
+ public:
+  explicit ReopeningLamp(Held<Lamp> held) : held_(std::move(held)) {}
+  std::string identity() const override { return held_.identity(); }
+  void set_level(double level) override {
+    if (level == 0) return make_safe();
+    held_.use(Gone::stays, [&](Lamp& device) { device.set_level(level); });
+    last_ = level;
+  }
+  double level() const override { return held_.now() != nullptr ? held_.now()->level() : last_; }
+  void make_safe() override {
+    held_.use(Gone::comes_back, [](Lamp& device) { device.make_safe(); });
+    last_ = 0;
+  }
+
+ private:
+  Held<Lamp> held_;
+  double last_ = 0;
+};
+
+class ReopeningLensMover final : public LensMover {
+ public:
+  explicit ReopeningLensMover(Held<LensMover> held)
+      : held_(std::move(held)),
+        travel_min_(held_.now()->travel_min()),
+        travel_max_(held_.now()->travel_max()) {}
+  std::string identity() const override { return held_.identity(); }
+  double travel_min() const override { return travel_min_; }
+  double travel_max() const override { return travel_max_; }
+  double position() const override {
+    return held_.use(Gone::comes_back, [](LensMover& device) { return device.position(); });
+  }
+  bool homed() const override {
+    return held_.use(Gone::comes_back, [](LensMover& device) { return device.homed(); });
+  }
+  void move_to(double position, Time timeout) override {
+    held_.use(Gone::comes_back, [&](LensMover& device) { device.move_to(position, timeout); });
+  }
+  void home(Time timeout) override {
+    held_.use(Gone::comes_back, [&](LensMover& device) { device.home(timeout); });
+  }
+  void make_safe() override {
+    held_.use(Gone::comes_back, [](LensMover& device) { device.make_safe(); });
+  }
+
+ private:
+  mutable Held<LensMover> held_;  // asking for its place may open it
+  const double travel_min_, travel_max_;
+};
+
+class ReopeningCamera final : public Camera {
+ public:
+  explicit ReopeningCamera(Held<Camera> held)
+      : held_(std::move(held)), info_(held_.now()->info()) {}
+  const CameraInfo& info() const override { return info_; }
+  Frame grab(Time timeout) override {
+    Frame frame = held_.use(Gone::comes_back, [&](Camera& device) {
+      if (times_opened_ != held_.times_opened()) begin_again(device);
+      Frame newest = device.grab(timeout);
+      counted_ = device.statistics();
+      return newest;
+    });
+    frame.number += numbers_before_;
+    last_number_ = frame.number;
+    return frame;
+  }
+  CameraStatistics statistics() const override {
+    const CameraStatistics now = held_.now() != nullptr && times_opened_ == held_.times_opened()
+                                     ? held_.now()->statistics()
+                                     : counted_;
+    return {before_.delivered + now.delivered, before_.lost + now.lost, before_.torn + now.torn};
+  }
+
+ private:
+  void begin_again(const Camera& device) {
+    times_opened_ = held_.times_opened();
+    info_ = device.info();
+    numbers_before_ = last_number_;
+    before_ = {before_.delivered + counted_.delivered, before_.lost + counted_.lost,
+               before_.torn + counted_.torn};
+    counted_ = {};
+  }
+
+  Held<Camera> held_;
+  CameraInfo info_;
+  int times_opened_ = 1;
+  std::uint64_t last_number_ = 0, numbers_before_ = 0;
+  CameraStatistics counted_, before_;  // since it was opened last, and in all before
+};
+
+class ReopeningInput final : public OperatorInput {
+ public:
+  explicit ReopeningInput(Held<OperatorInput> held) : held_(std::move(held)) {}
+  std::string identity() const override { return held_.identity(); }
+  OperatorState state() override {
+    return held_.use(Gone::comes_back, [](OperatorInput& device) { return device.state(); });
+  }
+
+ private:
+  Held<OperatorInput> held_;
+};
+
+}  // namespace
+
+std::unique_ptr<CoilAmplifier> reopening(std::function<std::unique_ptr<CoilAmplifier>()> open,
+                                         const ReopeningSettings& settings, const Clock& clock) {
+  return std::make_unique<ReopeningAmplifier>(
+      Held<CoilAmplifier>(std::move(open), settings, clock));
+}
+std::unique_ptr<Lamp> reopening(std::function<std::unique_ptr<Lamp>()> open,
+                                const ReopeningSettings& settings, const Clock& clock) {
+  return std::make_unique<ReopeningLamp>(Held<Lamp>(std::move(open), settings, clock));
+}
+std::unique_ptr<LensMover> reopening(std::function<std::unique_ptr<LensMover>()> open,
+                                     const ReopeningSettings& settings, const Clock& clock) {
+  return std::make_unique<ReopeningLensMover>(Held<LensMover>(std::move(open), settings, clock));
+}
+std::unique_ptr<Camera> reopening(std::function<std::unique_ptr<Camera>()> open,
+                                  const ReopeningSettings& settings, const Clock& clock) {
+  return std::make_unique<ReopeningCamera>(Held<Camera>(std::move(open), settings, clock));
+}
+std::unique_ptr<OperatorInput> reopening(std::function<std::unique_ptr<OperatorInput>()> open,
+                                         const ReopeningSettings& settings, const Clock& clock) {
+  return std::make_unique<ReopeningInput>(Held<OperatorInput>(std::move(open), settings, clock));
+}
+
+}  // namespace vitreo

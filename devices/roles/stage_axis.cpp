@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/roles/stage_axis.h"
+
+#include "devices/time/error.h"
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+std::string in_short(double number) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%g", number);
+  return text.data();
+}
+
+}  // namespace
+
+void check_motion(const std::vector<StageAxis>& axes, std::span<const double> target, double speed,
+                  const std::string& device, const char* unit) {
+  if (target.size() != axes.size())
+    throw std::invalid_argument("target: " + device + " has " + std::to_string(axes.size()) +
+                                " axes, not " + std::to_string(target.size()));
+  for (std::size_t i = 0; i < axes.size(); ++i)
+    if (!std::isfinite(target[i]))
+      throw std::invalid_argument("target: axis " + axes[i].name + " is not a finite number");
+  if (!std::isfinite(speed) || speed <= 0) throw std::invalid_argument("speed: must be positive");
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    const StageAxis& axis = axes[i];
+    if (target[i] < axis.travel_min || target[i] > axis.travel_max)
+      throw DeviceError(DeviceErrorKind::refused, device,
+                        in_short(target[i]) + " " + unit + " on axis " + axis.name +
+                            " is outside its travel of " + in_short(axis.travel_min) + " to " +
+                            in_short(axis.travel_max) + " " + unit);
+    if (speed > axis.max_speed)
+      throw DeviceError(DeviceErrorKind::refused, device,
+                        in_short(speed) + " " + unit + "/s is faster than the " +
+                            in_short(axis.max_speed) + " " + unit + "/s of axis " + axis.name);
+  }
+}
+
+}  // namespace vitreo

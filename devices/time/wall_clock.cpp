@@ -1,0 +1,297 @@
+// The wall clock: tasks are threads that share one baton, a mutex, which whoever waits puts down.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/time/clock.h"
+#include "devices/time/quiet_thread.h"
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+using Steady = std::chrono::steady_clock;
+constexpr Time kWallSlice =
+    std::chrono::milliseconds(10);  // how long the main task may be deaf to interrupt()
+
+/// A mutex that can be taken from a holder who does not give it back, and that knows for how long
+/// it has been held.
+class Baton {
+ public:
+  void lock() {
+    std::unique_lock lock(mutex_);
+    free_.wait(lock, [this] { return taken_at_ == 0; });
+    take();
+  }
+  bool try_lock_for(Time patience) {
+    std::unique_lock lock(mutex_);
+    if (!free_.wait_for(lock, patience, [this] { return taken_at_ == 0; })) return false;
+    take();
+    return true;
+  }
+  void unlock() {
+    const std::lock_guard lock(mutex_);
+    taken_at_ = 0;
+    free_.notify_one();
+  }
+  /// The holder has it no longer, the caller has.
+  void seize() { take(); }
+  Time held_for() const noexcept {
+    const std::int64_t since = taken_at_;
+    return since == 0 ? Time(0) : Time(Steady::now().time_since_epoch().count() - since);
+  }
+
+ private:
+  void take() { taken_at_ = Steady::now().time_since_epoch().count(); }
+  std::mutex mutex_;
+  std::condition_variable free_;
+  std::atomic<std::int64_t> taken_at_{0};  // ns of the steady clock; 0: nobody holds it
+};
+
+/// What the clock knows of one task. Touched only with the baton in hand.
+struct WallEntry {
+  std::thread::id thread;
+  std::unique_lock<Baton> baton;
+  std::condition_variable_any turn;
+  const Signal* signal = nullptr;  // what it waits for, if anything
+  bool notified = false;
+  bool deaf = false;  // its waits must not be broken off: it is cleaning up
+  bool stop = false;
+  bool done = false;
+  Signal ended;
+  std::exception_ptr error;
+};
+
+class WallClock final : public Clock {
+ public:
+  WallClock() {
+    main_.thread = std::this_thread::get_id();
+    main_.baton = std::unique_lock(baton_);
+    entries_.push_back(&main_);
+    current_ = &main_;
+  }
+
+  Time now() const override { return std::chrono::duration_cast<Time>(Steady::now() - origin_); }
+  void sleep_until(Time due) override;
+  bool wait(Signal& signal, const std::function<bool()>& ready, Time deadline) override;
+  void notify(Signal& signal) override;
+  void outside(const std::function<void()>& work) override;
+  std::unique_ptr<Task> spawn(std::string name, std::function<void()> body) override;
+  void interrupt() noexcept override { interrupted_ = true; }
+  bool set_deaf(bool deaf) override { return std::exchange(running().deaf, deaf); }
+  bool break_in(Time patience) override;
+  bool displaced() override { return displaced_ != nullptr; }
+  void leave() override;
+  Time stuck_for() const noexcept override { return baton_.held_for(); }
+
+  void start(WallEntry& entry, std::thread& thread, std::function<void()> body);
+  void request_stop(WallEntry& entry);
+  void join(WallEntry& entry, bool deaf);
+
+ private:
+  WallEntry& running();
+  void throw_if_stopped(WallEntry& self);
+  bool is_stopped(const WallEntry& self) const {
+    return !self.deaf && (self.stop || (&self == &main_ && interrupted_.load()));
+  }
+  void rest(WallEntry& self, Time due);
+  void run(WallEntry& entry, std::function<void()>& body);
+
+  const Steady::time_point origin_ = Steady::now();
+  std::atomic<bool> interrupted_{false};
+  static_assert(std::atomic<bool>::is_always_lock_free, "interrupt() must be async-signal-safe");
+  Baton baton_;
+  std::atomic<WallEntry*> current_;             // who holds it
+  std::atomic<WallEntry*> displaced_{nullptr};  // whom it was taken from, until it is back
+  std::vector<WallEntry*> entries_;             // all that have not ended
+  WallEntry main_, intruder_;
+};
+
+class WallTask final : public Task {
+ public:
+  explicit WallTask(WallClock& clock) : clock_(clock) {}
+  ~WallTask() override {
+    if (!thread_.joinable()) return;
+    clock_.request_stop(entry_);
+    clock_.join(entry_, true);
+    clock_.outside([this] { thread_.join(); });
+  }
+  void start(std::function<void()> body) { clock_.start(entry_, thread_, std::move(body)); }
+  void request_stop() override { clock_.request_stop(entry_); }
+  void join() override {
+    clock_.join(entry_, false);
+    if (thread_.joinable()) clock_.outside([this] { thread_.join(); });
+    if (entry_.error) std::rethrow_exception(std::exchange(entry_.error, nullptr));
+  }
+  bool done() const override { return entry_.done; }
+
+ private:
+  WallClock& clock_;
+  WallEntry entry_;
+  std::thread thread_;
+};
+
+WallEntry& WallClock::running() {
+  WallEntry* entry = current_;
+  if (WallEntry* const stuck = displaced_;
+      stuck && stuck != entry && stuck->thread == std::this_thread::get_id()) {
+    baton_.lock();  // its own lock believes that it never lost it
+    current_ = entry = stuck;
+    displaced_ = nullptr;
+  }
+  if (entry == nullptr || entry->thread != std::this_thread::get_id())
+    throw std::logic_error("wall clock: called by a thread that does not hold the baton");
+  return *entry;
+}
+
+bool WallClock::break_in(Time patience) {
+  const bool in_turn = baton_.try_lock_for(patience);
+  if (!in_turn) {
+    displaced_ = current_.load();
+    baton_.seize();
+  }
+  intruder_.thread = std::this_thread::get_id();
+  intruder_.deaf = true;
+  intruder_.baton = std::unique_lock(baton_, std::adopt_lock);
+  entries_.push_back(&intruder_);
+  current_ = &intruder_;
+  return !in_turn;
+}
+
+void WallClock::leave() {
+  running();
+  std::erase(entries_, &intruder_);
+  if (WallEntry* const stuck =
+          displaced_.exchange(nullptr)) {  // it has the baton back before it knew of its loss
+    intruder_.baton.release();
+    current_ = stuck;
+    return;
+  }
+  current_ = nullptr;
+  intruder_.baton.unlock();
+}
+
+void WallClock::throw_if_stopped(WallEntry& self) {
+  if (self.deaf) return;
+  if (&self == &main_ && interrupted_.exchange(false)) throw Stopped();
+  if (self.stop) throw Stopped();
+}
+
+/// Puts the baton down until somebody calls or `due` has come; the main task looks up now and then
+/// for interrupt(), which may not touch a condition variable.
+void WallClock::rest(WallEntry& self, Time due) {
+  const Time until = &self == &main_ ? std::min(due, later(now(), kWallSlice)) : due;
+  current_ = nullptr;
+  // kForever would overflow the time point: a day, and then another.
+  self.turn.wait_until(self.baton, origin_ + std::min(until, later(now(), std::chrono::hours(24))));
+  current_ = &self;
+}
+
+void WallClock::sleep_until(Time due) {
+  WallEntry& self = running();
+  throw_if_stopped(self);
+  if (now() >= due) outside([] { std::this_thread::yield(); });
+  while (now() < due && !is_stopped(self)) rest(self, due);
+  throw_if_stopped(self);
+}
+
+bool WallClock::wait(Signal& signal, const std::function<bool()>& ready, Time deadline) {
+  WallEntry& self = running();
+  throw_if_stopped(self);
+  while (!ready()) {
+    self.signal = &signal;
+    self.notified = false;
+    while (!self.notified && now() < deadline && !is_stopped(self)) rest(self, deadline);
+    self.signal = nullptr;
+    throw_if_stopped(self);
+    if (!self.notified) return ready();
+  }
+  return true;
+}
+
+void WallClock::notify(Signal& signal) {
+  running();
+  for (WallEntry* entry : entries_)
+    if (entry->signal == &signal) {
+      entry->notified = true;
+      entry->turn.notify_one();
+    }
+}
+
+void WallClock::outside(const std::function<void()>& work) {
+  WallEntry& self = running();
+  struct Return {
+    WallClock& clock;
+    WallEntry& self;
+    ~Return() {
+      self.baton.lock();
+      clock.current_ = &self;
+    }
+  } const back{*this, self};
+  current_ = nullptr;
+  self.baton.unlock();
+  work();
+}
+
+void WallClock::request_stop(WallEntry& entry) {
+  running();
+  entry.stop = true;
+  entry.turn.notify_one();
+}
+
+void WallClock::join(WallEntry& entry, bool deaf) {
+  WallEntry& self = running();
+  const bool was_deaf = std::exchange(self.deaf, self.deaf || deaf);
+  try {
+    wait(
+        entry.ended, [&entry] { return entry.done; }, kForever);
+  } catch (...) {
+    self.deaf = was_deaf;
+    throw;
+  }
+  self.deaf = was_deaf;
+}
+
+std::unique_ptr<Task> WallClock::spawn(std::string, std::function<void()> body) {
+  running();
+  auto task = std::make_unique<WallTask>(*this);
+  task->start(std::move(body));
+  return task;
+}
+
+void WallClock::start(WallEntry& entry, std::thread& thread, std::function<void()> body) {
+  entries_.reserve(entries_.size() + 1);  // nothing may throw once the thread runs
+  thread = quiet_thread([this, &entry, own = std::move(body)]() mutable { run(entry, own); });
+  entry.thread = thread.get_id();
+  entries_.push_back(&entry);
+}
+
+/// The top of a task's thread.
+void WallClock::run(WallEntry& entry, std::function<void()>& body) {
+  entry.baton = std::unique_lock(baton_);
+  current_ = &entry;
+  try {
+    body();
+  } catch (const Stopped&) {
+  } catch (...) {
+    entry.error = std::current_exception();
+  }
+  body = nullptr;  // what it holds dies with the baton in hand
+  entry.done = true;
+  notify(entry.ended);
+  std::erase(entries_, &entry);
+  current_ = nullptr;
+  entry.baton.unlock();
+}
+
+}  // namespace
+
+std::unique_ptr<Clock> wall_clock() { return std::make_unique<WallClock>(); }
+
+}  // namespace vitreo

@@ -1,0 +1,101 @@
+// `vitreo replay RUN`: the recorded frames through today's tracker and localizer, and how that
+// differs from then.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/commands.h"
+#include "host/cli/replay.h"
+#include "host/engine/installed_calibration.h"
+#include "host/files/run_folder.h"
+#include "host/record/record_json.h"
+#include "host/rig/rig_settings.h"
+#include "host/runs/run_reader.h"
+#include "host/session/script_engine.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <ostream>
+
+namespace vitreo {
+namespace {
+
+std::string text_of(const nlohmann::json& table, const char* key) {
+  const auto found = table.is_object() ? table.find(key) : table.end();
+  return found != table.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+/// The nominal model as the rig file of the run describes it; no instrument is opened.
+RigModel model_of(ScriptEngine& engine, const RunData& data) {
+  const nlohmann::json& rig = data.start.rig;
+  if (!rig.is_object() || !rig.contains("text") || !rig["text"].is_string())
+    throw RecordError(data.folder.string() + ": its start record has no rig file");
+  const auto source = [](const nlohmann::json& one) -> RigSource {
+    return {text_of(one, "file"), text_of(one, "text")};
+  };
+  std::vector<RigSource> bases;
+  for (const nlohmann::json& base : rig.value("bases", nlohmann::json::array()))
+    bases.push_back(source(base));
+  RigDescription description = engine.recorded_rig(source(rig), bases);
+  take_recorded_calibration(description, rig.value("resolved", nlohmann::json()));
+  ConfigReader reader(description);
+  const RigSettings settings = read_rig_settings(reader);
+  RigModel model = settings.model;
+  model.projection =
+      optics::fit_single_viewpoint(model.eye, model.microscope, settings.projection_reach);
+  if (settings.exact_projection)
+    model.exact.emplace(model.eye, model.microscope, settings.projection_reach);
+  return model;
+}
+
+std::string place_text(const std::optional<Eigen::Vector3d>& place) {
+  return place ? fmt::format("{},{},{}", place->x(), place->y(), place->z()) : ",,";
+}
+
+std::string csv_of(const Replay& replayed) {
+  std::string text =
+      "number,t_ns,recorded_x (m),recorded_y (m),recorded_z (m),replayed_x (m),replayed_y "
+      "(m),replayed_z (m),distance "
+      "(m)\r\n";
+  for (const ReplayedFrame& frame : replayed.frames) {
+    const bool both = frame.recorded && frame.replayed;
+    text += fmt::format("{},{},{},{},{}\r\n", frame.number, frame.exposed.count(),
+                        place_text(frame.recorded), place_text(frame.replayed),
+                        both ? fmt::format("{}", (*frame.replayed - *frame.recorded).norm()) : "");
+  }
+  return text;
+}
+
+}  // namespace
+
+int replay_command(ScriptEngine& engine, const std::filesystem::path& folder,
+                   const std::filesystem::path& csv, bool json, std::ostream& out) {
+  const RunData data = read_run(folder);
+  const Replay replayed = replay(data, model_of(engine, data));
+  const ReplayStatistics s = replayed.statistics();
+  if (!csv.empty()) write_file(csv, csv_of(replayed));
+  if (json) {
+    out << dumped({{"run", folder.filename().string()},
+                   {"frames", s.frames},
+                   {"background_frames", replayed.background_frames},
+                   {"axis_known", replayed.axis_known},
+                   {"compared", s.compared},
+                   {"same", s.same},
+                   {"only_recorded", s.only_recorded},
+                   {"only_replayed", s.only_replayed},
+                   {"rms", s.rms},
+                   {"mean", s.mean},
+                   {"max", s.max}})
+        << "\n";
+    return 0;
+  }
+  out << fmt::format("{}: {} frames of the servo loop, background of {} frames\n", folder.string(),
+                     s.frames, replayed.background_frames);
+  if (!replayed.axis_known) out << "the record does not name the robot's axis: +x is taken\n";
+  out << fmt::format("seen then and now: {}, of which {} to the bit; only then: {}; only now: {}\n",
+                     s.compared, s.same, s.only_recorded, s.only_replayed);
+  out << fmt::format("difference: rms {}, mean {}, largest {}\n", format_quantity(s.rms, "m"),
+                     format_quantity(s.mean, "m"), format_quantity(s.max, "m"));
+  if (!csv.empty()) out << "frame by frame: " << csv.string() << "\n";
+  return 0;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,94 @@
+// `vitreo show RUN`: what was asked, what came out, what is recorded.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/commands.h"
+#include "host/files/sha256.h"
+#include "host/record/record_json.h"
+#include "host/record/recorder.h"
+#include "host/runs/run_reader.h"
+#include "host/text/terminal_text.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <ostream>
+
+namespace vitreo {
+namespace {
+
+nlohmann::json streams_of(const RunData& data) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const Stream& stream : data.streams) {
+    nlohmann::json channels = nlohmann::json::array();
+    for (const Channel& channel : stream.info.channels)
+      channels.push_back({{"name", channel.name}, {"unit", channel.unit}});
+    list.push_back({{"name", stream.info.name},
+                    {"source", stream.info.source},
+                    {"channels", channels},
+                    {"samples", stream.times.size()}});
+  }
+  return list;
+}
+
+/// The summary, and what only the whole record knows.
+nlohmann::json json_of(const RunData& data, const RunHead& head) {
+  nlohmann::json json = summary(data);
+  json["outcome"] = head.state;
+  json["time"] = head.time;
+  json["folder"] = data.folder.string();
+  json["streams"] = streams_of(data);
+  json["versions"] = data.start.versions;
+  json["devices"] = data.start.devices;
+  json["files"] = data.start.files;
+  json["protocol_hash"] = sha256(data.start.protocol_text);
+  json["modules"] = nlohmann::json::object();
+  for (const Module& module : data.modules) json["modules"][module.name] = sha256(module.text);
+  json["events"] = nlohmann::json::array();
+  for (const Event& event : data.events)
+    json["events"].push_back(
+        {{"time", to_seconds(event.time)}, {"kind", event.kind}, {"text", event.text}});
+  return json;
+}
+
+std::string text_of(const nlohmann::json& value) {
+  return value.is_string() ? value.get<std::string>() : dumped(value);
+}
+
+void print(const RunData& data, const RunHead& head, std::ostream& out) {
+  out << fmt::format("{}\n{}: {}{}{}\n", data.folder.filename().string(), data.start.protocol_title,
+                     head.state, head.reason.empty() ? "" : ": ", for_terminal(head.reason));
+  out << fmt::format("when      {}\nprotocol  {}\noperator  {}\nseed      {}\ncommit    {}\n",
+                     head.time, data.start.protocol_file, data.start.operator_name, data.start.seed,
+                     data.start.versions.is_object()
+                         ? text_of(data.start.versions.value("commit", nlohmann::json("")))
+                         : "");
+  if (data.start.parameters.is_object())
+    for (const auto& [name, value] : data.start.parameters.items())
+      out << fmt::format("  {:<26} {}\n", name, text_of(value));
+  for (const Figure& figure : data.figures)
+    out << fmt::format("{:<28} {}\n", figure.name, format_quantity(figure.value, figure.unit));
+  for (const Stream& stream : data.streams)
+    out << fmt::format("stream {:<21} {} samples, {} channels, {}\n", stream.info.name,
+                       stream.times.size(), stream.info.channels.size(), stream.info.source);
+  const nlohmann::json numbers = summary(data);
+  for (const auto& [camera, counts] : numbers.at("frames").items())
+    out << fmt::format("frames {:<21} {} recorded, {} dropped\n", camera,
+                       dumped(counts.at("recorded")), dumped(counts.at("dropped")));
+  for (const Event& event : data.events)
+    if (event.kind.starts_with("alarm") || event.kind == "error" || event.kind == "override")
+      out << fmt::format("{:>10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, event.text);
+  out << "report: " << (data.folder / "report.html").string() << "\n";
+}
+
+}  // namespace
+
+int show_run(const std::filesystem::path& folder, bool json, std::ostream& out) {
+  const RunData data = read_run(folder);
+  const RunHead head = read_head(folder);
+  if (json)
+    out << dumped(json_of(data, head)) << "\n";
+  else
+    print(data, head, out);
+  return 0;
+}
+
+}  // namespace vitreo

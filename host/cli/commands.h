@@ -1,0 +1,41 @@
+// The commands about runs that are over: what `vitreo runs`, `show`, `verify`, `recover`, `report`,
+// `export` and `replay` do. Each prints to `out` and returns the program's exit code; RecordError
+// and std::runtime_error leave it with a message. `json`: one JSON document, SI units.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+class ScriptEngine;
+
+struct RunFilter {
+  std::string protocol, operator_name;  // a part of the protocol's file or title; of the name
+  std::string state;                    // "completed", "lost", ...
+  std::string
+      since;       // "2026-11-21", "2026-11-21T14:30": the beginning of a time; those from then on
+  int newest = 0;  // only so many; 0: all
+};
+
+int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool json,
+              std::ostream& out);
+int show_run(const std::filesystem::path& folder, bool json, std::ostream& out);
+/// 0: whole; 1: problems, which are listed.
+int verify_command(const std::filesystem::path& folder, bool json, std::ostream& out);
+int recover_command(const std::filesystem::path& folder, bool json, std::ostream& out);
+int report_command(const std::filesystem::path& folder, bool json, std::ostream& out);
+
+/// `format`: csv, mcap, tiff, mkv or hdf5. `into`: a folder; empty: export/ in the run's own.
+int export_command(const std::filesystem::path& folder, const std::string& format,
+                   const std::filesystem::path& into, bool json, std::ostream& out);
+
+/// The recorded frames through today's tracker and localizer. `csv`: a file for the differences
+/// frame by frame; may be empty. 0: replayed, whatever the differences.
+int replay_command(ScriptEngine& engine, const std::filesystem::path& folder,
+                   const std::filesystem::path& csv, bool json, std::ostream& out);
+
+}  // namespace vitreo

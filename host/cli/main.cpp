@@ -1,0 +1,128 @@
+// The program: its command line joins the host and Lua. A command is a row here and a file in
+// host/cli/.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/time/error.h"
+#include "host/cli/command_line.h"
+#include "host/cli/program.h"
+#include "host/config/rights.h"
+#include "host/engine/preflight.h"
+#include "host/files/log.h"
+#include "host/files/run_folder.h"
+#include "host/runs/run_reader.h"
+
+#include <nlohmann/json.hpp>
+#include <opencv2/core/utility.hpp>
+
+#include <csignal>
+#include <cstdio>
+#include <fcntl.h>
+#include <iostream>
+#include <string_view>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+int dispatch(int count, char** words) {
+  cli::CommandLine line(
+      "Vitreo drives the instruments of a laboratory that steers microrobots inside the eye.\n"
+      "Without a command: a Lua prompt on the rig.",
+      "vitreo");
+  cli::Program program;
+  cli::add_run(line, program);
+  cli::add_check(line, program);
+  cli::add_control(line, program);
+  cli::add_describe(line, program);
+  cli::add_mask(line, program);
+  cli::add_reproduce(line, program);
+  cli::add_test(line, program);
+  cli::add_records(line, program);
+  cli::add_devices(line, program);
+  cli::add_faults(line, program);
+  cli::add_soak(line, program);
+  cli::add_attach(line, program);
+  cli::add_new(line, program);
+  cli::add_docs(line, program);
+  cli::add_completion(line, program);
+  line.version([] { return versions().dump(); });
+  return line.run(count, words);
+}
+
+/// A stream that was closed would give its number to the next file, and what is printed would land
+/// in the record.
+void keep_standard_streams() {
+  for (int stream = 0; stream < 3; ++stream)
+    if (fcntl(stream, F_GETFD) < 0 && open("/dev/null", O_RDWR) != stream) _exit(5);
+}
+
+/// Whether --json is among the words: then an error is a JSON object, too, on the standard output.
+bool json_wanted(int count, char** words) {
+  for (int i = 1; i < count && std::string_view(words[i]) != "--"; ++i)
+    if (std::string_view(words[i]) == "--json") return true;
+  return false;
+}
+
+/// What was printed has reached its file, or nobody waits for it any more (`| head`).
+bool printed() {
+  std::cout.flush();
+  const bool whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
+  struct stat about {};
+  return whole || (fstat(STDOUT_FILENO, &about) == 0 &&
+                   (S_ISFIFO(about.st_mode) || S_ISSOCK(about.st_mode)));
+}
+
+/// The code, unless what was said is lost: who reads it from a file must not take the half for the
+/// whole.
+int leave(int code) {
+  if (printed()) return code;
+  std::cerr << "vitreo: what was printed cannot be written to the standard output\n";
+  return code == 0 ? static_cast<int>(ExitCode::internal) : code;
+}
+
+}  // namespace
+}  // namespace vitreo
+
+int main(int count, char** words) {
+  using vitreo::ExitCode;
+  vitreo::keep_standard_streams();
+  std::signal(SIGPIPE, SIG_IGN);  // who does not listen any more must not end a run
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error that can be told
+  cv::setNumThreads(1);           // the same bytes on every run; and the loop owns its core
+  const auto fail = [json = vitreo::json_wanted(count, words)](const std::string& error,
+                                                               ExitCode code) {
+    std::cerr << "vitreo: " << error << "\n";
+    const nlohmann::json object{{"error", error}, {"exit_code", static_cast<int>(code)}};
+    if (json)
+      std::cout << object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+    vitreo::write_log(error);
+    return vitreo::leave(static_cast<int>(code));
+  };
+  try {
+    if (const auto log = vitreo::default_log(); !log.empty()) vitreo::open_log(log);
+  } catch (
+      const std::exception& error) {  // a home that cannot be written to is no reason not to run
+    std::cerr << "vitreo: no log: " << error.what() << "\n";
+  }
+  try {
+    return vitreo::leave(vitreo::dispatch(count, words));
+  } catch (const vitreo::ScriptError& error) {
+    return fail(error.what(), ExitCode::usage);
+  } catch (const vitreo::ConfigError& error) {
+    return fail(error.what(), ExitCode::usage);
+  } catch (const vitreo::FolderError& error) {
+    return fail(error.what(), ExitCode::usage);
+  } catch (const vitreo::RightError& error) {
+    return fail(error.what(), ExitCode::usage);
+  } catch (const vitreo::PreflightError& error) {
+    return fail(error.what(), ExitCode::preflight_failed);
+  } catch (const vitreo::Stopped&) {
+    return fail("stopped by the operator before anything was opened", ExitCode::stopped);
+  } catch (const vitreo::RecordError& error) {
+    return fail(error.what(), ExitCode::usage);
+  } catch (const vitreo::DeviceError& error) {
+    return fail(error.what(), ExitCode::device_missing);
+  } catch (const std::exception& error) {
+    return fail(error.what(), ExitCode::internal);
+  }
+}

@@ -1,0 +1,28 @@
+// `vitreo mask`: masks of an object for training, without a painting program.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+struct MaskRequest {
+  std::vector<std::string> images;
+  std::vector<std::string>
+      ellipses;  ///< "cx,cy,A,B,phi": full axes in px, degrees from +u towards +v
+  std::vector<std::string> polygons;  ///< "x,y,x,y,x,y..."
+  std::vector<std::string> on, off;   ///< "x,y"
+  bool grab = false;                  ///< the outline is rough: cut by color around it
+  double margin_px = 6;               ///< how rough
+  std::string out;  ///< folder for NAME.png, NAME_mask.png, overlays/NAME.png; "": beside the image
+  bool force = false;  ///< write over masks that are there
+};
+
+/// The first image gets the outline; the object is learnt from it, found in the other images, and
+/// cut there. Says a line an image. The number of images in which it was not found. Throws
+/// std::invalid_argument naming the option or the file.
+int make_masks(const MaskRequest& request, std::ostream& out);
+
+}  // namespace vitreo

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/cli/replay.h"
+
+#include "host/runs/run_reader.h"
+#include "host/servo/localizer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+struct Learning {
+  Time from{};
+  int count = 0;
+};
+
+std::vector<Learning> learnings_of(const RunData& data) {
+  std::vector<Learning> learnings;
+  for (const Event& event : data.events) {
+    if (event.kind != "background") continue;
+    const nlohmann::json json = nlohmann::json::parse(event.text, nullptr, false);
+    if (!json.is_object() || json.value("camera", "") != "top_camera") continue;
+    learnings.push_back({Time(json.value("from_ns", std::int64_t{0})), json.value("count", 0)});
+  }
+  return learnings;
+}
+
+/// The robot's axis as the servo was told.
+std::optional<Eigen::Vector3d> axis_of(const RunData& data) {
+  for (const Event& event : data.events) {
+    if (event.kind != "servo") continue;
+    const nlohmann::json json = nlohmann::json::parse(event.text, nullptr, false);
+    if (!json.is_object() || !json.contains("axis") || !json["axis"].is_array() ||
+        json["axis"].size() != 3)
+      continue;
+    return Eigen::Vector3d(json["axis"][0].get<double>(), json["axis"][1].get<double>(),
+                           json["axis"][2].get<double>());
+  }
+  return {};
+}
+
+/// By the exposure's time: where the loop saw the robot.
+std::map<Time, std::optional<Eigen::Vector3d>> seen_then(const RunData& data) {
+  const Stream* const servo = data.stream("servo");
+  if (!servo) throw RecordError(data.folder.string() + ": has no stream servo to compare with");
+  std::array<std::size_t, 3> xyz{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto& channels = servo->info.channels;
+    const auto found = std::find_if(channels.begin(), channels.end(), [&](const Channel& one) {
+      return one.name == std::string(1, "xyz"[i]);
+    });
+    if (found == channels.end())
+      throw RecordError(data.folder.string() + ": its stream servo has no x, y and z");
+    xyz[i] = static_cast<std::size_t>(found - channels.begin());
+  }
+  std::map<Time, std::optional<Eigen::Vector3d>> seen;
+  for (std::size_t row = 0; row < servo->times.size(); ++row) {
+    const Eigen::Vector3d place(servo->at(row, xyz[0]), servo->at(row, xyz[1]),
+                                servo->at(row, xyz[2]));
+    seen[servo->times[row]] = place.allFinite() ? std::optional(place) : std::nullopt;
+  }
+  return seen;
+}
+
+/// Walks through the frames: those of a background are learnt, those of the servo are looked at.
+class Player {
+ public:
+  Player(const RunData& data, const RigModel& model)
+      : data_(data), model_(model), learnings_(learnings_of(data)), seen_(seen_then(data)) {
+    if (const auto axis = axis_of(data)) {
+      result_.axis = *axis;
+      result_.axis_known = true;
+    }
+  }
+
+  Replay play() {
+    for (const FrameRow& row : data_.frames)
+      if (row.camera == "top_camera") take(row);
+    if (result_.frames.empty())
+      throw RecordError(
+          data_.folder.string() +
+          ": cannot be replayed: it wants the top camera's recorded frames (vitreo run --frames "
+          "top_camera), of its background and of its servo loop");
+    return std::move(result_);
+  }
+
+ private:
+  void take(const FrameRow& row) {
+    if (next_ < learnings_.size() && row.exposed >= learnings_[next_].from) return learn(row);
+    const auto then = seen_.find(row.exposed);
+    if (!localizer_ || then == seen_.end()) return;
+    const Observation observation = localizer_->look(read_frame(data_, row));
+    result_.frames.push_back({row.number, row.exposed, then->second, observation.position});
+  }
+
+  void learn(const FrameRow& row) {
+    background_.learn(read_frame(data_, row));
+    ++result_.background_frames;
+    if (background_.count() < learnings_[next_].count) return;
+    ++next_;
+    localizer_.emplace(model_, std::exchange(background_, {}), result_.axis);
+  }
+
+  const RunData& data_;
+  const RigModel& model_;
+  const std::vector<Learning> learnings_;
+  const std::map<Time, std::optional<Eigen::Vector3d>> seen_;
+  std::size_t next_ = 0;  // of the learnings
+  vision::Background background_;
+  std::optional<Localizer> localizer_;
+  Replay result_;
+};
+
+}  // namespace
+
+ReplayStatistics Replay::statistics() const {
+  ReplayStatistics statistics;
+  double sum = 0, squares = 0;
+  for (const ReplayedFrame& frame : frames) {
+    ++statistics.frames;
+    if (frame.recorded.has_value() != frame.replayed.has_value())
+      ++(frame.recorded ? statistics.only_recorded : statistics.only_replayed);
+    if (!frame.recorded || !frame.replayed) continue;
+    const double distance = (*frame.replayed - *frame.recorded).norm();
+    ++statistics.compared;
+    if (distance == 0) ++statistics.same;
+    sum += distance;
+    squares += distance * distance;
+    statistics.max = std::max(statistics.max, distance);
+  }
+  if (statistics.compared == 0) return statistics;
+  const double count = static_cast<double>(statistics.compared);
+  statistics.mean = sum / count;
+  statistics.rms = std::sqrt(squares / count);
+  return statistics;
+}
+
+Replay replay(const RunData& data, const RigModel& model) { return Player(data, model).play(); }
+
+}  // namespace vitreo

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/config/config.h"
+
+#include "host/config/config_lines.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numeric>
+
+namespace vitreo {
+namespace {
+
+const ConfigTable& empty_table() {
+  static const ConfigTable table;
+  return table;
+}
+
+/// A script's text inside a one-line message.
+std::string in_quotes(const std::string& text) {
+  std::string shown;
+  for (char c : text.substr(0, 40)) shown += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  return "\"" + shown + (text.size() > 40 ? "...\"" : "\"");
+}
+
+std::string describe(const ConfigValue& value) {
+  struct Visitor {
+    std::string operator()(bool flag) const { return flag ? "true" : "false"; }
+    std::string operator()(double number) const { return "the number " + format_number(number, 6); }
+    std::string operator()(const std::string& text) const { return "the text " + in_quotes(text); }
+    std::string operator()(const ConfigList& list) const {
+      return fmt::format("a list of {}", list.size());
+    }
+    std::string operator()(const ConfigTable&) const { return "a table"; }
+  };
+  return std::visit(Visitor{}, value.value);
+}
+
+/// People may have written the dimension or one of its units into the bounds.
+std::string dimension_of(std::string_view unit) {
+  const auto found = find_unit(unit);
+  return std::string(found ? found->dimension : unit);
+}
+
+std::string number_wanted(const Bounds& bounds) {
+  const std::string dimension = dimension_of(bounds.unit);
+  return dimension.empty() ? "a number" : quantity_name(dimension);
+}
+
+std::string listed(const std::vector<std::string>& words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (i > 0) text += i + 1 == words.size() ? " or " : ", ";
+    text += words[i];
+  }
+  return text;
+}
+
+std::size_t edit_distance(const std::string& a, const std::string& b) {
+  // Two rows back, so that swapped neighbors ("focsu") count as one slip.
+  std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), row(b.size() + 1);
+  std::iota(last.begin(), last.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      row[j] =
+          std::min({last[j] + 1, row[j - 1] + 1, last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        row[j] = std::min(row[j], before[j - 2] + 1);
+    }
+    std::swap(before, last);
+    std::swap(last, row);
+  }
+  return last[b.size()];
+}
+
+std::string lower(std::string text) {
+  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return text;
+}
+
+}  // namespace
+
+std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {
+  constexpr std::size_t kTooLong = 64;  // nobody mistypes that
+  if (word.empty() || word.size() > kTooLong) return "";
+  std::size_t best = std::clamp<std::size_t>((word.size() + 1) / 3, 1, 3) + 1;
+  std::string result;
+  for (const std::string& candidate : candidates) {
+    if (candidate.empty() || candidate.size() > kTooLong) continue;
+    const std::size_t distance = edit_distance(lower(word), lower(candidate));
+    if (distance < best && distance < candidate.size()) {
+      best = distance;
+      result = candidate;
+    }
+  }
+  if (!result.empty() || word.size() < 4) return result;
+  for (const std::string& candidate : candidates) {  // "focus_depth" for "focus"
+    if (candidate.size() >= 4 && (candidate.starts_with(word) || word.starts_with(candidate)))
+      return candidate;
+  }
+  return result;
+}
+
+RigSource RigDescription::source_of(std::string key) const {
+  for (;;) {
+    const auto found = from_base.find(key);
+    if (found != from_base.end()) return bases.at(found->second);
+    const std::size_t dot = key.rfind('.');
+    if (dot == std::string::npos) return {file, text};
+    key.resize(dot);
+  }
+}
+
+ConfigReader::ConfigReader(const RigDescription& rig)
+    : rig_(rig), table_(rig.table), own_(nlohmann::json::object()), resolved_(&own_) {}
+
+ConfigReader::ConfigReader(const RigDescription& rig, const ConfigTable& table, std::string path,
+                           nlohmann::json* resolved)
+    : rig_(rig), table_(table), path_(std::move(path)), resolved_(resolved) {}
+
+void ConfigReader::fail(const std::string& key, const std::string& problem) const {
+  const RigSource source = rig_.source_of(path_ + key);
+  const int line = find_line(source.text, path_ + key);
+  const std::string place =
+      line > 0 ? fmt::format("{}:{}: ", source.file, line) : source.file + ": ";
+  throw ConfigError(place + path_ + key + " " + problem);
+}
+
+void ConfigReader::wrong_type(const std::string& key, const std::string& wanted,
+                              const ConfigValue& found) const {
+  fail(key, "must be " + wanted + ", not " + describe(found));
+}
+
+const ConfigValue* ConfigReader::find(const std::string& key) {
+  known_.insert(key);
+  const auto found = table_.find(key);
+  return found == table_.end() ? nullptr : &found->second;
+}
+
+bool ConfigReader::has(const std::string& key) const { return table_.contains(key); }
+
+std::vector<std::string> ConfigReader::keys() const {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : table_) names.push_back(name);
+  return names;
+}
+
+void ConfigReader::check_bounds(const std::string& key, double value, const Bounds& bounds) const {
+  if (!std::isfinite(value))
+    fail(key, "must be " + number_wanted(bounds) + ", not infinite or undefined");
+  if (value >= bounds.min && value <= bounds.max) return;
+  const std::string dimension = dimension_of(bounds.unit);
+  const auto shown = [&](double number) { return format_quantity(number, dimension, 6); };
+  const bool above = std::isfinite(bounds.min), below = std::isfinite(bounds.max);
+  const std::string wanted = above && below ? shown(bounds.min) + " to " + shown(bounds.max)
+                             : above        ? "at least " + shown(bounds.min)
+                                            : "at most " + shown(bounds.max);
+  fail(key, "is " + shown(value) + "; it must be " + wanted);
+}
+
+double ConfigReader::number(const std::string& key, double fallback, const Bounds& bounds) {
+  const ConfigValue* found = find(key);
+  double value = fallback;
+  if (found) {
+    const double* number = std::get_if<double>(&found->value);
+    if (!number) wrong_type(key, number_wanted(bounds), *found);
+    value = *number;
+    check_bounds(key, value, bounds);
+  }
+  (*resolved_)[key] = value;
+  return value;
+}
+
+int ConfigReader::integer(const std::string& key, int fallback, int min, int max) {
+  const ConfigValue* found = find(key);
+  int value = fallback;
+  if (found) {
+    const double* number = std::get_if<double>(&found->value);
+    if (!number || *number != std::floor(*number)) wrong_type(key, "a whole number", *found);
+    check_bounds(key, *number, {static_cast<double>(min), static_cast<double>(max), ""});
+    value = static_cast<int>(*number);
+  }
+  (*resolved_)[key] = value;
+  return value;
+}
+
+bool ConfigReader::flag(const std::string& key, bool fallback) {
+  const ConfigValue* found = find(key);
+  bool value = fallback;
+  if (found) {
+    const bool* flag = std::get_if<bool>(&found->value);
+    if (!flag) wrong_type(key, "true or false", *found);
+    value = *flag;
+  }
+  (*resolved_)[key] = value;
+  return value;
+}
+
+std::string ConfigReader::text(const std::string& key, const std::string& fallback) {
+  const ConfigValue* found = find(key);
+  std::string value = fallback;
+  if (found) {
+    const std::string* text = std::get_if<std::string>(&found->value);
+    if (!text) wrong_type(key, "a text", *found);
+    value = *text;
+  }
+  (*resolved_)[key] = value;
+  return value;
+}
+
+std::string ConfigReader::choice(const std::string& key, const std::string& fallback,
+                                 const std::vector<std::string>& choices) {
+  const ConfigValue* found = find(key);
+  if (found && !std::holds_alternative<std::string>(found->value))
+    wrong_type(key, listed(choices), *found);
+  std::string value = found ? std::get<std::string>(found->value) : fallback;
+  if (found && std::find(choices.begin(), choices.end(), value) == choices.end()) {
+    const std::string near = nearest(value, choices);
+    fail(key, "must be " + listed(choices) + ", not " + in_quotes(value) +
+                  (near.empty() ? "" : "; did you mean " + near + "?"));
+  }
+  (*resolved_)[key] = value;
+  return value;
+}
+
+std::vector<double> ConfigReader::read_numbers(const std::string& key,
+                                               const std::vector<double>& fallback,
+                                               const Bounds& bounds, std::size_t wanted) {
+  const ConfigValue* found = find(key);
+  std::vector<double> values = fallback;
+  if (found) {
+    const std::string kind =
+        wanted > 0 ? fmt::format("a list of {} numbers", wanted) : "a list of numbers";
+    const ConfigList* list = std::get_if<ConfigList>(&found->value);
+    // An empty Lua table is neither list nor table.
+    const bool empty = std::holds_alternative<ConfigTable>(found->value) &&
+                       std::get<ConfigTable>(found->value).empty();
+    if ((!list && !empty) || (wanted > 0 && (empty || list->size() != wanted)))
+      wrong_type(key, kind, *found);
+    values.clear();
+    for (std::size_t i = 0; list && i < list->size(); ++i) {
+      const double* number = std::get_if<double>(&(*list)[i].value);
+      if (!number)
+        fail(key,
+             fmt::format("must be {}, but its number {} is {}", kind, i + 1, describe((*list)[i])));
+      check_bounds(key, *number, bounds);
+      values.push_back(*number);
+    }
+  }
+  (*resolved_)[key] = values;
+  return values;
+}
+
+std::vector<double> ConfigReader::numbers(const std::string& key,
+                                          const std::vector<double>& fallback,
+                                          const Bounds& bounds) {
+  return read_numbers(key, fallback, bounds, 0);
+}
+
+std::vector<std::string> ConfigReader::texts(const std::string& key) {
+  const ConfigValue* found = find(key);
+  std::vector<std::string> values;
+  const ConfigList* list = found ? std::get_if<ConfigList>(&found->value) : nullptr;
+  if (found && !list) wrong_type(key, "a list of texts", *found);
+  for (std::size_t i = 0; list && i < list->size(); ++i) {
+    const std::string* text = std::get_if<std::string>(&(*list)[i].value);
+    if (!text)
+      fail(key, fmt::format("must be a list of texts, but its number {} is {}", i + 1,
+                            describe((*list)[i])));
+    values.push_back(*text);
+  }
+  (*resolved_)[key] = values;
+  return values;
+}
+
+Eigen::Vector2d ConfigReader::vector2(const std::string& key, const Eigen::Vector2d& fallback,
+                                      const Bounds& bounds) {
+  const auto values = read_numbers(key, {fallback.x(), fallback.y()}, bounds, 2);
+  return {values[0], values[1]};
+}
+
+Eigen::Vector3d ConfigReader::vector3(const std::string& key, const Eigen::Vector3d& fallback,
+                                      const Bounds& bounds) {
+  const auto values = read_numbers(key, {fallback.x(), fallback.y(), fallback.z()}, bounds, 3);
+  return {values[0], values[1], values[2]};
+}
+
+ConfigReader ConfigReader::table(const std::string& key) {
+  const ConfigValue* found = find(key);
+  const ConfigTable* inner = found ? std::get_if<ConfigTable>(&found->value) : nullptr;
+  const bool empty_list = found && std::holds_alternative<ConfigList>(found->value) &&
+                          std::get<ConfigList>(found->value).empty();
+  if (found && !inner && !empty_list) wrong_type(key, "a table", *found);
+  nlohmann::json& place = (*resolved_)[key];
+  if (!place.is_object()) place = nlohmann::json::object();
+  return ConfigReader(rig_, inner ? *inner : empty_table(), path_ + key + ".", &place);
+}
+
+void ConfigReader::finish() const {
+  for (const auto& [key, value] : table_) {
+    if (known_.contains(key)) continue;
+    const std::string near = nearest(key, {known_.begin(), known_.end()});
+    fail(key, near.empty() ? "is not known" : "is not known; did you mean " + near + "?");
+  }
+}
+
+}  // namespace vitreo

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/interrupts.h"
+
+#include "host/session/run_control.h"
+
+#include <signal.h>
+
+namespace vitreo {
+namespace {
+
+constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
+
+extern "C" void on_signal(int number) {
+  RunControl* const control = attached_control();
+  if (control == nullptr || control->tier() >= StopTier::abort) {
+    signal(number, SIG_DFL);
+    raise(number);
+    return;
+  }
+  control->request(RunControl::next(control->tier()));
+}
+
+}  // namespace
+
+InterruptScope::InterruptScope() {
+  struct sigaction action = {};
+  action.sa_handler = on_signal;
+  action.sa_flags = SA_RESTART;  // reading a line at the prompt goes on
+  for (const int number : kSignals) sigaction(number, &action, nullptr);
+}
+
+InterruptScope::~InterruptScope() {
+  for (const int number : kSignals) signal(number, SIG_DFL);
+}
+
+}  // namespace vitreo

@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/preflight.h"
+
+#include "devices/time/error.h"
+#include "devices/time/quiet_thread.h"
+#include "host/engine/disk_need.h"
+#include "host/engine/installed_calibration.h"
+#include "host/engine/interrupts.h"
+#include "host/rig/calibrations.h"
+#include "host/rig/registry.h"
+#include "host/rig/rig_settings.h"
+#include "host/servo/simulated_side.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <iostream>
+#include <optional>
+#include <pthread.h>
+#include <thread>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+
+void check_needs(const ProtocolDescription& protocol, const std::vector<std::string>& there,
+                 const std::string& rig_file) {
+  for (const std::string& role : protocol.needs) {
+    if (std::find(there.begin(), there.end(), role) != there.end()) continue;
+    throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file,
+                                  protocol.name, role, fmt::join(there, ", ")));
+  }
+}
+
+void check_frames(const std::vector<std::string>& words, const std::vector<std::string>& there) {
+  for (const std::string& word : words) {
+    const std::string camera = parse_frame_policy(word).camera;
+    const bool known = camera == "top_camera" || camera == "side_camera";
+    if (!known || std::find(there.begin(), there.end(), camera) == there.end())
+      throw ConfigError("frames: " + word + ": this rig has no camera of that role");
+  }
+}
+
+/// The folder of the dry run's record; it goes with it.
+class PassingFolder {
+ public:
+  PassingFolder() {
+    std::string name = (fs::temp_directory_path() / "vitreo_check_XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr)
+      throw std::runtime_error(name + ": the dry run's folder cannot be made");
+    path_ = name;
+  }
+  ~PassingFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  PassingFolder(const PassingFolder&) = delete;
+  PassingFolder& operator=(const PassingFolder&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+/// Stops the script after so much wall time.
+class TimeLimit {
+ public:
+  TimeLimit(RunControl& control, double seconds) {
+    thread_ = quiet_thread([this, &control, seconds] {
+      std::unique_lock lock(mutex_);
+      if (done_.wait_for(lock, std::chrono::duration<double>(seconds), [this] { return over_; }))
+        return;
+      expired_ = true;
+      control.request(StopTier::stop);
+    });
+  }
+  ~TimeLimit() { end(); }
+  TimeLimit(const TimeLimit&) = delete;
+  TimeLimit& operator=(const TimeLimit&) = delete;
+  /// No stop comes after this; whether one came before.
+  bool end() {
+    {
+      const std::lock_guard lock(mutex_);
+      over_ = true;
+    }
+    done_.notify_all();
+    if (thread_.joinable()) thread_.join();
+    return expired_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable done_;
+  bool over_ = false, expired_ = false;
+  std::thread thread_;
+};
+
+class DeafListener final : public ProgressListener {
+ public:
+  void progress(double, const std::string&) override {}
+  void message(const std::string&) override {}
+};
+
+RunStart start_of(const RunRequest& request, const ProtocolDescription& protocol) {
+  RunStart start;
+  start.protocol_file = protocol.file;
+  start.protocol_title = protocol.title;
+  start.parameters = start.parameter_units = start.rig = start.versions = nlohmann::json::object();
+  start.devices = start.files = nlohmann::json::object();
+  start.seed = request.seed;
+  return start;
+}
+
+/// The dry run's record is thrown away: no reserve is kept, and a small disk will do.
+RecordLimits passing_limits() {
+  RecordLimits limits;
+  limits.disk.reserve_bytes = 0;
+  limits.disk.stop_bytes = limits.disk.stop_bytes_with_frames = 16'000'000;
+  limits.disk.warn_seconds = limits.disk.stop_seconds = 0;
+  return limits;
+}
+
+[[noreturn]] void leave(const PreflightReport& report) {
+  std::cerr << "vitreo: the preflight failed, nothing was opened: " << report.problems.back()
+            << std::endl;
+  _exit(static_cast<int>(ExitCode::preflight_failed));
+}
+
+/// The dry run, from its clock to its verdict.
+class DryRun {
+ public:
+  DryRun(ScriptEngine& engine, const RunRequest& request, const CheckedRequest& checked,
+         const PreflightLimits& limits, PreflightReport& report)
+      : engine_(engine),
+        request_(request),
+        checked_(checked),
+        limits_(limits),
+        report_(report),
+        clock_(virtual_clock()),
+        twin_(checked.rig, *clock_, request.seed),
+        recorder_(folder_.path(), start_of(request, checked.protocol), passing_limits()) {}
+
+  void run() {
+    Rig& rig = twin_.open_rig().rig();
+    Rehearsal rehearsal;
+    if (rig.sample == nullptr) rehearsal.bring_robot = [this] { twin_.bring_robot(); };
+    rehearsal.pose_sensor = checked_.rig.table.contains("pose_sensor");
+    for (const std::string& word : request_.frames)
+      rehearsal.frames.push_back(parse_frame_policy(word));
+    {
+      Session session(*clock_, rig, recorder_, listener_, request_.seed);
+      session.rehearsal = &rehearsal;
+      session.questions.prepare(request_.answers);
+      session.questions.answer_by_themselves();
+      session.control.attach({[&] {
+                                engine_.interrupt();
+                                clock_->interrupt();
+                              },
+                              [&] { return twin_.open_rig().make_safe(); }});
+      if (!has_real_instruments(checked_.rig)) keep_truth(session);
+      if (rig.side_camera != nullptr)
+        session.keep(simulate_side(*clock_, *twin_.open_rig().laboratory(),
+                                   rig.side_camera->info().frame_period, recorder_));
+      play(session);
+      session.control.detach();
+      for (const std::string& assumed : session.questions.assumed())
+        report_.warnings.push_back("not answered in advance, so the dry run took: " + assumed);
+      for (const std::string& answer : session.questions.left_over())
+        if (report_.simulated)
+          report_.warnings.push_back("nothing was asked that wanted the answer " + answer);
+    }
+    twin_.open_rig().make_safe();
+    report_.duration = to_seconds(clock_->now());
+    report_.coils = twin_.coils();
+    report_.moves = twin_.moves();
+    for (const std::string& trip : report_.coils.trips)
+      report_.problems.push_back("the interlock tripped: " + trip);
+    for (const std::string& remark : rehearsal.remarks) report_.warnings.push_back(remark);
+    report_.frame_bytes_per_second = frame_bytes_per_second(rehearsal.frames, rig);
+    report_.disk_bytes =
+        sample_bytes(recorder_) + report_.frame_bytes_per_second * report_.duration;
+  }
+
+ private:
+  void keep_truth(Session& session) {
+    const Rig& rig = session.rig;
+    const double period = rig.top_camera ? rig.top_camera->info().frame_period
+                                         : (rig.pose_sensor ? rig.pose_sensor->period() : 0);
+    if (period > 0)
+      session.keep(observe_truth(*clock_, *twin_.open_rig().laboratory(), period, recorder_));
+  }
+
+  void play(Session& session) {
+    const InterruptScope interrupts;
+    const WatchdogLimits patience{std::chrono::milliseconds(1000), std::chrono::milliseconds(250),
+                                  std::chrono::milliseconds(1000)};
+    const auto stuck = [this] {
+      report_.problems.push_back(
+          fmt::format("the script is stuck in a call that nothing can interrupt, {} into the run: "
+                      "an abort would not reach it",
+                      format_quantity(to_seconds(clock_->now()), "s")));
+      report_.wall_time = limits_.wall;
+      limits_.stuck ? limits_.stuck(report_) : leave(report_);
+    };
+    const Watchdog watchdog(session.control, *clock_, patience,
+                            {stuck, [] { return false; }, [](const std::string&) {}});
+    TimeLimit limit(session.control, limits_.wall);
+    try {
+      engine_.run(checked_.protocol, checked_.arguments, session);
+      report_.simulated = true;
+    } catch (const Stopped&) {
+      stopped(session.control, limit.end());
+    } catch (const ScriptError& error) {
+      if (!limit.end()) report_.problems.push_back(error.what());
+    } catch (const DeviceError& error) {
+      if (!limit.end()) report_.problems.push_back(error.what());
+    }
+    if (limit.end() && !report_.simulated) report_.warnings.push_back(not_fully());
+  }
+
+  std::string not_fully() const {
+    return fmt::format(
+        "not fully simulated: {:.3g} s of wall time were not enough for more than {} of the run",
+        limits_.wall, format_quantity(to_seconds(clock_->now()), "s"));
+  }
+
+  void stopped(const RunControl& control, bool time_is_up) {
+    if (time_is_up) return;
+    if (!control.reason().starts_with("by the script"))
+      throw Stopped();  // the operator, of the check itself
+    report_.simulated = true;
+    if (control.tier() >= StopTier::abort)
+      report_.problems.push_back("aborted " + control.reason());
+    else
+      report_.warnings.push_back("stopped " + control.reason());
+  }
+
+  ScriptEngine& engine_;
+  const RunRequest& request_;
+  const CheckedRequest& checked_;
+  const PreflightLimits& limits_;
+  PreflightReport& report_;
+  DeafListener listener_;
+  PassingFolder folder_;
+  std::unique_ptr<Clock> clock_;
+  Twin twin_;
+  Recorder recorder_;
+};
+
+}  // namespace
+
+CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
+  CheckedRequest checked;
+  checked.protocol = engine.describe(request.protocol_file);
+  checked.arguments = check_arguments(checked.protocol, request.arguments);
+  checked.rig = engine.load_rig(request.rig_file);
+  take_installed_calibration(checked.rig, request.out);
+  const std::vector<std::string> roles = check_rig(checked.rig);
+  check_needs(checked.protocol, roles, request.rig_file);
+  check_frames(request.frames, roles);
+  return checked;
+}
+
+PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
+                         const CheckedRequest& checked, const PreflightLimits& limits) {
+  PreflightReport report;
+  const double began = wall_seconds();
+  const Calibrations calibrations = Calibrations::of(checked.rig);
+  for (const std::string& stale : calibrations.out_of_date(today_text()))
+    (calibrations.refuse_stale ? report.problems : report.warnings).push_back(stale);
+  std::optional<DryRun> dry_run;
+  try {
+    dry_run.emplace(engine, request, checked, limits, report);
+  } catch (const ConfigError& error) {  // a setting that only the real instrument understands
+    report.warnings.push_back(std::string("not simulated: the rig has no twin: ") + error.what());
+  } catch (const DeviceError& error) {
+    report.warnings.push_back(std::string("not simulated: the twin does not open: ") +
+                              error.what());
+  }
+  if (dry_run) dry_run->run();
+  const std::string disk = disk_problem(request.out, report.disk_bytes);
+  if (!disk.empty()) report.problems.push_back(disk);
+  report.wall_time = wall_seconds() - began;
+  return report;
+}
+
+PreflightReport preflight(ScriptEngine& engine, const RunRequest& request,
+                          const PreflightLimits& limits) {
+  const double began = wall_seconds();
+  const CheckedRequest checked = check_request(engine, request);
+  const double checked_in = wall_seconds() - began;
+  PreflightReport report = rehearse(engine, request, checked, limits);
+  report.arguments_time = checked_in;
+  return report;
+}
+
+}  // namespace vitreo

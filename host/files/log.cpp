@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/log.h"
+
+#include "host/files/posix_file.h"
+#include "host/files/run_folder.h"
+
+#include <cstdlib>
+#include <fcntl.h>
+#include <iostream>
+#include <mutex>
+#include <stdexcept>
+#include <sys/file.h>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Log {
+  std::mutex mutex;
+  fs::path file;  // empty: none
+  LogLimits limits;
+  bool complained = false;
+};
+
+Log& the_log() {
+  static Log log;
+  return log;
+}
+
+fs::path numbered(const fs::path& file, int number) {
+  return file.string() + "." + std::to_string(number);
+}
+
+void rotate(const Log& log) {
+  std::error_code ignored;  // what is not there yet cannot be moved
+  fs::remove(numbered(log.file, log.limits.kept), ignored);
+  for (int number = log.limits.kept; number > 1; --number)
+    fs::rename(numbered(log.file, number - 1), numbered(log.file, number), ignored);
+  fs::rename(log.file, numbered(log.file, 1), ignored);
+}
+
+/// Other programs wait while it lives; the system takes it back when this one dies.
+class Lock {
+ public:
+  explicit Lock(const fs::path& file)
+      : descriptor_(::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644)) {
+    if (descriptor_ < 0) throw std::runtime_error(file.string() + ": cannot be opened");
+    flock(descriptor_, LOCK_EX);
+  }
+  ~Lock() { ::close(descriptor_); }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+
+ private:
+  const int descriptor_;
+};
+
+void append(const Log& log, const std::string& line) {
+  const Lock lock(log.file.string() + ".lock");
+  if (file_size_or_zero(log.file) + line.size() > log.limits.bytes) rotate(log);
+  const int descriptor = ::open(log.file.c_str(), O_CREAT | O_WRONLY | O_APPEND | O_CLOEXEC, 0644);
+  if (descriptor < 0) throw std::runtime_error(log.file.string() + ": cannot be opened");
+  const bool whole =
+      ::write(descriptor, line.data(), line.size()) == static_cast<ssize_t>(line.size());
+  ::close(descriptor);
+  if (!whole) throw std::runtime_error(log.file.string() + ": cannot be written");
+}
+
+std::string one_line(const std::string& text) {
+  std::string line = wall_time_text() + " [" + std::to_string(getpid()) + "] ";
+  for (const char c : text) line += static_cast<unsigned char>(c) < 0x20 || c == 0x7F ? ' ' : c;
+  return line + "\n";
+}
+
+}  // namespace
+
+void open_log(const fs::path& file, const LogLimits& limits) {
+  Log& log = the_log();
+  const std::lock_guard guard(log.mutex);
+  log.file.clear();  // where it cannot be opened there is none, and it is said once
+  fs::create_directories(file.parent_path());
+  { const Lock lock(file.string() + ".lock"); }
+  log.file = file;
+  log.limits = limits;
+  log.complained = false;
+}
+
+void close_log() noexcept {
+  const std::lock_guard guard(the_log().mutex);
+  the_log().file.clear();
+}
+
+fs::path default_log() {
+  if (const char* const given = std::getenv("VITREO_LOG"); given != nullptr && *given) return given;
+  const char* const state = std::getenv("XDG_STATE_HOME");
+  if (state != nullptr && *state) return fs::path(state) / "vitreo" / "host.log";
+  const char* const home = std::getenv("HOME");
+  return home != nullptr && *home ? fs::path(home) / ".local/state/vitreo/host.log" : fs::path();
+}
+
+void write_log(const std::string& text) noexcept {
+  Log& log = the_log();
+  try {
+    const std::lock_guard guard(log.mutex);
+    if (log.file.empty()) return;
+    append(log, one_line(text));
+  } catch (const std::exception& error) {
+    if (!log.complained) std::cerr << "vitreo: log: " << error.what() << "\n";
+    log.complained = true;
+  }
+}
+
+}  // namespace vitreo

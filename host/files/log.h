@@ -1,0 +1,29 @@
+// The host's own log: one line for each thing that matters beyond one run, in a file that does not
+// grow for ever.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+namespace vitreo {
+
+struct LogLimits {
+  std::uint64_t bytes = 5'000'000;  // then host.log becomes host.log.1, and so on
+  int kept = 5;                     // older files
+};
+
+/// From now on write_log() writes there. Throws std::runtime_error naming the file when it cannot.
+void open_log(const std::filesystem::path& file, const LogLimits& limits = {});
+void close_log() noexcept;
+/// Where it is by default: VITREO_LOG, else vitreo/host.log in XDG_STATE_HOME or ~/.local/state;
+/// empty without a home.
+std::filesystem::path default_log();
+
+/// "2026-11-21T14:30:00+0100 [1234] text", on one line whatever is in the text. Several programs
+/// may write the same file. Without an open log: nothing. Never throws: what the disk refuses is
+/// lost, and said on the standard error once.
+void write_log(const std::string& text) noexcept;
+
+}  // namespace vitreo

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/manifest.h"
+
+#include "host/files/posix_file.h"
+#include "host/files/run_folder.h"
+#include "host/files/sha256.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+/// Of a run that goes on or was lost, or not its own.
+bool belongs(const std::filesystem::path& below) {
+  const std::string name = below.generic_string();
+  return name != kManifest && name != "recording.lock" && name != "reserve.room" &&
+         !name.starts_with("export/");
+}
+
+std::vector<std::string> files_of(const std::filesystem::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    const auto below = entry.path().lexically_relative(folder);
+    if (!entry.is_directory() && belongs(below)) names.push_back(below.generic_string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::map<std::string, std::string> read_manifest(const std::filesystem::path& folder) {
+  std::istringstream lines(read_whole_file(folder / kManifest));
+  std::map<std::string, std::string> hashes;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.size() < 67 || line.substr(64, 2) != "  ")
+      throw std::runtime_error((folder / kManifest).string() +
+                               ": has a line that is no hash and name");
+    hashes[line.substr(66)] = line.substr(0, 64);
+  }
+  return hashes;
+}
+
+}  // namespace
+
+std::string sha256_file(const std::filesystem::path& file) {
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (descriptor < 0) throw std::runtime_error(file.string() + ": " + std::strerror(errno));
+  struct stat status {};
+  const bool known = ::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
+  const auto size = static_cast<std::size_t>(status.st_size);
+  void* const bytes =
+      known && size > 0 ? ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0) : MAP_FAILED;
+  ::close(descriptor);
+  if (known && size == 0) return sha256("");
+  if (bytes == MAP_FAILED) throw std::runtime_error(file.string() + ": cannot be read as a file");
+  std::string hash = sha256({static_cast<const char*>(bytes), size});
+  ::munmap(bytes, size);
+  return hash;
+}
+
+std::size_t count_files(const std::filesystem::path& folder) { return files_of(folder).size(); }
+
+void write_manifest(const std::filesystem::path& folder) {
+  std::string text;
+  for (const std::string& name : files_of(folder))
+    text += sha256_file(folder / name) + "  " + name + "\n";
+  write_file(folder / kManifest, text);
+}
+
+std::vector<std::string> check_manifest(const std::filesystem::path& folder) {
+  if (!std::filesystem::exists(folder / kManifest))
+    return {std::string(kManifest) + ": is missing"};
+  std::map<std::string, std::string> expected = read_manifest(folder);
+  std::vector<std::string> problems;
+  for (const std::string& name : files_of(folder)) {
+    const auto known = expected.find(name);
+    if (known == expected.end()) {
+      problems.push_back(name + ": was not there when the run was closed");
+      continue;
+    }
+    if (sha256_file(folder / name) != known->second)
+      problems.push_back(name + ": has changed since the run was closed");
+    expected.erase(known);
+  }
+  for (const auto& [name, hash] : expected) problems.push_back(name + ": is missing");
+  return problems;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/ndtiff.h"
+
+#include "host/files/posix_file.h"
+
+#include <fmt/format.h>
+#include <opencv2/imgproc.hpp>
+
+#include <array>
+#include <bit>
+#include <cstring>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+static_assert(std::endian::native == std::endian::little,
+              "the files are written as this machine has its numbers");
+
+constexpr int kEntries = 13;  // tags a page
+constexpr std::uint32_t kLinkBehindPixels =
+    4;  // bytes of the next page's offset, which stand before the small values
+constexpr std::uint64_t kSmallestHead =
+    28 + 2 + kEntries * 12 + 4 + 16;  // nothing's pixels begin before
+constexpr std::uint32_t kMagic = 483729, kSummary = 2355492, kMajor = 3, kMinor = 3;
+
+class Bytes {
+ public:
+  Bytes& u16(std::uint32_t value) { return add(static_cast<std::uint16_t>(value)); }
+  Bytes& u32(std::uint64_t value) { return add(static_cast<std::uint32_t>(value)); }
+  Bytes& text(const std::string& value) {
+    u32(value.size());
+    bytes_ += value;
+    return *this;
+  }
+  /// A tag of one value.
+  Bytes& tag(std::uint32_t id, std::uint32_t type, std::uint64_t count, std::uint64_t value) {
+    return u16(id).u16(type).u32(count).u32(value);
+  }
+  std::string& str() { return bytes_; }
+
+ private:
+  template <class Number>
+  Bytes& add(Number value) {
+    bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
+    return *this;
+  }
+  std::string bytes_;
+};
+
+int pixel_type_of(const cv::Mat& image) {
+  if (!image.empty() && image.dims == 2) {
+    if (image.type() == CV_8UC1) return 0;
+    if (image.type() == CV_16UC1) return 1;
+    if (image.type() == CV_8UC3) return 2;
+  }
+  throw std::invalid_argument(
+      "a recorded frame must be 8- or 16-bit gray or 8-bit color, and not empty");
+}
+
+std::string text_of(const nlohmann::json& json) {
+  return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+}
+
+/// Places within one page. The small values (bits of RGB, two resolutions) stand between directory
+/// and pixels.
+struct Page {
+  Page(std::uint64_t start, int pixel_type, std::uint64_t pixel_bytes)
+      : at(start),
+        small_at(at + 2 + kEntries * 12 + kLinkBehindPixels),
+        pixels_at(small_at + (pixel_type == 2 ? 6 : 0) + 16),
+        metadata_at(pixels_at + pixel_bytes) {}
+  std::uint64_t link_at() const { return small_at - kLinkBehindPixels; }
+  std::uint64_t at, small_at, pixels_at, metadata_at;
+};
+
+std::uint64_t link_of(const NdtiffEntry& entry) {
+  return entry.pixels_at - 16 - (entry.pixel_type == 2 ? 6 : 0) - kLinkBehindPixels;
+}
+
+std::string directory_of(const Page& page, const NdtiffEntry& entry) {
+  const bool rgb = entry.pixel_type == 2;
+  const std::uint32_t bits = entry.pixel_type == 1 ? 16 : 8;
+  constexpr std::uint32_t kText = 2, kShort = 3, kLong = 4, kRational = 5;
+  Bytes bytes;
+  bytes.u16(kEntries);
+  bytes.tag(256, kLong, 1, entry.width_px).tag(257, kLong, 1, entry.height_px);
+  bytes.tag(258, kShort, rgb ? 3 : 1, rgb ? page.small_at : bits);
+  bytes.tag(259, kShort, 1, 1).tag(262, kShort, 1, rgb ? 2 : 1);  // uncompressed; 0 is black
+  bytes.tag(273, kLong, 1, entry.pixels_at)
+      .tag(277, kShort, 1, rgb ? 3 : 1)
+      .tag(278, kShort, 1, entry.height_px);
+  bytes.tag(279, kLong, 1, entry.pixel_bytes());
+  bytes.tag(282, kRational, 1, entry.pixels_at - 16).tag(283, kRational, 1, entry.pixels_at - 8);
+  bytes.tag(296, kShort, 1, 1).tag(51123, kText, entry.metadata_bytes, entry.metadata_at);
+  bytes.u32(0);  // the last page, until the next one is whole
+  if (rgb) bytes.u16(bits).u16(bits).u16(bits);
+  bytes.u32(1).u32(1).u32(1).u32(1);
+  return bytes.str();
+}
+
+std::string index_text(const NdtiffEntry& entry) {
+  Bytes bytes;
+  bytes.text(text_of(entry.axes)).text(entry.file).u32(entry.pixels_at);
+  bytes.u32(entry.width_px).u32(entry.height_px).u32(entry.pixel_type).u32(0);
+  bytes.u32(entry.metadata_at).u32(entry.metadata_bytes).u32(0);
+  return bytes.str();
+}
+
+}  // namespace
+
+std::uint64_t NdtiffEntry::pixel_bytes() const {
+  const std::uint64_t each = pixel_type == 2 ? 3 : pixel_type == 1 ? 2 : 1;
+  return each * static_cast<std::uint64_t>(width_px) * static_cast<std::uint64_t>(height_px);
+}
+
+NdtiffWriter::NdtiffWriter(const std::filesystem::path& folder, const std::string& name,
+                           const nlohmann::json& summary, std::uint64_t largest_file)
+    : folder_(folder), name_(name), summary_(text_of(summary)), largest_(largest_file) {
+  std::filesystem::create_directories(folder);
+  index_ = create_new_file(folder / "NDTiff.index");
+  try {
+    begin_file();
+  } catch (const std::exception&) {
+    close_file(index_);
+    throw;
+  }
+}
+
+NdtiffWriter::~NdtiffWriter() {
+  close_file(stack_);
+  close_file(index_);
+}
+
+void NdtiffWriter::begin_file() {
+  const std::string next =
+      name_ + "_NDTiffStack" + (files_ == 0 ? "" : "_" + std::to_string(files_)) + ".tif";
+  const int made = create_new_file(folder_ / next);
+  close_file(stack_);
+  stack_ = made;
+  file_ = next;
+  ++files_;
+  Bytes head;
+  head.u16(0x4949).u16(42).u32(0).u32(kMagic).u32(kMajor).u32(kMinor).u32(kSummary).text(summary_);
+  if (head.str().size() % 2 == 1) head.str() += ' ';
+  write_at(stack_, 0, head.str(), folder_ / file_);
+  end_ = head.str().size();
+  link_at_ = 4;
+}
+
+NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image,
+                                const nlohmann::json& metadata) {
+  NdtiffEntry entry;
+  entry.axes = axes;
+  entry.pixel_type = pixel_type_of(image);
+  entry.width_px = image.cols;
+  entry.height_px = image.rows;
+  cv::Mat pixels;  // never converted in place: the image is the caller's
+  if (entry.pixel_type == 2)
+    cv::cvtColor(image, pixels, cv::COLOR_BGR2RGB);
+  else
+    pixels = image;
+  if (!pixels.isContinuous()) pixels = pixels.clone();
+  std::string words = text_of(metadata);
+  if ((entry.pixel_bytes() + words.size()) % 2 == 1) words += ' ';  // pages begin on even offsets
+  constexpr std::uint64_t kRoom = 4096;                             // of the directory, generously
+  if (end_ + entry.pixel_bytes() + words.size() + kRoom > largest_ && link_at_ != 4) begin_file();
+  const Page page(end_, entry.pixel_type, entry.pixel_bytes());
+  entry.file = file_;
+  entry.pixels_at = page.pixels_at;
+  entry.metadata_at = page.metadata_at;
+  entry.metadata_bytes = words.size();
+  const std::string directory = directory_of(page, entry);
+  const std::filesystem::path stack = folder_ / file_, index = folder_ / "NDTiff.index";
+  try {
+    write_at(stack_, page.at, directory, stack);
+    write_at(stack_, page.pixels_at,
+             {reinterpret_cast<const char*>(pixels.data), entry.pixel_bytes()}, stack);
+    write_at(stack_, page.metadata_at, words, stack);
+  } catch (const std::exception&) {
+    shorten_file(stack_, end_);
+    throw;
+  }
+  write_at(stack_, link_at_, Bytes().u32(page.at).str(), stack);
+  append_whole(index_, index_text(entry), index);
+  link_at_ = page.link_at();
+  end_ = page.metadata_at + words.size();
+  return entry;
+}
+
+void NdtiffWriter::sync() {
+  sync_file(stack_, folder_ / file_);
+  sync_file(index_, folder_ / "NDTiff.index");
+}
+
+namespace {
+
+/// One entry of an index, or nothing where the text ends within it.
+class IndexReader {
+ public:
+  IndexReader(const std::string& text, const std::filesystem::path& file)
+      : text_(text), file_(file) {}
+  bool next(NdtiffEntry& entry) {
+    std::size_t at = whole_;
+    std::string axes;
+    std::array<std::uint32_t, 8> numbers{};
+    if (!read_text(at, axes) || axes.empty() || !read_text(at, entry.file)) return false;
+    if (at + sizeof numbers > text_.size()) return false;
+    std::memcpy(numbers.data(), text_.data() + at, sizeof numbers);
+    entry.axes = nlohmann::json::parse(axes, nullptr, false);
+    const bool named =
+        !entry.file.empty() && entry.file.find_first_of(std::string("/\0", 2)) == std::string::npos;
+    constexpr std::uint32_t kLargest = 1u << 16;  // px
+    if (!entry.axes.is_object() || !named || numbers[1] - 1 >= kLargest ||
+        numbers[2] - 1 >= kLargest || numbers[3] > 2 || numbers[4] != 0 || numbers[7] != 0)
+      throw std::runtime_error(file_.string() + ": is not an NDTiff index that this program reads");
+    entry.pixels_at = numbers[0];
+    entry.width_px = static_cast<int>(numbers[1]);
+    entry.height_px = static_cast<int>(numbers[2]);
+    entry.pixel_type = static_cast<int>(numbers[3]);
+    entry.metadata_at = numbers[5];
+    entry.metadata_bytes = numbers[6];
+    whole_ = at + sizeof numbers;
+    entry.index_end = whole_;
+    if (entry.pixels_at < kSmallestHead ||
+        entry.metadata_at < entry.pixels_at + entry.pixel_bytes())
+      throw std::runtime_error(file_.string() + ": has an entry whose page cannot be");
+    return true;
+  }
+  std::size_t whole() const { return whole_; }
+
+ private:
+  bool read_text(std::size_t& at, std::string& into) const {
+    std::uint32_t size = 0;
+    if (at + sizeof size > text_.size()) return false;
+    std::memcpy(&size, text_.data() + at, sizeof size);
+    if (size > text_.size() - at - sizeof size) return false;
+    into = text_.substr(at + sizeof size, size);
+    at += sizeof size + size;
+    return true;
+  }
+  const std::string& text_;
+  const std::filesystem::path& file_;
+  std::size_t whole_ = 0;
+};
+
+}  // namespace
+
+std::vector<NdtiffEntry> read_ndtiff_index(const std::filesystem::path& folder,
+                                           std::uint64_t* whole_bytes) {
+  const std::filesystem::path file = folder / "NDTiff.index";
+  const std::string text = read_whole_file(file);
+  IndexReader reader(text, file);
+  std::vector<NdtiffEntry> entries;
+  NdtiffEntry entry;
+  while (reader.next(entry)) entries.push_back(entry);
+  if (whole_bytes) *whole_bytes = reader.whole();
+  return entries;
+}
+
+cv::Mat read_ndtiff_image(const std::filesystem::path& folder, const NdtiffEntry& entry) {
+  constexpr int kTypes[] = {CV_8UC1, CV_16UC1, CV_8UC3};
+  const std::filesystem::path file = folder / entry.file;
+  // Before memory is asked for what a broken index may claim.
+  if (file_size_or_zero(file) < entry.pixels_at + entry.pixel_bytes())
+    throw std::runtime_error(file.string() + ": ends before its pixels do");
+  cv::Mat image(entry.height_px, entry.width_px, kTypes[entry.pixel_type]);
+  read_at(file, entry.pixels_at, image.data, entry.pixel_bytes());
+  if (entry.pixel_type == 2) cv::cvtColor(image, image, cv::COLOR_RGB2BGR);
+  return image;
+}
+
+nlohmann::json read_ndtiff_metadata(const std::filesystem::path& folder, const NdtiffEntry& entry) {
+  const std::filesystem::path file = folder / entry.file;
+  if (file_size_or_zero(file) < entry.metadata_at + entry.metadata_bytes)
+    throw std::runtime_error(file.string() + ": ends before its metadata do");
+  std::string text(entry.metadata_bytes, '\0');
+  read_at(file, entry.metadata_at, text.data(), text.size());
+  nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+  return json.is_object() ? json : nlohmann::json::object();
+}
+
+std::vector<NdtiffEntry> mend_ndtiff(const std::filesystem::path& folder) {
+  std::uint64_t whole = 0;
+  std::vector<NdtiffEntry> entries = read_ndtiff_index(folder, &whole);
+  while (!entries.empty()) {
+    const NdtiffEntry& last = entries.back();
+    if (last.metadata_at + last.metadata_bytes <= file_size_or_zero(folder / last.file)) break;
+    entries.pop_back();
+    whole = entries.empty() ? 0 : entries.back().index_end;
+  }
+  std::filesystem::resize_file(folder / "NDTiff.index", whole);
+  if (entries.empty()) return entries;
+  const NdtiffEntry& last = entries.back();
+  const std::filesystem::path stack = folder / last.file;
+  const int file = open_existing_file(stack);
+  write_at(file, link_of(last), std::string(4, '\0'), stack);
+  close_file(file);
+  std::filesystem::resize_file(stack, last.metadata_at + last.metadata_bytes);
+  return entries;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/posix_file.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <stdexcept>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+[[noreturn]] void fail(const std::filesystem::path& file) {
+  throw std::runtime_error(file.string() + ": " + std::strerror(errno));
+}
+
+int opened(const std::filesystem::path& file, int flags) {
+  const int descriptor = ::open(file.c_str(), flags | O_CLOEXEC, 0666);
+  if (descriptor < 0) fail(file);
+  return descriptor;
+}
+
+/// For one reading: closes itself.
+class Reading {
+ public:
+  explicit Reading(const std::filesystem::path& file) : descriptor_(opened(file, O_RDONLY)) {}
+  ~Reading() { ::close(descriptor_); }
+  Reading(const Reading&) = delete;
+  Reading& operator=(const Reading&) = delete;
+  int descriptor() const { return descriptor_; }
+
+ private:
+  int descriptor_;
+};
+
+}  // namespace
+
+int create_new_file(const std::filesystem::path& file) {
+  return opened(file, O_RDWR | O_CREAT | O_EXCL);
+}
+int open_existing_file(const std::filesystem::path& file) { return opened(file, O_RDWR); }
+
+void close_file(int& descriptor) noexcept {
+  if (descriptor >= 0) ::close(descriptor);
+  descriptor = -1;
+}
+
+void write_at(int descriptor, std::uint64_t offset, std::string_view bytes,
+              const std::filesystem::path& file) {
+  while (!bytes.empty()) {
+    const ssize_t written =
+        ::pwrite(descriptor, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) fail(file);
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+    offset += static_cast<std::uint64_t>(written);
+  }
+}
+
+void append_whole(int descriptor, std::string_view bytes, const std::filesystem::path& file) {
+  const off_t end = ::lseek(descriptor, 0, SEEK_END);
+  try {
+    write_at(descriptor, static_cast<std::uint64_t>(end), bytes, file);
+  } catch (const std::exception&) {
+    shorten_file(descriptor, static_cast<std::uint64_t>(end));
+    throw;
+  }
+}
+
+void shorten_file(int descriptor, std::uint64_t size) noexcept {
+  // Where even this fails the file keeps some bytes that nothing refers to.
+  static_cast<void>(::ftruncate(descriptor, static_cast<off_t>(size)) == 0);
+}
+
+void sync_file(int descriptor, const std::filesystem::path& file) {
+  if (::fdatasync(descriptor) != 0) fail(file);
+}
+
+void sync_folder(const std::filesystem::path& folder) {
+  const Reading reading(folder);
+  if (::fsync(reading.descriptor()) != 0 && errno != EINVAL)
+    fail(folder);  // some file systems cannot
+}
+
+std::string read_whole_file(const std::filesystem::path& file) {
+  const Reading reading(file);
+  struct stat status {};
+  if (::fstat(reading.descriptor(), &status) != 0) fail(file);
+  if (!S_ISREG(status.st_mode)) throw std::runtime_error(file.string() + ": is not a file");
+  std::string text(static_cast<std::size_t>(status.st_size), '\0');
+  read_at(file, 0, text.data(), text.size());
+  return text;
+}
+
+void read_at(const std::filesystem::path& file, std::uint64_t offset, void* into,
+             std::size_t bytes) {
+  const Reading reading(file);
+  auto* at = static_cast<char*>(into);
+  while (bytes > 0) {
+    const ssize_t got = ::pread(reading.descriptor(), at, bytes, static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) fail(file);
+    if (got == 0) throw std::runtime_error(file.string() + ": is shorter than it should be");
+    at += got;
+    offset += static_cast<std::uint64_t>(got);
+    bytes -= static_cast<std::size_t>(got);
+  }
+}
+
+std::uint64_t file_size_or_zero(const std::filesystem::path& file) noexcept {
+  std::error_code error;
+  const auto size = std::filesystem::file_size(file, error);
+  return error ? 0 : size;
+}
+
+}  // namespace vitreo

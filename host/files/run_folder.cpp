@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/run_folder.h"
+
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <fstream>
+#include <random>
+#include <stdexcept>
+#include <sys/stat.h>
+
+namespace vitreo {
+namespace {
+
+std::string local_time(const char* format) {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  localtime_r(&now, &parts);
+  char text[64];
+  return std::string(text, std::strftime(text, sizeof text, format, &parts));
+}
+
+}  // namespace
+
+std::string wall_time_text() { return local_time("%Y-%m-%dT%H:%M:%S%z"); }
+
+std::string random_hex(int digits) {
+  std::random_device entropy;
+  std::string text;
+  for (int i = 0; i < digits; ++i) text += "0123456789abcdef"[entropy() % 16];
+  return text;
+}
+
+std::string slug(std::string_view text, const std::string& fallback) {
+  constexpr std::size_t kLongest = 48;
+  std::string result;
+  bool gap = false;
+  for (char c : text) {
+    const bool kept = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                      c == '-' || c == '_';
+    if (kept && gap && !result.empty()) result += '_';
+    if (kept) result += c;
+    gap = !kept;
+    if (result.size() >= kLongest) break;
+  }
+  return result.empty() ? fallback : result;
+}
+
+std::filesystem::path make_run_folder(const std::filesystem::path& parent,
+                                      const std::string& name) {
+  std::error_code error;
+  std::filesystem::create_directories(parent, error);
+  if (error)
+    throw FolderError("the folder for runs cannot be made: " + parent.string() + ": " +
+                      error.message());
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    const auto folder =
+        parent / (local_time("%Y-%m-%dT%H%M%S") + "_" + slug(name, "run") + "_" + random_hex(4));
+    // mkdir is the one call that makes a folder or says that it was there: two runs never share
+    // one.
+    if (::mkdir(folder.c_str(), 0777) == 0) return folder;
+    if (errno != EEXIST)
+      throw FolderError("a run's folder cannot be made: " + folder.string() + ": " +
+                        std::strerror(errno));
+  }
+  throw std::runtime_error(parent.string() + ": no free name for a run folder");
+}
+
+void write_file(const std::filesystem::path& file, std::string_view bytes) {
+  const std::filesystem::path part = file.string() + ".part";
+  errno = 0;
+  std::ofstream out(part, std::ios::binary | std::ios::trunc);
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  std::error_code error;
+  if (out) {
+    std::filesystem::rename(part, file, error);
+    if (!error) return;
+  }
+  const std::string reason = error        ? error.message()
+                             : errno != 0 ? std::strerror(errno)
+                                          : "cannot be written";
+  std::filesystem::remove(part, error);
+  throw std::runtime_error(file.string() + ": " + reason);
+}
+
+}  // namespace vitreo

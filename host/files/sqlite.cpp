@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/sqlite.h"
+
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+[[noreturn]] void fail(sqlite3* database) {
+  const char* file = database ? sqlite3_db_filename(database, "main") : nullptr;
+  const char* reason = database ? sqlite3_errmsg(database) : "out of memory";
+  throw std::runtime_error(std::string(file ? file : "SQLite") + ": " + reason);
+}
+
+}  // namespace
+
+std::string quoted_identifier(std::string_view name) {
+  if (name.empty()) throw std::invalid_argument("a name is empty");
+  if (name.find('\0') != std::string_view::npos)
+    throw std::invalid_argument("a name has a NUL byte");
+  std::string quoted = "\"";
+  for (char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+Statement::Statement(sqlite3* database, const std::string& sql) {
+  sqlite3_stmt* statement = nullptr;
+  if (sqlite3_prepare_v2(database, sql.c_str(), -1, &statement, nullptr) != SQLITE_OK)
+    fail(database);
+  handle_.reset(statement);
+}
+
+Statement& Statement::bind(int index, std::int64_t value) {
+  if (sqlite3_bind_int64(handle_.get(), index, value) != SQLITE_OK)
+    fail(sqlite3_db_handle(handle_.get()));
+  return *this;
+}
+
+Statement& Statement::bind(int index, double value) {
+  if (sqlite3_bind_double(handle_.get(), index, value) != SQLITE_OK)
+    fail(sqlite3_db_handle(handle_.get()));
+  return *this;
+}
+
+Statement& Statement::bind(int index, std::string_view text) {
+  const auto size = static_cast<sqlite3_uint64>(text.size());
+  const char* data = text.empty() ? "" : text.data();  // a null pointer would bind NULL
+  if (sqlite3_bind_text64(handle_.get(), index, data, size, SQLITE_TRANSIENT, SQLITE_UTF8) !=
+      SQLITE_OK) {
+    fail(sqlite3_db_handle(handle_.get()));
+  }
+  return *this;
+}
+
+bool Statement::step() {
+  const int result = sqlite3_step(handle_.get());
+  if (result == SQLITE_ROW) return true;
+  sqlite3* database = sqlite3_db_handle(handle_.get());
+  if (result != SQLITE_DONE) {
+    try {
+      fail(database);  // first the message: a reset may change it
+    } catch (...) {
+      sqlite3_reset(handle_.get());
+      throw;
+    }
+  }
+  sqlite3_reset(handle_.get());
+  return false;
+}
+
+void Statement::run() {
+  while (step()) continue;
+}
+
+std::string Statement::text(int column) const {
+  const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(handle_.get(), column));
+  return data ? std::string(data,
+                            static_cast<std::size_t>(sqlite3_column_bytes(handle_.get(), column)))
+              : "";
+}
+
+Database::Database(const std::string& file, Mode mode) {
+  constexpr int kFlags[] = {SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, SQLITE_OPEN_READWRITE,
+                            SQLITE_OPEN_READONLY};
+  const int flags = kFlags[static_cast<std::size_t>(mode)];
+  sqlite3* database = nullptr;
+  const int result =
+      sqlite3_open_v2(file.c_str(), &database, flags | SQLITE_OPEN_PRIVATECACHE, nullptr);
+  handle_.reset(database);
+  if (result != SQLITE_OK) throw std::runtime_error(file + ": " + sqlite3_errstr(result));
+  sqlite3_busy_timeout(
+      database, 250);  // ms: readers never hold a writer in WAL mode, only its last checkpoint
+}
+
+void Database::execute(const std::string& sql) {
+  if (sqlite3_exec(handle_.get(), sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
+    fail(handle_.get());
+}
+
+void Database::close() {
+  if (handle_ && sqlite3_close(handle_.get()) != SQLITE_OK) fail(handle_.get());
+  static_cast<void>(handle_.release());
+}
+
+}  // namespace vitreo

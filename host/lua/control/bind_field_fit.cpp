@@ -1,0 +1,211 @@
+// Calibration of the field's model from what a probe read: dipoles or multipoles, with what is left
+// over.
+// SPDX-License-Identifier: Apache-2.0
+#include "control/field_calibration_file.h"
+#include "control/field_fit.h"
+#include "control/multipole_fit.h"
+#include "host/lua/control/bind_control.h"
+#include "host/lua/interpreter/calculation.h"
+#include "host/lua/interpreter/tables.h"
+#include "host/lua/interpreter/values.h"
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace vitreo::lua {
+namespace {
+
+using control::FieldModel;
+using control::MultipoleField;
+using control::ProbeReading;
+
+/// The list of {position, currents, field} at the first argument; `coils` currents each.
+std::vector<ProbeReading> readings_at(const Call& call, int coils) {
+  std::vector<ProbeReading> readings;
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(0)));
+  for (lua_Integer i = 1; i <= count; ++i) {
+    const std::string where = "readings: " + std::to_string(i) + ": ";
+    if (lua_rawgeti(call.L, call.index(0), i) != LUA_TTABLE)
+      throw std::invalid_argument(where + "wants a table {position, currents, field}, got " +
+                                  kind_of(call.L, -1));
+    refuse_unknown(call.L, lua_gettop(call.L), where, {"position", "currents", "field"});
+    const OptionTable entry(call.L, lua_gettop(call.L));
+    const auto position = entry.vector("position"), field = entry.vector("field");
+    const auto currents = entry.numbers("currents");
+    if (!position || !position->allFinite())
+      throw std::invalid_argument(where + "position: wants {x, y, z} in m");
+    if (!field || !field->allFinite())
+      throw std::invalid_argument(where + "field: wants {x, y, z} in T");
+    if (!currents || static_cast<int>(currents->size()) != coils)
+      throw std::invalid_argument(where + "currents: wants " + std::to_string(coils) +
+                                  " numbers in A, one a coil");
+    readings.push_back(
+        {*position, Eigen::Map<const Eigen::VectorXd>(currents->data(), coils), *field});
+    if (!readings.back().currents.allFinite())
+      throw std::invalid_argument(where + "currents: one of them is not finite");
+    lua_pop(call.L, 1);
+  }
+  return readings;
+}
+
+/// From where the fit starts: the option `start`, or an OctoMag.
+FieldModel start_option(const Call& call) {
+  const bool given = call.push_option("start");
+  lua_pop(call.L, 1);
+  return given ? call.handle_option<FieldModel>("start")
+               : FieldModel(control::CoilField::octomag());
+}
+
+struct Fitted {
+  FieldModel model;
+  Eigen::Vector3d background;
+  control::ResidualReport residual;
+  bool converged;
+  std::size_t readings;
+};
+
+int push_fitted(const Call& call, const Fitted& fitted) {
+  FieldModel model = fitted.model;
+  model.set_uniform_background(fitted.background);
+  push_handle(call.L, field_model_class(), std::make_shared<FieldModel>(std::move(model)));
+  push_fields(call.L, {{"residual_rms", fitted.residual.rms},
+                       {"residual_largest", fitted.residual.largest},
+                       {"residual_relative", fitted.residual.relative}});
+  lua_pushinteger(call.L, static_cast<lua_Integer>(fitted.residual.worst + 1));
+  lua_setfield(call.L, -2, "worst_reading");
+  lua_pushinteger(call.L, static_cast<lua_Integer>(fitted.readings));
+  lua_setfield(call.L, -2, "readings");
+  push_vector(call.L, fitted.background);
+  lua_setfield(call.L, -2, "background");
+  lua_pushboolean(call.L, fitted.converged);
+  lua_setfield(call.L, -2, "converged");
+  return 2;
+}
+
+int fit_dipoles(Call& call) {
+  const FieldModel start = start_option(call);
+  if (start.dipoles() == nullptr)
+    throw std::invalid_argument("start: wants a model of dipoles, such as control.octomag()");
+  return calculate(
+      call, "field fit",
+      [dipoles = *start.dipoles(), readings = readings_at(call, start.coils())](const YieldPoint&) {
+        const control::DipoleFit fit = control::fit_dipoles(dipoles, readings);
+        return Fitted{
+            fit.field,
+            fit.background,
+            {fit.residual_rms, fit.residual_largest, fit.worst_reading, fit.residual_relative},
+            fit.converged,
+            readings.size()};
+      },
+      push_fitted);
+}
+
+int fit_multipoles(Call& call) {
+  const FieldModel start = start_option(call);
+  const int order = static_cast<int>(call.number_option("order").value_or(2));
+  if (start.multipoles() != nullptr && call.number_option("order"))
+    throw std::invalid_argument("order: the start is of multipoles and has its own");
+  std::vector<ProbeReading> readings = readings_at(call, start.coils());
+  return calculate(
+      call, "field fit",
+      [start, order, readings = std::move(readings)](const YieldPoint& breath) {
+        const auto from = [&]() -> MultipoleField {
+          if (start.multipoles() != nullptr) return *start.multipoles();
+          // Dipoles alone first: multipoles are sensitive to where they start.
+          const control::CoilField near = control::fit_dipoles(*start.dipoles(), readings).field;
+          constexpr double kAnywhere = 1;  // m: the fit's region is that of its readings
+          return control::multipoles_like(
+              near, order,
+              {Eigen::Vector3d::Constant(-kAnywhere), Eigen::Vector3d::Constant(kAnywhere)});
+        }();
+        breath();
+        const control::MultipoleFit fit = control::fit_multipoles(from, readings);
+        return Fitted{fit.field, fit.background, fit.residual, fit.converged, readings.size()};
+      },
+      push_fitted);
+}
+
+/// A model as the YAML of ETH's software. Dipoles are sources of the first order, and need a region
+/// to be written with.
+int text_of(Call& call) {
+  const FieldModel& model = call.self<FieldModel>();
+  const auto low = call.vector_option("low"), high = call.vector_option("high");
+  const auto as_multipoles = [&]() -> MultipoleField {
+    if (model.multipoles() != nullptr) {
+      if (low || high)
+        throw std::invalid_argument("low, high: a model of multipoles has its own region");
+      return *model.multipoles();
+    }
+    if (!low || !high)
+      throw std::invalid_argument(
+          "low, high: dipoles hold everywhere; say for which box to write them");
+    return control::multipoles_like(*model.dipoles(), 1, {*low, *high});
+  };
+  const MultipoleField field = as_multipoles();
+  if (!model.uniform_background().isZero(0)) {
+    // Psi = A_1 r P_1: uniform along the source's axis.
+    const double size = model.uniform_background().norm();
+    MultipoleField::Sources background = field.background_sources();
+    background.push_back({{0, 0, 0}, model.uniform_background() / size, {size}, {}});
+    return call.result(control::field_calibration_text(
+        {call.text_option("name").value_or(""),
+         MultipoleField(field.sources(), background, field.region())}));
+  }
+  return call.result(
+      control::field_calibration_text({call.text_option("name").value_or(""), field}));
+}
+
+}  // namespace
+
+std::vector<Binding> field_fit_functions() {
+  const Argument readings{.name = "readings",
+                          .type = Type::list,
+                          .help = "of {position in m, currents in A, field in T}"};
+  const Argument start{.name = "start",
+                       .type = Type::handle,
+                       .optional = true,
+                       .help = "where the fit starts (control.octomag())",
+                       .handle = "field_model"};
+  const std::string returns = "field_model, table";
+  return {{"control.fit_dipoles",
+           {readings, options_of({start})},
+           returns,
+           "calibrates one dipole a coil and a uniform background from a probe's readings, at "
+           "least 2 a coil and 1; "
+           "the table: residual_rms and residual_largest in T, residual_relative, worst_reading, "
+           "background in T, "
+           "converged",
+           fit_dipoles},
+          {"control.fit_multipoles",
+           {readings,
+            options_of({start,
+                        {.name = "order",
+                         .type = Type::integer,
+                         .optional = true,
+                         .min = 1,
+                         .max = control::kMaxMultipoleOrder,
+                         .help = "of each coil's source, where the start is of dipoles (2)"}})},
+           returns,
+           "the same with multipoles: from dipoles fitted first, or from an earlier calibration; "
+           "it holds in the box that "
+           "the readings span",
+           fit_multipoles}};
+}
+
+Binding field_text_row() {
+  const auto corner = [](const char* name, const char* help) {
+    return Argument{
+        .name = name, .type = Type::vector, .unit = "m", .optional = true, .help = help};
+  };
+  return {
+      "text",
+      {options_of({{.name = "name", .type = Type::text, .optional = true, .help = "of the machine"},
+                   corner("low", "corner of the box for which dipoles are written"),
+                   corner("high", "the other")})},
+      "string",
+      "as YAML, the way ETH's software writes it: for files.write, and for a rig's calibration",
+      text_of};
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,224 @@
+// Arguments against their row, before any binding sees them.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/config/config.h"
+#include "host/lua/interpreter/binding.h"
+#include "host/lua/interpreter/values.h"
+#include "host/text/units.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+std::string a_or_an(const std::string& noun) {
+  return (std::string("aeiou").find(noun[0]) != std::string::npos ? "an " : "a ") + noun;
+}
+
+std::string in_unit(const Argument& argument) {
+  return argument.unit.empty() ? "" : " in " + argument.unit;
+}
+
+/// "a, b or c".
+std::string one_of(const std::vector<std::string>& words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i)
+    text += (i == 0 ? "" : i + 1 == words.size() ? " or " : ", ") + words[i];
+  return text;
+}
+
+std::string range_text(const Argument& argument) {
+  const std::string min = format_quantity(argument.min, argument.unit),
+                    max = format_quantity(argument.max, argument.unit);
+  if (std::isinf(argument.max)) return "at least " + min;
+  if (std::isinf(argument.min)) return "at most " + max;
+  return min + " to " + max;
+}
+
+[[noreturn]] void refuse(lua_State* L, const Argument& argument, int index) {
+  throw std::invalid_argument(argument.name + ": wants " + wanted(argument) + ", got " +
+                              kind_of(L, index));
+}
+
+void check_number(lua_State* L, const Argument& argument, int index) {
+  if (lua_type(L, index) != LUA_TNUMBER) refuse(L, argument, index);
+  const double value = lua_tonumber(L, index);
+  if (argument.type == Type::integer && !(std::floor(value) == value && std::abs(value) < 1e15))
+    throw std::invalid_argument(argument.name + ": wants a whole number, got " +
+                                plain_text(L, index));
+  if (!std::isfinite(value))
+    throw std::invalid_argument(argument.name + ": wants " + wanted(argument) + ", got " +
+                                plain_text(L, index));
+  if (value < argument.min || value > argument.max)
+    throw std::invalid_argument(argument.name + ": wants " + range_text(argument) + ", got " +
+                                format_quantity(value, argument.unit));
+}
+
+/// The first thing in a list that is no number, by its place.
+void refuse_list(lua_State* L, const Argument& argument, int index) {
+  const auto count = lua_istable(L, index) ? static_cast<lua_Integer>(lua_rawlen(L, index)) : 0;
+  for (lua_Integer i = 1; i <= count; ++i)
+    if (lua_rawgeti(L, index, i) != LUA_TNUMBER)
+      throw std::invalid_argument(argument.name + "[" + std::to_string(i) + "]: wants a number" +
+                                  in_unit(argument) + ", got " + kind_of(L, -1));
+    else
+      lua_pop(L, 1);
+  refuse(L, argument, index);
+}
+
+void check_numbers(lua_State* L, const Argument& argument, int index) {
+  const auto numbers = to_numbers(L, index);
+  if (!numbers) refuse_list(L, argument, index);
+  if (argument.type == Type::vector && numbers->size() != 3) refuse(L, argument, index);
+  for (const double number : *numbers)
+    if (!std::isfinite(number))
+      throw std::invalid_argument(argument.name + ": holds a number that is not finite");
+}
+
+bool lua_type_fits(lua_State* L, const Argument& argument, int index) {
+  switch (argument.type) {
+    case Type::flag:
+      return lua_isboolean(L, index);
+    case Type::text:
+      return lua_type(L, index) == LUA_TSTRING;
+    case Type::function:
+      return lua_isfunction(L, index);
+    case Type::list:
+    case Type::table:
+    case Type::options:
+      return lua_istable(L, index);
+    default:
+      return true;
+  }
+}
+
+void check_handle(lua_State* L, const Argument& argument, int index) {
+  const Class* kind = handle_class(L, index);
+  if (!kind || kind->name != argument.handle) refuse(L, argument, index);
+}
+
+void check_choice(lua_State* L, const Argument& argument, int index) {
+  const std::string word = plain_text(L, index);
+  if (std::find(argument.choices.begin(), argument.choices.end(), word) != argument.choices.end())
+    return;
+  const std::string near = nearest(word, argument.choices);
+  throw std::invalid_argument(argument.name + ": wants " + wanted(argument) + ", got '" + word +
+                              "'" + (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+void check_one(lua_State* L, const Argument& argument, int index);
+
+void check_options(lua_State* L, const Argument& argument, int index) {
+  std::vector<std::string> known;
+  for (const Argument& option : argument.options) known.push_back(option.name);
+  push_sorted_keys(L, index);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(L, -1));
+  for (lua_Integer i = 1; i <= count; ++i) {
+    lua_rawgeti(L, -1, i);
+    const std::string key = plain_text(L, -1);
+    lua_pop(L, 1);
+    if (std::find(known.begin(), known.end(), key) != known.end()) continue;
+    const std::string near = nearest(key, known);
+    throw std::invalid_argument(key + " is not known" +
+                                (near.empty() ? "" : "; did you mean " + near + "?"));
+  }
+  lua_pop(L, 1);
+  for (const Argument& option : argument.options) {
+    lua_getfield(L, index, option.name.c_str());
+    if (!lua_isnil(L, -1) || !option.optional) check_one(L, option, lua_gettop(L));
+    lua_pop(L, 1);
+  }
+}
+
+void check_one(lua_State* L, const Argument& argument, int index) {
+  luaL_checkstack(L, 10, "too many arguments");
+  if (lua_isnoneornil(L, index))
+    throw std::invalid_argument(argument.name + ": is missing; wants " + wanted(argument));
+  if (!lua_type_fits(L, argument, index)) refuse(L, argument, index);
+  if (argument.type == Type::number || argument.type == Type::integer)
+    check_number(L, argument, index);
+  if (argument.type == Type::vector || argument.type == Type::numbers)
+    check_numbers(L, argument, index);
+  if (argument.type == Type::handle) check_handle(L, argument, index);
+  if (argument.type == Type::options) check_options(L, argument, index);
+  if (argument.type == Type::text && !argument.choices.empty()) check_choice(L, argument, index);
+}
+
+bool all_optional(const Argument& argument) {
+  for (const Argument& option : argument.options)
+    if (!option.optional) return false;
+  return true;
+}
+
+std::string shown(const Argument& argument) {
+  if (argument.type != Type::options)
+    return argument.optional ? "[" + argument.name + "]" : argument.name;
+  std::string text = "{";
+  for (const Argument& option : argument.options)
+    text += (text.size() > 1 ? ", " : "") + option.name;
+  return text + "}";
+}
+
+}  // namespace
+
+std::string wanted(const Argument& argument) {
+  switch (argument.type) {
+    case Type::any:
+      return "a value";
+    case Type::number:
+      return "a number" + in_unit(argument);
+    case Type::integer:
+      return "a whole number";
+    case Type::flag:
+      return "true or false";
+    case Type::text:
+      return argument.choices.empty() ? "a string" : one_of(argument.choices);
+    case Type::function:
+      return "a function";
+    case Type::vector:
+      return "a position {x, y, z}" + in_unit(argument);
+    case Type::numbers:
+      return "a list of numbers" + in_unit(argument);
+    case Type::list:
+      return "a list";
+    case Type::table:
+      return "a table";
+    case Type::handle:
+      return a_or_an(argument.handle);
+    case Type::options:
+      return "options " + shown(argument);
+  }
+  return "a value";
+}
+
+void check_arguments(Call& call) {
+  const std::vector<Argument>& rows = call.binding.arguments;
+  const int given = lua_gettop(call.L) - call.index(0) + 1;
+  if (given > static_cast<int>(rows.size()) && !(rows.size() && rows.back().name == "...")) {
+    std::string list;
+    for (const Argument& row : rows) list += (list.empty() ? "" : ", ") + shown(row);
+    throw std::invalid_argument("takes (" + list + "), got " + std::to_string(given) +
+                                " arguments");
+  }
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i].name == "...") break;
+    if (!call.has(i) &&
+        (rows[i].optional || (rows[i].type == Type::options && all_optional(rows[i]))))
+      continue;
+    check_one(call.L, rows[i], call.index(i));
+  }
+}
+
+std::string full_name(const Class* owner, const Binding& binding) {
+  return owner ? owner->name + ":" + binding.name : binding.name;
+}
+
+std::string signature(const Class* owner, const Binding& binding) {
+  std::string text = full_name(owner, binding) + "(";
+  for (std::size_t i = 0; i < binding.arguments.size(); ++i)
+    text += (i ? ", " : "") + shown(binding.arguments[i]);
+  return text + ")" + (binding.returns.empty() ? "" : " -> " + binding.returns);
+}
+
+}  // namespace vitreo::lua

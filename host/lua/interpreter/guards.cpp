@@ -1,0 +1,155 @@
+// pcall, xpcall and what else could swallow a stop; load without bytecode; setmetatable without
+// finalizers.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/errors.h"
+#include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/state.h"
+
+#include <utility>
+
+namespace vitreo::lua {
+namespace {
+
+/// How many stops the running task has felt. A pcall that began before the last one lets go of
+/// everything, even when clean-up code has replaced the stop by an error of its own.
+lua_KContext stops_felt(lua_State* L) {
+  const Scheduler* const scheduler = context_of(L).scheduler;
+  return scheduler && scheduler->current() ? static_cast<lua_KContext>(scheduler->current()->stops)
+                                           : 0;
+}
+
+void let_stop_pass(lua_State* L, lua_KContext stops_before) {
+  if (stops_felt(L) == stops_before) return;
+  push_stop(L);
+  lua_error(L);
+}
+
+int end_protected(lua_State* L, int status, lua_KContext stops_before) {
+  let_stop_pass(L, stops_before);
+  if (status == LUA_OK || status == LUA_YIELD) return lua_gettop(L);
+  if (is_stop(L, -1)) return lua_error(L);
+  Context& context = context_of(L);
+  if (std::exchange(context.short_of_memory, false))
+    lua_gc(L, LUA_GCCOLLECT);  // what filled it may be garbage by now
+  lua_pushboolean(L, 0);
+  lua_insert(L, -2);
+  return 2;
+}
+
+int end_protected_with_handler(lua_State* L, int status, lua_KContext stops_before) {
+  const int results = end_protected(L, status, stops_before);
+  return status == LUA_OK || status == LUA_YIELD ? results - 1
+                                                 : results;  // the handler stands below
+}
+
+int protected_call(lua_State* L) {
+  luaL_checkany(L, 1);
+  lua_pushboolean(L, 1);
+  lua_insert(L, 1);
+  const lua_KContext stops = stops_felt(L);
+  return end_protected(L, lua_pcallk(L, lua_gettop(L) - 2, LUA_MULTRET, 0, stops, end_protected),
+                       stops);
+}
+
+int handle_error(lua_State* L) {
+  if (is_stop(L, 1)) return 1;
+  lua_settop(L, 1);
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_call(L, 1, 1);
+  return 1;
+}
+
+/// xpcall(f, handler, ...): the stack becomes handler, true, f, ...
+int protected_call_with_handler(lua_State* L) {
+  luaL_checktype(L, 2, LUA_TFUNCTION);
+  lua_pushvalue(L, 2);
+  lua_pushcclosure(L, handle_error, 1);
+  lua_replace(L, 2);
+  lua_pushvalue(L, 1);  // f, handler, ..., f
+  lua_insert(L, 3);     // f, handler, f, ...
+  lua_pushvalue(L, 2);
+  lua_replace(L, 1);  // handler, handler, f, ...
+  lua_pushboolean(L, 1);
+  lua_replace(L, 2);  // handler, true, f, ...
+  const lua_KContext stops = stops_felt(L);
+  const int status =
+      lua_pcallk(L, lua_gettop(L) - 3, LUA_MULTRET, 1, stops, end_protected_with_handler);
+  return end_protected_with_handler(L, status, stops);
+}
+
+/// Finalizers run when the collector pleases: not the same in each run, and deaf to a stop.
+int set_metatable(lua_State* L) {
+  luaL_checktype(L, 1, LUA_TTABLE);
+  luaL_argexpected(L, lua_isnil(L, 2) || lua_istable(L, 2), 2, "nil or table");
+  if (luaL_getmetafield(L, 1, "__metatable") != LUA_TNIL)
+    return luaL_error(L, "cannot change a protected metatable");
+  if (lua_istable(L, 2)) {
+    lua_pushliteral(L, "__gc");
+    if (lua_rawget(L, 2) != LUA_TNIL)
+      return luaL_error(L, "setmetatable: __gc is not available; use <close> or run:defer");
+    lua_pop(L, 1);
+  }
+  lua_settop(L, 2);
+  lua_setmetatable(L, 1);
+  return 1;
+}
+
+int load(lua_State* L) {
+  if (lua_type(L, 1) != LUA_TSTRING)
+    return luaL_error(L, "load: wants a string, got %s", luaL_typename(L, 1));
+  std::size_t size = 0;
+  const char* const text = lua_tolstring(L, 1, &size);
+  const bool has_environment = !lua_isnone(L, 4);
+  if (luaL_loadbufferx(L, text, size, luaL_optstring(L, 2, "=(load)"), "t") != LUA_OK) {
+    lua_pushnil(L);
+    lua_insert(L, -2);
+    return 2;
+  }
+  if (has_environment) {
+    lua_pushvalue(L, 4);
+    if (!lua_setupvalue(L, -2, 1)) lua_pop(L, 1);
+  }
+  return 1;
+}
+
+void stop_hook(lua_State* L, lua_Debug*) {
+  Context& context = context_of(L);
+  if (!context.interrupted) {  // inherited from the coroutine that made this one
+    lua_sethook(L, nullptr, 0, 0);
+    return;
+  }
+  take_interrupt(context);
+  raise_stop(L);
+}
+
+void limit_hook(lua_State* L, lua_Debug*) {
+  push_stop(L);
+  lua_error(L);
+}
+
+}  // namespace
+
+void arm_stop(lua_State* L) noexcept {
+  lua_sethook(L, stop_hook, LUA_MASKCALL | LUA_MASKRET | LUA_MASKCOUNT, 1);
+}
+
+void arm_reading_limit(lua_State* L) {
+  constexpr int kInstructions =
+      20'000'000;  // a few tenths of a second; a file of constants needs thousands
+  lua_sethook(L, limit_hook, LUA_MASKCOUNT, kInstructions);
+}
+
+void open_guards(lua_State* L) {
+  const luaL_Reg own[] = {{"pcall", protected_call},
+                          {"xpcall", protected_call_with_handler},
+                          {"load", load},
+                          {"setmetatable", set_metatable},
+                          {nullptr, nullptr}};
+  lua_pushglobaltable(L);
+  luaL_setfuncs(L, own, 0);
+  lua_pop(L, 1);
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,23 @@
+// Which files a script may have read for it, and where it may have some written.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace vitreo::lua {
+
+struct Context;
+
+/// The file or folder that a script names. It must lie below the current folder, below a folder of
+/// scripts, in the run's own folder, or be (or lie below) what a person gave as one of the run's
+/// parameters: a script by itself reaches nothing else. Symbolic links count as what they point at.
+/// Throws std::invalid_argument naming the path.
+std::filesystem::path readable(const Context& context, const std::string& path);
+
+/// A new file of the run's folder, by its plain name. Throws std::invalid_argument when the name
+/// has a folder or another letter than letters, digits, '-', '_', '.', or belongs to the record, or
+/// exists.
+std::filesystem::path writable(const Context& context, const std::string& name);
+
+}  // namespace vitreo::lua

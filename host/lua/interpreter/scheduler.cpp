@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/interpreter/scheduler.h"
+
+#include "devices/time/error.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/dead_time.h"
+#include "host/lua/interpreter/errors.h"
+#include "host/lua/interpreter/state.h"
+#include "host/text/units.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::lua {
+namespace {
+
+/// The end of a task's body: an error goes on, its <close> variables are closed (and could wait
+/// while they were).
+int end_body(lua_State* L, int status, lua_KContext) {
+  if (status != LUA_OK && status != LUA_YIELD) return lua_error(L);
+  return lua_gettop(L) - 1;
+}
+
+int task_body(lua_State* L) {
+  lua_pushcfunction(L, remember_trace);
+  lua_insert(L, 1);
+  return end_body(L, lua_pcallk(L, lua_gettop(L) - 2, LUA_MULTRET, 1, 0, end_body), 0);
+}
+
+struct Job {
+  bool done = false;
+  std::exception_ptr error;
+  Signal finished;
+  std::unique_ptr<Task> task;  // last: it ends before what it uses
+};
+
+std::string reading_of(const WaitInfo& about) {
+  if (!about.reading) return "";
+  try {
+    return about.reading();
+  } catch (const Stopped&) {
+    throw;
+  } catch (const std::exception& error) {
+    return std::string("none (") + error.what() + ")";
+  }
+}
+
+/// The device's own words, and what only the caller knows.
+std::exception_ptr with_details(const DeviceError& error, const WaitInfo& about, double elapsed) {
+  std::string said = error.what();
+  const std::string head = error.device + ": ",
+                    tail = std::string(" (") + to_string(error.kind) + ")";
+  if (said.starts_with(head)) said.erase(0, head.size());
+  if (said.ends_with(tail)) said.erase(said.size() - tail.size());
+  return std::make_exception_ptr(
+      DeviceError(error.kind, error.device,
+                  said + "; " + waited_text(about.target, reading_of(about), elapsed)));
+}
+
+void run_job(Job& job, Clock& clock, const std::function<void()>& blocking, const WaitInfo& about) {
+  const Time began = clock.now();
+  try {
+    blocking();
+  } catch (const Stopped&) {
+    throw;
+  } catch (const DeviceError& error) {
+    const bool late = error.kind == DeviceErrorKind::timeout;
+    job.error = late ? with_details(error, about, to_seconds(clock.now() - began))
+                     : std::current_exception();
+  } catch (const std::exception&) {
+    job.error = std::current_exception();
+  }
+  job.done = true;
+  clock.notify(job.finished);
+}
+
+}  // namespace
+
+std::string waited_text(const std::string& target, const std::string& reading, double elapsed) {
+  return (target.empty() ? "" : "wanted " + target + "; ") +
+         (reading.empty() ? "" : "last reading " + reading + "; ") + "after " +
+         format_quantity(elapsed, "s");
+}
+
+Wait work(const Call& call, const std::string& name, std::function<void()> blocking, Time timeout,
+          std::function<int(Call&)> finish, WaitInfo about) {
+  call.check_can_wait();
+  Clock& clock = session_of(call.L).clock;
+  auto job = std::make_shared<Job>();
+  job->task = clock.spawn("script: " + name, [&clock, job = job.get(), run = std::move(blocking),
+                                              about] { run_job(*job, clock, run, about); });
+  Wait wait;
+  wait.signal = &job->finished;
+  wait.ready = [job] { return job->done; };
+  wait.deadline = later(clock.now(), timeout);
+  wait.finish = [job, name, timeout, target = about.target, then = std::move(finish)](
+                    Call& done, bool in_time) {
+    if (!in_time)  // who hangs cannot be asked where it is
+      throw std::runtime_error(name + " did not answer; " +
+                               waited_text(target, "none: it hangs", to_seconds(timeout)));
+    job->task->join();
+    if (job->error) std::rethrow_exception(job->error);
+    return then(done);
+  };
+  return wait;
+}
+
+Scheduler::~Scheduler() {
+  for (const auto& task : tasks_) luaL_unref(context_.main, LUA_REGISTRYINDEX, task->reference);
+}
+
+LuaTask& Scheduler::add(lua_State* L, int arguments) {
+  auto task = std::make_unique<LuaTask>();
+  task->thread = lua_newthread(L);
+  task->reference = luaL_ref(L, LUA_REGISTRYINDEX);
+  task->parent = current_;
+  task->arguments = arguments + 1;
+  luaL_checkstack(task->thread, arguments + 2, "too many arguments");
+  lua_pushcfunction(task->thread, task_body);
+  lua_xmove(L, task->thread, arguments + 1);
+  tasks_.push_back(std::move(task));
+  return *tasks_.back();
+}
+
+void Scheduler::remove(LuaTask& task) {
+  luaL_unref(context_.main, LUA_REGISTRYINDEX, task.reference);
+  std::erase_if(tasks_, [&](const auto& held) { return held.get() == &task; });
+}
+
+int Scheduler::run(int arguments) {
+  lua_State* const L = context_.main;
+  LuaTask* root = nullptr;
+  in_lua(L, arguments + 1, [&] { root = &add(L, arguments); });
+  loop(*root);
+  const int results = root->results, status = root->status;
+  lua_checkstack(L, results + 4);
+  lua_xmove(root->thread, L, results);
+  remove(*root);
+  if (status != LUA_OK) std::rethrow_exception(to_exception(L, status));
+  return results;
+}
+
+void Scheduler::loop(const LuaTask& root) {
+  while (root.state != LuaTask::State::done) {
+    if (LuaTask* const task = ready_task())
+      resume(*task);
+    else
+      wait_for_any();
+  }
+}
+
+LuaTask* Scheduler::ready_task() {
+  for (const auto& task : tasks_)
+    if (task->state == LuaTask::State::ready) return task.get();
+  return nullptr;
+}
+
+void Scheduler::resume(LuaTask& task) {
+  current_ = &task;
+  context_.running = task.thread;
+  if (context_.interrupted) arm_stop(task.thread);
+  int results = 0;
+  const int status =
+      lua_resume(task.thread, context_.main, std::exchange(task.arguments, 0), &results);
+  context_.running = nullptr;
+  current_ = nullptr;
+  if (status == LUA_YIELD) {
+    lua_pop(task.thread, results);
+    task.state = LuaTask::State::waiting;
+    return;
+  }
+  task.state = LuaTask::State::done;
+  task.status = status;
+  task.results = status == LUA_OK ? results : 1;
+}
+
+void Scheduler::look(LuaTask& task) {
+  if (task.state != LuaTask::State::waiting) return;
+  try {
+    const Wait& wait = *task.wait;
+    task.in_time = wait.ready && wait.ready();
+    const Time now = context_.session->clock.now();
+    if (!task.in_time && now >= limit_ && !wait.ends_children)
+      task.stop = true;
+    else if (!task.in_time && now < wait.deadline)
+      return;
+  } catch (const std::exception&) {
+    task.error = std::current_exception();
+  }
+  task.state = LuaTask::State::ready;
+}
+
+bool Scheduler::look_at_all() {
+  // By index: a predicate may stop its children, which never adds or removes a task.
+  for (const auto& task : tasks_) look(*task);
+  return ready_task() != nullptr;
+}
+
+void Scheduler::wait_for_any() {
+  if (look_at_all()) return;
+  std::vector<Signal*> signals;
+  Time deadline = kForever;
+  std::string what, idle, useful;
+  for (const auto& task : tasks_) {
+    if (task->state != LuaTask::State::waiting) continue;
+    if (!task->wait->ends_children) {
+      what += (what.empty() ? "" : ", ") + task->wait->what;
+      (is_dead_time(task->wait->what) ? idle : useful) =
+          task->wait->what;  // side by side, what is useful counts
+      deadline = std::min(deadline, limit_);
+    }
+    deadline = std::min(deadline, task->wait->deadline);
+    Signal* const signal = task->wait->signal;
+    if (signal && std::find(signals.begin(), signals.end(), signal) == signals.end())
+      signals.push_back(signal);
+  }
+  context_.session->control.set_waiting_for(what);
+  const Time began = context_.session->clock.now();
+  try {
+    wait_on(signals, deadline);
+  } catch (const Stopped&) {
+    take_interrupt(context_);
+    end_waits(nullptr);
+  } catch (const std::exception&) {  // the clock's: nobody could ever go on
+    end_waits(std::current_exception());
+  }
+  context_.session->control.set_waiting_for("");
+  if (!context_.laps.empty())
+    add_wait(context_, useful.empty() ? idle : useful, context_.session->clock.now() - began);
+  if (context_.session->alarms.changes() != alarms_seen_) {
+    context_.session->note_alarms();
+    alarms_seen_ = context_.session->alarms.changes();
+  }
+}
+
+/// A clock waits for one signal; where there are several, each gets a task that watches it.
+void Scheduler::wait_on(const std::vector<Signal*>& signals, Time deadline) {
+  Clock& clock = context_.session->clock;
+  const auto look = [this] { return look_at_all(); };
+  if (signals.empty()) {
+    clock.sleep_until(deadline);
+    return;
+  }
+  if (signals.size() == 1) {
+    clock.wait(*signals[0], look, deadline);
+    return;
+  }
+  std::vector<std::unique_ptr<Task>> watchers;
+  watchers.reserve(signals.size());
+  for (Signal* const signal : signals)
+    watchers.push_back(clock.spawn("script: watch", [this, &clock, signal, look] {
+      clock.wait(*signal, look, kForever);
+      clock.notify(any_);
+    }));
+  clock.wait(
+      any_, [this] { return ready_task() != nullptr; }, deadline);
+}
+
+void Scheduler::limit_waits(Time until) { limit_ = std::min(limit_, until); }
+
+void Scheduler::end_waits(const std::exception_ptr& error) {
+  for (const auto& task : tasks_) {
+    if (task->state != LuaTask::State::waiting || task->wait->ends_children) continue;
+    task->stop = !error;
+    task->error = error;
+    task->state = LuaTask::State::ready;
+  }
+}
+
+void Scheduler::stop(LuaTask& task) {
+  if (task.state == LuaTask::State::done) return;
+  if (task.state == LuaTask::State::waiting && task.wait->ends_children) {
+    for (const auto& child : tasks_)
+      if (child->parent == &task) stop(*child);
+    return;
+  }
+  task.stop = true;
+  task.state = LuaTask::State::ready;
+}
+
+bool Scheduler::all_done(const std::vector<LuaTask*>& tasks) const {
+  return std::all_of(tasks.begin(), tasks.end(),
+                     [](const LuaTask* task) { return task->state == LuaTask::State::done; });
+}
+
+int continue_wait(lua_State* L, int, lua_KContext) {
+  const auto& binding = *static_cast<const Binding*>(lua_touserdata(L, lua_upvalueindex(1)));
+  const auto* owner = static_cast<const Class*>(lua_touserdata(L, lua_upvalueindex(2)));
+  const int results = guarded(L, full_name(owner, binding) + ": ", [&] {
+    LuaTask& task = *context_of(L).scheduler->current();
+    if (!task.wait) throw std::logic_error("this coroutine waits on behalf of another task");
+    const auto wait = std::move(task.wait);
+    if (std::exchange(task.stop, false)) throw Stopped();
+    if (task.error) std::rethrow_exception(std::exchange(task.error, nullptr));
+    Call call(L, owner, binding);
+    return wait->finish(call, task.in_time);
+  });
+  if (results != Call::kWaits) return remember_results(L, binding, results), results;
+  return lua_yieldk(L, 0, 0, continue_wait);
+}
+
+}  // namespace vitreo::lua

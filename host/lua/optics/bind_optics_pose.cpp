@@ -1,0 +1,302 @@
+// localizer: where a body of known shape is, from the ellipse it shows or from points on it.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/interpreter/calculation.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/optics/bind_optics.h"
+#include "host/lua/optics/classes.h"
+#include "host/lua/optics/localizer_calls.h"
+#include "optics/calibration/camera_calibration.h"
+
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::lua {
+namespace {
+
+using namespace localizer_calls;
+
+Localizer& localizer_of(const Call& call) { return call.self<Localizer>(); }
+
+int locate(Call& call) {
+  const Localizer& localizer = localizer_of(call);
+  const OptionTable how(call, 2);
+  auto settings = settings_at(how, localizer);
+  settings.object = body_at(OptionTable(call, 0));
+  const SeenEllipse seen = seen_at(OptionTable(call, 1));
+  const optics::PoseStart start = start_at(how, localizer);
+  return calculate(
+      call, "locate",
+      [settings, seen, start](const YieldPoint&) {
+        return optics::locate_object(settings, seen.ellipse, seen.covariance, start);
+      },
+      [offset = localizer.offset](Call& done, const optics::ObjectPose& pose) {
+        return push_pose(done, pose, offset);
+      });
+}
+
+int locate_points(Call& call) {
+  const Localizer& localizer = localizer_of(call);
+  const OptionTable how(call, 1);
+  const auto settings = settings_at(how, localizer);
+  const auto points = points_at(call, 0);
+  const optics::PoseStart start = start_at(how, localizer);
+  return calculate(
+      call, "locate points",
+      [settings, points, start](const YieldPoint&) {
+        return optics::locate_points(settings, points, start);
+      },
+      [offset = localizer.offset](Call& done, const optics::ObjectPose& pose) {
+        return push_pose(done, pose, offset);
+      });
+}
+
+int ellipse(Call& call) {
+  const Localizer& localizer = localizer_of(call);
+  optics::ObjectPoseSettings settings = localizer.settings;
+  settings.object = body_at(OptionTable(call, 0));
+  const OptionTable how(call, 1);
+  const optics::PoseStart start = start_at(how, localizer);
+  if (!start.orientation)
+    throw std::invalid_argument("axis: is missing; wants axis or orientation");
+  const auto shown = optics::project_object(settings, {*start.position_in_eye, *start.orientation},
+                                            how.number("scale").value_or(1));
+  if (!shown) return 0;
+  push_fields(call.L, {{"u", (*shown)[0]},
+                       {"v", (*shown)[1]},
+                       {"semi_major", (*shown)[2]},
+                       {"semi_minor", (*shown)[3]},
+                       {"angle", (*shown)[4]}});
+  return 1;
+}
+
+int pixel(Call& call) {
+  const Localizer& localizer = localizer_of(call);
+  const Eigen::Vector3d point = call.vector(0) - localizer.offset;
+  const auto& exact = localizer.settings.exact;
+  const auto m = exact ? exact->project(point) : localizer.settings.projection.project(point);
+  if (!m) return 0;
+  const Eigen::Vector2d at = localizer.settings.image.pixel_from_m(*m);
+  lua_pushnumber(call.L, at.x());
+  lua_pushnumber(call.L, at.y());
+  return 2;
+}
+
+int limits(Call& call) {
+  const optics::ObjectPoseSettings& settings = localizer_of(call).settings;
+  if (settings.exact) {
+    push_fields(call.L, {{"max_m", settings.exact->max_m()},
+                         {"max_z", settings.exact->max_z()},
+                         {"max_residual", settings.exact->max_residual()}});
+  } else {
+    push_fields(call.L, {{"max_m", settings.projection.max_m},
+                         {"max_z", settings.projection.max_z},
+                         {"viewpoint", settings.projection.viewpoint}});
+  }
+  push_fields(call.L, {{"pixel", settings.image.pixel}});
+  lua_getfield(call.L, -1, "pixel");
+  lua_setfield(call.L, -3, "pixel");
+  lua_pop(call.L, 1);
+  return 1;
+}
+
+/// One look at a spheroid where its height is known: on the retina.
+int calibrated(Call& call) {
+  const Localizer before = localizer_of(call);
+  const optics::ObjectModel body = body_at(OptionTable(call, 0));
+  const OptionTable how(call, 2);
+  if (!(body.ellipsoid() && body.round_about_z()))
+    throw std::invalid_argument("shape: wants a spheroid");
+  optics::PoseSettings settings;
+  settings.projection = before.settings.projection;
+  settings.image = before.settings.image;
+  settings.exact = before.settings.exact;
+  settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
+  const std::string correction = how.text("correction").value_or("image_scale");
+  if (correction != "image_scale" && correction != "additive_offset")
+    throw std::invalid_argument("correction: wants image_scale or additive_offset, got " +
+                                correction);
+  const auto made = optics::calibrate_pose(
+      settings, seen_at(OptionTable(call, 1)).ellipse, *how.vector("axis"), *how.number("known_z"),
+      correction == "image_scale" ? optics::PoseCorrection::image_scale
+                                  : optics::PoseCorrection::additive_offset);
+  auto after = std::make_shared<Localizer>(before);
+  after->settings.image.pixel *= made.image_scale;
+  after->offset += made.offset;
+  push_handle(call.L, localizer_class(), after);
+  push_fields(call.L, {{"image_scale", made.image_scale}, {"residual", made.residual}});
+  set_vector(call.L, "offset", made.offset);
+  return 2;
+}
+
+int make_localizer(Call& call) {
+  const auto microscope = microscope_option(call).value_or(optics::Microscope{});
+  const bool single = call.flag_option("single_viewpoint");
+  const double max_m = call.number_option("max_m").value_or(single ? 7e-3 : 8e-3);
+  optics::ImageScale image;
+  image.pixel = call.number_option("pixel").value_or(image.pixel);
+  if (call.push_option("center")) {
+    const auto center = *to_numbers(call.L, -1);
+    if (center.size() != 2) throw std::invalid_argument("center: wants two numbers {u, v}");
+    image.center_px = {center[0], center[1]};
+  }
+  lua_pop(call.L, 1);
+  const optics::System system = eye_of(call).system;
+  return calculate(
+      call, "projection",
+      [=](const YieldPoint&) {
+        Localizer made;
+        made.settings.image = image;
+        if (single) {
+          made.settings.projection = optics::fit_single_viewpoint(system, microscope, max_m);
+        } else {
+          made.settings.exact.emplace(system, microscope, max_m);
+        }
+        return made;
+      },
+      [](Call& done, const Localizer& made) {
+        push_handle(done.L, localizer_class(), std::make_shared<Localizer>(made));
+        return 1;
+      });
+}
+
+Argument number_of(const char* name, const char* unit, bool optional, const char* help, double min,
+                   double max) {
+  return {.name = name,
+          .type = Type::number,
+          .unit = unit,
+          .optional = optional,
+          .min = min,
+          .max = max,
+          .help = help};
+}
+
+Argument seen_argument() {
+  constexpr double kLargest = 1e6;
+  return {.name = "seen",
+          .type = Type::options,
+          .help = "the tracker's ellipse",
+          .options = {number_of("u", "", false, "center, px", -kLargest, kLargest),
+                      number_of("v", "", false, "center, px", -kLargest, kLargest),
+                      number_of("semi_major", "", false, "px", 1e-6, kLargest),
+                      number_of("semi_minor", "", false, "px", 1e-6, kLargest),
+                      number_of("angle", "rad", false, "from +u towards +v", -kLargest, kLargest),
+                      number_of("sigma", "", true, "of center and axes, px (0.2)", 1e-6, kLargest),
+                      {.name = "covariance",
+                       .type = Type::numbers,
+                       .optional = true,
+                       .help = "25 numbers, row by row, instead of sigma"}}};
+}
+
+Argument how_argument(bool position_needed) {
+  const auto flag = [](const char* name, const char* help) {
+    return Argument{.name = name, .type = Type::flag, .optional = true, .help = help};
+  };
+  std::vector<Argument> options = {
+      {.name = "position",
+       .type = Type::vector,
+       .unit = "m",
+       .optional = !position_needed,
+       .help = "where to start"},
+      {.name = "axis", .type = Type::vector, .optional = true, .help = "direction of the body's z"},
+      {.name = "orientation",
+       .type = Type::numbers,
+       .optional = true,
+       .help = "nine numbers, eye from body"}};
+  if (position_needed) {
+    options.push_back(number_of("scale", "", true, "of the body's size (1)", 1e-3, 1e3));
+  } else {
+    options.insert(
+        options.end(),
+        {flag("rotate", "six degrees of freedom (false)"),
+         number_of("orientation_sigma", "rad", true, "how well the orientation is known before",
+                   1e-9, 10),
+         number_of("scale_sigma", "", true, "how well the size is known, relative (0)", 0, 10),
+         flag("unknown_size", "it is not known at all (false)"),
+         number_of("max_residual_px", "", true, "above it: misfit (8)", 1e-9, 1e6)});
+  }
+  return options_of(options);
+}
+
+std::vector<Binding> locating_rows() {
+  const char* const pose =
+      "table: status, candidates {position in m, axis, orientation, scale, covariance, sigma, "
+      "unobservable, chi2, "
+      "residual_px}";
+  return {{"locate",
+           {body_argument(), seen_argument(), how_argument(false)},
+           pose,
+           "weighted by the tracker's covariance; status is found, ambiguous, misfit, "
+           "not_converged or outside; "
+           "position and sigma too when found",
+           locate},
+          {"locate_points",
+           {{.name = "points",
+             .type = Type::list,
+             .help = "{{body = {x, y, z}, u = , v = , sigma = 0.2}, ...}, px"},
+            how_argument(false)},
+           pose,
+           "the same from points known on the body",
+           locate_points},
+          {"calibrated",
+           {body_argument(), seen_argument(),
+            options_of({{.name = "axis", .type = Type::vector, .help = "direction of the body's z"},
+                        number_of("known_z", "m", false,
+                                  "height of its center over the retina's vertex", -1, 1),
+                        {.name = "correction",
+                         .type = Type::text,
+                         .optional = true,
+                         .help = "what is put right (image_scale)",
+                         .choices = {"image_scale", "additive_offset"}}})},
+           "localizer, table: image_scale, offset, residual",
+           "put right by one look at a spheroid on the known retina",
+           calibrated}};
+}
+
+}  // namespace
+
+std::vector<Binding> system_pose_rows() {
+  return {{"localizer",
+           {options_of({microscope_argument(),
+                        {.name = "single_viewpoint",
+                         .type = Type::flag,
+                         .optional = true,
+                         .help = "the thesis' projection (5.2) to (5.11) instead of the exact one"},
+                        length_option("max_m", 1e-4, 1,
+                                      "of the aerial image (8 mm; 7 mm by a single viewpoint)"),
+                        length_option("pixel", 1e-9, 1e-3, "of aerial image (14.3 um)"),
+                        {.name = "center",
+                         .type = Type::numbers,
+                         .optional = true,
+                         .help = "{u, v} of the image's axis, px ({0, 0})"}})},
+           "localizer",
+           "finds bodies by the ellipse or the points they show (5.3)",
+           make_localizer}};
+}
+
+const Class& localizer_class() {
+  static const Class kind = [] {
+    Class made{"localizer",
+               "pose through the eye's optics (5.3); make one with optical_system:localizer",
+               {{"pixel",
+                 {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"}},
+                 "u, v in px, or nil outside",
+                 "where the chain's chief ray shows a point",
+                 pixel},
+                {"ellipse",
+                 {body_argument(), how_argument(true)},
+                 "table: u, v, semi_major, semi_minor, angle; nil outside",
+                 "what a tracker would fit to the body's silhouette",
+                 ellipse},
+                {"limits",
+                 {},
+                 "table in m",
+                 "max_m, max_z, pixel; max_residual of the exact projection, or viewpoint",
+                 limits}},
+               {}};
+    for (Binding& row : locating_rows()) made.methods.push_back(std::move(row));
+    return made;
+  }();
+  return kind;
+}
+
+}  // namespace vitreo::lua

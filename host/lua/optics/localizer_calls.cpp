@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/optics/localizer_calls.h"
+
+#include "host/lua/interpreter/values.h"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::lua::localizer_calls {
+namespace {
+
+template <class Matrix>
+void set_rows(lua_State* L, const char* name, const Matrix& matrix) {
+  lua_newtable(L);
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    push_numbers(L, [&] {
+      std::vector<double> row;
+      for (Eigen::Index j = 0; j < matrix.cols(); ++j) row.push_back(matrix(i, j));
+      return row;
+    }());
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
+  }
+  lua_setfield(L, -2, name);
+}
+
+void push_candidate(lua_State* L, const optics::PoseCandidate& one, const Eigen::Vector3d& offset) {
+  push_fields(L, {{"chi2", one.chi2}, {"residual_px", one.residual_px}, {"scale", one.scale}});
+  set_vector(L, "position", one.pose.position_in_eye + offset);
+  set_vector(L, "axis", one.pose.orientation.col(2));
+  const Eigen::Matrix3d rows = one.pose.orientation.transpose();
+  push_numbers(L, {rows.data(), rows.data() + rows.size()});
+  lua_setfield(L, -2, "orientation");
+  set_rows(L, "covariance", one.covariance);
+  const Eigen::VectorXd sigma = one.covariance.diagonal().cwiseSqrt();
+  push_numbers(L, {sigma.data(), sigma.data() + sigma.size()});
+  lua_setfield(L, -2, "sigma");
+  Eigen::MatrixXd open(static_cast<Eigen::Index>(one.unobservable.size()), 7);
+  for (Eigen::Index i = 0; i < open.rows(); ++i)
+    open.row(i) = one.unobservable[static_cast<std::size_t>(i)];
+  set_rows(L, "unobservable", open);
+}
+
+}  // namespace
+
+void set_vector(lua_State* L, const char* name, const Eigen::Vector3d& vector) {
+  push_vector(L, vector);
+  lua_setfield(L, -2, name);
+}
+
+Argument body_argument() {
+  const auto exponent = [](const char* name, const char* help) {
+    return Argument{
+        .name = name, .type = Type::number, .optional = true, .min = 0, .max = 1.9, .help = help};
+  };
+  return {.name = "body",
+          .type = Type::options,
+          .help = "its shape and size, z along its axis",
+          .options = {
+              {.name = "shape",
+               .type = Type::text,
+               .help = "spheroid, ellipsoid, cylinder or superquadric"},
+              length_option("half_length", 1e-7, 0.1, "of a spheroid or cylinder, along its axis"),
+              length_option("radius", 1e-7, 0.1, "of a spheroid or cylinder"),
+              {.name = "semi_axes",
+               .type = Type::numbers,
+               .unit = "m",
+               .optional = true,
+               .help = "{a, b, c}"},
+              exponent("exponent_along", "of a superquadric: 0 flat ends, 1 round"),
+              exponent("exponent_across", "of its section: 0 square, 1 round")}};
+}
+
+optics::ObjectModel body_at(const OptionTable& table) {
+  const std::string shape = *table.text("shape");
+  const auto needed = [&](const char* name) {
+    if (const auto value = table.number(name)) return *value;
+    throw std::invalid_argument(std::string(name) + ": is missing; a " + shape + " has one");
+  };
+  optics::ObjectModel body;
+  if (shape == "cylinder") {
+    body = optics::cylinder(needed("half_length"), needed("radius"));
+  } else if (shape == "spheroid") {
+    const double radius = needed("radius");
+    body = optics::ellipsoid({radius, radius, needed("half_length")});
+  } else if (shape == "ellipsoid" || shape == "superquadric") {
+    const auto axes = table.numbers("semi_axes");
+    if (!axes || axes->size() != 3)
+      throw std::invalid_argument("semi_axes: wants three lengths {a, b, c}");
+    body = optics::ellipsoid({(*axes)[0], (*axes)[1], (*axes)[2]});
+    if (shape == "superquadric") {
+      body.exponent_along = needed("exponent_along");
+      body.exponent_across = needed("exponent_across");
+    }
+  } else {
+    throw std::invalid_argument("shape: wants spheroid, ellipsoid, cylinder or superquadric, got " +
+                                shape);
+  }
+  body.check();
+  return body;
+}
+
+SeenEllipse seen_at(const OptionTable& table) {
+  SeenEllipse seen;
+  seen.ellipse << *table.number("u"), *table.number("v"), *table.number("semi_major"),
+      *table.number("semi_minor"), *table.number("angle");
+  if (const auto numbers = table.numbers("covariance")) {
+    if (numbers->size() != 25)
+      throw std::invalid_argument("covariance: wants 25 numbers, row by row");
+    seen.covariance = Eigen::Map<const optics::EllipseCovariance>(numbers->data()).transpose();
+    return seen;
+  }
+  const double sigma = table.number("sigma").value_or(0.2);
+  const double difference = seen.ellipse[2] - seen.ellipse[3];
+  seen.covariance = sigma * sigma * optics::EllipseCovariance::Identity();
+  seen.covariance(4, 4) = sigma * sigma / 2 / std::max(difference * difference, 1e-6);
+  return seen;
+}
+
+optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer) {
+  optics::PoseStart start;
+  if (const auto position = how.vector("position"))
+    start.position_in_eye = *position - localizer.offset;
+  if (const auto axis = how.vector("axis")) start.orientation = optics::orientation_along(*axis);
+  if (const auto numbers = how.numbers("orientation")) {
+    if (start.orientation)
+      throw std::invalid_argument("orientation: wants either axis or orientation");
+    if (numbers->size() != 9)
+      throw std::invalid_argument("orientation: wants nine numbers, row by row");
+    start.orientation = Eigen::Map<const Eigen::Matrix3d>(numbers->data()).transpose();
+  }
+  return start;
+}
+
+optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& localizer) {
+  optics::ObjectPoseSettings settings = localizer.settings;
+  settings.rotate = how.flag("rotate");
+  settings.orientation_sigma = how.number("orientation_sigma").value_or(settings.orientation_sigma);
+  settings.scale_sigma = how.number("scale_sigma").value_or(0);
+  if (how.flag("unknown_size")) settings.scale_sigma = std::numeric_limits<double>::infinity();
+  settings.max_residual_px = how.number("max_residual_px").value_or(settings.max_residual_px);
+  return settings;
+}
+
+std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument) {
+  std::vector<optics::SeenPoint> points;
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(argument)));
+  for (lua_Integer i = 1; i <= count; ++i) {
+    const std::string where = "points: " + std::to_string(i) + ": ";
+    if (lua_rawgeti(call.L, call.index(argument), i) != LUA_TTABLE)
+      throw std::invalid_argument(where + "wants a table");
+    const OptionTable point(call.L, lua_gettop(call.L));
+    refuse_unknown(call.L, lua_gettop(call.L), where, {"body", "u", "v", "sigma"});
+    const auto body = point.vector("body");
+    const auto u = point.number("u"), v = point.number("v");
+    if (!body || !u || !v)
+      throw std::invalid_argument(where + "wants {body = {x, y, z}, u = , v = }");
+    const double sigma = point.number("sigma").value_or(0.2);
+    points.push_back({*body, {*u, *v}, sigma * sigma * Eigen::Matrix2d::Identity()});
+    lua_pop(call.L, 1);
+  }
+  return points;
+}
+
+int push_pose(Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset) {
+  lua_newtable(call.L);
+  lua_pushstring(call.L, optics::to_string(pose.status));
+  lua_setfield(call.L, -2, "status");
+  lua_newtable(call.L);
+  for (std::size_t i = 0; i < pose.candidates.size(); ++i) {
+    push_candidate(call.L, pose.candidates[i], offset);
+    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
+  }
+  lua_setfield(call.L, -2, "candidates");
+  if (pose.status != optics::PoseStatus::found) return 1;
+  set_vector(call.L, "position", pose.candidates[0].pose.position_in_eye + offset);
+  const Eigen::VectorXd sigma = pose.candidates[0].covariance.diagonal().cwiseSqrt();
+  push_numbers(call.L, {sigma.data(), sigma.data() + sigma.size()});
+  lua_setfield(call.L, -2, "sigma");
+  return 1;
+}
+
+}  // namespace vitreo::lua::localizer_calls

@@ -1,0 +1,37 @@
+// What the localizer's calls read from a script's tables, and give back.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/lua/optics/bind_optics.h"
+#include "optics/pose/object_pose.h"
+
+namespace vitreo::lua::localizer_calls {
+
+struct Localizer {
+  optics::ObjectPoseSettings settings;
+  Eigen::Vector3d offset{0, 0, 0};  // m, of a calibration, added to what is found
+};
+
+struct SeenEllipse {
+  optics::EllipseVector ellipse;
+  optics::EllipseCovariance covariance;
+};
+
+/// A body's fields, and what they say. Throws std::invalid_argument naming the one that is missing
+/// or wrong.
+Argument body_argument();
+optics::ObjectModel body_at(const OptionTable& table);
+/// Without a covariance 0.2 px, or `sigma`, in center and axes, and the angle that goes with it.
+SeenEllipse seen_at(const OptionTable& table);
+/// What is known beforehand; the orientation by nine numbers or by the direction of z.
+optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer);
+optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& localizer);
+/// A list of {body, u, v, sigma}.
+std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument);
+
+/// `position` and `sigma` stand in the result itself only when it was found, so that nobody takes
+/// one of two for it.
+int push_pose(Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset);
+void set_vector(lua_State* L, const char* name, const Eigen::Vector3d& vector);
+
+}  // namespace vitreo::lua::localizer_calls

@@ -1,0 +1,284 @@
+// The prompt: statements and expressions, one after the other, in one state.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/prompt/prompt.h"
+
+#include "devices/time/error.h"
+#include "host/lua/interpreter/errors.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/prompt/completion.h"
+#include "host/lua/prompt/prompt_calls.h"
+#include "host/lua/prompt/prompt_show.h"
+#include "host/lua/reference/reference.h"
+#include "host/lua/script/running.h"
+#include "host/text/units.h"
+
+#include <algorithm>
+#include <cctype>
+#include <ostream>
+#include <vector>
+
+namespace vitreo::lua {
+namespace {
+
+constexpr std::size_t kMostRead =
+    64u << 20;  // bytes that one statement may cost while it is looked whether it is whole
+
+enum class Loaded { yes, incomplete, no };
+
+class Prompt {
+ public:
+  Prompt(ScriptRun& script, LineEditor& in, std::ostream& out, std::ostream& err)
+      : script_(script), L_(script.main()), in_(in), out_(out), err_(err) {}
+  PromptEnd run();
+
+ private:
+  bool read_line(std::string& line);
+  void take_line(const std::string& line);
+  Loaded load();
+  std::string source() const;
+  void execute();
+  void end_nested();
+  void show_results(int count);
+  void refuse(const std::string& message, const std::string& trace = "");
+  void expand_help();
+  void forget();
+
+  ScriptRun& script_;
+  lua_State* const L_;
+  LineEditor& in_;
+  std::ostream &out_, &err_;
+  std::string chunk_;
+  std::vector<std::string> typed_;  // every line, its beginning
+  int line_ = 0, chunk_line_ = 1;   // the newest of them; the chunk's first
+  std::size_t read_ = 0;            // bytes that were compiled for this chunk
+  PromptEnd end_;
+};
+
+/// Lines are counted from the session's beginning, so that a function that was typed long ago can
+/// be named.
+std::string Prompt::source() const {
+  return std::string(static_cast<std::size_t>(chunk_line_ - 1), '\n');
+}
+
+/// As an expression first, then as statements; the function, or the message, is on the stack.
+Loaded Prompt::load() {
+  const std::string before = source(), expression = before + "return " + chunk_,
+                    statement = before + chunk_;
+  read_ += expression.size() + statement.size();
+  const auto open = [this] { return std::string_view(lua_tostring(L_, -1)).ends_with("<eof>"); };
+  if (luaL_loadbufferx(L_, expression.data(), expression.size(), "=prompt", "t") == LUA_OK)
+    return Loaded::yes;
+  const bool open_expression = open();
+  if (luaL_loadbufferx(L_, statement.data(), statement.size(), "=prompt", "t") == LUA_OK) {
+    lua_remove(L_, -2);
+    return Loaded::yes;
+  }
+  const bool open_statement = open();
+  // What begins like no statement ("{ 1, ", "20 + ") was meant as an expression: its message says
+  // what is wrong.
+  const std::size_t begin = std::min(chunk_.find_first_not_of(" \t\r\n"), chunk_.size() - 1);
+  const bool word =
+      std::isalpha(static_cast<unsigned char>(chunk_[begin])) != 0 || chunk_[begin] == '_';
+  const bool meant_expression = !open_statement && (open_expression || !word);
+  lua_remove(L_, meant_expression ? -1 : -2);
+  return open_expression || open_statement ? Loaded::incomplete : Loaded::no;
+}
+
+void Prompt::refuse(const std::string& message, const std::string& trace) {
+  err_ << show_error(message, trace, typed_, chunk_line_ == line_ ? line_ : 0) << std::flush;
+  if (end_.failed++ == 0) end_.first_error = message;
+}
+
+void Prompt::show_results(int count) {
+  std::string line;
+  in_lua(L_, count, [&] {
+    for (int i = 1; i <= count; ++i)
+      line += (i > 1 ? "\t" : "") +
+              show_value(L_, i, i == 1 ? script_.context().last_result : Context::Result());
+    if (count > 0) lua_pushvalue(L_, 1);
+    if (count > 0) lua_setglobal(L_, "_");
+    lua_settop(L_, 0);
+  });
+  if (count > 0) out_ << line << '\n';
+}
+
+/// What a protocol that ran inside of the statement deferred and left open ends here, and its
+/// figures are shown.
+void Prompt::end_nested() {
+  Context& context = script_.context();
+  if (!context.nested) return;
+  const Context::Nested before = *context.nested;
+  context.nested.reset();
+  try {
+    script_.clean_up(before.deferred, before.closers);
+  } catch (const Stopped&) {
+    out_ << "its clean-up was stopped\n";
+  } catch (const std::exception& error) {
+    refuse(std::string("clean-up: ") + error.what());
+  }
+  for (const Figure& figure :
+       context.session->recorder.figures()) {  // the session's; those of this run are shown
+    bool stated = figure.name == "dead_time" && context.dead_time > 0;
+    in_lua(L_, 0, [&] {
+      lua_getfield(L_, LUA_REGISTRYINDEX, kStatedFigures);
+      stated = stated || lua_getfield(L_, -1, figure.name.c_str()) == LUA_TBOOLEAN;
+      lua_settop(L_, 0);
+    });
+    if (stated) out_ << figure.name << "  " << format_quantity(figure.value, figure.unit) << '\n';
+  }
+}
+
+void Prompt::execute() {
+  Context& context = script_.context();
+  RunControl& control = context.session->control;
+  context.last_result = {};
+  control.set_idle(false);
+  try {
+    show_results(script_.scheduler().run(0));
+  } catch (const Stopped&) {
+    out_ << (control.tier() >= StopTier::abort ? "aborted; the devices are safe\n" : "stopped\n");
+  } catch (const ScriptError& error) {
+    refuse(error.what(), error.trace());
+  } catch (const std::exception& error) {
+    refuse(error.what());
+  }
+  end_nested();
+  control.set_idle(true);
+  script_.scheduler().unlimit_waits();
+  context.interrupted = false;
+  context.laps.clear();
+  context.trace.clear();
+  out_.flush();
+}
+
+/// `servo:go_to?` is help about what stands before the question mark.
+void Prompt::expand_help() {
+  std::string word = chunk_;
+  while (!word.empty() && std::isspace(static_cast<unsigned char>(word.back())) != 0)
+    word.pop_back();
+  if (!word.ends_with('?') || word.find("--") != std::string::npos ||
+      word.find('\n') != std::string::npos)
+    return;
+  while (word.ends_with('?') || word.ends_with(' ')) word.pop_back();
+  word.erase(0, std::min(word.find_first_not_of(' '), word.size()));
+  const bool called = std::any_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) == 0 && c != '_' && c != '.' && c != ':';
+  });
+  in_lua(L_, 0, [&] {
+    if (const Bound bound = bound_path(L_, word); bound.row != nullptr) {
+      chunk_ = "help(\"" + full_name(bound.owner, *bound.row) + "\")";
+    } else {  // a value of that name comes first, then what the name says
+      push_path(L_, word);
+      const bool library = lua_istable(L_, -1) && !to_vector(L_, -1);
+      const bool value = called || !(lua_isnil(L_, -1) || lua_isfunction(L_, -1) || library);
+      chunk_ = word.empty() ? "help()" : value ? "help(" + word + ")" : "help(\"" + word + "\")";
+    }
+    lua_settop(L_, 0);
+  });
+}
+
+void Prompt::forget() {
+  chunk_.clear();
+  read_ = 0;
+}
+
+/// Takes one line; runs the statement when it is complete.
+void Prompt::take_line(const std::string& line) {
+  if (chunk_.empty())
+    chunk_line_ = line_ - static_cast<int>(std::count(line.begin(), line.end(), '\n'));
+  chunk_ += (chunk_.empty() ? "" : "\n") + line;
+  if (chunk_.find_first_not_of(" \t\r\n") == std::string::npos) return forget();
+  const std::string typed = chunk_;
+  Loaded loaded = Loaded::no;
+  try {
+    expand_help();
+    in_lua(L_, 0, [&] { loaded = load(); });
+  } catch (const std::exception& error) {
+    refuse(error.what());
+    return forget();
+  }
+  if (loaded == Loaded::incomplete && read_ > kMostRead) {
+    refuse("what began on line " + std::to_string(chunk_line_) + " is still open after " +
+           std::to_string(line_ - chunk_line_ + 1) + " lines; it is left out");
+    lua_settop(L_, 0);
+    return forget();
+  }
+  if (loaded == Loaded::incomplete) return lua_settop(L_, 0);
+  in_.remember(typed);
+  if (loaded == Loaded::yes)
+    execute();
+  else
+    refuse(lua_tostring(L_, -1));
+  lua_settop(L_, 0);
+  forget();
+}
+
+/// While somebody thinks, the loop goes on holding the robot.
+bool Prompt::read_line(std::string& line) {
+  Session& session = *script_.context().session;
+  std::function<void()> idle;
+  if (session.real_time)
+    idle = [&session] { session.clock.sleep_for(std::chrono::milliseconds(20)); };
+  for (;;) {
+    const LineEditor::Read read = in_.read(chunk_.empty() ? "> " : ">> ", line, idle);
+    if (read == LineEditor::Read::canceled) {
+      forget();
+      continue;
+    }
+    if (read == LineEditor::Read::end) return false;
+    line_ +=
+        1 + static_cast<int>(std::count(line.begin(), line.end(), '\n'));  // what was pasted is one
+    for (std::size_t begin = 0; begin <= line.size();) {
+      const std::size_t end = std::min(line.find('\n', begin), line.size());
+      typed_.push_back(line.substr(begin, std::min<std::size_t>(end - begin, 200)));
+      begin = end + 1;
+    }
+    return true;
+  }
+}
+
+PromptEnd Prompt::run() {
+  Context& context = script_.context();
+  if (in_.interactive())
+    context.print = [&context](const std::string& text) {
+      context.session->listener.message(text);
+    };
+  else
+    context.print = [this](const std::string& text) { out_ << text << std::endl; };
+  context.remembers_results = true;
+  in_lua(L_, 0, [this] {
+    open_prompt_calls(L_);
+    lua_settop(L_, 0);
+  });
+  in_.set_completion([this](const std::string& line, std::size_t cursor) {
+    std::vector<std::string> words;
+    try {
+      in_lua(L_, 0, [&] {
+        words = completions(L_, line, cursor);
+        lua_settop(L_, 0);
+      });
+    } catch (const std::exception&) {  // a file that does not load, for instance: there is nothing
+                                       // to offer
+      words.clear();
+    }
+    return words;
+  });
+  context.session->control.set_idle(true);
+  for (std::string line; read_line(line);) take_line(line);
+  if (!chunk_.empty()) {
+    in_lua(L_, 0, [this] { load(); });
+    refuse(lua_tostring(L_, -1));
+    lua_settop(L_, 0);
+  }
+  in_.set_completion({});
+  context.session->control.set_idle(false);
+  return end_;
+}
+
+}  // namespace
+
+PromptEnd run_prompt(ScriptRun& script, LineEditor& in, std::ostream& out, std::ostream& err) {
+  return Prompt(script, in, out, err).run();
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/prompt/prompt_show.h"
+
+#include "host/lua/interpreter/values.h"
+#include "host/lua/reference/reference.h"
+#include "host/lua/rig/bind_rig.h"
+#include "host/lua/rig/classes.h"
+#include "host/session/session.h"
+#include "host/text/units.h"
+
+#include <fstream>
+#include <sstream>
+
+namespace vitreo::lua {
+namespace {
+
+constexpr std::size_t kLineWidth = 100;
+constexpr int kFrames = 8;
+
+/// "lib.lua:12: in function 'f'": file and line; line 0 where it is no place in a file of the
+/// user's.
+struct Place {
+  std::string file;
+  int line = 0;
+};
+
+Place place_of(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  if (colon == std::string::npos || text.starts_with('[')) return {};
+  const std::size_t end = text.find(':', colon + 1);
+  const std::string number = text.substr(colon + 1, end - colon - 1);
+  if (number.empty() || number.size() > 8 ||
+      number.find_first_not_of("0123456789") != std::string::npos)
+    return {};
+  return {text.substr(0, colon), std::stoi(number)};
+}
+
+std::string source_line(const Place& place, const std::vector<std::string>& typed) {
+  std::string line;
+  if (place.file == "prompt") {
+    if (place.line <= static_cast<int>(typed.size()))
+      line = typed[static_cast<std::size_t>(place.line - 1)];
+  } else {
+    std::ifstream file(place.file);
+    for (int i = 1; i <= place.line && std::getline(file, line); ++i) {
+    }
+    if (!file) return "";
+  }
+  line.erase(0, std::min(line.find_first_not_of(" \t"), line.size()));
+  return line.size() > kLineWidth ? line.substr(0, kLineWidth) + "..." : line;
+}
+
+/// A message may quote megabytes that were typed: its two ends tell what is wrong.
+std::string shortened(const std::string& message) {
+  constexpr std::size_t kEnd = 500;
+  if (message.size() <= 3 * kEnd) return message;
+  const auto begins = [&](std::size_t at) {  // no character is cut
+    while (at < message.size() && (static_cast<unsigned char>(message[at]) & 0xC0) == 0x80) ++at;
+    return at;
+  };
+  const std::size_t head = begins(kEnd), tail = begins(message.size() - kEnd);
+  return message.substr(0, head) + " ... " + std::to_string(tail - head) + " bytes ... " +
+         message.substr(tail);
+}
+
+/// One pair of a table to a line, where all of it is too long for one.
+std::string long_table(lua_State* L, int index, const FieldUnits& units) {
+  std::string text = "{";
+  push_sorted_keys(L, index);
+  const int keys = lua_gettop(L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(L, keys));
+  constexpr lua_Integer kShown = 60;
+  for (lua_Integer i = 1; i <= std::min(count, kShown); ++i) {
+    lua_rawgeti(L, keys, i);
+    const std::string name = lua_type(L, -1) == LUA_TSTRING ? plain_text(L, lua_gettop(L)) : "";
+    text += "\n  " + (name.empty() ? "" : name + " = ");
+    lua_rawget(L, index);
+    text += pretty_field(L, name, lua_gettop(L), 2, units) + ",";
+    lua_pop(L, 1);
+  }
+  if (count > kShown) text += "\n  ... " + std::to_string(count - kShown) + " more";
+  lua_settop(L, keys - 1);
+  return text + "\n}";
+}
+
+/// A handle: what it is, and what can be asked of it.
+std::string handle_text(lua_State* L, const Class& kind) {
+  std::vector<std::string> names;
+  if (kind.name == rig_class().name) names = context_of(L).session->rig.roles();
+  for (const Binding& row : kind.methods) names.push_back(row.name);
+  std::string text = kind.name + ":";
+  for (const std::string& name : names) {
+    if (text.size() - text.rfind('\n') - 1 + name.size() > kLineWidth) text += "\n ";
+    text += " " + name;
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string show_value(lua_State* L, int index, const Context::Result& from) {
+  index = lua_absindex(L, index);
+  if (lua_type(L, index) == LUA_TUSERDATA && luaL_getmetafield(L, index, "__name") == LUA_TSTRING) {
+    const Class* const kind = find_class(*context_of(L).library, lua_tostring(L, -1));
+    lua_pop(L, 1);
+    if (kind != nullptr) return handle_text(L, *kind);
+  }
+  const bool called =
+      from.call != nullptr && (lua_istable(L, index) ? lua_topointer(L, index) == from.pointer
+                                                     : lua_tonumber(L, index) == from.number);
+  const std::string unit = called ? unit_of_result(*from.call) : "";
+  if (const auto text = unit.empty() ? std::nullopt : in_peoples_unit(L, index, unit)) return *text;
+  const FieldUnits units = called ? units_of_fields(*from.call) : FieldUnits();
+  const std::string text = pretty(L, index, 3, units);
+  const bool plain_table =
+      lua_istable(L, index) && luaL_getmetafield(L, index, "__tostring") == LUA_TNIL;
+  if (lua_istable(L, index) && !plain_table) lua_pop(L, 1);
+  return plain_table && text.size() > kLineWidth && lua_rawlen(L, index) == 0
+             ? long_table(L, index, units)
+             : text;
+}
+
+std::string show_error(const std::string& message, const std::string& trace,
+                       const std::vector<std::string>& typed, int plain) {
+  const auto is_plain = [plain](const Place& place) {
+    return place.file == "prompt" && place.line == plain;
+  };
+  std::string text = "error: " + shortened(message) + "\n";
+  const Place here = place_of(message);
+  if (here.line > 0 && !is_plain(here))
+    if (const std::string line = source_line(here, typed); !line.empty())
+      text += "    " + line + "\n";
+  std::istringstream frames(trace);
+  int shown = 0;
+  bool first = true;
+  for (std::string frame; std::getline(frames, frame) && shown < kFrames;) {
+    frame.erase(0, std::min(frame.find_first_not_of(" \t"), frame.size()));
+    const Place place = place_of(frame);
+    if (place.line == 0 || place.file == "watch") continue;
+    const bool same = first && place.file == here.file && place.line == here.line;
+    first = false;
+    if (same || is_plain(place)) continue;
+    ++shown;
+    text += "  from " + place.file + ":" + std::to_string(place.line) + "\n";
+    if (const std::string line = source_line(place, typed); !line.empty())
+      text += "    " + line + "\n";
+  }
+  return text;
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,103 @@
+// help(): about a name, a handle, a function, a module, a protocol, or any value.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/config/config.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/reference/reference.h"
+#include "host/lua/run/classes.h"
+#include "host/lua/script/protocol_files.h"
+#include "host/lua/script/reading.h"
+#include "host/session/protocol_text.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+/// "string.format" where `word` names a function of Lua's own.
+std::string lua_function_help(lua_State* L, const std::string& word) {
+  lua_pushglobaltable(L);
+  const std::size_t dot = word.find('.');
+  if (dot != std::string::npos) {
+    lua_pushstring(L, word.substr(0, dot).c_str());
+    if (lua_rawget(L, -2) != LUA_TTABLE) return "";
+  }
+  lua_pushstring(L, word.substr(dot == std::string::npos ? 0 : dot + 1).c_str());
+  if (lua_rawget(L, -2) != LUA_TFUNCTION || !lua_iscfunction(L, -1) ||
+      bound_function(L, lua_gettop(L)).row)
+    return "";
+  return word + ": a function of Lua, https://www.lua.org/manual/5.4/manual.html#pdf-" + word +
+         "\n";
+}
+
+std::string function_help(lua_State* L, int index) {
+  if (const Bound bound = bound_function(L, index); bound.row)
+    return entry_help({bound.owner, bound.row});
+  lua_Debug place = {};
+  lua_pushvalue(L, index);
+  lua_getinfo(L, ">Su", &place);
+  if (std::string(place.what) == "C") return "a function of Lua\n";
+  return fmt::format("a function of {} argument(s), from {}:{}\n", int{place.nparams},
+                     place.short_src, place.linedefined);
+}
+
+std::string value_help(lua_State* L, int index) {
+  if (const Class* const kind = handle_class(L, index)) return class_help(*kind);
+  if (lua_isfunction(L, index)) return function_help(L, index);
+  if (lua_istable(L, index) && to_vector(L, index))
+    return "a position {x, y, z} in m: v.x, v.y, v.z, v:norm(), v:dot(w), v + w, 2 * v; it is " +
+           pretty(L, index) + "\n";
+  return kind_of(L, index) + ": " + pretty(L, index) + "\n";
+}
+
+std::string words_help(lua_State* L, const std::string& word) {
+  if (word == "vector")
+    return "vector(x, y, z)\n  a position with arithmetic; v.x, v:norm(), v:dot(w)\n"
+           "  for instance: vector(0, 0, 1 * units.mm)\n";
+  if (word == "watch")
+    return "watch(object, {every, count})\n  at the prompt: shows what an object or a function "
+           "tells, again and again, "
+           "until Ctrl-C\n  for instance: watch(rig.stage, { every = 0.5 })\n";
+  if (word == "run" && context_of(L).remembers_results)
+    return class_help(run_class()) +
+           "at the prompt run(\"drift_test\", {hold = 5 * s}) runs a protocol, check(...) dries "
+           "it\n";
+  if (std::string text = lua_function_help(L, word); !text.empty()) return text;
+  const Context& context = context_of(L);
+  if (const std::string file = find_protocol(context, word);
+      !file.empty() && word.find('/') == std::string::npos)
+    return protocol_text(describe_protocol(*context.library, file, context.folders));
+  return help_about(*context.library, word);
+}
+
+int help(Call& call) {
+  lua_State* const L = call.L;
+  const int top = lua_gettop(L);
+  std::string text = !call.has(0)                                ? overview(*call.context().library)
+                     : lua_type(L, call.index(0)) == LUA_TSTRING ? words_help(L, call.text(0))
+                                                                 : value_help(L, call.index(0));
+  lua_settop(L, top);
+  while (text.ends_with('\n')) text.pop_back();
+  if (const auto& print = call.context().print) print(text);
+  return 0;
+}
+
+}  // namespace
+
+const std::vector<Binding>& global_functions() {
+  static const std::vector<Binding> functions = {
+      {"help",
+       {{.name = "about", .optional = true, .help = "a name, or any value"}},
+       "",
+       "tells what there is",
+       help,
+       false,
+       "help(\"servo:go_to\")"}};
+  return functions;
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/reference/reference.h"
+
+#include "host/config/config.h"
+#include "host/lua/rig/classes.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+/// What people would write for a value of that dimension.
+struct Usual {
+  std::string_view dimension, unit;
+  double number;
+};
+constexpr Usual kUsual[] = {{"m", "mm", 1},   {"s", "s", 5},       {"m/s", "mm_per_s", 0.5},
+                            {"T", "mT", 10},  {"A", "A", 1},       {"rad", "deg", 5},
+                            {"N", "uN", 1},   {"m/s^2", "", 2e-3}, {"kg/m^3", "", 1e3},
+                            {"Hz", "Hz", 10}, {"m^2/s", "", 1e-6}};
+
+std::string quantity_example(const Argument& argument) {
+  for (const Usual& usual : kUsual) {
+    if (usual.dimension != argument.unit) continue;
+    const auto unit = std::find_if(units().begin(), units().end(), [&](const Unit& one) {
+      return unit_name(one.symbol) == usual.unit;
+    });
+    const double factor = usual.unit.empty() || unit == units().end() ? 1 : unit->factor;
+    const double value = usual.number * factor;
+    if (value < argument.min || value > argument.max) break;
+    return fmt::format("{:g}", usual.number) +
+           (factor == 1 ? "" : fmt::format(" * units.{}", usual.unit));
+  }
+  double value = argument.type == Type::integer ? 2 : 0.5;
+  if (value < argument.min || value > argument.max)
+    value = std::isfinite(argument.min) ? argument.min : argument.max;
+  return fmt::format("{:g}", value);
+}
+
+std::string text_example(const Argument& argument) {
+  if (!argument.choices.empty()) return '"' + argument.choices.front() + '"';
+  if (argument.name == "path") return "\"folder/file.png\"";
+  if (argument.name == "camera") return "\"top_camera\"";
+  if (argument.name == "stream" || argument.name == "of") return "\"servo\"";
+  if (argument.name == "against") return "\"truth\"";
+  if (argument.name == "unit") return "\"um\"";
+  if (argument.name == "channel") return "\"x\"";
+  return '"' + argument.name + '"';
+}
+
+std::string value_example(const Argument& argument);
+
+std::string options_example(const Argument& argument) {
+  std::string text;
+  bool optional_shown = false;
+  for (const Argument& option : argument.options) {
+    if (option.optional && optional_shown) continue;
+    optional_shown = optional_shown || option.optional;
+    text += (text.empty() ? "{ " : ", ") + option.name + " = " + value_example(option);
+  }
+  return text.empty() ? "{}" : text + " }";
+}
+
+std::string value_example(const Argument& argument) {
+  switch (argument.type) {
+    case Type::number:
+    case Type::integer:
+      return quantity_example(argument);
+    case Type::flag:
+      return "true";
+    case Type::text:
+      return text_example(argument);
+    case Type::function:
+      return "function() return true end";
+    case Type::vector:
+      return argument.unit == "m" ? "vector(0, 0, 1 * units.mm)" : "vector(0, 0, 1)";
+    case Type::numbers:
+      return argument.unit == "A" ? "{ 1, 0, 0, 0, 0, 0, 0, 0 }" : "{ 1, 2, 3 }";
+    case Type::list:
+      return argument.unit == "m" ? "{ vector(0, 0, 0), vector(1 * units.mm, 0, 0) }"
+                                  : "{ 1, 2, 3 }";
+    case Type::table:
+      return "{}";
+    case Type::handle:
+      return handle_name(argument.handle);
+    case Type::options:
+      return options_example(argument);
+    case Type::any:
+      return "1";
+  }
+  return "nil";
+}
+
+std::string bounds_text(const Argument& argument) {
+  if (argument.type != Type::number && argument.type != Type::integer) return "";
+  const bool below = std::isfinite(argument.min), above = std::isfinite(argument.max);
+  const auto shown = [&](double value) { return format_quantity(value, argument.unit); };
+  if (below && above) return ", " + shown(argument.min) + " to " + shown(argument.max);
+  if (below) return ", at least " + shown(argument.min);
+  return above ? ", at most " + shown(argument.max) : "";
+}
+
+void show_argument(std::string& text, const Argument& argument, const std::string& indent) {
+  if (argument.type == Type::options) {
+    for (const Argument& option : argument.options) show_argument(text, option, indent);
+    return;
+  }
+  text += indent + argument.name + ": " + wanted(argument) + bounds_text(argument) +
+          (argument.optional ? ", may be left out" : "") +
+          (argument.help.empty() ? "" : "; " + argument.help) + "\n";
+}
+
+std::string module_help(const Library& library, const std::string& name) {
+  std::string text;
+  for (const Binding* row : all_functions(library))
+    if (row->name.starts_with(name + "."))
+      text += "  " + signature(nullptr, *row) + "\n      " + row->doc + "\n";
+  return text.empty() ? ""
+                      : name + ": a module; local " + name + " = require \"" + name +
+                            "\" in a file\n" + text;
+}
+
+std::string units_help() {
+  std::string text = "units: numbers are SI, so write 50 * units.um; units.NAME for NAME in\n ";
+  for (const Unit& unit : units())
+    if (const std::string name = unit_name(unit.symbol); !name.empty()) text += " " + name;
+  return text + "\n";
+}
+
+std::string unit_help(const std::string& word) {
+  const std::string name = word.starts_with("units.") ? word.substr(6) : word;
+  for (const Unit& unit : units())
+    if (unit_name(unit.symbol) == name)
+      return fmt::format("units.{}: {} of 1 {} is {:g} {} in SI\n", name, unit.quantity,
+                         unit.symbol, unit.factor, unit.dimension);
+  return "";
+}
+
+}  // namespace
+
+std::vector<const Binding*> all_functions(const Library& library) {
+  std::vector<const Binding*> all;
+  const auto add = [&all](const std::vector<Binding>& rows) {
+    for (const Binding& row : rows) all.push_back(&row);
+  };
+  add(*library.globals);
+  add(*library.prompt);
+  for (const Module& module : library.modules) add(*module.rows);
+  return all;
+}
+
+std::vector<Entry> all_entries(const Library& library) {
+  std::vector<Entry> entries;
+  for (const Class* kind : library.classes)
+    for (const Binding& row : kind->methods) entries.push_back({kind, &row});
+  for (const Binding* row : all_functions(library)) entries.push_back({nullptr, row});
+  return entries;
+}
+
+std::vector<std::string> module_names(const Library& library) {
+  std::vector<std::string> names;
+  for (const Binding* row : all_functions(library)) {
+    for (std::size_t dot = row->name.find('.'); dot != std::string::npos;
+         dot = row->name.find('.', dot + 1))
+      if (std::find(names.begin(), names.end(), row->name.substr(0, dot)) == names.end())
+        names.push_back(row->name.substr(0, dot));
+  }
+  return names;
+}
+
+const Class* find_class(const Library& library, const std::string& name) {
+  for (const Class* kind : library.classes)
+    if (kind->name == name) return kind;
+  return nullptr;
+}
+
+std::optional<Entry> find_entry(const Library& library, const std::string& name) {
+  const std::vector<Entry> entries = all_entries(library);
+  for (const Entry& entry : entries)
+    if (full_name(entry.owner, *entry.row) == name ||
+        (entry.owner != nullptr && entry.owner->name + "." + entry.row->name == name))
+      return entry;
+  for (const Entry& entry : entries)
+    if (entry.row->name == name) return entry;
+  return std::nullopt;
+}
+
+std::string handle_name(const std::string& kind) {
+  if (kind == "camera") return "rig.top_camera";
+  const std::vector<std::string>& roles = rig_class().fields;
+  return std::find(roles.begin(), roles.end(), kind) != roles.end() ? "rig." + kind : kind;
+}
+
+std::string example(const Entry& entry) {
+  if (!entry.row->example.empty()) return entry.row->example;
+  std::string arguments;
+  for (const Argument& argument : entry.row->arguments) {
+    const bool all_optional = argument.type == Type::options && argument.options.empty();
+    if (argument.optional || all_optional) continue;
+    arguments += (arguments.empty() ? "" : ", ") +
+                 (argument.name == "..." ? "function() return true end" : value_example(argument));
+  }
+  const std::string owner = entry.owner != nullptr ? handle_name(entry.owner->name) + ":" : "";
+  const std::string call = owner + entry.row->name;
+  const bool one_table = arguments.starts_with("{") && entry.row->arguments.size() == 1;
+  return one_table ? call + " " + arguments : call + "(" + arguments + ")";
+}
+
+namespace {
+
+/// The SI unit that begins at `at` and ends at a comma or the like; "" where none stands there.
+std::string unit_at(const std::string& text, std::size_t at) {
+  const auto known = find_unit(text.substr(at, text.find_first_of(", ;:)}", at) - at));
+  return known && known->factor == 1 ? std::string(known->dimension) : "";
+}
+
+}  // namespace
+
+std::string unit_of_result(const Binding& row) {
+  const std::string& text = row.returns;
+  const std::size_t at = text.rfind(" in ");
+  return at == std::string::npos || text.find(',') < at ? "" : unit_at(text, at + 4);
+}
+
+std::map<std::string, std::string> units_of_fields(const Binding& row) {
+  std::map<std::string, std::string> units;
+  if (!row.returns.starts_with("table")) return units;
+  if (row.returns.starts_with("table in ")) units[""] = unit_of_result(row);
+  const std::string text = row.returns + "; " + row.doc;
+  for (std::size_t at = 0; (at = text.find(" in ", at)) != std::string::npos; at += 4) {
+    const std::string unit = unit_at(text, at + 4);
+    const std::size_t before = text.find_last_of(" ({", at - 1);
+    const std::size_t begin = before == std::string::npos ? 0 : before + 1;
+    if (!unit.empty()) units[text.substr(begin, at - begin)] = unit;
+  }
+  return units;
+}
+
+std::string entry_help(const Entry& entry) {
+  std::string text = signature(entry.owner, *entry.row) + "\n  " + entry.row->doc + "\n";
+  for (const Argument& argument : entry.row->arguments) show_argument(text, argument, "    ");
+  return text + "  for instance: " + example(entry) + "\n";
+}
+
+std::string class_help(const Class& kind) {
+  std::string text = kind.name + ": " + kind.doc + "\n";
+  for (const Binding& method : kind.methods)
+    text += "  " + signature(&kind, method) + "\n      " + method.doc + "\n";
+  return text;
+}
+
+std::string overview(const Library& library) {
+  std::string text =
+      "help(\"servo\") or help(servo) tells more about one of these, help(\"servo:go_to\") about a "
+      "call; servo? is "
+      "short for it:\n";
+  for (const Class* kind : library.classes) text += "  " + kind->name + ": " + kind->doc + "\n";
+  for (const Binding* function : all_functions(library))
+    text += "  " + signature(nullptr, *function) + ": " + function->doc + "\n";
+  return text +
+         "  units: units.mm, units.mm_per_s ...: numbers are SI, so write 50*units.um\n"
+         "  vector(x, y, z): a position with arithmetic; v.x, v:norm()\n";
+}
+
+std::string help_about(const Library& library, const std::string& word) {
+  if (const Class* const kind = find_class(library, word)) return class_help(*kind);
+  std::vector<std::string> known;
+  for (const Class* kind : library.classes) known.push_back(kind->name);
+  for (const Entry& entry : all_entries(library))
+    known.push_back(full_name(entry.owner, *entry.row));
+  if (std::find(known.begin(), known.end(), word) != known.end() ||
+      word.find(':') != std::string::npos)
+    if (const auto entry = find_entry(library, word)) return entry_help(*entry);
+  if (std::string text = module_help(library, word); !text.empty()) return text;
+  if (word == "units") return units_help();
+  if (const auto entry = find_entry(library, word)) return entry_help(*entry);
+  if (std::string text = unit_help(word); !text.empty()) return text;
+  constexpr std::string_view kRole = "rig.";
+  const std::string near =
+      nearest(word.starts_with(kRole) ? word.substr(kRole.size()) : word, known);
+  throw std::invalid_argument("nothing is called " + word +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+}  // namespace vitreo::lua

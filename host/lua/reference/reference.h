@@ -1,0 +1,50 @@
+// What there is for scripts, read from the rows of the bindings: for help(), completion, editors'
+// stubs, the checker of scripts and the reference in the docs.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/lua/interpreter/library.h"
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo::lua {
+
+/// One call: a method of a class, or a function (its name may have dots).
+struct Entry {
+  const Class* owner = nullptr;
+  const Binding* row = nullptr;
+};
+
+/// The functions without a class, those of modules among them.
+std::vector<const Binding*> all_functions(const Library& library);
+/// Every call, classes first.
+std::vector<Entry> all_entries(const Library& library);
+/// "control", "vision", "vision.focus", ...: what stands before a function's last dot.
+std::vector<std::string> module_names(const Library& library);
+/// "servo:go_to", "servo.go_to", "control.line"; a method's name alone where no function has it.
+std::optional<Entry> find_entry(const Library& library, const std::string& name);
+const Class* find_class(const Library& library, const std::string& name);
+
+/// How a handle is called in examples: "rig.stage", "servo".
+std::string handle_name(const std::string& kind);
+/// A call that could stand in a script: the row's own, or one made from its arguments' types, units
+/// and bounds.
+std::string example(const Entry& entry);
+/// "m", where all that the call returns is in that unit; "" else.
+std::string unit_of_result(const Binding& row);
+/// Of a call that returns a table: the units that its row names, as in "time in s, position in m";
+/// under "" that of all other numbers, where it is a "table in m".
+std::map<std::string, std::string> units_of_fields(const Binding& row);
+
+/// Signature, text, arguments with units and bounds, an example.
+std::string entry_help(const Entry& entry);
+std::string class_help(const Class& kind);
+/// Everything in a line each.
+std::string overview(const Library& library);
+/// Of a class, a call, a module, a unit; throws std::invalid_argument with what was perhaps meant.
+std::string help_about(const Library& library, const std::string& word);
+
+}  // namespace vitreo::lua

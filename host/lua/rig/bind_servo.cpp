@@ -1,0 +1,265 @@
+// servo: a script steers the loop and listens to it; the loop itself is C++.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/interpreter/context.h"
+#include "host/lua/optics/localizer_calls.h"
+#include "host/lua/rig/bind_rig.h"
+#include "host/lua/rig/classes.h"
+#include "host/lua/rig/servo_calls.h"
+#include "host/servo/servo.h"
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::lua {
+namespace {
+
+using namespace servo_calls;
+
+std::vector<Argument> travel_options() {
+  const auto number = [](const char* name, const char* unit, double min, double max,
+                         const char* help) {
+    return Argument{.name = name,
+                    .type = Type::number,
+                    .unit = unit,
+                    .optional = true,
+                    .min = min,
+                    .max = max,
+                    .help = help};
+  };
+  return {number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
+          number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)"),
+          number("within", "m", 1e-6, 10e-3, "how near is there (100 um)"),
+          number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
+          number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)")};
+}
+
+std::vector<Argument> follow_options() {
+  std::vector<Argument> keys = travel_options();
+  std::erase_if(keys,
+                [](const Argument& key) { return key.name == "within" || key.name == "settle"; });
+  keys.push_back({.name = "progress_to",
+                  .type = Type::number,
+                  .optional = true,
+                  .min = 0,
+                  .max = 1,
+                  .help = "how far the run is at the path's end (1)"});
+  keys.push_back({.name = "pictures",
+                  .type = Type::integer,
+                  .optional = true,
+                  .min = 0,
+                  .max = 50,
+                  .help = "frames to keep for the report, evenly along the way (0)"});
+  keys.push_back({.name = "label",
+                  .type = Type::text,
+                  .optional = true,
+                  .help = "what the progress line says"});
+  return keys;
+}
+
+int channel_of(double number) {
+  if (!(number >= 1 && number <= control::kMaxCoils && number == std::floor(number)))
+    throw std::invalid_argument("dead_coils: wants numbers of coils, from 1");
+  return static_cast<int>(number);
+}
+
+/// Each law has its own gains; what is not given stays as it is by default, or tuned.
+void take_gains(const Call& call, ServoSettings& settings) {
+  const auto take = [&call](const char* name, double& value) {
+    value = call.number_option(name).value_or(value);
+  };
+  const auto refuse = [&](std::initializer_list<const char*> names) {
+    for (const char* name : names)
+      if (call.number_option(name))
+        throw std::invalid_argument(std::string(name) + ": the law \"" + to_string(settings.law) +
+                                    "\" has no such gain");
+  };
+  switch (settings.law) {
+    case ControlLaw::pd:
+      take("proportional", settings.gains.proportional);
+      take("derivative", settings.gains.derivative);
+      take("derivative_time", settings.gains.derivative_time);
+      take("max_speed", settings.gains.max_speed);
+      take("integral", settings.gains.integral);
+      return refuse({"velocity_time", "max_force"});
+    case ControlLaw::estimator:
+      settings.proportional = call.number_option("proportional");
+      settings.max_speed = call.number_option("max_speed");
+      return refuse({"derivative", "derivative_time", "integral", "velocity_time", "max_force"});
+    case ControlLaw::velocity:
+      take("proportional", settings.velocity.proportional);
+      take("max_speed", settings.velocity.max_speed);
+      take("integral", settings.velocity.integral);
+      take("velocity_time", settings.velocity.velocity_time);
+      take("max_force", settings.velocity.max_force);
+      return refuse({"derivative", "derivative_time"});
+  }
+}
+
+ServoSettings settings_of(const Call& call) {
+  ServoSettings settings;
+  if (const auto law = call.text_option("law")) settings.law = control_law_named(*law);
+  if (const auto feedback = call.text_option("feedback"))
+    settings.feedback = feedback_named(*feedback);
+  settings.field = call.number_option("field").value_or(settings.field);
+  settings.lost_timeout = call.number_option("lost_timeout").value_or(settings.lost_timeout);
+  settings.axis_sigma = call.number_option("axis_uncertainty");
+  settings.wall_drag = call.flag_option("wall_drag");
+  take_gains(call, settings);
+  for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
+    settings.dead_coils.push_back(channel_of(channel));
+  if (const auto axis = call.vector_option("axis")) {
+    if (!(axis->norm() > 0)) throw std::invalid_argument("axis: wants a direction, got {0, 0, 0}");
+    settings.axis = axis->normalized();
+  }
+  return settings;
+}
+
+std::vector<Binding> listening_rows() {
+  const Argument duration{
+      .name = "duration", .type = Type::number, .unit = "s", .min = 0.01, .max = 30};
+  return {{"position",
+           {},
+           "position in m",
+           "where the robot is, as the loop sees it; an error when it is not seen",
+           position},
+          {"target", {}, "position in m", "where it should be now", target},
+          {"state",
+           {},
+           "string",
+           "searching, holding, following, released, lost, failed or closed",
+           state},
+          {"status",
+           {},
+           "table",
+           "state, time in s, position in m (nil when unseen), disturbance in N (law estimator), "
+           "target in m, progress, "
+           "headroom, limited",
+           status},
+          {"wait_until_tracked",
+           {{.name = "options",
+             .type = Type::options,
+             .options = {{.name = "timeout",
+                          .type = Type::number,
+                          .unit = "s",
+                          .optional = true,
+                          .min = 0,
+                          .max = 3600,
+                          .help = "how long it may take (10 s)"}}}},
+           "position in m",
+           "waits until the robot is seen",
+           wait_until_tracked},
+          {"mean_correction",
+           {duration},
+           "force in N",
+           "waits, and returns the mean force by which the loop corrected meanwhile",
+           mean_correction},
+          {"force_for",
+           {{.name = "velocity", .type = Type::vector, .unit = "m/s"}},
+           "force in N",
+           "the force that moves the robot through the medium at a velocity, by its drag",
+           force_for},
+          {"snapshot",
+           {{.name = "caption", .type = Type::text}},
+           "",
+           "puts the next frame, as it is tracked, into the record",
+           snapshot}};
+}
+
+std::vector<Binding> steering_rows() {
+  const Argument path{.name = "path",
+                      .help = "a trajectory, or a list of positions {x, y, z} in m"};
+  const Argument place{.name = "position", .type = Type::vector, .unit = "m"};
+  const Argument force{.name = "force", .type = Type::vector, .unit = "N", .optional = true};
+  return {{"go_to",
+           {place, {.name = "options", .type = Type::options, .options = travel_options()}},
+           "",
+           "goes straight to a place and waits until it stays there",
+           go_to},
+          {"follow",
+           {path, {.name = "options", .type = Type::options, .options = follow_options()}},
+           "number in s",
+           "goes along a trajectory, or straight lines with rest at each point; waits for the end, "
+           "returns the time it "
+           "took",
+           follow},
+          {"hold", {place}, "", "holds a place from now on; does not wait", hold},
+          {"release",
+           {{.name = "options",
+             .type = Type::options,
+             .options = {{.name = "cancel",
+                          .type = Type::flag,
+                          .optional = true,
+                          .help = "go on canceling what pushes the robot (law estimator)"}}}},
+           "",
+           "keeps field and weight compensation, leaves the place alone",
+           release},
+          {"trim",
+           {force},
+           "force in N",
+           "sets the constant force added to the weight compensation, returns it",
+           trim},
+          {"offset",
+           {{.name = "offset", .type = Type::vector, .unit = "m", .optional = true}},
+           "position in m",
+           "sets what is added to each place that the top camera finds (its bias at a known "
+           "place), returns it",
+           offset},
+          {"close", {}, "", "ends the loop; the coils are at zero", close, true}};
+}
+
+std::vector<Binding> servo_rows() {
+  std::vector<Binding> rows = listening_rows();
+  for (Binding& row : steering_rows()) rows.push_back(std::move(row));
+  return rows;
+}
+
+}  // namespace
+
+namespace {
+
+/// In a dry run poses stand in for images; a rig that has no sample handler gets its robot now.
+void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras& eyes) {
+  if (settings.feedback == Feedback::pose_sensor && !rehearsal.pose_sensor)
+    throw std::invalid_argument("feedback: pose_sensor needs that role, and this rig has none");
+  if (settings.feedback != Feedback::pose_sensor && !eyes.top)  // as the run itself would say it
+    throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
+                                "\" needs a background of the empty scene");
+  settings.by_pose = true;
+  if (settings.feedback != Feedback::none)
+    settings.feedback = Feedback::pose_sensor;  // else it is let go as it was
+  if (rehearsal.bring_robot) rehearsal.bring_robot();
+}
+
+}  // namespace
+
+int open_servo(Call& call) {
+  Session& session = session_of(call.L);
+  ServoCameras eyes{{}, session.side_watch()};
+  if (call.push_option("background"))
+    eyes.top = call.handle_option<vision::Background>("background");
+  lua_pop(call.L, 1);
+  ServoSettings settings = settings_of(call);
+  if (call.push_option("view")) {
+    const auto& view = call.handle_option<localizer_calls::Localizer>("view");
+    settings.view = {view.settings.image.pixel / session.rig.model.top_image.pixel, view.offset};
+  }
+  lua_pop(call.L, 1);
+  if (session.rehearsal != nullptr && session.rig.pose_sensor != nullptr)
+    rehearse(*session.rehearsal, settings, eyes);
+  auto servo = std::make_shared<Servo>(session.clock, session.rig, session.recorder,
+                                       std::move(eyes), settings);
+  // The session's end closes what the script left open.
+  call.context().closers.push_back([servo] { servo->close(); });
+  push_handle(call.L, servo_class(), servo);
+  return 1;
+}
+
+const Class& servo_class() {
+  static const Class kind{"servo", "the servo loop; make one with rig:servo", servo_rows()};
+  return kind;
+}
+
+}  // namespace vitreo::lua

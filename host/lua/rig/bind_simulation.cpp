@@ -1,0 +1,138 @@
+// rig.simulation: what only a simulated rig can be told.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/interpreter/binding.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/readable.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/optics/bind_optics.h"
+#include "host/lua/rig/classes.h"
+#include "host/rig/plant_settings.h"
+#include "host/session/faults.h"
+#include "optics/system/prescriptions.h"
+
+namespace vitreo::lua {
+namespace {
+
+int sample_machine(Call& call) {
+  call.self<Simulation>().sample_machine(static_cast<std::uint64_t>(call.number(0)));
+  return 0;
+}
+
+int use_calibration(Call& call) {
+  Session& session = session_of(call.L);
+  const MeasuredField measured =
+      read_calibration(readable(call.context(), call.text(0)), session.rig.model.field);
+  call.self<Simulation>().use_calibration(measured.field);
+  push_fields(call.L, {{"difference", measured.difference}});
+  push_numbers(call.L, {measured.channels.begin(), measured.channels.end()});
+  lua_setfield(call.L, -2, "channels");
+  lua_pushlstring(call.L, measured.system_name.data(), measured.system_name.size());
+  lua_setfield(call.L, -2, "name");
+  return 1;
+}
+
+int set_eye(Call& call) {
+  call.self<Simulation>().set_eye(call.handle<optics::Prescription>(0).system);
+  return 0;
+}
+
+int change(Call& call) {
+  call.self<Simulation>().change(*call.text_option("robot"), call.text_option("gel").value_or(""));
+  return 0;
+}
+
+int move_body(Call& call) {
+  call.self<Simulation>().move_body(call.text(0), call.vector(1));
+  return 0;
+}
+
+int inject_fault(Call& call) {
+  Fault fault{call.text(0), call.text(1)};
+  fault.after = call.number_option("after").value_or(0);
+  fault.lasting = call.number_option("lasting").value_or(0);
+  fault.by = call.number_option("by");
+  FaultDesk* const desk = session_of(call.L).faults;
+  if (desk != nullptr)
+    desk->add(fault);  // a dry run goes the way that the script goes when all is well
+  return 0;
+}
+
+Argument seconds(const char* name, const char* help) {
+  return {.name = name,
+          .type = Type::number,
+          .unit = "s",
+          .optional = true,
+          .min = 0,
+          .max = 1e5,
+          .help = help};
+}
+
+/// "silent, late, short".
+std::string kinds_of_faults() {
+  std::string text;
+  for (const FaultKind& kind : fault_kinds()) text += (text.empty() ? "" : ", ") + kind.name;
+  return text;
+}
+
+}  // namespace
+
+const Class& simulation_class() {
+  static const Class kind{
+      "simulation",
+      "what only a simulated rig can be told",
+      {{"sample_machine",
+        {{.name = "number",
+          .type = Type::integer,
+          .min = 0,
+          .max = 1e9,
+          .help = "0: the one that the run's seed drew"}},
+        "",
+        "makes it another machine of the same kind, without a robot in it",
+        sample_machine},
+       {"use_calibration",
+        {{.name = "file", .type = Type::text, .help = "YAML, as ETH's software writes it"}},
+        "table",
+        "puts a measured calibration in the plant, as it is: name, difference from the loop's "
+        "model "
+        "at the center (relative), channels that drive the file's coils",
+        use_calibration},
+       {"set_eye",
+        {{.name = "eye", .type = Type::handle, .handle = "optical_system"}},
+        "",
+        "makes this the true eye; what the rig believes stays, and has to be calibrated",
+        set_eye},
+       {"change",
+        {options_of(
+            {{.name = "robot", .type = Type::text, .help = "coni_2mm, ndfeb_cylinder_1mm, ..."},
+             {.name = "gel",
+              .type = Type::text,
+              .optional = true,
+              .help = "gel_1 to gel_11 (the fluid)"}})},
+        "",
+        "another robot and another medium; the robot is taken out",
+        change},
+       {"move_body",
+        {{.name = "name", .type = Type::text, .help = "of a body in the rig file's truth.bodies"},
+         {.name = "position", .type = Type::vector, .unit = "m", .help = "world"}},
+        "",
+        "puts a body elsewhere, as a target's stage does",
+        move_body},
+       {"fault",
+        {{.name = "role", .type = Type::text, .help = "whose: \"coils\", ... or \"disk\""},
+         {.name = "kind", .type = Type::text, .help = kinds_of_faults()},
+         {.name = "options",
+          .type = Type::options,
+          .options = {seconds("after", "from now on until it begins (0)"),
+                      seconds("lasting", "how long (0: to the end of the run)"),
+                      {.name = "by",
+                       .type = Type::number,
+                       .optional = true,
+                       .help = "how much, in SI: s, A, bytes, or one of so many"}}}},
+        "",
+        "breaks an instrument, e.g. rig.simulation:fault(\"coils\", \"silent\", { after = 3*s }); "
+        "`vitreo faults` tells the kinds",
+        inject_fault}}};
+  return kind;
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,283 @@
+// What a script's calls on a servo do: most return at once, some wait, tick by tick.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/rig/servo_calls.h"
+
+#include "host/lua/control/bind_control.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/progress.h"
+#include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/values.h"
+#include "host/servo/servo.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+constexpr double kWithin = 100e-6;  // m
+constexpr double kSettle = 0.5;     // s
+
+std::string place_text(const Eigen::Vector3d& p) {
+  return fmt::format("({:.2f}, {:.2f}, {:.2f}) mm", p.x() * 1e3, p.y() * 1e3, p.z() * 1e3);
+}
+
+std::string reading_of(const ServoStatus& now) {
+  return now.position ? "at " + place_text(*now.position) : "not seen";
+}
+
+/// Empty while the loop works, else why it does not.
+std::string trouble(const ServoStatus& status) {
+  switch (status.state) {
+    case ServoState::failed:
+      return "the servo failed: " + status.failure;
+    case ServoState::lost:
+      return "the robot is lost: the top camera has not seen it for longer than lost_timeout; the "
+             "coils are at zero";
+    case ServoState::closed:
+      return "the servo is closed";
+    default:
+      return "";
+  }
+}
+
+void throw_if_troubled(const Servo& servo) {
+  const ServoStatus status = servo.status();
+  if (status.error)
+    std::rethrow_exception(status.error);  // a device's failure stays one: the run is aborted by it
+  const std::string why = trouble(status);
+  if (!why.empty()) throw std::runtime_error(why);
+}
+
+std::shared_ptr<Servo> servo_of(const Call& call) {
+  return std::static_pointer_cast<Servo>(call.self_pointer());
+}
+
+Eigen::Vector3d tracked_position(const Servo& servo) {
+  throw_if_troubled(servo);
+  const auto position = servo.status().position;
+  if (!position) throw std::runtime_error("the robot is not seen");
+  return *position;
+}
+
+/// Waits, tick by tick, until `ready` says so or the servo is in trouble.
+Wait servo_wait(const std::shared_ptr<Servo>& servo,
+                std::function<bool(const ServoStatus&)> ready) {
+  Wait wait;
+  wait.signal = &servo->changed();
+  wait.ready = [servo, is_ready = std::move(ready)] {
+    const ServoStatus now = servo->status();
+    return !trouble(now).empty() || is_ready(now);
+  };
+  return wait;
+}
+
+/// At the end of the path and within `within` of its goal for `settle`.
+struct Arrival {
+  Eigen::Vector3d goal;
+  double within, settle;
+  std::optional<Time> since{};
+
+  bool operator()(const ServoStatus& now) {
+    const bool there = now.progress >= 1 && now.position && (*now.position - goal).norm() <= within;
+    if (!there) since.reset();
+    if (there && !since) since = now.time;
+    return there && to_seconds(now.time - *since) >= settle;
+  }
+};
+
+std::string not_there(const ServoStatus& now, const Arrival& arrival, double timeout) {
+  const std::string last =
+      now.position ? "it is " + format_quantity((*now.position - arrival.goal).norm(), "m") +
+                         " away, at " + place_text(*now.position)
+                   : "it is not seen";
+  return "the robot was not within " + format_quantity(arrival.within, "m") + " of " +
+         place_text(arrival.goal) + " for " + format_quantity(arrival.settle, "s") + " after " +
+         format_quantity(timeout, "s") + ": " + last;
+}
+
+/// A trajectory of the script's own, or straight lines through its points.
+control::Trajectory way_of(Call& call) {
+  const int at = call.index(0);
+  if (handle_class(call.L, at) == &trajectory_class()) {
+    for (const char* name : {"speed", "acceleration"})
+      if (call.number_option(name))
+        throw std::invalid_argument(std::string(name) + ": the trajectory has its own");
+    return call.handle<control::Trajectory>(0);
+  }
+  if (!lua_istable(call.L, at))
+    throw std::invalid_argument("path: wants a trajectory or a list of positions, got " +
+                                kind_of(call.L, at));
+  return control::Trajectory::waypoints(points_at(call.L, at, "points"), motion_limits(call));
+}
+
+}  // namespace
+
+int servo_calls::position(Call& call) { return call.result(tracked_position(call.self<Servo>())); }
+
+int servo_calls::target(Call& call) { return call.result(call.self<Servo>().status().target); }
+
+int servo_calls::state(Call& call) {
+  return call.result(std::string(to_string(call.self<Servo>().status().state)));
+}
+
+int servo_calls::trim(Call& call) {
+  Servo& servo = call.self<Servo>();
+  if (call.has(0)) servo.set_trim(call.vector(0));
+  return call.result(servo.trim());
+}
+
+int servo_calls::offset(Call& call) {
+  Servo& servo = call.self<Servo>();
+  if (call.has(0)) servo.set_offset(call.vector(0));
+  return call.result(servo.offset());
+}
+
+int servo_calls::force_for(Call& call) {
+  return call.result(call.self<Servo>().force_for(call.vector(0)));
+}
+
+int servo_calls::status(Call& call) {
+  const ServoStatus now = call.self<Servo>().status();
+  lua_State* const L = call.L;
+  lua_createtable(L, 0, 9);
+  const auto set = [L](const char* name, double value) {
+    lua_pushnumber(L, value);
+    lua_setfield(L, -2, name);
+  };
+  set("time", to_seconds(now.time));
+  set("progress", now.progress);
+  set("headroom", now.headroom);
+  lua_pushboolean(L, now.limited);
+  lua_setfield(L, -2, "limited");
+  if (now.disturbance) {
+    push_vector(L, *now.disturbance);
+    lua_setfield(L, -2, "disturbance");
+  }
+  lua_pushstring(L, to_string(now.state));
+  lua_setfield(L, -2, "state");
+  push_vector(L, now.target);
+  lua_setfield(L, -2, "target");
+  if (now.position) {
+    push_vector(L, *now.position);
+    lua_setfield(L, -2, "position");
+  }
+  if (!now.failure.empty()) {
+    lua_pushstring(L, now.failure.c_str());
+    lua_setfield(L, -2, "failure");
+  }
+  return 1;
+}
+
+int servo_calls::wait_until_tracked(Call& call) {
+  const auto servo = servo_of(call);
+  const double timeout = call.number_option("timeout").value_or(10);
+  Clock& clock = session_of(call.L).clock;
+  Wait wait = servo_wait(servo, [](const ServoStatus& now) { return now.position.has_value(); });
+  wait.deadline = later(clock.now(), from_seconds(timeout));
+  wait.finish = [servo, timeout](Call& done, bool in_time) {
+    if (!in_time)
+      throw std::runtime_error("no robot was seen by the servo, which is " +
+                               std::string(to_string(servo->status().state)) + "; " +
+                               waited_text("a sight of it", reading_of(servo->status()), timeout));
+    return done.result(tracked_position(*servo));
+  };
+  return call.wait(std::move(wait));
+}
+
+int servo_calls::go_to(Call& call) {
+  const auto servo = servo_of(call);
+  const Arrival arrival{call.vector(0), call.number_option("within").value_or(kWithin),
+                        call.number_option("settle").value_or(kSettle)};
+  const control::Trajectory path =
+      control::Trajectory::waypoints({tracked_position(*servo), arrival.goal}, motion_limits(call));
+  const double timeout = call.number_option("timeout").value_or(2 * path.duration() + 20);
+  call.check_can_wait();
+  servo->follow(path);
+  Wait wait = servo_wait(servo, arrival);
+  wait.deadline = later(session_of(call.L).clock.now(), from_seconds(timeout));
+  wait.finish = [servo, arrival, timeout](Call&, bool in_time) {
+    throw_if_troubled(*servo);
+    if (!in_time) throw std::runtime_error(not_there(servo->status(), arrival, timeout));
+    return 0;
+  };
+  return call.wait(std::move(wait));
+}
+
+int servo_calls::follow(Call& call) {
+  const auto servo = servo_of(call);
+  throw_if_troubled(*servo);
+  const control::Trajectory path = way_of(call);
+  const double timeout = call.number_option("timeout").value_or(2 * path.duration() + 20);
+  call.check_can_wait();
+  servo->follow(path, static_cast<int>(call.number_option("pictures").value_or(0)));
+  Context& context = call.context();
+  const double from = context.fraction,
+               to = std::max(from, call.number_option("progress_to").value_or(1));
+  const std::string label = call.text_option("label").value_or("following the path");
+  const double start = to_seconds(servo->status().time);
+  Wait wait = servo_wait(servo, [&context, from, to, label](const ServoStatus& now) {
+    tell_progress(context, from + (to - from) * now.progress, label);
+    return now.progress >= 1;
+  });
+  wait.deadline = later(session_of(call.L).clock.now(), from_seconds(timeout));
+  wait.finish = [servo, timeout, start](Call& done, bool in_time) {
+    throw_if_troubled(*servo);
+    if (!in_time)
+      throw std::runtime_error(fmt::format(
+          "the path's end was not reached after {}: {:.0f} % of it is done; the robot is {}",
+          format_quantity(timeout, "s"), servo->status().progress * 100,
+          reading_of(servo->status())));
+    return done.result(to_seconds(servo->status().time) - start);
+  };
+  return call.wait(std::move(wait));
+}
+
+int servo_calls::hold(Call& call) {
+  throw_if_troubled(call.self<Servo>());
+  call.self<Servo>().hold(call.vector(0));
+  return 0;
+}
+
+int servo_calls::release(Call& call) {
+  throw_if_troubled(call.self<Servo>());
+  call.self<Servo>().release(call.flag_option("cancel"));
+  return 0;
+}
+
+int servo_calls::snapshot(Call& call) {
+  call.self<Servo>().snapshot(call.text(0));
+  return 0;
+}
+
+/// Waits as long as the mean needs, counted from now.
+int servo_calls::mean_correction(Call& call) {
+  const auto servo = servo_of(call);
+  const double duration = call.number(0);
+  const double start = to_seconds(servo->status().time);
+  Wait wait = servo_wait(
+      servo, [=](const ServoStatus& now) { return to_seconds(now.time) - start >= duration; });
+  wait.deadline = later(session_of(call.L).clock.now(), from_seconds(2 * duration + 5));
+  wait.finish = [servo, duration](Call& done, bool in_time) {
+    throw_if_troubled(*servo);
+    if (!in_time)
+      throw std::runtime_error("the servo did not tick; " +
+                               waited_text(format_quantity(duration, "s") + " of it",
+                                           reading_of(servo->status()), 2 * duration + 5));
+    return done.result(servo->mean_correction(duration));
+  };
+  return call.wait(std::move(wait));
+}
+
+int servo_calls::close(Call& call) {
+  if (!call.self_pointer()) return 0;
+  call.self<Servo>().close();
+  close_handle(call);
+  return 0;
+}
+
+}  // namespace vitreo::lua

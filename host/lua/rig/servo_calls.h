@@ -1,0 +1,25 @@
+// What a script's calls on a servo do. The rows that describe them are in bind_servo.cpp.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/lua/interpreter/binding.h"
+
+namespace vitreo::lua::servo_calls {
+
+int position(Call& call);
+int target(Call& call);
+int state(Call& call);
+int trim(Call& call);
+int offset(Call& call);
+int force_for(Call& call);
+int status(Call& call);
+int wait_until_tracked(Call& call);
+int go_to(Call& call);
+int follow(Call& call);
+int hold(Call& call);
+int release(Call& call);
+int snapshot(Call& call);
+int mean_correction(Call& call);
+int close(Call& call);
+
+}  // namespace vitreo::lua::servo_calls

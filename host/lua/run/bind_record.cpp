@@ -1,0 +1,285 @@
+// run: what goes into the record as samples, and comes out of it again.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/config/config.h"
+#include "host/lua/interpreter/binding.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/run/classes.h"
+#include "host/text/units.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+/// {speed = 1, place = {x, y, z}} as channels place_x, place_y, place_z, speed.
+struct Sample {
+  std::vector<std::string> names;
+  std::vector<std::string> keys;  // the key of each channel
+  std::vector<double> values;
+};
+
+Sample sample_of(const Call& call, int index) {
+  lua_State* const L = call.L;
+  Sample sample;
+  const auto add = [&sample](const std::string& name, const std::string& key, double value) {
+    sample.names.push_back(name);
+    sample.keys.push_back(key);
+    sample.values.push_back(value);
+  };
+  for (const std::string& key : text_keys(L, index)) {
+    lua_getfield(L, index, key.c_str());
+    const auto vector = to_vector(L, -1);
+    if (vector) {
+      for (int i = 0; i < 3; ++i) add(key + "_" + "xyz"[i], key, (*vector)[i]);
+    } else if (lua_type(L, -1) == LUA_TNUMBER) {
+      add(key, key, lua_tonumber(L, -1));
+    } else {
+      throw std::invalid_argument(
+          "values: " + key + ": wants a number or a position {x, y, z}, got " + kind_of(L, -1));
+    }
+    lua_pop(L, 1);
+  }
+  if (sample.names.empty())
+    throw std::invalid_argument("values: wants names and numbers, such as {speed = 1*mm_per_s}");
+  return sample;
+}
+
+std::string unit_of(const Call& call, const std::string& key) {
+  if (!call.has(2)) return "";
+  lua_getfield(call.L, call.index(2), key.c_str());
+  const std::string symbol = lua_isnil(call.L, -1) ? "" : plain_text(call.L, -1);
+  lua_pop(call.L, 1);
+  const auto unit = find_unit(symbol);
+  if (!unit) throw std::invalid_argument("units: " + key + ": " + symbol + " is not a unit");
+  return std::string(unit->dimension);
+}
+
+Context::Script& script_stream(const Call& call, const std::string& name, const Sample& sample) {
+  Context& context = call.context();
+  const auto found = context.script_streams.find(name);
+  if (found != context.script_streams.end()) return found->second;
+  Recorder& recorder = session_of(call.L).recorder;
+  if (recorder.stream(name))
+    throw std::invalid_argument("stream: " + name + " is recorded by the host");
+  StreamInfo info{name, "script", {}};
+  for (std::size_t i = 0; i < sample.names.size(); ++i)
+    info.channels.push_back({sample.names[i], unit_of(call, sample.keys[i])});
+  return context.script_streams[name] = {recorder.add_stream(info), sample.names};
+}
+
+void check_channels(const std::string& stream, const std::vector<std::string>& known,
+                    const std::vector<std::string>& given) {
+  for (const std::string& name : given)
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      throw std::invalid_argument("values: " + name + " was not in the first sample of " + stream);
+  for (const std::string& name : known)
+    if (std::find(given.begin(), given.end(), name) == given.end())
+      throw std::invalid_argument("values: " + name +
+                                  " is missing; it was in the first sample of " + stream);
+}
+
+int record(Call& call) {
+  Session& session = session_of(call.L);
+  const std::string name = call.text(0);
+  const Sample sample = sample_of(call, call.index(1));
+  const Context::Script& stream = script_stream(call, name, sample);
+  check_channels(name, stream.channels, sample.names);
+  session.recorder.sample(stream.stream, session.clock.now(), sample.values);
+  return 0;
+}
+
+int record_frames(Call& call) {
+  const int every = static_cast<int>(call.number_option("every").value_or(1));
+  Session& session = session_of(call.L);
+  const FramePolicy policy{call.text(0), every,
+                           static_cast<int>(call.number_option("window").value_or(0)),
+                           call.number_option("around").value_or(0)};
+  session.frames.check(policy);
+  if (session.rehearsal != nullptr)
+    session.rehearsal->frames.push_back(policy);
+  else
+    session.frames.start(policy);
+  return 0;
+}
+
+int keep_frames(Call& call) {
+  Session& session = session_of(call.L);
+  session.recorder.event(session.clock.now(), "keep", call.text(0));
+  return 0;
+}
+
+int has_stream(Call& call) {
+  lua_pushboolean(call.L, session_of(call.L).recorder.stream(call.text(0)) != nullptr);
+  return 1;
+}
+
+const Stream& stream_named(const Recorder& recorder, const std::string& name) {
+  if (const Stream* const stream = recorder.stream(name)) return *stream;
+  std::vector<std::string> known;
+  for (const Stream& stream : recorder.streams()) known.push_back(stream.info.name);
+  const std::string near = nearest(name, known);
+  throw std::invalid_argument("there is no stream " + name +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+std::size_t channel_named(const Stream& stream, const std::string& name) {
+  std::vector<std::string> known;
+  for (std::size_t i = 0; i < stream.info.channels.size(); ++i) {
+    if (stream.info.channels[i].name == name) return i;
+    known.push_back(stream.info.channels[i].name);
+  }
+  const std::string near = nearest(name, known);
+  throw std::invalid_argument("the stream " + stream.info.name + " has no channel " + name +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+int samples(Call& call) {
+  lua_State* const L = call.L;
+  const Stream& stream = stream_named(session_of(L).recorder, call.text(0));
+  const std::size_t channel = channel_named(stream, call.text(1));
+  const double from = call.number_option("from").value_or(0),
+               to = call.number_option("to").value_or(1e9);
+  lua_newtable(L);
+  lua_newtable(L);
+  lua_Integer count = 0;
+  for (std::size_t row = 0; row < stream.times.size(); ++row) {
+    const double time = to_seconds(stream.times[row]);
+    if (time < from || time > to) continue;
+    lua_pushnumber(L, stream.at(row, channel));
+    lua_rawseti(L, -3, ++count);
+    lua_pushnumber(L, time);
+    lua_rawseti(L, -2, count);
+  }
+  return 2;
+}
+
+/// An error of nothing would be a perfect one. A dry run has other streams than the run, and
+/// measures nothing.
+void check_compared(const Call& call, std::size_t count, double from, double to) {
+  if (count > 0 || session_of(call.L).rehearsal != nullptr) return;
+  throw std::runtime_error("nothing to compare: '" + call.text_option("of").value_or("") +
+                           "' and '" + call.text_option("against").value_or("") +
+                           "' have no place at the same moment from " + format_quantity(from, "s") +
+                           " to " + format_quantity(to, "s"));
+}
+
+int errors(Call& call) {
+  const auto text = [&call](const char* name) { return call.text_option(name).value_or(""); };
+  const Session& session = session_of(call.L);
+  const double now = to_seconds(session.clock.now());
+  const double from = call.number_option("from").value_or(0),
+               to = call.number_option("to").value_or(now);
+  const ErrorStatistics s =
+      error_statistics(session.recorder, text("of"), text("of_prefix"), text("against"),
+                       text("against_prefix"), from_seconds(from), from_seconds(to));
+  check_compared(call, s.count, from, to);
+  const std::pair<const char*, double> fields[] = {{"count", static_cast<double>(s.count)},
+                                                   {"rms", s.rms},
+                                                   {"mean", s.mean},
+                                                   {"max", s.max},
+                                                   {"lateral_rms", s.lateral_rms},
+                                                   {"depth_rms", s.depth_rms},
+                                                   {"lateral_mean", s.lateral_mean},
+                                                   {"depth_mean", s.depth_mean},
+                                                   {"lateral_max", s.lateral_max},
+                                                   {"depth_max", s.depth_max},
+                                                   {"lateral_std", s.lateral_std},
+                                                   {"depth_std", s.depth_std}};
+  lua_newtable(call.L);
+  for (const auto& [name, value] : fields) {
+    lua_pushnumber(call.L, value);
+    lua_setfield(call.L, -2, name);
+  }
+  return 1;
+}
+
+Argument time_option(const char* name, const char* help) {
+  return {.name = name,
+          .type = Type::number,
+          .unit = "s",
+          .optional = true,
+          .min = 0,
+          .max = 1e9,
+          .help = help};
+}
+
+}  // namespace
+
+std::vector<Binding> run_record_rows() {
+  const auto text = [](const char* name, bool optional, const char* help) {
+    return Argument{.name = name, .type = Type::text, .optional = optional, .help = help};
+  };
+  const Argument stream = text("stream", false, "its name");
+  const Argument span{
+      .name = "options",
+      .type = Type::options,
+      .options = {time_option("from", "first time"), time_option("to", "last time")}};
+  return {
+      {"record",
+       {stream,
+        {.name = "values", .type = Type::table, .help = "numbers and positions by name"},
+        {.name = "units",
+         .type = Type::table,
+         .optional = true,
+         .help = "unit by name, such as {speed = \"m/s\"}"}},
+       "",
+       "records one sample; the first decides the channels",
+       record},
+      {"record_frames",
+       {text("camera", false, "its role: top_camera or side_camera"),
+        {.name = "options",
+         .type = Type::options,
+         .options = {{.name = "every",
+                      .type = Type::integer,
+                      .optional = true,
+                      .min = 1,
+                      .max = 1000000,
+                      .help = "keeps one frame of so many"},
+                     {.name = "window",
+                      .type = Type::integer,
+                      .optional = true,
+                      .min = 8,
+                      .max = 8192,
+                      .help = "px: only a window about the robot, and a whole frame each second"},
+                     {.name = "around",
+                      .type = Type::number,
+                      .unit = "s",
+                      .optional = true,
+                      .min = 0.1,
+                      .max = 600,
+                      .help =
+                          "only so long before and after alarms, errors and run:keep_frames"}}}},
+       "",
+       "records a camera's frames from now on",
+       record_frames},
+      {"keep_frames",
+       {text("why", false, "for the record")},
+       "",
+       "keeps the frames around this moment, where they are recorded around events only",
+       keep_frames},
+      {"has_stream", {stream}, "true or false", "whether the record has a stream", has_stream},
+      {"samples",
+       {stream, text("channel", false, "its name"), span},
+       "list of values, list of times in s",
+       "what was recorded",
+       samples},
+      {"errors",
+       {{.name = "options",
+         .type = Type::options,
+         .options = {text("of", false, "the stream that is judged"),
+                     text("of_prefix", true, "of its x, y, z"),
+                     text("against", false, "the stream that it is judged by"),
+                     text("against_prefix", true, "of its x, y, z"),
+                     time_option("from", "first time"), time_option("to", "last time")}}},
+       "table",
+       "of the distance of two streams: count, rms in m, mean in m, max in m; lateral_rms in m, "
+       "lateral_mean in m, "
+       "lateral_max in m, lateral_std in m, depth_rms in m, depth_mean in m, depth_max in m, "
+       "depth_std in m",
+       errors}};
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,222 @@
+// run: what comes out of it: figures, plots, tables.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/config/config.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/run/bind_image_plot.h"
+#include "host/lua/run/classes.h"
+#include "host/lua/vision/bind_vision.h"
+#include "host/text/units.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+Unit known_unit(const std::string& symbol) {
+  if (const auto unit = find_unit(symbol)) return *unit;
+  std::vector<std::string> symbols;
+  for (const Unit& unit : units()) symbols.emplace_back(unit.symbol);
+  const std::string near = nearest(symbol, symbols);
+  throw std::invalid_argument("unit: " + symbol + " is not a unit" +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+int figure(Call& call) {
+  const Unit unit = known_unit(call.has(2) ? call.text(2) : "");
+  session_of(call.L).recorder.figure({call.text(0), call.number(1), std::string(unit.dimension)});
+  if (lua_getfield(call.L, LUA_REGISTRYINDEX, kStatedFigures) == LUA_TTABLE) {
+    lua_pushboolean(call.L, 1);
+    lua_setfield(call.L, -2, call.text(0).c_str());
+  }
+  lua_pop(call.L, 1);
+  return 0;
+}
+
+/// {"time", "s"} or {label = "time", unit = "s"}.
+Axis axis_of(lua_State* L, int index, const std::string& name) {
+  refuse_unknown(L, index, name + ".", {"label", "unit"});
+  Axis axis{text_field(L, index, "label", name + ".", false),
+            text_field(L, index, "unit", name + ".", false)};
+  for (int i = 1; i <= 2; ++i) {
+    if (lua_rawgeti(L, index, i) == LUA_TSTRING)
+      (i == 1 ? axis.label : axis.unit) = lua_tostring(L, -1);
+    lua_pop(L, 1);
+  }
+  known_unit(axis.unit);
+  return axis;
+}
+
+std::vector<double> values_field(lua_State* L, int index, const char* name,
+                                 const std::string& where) {
+  lua_getfield(L, index, name);
+  const auto values = to_numbers(L, -1);
+  if (!values)
+    throw std::invalid_argument(where + name + ": wants a list of numbers, got " + kind_of(L, -1));
+  lua_pop(L, 1);
+  return *values;
+}
+
+Mark mark_of(const std::string& name, const std::string& where) {
+  if (name.empty() || name == "line") return Mark::line;
+  if (name == "dashed") return Mark::dashed;
+  if (name == "points") return Mark::points;
+  throw std::invalid_argument(where + "mark: wants line, dashed or points, got " + name);
+}
+
+Series series_of(lua_State* L, int index, const std::string& where) {
+  if (!lua_istable(L, index))
+    throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
+  refuse_unknown(L, index, where, {"label", "x", "y", "mark"});
+  Series series{text_field(L, index, "label", where, false), values_field(L, index, "x", where),
+                values_field(L, index, "y", where),
+                mark_of(text_field(L, index, "mark", where, false), where)};
+  if (series.x.size() != series.y.size())
+    throw std::invalid_argument(where + "x has " + std::to_string(series.x.size()) +
+                                " numbers, y has " + std::to_string(series.y.size()));
+  return series;
+}
+
+Axis axis_option(Call& call, const char* name) {
+  call.push_option(name);
+  const Axis axis = axis_of(call.L, lua_gettop(call.L), name);
+  lua_pop(call.L, 1);
+  return axis;
+}
+
+int plot(Call& call) {
+  Plot plot;
+  plot.title = *call.text_option("title");
+  plot.x = axis_option(call, "x");
+  plot.y = axis_option(call, "y");
+  plot.equal_aspect = call.flag_option("equal_aspect");
+  plot.note = call.text_option("note").value_or("");
+  call.push_option("series");
+  const int list = lua_gettop(call.L);
+  for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(call.L, list)); ++i) {
+    lua_rawgeti(call.L, list, i);
+    plot.series.push_back(
+        series_of(call.L, lua_gettop(call.L), "series " + std::to_string(i) + ": "));
+    lua_pop(call.L, 1);
+  }
+  session_of(call.L).recorder.plot(plot);
+  return 0;
+}
+
+/// One row of a table: texts as they are, numbers as Lua shows them.
+std::vector<std::string> cells_of(lua_State* L, int index, const std::string& where) {
+  if (!lua_istable(L, index))
+    throw std::invalid_argument(where + ": wants a list of texts, got " + kind_of(L, index));
+  std::vector<std::string> cells;
+  for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, index)); ++i) {
+    lua_rawgeti(L, index, i);
+    cells.push_back(plain_text(L, lua_gettop(L)));
+    lua_pop(L, 1);
+  }
+  return cells;
+}
+
+int table(Call& call) {
+  Table table;
+  table.title = *call.text_option("title");
+  call.push_option("header");
+  table.header = cells_of(call.L, lua_gettop(call.L), "header");
+  call.push_option("rows");
+  const int rows = lua_gettop(call.L);
+  for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(call.L, rows)); ++i) {
+    lua_rawgeti(call.L, rows, i);
+    table.rows.push_back(cells_of(call.L, lua_gettop(call.L), "row " + std::to_string(i)));
+    if (table.rows.back().size() != table.header.size())
+      throw std::invalid_argument("row " + std::to_string(i) + ": has " +
+                                  std::to_string(table.rows.back().size()) +
+                                  " cells, the header has " + std::to_string(table.header.size()));
+    lua_pop(call.L, 1);
+  }
+  session_of(call.L).recorder.table(table);
+  return 0;
+}
+
+int drawing(Call& call) {
+  session_of(call.L).recorder.drawing(call.text(0), call.text(1));
+  return 0;
+}
+
+int picture(Call& call) {
+  session_of(call.L).recorder.picture(call.text(0), call.has(2) ? call.text(2) : "",
+                                      call.handle<Image>(1).pixels);
+  return 0;
+}
+
+/// A number as people read it, for notes and tables.
+int show(Call& call) {
+  const int digits = call.has(2) ? static_cast<int>(call.number(2)) : 3;
+  return call.result(format_quantity(
+      call.number(0), known_unit(call.has(1) ? call.text(1) : "").dimension, digits));
+}
+
+Argument plot_options() {
+  const auto field = [](const char* name, Type type, const char* help, bool optional = false) {
+    return Argument{.name = name, .type = type, .optional = optional, .help = help};
+  };
+  return {
+      .name = "options",
+      .type = Type::options,
+      .options = {
+          field("title", Type::text, ""), field("x", Type::table, "{\"time\", \"s\"}"),
+          field("y", Type::table, "{\"error\", \"um\"}"),
+          field(
+              "series", Type::list,
+              "{{label =, x = {...}, y = {...}, mark = \"line\", \"dashed\" or \"points\"}, ...}"),
+          field("equal_aspect", Type::flag, "a millimeter is as long in both directions", true),
+          field("note", Type::text, "one line below", true)}};
+}
+
+}  // namespace
+
+std::vector<Binding> run_result_rows() {
+  const auto text = [](const char* name, bool optional = false, const char* help = "") {
+    return Argument{.name = name, .type = Type::text, .optional = optional, .help = help};
+  };
+  const auto table_of = [](const char* name, Type type, const char* help) {
+    return Argument{.name = name, .type = type, .help = help};
+  };
+  const Argument title = text("title");
+  return {
+      {"figure",
+       {text("name"), {.name = "value", .type = Type::number, .help = "SI"}, text("unit", true)},
+       "",
+       "states a key result",
+       figure},
+      {"plot", {plot_options()}, "", "puts a plot into the report; values in SI", plot},
+      {"drawing",
+       {title, text("svg", false, "a whole SVG document")},
+       "",
+       "puts a drawing into the report, such as optical_system:layout makes",
+       drawing},
+      {"picture",
+       {text("name"),
+        {.name = "image", .type = Type::handle, .handle = "image"},
+        text("caption", true)},
+       "",
+       "puts an image into the report",
+       picture},
+      image_plot_row(),
+      {"table",
+       {{.name = "options",
+         .type = Type::options,
+         .options = {title, table_of("header", Type::list, "texts"),
+                     table_of("rows", Type::list, "lists of texts")}}},
+       "",
+       "puts a table into the report",
+       table},
+      {"show",
+       {{.name = "value", .type = Type::number, .help = "SI"},
+        text("unit", true),
+        {.name = "digits", .type = Type::integer, .optional = true, .min = 1, .max = 17}},
+       "string",
+       "a number in the unit that people would choose",
+       show}};
+}
+
+}  // namespace vitreo::lua

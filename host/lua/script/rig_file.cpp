@@ -1,0 +1,213 @@
+// Rig files: constants in Lua's clothes, turned into plain data.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/config/config_base.h"
+#include "host/config/config_lines.h"
+#include "host/lua/interpreter/errors.h"
+#include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/script/reading.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+namespace vitreo::lua {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMaxDepth = 16;
+
+class Converter {
+ public:
+  Converter(lua_State* state, const RigDescription& rig) : L(state), rig_(rig) {}
+
+  ConfigTable table(int index, const std::string& path, int depth) {
+    if (depth > kMaxDepth) fail(path, "holds tables in tables without end");
+    ConfigTable result;
+    push_sorted_keys(L, index);
+    const int keys = lua_gettop(L);
+    for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, keys)); ++i) {
+      lua_rawgeti(L, keys, i);
+      if (lua_type(L, -1) != LUA_TSTRING)
+        fail(path, "mixes a list with named values, or has a list with gaps");
+      const std::string key = lua_tostring(L, -1);
+      lua_rawget(L, index);
+      result[key] = value(lua_gettop(L), path.empty() ? key : path + "." + key, depth);
+      lua_pop(L, 1);
+    }
+    lua_settop(L, keys - 1);
+    return result;
+  }
+
+ private:
+  ConfigValue value(int index, const std::string& path, int depth) {
+    luaL_checkstack(L, 20, "too deep");
+    switch (lua_type(L, index)) {
+      case LUA_TBOOLEAN:
+        return {static_cast<bool>(lua_toboolean(L, index))};
+      case LUA_TNUMBER:
+        if (!std::isfinite(lua_tonumber(L, index))) fail(path, "is not a finite number");
+        return {static_cast<double>(lua_tonumber(L, index))};
+      case LUA_TSTRING:
+        return {std::string(lua_tostring(L, index))};
+      case LUA_TTABLE:
+        if (lua_rawlen(L, index) > 0) return {list(index, path, depth + 1)};
+        return {table(index, path, depth + 1)};
+      default:
+        fail(path, "is " + kind_of(L, index) +
+                       ": a rig file holds numbers, strings, true, false and tables");
+    }
+  }
+
+  ConfigList list(int index, const std::string& path, int depth) {
+    if (depth > kMaxDepth) fail(path, "holds tables in tables without end");
+    const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
+    push_sorted_keys(L, index);
+    const bool only_list = static_cast<lua_Integer>(lua_rawlen(L, -1)) == count;
+    lua_pop(L, 1);
+    if (!only_list) fail(path, "mixes a list with named values, or has a list with gaps");
+    ConfigList result;
+    for (lua_Integer i = 1; i <= count; ++i) {
+      if (lua_rawgeti(L, index, i) == LUA_TNIL) fail(path, "has a list with gaps");
+      result.push_back(value(lua_gettop(L), path + "." + std::to_string(i), depth));
+      lua_pop(L, 1);
+    }
+    return result;
+  }
+
+  [[noreturn]] void fail(const std::string& path, const std::string& problem) const {
+    const int line = path.empty() ? 0 : find_line(rig_.text, path);
+    throw ScriptError(rig_.file + ":" + (line > 0 ? std::to_string(line) + ":" : "") + " " +
+                      (path.empty() ? "the rig" : path) + " " + problem);
+  }
+
+  lua_State* const L;
+  const RigDescription& rig_;
+};
+
+/// units, math without random numbers, and `require "units"`: nothing else.
+void push_constants_only(lua_State* L) {
+  lua_newtable(L);
+  push_units(L);
+  lua_setfield(L, -2, "units");
+  lua_getglobal(L, LUA_MATHLIBNAME);
+  for (const char* name : {"random", "randomseed"}) {
+    lua_pushnil(L);
+    lua_setfield(L, -2, name);
+  }
+  lua_setfield(L, -2, LUA_MATHLIBNAME);
+  lua_getglobal(L, "require");
+  lua_setfield(L, -2, "require");
+  lua_pushglobaltable(L);
+  lua_getmetatable(L, -1);  // reading what is not there is an error with a suggestion
+  lua_setmetatable(L, -3);
+  lua_pop(L, 1);
+}
+
+RigDescription read_alone(const Library& library, const RigSource& source) {
+  RigDescription rig;
+  rig.file = source.file, rig.text = source.text;
+  const std::string& file = rig.file;
+  State state(library, nullptr, {});  // no folders: require gives the units only
+  lua_State* const L = state.main();
+  try {
+    in_lua(L, 0, [&] {
+      load_text(L, rig.text, file);
+      push_constants_only(L);
+      lua_setupvalue(L, -2, 1);
+      arm_reading_limit(L);
+      lua_call(L, 0, 1);
+      lua_sethook(L, nullptr, 0, 0);
+      if (!lua_istable(L, -1))
+        throw ScriptError(file + ": a rig file returns a table, this one returns " +
+                          kind_of(L, -1));
+      rig.table = Converter(L, rig).table(lua_gettop(L), "", 0);
+      lua_settop(L, 0);
+    });
+  } catch (const Stopped&) {
+    throw ScriptError(file + ": takes too long to read: a rig file holds constants");
+  }
+  return rig;
+}
+
+[[noreturn]] void refuse_base(const RigDescription& rig, const std::string& problem) {
+  const int line = find_line(rig.text, "base");
+  throw ScriptError(rig.file + ":" + (line > 0 ? std::to_string(line) + ":" : "") + " base " +
+                    problem);
+}
+
+/// The names of the rigs that lie in a folder.
+void add_names(const fs::path& folder, std::vector<std::string>& names) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (entry.path().extension() == ".lua") names.push_back(entry.path().stem().string());
+}
+
+/// A name is looked for beside the file first, then among the program's own rigs; what ends in .lua
+/// is a file's path, from where this one stands.
+std::string find_base(const RigDescription& rig, const std::string& name,
+                      const std::vector<std::string>& folders) {
+  const fs::path beside = fs::path(rig.file).parent_path();
+  if (name.ends_with(".lua")) {
+    if (fs::is_regular_file(beside / name)) return (beside / name).lexically_normal().string();
+    refuse_base(rig,
+                "names a file that is not there: " + (beside / name).lexically_normal().string());
+  }
+  std::vector<fs::path> places{beside};
+  for (const std::string& folder : folders) places.push_back(fs::path(folder) / "rigs");
+  std::vector<std::string> names;
+  for (const fs::path& place : places) {
+    const fs::path found = (place / (name + ".lua")).lexically_normal();
+    std::error_code error;
+    if (fs::is_regular_file(found, error) && !fs::equivalent(found, rig.file, error))
+      return found.string();
+    add_names(place, names);
+  }
+  const std::string near = nearest(name, names);
+  refuse_base(rig, "names a rig that is neither beside this file nor among the program's own: " +
+                       name + (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+/// `chain`: the files on the way here, which must not come again.
+RigDescription read_with_bases(const Library& library, const std::string& file,
+                               const std::vector<std::string>& folders,
+                               std::vector<std::string>& chain) {
+  RigDescription rig = read_alone(library, {file, read_text_file(file)});
+  const auto base = rig.table.find("base");
+  if (base == rig.table.end()) return rig;
+  const auto* const name = std::get_if<std::string>(&base->second.value);
+  if (name == nullptr || name->empty())
+    refuse_base(rig, "wants a rig's name, such as \"simulated\", or a file's");
+  chain.push_back(fs::weakly_canonical(file).string());
+  const std::string below = find_base(rig, *name, folders);
+  if (std::find(chain.begin(), chain.end(), fs::weakly_canonical(below).string()) != chain.end())
+    refuse_base(rig, "goes in a circle: " + below + " builds on this file itself");
+  RigDescription under = read_with_bases(library, below, folders, chain);
+  rig.table.erase("base");
+  build_on(rig, std::move(under));
+  return rig;
+}
+
+}  // namespace
+
+RigDescription read_rig_file(const Library& library, const std::string& file,
+                             const std::vector<std::string>& folders) {
+  std::vector<std::string> chain;
+  return read_with_bases(library, file, folders, chain);
+}
+
+RigDescription read_recorded_rig(const Library& library, const RigSource& rig,
+                                 const std::vector<RigSource>& bases) {
+  RigDescription whole = read_alone(library, bases.empty() ? rig : bases.back());
+  whole.table.erase("base");
+  for (std::size_t i = bases.size(); i-- > 0;) {
+    RigDescription nearer = read_alone(library, i > 0 ? bases[i - 1] : rig);
+    nearer.table.erase("base");
+    build_on(nearer, std::move(whole));
+    whole = std::move(nearer);
+  }
+  return whole;
+}
+
+}  // namespace vitreo::lua

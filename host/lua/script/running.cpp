@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/script/running.h"
+
+#include "host/config/config.h"
+#include "host/lua/interpreter/errors.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/rig/bind_rig.h"
+
+#include <cmath>
+#include <pthread.h>
+
+namespace vitreo::lua {
+namespace {
+
+void push_argument(lua_State* L, const ArgumentValue& value, bool integer) {
+  if (const bool* flag = std::get_if<bool>(&value))
+    lua_pushboolean(L, *flag);
+  else if (const double* number = std::get_if<double>(&value))
+    integer ? lua_pushinteger(L, static_cast<lua_Integer>(*number)) : lua_pushnumber(L, *number);
+  else
+    lua_pushstring(L, std::get<std::string>(value).c_str());
+}
+
+int unknown_parameter(lua_State* L) {
+  return guarded(L, "", [L]() -> int {
+    const std::string word = plain_text(L, 2), near = nearest(word, text_keys(L, 1));
+    throw std::invalid_argument("the protocol has no parameter " + word +
+                                (near.empty() ? "" : "; did you mean " + near + "?"));
+  });
+}
+
+}  // namespace
+
+void push_parameters(lua_State* L, const ProtocolDescription& protocol,
+                     const std::map<std::string, ArgumentValue>& arguments) {
+  lua_newtable(L);
+  for (const Parameter& parameter : protocol.parameters) {
+    const auto given = arguments.find(parameter.name);
+    push_argument(L, given == arguments.end() ? parameter.fallback : given->second,
+                  parameter.kind == ParameterKind::integer);
+    lua_setfield(L, -2, parameter.name.c_str());
+  }
+  lua_createtable(L, 0, 1);
+  lua_pushcfunction(L, unknown_parameter);
+  lua_setfield(L, -2, "__index");
+  lua_setmetatable(L, -2);
+}
+
+ScriptRun::ScriptRun(const Library& library, Running& running, Session& session,
+                     const std::vector<std::string>& folders)
+    : running_(running), state_(library, &session, folders), scheduler_(state_.context()) {
+  context().scheduler = &scheduler_;
+  context().print = [&session](const std::string& line) { session.listener.message(line); };
+  running_.thread = static_cast<unsigned long>(pthread_self());
+  running_.context = &context();
+}
+
+ScriptRun::~ScriptRun() { running_.context = nullptr; }
+
+void ScriptRun::clean_up(std::size_t keep_deferred, std::size_t keep_closers) {
+  std::exception_ptr first;
+  const auto attempt = [&first](const std::function<void()>& step) {
+    try {
+      step();
+    } catch (const std::exception&) {
+      if (!first) first = std::current_exception();
+    }
+  };
+  context().laps.clear();
+  auto& deferred = context().deferred;
+  Session& session = *context().session;
+  if (session.control.tier() == StopTier::emergency && deferred.size() > keep_deferred) {
+    session.recorder.event(session.clock.now(), "error",
+                           "emergency stop: " + std::to_string(deferred.size() - keep_deferred) +
+                               " deferred function(s) of the script were not called");
+    deferred.resize(keep_deferred);
+  }
+  while (deferred.size() > keep_deferred) {
+    const int reference = deferred.back();
+    deferred.pop_back();
+    lua_rawgeti(main(), LUA_REGISTRYINDEX, reference);
+    luaL_unref(main(), LUA_REGISTRYINDEX, reference);
+    attempt([this] { lua_pop(main(), scheduler_.run(0)); });
+  }
+  for (auto& closers = context().closers; closers.size() > keep_closers;) {
+    const auto close = std::move(closers.back());
+    closers.pop_back();
+    attempt(close);
+  }
+  if (first) std::rethrow_exception(first);
+}
+
+void run_protocol(ScriptRun& script, const ProtocolDescription& protocol,
+                  const std::map<std::string, ArgumentValue>& arguments) {
+  lua_State* const L = script.main();
+  in_lua(L, 0, [&] { load_text(L, protocol.text, protocol.file); });
+  if (script.scheduler().run(0) < 1 || !lua_istable(L, -1))
+    throw ScriptError(protocol.file + ": a protocol returns a table");
+  in_lua(L, 1, [&] {
+    lua_getfield(L, -1, "run");
+    push_rig(L, script.context().session->rig);
+    push_parameters(L, protocol, arguments);
+    push_run(L);
+    lua_remove(L, 1);
+  });
+  script.scheduler().run(3);
+  lua_settop(L, 0);
+}
+
+}  // namespace vitreo::lua

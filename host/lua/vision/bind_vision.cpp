@@ -1,0 +1,199 @@
+// vision: the module's table, and what its bindings share.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/vision/bind_vision.h"
+
+#include "host/config/config.h"
+#include "host/lua/interpreter/errors.h"
+#include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/tables.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/vision/classes.h"
+
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+double field(lua_State* L, int index, const char* key, const std::string& name) {
+  lua_getfield(L, index, key);
+  if (lua_type(L, -1) != LUA_TNUMBER || !std::isfinite(lua_tonumber(L, -1)))
+    throw std::invalid_argument(name + ": " + key + ": wants a number, got " + kind_of(L, -1));
+  const double value = lua_tonumber(L, -1);
+  lua_pop(L, 1);
+  return value;
+}
+
+const char kImageBytes = 0;
+
+template <class Read>
+void each_of_list(const Call& call, const char* option, Read read) {
+  call.push_option(option);
+  const int list = lua_gettop(call.L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
+  if (count == 0) throw std::invalid_argument(std::string(option) + ": is empty");
+  for (lua_Integer i = 1; i <= count; ++i) {
+    lua_rawgeti(call.L, list, i);
+    read(lua_gettop(call.L), std::string(option) + ": entry " + std::to_string(i));
+    lua_settop(call.L, list);
+  }
+  lua_pop(call.L, 1);
+}
+
+/// What the handle of that class at `index` holds.
+template <class T>
+const T& object_at(lua_State* L, int index, const Class& kind, const std::string& where) {
+  if (handle_class(L, index) != &kind)
+    throw std::invalid_argument(where + ": wants " +
+                                wanted({.type = Type::handle, .handle = kind.name}) + ", got " +
+                                kind_of(L, index));
+  return *static_cast<T*>(handle_object(L, index));
+}
+
+const Image& image_at(lua_State* L, int index, const std::string& where) {
+  return object_at<Image>(L, index, image_class(), where);
+}
+
+}  // namespace
+
+void push_image(lua_State* L, const cv::Mat& pixels) {
+  constexpr std::size_t kMost = std::size_t{512} << 20U, kCollectEvery = std::size_t{64} << 20U;
+  struct Counter {
+    std::size_t living = 0, since_collection = 0;
+  };
+  if (pixels.empty()) throw std::invalid_argument("the image is empty");
+  if (lua_rawgetp(L, LUA_REGISTRYINDEX, &kImageBytes) != LUA_TUSERDATA) {
+    lua_pop(L, 1);
+    new (lua_newuserdatauv(L, sizeof(std::shared_ptr<Counter>), 0))
+        std::shared_ptr<Counter>(std::make_shared<Counter>());
+    lua_createtable(L, 0, 1);
+    lua_pushcfunction(L, [](lua_State* state) {
+      static_cast<std::shared_ptr<Counter>*>(lua_touserdata(state, 1))->~shared_ptr();
+      return 0;
+    });
+    lua_setfield(L, -2, "__gc");
+    lua_setmetatable(L, -2);
+    lua_pushvalue(L, -1);
+    lua_rawsetp(L, LUA_REGISTRYINDEX, &kImageBytes);
+  }
+  const std::shared_ptr<Counter> counter =
+      *static_cast<std::shared_ptr<Counter>*>(lua_touserdata(L, -1));
+  lua_pop(L, 1);
+  const std::size_t bytes = pixels.total() * pixels.elemSize();
+  counter->since_collection += bytes;
+  if (counter->since_collection > kCollectEvery || counter->living + bytes > kMost) {
+    lua_gc(L, LUA_GCCOLLECT);
+    counter->since_collection = 0;
+  }
+  if (counter->living + bytes > kMost)
+    throw std::runtime_error("the script holds more than 512 MB of images");
+  counter->living += bytes;
+  push_handle(L, image_class(),
+              std::shared_ptr<Image>(new Image{pixels}, [counter, bytes](Image* image) {
+                counter->living -= bytes;
+                delete image;
+              }));
+}
+
+void push_ellipse(lua_State* L, const vision::Ellipse& e) {
+  push_fields(L, {{"x_px", e.center_px.x()},
+                  {"y_px", e.center_px.y()},
+                  {"major_px", 2 * e.semi_major_px},
+                  {"minor_px", 2 * e.semi_minor_px},
+                  {"angle", e.angle}});
+}
+
+vision::Ellipse ellipse_at(lua_State* L, int index, const std::string& name) {
+  vision::Ellipse e;
+  e.center_px = {field(L, index, "x_px", name), field(L, index, "y_px", name)};
+  e.semi_major_px = field(L, index, "major_px", name) / 2;
+  e.semi_minor_px = field(L, index, "minor_px", name) / 2;
+  e.angle = field(L, index, "angle", name);
+  if (!(e.semi_minor_px > 0) || e.semi_major_px < e.semi_minor_px)
+    throw std::invalid_argument(name + ": its axes are not those of an ellipse");
+  return e;
+}
+
+void push_track(lua_State* L, const vision::Track& track) {
+  lua_newtable(L);
+  if (track.measured) {
+    lua_pop(L, 1);
+    push_ellipse(L, track.measured->ellipse);
+    // Of the full axes, as the numbers beside it: twice the semi-axes' errors.
+    const Eigen::Matrix<double, 5, 1> full =
+        (Eigen::Matrix<double, 5, 1>() << 1, 1, 2, 2, 1).finished();
+    const Eigen::Matrix<double, 5, 5> covariance =
+        full.asDiagonal() * track.measured->covariance * full.asDiagonal();
+    push_numbers(L, {covariance.data(), covariance.data() + covariance.size()});
+    lua_setfield(L, -2, "covariance");
+    set_fields(L, {{"inliers", track.measured->inlier_fraction}, {"support", track.support}});
+  }
+  lua_pushstring(L, name_of(track.state).c_str());
+  lua_setfield(L, -2, "state");
+  if (track.expected) {
+    push_ellipse(L, *track.expected);
+    lua_setfield(L, -2, "expected");
+  }
+}
+
+Argument labeled_argument() {
+  return {.name = "images",
+          .type = Type::list,
+          .help = "{{image = image, mask = image}, ...}, as vision.training gives"};
+}
+
+std::vector<vision::LabeledImage> labeled_option(const Call& call) {
+  std::vector<vision::LabeledImage> images;
+  each_of_list(call, "images", [&](int index, const std::string& where) {
+    if (!lua_istable(call.L, index))
+      throw std::invalid_argument(where + ": wants {image = , mask = }, got " +
+                                  kind_of(call.L, index));
+    lua_getfield(call.L, index, "image");
+    lua_getfield(call.L, index, "mask");
+    images.push_back({image_at(call.L, index + 1, where + ": image").pixels,
+                      image_at(call.L, index + 2, where + ": mask").pixels});
+  });
+  return images;
+}
+
+std::vector<cv::Mat> images_option(const Call& call) {
+  std::vector<cv::Mat> images;
+  each_of_list(call, "images", [&](int index, const std::string& where) {
+    images.push_back(image_at(call.L, index, where).pixels);
+  });
+  return images;
+}
+
+std::vector<const TrainedModel*> models_option(const Call& call) {
+  std::vector<const TrainedModel*> models;
+  each_of_list(call, "models", [&](int index, const std::string& where) {
+    models.push_back(&object_at<TrainedModel>(call.L, index, color_model_class(), where));
+  });
+  return models;
+}
+
+Argument flag_option_row(const char* name, const char* help) {
+  return {.name = name, .type = Type::flag, .optional = true, .help = help};
+}
+
+Argument number_option_row(const char* name, double min, double max, const char* help, Type type) {
+  return {.name = name, .type = type, .optional = true, .min = min, .max = max, .help = help};
+}
+
+Argument handle_row(const char* name, const char* kind, const char* help, bool optional) {
+  return {.name = name, .type = Type::handle, .optional = optional, .help = help, .handle = kind};
+}
+
+const std::vector<Binding>& vision_functions() {
+  static const std::vector<Binding> functions = [] {
+    std::vector<Binding> all;
+    for (auto rows : {vision_image_rows(), vision_model_rows(), vision_tracker_rows(),
+                      vision_background_rows(), vision_focus_rows(), vision_mosaic_rows()})
+      for (Binding& row : rows) all.push_back(std::move(row));
+    return all;
+  }();
+  return functions;
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,313 @@
+// vision: images and videos as opaque values, from files, from cameras, into the run's folder and
+// report.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/image_files.h"
+#include "host/files/video_file.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/readable.h"
+#include "host/lua/interpreter/tables.h"
+#include "host/lua/interpreter/values.h"
+#include "host/lua/vision/bind_vision.h"
+#include "host/lua/vision/classes.h"
+#include "vision/draw.h"
+
+#include <opencv2/imgproc.hpp>
+
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::lua {
+namespace {
+
+const cv::Mat& pixels_of(const Call& call) { return call.self<Image>().pixels; }
+
+int load_image(Call& call) {
+  push_image(call.L, read_color_image(readable(call.context(), call.text(0))));
+  return 1;
+}
+
+int load_mask(Call& call) {
+  push_image(call.L, read_mask(readable(call.context(), call.text(0))));
+  return 1;
+}
+
+int list_images(Call& call) {
+  lua_newtable(call.L);
+  lua_Integer count = 0;
+  for (const auto& file : image_files(readable(call.context(), call.text(0)))) {
+    lua_createtable(call.L, 0, 3);
+    lua_pushstring(call.L, file.string().c_str());
+    lua_setfield(call.L, -2, "path");
+    lua_pushstring(call.L, file.filename().string().c_str());
+    lua_setfield(call.L, -2, "name");
+    if (const auto number = number_in(file)) {
+      lua_pushinteger(call.L, *number);
+      lua_setfield(call.L, -2, "number");
+    }
+    lua_rawseti(call.L, -2, ++count);
+  }
+  return 1;
+}
+
+int training(Call& call) {
+  lua_newtable(call.L);
+  lua_Integer count = 0;
+  for (const LabeledFiles& pair : labeled_files(readable(call.context(), call.text(0)))) {
+    lua_createtable(call.L, 0, 3);
+    push_image(call.L, read_color_image(pair.image));
+    lua_setfield(call.L, -2, "image");
+    push_image(call.L, read_mask(pair.mask));
+    lua_setfield(call.L, -2, "mask");
+    lua_pushstring(call.L, pair.name.c_str());
+    lua_setfield(call.L, -2, "name");
+    lua_rawseti(call.L, -2, ++count);
+  }
+  return 1;
+}
+
+int open_video(Call& call) {
+  push_handle(call.L, video_class(),
+              std::make_shared<VideoFile>(readable(call.context(), call.text(0))));
+  return 1;
+}
+
+int video_read(Call& call) {
+  const cv::Mat frame = call.self<VideoFile>().read();
+  if (frame.empty()) return 0;
+  push_image(call.L, frame);
+  return 1;
+}
+
+int video_count(Call& call) { return call.result(call.self<VideoFile>().count()); }
+
+int video_close(Call& call) {
+  close_handle(call);
+  return 0;
+}
+
+int size(Call& call) {
+  lua_pushinteger(call.L, pixels_of(call).cols);
+  lua_pushinteger(call.L, pixels_of(call).rows);
+  return 2;
+}
+
+int channels(Call& call) { return call.result(pixels_of(call).channels()); }
+
+int pixel(Call& call) {
+  const cv::Mat& image = pixels_of(call);
+  const double u = call.number(0), v = call.number(1);
+  if (u >= image.cols || v >= image.rows)
+    throw std::invalid_argument("the pixel lies outside of the image, which is " +
+                                std::to_string(image.cols) + " x " + std::to_string(image.rows));
+  const cv::Point at(static_cast<int>(u), static_cast<int>(v));
+  if (image.channels() == 1) return call.result(image.at<unsigned char>(at));
+  const auto& bgr = image.at<cv::Vec3b>(at);
+  for (const int channel : {2, 1, 0}) lua_pushinteger(call.L, bgr[channel]);
+  return 3;
+}
+
+int mean(Call& call) {
+  const cv::Scalar mean = cv::mean(pixels_of(call));
+  if (pixels_of(call).channels() == 1) return call.result(mean[0]);
+  for (const int channel : {2, 1, 0}) lua_pushnumber(call.L, mean[channel]);
+  return 3;
+}
+
+int gray(Call& call) {
+  cv::Mat made = pixels_of(call);
+  if (made.channels() == 3) cv::cvtColor(pixels_of(call), made, cv::COLOR_BGR2GRAY);
+  push_image(call.L, made);
+  return 1;
+}
+
+int crop(Call& call) {
+  const auto whole = [&](const char* name) { return static_cast<int>(*call.number_option(name)); };
+  const cv::Rect asked(whole("x"), whole("y"), whole("width"), whole("height"));
+  const cv::Rect all(0, 0, pixels_of(call).cols, pixels_of(call).rows);
+  if ((asked & all) != asked)
+    throw std::invalid_argument("sticks out of the image, which is " + std::to_string(all.width) +
+                                " x " + std::to_string(all.height));
+  push_image(call.L, pixels_of(call)(asked).clone());
+  return 1;
+}
+
+int save(Call& call) {
+  const std::string name = call.text(0);
+  if (!name.ends_with(".png"))
+    throw std::invalid_argument("name: wants to end in .png, got " + name);
+  const auto file = writable(call.context(), name);
+  write_png(file, pixels_of(call));
+  return call.result(file.string());
+}
+
+std::optional<vision::Ellipse> ellipse_option(const Call& call, const char* name) {
+  std::optional<vision::Ellipse> ellipse;
+  if (call.push_option(name)) {
+    const int table = lua_gettop(call.L);
+    lua_getfield(call.L, table, "x_px");  // a track that was not measured has no place
+    if (!lua_isnil(call.L, -1)) ellipse = ellipse_at(call.L, table, name);
+    lua_settop(call.L, table);
+  }
+  lua_pop(call.L, 1);
+  return ellipse;
+}
+
+std::optional<Eigen::Matrix2d> covariance_of_track(const Call& call) {
+  std::optional<Eigen::Matrix2d> made;
+  if (call.push_option("track")) {
+    lua_getfield(call.L, -1, "covariance");
+    if (const auto numbers = to_numbers(call.L, -1); numbers && numbers->size() == 25)
+      made = (Eigen::Matrix2d() << (*numbers)[0], (*numbers)[1], (*numbers)[5], (*numbers)[6])
+                 .finished();
+    lua_pop(call.L, 1);
+  }
+  lua_pop(call.L, 1);
+  return made;
+}
+
+std::vector<Eigen::Vector2d> trail_option(const Call& call) {
+  std::vector<Eigen::Vector2d> trail;
+  if (call.push_option("trail")) {
+    const int list = lua_gettop(call.L);
+    for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(call.L, list)); ++i) {
+      lua_rawgeti(call.L, list, i);
+      const auto point = to_numbers(call.L, -1);
+      if (!point || point->size() != 2)
+        throw std::invalid_argument("trail: entry " + std::to_string(i) + ": wants {x, y} in px");
+      trail.emplace_back((*point)[0], (*point)[1]);
+      lua_settop(call.L, list);
+    }
+  }
+  lua_pop(call.L, 1);
+  return trail;
+}
+
+int overlay(Call& call) {
+  vision::Overlay what;
+  what.tracked = ellipse_option(call, "track");
+  what.covariance_px2 = covariance_of_track(call);
+  what.expected = ellipse_option(call, "expected");
+  what.trail_px = trail_option(call);
+  what.caption = call.text_option("caption").value_or("");
+  push_image(call.L, vision::draw_overlay(pixels_of(call), what));
+  return 1;
+}
+
+/// White where an ellipse is: what somebody who outlines the object by hand would paint.
+int ellipse_mask(Call& call) {
+  const vision::Ellipse e = ellipse_at(call.L, call.index(0), "ellipse");
+  cv::Mat mask = cv::Mat::zeros(pixels_of(call).size(), CV_8U);
+  constexpr int kBits = 8;
+  constexpr double kOne = 1 << kBits;
+  const auto fixed = [](double px) { return static_cast<int>(std::lround(px * kOne)); };
+  cv::ellipse(mask, cv::Point(fixed(e.center_px.x()), fixed(e.center_px.y())),
+              cv::Size(fixed(e.semi_major_px), fixed(e.semi_minor_px)), e.angle * 180 / M_PI, 0,
+              360, cv::Scalar(255), cv::FILLED, cv::LINE_8, kBits);
+  push_image(call.L, mask);
+  return 1;
+}
+
+}  // namespace
+
+std::vector<Binding> vision_image_rows() {
+  const auto path = [](const char* help) {
+    return Argument{.name = "path", .type = Type::text, .help = help};
+  };
+  return {{"vision.load_image",
+           {path("PNG, JPEG, TIFF or BMP")},
+           "image",
+           "reads an image, as 8-bit color",
+           load_image},
+          {"vision.load_mask",
+           {path("of an image that is 0 off the object")},
+           "image",
+           "reads a mask",
+           load_mask},
+          {"vision.images",
+           {path("of a folder")},
+           "list of {path, name, number}",
+           "the images in a folder without the masks, frame_2 before frame_10; number: the last in "
+           "the name",
+           list_images},
+          {"vision.training",
+           {path("of a folder")},
+           "list of {image, mask, name}",
+           "reads every NAME.png that has a NAME_mask.png",
+           training},
+          {"vision.video",
+           {path("of a video")},
+           "video",
+           "opens a video to be read frame by frame",
+           open_video}};
+}
+
+const Class& image_class() {
+  const auto whole = [](const char* name, double min) {
+    return Argument{.name = name, .type = Type::integer, .min = min, .max = 1e6};
+  };
+  static const Class kind{
+      "image",
+      "a picture, 8-bit gray or color; the first pixel's center is at (0, 0), u right, v down",
+      {{"size", {}, "width, height", "in pixels", size},
+       {"channels", {}, "number", "1: gray, 3: color", channels},
+       {"pixel", {whole("u", 0), whole("v", 0)}, "gray, or red, green, blue", "0 to 255", pixel},
+       {"mean", {}, "gray, or red, green, blue", "over the image", mean},
+       {"gray", {}, "image", "the same in gray", gray},
+       {"crop",
+        {{.name = "options",
+          .type = Type::options,
+          .options = {whole("x", 0), whole("y", 0), whole("width", 1), whole("height", 1)}}},
+        "image",
+        "a part of it",
+        crop},
+       {"save",
+        {{.name = "name",
+          .type = Type::text,
+          .help = "a new file of the run's folder, such as \"first.png\""}},
+        "path",
+        "keeps it in the run's folder",
+        save},
+       {"ellipse_mask",
+        {{.name = "ellipse",
+          .type = Type::table,
+          .help = "x_px, y_px, full axes major_px, minor_px, angle"}},
+        "image",
+        "a mask of this image's size, to train with: 255 where the ellipse is, else 0",
+        ellipse_mask},
+       {"overlay",
+        {{.name = "options",
+          .type = Type::options,
+          .options =
+              {{.name = "track",
+                .type = Type::table,
+                .optional = true,
+                .help = "as tracker:update gives it"},
+               {.name = "expected",
+                .type = Type::table,
+                .optional = true,
+                .help = "an ellipse, drawn dashed"},
+               {.name = "trail", .type = Type::list, .optional = true, .help = "{{x, y}, ...}, px"},
+               {.name = "caption", .type = Type::text, .optional = true}}}},
+        "image",
+        "in color, with ellipse, axis, covariance (its 95 % ellipse, ten times as large), trail "
+        "and words drawn",
+        overlay}},
+      {}};
+  return kind;
+}
+
+const Class& video_class() {
+  static const Class kind{"video",
+                          "a recorded video; make one with vision.video",
+                          {{"read", {}, "image, or nil at the end", "the next frame", video_read},
+                           {"count",
+                            {},
+                            "number",
+                            "of frames, as the file claims; 0 when it does not say",
+                            video_count},
+                           {"close", {}, "", "closes the file", video_close, true}},
+                          {}};
+  return kind;
+}
+
+}  // namespace vitreo::lua

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/plot/plot.h"
+
+#include "host/plot/plot_layout.h"
+#include "host/plot/plot_style.h"
+#include "host/text/markup.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+constexpr const char* kGrid = "#E7EAED";
+constexpr const char* kZero = "#B4BCC4";
+
+struct TextStyle {
+  double size = 11.5;
+  const char* anchor = "start";
+  const char* color = kInk;
+  const char* extra = "";
+};
+
+std::string text_svg(double x, double y, std::string_view text, const TextStyle& style) {
+  return fmt::format(
+      "<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"{}\" fill=\"{}\"{}>{}</text>",
+      x, y, style.size, style.anchor, style.color, style.extra, escape_markup(text));
+}
+
+std::string line_svg(double x1, double y1, double x2, double y2, const char* color) {
+  return fmt::format(
+      "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\"/>", x1, y1, x2,
+      y2, color);
+}
+
+double crisp(double px) { return std::floor(px) + 0.5; }
+
+std::string grid_svg(const Drawing& drawing) {
+  const Box& box = drawing.box;
+  std::string svg;
+  for (double tick : drawing.x_ticks.at) {
+    const double x = crisp(drawing.px(tick));
+    svg += line_svg(x, box.top, x, box.bottom(), kGrid);
+  }
+  for (double tick : drawing.y_ticks.at) {
+    const double y = crisp(drawing.py(tick));
+    const bool zero = tick == 0 && drawing.y.low < 0 && !drawing.plot.equal_aspect;
+    svg += line_svg(box.left, y, box.right(), y, zero ? kZero : kGrid);
+  }
+  return svg;
+}
+
+std::string axes_svg(const Drawing& drawing) {
+  const Box& box = drawing.box;
+  const double left = crisp(box.left), bottom = crisp(box.bottom());
+  std::string svg = line_svg(left, box.top, left, bottom, kSpine) +
+                    line_svg(left, bottom, box.right(), bottom, kSpine);
+  const TextStyle below{11, "middle", kSoftInk, ""}, beside{11, "end", kSoftInk, ""};
+  for (std::size_t i = 0; i < drawing.x_ticks.at.size(); ++i) {
+    const double x = crisp(drawing.px(drawing.x_ticks.at[i]));
+    svg += line_svg(x, bottom, x, bottom + 4, kSpine) +
+           text_svg(x, bottom + 17, drawing.x_ticks.labels[i], below);
+  }
+  for (std::size_t i = 0; i < drawing.y_ticks.at.size(); ++i) {
+    const double y = crisp(drawing.py(drawing.y_ticks.at[i]));
+    svg += line_svg(left - 4, y, left, y, kSpine) +
+           text_svg(left - 7, y + 4, drawing.y_ticks.labels[i], beside);
+  }
+  return svg;
+}
+
+std::string axis_titles_svg(const Drawing& drawing) {
+  const Box& box = drawing.box;
+  const TextStyle centered{12, "middle", kInk, ""};
+  const std::string x =
+      axis_title(drawing.plot.x.label, drawing.plot.x.unit, drawing.x_ticks.exponent);
+  const std::string y =
+      axis_title(drawing.plot.y.label, drawing.plot.y.unit, drawing.y_ticks.exponent);
+  std::string svg = text_svg(box.left + box.width / 2, box.bottom() + 36,
+                             fitted(x, 12, drawing.width - 20), centered);
+  return svg + fmt::format("<g transform=\"translate(17 {:.1f}) rotate(-90)\">{}</g>",
+                           box.top + box.height / 2,
+                           text_svg(0, 0, fitted(y, 12, drawing.height - 10), centered));
+}
+
+std::string legend_svg(const Drawing& drawing) {
+  const Plot& plot = drawing.plot;
+  double height = 0;
+  std::vector<PlotPoint> places = legend_places(plot, drawing.box.width, &height);
+  const double x0 = drawing.legend_beside ? drawing.box.right() + 18 : drawing.box.left;
+  const double y0 = drawing.legend_beside ? drawing.box.top + 10 : drawing.box.top - height + 4;
+  double row = 0;
+  std::string svg;
+  for (std::size_t i = 0; i < plot.series.size(); ++i) {
+    if (plot.series[i].label.empty()) continue;
+    const PlotPoint place = drawing.legend_beside ? PlotPoint{0, kLegendLine * row++} : places[i];
+    const double room = drawing.width - x0 - place.x - kSwatch - 8;
+    svg += swatch_svg(x0 + place.x, y0 + place.y - 4, kSwatch, drawing.pens[i]);
+    svg += text_svg(x0 + place.x + kSwatch + 6, y0 + place.y,
+                    fitted(plot.series[i].label, 11.5, room), {});
+  }
+  return svg;
+}
+
+std::string data_svg(const Drawing& drawing) {
+  if (drawing.empty) {
+    return text_svg(drawing.box.left + drawing.box.width / 2,
+                    drawing.box.top + drawing.box.height / 2 + 5, "no data",
+                    {14, "middle", kSoftInk, ""});
+  }
+  std::string svg, dashed;  // references lie on top: thin and broken, they hide nothing
+  for (std::size_t i = 0; i < drawing.strokes.size(); ++i) {
+    std::vector<Stroke> pixels = drawing.strokes[i];
+    for (Stroke& stroke : pixels) {
+      for (PlotPoint& point : stroke) point = {drawing.px(point.x), drawing.py(point.y)};
+    }
+    (drawing.pens[i].mark == Mark::dashed ? dashed : svg) += series_svg(pixels, drawing.pens[i]);
+  }
+  return svg + dashed;
+}
+
+}  // namespace
+
+std::string to_svg(const Plot& plot, int width, int height) {
+  const Drawing drawing = lay_out_plot(plot, width, height);
+  // No ids and no style sheet: many plots stand in one page and must not disturb each other.
+  std::string svg = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" "
+      "height=\"{1}\" role=\"img\" "
+      "font-family=\"Helvetica Neue, Helvetica, Arial, Liberation Sans, sans-serif\">"
+      "<title>{2}</title><rect width=\"{0}\" height=\"{1}\" fill=\"#FFFFFF\"/>",
+      drawing.width, drawing.height, escape_markup(plot.title));
+  if (!plot.title.empty()) {
+    svg += text_svg(drawing.box.left, 21,
+                    fitted(plot.title, 13.5, drawing.width - drawing.box.left - 12),
+                    {13.5, "start", kInk, " font-weight=\"600\""});
+  }
+  if (!drawing.empty) svg += grid_svg(drawing) + axes_svg(drawing);
+  if (drawing.empty) {
+    svg += fmt::format(
+        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"#F7F8F9\" stroke=\"{}\"/>",
+        crisp(drawing.box.left), crisp(drawing.box.top), std::floor(drawing.box.width),
+        std::floor(drawing.box.height), kGrid);
+  }
+  svg += axis_titles_svg(drawing) + data_svg(drawing);
+  if (has_legend(plot)) svg += legend_svg(drawing);
+  if (!plot.note.empty()) {
+    svg += text_svg(drawing.box.left, drawing.box.bottom() + 56,
+                    fitted(plot.note, 10.5, drawing.width - drawing.box.left - 8),
+                    {10.5, "start", kSoftInk, ""});
+  }
+  return svg + "</svg>";
+}
+
+}  // namespace vitreo

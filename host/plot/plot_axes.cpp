@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/plot/plot_axes.h"
+
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo {
+
+bool drawable(double value) { return std::fabs(value) < 1e150; }  // false for a NaN too
+
+Range widened(const Range& data) {
+  if (data.empty()) return {0, 1};
+  const double magnitude = std::max(std::fabs(data.low), std::fabs(data.high));
+  const double least = magnitude * 1e-9;  // below that tick labels would all look alike
+  if (data.span() > least) return data;
+  const double half = magnitude > 0 ? magnitude * 0.05 : 1;
+  return {data.low - half, data.high + half};
+}
+
+Range padded(const Range& data, double share, bool reach_zero) {
+  const Range range = widened(data);
+  Range result{range.low - share * range.span(), range.high + share * range.span()};
+  if (reach_zero && range.low >= 0 && range.low < 0.35 * range.high) result.low = 0;
+  if (reach_zero && range.high <= 0 && range.high > 0.35 * range.low) result.high = 0;
+  return result;
+}
+
+double nice_step(double span, double wanted) {
+  const double raw = span / std::max(wanted, 1.0);
+  const double power = std::pow(10.0, std::floor(std::log10(raw)));
+  for (double factor : {1.0, 2.0, 5.0}) {
+    if (factor * power >= raw * (1 - 1e-9)) return factor * power;
+  }
+  return 10 * power;
+}
+
+Range snapped(const Range& range, double step) {
+  const double near = 0.03 * range.span();
+  const double low = std::floor(range.low / step) * step,
+               high = std::ceil(range.high / step) * step;
+  return {range.low - low <= near ? low : range.low, high - range.high <= near ? high : range.high};
+}
+
+Ticks make_ticks(const Range& range, double step) {
+  Ticks ticks;
+  const double magnitude = std::max(std::fabs(range.low), std::fabs(range.high));
+  const double order = std::floor(std::log10(magnitude));
+  if (order >= 5 || order < -2) ticks.exponent = 3 * static_cast<int>(std::floor(order / 3));
+  const double scale = std::pow(10.0, ticks.exponent);
+  const int decimals =
+      std::clamp(-static_cast<int>(std::floor(std::log10(step / scale) + 1e-9)), 0, 12);
+  const double slack = 1e-9 * step;
+  for (double i = std::ceil((range.low - slack) / step); i * step <= range.high + slack; ++i) {
+    const double value = i * step;
+    std::string label = fmt::format("{:.{}f}", std::fabs(value / scale), decimals);
+    if (i < 0) label = "\u2212" + label;
+    ticks.at.push_back(value);
+    ticks.labels.push_back(std::move(label));
+  }
+  return ticks;
+}
+
+std::string axis_title(const std::string& label, const std::string& unit, int exponent) {
+  std::string inside;
+  if (exponent != 0) {
+    constexpr const char* kRaised[] = {"\u2070", "\u00b9", "\u00b2", "\u00b3", "\u2074",
+                                       "\u2075", "\u2076", "\u2077", "\u2078", "\u2079"};
+    inside = exponent < 0 ? "10\u207b" : "10";
+    for (char digit : std::to_string(std::abs(exponent))) inside += kRaised[digit - '0'];
+  }
+  if (!unit.empty()) inside += (inside.empty() ? "" : " ") + print_unit(unit);
+  if (inside.empty()) return label;
+  return label.empty() ? inside : label + " (" + inside + ")";
+}
+
+}  // namespace vitreo

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/plot/plot_layout.h"
+
+#include "host/text/markup.h"
+#include "host/text/units.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+/// An estimate, for layout: the mean advance of Helvetica and its likes.
+double text_width(std::string_view text, double size) {
+  double width = 0;
+  for (char c : text) {
+    if ((static_cast<unsigned char>(c) & 0xC0) == 0x80) continue;
+    const bool narrow = std::string_view("iljtfr.,:;|'()[] ").find(c) != std::string_view::npos;
+    width += narrow ? 0.32 : (c >= 'A' && c <= 'Z') || c == 'm' || c == 'w' ? 0.76 : 0.56;
+  }
+  return width * size;
+}
+
+double factor_of(const Axis& axis) {
+  const auto unit = find_unit(axis.unit);
+  if (!unit)
+    throw std::invalid_argument("axis \"" + axis.label + "\": \"" + axis.unit + "\" is not a unit");
+  return unit->factor;
+}
+
+double legend_width(const Plot& plot) {
+  double width = 0;
+  for (const Series& one : plot.series)
+    width = std::max(width, kSwatch + 8 + text_width(one.label, kLegendText));
+  return width;
+}
+
+/// The ranges as data and taste ask, before the shape of the box has its say.
+void choose_ranges(Drawing& drawing) {
+  Range x, y;
+  for (const auto& strokes : drawing.strokes) {
+    for (const Stroke& stroke : strokes) {
+      for (const PlotPoint& point : stroke) {
+        x.include(point.x);
+        y.include(point.y);
+      }
+    }
+  }
+  drawing.empty = x.empty();
+  if (drawing.plot.equal_aspect) {
+    drawing.x = padded(x, 0.06, false);
+    drawing.y = padded(y, 0.06, false);
+    return;
+  }
+  const auto& series = drawing.plot.series;
+  const bool cloud = std::any_of(series.begin(), series.end(),
+                                 [](const Series& s) { return s.mark == Mark::points; });
+  drawing.x = cloud ? padded(x, 0.03, false) : widened(x);
+  drawing.y = padded(y, 0.05, true);
+}
+
+/// Gives the box the shape of the data; a sliver is widened by showing more of the surroundings.
+void make_equal(Drawing& drawing) {
+  Box& box = drawing.box;
+  const auto widen_to = [](Range& range, double span) {
+    const double middle = (range.low + range.high) / 2;
+    range = {middle - span / 2, middle + span / 2};
+  };
+  const double least = 0.35 * std::max(drawing.x.span() / box.width, drawing.y.span() / box.height);
+  if (drawing.x.span() < least * box.width) widen_to(drawing.x, least * box.width);
+  if (drawing.y.span() < least * box.height) widen_to(drawing.y, least * box.height);
+  const double scale = std::min(box.width / drawing.x.span(), box.height / drawing.y.span());
+  const double spare = box.width - drawing.x.span() * scale;
+  box.width = drawing.x.span() * scale;
+  box.height = drawing.y.span() * scale;
+  drawing.legend_beside = has_legend(drawing.plot) && spare >= legend_width(drawing.plot) + 24;
+}
+
+/// Numbered things: there is nothing half-way between two of them.
+bool counts_along_x(const Drawing& drawing) {
+  if (!drawing.plot.x.unit.empty() || drawing.plot.equal_aspect || drawing.empty) return false;
+  for (const auto& strokes : drawing.strokes)
+    for (const Stroke& stroke : strokes)
+      for (const PlotPoint& point : stroke)
+        if (point.x != std::round(point.x)) return false;
+  return true;
+}
+
+void choose_ticks(Drawing& drawing) {
+  double x_step = nice_step(drawing.x.span(), drawing.box.width / 60);
+  double y_step = nice_step(drawing.y.span(), drawing.box.height / 32);
+  if (drawing.plot
+          .equal_aspect) {  // one step for both, unless that leaves an axis of a sliver bare
+    x_step = nice_step(drawing.x.span(), drawing.box.width / 58);
+    y_step = std::min(x_step, nice_step(drawing.y.span(), 3));
+    x_step = std::min(x_step, nice_step(drawing.x.span(), 3));
+  }
+  if (counts_along_x(drawing)) x_step = std::max(x_step, 1.0);
+  if (!drawing.plot.equal_aspect) drawing.x = snapped(drawing.x, x_step);
+  drawing.x_ticks = make_ticks(drawing.x, x_step);
+  drawing.y_ticks = make_ticks(drawing.y, y_step);
+}
+
+/// Room for tick labels, the axis' title and the note.
+double below_box(const Plot& plot) { return 44 + (plot.note.empty() ? 0 : 18); }
+
+void lay_out(Drawing& drawing, bool legend_on_top) {
+  const Plot& plot = drawing.plot;
+  double labels = 0;
+  for (const std::string& label : drawing.y_ticks.labels)
+    labels = std::max(labels, text_width(label, 11));
+  double legend = 0;
+  const double left = 30 + labels + 6, right = 16;
+  if (legend_on_top) legend_places(plot, drawing.width - left - right, &legend);
+  const double top = 10 + (plot.title.empty() ? 4 : 22) + (legend > 0 ? legend + 6 : 0);
+  drawing.box = {left, top, drawing.width - left - right,
+                 std::max(40.0, drawing.height - top - below_box(plot))};
+}
+
+}  // namespace
+
+bool has_legend(const Plot& plot) {
+  return std::any_of(plot.series.begin(), plot.series.end(),
+                     [](const Series& one) { return !one.label.empty(); });
+}
+
+std::vector<PlotPoint> legend_places(const Plot& plot, double width, double* height) {
+  std::vector<PlotPoint> places;
+  double x = 0, y = 0;
+  for (const Series& one : plot.series) {
+    const double needed =
+        one.label.empty() ? 0 : kSwatch + 8 + text_width(one.label, kLegendText) + 16;
+    if (x > 0 && x + needed > width + 16) {
+      x = 0;
+      y += kLegendLine;
+    }
+    places.push_back({x, y});
+    x += needed;
+  }
+  *height = has_legend(plot) ? y + kLegendLine : 0;
+  return places;
+}
+
+std::string fitted(std::string_view text, double size, double width) {
+  if (text_width(text, size) <= width) return std::string(text);
+  std::size_t count = count_characters(text);
+  while (count > 1 && text_width(first_characters(text, count), size) > width - size) --count;
+  return std::string(first_characters(text, count)) + "\u2026";
+}
+
+Drawing lay_out_plot(const Plot& plot, int width, int height) {
+  Drawing drawing{plot};
+  drawing.width = std::max(width, 200);
+  drawing.height = std::max(height, 140);
+  const double x_factor = factor_of(plot.x), y_factor = factor_of(plot.y);
+  for (const Series& one : plot.series)
+    drawing.strokes.push_back(strokes_of(one, x_factor, y_factor));
+  drawing.pens = pens_for(plot.series);
+  choose_ranges(drawing);
+  // The margin depends on the tick labels and they on the box: the second pass settles it. A
+  // trajectory's legend moves beside it where there is room, which the first pass (without a legend
+  // on top) finds out.
+  const Range x = drawing.x, y = drawing.y;
+  bool on_top = !plot.equal_aspect;
+  for (int pass = 0; pass < 3; ++pass) {
+    drawing.x = x;
+    drawing.y = y;
+    lay_out(drawing, on_top);
+    if (plot.equal_aspect) make_equal(drawing);
+    choose_ticks(drawing);
+    if (plot.equal_aspect) on_top = on_top || !drawing.legend_beside;
+  }
+  drawing.legend_beside = plot.equal_aspect && !on_top;
+  return drawing;
+}
+
+int needed_height(const Plot& plot, int width, int height) {
+  const Drawing drawing = lay_out_plot(plot, width, height);
+  return static_cast<int>(std::ceil(drawing.box.bottom() + below_box(plot)));
+}
+
+}  // namespace vitreo

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/plot/plot_series.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+// Okabe and Ito (2008) in an order of falling contrast on white; gray stands for their yellow,
+// which white swallows.
+constexpr std::array kColors = {"#0072B2", "#D55E00", "#009E73", "#CC79A7",
+                                "#E69F00", "#56B4E9", "#222222", "#999999"};
+constexpr std::array kDashes = {"", "7 3", "2 3", "9 3 2 3"};
+constexpr const char* kReferenceColor = "#4A4F55";
+
+std::string path_data(const Stroke& stroke) {
+  std::string data;
+  for (const PlotPoint& point : stroke) {
+    data += fmt::format("{}{:.1f} {:.1f}", data.empty() ? "M" : "L", point.x, point.y);
+  }
+  return data;
+}
+
+std::string dot(const PlotPoint& point, double radius) {
+  return fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/>", point.x, point.y, radius);
+}
+
+std::string cloud_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
+  Stroke all;
+  for (const Stroke& stroke : pixels) all.insert(all.end(), stroke.begin(), stroke.end());
+  const double radius = all.size() > 300 ? 1.6 : 2.8;
+  std::string svg = fmt::format("<g fill=\"{}\" fill-opacity=\"0.75\">", pen.color);
+  for (const PlotPoint& point : thinned_cloud(all)) svg += dot(point, radius);
+  return svg + "</g>";
+}
+
+}  // namespace
+
+std::vector<Stroke> strokes_of(const Series& series, double x_factor, double y_factor) {
+  if (series.x.size() != series.y.size()) {
+    throw std::invalid_argument(fmt::format("series \"{}\" has {} x values and {} y values",
+                                            series.label, series.x.size(), series.y.size()));
+  }
+  std::vector<Stroke> strokes(1);
+  for (std::size_t i = 0; i < series.x.size(); ++i) {
+    const PlotPoint point{series.x[i] / x_factor, series.y[i] / y_factor};
+    if (drawable(point.x) && drawable(point.y)) {
+      strokes.back().push_back(point);
+    } else if (!strokes.back().empty()) {
+      strokes.emplace_back();
+    }
+  }
+  if (strokes.back().empty()) strokes.pop_back();
+  return strokes;
+}
+
+Stroke thinned(const Stroke& pixels) {
+  Stroke result;
+  for (std::size_t start = 0; start < pixels.size();) {
+    const double column = std::floor(pixels[start].x);
+    std::size_t end = start + 1, low = start, high = start;
+    for (; end < pixels.size() && std::floor(pixels[end].x) == column; ++end) {
+      if (pixels[end].y < pixels[low].y) low = end;
+      if (pixels[end].y > pixels[high].y) high = end;
+    }
+    std::array<std::size_t, 4> kept = {start, std::min(low, high), std::max(low, high), end - 1};
+    for (std::size_t i = 0; i < kept.size(); ++i) {
+      if (i == 0 || kept[i] != kept[i - 1]) result.push_back(pixels[kept[i]]);
+    }
+    start = end;
+  }
+  return result;
+}
+
+Stroke thinned_cloud(const Stroke& pixels) {
+  std::set<std::pair<double, double>> taken;
+  Stroke result;
+  for (const PlotPoint& point : pixels) {
+    if (taken.emplace(std::floor(point.x * 2), std::floor(point.y * 2)).second)
+      result.push_back(point);
+  }
+  return result;
+}
+
+std::vector<Pen> pens_for(const std::vector<Series>& series) {
+  std::vector<Pen> pens;
+  std::size_t next = 0;
+  bool reference_taken = false;
+  for (const Series& one : series) {
+    const bool reference = one.mark == Mark::dashed && !reference_taken;
+    reference_taken = reference_taken || reference;
+    Pen pen;
+    pen.mark = one.mark;
+    pen.color = reference ? kReferenceColor : kColors[next % kColors.size()];
+    pen.dashes = one.mark == Mark::dashed ? "5 4" : kDashes[next / kColors.size() % kDashes.size()];
+    pen.width = reference ? 1.4 : one.x.size() > 300 ? 1.2 : 1.6;
+    if (!reference) ++next;
+    pens.push_back(std::move(pen));
+  }
+  return pens;
+}
+
+std::string series_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
+  if (pen.mark == Mark::points) return cloud_svg(pixels, pen);
+  std::string data, lonely;
+  for (const Stroke& stroke : pixels) {
+    if (stroke.size() == 1) {
+      lonely += dot(stroke.front(), pen.width);
+    } else {
+      data += path_data(thinned(stroke));
+    }
+  }
+  std::string svg;
+  if (!data.empty()) {
+    svg = fmt::format(
+        "<path fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" stroke-linejoin=\"round\"",
+        pen.color, pen.width);
+    svg += pen.dashes.empty() ? " stroke-linecap=\"round\""
+                              : fmt::format(" stroke-dasharray=\"{}\"", pen.dashes);
+    svg += fmt::format(" d=\"{}\"/>", data);
+  }
+  if (!lonely.empty()) svg += fmt::format("<g fill=\"{}\">{}</g>", pen.color, lonely);
+  return svg;
+}
+
+std::string swatch_svg(double x, double y, double width, const Pen& pen) {
+  if (pen.mark == Mark::points) return cloud_svg({{{x + width / 2, y}}}, pen);
+  Pen thick = pen;
+  thick.width = 2;
+  return series_svg({{{x, y}, {x + width, y}}}, thick);
+}
+
+}  // namespace vitreo

@@ -1,0 +1,44 @@
+// Series on their way to pixels: units, gaps, and thinning that nobody can see.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/plot/plot.h"
+#include "host/plot/plot_axes.h"
+
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+struct PlotPoint {
+  double x, y;
+};
+using Stroke = std::vector<PlotPoint>;  // points joined without a gap
+
+/// The series cut at every value that cannot be drawn, in the axes' units. Throws
+/// std::invalid_argument for unequal lengths.
+std::vector<Stroke> strokes_of(const Series& series, double x_factor, double y_factor);
+
+/// At most four points for each visit to a pixel column (first, lowest, highest, last, in their
+/// order): no extreme is lost.
+Stroke thinned(const Stroke& pixels);
+
+/// Points of which no two fall in the same half pixel: for clouds.
+Stroke thinned_cloud(const Stroke& pixels);
+
+/// How one series is drawn.
+struct Pen {
+  std::string color, dashes;  // dashes: empty for a full line
+  double width = 1.6;
+  Mark mark = Mark::line;
+};
+/// Colors that color-blind readers tell apart (Okabe and Ito), in the order of the series; the
+/// first dashed one is dark gray, as references are.
+std::vector<Pen> pens_for(const std::vector<Series>& series);
+
+/// One series as SVG elements; coordinates in px.
+std::string series_svg(const std::vector<Stroke>& pixels, const Pen& pen);
+/// Its sample in the legend.
+std::string swatch_svg(double x, double y, double width, const Pen& pen);
+
+}  // namespace vitreo

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/record/frame_store.h"
+
+#include "host/files/crc32.h"
+#include "host/files/run_folder.h"
+
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr auto kFrameSyncAfter = std::chrono::seconds(1);
+
+nlohmann::json metadata_of(const RecordedCameraInfo& info, const Frame& frame,
+                           std::uint64_t dropped_before) {
+  nlohmann::json json = {
+      {"Camera", info.camera},
+      {"Number", frame.number},
+      {"Exposed-ns", frame.exposed.count()},
+      {"Received-ns", frame.received.count()},
+      {"ElapsedTime-ms", static_cast<double>(frame.exposed.count()) * 1e-6},  // Micro-Manager's key
+      {"DroppedBefore", dropped_before}};
+  if (frame.device) json["Device-ns"] = frame.device->count();
+  return json;
+}
+
+}  // namespace
+
+FrameStore::FrameStore(std::filesystem::path folder, std::uint64_t largest_stack)
+    : folder_(std::move(folder)), largest_stack_(largest_stack) {}
+
+void FrameStore::add(const RecordedCameraInfo& info) { stacks_.push_back({info, nullptr, 0}); }
+
+void FrameStore::open(Stack& stack, const Frame& frame) {
+  const RecordedCameraInfo& info = stack.info;
+  const nlohmann::json summary = {
+      {"Camera", info.camera},
+      {"CameraIdentity", info.identity},
+      {"Every", info.every},
+      {"Interval_ms", info.frame_period * info.every * 1e3},  // Micro-Manager's keys
+      {"PixelSize_um", info.effective_pixel * 1e6},
+      {"Width", frame.image.cols},
+      {"Height", frame.image.rows},
+      {"Run", folder_.filename().string()}};
+  const std::string name = slug(info.camera, "camera");
+  stack.writer =
+      std::make_unique<NdtiffWriter>(folder_ / "frames" / name, name, summary, largest_stack_);
+}
+
+void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dropped_before) {
+  Stack& stack = stacks_.at(camera);
+  if (!stack.writer) open(stack, frame);
+  const cv::Mat image = frame.image.isContinuous() ? frame.image : frame.image.clone();
+  const NdtiffEntry entry = stack.writer->write({{"time", stack.count}}, image,
+                                                metadata_of(stack.info, frame, dropped_before));
+  ++stack.count;
+  FrameRow row;
+  row.camera = stack.info.camera;
+  row.number = frame.number;
+  row.exposed = frame.exposed;
+  row.received = frame.received;
+  row.device = frame.device;
+  row.file = "frames/" + slug(stack.info.camera, "camera") + "/" + entry.file;
+  row.offset = entry.pixels_at;
+  row.bytes = entry.pixel_bytes();
+  row.width_px = entry.width_px;
+  row.height_px = entry.height_px;
+  row.pixel_type = entry.pixel_type;
+  row.crc32 = crc32(image.data, entry.pixel_bytes());
+  row.dropped_before = dropped_before;
+  bytes_ += row.bytes;
+  if (named_ == rows_.size()) waiting_since_ = std::chrono::steady_clock::now();
+  rows_.push_back(std::move(row));
+}
+
+void FrameStore::write_rows(RecordFile& file, bool now) {
+  if (named_ == rows_.size()) return;
+  if (!now && std::chrono::steady_clock::now() - waiting_since_ < kFrameSyncAfter) return;
+  for (const Stack& stack : stacks_)
+    if (stack.writer) stack.writer->sync();
+  for (std::size_t i = named_; i < rows_.size(); ++i) file.frame(i, rows_[i]);
+  file.commit();
+  named_ = rows_.size();
+}
+
+}  // namespace vitreo

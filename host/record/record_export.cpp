@@ -1,0 +1,105 @@
+// A record as text: the canonical export that two runs of one seed share, and the summary that
+// programs read.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/sha256.h"
+#include "host/record/recorder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+/// The shortest text that reads back as the same double.
+std::string exact(double value) { return std::isnan(value) ? "nan" : fmt::format("{}", value); }
+
+std::string one_line(const std::string& text) {
+  return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+}
+
+std::string export_stream(const Stream& stream) {
+  std::string out =
+      "stream " + one_line(stream.info.name) + " from " + one_line(stream.info.source) + "\nt_ns";
+  for (const Channel& channel : stream.info.channels)
+    out += "," + one_line(channel.name + " (" + channel.unit + ")");
+  out += '\n';
+  for (std::size_t row = 0; row < stream.times.size(); ++row) {
+    out += fmt::format("{}", stream.times[row].count());
+    for (std::size_t i = 0; i < stream.info.channels.size(); ++i)
+      out += "," + exact(stream.at(row, i));
+    out += '\n';
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string canonical_export(const Recorder& recorder) {
+  RunData data = recorder.data();
+  data.frames = recorder.frames();
+  return canonical_export(data);
+}
+
+std::string canonical_export(const RunData& data) {
+  std::string out;
+  for (const Stream& stream : data.streams) out += export_stream(stream);
+  for (const FrameRow& row : data.frames)
+    out += fmt::format("frame {} {} {} {} {:08x}\n", one_line(row.camera), row.number,
+                       row.exposed.count(), row.received.count(), row.crc32);
+  for (const Figure& figure : data.figures) {
+    if (figure.name.starts_with("wall_")) continue;
+    out += "figure " + one_line(figure.name) + " " + exact(figure.value) + " " +
+           one_line(figure.unit) + "\n";
+  }
+  for (const Event& event : data.events) {
+    if (event.kind == "alarm" && event.text.find("back pressure:") != std::string::npos)
+      continue;  // the disk's own time
+    out += fmt::format("event {} {} {}\n", event.time.count(), one_line(event.kind),
+                       one_line(event.text));
+  }
+  for (const Picture& picture : data.pictures) {
+    const std::string_view bytes(reinterpret_cast<const char*>(picture.png.data()),
+                                 picture.png.size());
+    out += "picture " + one_line(picture.name) + " " + sha256(bytes) + "\n";
+  }
+  return out;
+}
+
+nlohmann::json summary(const RunData& data) {
+  nlohmann::json figures = nlohmann::json::object(), units = nlohmann::json::object();
+  for (const Figure& figure : data.figures) {
+    figures[figure.name] =
+        std::isfinite(figure.value) ? nlohmann::json(figure.value) : nlohmann::json();
+    units[figure.name] = figure.unit;
+  }
+  nlohmann::json samples = nlohmann::json::object(), frames = nlohmann::json::object();
+  for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();
+  for (std::size_t i = 0; i < data.cameras.size(); ++i) {
+    const std::string& camera = data.cameras[i].camera;
+    const auto recorded = std::count_if(data.frames.begin(), data.frames.end(),
+                                        [&](const FrameRow& row) { return row.camera == camera; });
+    frames[camera] = {{"recorded", recorded},
+                      {"dropped", i < data.dropped.size() ? data.dropped[i] : 0}};
+  }
+  const auto& end = data.end;
+  return {{"outcome", end ? to_string(end->outcome) : "running"},
+          {"reason", end ? end->reason : ""},
+          {"script_line", end ? (end->place.empty() ? script_line(end->reason) : end->place) : ""},
+          {"run", data.folder.filename().string()},
+          {"protocol", data.start.protocol_file},
+          {"title", data.start.protocol_title},
+          {"operator", data.start.operator_name},
+          {"seed", data.start.seed},
+          {"parameters", data.start.parameters},
+          {"experiment_time", end ? end->experiment_time : 0},
+          {"wall_time", end ? end->wall_time : 0},
+          {"samples", samples},
+          {"frames", frames},
+          {"held", data.held},
+          {"figures", figures},
+          {"figure_units", units}};
+}
+
+}  // namespace vitreo

@@ -1,0 +1,382 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/record/record_file.h"
+
+#include "host/files/posix_file.h"
+#include "host/files/run_folder.h"
+#include "host/files/sha256.h"
+#include "host/record/record_json.h"
+#include "host/record/record_schema.h"
+
+#include <exception>
+#include <set>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr auto kCommitAfter = std::chrono::milliseconds(100);
+constexpr auto kSyncAfter = std::chrono::milliseconds(400);
+constexpr int kCommitRows = 1000;
+
+std::int64_t whole(std::size_t number) { return static_cast<std::int64_t>(number); }
+
+/// What a power cut must not take: for these a commit waits for the disk.
+bool is_grave(const std::string& kind) {
+  static const std::set<std::string> kGrave = {"alarm", "interlock",    "unsafe",
+                                               "lost",  "servo failed", "error"};
+  return kGrave.count(kind) > 0;
+}
+
+}  // namespace
+
+RecordFile::RecordFile(const std::filesystem::path& file, const RunStart& start)
+    : wal_(file.string() + "-wal"), database_(file.string(), Database::Mode::create) {
+  database_.execute("PRAGMA busy_timeout=5000");  // ms: somebody who writes into it by hand for a
+                                                  // moment ends no run
+  database_.execute("PRAGMA journal_mode=WAL");
+  database_.execute("PRAGMA synchronous=FULL");
+  begin();
+  database_.execute(kRecordSchema);
+  write_start(start);
+  commit();
+  database_.execute("PRAGMA synchronous=NORMAL");
+}
+
+void RecordFile::write_start(const RunStart& start) {
+  database_.execute("PRAGMA user_version=" + std::to_string(kRecordVersion));
+  database_.prepare("INSERT INTO run VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
+      .bind(1, random_hex(32))
+      .bind(2, wall_time_text())
+      .bind(3, start.protocol_file)
+      .bind(4, start.protocol_title)
+      .bind(5, start.protocol_text)
+      .bind(6, sha256(start.protocol_text))
+      .bind(7, start.operator_name)
+      .bind(8, dumped(start.parameters))
+      .bind(9, dumped(start.parameter_units))
+      .bind(10, std::to_string(start.seed))  // text: SQLite's integers end at 2^63
+      .bind(11, dumped(start.versions))
+      .bind(12, dumped(start.rig))
+      .bind(13, sha256(dumped(start.rig)))
+      .bind(14, dumped(start.devices))
+      .bind(15, dumped(start.files))
+      .run();
+}
+
+void RecordFile::add_stream(const StreamInfo& info) {
+  const std::string table = quoted_identifier("sample_" + info.name);
+  std::string columns = "seq INTEGER PRIMARY KEY, t_ns INTEGER NOT NULL", places = "?,?";
+  for (const Channel& channel : info.channels) {
+    columns += ", " + quoted_identifier(channel.name) + " REAL";
+    places += ",?";
+  }
+  begin();
+  database_.execute("CREATE TABLE " + table + "(" + columns + ")");
+  const auto id = whole(inserts_.size());
+  database_.prepare("INSERT INTO stream VALUES(?,?,?,?)")
+      .bind(1, id)
+      .bind(2, info.name)
+      .bind(3, info.source)
+      .bind(4, "sample_" + info.name)
+      .run();
+  Statement insert = database_.prepare("INSERT INTO channel VALUES(?,?,?,?)");
+  for (std::size_t i = 0; i < info.channels.size(); ++i) {
+    insert.bind(1, id)
+        .bind(2, whole(i))
+        .bind(3, info.channels[i].name)
+        .bind(4, info.channels[i].unit)
+        .run();
+  }
+  commit();
+  // A row that is there already is the same row: see write_again().
+  inserts_.push_back(
+      database_.prepare("INSERT OR IGNORE INTO " + table + " VALUES(" + places + ")"));
+}
+
+/// `row` runs one statement within the transaction; an error takes all of the transaction along.
+template <class Row>
+void RecordFile::write(Row row) {
+  try {
+    begin();
+    row();
+  } catch (const std::exception&) {
+    abandon();
+    throw;
+  }
+}
+
+void RecordFile::sample(std::size_t stream, std::size_t row, Time time,
+                        std::span<const double> values) {
+  Statement& insert = inserts_.at(stream);
+  write([&] {
+    insert.bind(1, whole(row) + 1).bind(2, std::int64_t{time.count()});
+    int index = 3;
+    for (double value : values) insert.bind(index++, value);
+    insert.run();
+  });
+  bytes_ += 8 + 9 * values.size();  // about: SQLite keeps a byte of type beside each number
+  row_written();
+}
+
+void RecordFile::event(std::size_t number, const Event& event) {
+  const bool grave = is_grave(event.kind);
+  if (grave) {
+    commit();
+    database_.execute("PRAGMA synchronous=FULL");
+  }
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO event VALUES(?,?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, std::int64_t{event.time.count()})
+        .bind(3, event.kind)
+        .bind(4, event.text)
+        .run();
+  });
+  commit();
+  if (grave) database_.execute("PRAGMA synchronous=NORMAL");
+}
+
+void RecordFile::figure(const Figure& figure) {
+  write([&] {
+    database_
+        .prepare(
+            "INSERT INTO figure VALUES(?,?,?) ON CONFLICT(name) DO UPDATE SET "
+            "value=excluded.value, "
+            "unit=excluded.unit")
+        .bind(1, figure.name)
+        .bind(2, figure.value)
+        .bind(3, figure.unit)
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::plot(std::size_t number, const Plot& plot) {
+  write([&] {
+    const std::string text = dumped(plot_json(plot));
+    bytes_ += text.size();
+    database_.prepare("INSERT OR IGNORE INTO plot VALUES(?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, plot.title)
+        .bind(3, text)
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::drawing(std::size_t number, const SvgDrawing& drawing) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO drawing VALUES(?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, drawing.title)
+        .bind(3, drawing.svg)
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::table(std::size_t number, const Table& table) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO result_table VALUES(?,?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, table.title)
+        .bind(3, dumped(table.header))
+        .bind(4, dumped(table.rows))
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::picture(std::size_t number, const Picture& picture) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO picture VALUES(?,?,?,?)")
+        .bind(1, whole(number) + 1)
+        .bind(2, picture.name)
+        .bind(3, picture.caption)
+        .bind(4, picture.file)
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::module(const Module& module) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO module VALUES(?,?,?,?)")
+        .bind(1, module.name)
+        .bind(2, module.file)
+        .bind(3, sha256(module.text))
+        .bind(4, module.text)
+        .run();
+  });
+  row_written();
+}
+
+void RecordFile::camera(const RecordedCameraInfo& info) {
+  write([&] {
+    database_.prepare("INSERT OR IGNORE INTO camera VALUES(?,?,?,?,?)")
+        .bind(1, info.camera)
+        .bind(2, info.identity)
+        .bind(3, std::int64_t{info.every})
+        .bind(4, info.frame_period)
+        .bind(5, info.effective_pixel)
+        .run();
+  });
+  commit();
+}
+
+void RecordFile::frame(std::size_t number, const FrameRow& row) {
+  write([&] {
+    Statement insert =
+        database_.prepare("INSERT OR IGNORE INTO frame VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+    insert.bind(1, whole(number) + 1)
+        .bind(2, row.camera)
+        .bind(3, static_cast<std::int64_t>(row.number));
+    insert.bind(4, std::int64_t{row.exposed.count()}).bind(5, std::int64_t{row.received.count()});
+    if (row.device) insert.bind(6, std::int64_t{row.device->count()});
+    insert.bind(7, row.file).bind(8, whole(row.offset)).bind(9, whole(row.bytes));
+    insert.bind(10, std::int64_t{row.width_px}).bind(11, std::int64_t{row.height_px});
+    insert.bind(12, std::int64_t{row.pixel_type}).bind(13, std::int64_t{row.crc32});
+    insert.bind(14, whole(row.dropped_before)).run();
+  });
+  row_written();
+}
+
+void RecordFile::end(const RunEnd& end, const RunData& data, const std::vector<FrameRow>& frames,
+                     bool all_there) {
+  std::exception_ptr trouble;
+  const auto guarded = [&](auto action) {
+    try {
+      action();
+      return true;
+    } catch (const std::exception&) {
+      if (!trouble) trouble = std::current_exception();
+      abandon();
+      return false;
+    }
+  };
+  guarded([&] { commit(); });
+  if (!all_there || lost_rows_) {
+    // What the WAL holds moves into the file proper, and its room is free for what follows.
+    guarded([&] { database_.execute("PRAGMA wal_checkpoint(TRUNCATE)"); });
+    trouble = nullptr;  // all is tried again
+    guarded([&] { write_again(data, frames); });
+  }
+  write_end(end, data);
+  if (trouble) std::rethrow_exception(trouble);
+}
+
+void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& frames) {
+  lost_rows_ = false;
+  for (std::size_t i = inserts_.size(); i < data.streams.size(); ++i)
+    add_stream(data.streams[i].info);
+  for (std::size_t i = 0; i < data.streams.size(); ++i) {
+    const Stream& stream = data.streams[i];
+    const std::size_t width = stream.info.channels.size();
+    for (std::size_t row = 0; row < stream.times.size(); ++row)
+      sample(i, row, stream.times[row], {stream.values.data() + row * width, width});
+  }
+  const auto each = [](const auto& list, auto one) {
+    for (std::size_t i = 0; i < list.size(); ++i) one(i, list[i]);
+  };
+  each(data.events, [&](std::size_t i, const Event& one) { event(i, one); });
+  each(data.figures, [&](std::size_t, const Figure& one) { figure(one); });
+  each(data.plots, [&](std::size_t i, const Plot& one) { plot(i, one); });
+  each(data.drawings, [&](std::size_t i, const SvgDrawing& one) { drawing(i, one); });
+  each(data.tables, [&](std::size_t i, const Table& one) { table(i, one); });
+  each(data.pictures, [&](std::size_t i, const Picture& one) { picture(i, one); });
+  each(data.modules, [&](std::size_t, const Module& one) { module(one); });
+  each(data.cameras, [&](std::size_t, const RecordedCameraInfo& one) { camera(one); });
+  each(frames, [&](std::size_t i, const FrameRow& one) { frame(i, one); });
+  commit();
+}
+
+void RecordFile::write_end(const RunEnd& end, const RunData& data) {
+  nlohmann::json counts = nlohmann::json::object(), dropped = nlohmann::json::object();
+  for (const Stream& stream : data.streams) counts[stream.info.name] = stream.times.size();
+  for (std::size_t i = 0; i < data.cameras.size() && i < data.dropped.size(); ++i)
+    dropped[data.cameras[i].camera] = data.dropped[i];
+  database_.execute("PRAGMA synchronous=FULL");
+  begin();
+  database_.prepare("INSERT INTO stop VALUES(?,?,?,?,?,?,?,?,?)")
+      .bind(1, wall_time_text())
+      .bind(2, std::string_view(to_string(end.outcome)))
+      .bind(3, end.reason)
+      .bind(4, end.place.empty() ? script_line(end.reason) : end.place)
+      .bind(5, end.experiment_time)
+      .bind(6, end.wall_time)
+      .bind(7, dumped(counts))
+      .bind(8, dumped(dropped))
+      .bind(9, data.held)
+      .run();
+  commit();
+}
+
+void RecordFile::close() {
+  commit();
+  inserts_.clear();
+  try {
+    database_.execute("PRAGMA busy_timeout=250");
+    database_.execute("PRAGMA wal_checkpoint(TRUNCATE)");
+    database_.execute("PRAGMA journal_mode=DELETE");
+  } catch (const std::exception&) {
+    // Somebody reads it right now: it stays in WAL mode, as whole as before.
+  }
+  database_.close();
+}
+
+void RecordFile::begin() {
+  if (in_transaction_) return;
+  database_.execute("BEGIN IMMEDIATE");
+  in_transaction_ = true;
+  pending_ = 0;
+  begun_ = std::chrono::steady_clock::now();
+}
+
+void RecordFile::row_written() {
+  if (++pending_ >= kCommitRows) commit();
+}
+
+void RecordFile::commit_if_due() {
+  const auto now = std::chrono::steady_clock::now();
+  if (in_transaction_ && now - begun_ >= kCommitAfter) commit();
+  if (unsynced_ && now - unsynced_since_ >= kSyncAfter) sync();
+}
+
+/// A commit leaves its rows to the system, which may take half a minute to write them. No lock of
+/// SQLite's is on this file, so that closing it again takes none away.
+void RecordFile::sync() {
+  int descriptor = open_existing_file(wal_);
+  try {
+    sync_file(descriptor, wal_);
+  } catch (const std::exception&) {
+    close_file(descriptor);
+    throw;
+  }
+  close_file(descriptor);
+  unsynced_ = false;
+}
+
+void RecordFile::commit() {
+  if (!in_transaction_) return;
+  try {
+    database_.execute("COMMIT");
+  } catch (const std::exception&) {
+    abandon();
+    throw;
+  }
+  in_transaction_ = false;
+  if (!std::exchange(unsynced_, true)) unsynced_since_ = std::chrono::steady_clock::now();
+}
+
+/// After an error of the disk: SQLite may or may not have rolled back by itself, and what was
+/// pending is to be written again.
+void RecordFile::abandon() {
+  try {
+    database_.execute("ROLLBACK");
+  } catch (const std::exception&) {  // it had
+  }
+  in_transaction_ = false;
+  lost_rows_ = true;
+}
+
+}  // namespace vitreo

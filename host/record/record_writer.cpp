@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/record/record_writer.h"
+
+#include "devices/time/quiet_thread.h"
+#include "host/files/crc32.h"
+#include "host/record/frame_store.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+#include <variant>
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+using Instant = std::chrono::steady_clock::time_point;
+
+constexpr auto kNap = 50ms;  // nobody wakes the writer for a single row
+constexpr auto kLookAtDisk = 1s;
+constexpr std::size_t kWakeRows = 512;  // of samples, below a commit's worth
+
+struct SampleJob {
+  std::size_t stream, row;
+  Time time;
+  std::vector<double> values;
+};
+struct FrameJob {
+  std::size_t camera;
+  Frame frame;
+  std::uint64_t dropped_before;
+};
+struct OtherJob {
+  std::function<void(RecordFile&)> run;
+};
+using Job = std::variant<SampleJob, FrameJob, OtherJob>;
+
+std::size_t image_bytes(const Frame& frame) { return frame.image.total() * frame.image.elemSize(); }
+
+}  // namespace
+
+struct RecordWriter::State {
+  State(const std::filesystem::path& folder, const RunStart& start, const RecordLimits& given)
+      : limits(given),
+        disk(folder, given.disk),
+        file(folder / "run.sqlite", start),
+        store(folder, given.largest_stack) {
+    disk.make_reserve();
+    thread = quiet_thread([this] { run(); });
+  }
+  ~State() {
+    stop();
+    disk.give_up_reserve();
+  }
+
+  void stop() {
+    {
+      const std::lock_guard lock(mutex);
+      stopping = true;
+    }
+    work.notify_all();
+    if (thread.joinable()) thread.join();
+  }
+
+  // What follows is called by those who record.
+
+  void must_be_well() {
+    if (in_trouble) throw std::runtime_error(trouble_text());
+  }
+  std::string trouble_text() {
+    const std::lock_guard lock(mutex);
+    return trouble;
+  }
+
+  /// Waits for room; the time counts as back pressure and is said once each time it begins.
+  template <class Room>
+  void wait_for_room(std::unique_lock<std::mutex>& lock, Room room) {
+    if (room()) return;
+    const Instant began = std::chrono::steady_clock::now();
+    work.notify_one();
+    const bool got =
+        space.wait_for(lock, limits.patience, [&] { return room() || !trouble.empty(); });
+    const double waited =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    held += waited;
+    if (!got)
+      set_trouble(lock, fmt::format("the recorder's disk has not answered for {:.0f} s", waited));
+    if (!trouble.empty()) throw std::runtime_error(trouble);
+    alarms.push_back(
+        fmt::format("back pressure: the disk is behind and held up the run for {:.3f} s", waited));
+    has_alarms = true;
+  }
+
+  void push(Job job, std::size_t rows, std::size_t bytes, bool urgent) {
+    std::unique_lock lock(mutex);
+    if (rows > 0) wait_for_room(lock, [&] { return queued_rows < limits.queued_rows; });
+    if (bytes > 0)
+      wait_for_room(lock, [&] {
+        return queued_bytes == 0 || queued_bytes + bytes <= limits.queued_frame_bytes;
+      });
+    queue.push_back(std::move(job));
+    queued_rows += rows;
+    queued_bytes += bytes;
+    wake = wake || urgent || queued_rows >= kWakeRows || bytes > 0;
+    const bool now = wake;
+    lock.unlock();
+    if (now) work.notify_one();
+  }
+
+  bool push_frame(std::size_t camera, const Frame& frame) {
+    const std::size_t bytes = image_bytes(frame);
+    std::uint64_t lost = 0;
+    {
+      const std::lock_guard lock(mutex);
+      const bool full = queued_bytes > 0 && queued_bytes + bytes > limits.queued_frame_bytes;
+      if (full && limits.drop_frames) {
+        if (pending_drops[camera]++ == 0) {
+          alarms.push_back(fmt::format("{}: frame {} is not recorded: the disk is behind",
+                                       names[camera], frame.number));
+          has_alarms = true;
+        }
+        ++dropped[camera];
+        return false;
+      }
+      lost = std::exchange(pending_drops[camera], 0);
+    }
+    push(FrameJob{camera, frame, lost}, 0, bytes, false);
+    return true;
+  }
+
+  void drain() {
+    std::unique_lock lock(mutex);
+    wake = true;
+    work.notify_one();
+    space.wait(lock, [&] { return (queue.empty() && !busy) || !trouble.empty(); });
+  }
+
+  // What follows runs in the writer's own thread.
+
+  void set_trouble(std::unique_lock<std::mutex>& lock, const std::string& what) {
+    if (!trouble.empty()) return;
+    trouble = what;
+    in_trouble = true;
+    const std::function<void()> call = tell;
+    space.notify_all();
+    if (!call) return;
+    lock.unlock();
+    call();
+    lock.lock();
+  }
+
+  void run() {
+    Instant looked = std::chrono::steady_clock::now();
+    std::unique_lock lock(mutex);
+    while (true) {
+      work.wait_for(lock, kNap, [&] { return wake || stopping; });
+      const bool last = stopping;
+      wake = false;
+      std::deque<Job> jobs;
+      jobs.swap(queue);
+      queued_rows = 0;
+      busy = true;
+      lock.unlock();
+      space.notify_all();
+      const std::string failed = attempt([&] { work_off(jobs, last, looked); });
+      jobs.clear();
+      lock.lock();
+      busy = false;
+      space.notify_all();
+      if (!failed.empty()) set_trouble(lock, failed);
+      if (last) return;
+    }
+  }
+
+  template <class Action>
+  static std::string attempt(Action action) {
+    try {
+      action();
+      return "";
+    } catch (const std::exception& error) {
+      const std::string what = error.what();
+      return what.empty() ? "the record cannot be written" : what;
+    }
+  }
+
+  void work_off(std::deque<Job>& jobs, bool last, Instant& looked) {
+    if (in_trouble)
+      return give_back(jobs);  // what is not written now is written again at the end, from memory
+    while (!jobs.empty()) {
+      const std::string failed =
+          attempt([&] { std::visit([this](auto& one) { write(one); }, jobs.front()); });
+      jobs.pop_front();
+      if (failed.empty()) continue;
+      give_back(jobs);
+      throw std::runtime_error(failed);
+    }
+    file.commit_if_due();
+    store.write_rows(file, last);
+    if (std::chrono::steady_clock::now() - looked < kLookAtDisk) return;
+    looked = std::chrono::steady_clock::now();
+    const DiskWatch::Verdict verdict =
+        disk.look(file.bytes() + store.bytes(), store.bytes() > 0, looked);
+    if (!verdict.stop.empty()) throw std::runtime_error(verdict.stop);
+    if (verdict.warning.empty()) return;
+    const std::lock_guard lock(mutex);
+    alarms.push_back(verdict.warning);
+    has_alarms = true;
+  }
+
+  void give_back(std::deque<Job>& jobs) {
+    for (const Job& job : jobs)
+      if (const auto* one = std::get_if<FrameJob>(&job))
+        freed(image_bytes(one->frame), one->camera);
+  }
+
+  void write(SampleJob& job) { file.sample(job.stream, job.row, job.time, job.values); }
+  void write(OtherJob& job) { job.run(file); }
+  void write(FrameJob& job) {
+    const std::size_t bytes = image_bytes(job.frame);
+    try {
+      store.write(job.camera, job.frame, job.dropped_before);
+    } catch (const std::exception&) {
+      freed(bytes, job.camera);
+      throw;
+    }
+    freed(bytes);
+  }
+  void freed(std::size_t bytes, std::optional<std::size_t> lost_camera = {}) {
+    {
+      const std::lock_guard lock(mutex);
+      queued_bytes -= bytes;
+      if (lost_camera) ++dropped[*lost_camera];
+    }
+    space.notify_all();
+  }
+
+  const RecordLimits limits;
+  DiskWatch disk;
+  RecordFile file;   // the thread's, until it has ended
+  FrameStore store;  // likewise
+
+  mutable std::mutex mutex;
+  std::condition_variable work, space;
+  std::deque<Job> queue;
+  std::size_t queued_rows = 0, queued_bytes = 0;
+  bool wake = false, busy = false, stopping = false;
+  std::string trouble;
+  std::function<void()> tell;
+  std::vector<std::string> alarms;
+  std::vector<std::string> names;  // of the cameras
+  std::vector<std::uint64_t> pending_drops, dropped;
+  double held = 0;
+  std::atomic<bool> in_trouble{false}, has_alarms{false};
+  std::thread thread;  // last: it uses all of the above
+};
+
+RecordWriter::RecordWriter(const std::filesystem::path& folder, const RunStart& start,
+                           const RecordLimits& limits)
+    : state_(std::make_unique<State>(folder, start, limits)) {}
+RecordWriter::~RecordWriter() = default;
+
+void RecordWriter::sample(std::size_t stream, std::size_t row, Time time,
+                          std::span<const double> values) {
+  state_->must_be_well();
+  state_->push(SampleJob{stream, row, time, {values.begin(), values.end()}}, 1, 0, false);
+}
+
+void RecordWriter::post(std::function<void(RecordFile&)> job, bool at_once) {
+  if (state_->in_trouble) return;
+  try {
+    state_->push(OtherJob{std::move(job)}, 1, 0, at_once);
+  } catch (const std::runtime_error&) {  // trouble came while it waited
+    if (!state_->in_trouble) throw;
+  }
+}
+
+void RecordWriter::add_camera(const RecordedCameraInfo& info) {
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->pending_drops.push_back(0);
+    state_->dropped.push_back(0);
+    state_->names.push_back(info.camera);
+  }
+  const auto add = [state = state_.get(), info](RecordFile& file) {
+    state->store.add(info);
+    file.camera(info);
+  };
+  post(add, true);
+}
+
+bool RecordWriter::frame(std::size_t camera, const Frame& frame) {
+  state_->must_be_well();
+  return state_->push_frame(camera, frame);
+}
+
+void RecordWriter::on_trouble(std::function<void()> call) {
+  const std::lock_guard lock(state_->mutex);
+  state_->tell = std::move(call);
+}
+
+std::string RecordWriter::trouble() const { return state_->trouble_text(); }
+
+std::vector<std::string> RecordWriter::drain_alarms() {
+  if (!state_->has_alarms) return {};
+  const std::lock_guard lock(state_->mutex);
+  state_->has_alarms = false;
+  return std::exchange(state_->alarms, {});
+}
+
+double RecordWriter::held() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->held;
+}
+
+std::vector<std::uint64_t> RecordWriter::dropped() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->dropped;
+}
+
+std::vector<FrameRow> RecordWriter::frames() const {
+  if (state_->thread.joinable()) state_->drain();
+  return state_->store.rows();
+}
+
+void RecordWriter::stop() { state_->stop(); }
+
+void RecordWriter::late_event(std::size_t number, const Event& event) noexcept {
+  try {
+    state_->file.event(number, event);
+  } catch (const std::exception&) {  // the report has it, and the end record is on the disk already
+                                     // or comes next
+  }
+}
+
+void RecordWriter::finish(const RunEnd& end, const RunData& data) {
+  state_->disk.give_up_reserve();  // now there is room for what a full disk kept out
+  const bool whole = !state_->in_trouble;
+  state_->file.end(end, data, whole ? std::vector<FrameRow>{} : state_->store.rows(), whole);
+}
+
+void RecordWriter::close() { state_->file.close(); }
+
+}  // namespace vitreo

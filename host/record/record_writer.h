@@ -1,0 +1,74 @@
+// The recorder's own thread: takes rows and frames from bounded queues and is the only one that
+// writes them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/roles/camera.h"
+#include "host/record/disk_watch.h"
+#include "host/record/record_file.h"
+#include "host/record/run_data.h"
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+struct RecordLimits {
+  std::size_t queued_rows = 65536;  // then the next sample waits: samples are never dropped
+  std::size_t queued_frame_bytes = 256u << 20;  // then the next frame is dropped or waits
+  bool drop_frames = false;  // real time: dropped, counted, alarmed. Else the caller waits
+  std::chrono::milliseconds patience{
+      10000};  // with a disk that does not answer; then the run is in trouble
+  std::uint64_t largest_stack = 0xFFFFFFFF;  // bytes of one TIFF file
+  DiskLimits disk;
+};
+
+/// What is given is on the disk within a second; samples, rows and frames in the order in which
+/// they came. Once the disk has failed, or is nearly full, every call throws std::runtime_error
+/// saying so: the run is to be ended.
+class RecordWriter {
+ public:
+  /// The start record is on the disk when this returns.
+  RecordWriter(const std::filesystem::path& folder, const RunStart& start,
+               const RecordLimits& limits);
+  ~RecordWriter();
+
+  void sample(std::size_t stream, std::size_t row, Time time, std::span<const double> values);
+  /// Anything else that goes into run.sqlite, such as an event; in trouble it is left to finish().
+  /// `at_once`: the writer is woken for it.
+  void post(std::function<void(RecordFile&)> job, bool at_once);
+  /// A camera whose frames follow; they count from 0 in the order of these calls.
+  void add_camera(const RecordedCameraInfo& info);
+  /// False: dropped, because the disk is behind.
+  bool frame(std::size_t camera, const Frame& frame);
+
+  /// Called once, from the writer's thread, when trouble begins. Set it before there can be any; an
+  /// empty one unsets.
+  void on_trouble(std::function<void()> call);
+  std::string trouble() const;  // empty: none
+  /// What is to be said in the record, in order; each is handed out once.
+  std::vector<std::string> drain_alarms();
+  double held() const;                         // s for which callers had to wait
+  std::vector<std::uint64_t> dropped() const;  // frames, a camera
+  std::vector<FrameRow> frames() const;        // waits until all that was given is written
+  /// Writes what is left and ends the thread. What follows is called after it, and writes at once.
+  void stop();
+  void late_event(std::size_t number,
+                  const Event& event) noexcept;  // what the disk refuses it refuses
+  /// The end record, and again what a failed disk did not take; an error is thrown when all that
+  /// could be saved was.
+  void finish(const RunEnd& end, const RunData& data);
+  void close();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace vitreo

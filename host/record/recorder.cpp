@@ -1,0 +1,386 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/record/recorder.h"
+
+#include "host/files/manifest.h"
+#include "host/files/posix_file.h"
+#include "host/files/run_folder.h"
+#include "host/plot/plot_layout.h"
+#include "host/record/run_lock.h"
+
+#include <fmt/format.h>
+#include <opencv2/imgcodecs.hpp>
+
+#include <algorithm>
+#include <optional>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+std::string folded(std::string text) {
+  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return text;
+}
+
+/// SQLite's names do not know case, and its sample tables have two columns of their own.
+void check_channels(const StreamInfo& info) {
+  std::vector<std::string> taken = {"seq", "t_ns"};
+  if (info.channels.empty())
+    throw std::invalid_argument("stream \"" + info.name + "\" has no channels");
+  for (const Channel& channel : info.channels) {
+    quoted_identifier(channel.name);
+    const std::string name = folded(channel.name);
+    if (std::find(taken.begin(), taken.end(), name) != taken.end()) {
+      throw std::invalid_argument("stream \"" + info.name + "\": channel \"" + channel.name +
+                                  "\" is there twice");
+    }
+    taken.push_back(name);
+  }
+}
+
+/// The scripts as they were, beside the data.
+void keep_scripts(const std::filesystem::path& folder, const RunStart& start) {
+  const auto keep = [&](const std::string& file, const std::string& text,
+                        const std::string& fallback) {
+    if (text.empty()) return;
+    std::filesystem::create_directory(folder / "script");
+    const std::string stem = slug(std::filesystem::path(file).stem().string(), fallback);
+    const bool taken = std::filesystem::exists(folder / "script" / (stem + ".lua"));
+    write_file(folder / "script" / ((taken ? fallback + "_" + stem : stem) + ".lua"), text);
+  };
+  keep(start.protocol_file, start.protocol_text, "protocol");
+  if (start.rig.is_object() && start.rig.contains("text") && start.rig["text"].is_string()) {
+    keep(start.rig.value("file", ""), start.rig["text"].get<std::string>(), "rig");
+    for (const nlohmann::json& base : start.rig.value("bases", nlohmann::json::array()))
+      if (base.is_object()) keep(base.value("file", ""), base.value("text", ""), "rig_base");
+  }
+}
+
+std::vector<unsigned char> png_of(const std::string& name, const cv::Mat& image) {
+  const bool depth_fits = image.depth() == CV_8U || image.depth() == CV_16U;
+  const int channels = image.channels();
+  if (image.empty() || image.dims != 2 || !depth_fits ||
+      (channels != 1 && channels != 3 && channels != 4)) {
+    throw std::invalid_argument("picture \"" + name +
+                                "\" must be gray or color, 8 or 16 bit, and not empty");
+  }
+  std::vector<unsigned char> png;
+  if (!cv::imencode(".png", image, png))
+    throw std::runtime_error("picture \"" + name + "\" cannot be made a PNG");
+  return png;
+}
+
+std::string_view as_text(const std::vector<unsigned char>& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+}  // namespace
+
+struct Recorder::State {
+  State(const std::filesystem::path& folder, const RunStart& start, const RecordLimits& limits)
+      : lock(folder), writer(folder, start, limits) {
+    data.folder = folder;
+    data.start = start;
+    keep_scripts(folder, start);
+  }
+
+  void must_be_open() const {
+    if (data.end) throw std::logic_error("the run has ended: its record is closed");
+  }
+  void write_outputs();
+  void drain_alarms(Time time);
+  void raise(Time time, const std::string& name, AlarmPriority priority, const std::string& text);
+  void add_event(const Event& event);
+  template <class Action>
+  void try_to(const char* what, Action action);
+
+  RunLock lock;
+  RecordWriter writer;
+  RunData data;
+  AlarmListener listener;
+  std::function<std::string(const RunData&)> report;
+  RecordListener* watcher = nullptr;
+};
+
+Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start,
+                   const RecordLimits& limits) {
+  const std::filesystem::path stem = std::filesystem::path(start.protocol_file).stem();
+  const std::filesystem::path folder = make_run_folder(parent, stem.string());
+  try {
+    DiskWatch(folder, limits.disk).check_start();
+    state_ = std::make_unique<State>(folder, start, limits);
+  } catch (...) {  // a folder without a start record is nobody's; it was made a moment ago by this
+                   // very call
+    std::error_code ignored;
+    std::filesystem::remove_all(folder, ignored);
+    throw;
+  }
+}
+
+Recorder::~Recorder() {
+  try {
+    finish({Outcome::failed, "never finished", 0, 0});
+  } catch (const std::exception&) {  // nobody is left to be told
+  }
+}
+
+const std::filesystem::path& Recorder::folder() const { return state_->data.folder; }
+const RunStart& Recorder::start() const { return state_->data.start; }
+void Recorder::watch(RecordListener* listener) { state_->watcher = listener; }
+RecordListener* Recorder::listener() const { return state_->watcher; }
+const std::vector<Stream>& Recorder::streams() const { return state_->data.streams; }
+const std::vector<Figure>& Recorder::figures() const { return state_->data.figures; }
+const std::vector<Plot>& Recorder::plots() const { return state_->data.plots; }
+const std::vector<SvgDrawing>& Recorder::drawings() const { return state_->data.drawings; }
+const std::vector<Table>& Recorder::tables() const { return state_->data.tables; }
+const std::vector<Picture>& Recorder::pictures() const { return state_->data.pictures; }
+const std::vector<Event>& Recorder::events() const { return state_->data.events; }
+const RunEnd* Recorder::end() const { return state_->data.end ? &*state_->data.end : nullptr; }
+const RunData& Recorder::data() const { return state_->data; }
+const Stream* Recorder::stream(const std::string& name) const { return state_->data.stream(name); }
+std::string Recorder::trouble() const { return state_->writer.trouble(); }
+void Recorder::on_trouble(std::function<void()> call) {
+  state_->writer.on_trouble(std::move(call));
+}
+
+std::vector<FrameRow> Recorder::frames() const {
+  return state_->data.end ? state_->data.frames : state_->writer.frames();
+}
+
+int Recorder::add_stream(const StreamInfo& info) {
+  state_->must_be_open();
+  quoted_identifier(info.name);
+  for (const Stream& one : state_->data.streams) {
+    if (folded(one.info.name) == folded(info.name)) {
+      throw std::invalid_argument("stream \"" + info.name + "\" is there already");
+    }
+  }
+  check_channels(info);
+  state_->data.streams.push_back({info, {}, {}});
+  state_->writer.post([info](RecordFile& file) { file.add_stream(info); }, true);
+  return static_cast<int>(state_->data.streams.size()) - 1;
+}
+
+void Recorder::sample(int stream, Time time, std::span<const double> values) {
+  state_->must_be_open();
+  if (stream < 0 || static_cast<std::size_t>(stream) >= state_->data.streams.size()) {
+    throw std::invalid_argument(fmt::format("stream {} is not known", stream));
+  }
+  const auto index = static_cast<std::size_t>(stream);
+  Stream& target = state_->data.streams[index];
+  if (values.size() != target.info.channels.size()) {
+    throw std::invalid_argument(fmt::format("stream \"{}\" has {} channels, not {}",
+                                            target.info.name, target.info.channels.size(),
+                                            values.size()));
+  }
+  target.times.push_back(time);
+  target.values.insert(target.values.end(), values.begin(), values.end());
+  state_->writer.sample(index, target.times.size() - 1, time, values);
+  if (state_->watcher != nullptr) state_->watcher->sample(target.info, time, values);
+  state_->drain_alarms(time);
+}
+
+void Recorder::State::add_event(const Event& event) {
+  data.events.push_back(event);
+  if (watcher != nullptr) watcher->event(event.time, event.kind, event.text);
+  writer.post(
+      [event, number = data.events.size() - 1](RecordFile& file) { file.event(number, event); },
+      true);
+}
+
+/// What the writer has to say becomes part of the record.
+void Recorder::State::drain_alarms(Time time) {
+  for (const std::string& alarm : writer.drain_alarms()) {
+    const bool disk = alarm.starts_with("the disk");
+    raise(time, disk ? "disk" : "recording", disk ? AlarmPriority::medium : AlarmPriority::low,
+          alarm);
+  }
+}
+
+void Recorder::State::raise(Time time, const std::string& name, AlarmPriority priority,
+                            const std::string& text) {
+  if (listener) return listener(name, priority, text);
+  add_event({time, "alarm", alarm_text(priority, name, text)});
+}
+
+void Recorder::alarm(Time time, const std::string& name, AlarmPriority priority,
+                     const std::string& text) {
+  state_->must_be_open();
+  state_->raise(time, name, priority, text);
+}
+
+void Recorder::on_alarm(AlarmListener listener) { state_->listener = std::move(listener); }
+
+void Recorder::event(Time time, const std::string& kind, const std::string& text) {
+  state_->must_be_open();
+  state_->add_event({time, kind, text});
+  state_->drain_alarms(time);
+}
+
+void Recorder::figure(const Figure& figure) {
+  state_->must_be_open();
+  auto& figures = state_->data.figures;
+  const auto found = std::find_if(figures.begin(), figures.end(),
+                                  [&](const auto& one) { return one.name == figure.name; });
+  if (found == figures.end()) {
+    figures.push_back(figure);
+  } else {
+    *found = figure;
+  }
+  state_->writer.post([figure](RecordFile& file) { file.figure(figure); }, false);
+}
+
+void Recorder::plot(const Plot& plot) {
+  state_->must_be_open();
+  lay_out_plot(plot, 640,
+               360);  // throws here, where the script's line is known, and not in the report
+  state_->data.plots.push_back(plot);
+  state_->writer.post(
+      [plot, number = state_->data.plots.size() - 1](RecordFile& file) { file.plot(number, plot); },
+      false);
+}
+
+void Recorder::drawing(const std::string& title, const std::string& svg) {
+  state_->must_be_open();
+  if (!svg.starts_with("<svg xmlns=") || svg.find("</svg>") == std::string::npos)
+    throw std::invalid_argument("svg: wants a whole SVG document, from <svg xmlns= to </svg>");
+  auto& drawings = state_->data.drawings;
+  drawings.push_back({title, svg});
+  state_->writer.post([one = drawings.back(), number = drawings.size() - 1](
+                          RecordFile& file) { file.drawing(number, one); },
+                      false);
+}
+
+void Recorder::table(const Table& table) {
+  state_->must_be_open();
+  auto& tables = state_->data.tables;
+  tables.push_back(table);
+  state_->writer.post(
+      [table, number = tables.size() - 1](RecordFile& file) { file.table(number, table); }, false);
+}
+
+void Recorder::picture(const std::string& name, const std::string& caption, const cv::Mat& image) {
+  state_->must_be_open();
+  auto& pictures = state_->data.pictures;
+  Picture picture{name, caption, "", png_of(name, image)};
+  picture.file = fmt::format("pictures/{:03}_{}.png", pictures.size() + 1, slug(name, "picture"));
+  pictures.push_back(picture);
+  const auto write = [picture, number = pictures.size() - 1,
+                      &folder = state_->data.folder](RecordFile& file) {
+    std::filesystem::create_directory(folder / "pictures");
+    write_file(folder / picture.file, as_text(picture.png));
+    file.picture(number, picture);
+  };
+  state_->writer.post(write, false);
+}
+
+void Recorder::module(const Module& module) {
+  state_->must_be_open();
+  auto& modules = state_->data.modules;
+  const auto same = [&](const Module& one) { return one.name == module.name; };
+  if (std::any_of(modules.begin(), modules.end(), same)) return;
+  modules.push_back(module);
+  const auto keep = [module, &folder = state_->data.folder](RecordFile& file) {
+    std::filesystem::create_directories(folder / "script" / "modules");
+    write_file(folder / "script" / "modules" / (slug(module.name, "module") + ".lua"), module.text);
+    file.module(module);
+  };
+  state_->writer.post(keep, false);
+}
+
+int Recorder::add_camera(const RecordedCameraInfo& info) {
+  state_->must_be_open();
+  auto& cameras = state_->data.cameras;
+  const auto same = [&](const auto& one) { return one.camera == info.camera; };
+  if (info.every < 1) throw std::invalid_argument("every must be 1 or more");
+  if (std::any_of(cameras.begin(), cameras.end(), same))
+    throw std::invalid_argument("the frames of " + info.camera + " are recorded already");
+  cameras.push_back(info);
+  state_->writer.add_camera(info);
+  return static_cast<int>(cameras.size()) - 1;
+}
+
+void Recorder::frame(int camera, const Frame& frame) {
+  state_->must_be_open();
+  if (camera < 0 || static_cast<std::size_t>(camera) >= state_->data.cameras.size())
+    throw std::invalid_argument(fmt::format("camera {} is not known", camera));
+  state_->writer.frame(static_cast<std::size_t>(camera), frame);
+  state_->drain_alarms(frame.received);
+}
+
+void Recorder::set_report(std::function<std::string(const RunData&)> report) {
+  state_->report = std::move(report);
+}
+
+/// A failed output is an event of the run; the others are still made.
+template <class Action>
+void Recorder::State::try_to(const char* what, Action action) {
+  try {
+    action();
+  } catch (const std::exception& error) {
+    const Time time = data.streams.empty() || data.streams[0].times.empty()
+                          ? Time{}
+                          : data.streams[0].times.back();
+    data.events.push_back({time, "error", std::string(what) + ": " + error.what()});
+    writer.late_event(data.events.size() - 1, data.events.back());
+  }
+}
+
+/// Drawings come first, as in the report.
+void Recorder::State::write_outputs() {
+  std::size_t number = 0;
+  const auto write = [&](const std::string& title, const auto& svg) {
+    try_to("plot", [&] {
+      std::filesystem::create_directory(data.folder / "plots");
+      const std::string name = fmt::format("{:02}_{}.svg", ++number, slug(title, "plot"));
+      write_file(data.folder / "plots" / name, svg());
+    });
+  };
+  for (const SvgDrawing& one : data.drawings) write(one.title, [&] { return one.svg; });
+  for (const Plot& one : data.plots) write(one.title, [&] { return to_svg(one); });
+  for (const Picture& one : data.pictures) {
+    if (std::filesystem::exists(data.folder / one.file))
+      continue;  // a full disk had no room for it
+    try_to("picture", [&] {
+      std::filesystem::create_directory(data.folder / "pictures");
+      write_file(data.folder / one.file, as_text(one.png));
+    });
+  }
+  if (report) try_to("report", [&] { write_file(data.folder / "report.html", report(data)); });
+  try_to("summary", [&] {
+    write_file(data.folder / "summary.json",
+               summary(data).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  });
+}
+
+void Recorder::finish(const RunEnd& end) {
+  RunData& data = state_->data;
+  if (data.end) return;
+  std::exception_ptr trouble;
+  const auto guarded = [&](auto action) {
+    try {
+      action();
+    } catch (const std::exception&) {
+      if (!trouble) trouble = std::current_exception();
+    }
+  };
+  const Time last = data.events.empty() ? Time{} : data.events.back().time;
+  guarded([&] { state_->writer.stop(); });
+  for (const std::string& alarm : state_->writer.drain_alarms()) {
+    data.events.push_back({last, "alarm", alarm});
+    state_->writer.late_event(data.events.size() - 1, data.events.back());
+  }
+  data.end = end;
+  data.frames = state_->writer.frames();
+  data.dropped = state_->writer.dropped();
+  data.held = state_->writer.held();
+  guarded([&] { state_->writer.finish(end, data); });
+  state_->write_outputs();
+  guarded([&] { state_->writer.close(); });
+  guarded([&] { write_manifest(data.folder); });
+  guarded([&] { sync_folder(data.folder); });
+  state_->lock.release();
+  if (trouble) std::rethrow_exception(trouble);
+}
+
+}  // namespace vitreo

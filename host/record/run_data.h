@@ -1,0 +1,151 @@
+// What is known of a run: asked, happened, came out. Filled by the recorder while it goes on, by
+// the reader afterwards.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/time/clock.h"
+#include "host/plot/plot.h"
+
+#include <nlohmann/json.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// What was asked.
+struct RunStart {
+  std::string protocol_file, protocol_title, protocol_text;
+  nlohmann::json parameters;       // name: SI value
+  nlohmann::json parameter_units;  // name: unit as the protocol declares it, "mm/s"; missing ones
+                                   // are plain numbers
+  nlohmann::json rig;              // as resolved, with "file" and "text"
+  nlohmann::json versions;         // of the program, of its libraries
+  std::uint64_t seed = 0;
+  std::string operator_name;
+  nlohmann::json devices;  // role: identity
+  nlohmann::json files;    // file that the rig names (calibration, photograph): SHA-256
+};
+
+/// lost: the program ended without an end record; only `vitreo recover` writes it.
+enum class Outcome { completed, failed, stopped, aborted, lost };
+const char* to_string(Outcome outcome);
+std::optional<Outcome> outcome_named(const std::string& name);
+
+/// high: act at once; medium: promptly; low: to be looked at.
+enum class AlarmPriority { low, medium, high };
+const char* to_string(AlarmPriority priority);
+std::optional<AlarmPriority> alarm_priority_named(const std::string& name);
+/// "high: interlock: coil 3: 14 A is beyond the limit of 12 A".
+std::string alarm_text(AlarmPriority priority, const std::string& name, const std::string& text);
+
+struct RunEnd {
+  Outcome outcome = Outcome::completed;
+  std::string reason;                         // one line; empty when completed
+  double experiment_time = 0, wall_time = 0;  // s
+  std::string place{};  // "protocols/drift.lua:12" where the script was; empty: not known
+};
+
+/// "protocols/drift.lua:12" where a reason begins with a script's line, else "".
+std::string script_line(const std::string& reason);
+
+struct Channel {
+  std::string name, unit;  // unit: SI, "" for plain numbers
+};
+
+struct StreamInfo {
+  std::string name;    // "servo", "truth"
+  std::string source;  // "simulator truth (never seen by the loop)", "top camera"
+  std::vector<Channel> channels;
+};
+
+struct Figure {
+  std::string name;
+  double value;      // SI
+  std::string unit;  // SI: shown in people's unit of that size; or a unit such as "um": shown in
+                     // just that one
+};
+
+struct Picture {
+  std::string name, caption;
+  std::string file;  // below the run's folder
+  std::vector<unsigned char> png;
+};
+
+struct Table {
+  std::string title;
+  std::vector<std::string> header;             // with units
+  std::vector<std::vector<std::string>> rows;  // as shown
+};
+
+/// A drawing that is no plot, such as a layout of lenses.
+struct SvgDrawing {
+  std::string title, svg;
+};
+
+struct Event {
+  Time time{};
+  std::string kind, text;
+};
+
+/// A stream as it stands in memory: row-major samples.
+struct Stream {
+  StreamInfo info;
+  std::vector<Time> times;
+  std::vector<double> values;  // times.size() * channels
+  double at(std::size_t row, std::size_t channel) const {
+    return values[row * info.channels.size() + channel];
+  }
+};
+
+/// A Lua file that the run's scripts required.
+struct Module {
+  std::string name, file, text;
+};
+
+/// One recorded frame, and where its pixels are.
+struct FrameRow {
+  std::string camera;          // role: "top_camera"
+  std::uint64_t number = 0;    // the camera's own count
+  Time exposed{}, received{};  // the host's clock; exposed: the middle of the exposure
+  std::optional<Time>
+      device;        // the instrument's own clock at the middle of the exposure, where it has one
+  std::string file;  // below the run's folder
+  std::uint64_t offset = 0, bytes = 0;  // of the pixels, row by row, uncompressed
+  int width_px = 0, height_px = 0;
+  int pixel_type = 0;       // as NDTiff has it: 0: 8 bit, 1: 16 bit, 2: 8-bit color
+  std::uint32_t crc32 = 0;  // of the image as the camera gave it
+  std::uint64_t dropped_before =
+      0;  // frames lost to a full queue since the last recorded one of this camera
+};
+
+/// What one camera's frames are, stated when their recording began.
+struct RecordedCameraInfo {
+  std::string camera, identity;
+  int every = 1;                                 // each n-th frame is recorded
+  double frame_period = 0, effective_pixel = 0;  // s; m of the observed plane
+};
+
+struct RunData {
+  std::filesystem::path folder;
+  RunStart start;
+  std::optional<RunEnd> end;
+  std::vector<Stream> streams;
+  std::vector<Figure> figures;
+  std::vector<Plot> plots;
+  std::vector<SvgDrawing> drawings;
+  std::vector<Table> tables;
+  std::vector<Picture> pictures;
+  std::vector<Event> events;
+  std::vector<Module> modules;
+  std::vector<RecordedCameraInfo> cameras;
+  std::vector<FrameRow> frames;  // the recorder leaves them to its writer: see Recorder::frames()
+  std::vector<std::uint64_t> dropped;  // frames that were not recorded, one number a camera
+  double held = 0;                     // s for which the recorder held up those who gave it samples
+  const Stream* stream(const std::string& name) const;  // null where there is none
+};
+
+}  // namespace vitreo

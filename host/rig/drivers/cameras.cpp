@@ -1,0 +1,100 @@
+// Real cameras, videos and image sequences as a rig file describes them.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/genicam/driver.h"
+#include "devices/instruments/iidc/driver.h"
+#include "devices/instruments/image_sequence/driver.h"
+#include "devices/instruments/opencv_camera/driver.h"
+#include "host/rig/drivers/drivers.h"
+#include "host/rig/drivers/reopened.h"
+#include "host/rig/drivers/serial.h"
+
+namespace vitreo {
+namespace {
+
+/// What stands after `scheme` and the colon.
+std::string place(const InstrumentReader& instrument, const std::string& scheme) {
+  const std::string head = scheme + ":";
+  if (instrument.address.rfind(head, 0) != 0)
+    instrument.reader.fail("address", "must begin with " + head);
+  return instrument.address.substr(head.size());
+}
+
+double read_pixel(ConfigReader& reader, double fallback) {
+  return reader.number("effective_pixel", fallback, {0.5e-6, 200e-6, "m"});
+}
+
+}  // namespace
+
+Opener<Camera> read_genicam(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  genicam::Settings settings;
+  settings.name = instrument.role;
+  settings.camera = place(instrument, "genicam");
+  settings.width_px = reader.integer("width_px", settings.width_px, 1, 1 << 16);
+  settings.height_px = reader.integer("height_px", settings.height_px, 1, 1 << 16);
+  settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
+  settings.exposure = reader.number("exposure", settings.exposure, {1e-6, 100, "s"});
+  settings.gain = reader.number("gain", settings.gain, {0, 1000, ""});
+  settings.packet_size = reader.integer("packet_size", settings.packet_size, 576, 9000);
+  settings.socket_buffer =
+      reader.integer("socket_buffer", settings.socket_buffer, 1 << 12, 1 << 28);
+  settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  return reopened<Camera>(instrument.role, [settings](const RigContext& where) {
+    return genicam::open(settings, where.clock);
+  });
+}
+
+/// "iidc:GUID", or "iidc:any" where there is only one camera.
+Opener<Camera> read_iidc(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  iidc::Settings settings;
+  settings.name = instrument.role;
+  settings.guid = place(instrument, "iidc");
+  if (settings.guid == "any") settings.guid.clear();
+  settings.width_px = reader.integer("width_px", settings.width_px, 1, 1 << 14);
+  settings.height_px = reader.integer("height_px", settings.height_px, 1, 1 << 14);
+  settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
+  settings.exposure = reader.number("exposure", settings.exposure, {1e-6, 100, "s"});
+  settings.gain = reader.number("gain", settings.gain, {0, 1000, ""});
+  settings.fast_bus = reader.flag("fast_bus", settings.fast_bus);
+  settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  check_settings(instrument, settings);
+  return reopened<Camera>(instrument.role, [settings](const RigContext& where) {
+    return iidc::open(settings, where.clock);
+  });
+}
+
+Opener<Camera> read_image_sequence(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  image_sequence::Settings settings;
+  settings.name = instrument.role;
+  settings.folder = place(instrument, "images");
+  settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
+  const std::string timing = reader.choice("timing", "camera", {"camera", "every_frame"});
+  settings.every_frame = timing == "every_frame";
+  settings.repeat = reader.choice("at_the_end", "stop", {"stop", "repeat"}) == "repeat";
+  settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  return [settings](const RigContext& where) {
+    return Opened<Camera>{nullptr, image_sequence::open(settings, where.clock)};
+  };
+}
+
+Opener<Camera> read_opencv_camera(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  opencv_camera::Settings settings;
+  settings.name = instrument.role;
+  settings.source = place(instrument, "video");
+  settings.width_px = reader.integer("width_px", 0, 0, 1 << 16);
+  settings.height_px = reader.integer("height_px", 0, 0, 1 << 16);
+  settings.frame_rate = reader.number("frame_rate", 0, {0, 1e4, "Hz"});
+  settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  const auto open = [settings](const RigContext& where) {
+    return opencv_camera::open(settings, where.clock);
+  };
+  if (settings.source.rfind("/dev/", 0) == 0) return reopened<Camera>(instrument.role, open);
+  return [open](const RigContext& where) {  // a video that is over does not begin again
+    return Opened<Camera>{nullptr, open(where)};
+  };
+}
+
+}  // namespace vitreo

@@ -1,0 +1,85 @@
+// Kepco BOP supplies as a rig file describes them: { driver = "kepco_bop", address =
+// "tcp:10.0.0.11:5025, tcp:..." }.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/kepco_bop/driver.h"
+#include "devices/instruments/kepco_bop/emulator.h"
+#include "host/rig/drivers/drivers.h"
+#include "host/rig/drivers/serial.h"
+
+#include <sstream>
+
+namespace vitreo {
+namespace {
+
+/// The emulators of all channels, and what flows through their coils.
+struct EmulatedSupplies {
+  std::vector<double> currents;
+  std::vector<std::unique_ptr<kepco_bop::Emulator>> supplies;
+};
+
+std::shared_ptr<EmulatedSupplies> emulate(const RigContext& where,
+                                          const kepco_bop::Settings& settings, int channels) {
+  auto all = std::make_shared<EmulatedSupplies>();
+  all->currents.resize(static_cast<std::size_t>(channels));
+  kepco_bop::EmulatorSettings supply;
+  supply.max_current = settings.current_limit;
+  supply.max_voltage = settings.voltage_limit;
+  for (std::size_t i = 0; i < all->currents.size(); ++i)
+    all->supplies.push_back(kepco_bop::make_emulator(
+        supply,
+        [currents = &all->currents, i, laboratory = where.laboratory](Time now, double current) {
+          (*currents)[i] = current;
+          if (laboratory != nullptr) laboratory->drive_coils(now, *currents);
+        }));
+  return all;
+}
+
+}  // namespace
+
+Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  kepco_bop::Settings settings;
+  settings.name = instrument.role;
+  settings.current_limit = reader.number("current_limit", settings.current_limit, {0.1, 20, "A"});
+  settings.voltage_limit = reader.number("voltage_limit", settings.voltage_limit, {0.1, 200, "V"});
+  settings.max_slope = reader.number("max_slope", settings.max_slope, {0.1, 1e5, "A/s"});
+  settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {0.02, 5, "s"});
+  settings.settling_time = reader.number("settling_time", settings.settling_time, {0.01, 10, "s"});
+  settings.read_back_tolerance =
+      reader.number("read_back_tolerance", settings.read_back_tolerance, {1e-3, 5, "A"});
+  check_settings(instrument, settings);
+  // One place a channel, between commas; "emulated" means all eight of them.
+  std::vector<SerialPlace> places;
+  std::istringstream addresses(instrument.address);
+  for (std::string address; std::getline(addresses, address, ',');) {
+    const std::size_t begin = address.find_first_not_of(' ');
+    address = begin == std::string::npos ? "" : address.substr(begin);
+    places.push_back(read_serial_place({reader, instrument.role, address, instrument.laboratory},
+                                       {.xon_xoff = true}));
+    if (places.back().emulated() && !instrument.emulated())
+      reader.fail("address", "must be \"emulated\" as a whole, or not at all");
+  }
+  if (instrument.emulated()) places.resize(8, places.front());
+  return [settings, places](const RigContext& where) {
+    Opened<CoilAmplifier> opened;
+    std::shared_ptr<EmulatedSupplies> emulated;
+    if (places.front().emulated() || where.offer)
+      emulated = emulate(where, settings, static_cast<int>(places.size()));
+    opened.far_end = emulated;
+    if (where.offer) {
+      for (std::size_t i = 0; i < places.size(); ++i)
+        where.offer(places[i].address, places[i].serial.baud_rate,
+                    {emulated, emulated->supplies[i].get()});
+      return opened;
+    }
+    std::vector<std::unique_ptr<ByteLink>> links;
+    for (std::size_t i = 0; i < places.size(); ++i)
+      links.push_back(emulated ? memory_byte_link(*emulated->supplies[i], where.clock, {},
+                                                  link_faults(where, "coils"))
+                               : open_byte_link(places[i].address, places[i].serial, where.clock));
+    opened.device = kepco_bop::open(std::move(links), settings, where.clock);
+    return opened;
+  };
+}
+
+}  // namespace vitreo

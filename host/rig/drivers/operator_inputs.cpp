@@ -1,0 +1,106 @@
+// SpaceMouse and foot pedals as a rig file describes them.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/foot_pedal/driver.h"
+#include "devices/instruments/foot_pedal/emulator.h"
+#include "devices/instruments/spacemouse/driver.h"
+#include "devices/instruments/spacemouse/emulator.h"
+#include "host/rig/drivers/drivers.h"
+#include "host/rig/drivers/reopened.h"
+
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+/// What is done to an emulated SpaceMouse: nothing, or a push, once or again and again.
+struct Push {
+  Eigen::Vector3d deflection{0, 0, 0};  // of full
+  double from = 0, lasting = 0;         // s
+  double every = 0;                     // s from one to the next; 0: there is one only
+};
+
+/// The driver over an emulator that a hand pushes; the hand goes first.
+class Pushed final : public OperatorInput {
+ public:
+  Pushed(const spacemouse::Settings& settings, Clock& clock, const Push& push)
+      : mouse_(spacemouse::open(memory_hid_link(emulator_, clock, Time(0)), settings, clock)) {
+    if (push.lasting > 0) hand_ = clock.spawn("hand", [this, &clock, push] { act(clock, push); });
+  }
+  std::string identity() const override { return mouse_->identity(); }
+  OperatorState state() override { return mouse_->state(); }
+
+ private:
+  void act(Clock& clock, const Push& push) {
+    constexpr Time kReport = std::chrono::milliseconds(16);  // as often as the device reports
+    const auto counts = [&push](int axis) {
+      return static_cast<std::int16_t>(
+          std::lround(push.deflection[axis] * spacemouse::kFullScale_counts));
+    };
+    const auto other = [&](int axis) { return static_cast<std::int16_t>(-counts(axis)); };
+    Time next = from_seconds(push.from);
+    do {
+      clock.sleep_until(next);
+      for (const Time end = next + from_seconds(push.lasting); clock.now() < end;
+           clock.sleep_for(kReport))
+        emulator_.deflect({counts(0), other(1), other(2)},
+                          {});  // y and z of the device point the other way
+      emulator_.deflect({}, {});
+      next += from_seconds(push.every);
+    } while (push.every > 0);
+  }
+
+  spacemouse::Emulator emulator_;
+  const std::unique_ptr<OperatorInput> mouse_;
+  std::unique_ptr<Task> hand_;
+};
+
+Push read_push(ConfigReader& reader) {
+  Push push;
+  push.deflection = reader.vector3("pushed", push.deflection, {-1, 1, ""});
+  push.from = reader.number("pushed_from", 0, {0, 1e5, "s"});
+  push.lasting = reader.number("pushed_for", 0, {0, 1e5, "s"});
+  push.every = reader.number("pushed_every", 0, {0, 1e5, "s"});
+  if (push.every > 0 && push.every <= push.lasting)
+    reader.fail("pushed_every", "is not longer than pushed_for");
+  return push;
+}
+
+}  // namespace
+
+Opener<OperatorInput> read_spacemouse(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  spacemouse::Settings settings;
+  settings.name = instrument.role;
+  settings.dead_zone = reader.number("dead_zone", settings.dead_zone, {0, 0.5, ""});
+  settings.watchdog = reader.number("watchdog", settings.watchdog, {0.02, 10, "s"});
+  if (instrument.emulated())
+    return [settings, push = read_push(reader)](const RigContext& where) {
+      return Opened<OperatorInput>{nullptr, std::make_unique<Pushed>(settings, where.clock, push)};
+    };
+  const auto open = [settings,
+                     address = read_usb_address(instrument, "hid")](const RigContext& where) {
+    return spacemouse::open(open_hid_link(address, where.clock), settings, where.clock);
+  };
+  return reopened<OperatorInput>(instrument.role, open);
+}
+
+Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
+  foot_pedal::Settings settings;
+  settings.name = instrument.role;
+  if (instrument.reader.choice("layout", "xkeys_xk3", {"xkeys_xk3", "infinity"}) == "infinity")
+    settings.layout = foot_pedal::infinity();
+  if (instrument.emulated())
+    return [settings](const RigContext& where) {
+      auto nobody =
+          std::make_shared<foot_pedal::Emulator>(settings.layout);  // a pedal that nobody stands on
+      auto link = memory_hid_link(*nobody, where.clock, Time(0));
+      return Opened<OperatorInput>{nobody, foot_pedal::open(std::move(link), settings)};
+    };
+  const auto open = [settings,
+                     address = read_usb_address(instrument, "hid")](const RigContext& where) {
+    return foot_pedal::open(open_hid_link(address, where.clock), settings);
+  };
+  return reopened<OperatorInput>(instrument.role, open);
+}
+
+}  // namespace vitreo

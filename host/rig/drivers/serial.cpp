@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/drivers/serial.h"
+
+namespace vitreo {
+
+SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual) {
+  SerialPlace place{instrument.address, usual};
+  const std::string bus = parse_address(instrument.address).bus;
+  if (bus != "serial" && bus != "tcp" && bus != "emulated")
+    instrument.reader.fail("address", "must be \"serial:PATH\", \"tcp:HOST:PORT\" or \"emulated\"");
+  if (bus != "tcp")
+    place.serial.baud_rate =
+        instrument.reader.integer("baud_rate", usual.baud_rate, 300, 4'000'000);
+  return place;
+}
+
+}  // namespace vitreo

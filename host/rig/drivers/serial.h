@@ -1,0 +1,64 @@
+// What the rig file's readers of serial instruments share.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/address.h"
+#include "devices/links/byte_link.h"
+#include "host/rig/registry.h"
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace vitreo {
+
+/// Where the driver's bytes go: the address, and for a serial port its settings; or an emulator.
+struct SerialPlace {
+  std::string address;
+  SerialSettings serial;
+  bool ideal = false;  // emulated, and the bytes take no time
+  bool emulated() const { return address == "emulated"; }
+};
+
+/// Takes the std::invalid_argument of settings.check() for an error of the rig file.
+template <class Settings>
+void check_settings(const InstrumentReader& instrument, const Settings& settings) {
+  try {
+    settings.check();
+  } catch (const std::invalid_argument& problem) {
+    instrument.reader.fail("driver",
+                           std::string("has settings that do not fit: ") + problem.what());
+  }
+}
+
+/// Reads `baud_rate` (only of "serial:" addresses) and refuses an address that carries no bytes.
+/// `usual` holds what the instrument's manual says.
+SerialPlace read_serial_place(const InstrumentReader& instrument, const SerialSettings& usual);
+
+/// What is wrong with the wire to a role's emulators; null where nothing is simulated.
+inline const LinkFaults* link_faults(const RigContext& where, const std::string& role) {
+  return where.laboratory == nullptr ? nullptr : &where.laboratory->faults().links[role];
+}
+
+/// Opens the link, to `emulator` where the address says so, and `open`s the driver on it.
+template <class Role, class Open>
+Opened<Role> open_on(const SerialPlace& place, const std::shared_ptr<BytePeer>& emulator,
+                     const RigContext& where, const std::string& role, const Open& open) {
+  if (where.offer) {
+    where.offer(place.address, place.serial.baud_rate, emulator);
+    return {emulator, nullptr};
+  }
+  if (!place.emulated())
+    return {nullptr, open(open_byte_link(place.address, place.serial, where.clock))};
+  const Time per_byte = place.ideal ? Time::zero() : from_seconds(10.0 / place.serial.baud_rate);
+  auto link =
+      memory_byte_link(*emulator, where.clock, {Time::zero(), per_byte}, link_faults(where, role));
+  // In this order: the driver's end still talks to the emulator.
+  Opened<Role> opened;
+  opened.far_end = emulator;
+  opened.device = open(std::move(link));
+  return opened;
+}
+
+}  // namespace vitreo

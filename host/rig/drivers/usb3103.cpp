@@ -1,0 +1,35 @@
+// The USB-3103 as a rig file describes it.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/usb3103/driver.h"
+#include "devices/sim/faulty_links.h"
+#include "host/rig/drivers/drivers.h"
+#include "host/rig/drivers/reopened.h"
+
+namespace vitreo {
+
+Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
+  ConfigReader& reader = instrument.reader;
+  usb3103::Settings settings;
+  settings.name = instrument.role;
+  settings.amperes_per_volt =
+      reader.number("amperes_per_volt", settings.amperes_per_volt, {0.01, 100, ""});
+  settings.current_limit = reader.number("current_limit", settings.current_limit, {0.1, 20, "A"});
+  settings.reply_timeout = reader.number("reply_timeout", settings.reply_timeout, {1e-3, 5, "s"});
+  if (reader.has("enable_line")) settings.enable_line = reader.integer("enable_line", 0, 0, 7);
+  const Time latency = from_seconds(reader.number("link_latency", 0, {0, 0.05, "s"}));
+  instrument.laboratory.amperes_per_volt = settings.amperes_per_volt;
+  if (!instrument.emulated())
+    return reopened<CoilAmplifier>(
+        instrument.role,
+        [settings, address = read_usb_address(instrument, "hid")](const RigContext& where) {
+          return usb3103::open(open_hid_link(address, where.clock), settings, where.clock);
+        });
+  return reopened<CoilAmplifier>(instrument.role, [settings, latency](const RigContext& where) {
+    auto link = sim::faulty_hid_link(
+        memory_hid_link(where.laboratory->coil_outputs(), where.clock, latency),
+        where.laboratory->faults().links["coils"], where.clock);
+    return usb3103::open(std::move(link), settings, where.clock);
+  });
+}
+
+}  // namespace vitreo

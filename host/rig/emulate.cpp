@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/emulate.h"
+
+#include "devices/instruments/foot_pedal/emulator.h"
+#include "devices/instruments/genicam/camera_server.h"
+#include "devices/instruments/spacemouse/emulator.h"
+#include "devices/links/peer_end.h"
+#include "devices/testbed/usb_testbed.h"
+#include "devices/time/error.h"
+#include "devices/time/quiet_thread.h"
+#include "host/config/config.h"
+#include "host/rig/rig_settings.h"
+
+#include <fmt/format.h>
+#include <opencv2/imgproc.hpp>
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <iostream>
+#include <mutex>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+constexpr std::chrono::microseconds kPump{500};
+constexpr const char* kLocal = "tcp:127.0.0.1:";
+
+std::string text_at(const ConfigTable& table, const std::string& key) {
+  const auto found = table.find(key);
+  const auto* const text =
+      found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
+  return text == nullptr ? "" : *text;
+}
+
+bool begins(const std::string& text, const std::string& with) { return text.rfind(with, 0) == 0; }
+
+/// The rig's instruments: its simulated world and, on real wires, what stands at their far ends.
+class Emulation {
+ public:
+  /// `places`: as the rig file has them (USB, nodes of serial ports), for a command; else new ones,
+  /// that anybody can open.
+  Emulation(const RigDescription& description, bool places)
+      : in_place_(places),
+        reader_(description),
+        settings_(read_rig_settings(reader_)),
+        laboratory_(settings_.laboratory, *clock_, 1) {
+    for (const auto& [role, value] : description.table)
+      if (const auto* const table = std::get_if<ConfigTable>(&value.value))
+        offer(role, text_at(*table, "driver"), text_at(*table, "address"));
+    thread_ = quiet_thread([this] { pump(); });
+  }
+  Emulation(const Emulation&) = delete;
+  Emulation& operator=(const Emulation&) = delete;
+  ~Emulation() {
+    ended_ = true;
+    thread_.join();
+    camera_.reset();
+  }
+
+ private:
+  void offer(const std::string& role, const std::string& driver, const std::string& address) {
+    const bool hid = begins(address, "hid:");
+    if (hid || begins(address, "usb:")) {
+      if (!in_place_) return say(role, address + " is there only for a command: -- COMMAND");
+      plug(role, driver, parse_usb_address(hid ? "hid" : "usb", address));
+      return say(role, address);
+    }
+    if (role == "top_camera" &&
+        (address == "genicam:127.0.0.1" ||
+         (!in_place_ && !begins(address, "video:") && !begins(address, "images:")))) {
+      serve();
+      return say(role, "genicam:127.0.0.1");
+    }
+    const bool talks = begins(address, "serial:") || begins(address, "tcp:");
+    if (!talks && (in_place_ || !(address.empty() || address == "emulated"))) {
+      if (!address.empty() && address != "emulated") say(role, address + " is not emulated here");
+      return;
+    }
+    offer_bytes(role, driver);
+  }
+
+  /// The far ends that the role's driver asks for, if it is one that talks bytes.
+  void offer_bytes(const std::string& role, const std::string& driver) {
+    RigContext where{*clock_, &laboratory_, places_};
+    where.offer = [this, &role](const std::string& address, int baud_rate,
+                                std::shared_ptr<BytePeer> peer) {
+      const bool tcp = begins(address, "tcp:");
+      if (tcp && in_place_ && !begins(address, kLocal))
+        return say(role, address + " is not emulated here: only 127.0.0.1 is");
+      const int port =
+          tcp && begins(address, kLocal) ? std::stoi(address.substr(std::strlen(kLocal))) : 0;
+      End end{tcp ? open_tcp_end(port) : open_pty_end(), std::move(peer)};
+      std::string shown = end.wire->address();
+      if (!tcp && in_place_) {
+        testbed().add_node(address.substr(address.find(':') + 1),
+                           shown.substr(shown.find(':') + 1));
+        shown = address + " (" + shown + ")";
+      }
+      if (!tcp) shown += fmt::format(", {} baud", baud_rate);
+      say(role, shown);
+      ends_.push_back(std::move(end));
+    };
+    if (role == "stage") settings_.stage(where);
+    if (role == "rotation_stage") settings_.rotation_stage(where);
+    if (role == "field_probe" && driver != "simulated") settings_.field_probe(where);
+    if (role == "coils" && driver == "kepco_bop") settings_.coils(where);
+  }
+
+  /// To the standard output, for whoever reads the addresses; beside a command to the error output.
+  void say(const std::string& role, const std::string& what) const {
+    std::ostream& out = in_place_ ? std::cerr : std::cout;
+    out << role << ": " << what << std::endl;
+  }
+
+  UsbTestbed& testbed() {
+    if (!testbed_) testbed_ = make_usb_testbed();
+    return *testbed_;
+  }
+
+  void plug(const std::string& role, const std::string& driver, const UsbAddress& address) {
+    UsbIdentity identity{
+        address.vendor, address.product,      0x0100, address.serial.empty() ? "1" : address.serial,
+        "Vitreo",       "emulated " + driver, ""};
+    if (driver == "usb3103")
+      testbed().plug(laboratory_.coil_outputs(), identity);
+    else if (driver == "led")
+      testbed().plug(*lamp_, identity);
+    else if (driver == "pololu_tic")
+      testbed().plug(laboratory_.lens_motor());
+    else if (driver == "spacemouse")
+      testbed().plug(mouse_, identity, 0x01, 0x08);
+    else if (driver == "foot_pedal")
+      testbed().plug(pedal_, identity);
+    else
+      throw ConfigError(role + ": there is no emulator for the driver '" + driver + "' on USB");
+  }
+
+  void serve() {
+    genicam::ServerSettings settings;
+    settings.width_px = settings_.laboratory.top.size.width;
+    settings.height_px = settings_.laboratory.top.size.height;
+    const auto draw = [this](const genicam::Exposure& exposure, cv::Mat& image) {
+      cv::Mat eye;
+      with_world([&] { eye = laboratory_.top_image(clock_->now(), exposure.number); });
+      cv::resize(eye, image, image.size());  // where the client asked for another size
+    };
+    laboratory_.top_image(clock_->now(),
+                          0);  // the first look takes its time: a client would call it silence
+    camera_ = genicam::serve_camera(settings, draw);
+  }
+
+  /// One thread at a time: the camera's, the testbed's, the wires'.
+  void with_world(const std::function<void()>& work) {
+    const std::lock_guard lock(mutex_);
+    if (testbed_)
+      testbed_->with_emulators(work);
+    else
+      work();
+  }
+
+  void pump() {
+    while (!ended_) {
+      if (!ends_.empty())
+        with_world([this] {
+          for (End& end : ends_) end.wire->pump(*end.peer, clock_->now());
+        });
+      std::this_thread::sleep_for(kPump);
+    }
+  }
+
+  struct End {
+    std::unique_ptr<PeerEnd> wire;
+    std::shared_ptr<BytePeer> peer;
+  };
+
+  const bool in_place_;
+  std::unique_ptr<Clock> clock_ = wall_clock();
+  ConfigReader reader_;
+  RigSettings settings_;
+  sim::Laboratory laboratory_;
+  std::shared_ptr<SimulatedPlaces> places_ = std::make_shared<SimulatedPlaces>();
+  spacemouse::Emulator mouse_;
+  foot_pedal::Emulator pedal_;
+  std::unique_ptr<usb3103::Emulator> lamp_ = usb3103::make_emulator({}, nullptr);
+  std::vector<End> ends_;
+  std::mutex mutex_;
+  std::unique_ptr<UsbTestbed> testbed_;
+  std::unique_ptr<genicam::CameraServer> camera_;
+  std::atomic<bool> ended_{false};
+  std::thread thread_;
+};
+
+int run(const std::vector<std::string>& command) {
+  std::vector<char*> words;
+  for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
+  words.push_back(nullptr);
+  pid_t child = 0;
+  if (const int error = posix_spawnp(&child, words[0], nullptr, nullptr, words.data(), environ);
+      error != 0)
+    throw ConfigError("the command " + command.front() + " cannot be run: " + std::strerror(error));
+  // The terminal's Ctrl-C reaches the command too: it decides, and the instruments outlive it.
+  struct sigaction ignore {
+  }, before{};
+  ignore.sa_handler = SIG_IGN;
+  sigaction(SIGINT, &ignore, &before);
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  sigaction(SIGINT, &before, nullptr);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+/// Blocks Ctrl-C and its kin in this thread and those that it makes from now on, until it is waited
+/// for.
+class EndingSignals {
+ public:
+  EndingSignals() {
+    sigemptyset(&set_);
+    for (const int one : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&set_, one);
+    pthread_sigmask(SIG_BLOCK, &set_, &before_);
+  }
+  ~EndingSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  EndingSignals(const EndingSignals&) = delete;
+  EndingSignals& operator=(const EndingSignals&) = delete;
+  void wait() const {
+    int one = 0;
+    sigwait(&set_, &one);
+  }
+
+ private:
+  sigset_t set_{}, before_{};
+};
+
+}  // namespace
+
+int emulate(const RigDescription& description, const std::vector<std::string>& command) {
+  if (!command.empty()) {
+    const Emulation emulation(description, true);
+    return run(command);
+  }
+  const EndingSignals ending;
+  const Emulation emulation(description, false);
+  std::cerr << "press Ctrl-C to end\n";
+  ending.wait();
+  return 0;
+}
+
+void restart_in_testbed(char** words) {
+  if (why_no_usb_testbed().empty()) return;
+  if (std::getenv("VITREO_IN_TESTBED") != nullptr) return;  // it did not help
+  setenv("VITREO_IN_TESTBED", "1", 1);
+  char self[4096];
+  const ssize_t length = readlink("/proc/self/exe", self, sizeof self - 1);
+  if (length <= 0) return;
+  self[length] = '\0';
+  std::vector<char*> all{const_cast<char*>("umockdev-wrapper"), self};
+  for (char** word = words + 1; *word != nullptr; ++word) all.push_back(*word);
+  all.push_back(nullptr);
+  execvp(all[0], all.data());
+}
+
+}  // namespace vitreo

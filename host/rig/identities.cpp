@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/identities.h"
+
+#include "host/files/manifest.h"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+constexpr std::size_t kLongestPath = 1024;
+
+void add_hash(const std::string& text, const std::filesystem::path& beside,
+              nlohmann::json& hashes) {
+  if (text.empty() || text.size() > kLongestPath ||
+      text.find_first_of(std::string("\n\0", 2)) != std::string::npos)
+    return;
+  for (const std::filesystem::path& file : {std::filesystem::path(text), beside / text}) {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(file, error) || error) continue;
+    hashes[file.lexically_normal().string()] = sha256_file(std::filesystem::canonical(file));
+    return;
+  }
+}
+
+void walk(const nlohmann::json& value, const std::filesystem::path& beside,
+          nlohmann::json& hashes) {
+  if (value.is_string()) return add_hash(value.get<std::string>(), beside, hashes);
+  if (value.is_structured())
+    for (const nlohmann::json& inner : value) walk(inner, beside, hashes);
+}
+
+}  // namespace
+
+nlohmann::json identities(const Rig& rig) {
+  nlohmann::json names = nlohmann::json::object();
+  if (rig.top_camera != nullptr) names["top_camera"] = rig.top_camera->info().identity;
+  if (rig.side_camera != nullptr) names["side_camera"] = rig.side_camera->info().identity;
+  if (rig.coils != nullptr) names["coils"] = rig.coils->identity();
+  if (rig.joystick != nullptr) names["joystick"] = rig.joystick->identity();
+  if (rig.pedal != nullptr) names["pedal"] = rig.pedal->identity();
+  if (rig.lamp != nullptr) names["lamp"] = rig.lamp->identity();
+  if (rig.lens_mover != nullptr) names["lens_mover"] = rig.lens_mover->identity();
+  if (rig.sample != nullptr) names["sample"] = rig.sample->identity();
+  if (rig.stage != nullptr) names["stage"] = to_string(rig.stage->info().identity);
+  if (rig.rotation_stage != nullptr)
+    names["rotation_stage"] = to_string(rig.rotation_stage->info().identity);
+  if (rig.field_probe != nullptr)
+    names["field_probe"] = to_string(rig.field_probe->info().identity);
+  return names;
+}
+
+nlohmann::json hashes_of_files(const nlohmann::json& rig) {
+  nlohmann::json hashes = nlohmann::json::object();
+  if (!rig.is_object()) return hashes;
+  const std::string file =
+      rig.contains("file") && rig["file"].is_string() ? rig["file"].get<std::string>() : "";
+  std::vector<std::string> files{file};
+  for (const nlohmann::json& base : rig.value("bases", nlohmann::json::array()))
+    if (base.is_object()) files.push_back(base.value("file", ""));
+  for (const std::string& one : files) {
+    if (!one.empty()) add_hash(one, "", hashes);
+    if (rig.contains("resolved"))
+      walk(rig["resolved"], std::filesystem::path(one).parent_path(), hashes);
+  }
+  return hashes;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,19 @@
+// What a run was made with, for its start record: the instruments' identities, the hashes of the
+// files that the rig names.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/rig/rig.h"
+
+#include <nlohmann/json.hpp>
+
+namespace vitreo {
+
+/// {"top_camera": "identity", ...} of the roles that are there.
+nlohmann::json identities(const Rig& rig);
+
+/// {"path": "SHA-256"} of every text in the rig as resolved that is the path of a file, as it
+/// stands or from where the rig file is: calibrations, photographs, prescriptions.
+nlohmann::json hashes_of_files(const nlohmann::json& rig);
+
+}  // namespace vitreo

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/instruments.h"
+
+#include "devices/contract/camera.h"
+#include "devices/contract/coil_amplifier.h"
+#include "devices/contract/field_probe.h"
+#include "devices/contract/lamp.h"
+#include "devices/contract/lens_mover.h"
+#include "devices/contract/operator_input.h"
+#include "devices/contract/stage.h"
+#include "devices/time/error.h"
+#include "host/rig/rig_settings.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <map>
+
+namespace vitreo {
+namespace {
+
+using Json = nlohmann::json;
+
+Json text_of(const ConfigValue& table, const char* key, const char* fallback) {
+  const auto& keys = std::get<ConfigTable>(table.value);
+  const auto found = keys.find(key);
+  const auto* const text =
+      found == keys.end() ? nullptr : std::get_if<std::string>(&found->second.value);
+  return text == nullptr ? fallback : *text;
+}
+
+void describe(Json& row, Camera& camera) {
+  const CameraInfo& info = camera.info();
+  row["identity"] = info.identity;
+  row["state"] = "streaming";
+  row["limits"] = {{"width_px", info.width_px},
+                   {"height_px", info.height_px},
+                   {"frame_rate", 1 / info.frame_period}};
+}
+void describe(Json& row, CoilAmplifier& coils) {
+  row["identity"] = coils.identity();
+  row["state"] = "at zero";
+  row["limits"] = {{"channels", coils.channels()}, {"current", coils.current_limit()}};
+}
+void describe(Json& row, LensMover& lens) {
+  row["identity"] = lens.identity();
+  row["state"] = lens.homed() ? "homed" : "not homed";
+  row["position"] = lens.position();
+  row["limits"] = {{"travel_min", lens.travel_min()}, {"travel_max", lens.travel_max()}};
+}
+void describe(Json& row, OperatorInput& input) {
+  row["identity"] = input.identity();
+  row["state"] = fmt::format("pressed: {:#x}", input.state().pressed);
+  row["limits"] = {{"deflection", 1}, {"buttons", 32}};
+}
+void describe(Json& row, Lamp& lamp) {
+  row["identity"] = lamp.identity();
+  row["state"] = lamp.level() > 0 ? "burning" : "dark";
+  row["limits"] = {{"level", 1}};
+}
+void describe(Json& row, PoseSensor& sensor) {
+  row["identity"] = sensor.identity();
+  row["state"] = "streaming";
+  row["limits"] = {{"rate", 1 / sensor.period()}};
+}
+void describe(Json& row, SampleHandler& hands) {
+  row["identity"] = hands.identity();
+  row["state"] = "waiting";
+  row["limits"] = Json::object();
+}
+/// An infinite travel is no JSON number.
+Json limits_of(const StageAxis& axis) {
+  Json limits = {{"name", axis.name}, {"max_speed", axis.max_speed}};
+  if (std::isfinite(axis.travel_min)) limits["travel_min"] = axis.travel_min;
+  if (std::isfinite(axis.travel_max)) limits["travel_max"] = axis.travel_max;
+  return limits;
+}
+void describe(Json& row, Stage& stage) {
+  row["identity"] = to_string(stage.info().identity);
+  row["firmware"] = stage.info().identity.firmware;
+  row["state"] = stage.moving() ? "moving" : "standing";
+  row["position"] = stage.position();
+  for (const StageAxis& axis : stage.info().axes) row["limits"].push_back(limits_of(axis));
+}
+void describe(Json& row, RotationStage& stage) {
+  row["identity"] = to_string(stage.info().identity);
+  row["firmware"] = stage.info().identity.firmware;
+  row["state"] = stage.moving() ? "moving" : "standing";
+  row["position"] = stage.angle();
+  row["limits"] = limits_of(stage.info().axis);
+}
+void describe(Json& row, FieldProbe& probe) {
+  row["identity"] = to_string(probe.info().identity);
+  row["firmware"] = probe.info().identity.firmware;
+  row["state"] = "waiting";
+  row["limits"] = {{"axes", probe.info().axes}, {"range", probe.info().range}};
+}
+
+/// The rig's roles, each opened by a call of its own.
+class Opening {
+ public:
+  explicit Opening(const RigDescription& description)
+      : clock_(has_real_instruments(description) ? wall_clock() : virtual_clock()),
+        reader_(description),
+        settings_(read_rig_settings(reader_)),
+        laboratory_(settings_.laboratory, *clock_, 1) {}
+  Clock& clock() { return *clock_; }
+
+  /// Calls `visit(device)` with the opened role; throws DeviceError, ConfigError for a role that is
+  /// not in the rig.
+  template <class Visit>
+  void with(const std::string& role, Visit visit) {
+    const RigContext where{*clock_, &laboratory_};
+    if (role == "top_camera" && settings_.top_camera && !settings_.top)
+      return visit(laboratory_.top_camera());
+    if (role == "sample" && settings_.sample) return visit(laboratory_.sample());
+    if (role == "pose_sensor" && settings_.pose_sensor) {
+      const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
+        const auto known = laboratory_.truth(time);
+        return known ? std::optional(known->position) : std::nullopt;
+      };
+      return visit(*sim::make_pose_sensor(*settings_.pose_sensor, truth, *clock_, 1));
+    }
+    if (role == "side_camera" && settings_.side_camera && !settings_.side)
+      return visit(laboratory_.side_camera());
+    const bool found = open(role, "top_camera", settings_.top, where, visit) ||
+                       open(role, "side_camera", settings_.side, where, visit) ||
+                       open(role, "coils", settings_.coils, where, visit) ||
+                       open(role, "lens_mover", settings_.lens_mover, where, visit) ||
+                       open(role, "lamp", settings_.lamp, where, visit) ||
+                       open(role, "joystick", settings_.joystick, where, visit) ||
+                       open(role, "pedal", settings_.pedal, where, visit) ||
+                       open(role, "stage", settings_.stage, where, visit) ||
+                       open(role, "rotation_stage", settings_.rotation_stage, where, visit) ||
+                       open(role, "field_probe", settings_.field_probe, where, visit);
+    if (!found) throw ConfigError("the rig has no instrument for the role '" + role + "'");
+  }
+
+ private:
+  template <class Role, class Visit>
+  static bool open(const std::string& wanted, const char* role, const Opener<Role>& opener,
+                   const RigContext& where, Visit& visit) {
+    if (wanted != role || !opener) return false;
+    const Opened<Role> opened = opener(where);
+    visit(*opened.device);
+    return true;
+  }
+
+  std::unique_ptr<Clock> clock_;
+  ConfigReader reader_;
+  RigSettings settings_;
+  sim::Laboratory laboratory_;
+};
+
+struct Tester {
+  Clock& clock;
+  std::vector<std::string>& findings;
+  void operator()(Camera& camera) const { findings = contract::check(camera, clock); }
+  void operator()(CoilAmplifier& coils) const { findings = contract::check(coils); }
+  void operator()(LensMover& lens) const { findings = contract::check(lens); }
+  void operator()(Stage& stage) const { findings = contract::check(stage, clock); }
+  void operator()(RotationStage& stage) const { findings = contract::check(stage, clock); }
+  void operator()(FieldProbe& probe) const { findings = contract::check(probe, clock); }
+  void operator()(Lamp& lamp) const { findings = contract::check(lamp); }
+  void operator()(OperatorInput& input) const { findings = contract::check(input, clock); }
+  template <class Role>
+  void operator()(Role&) const {
+    throw ConfigError("there is no contract suite for this role yet");
+  }
+};
+
+}  // namespace
+
+Json examine_rig(const RigDescription& description) {
+  Opening opening(description);
+  Json rows = Json::array();
+  static const std::map<std::string, const char*> kRoles{{"top_camera", "simulated"},
+                                                         {"side_camera", "simulated"},
+                                                         {"coils", "usb3103"},
+                                                         {"lens_mover", "pololu_tic"},
+                                                         {"joystick", "spacemouse"},
+                                                         {"pedal", "foot_pedal"},
+                                                         {"stage", "zaber"},
+                                                         {"rotation_stage", "zaber"},
+                                                         {"field_probe", "scpi_probe"},
+                                                         {"lamp", "led"},
+                                                         {"pose_sensor", "simulated"},
+                                                         {"sample", "simulated"}};
+  for (const auto& [role, value] : description.table) {
+    const auto known = kRoles.find(role);
+    if (known == kRoles.end()) continue;
+    Json row = {{"role", role},
+                {"driver", text_of(value, "driver", known->second)},
+                {"link", text_of(value, "address", "emulated")},
+                {"present", false}};
+    try {
+      opening.with(role, [&row](auto& device) { describe(row, device); });
+      row["present"] = true;
+    } catch (const DeviceError& error) {
+      row["state"] = to_string(error.kind);
+      row["why"] = error.what();
+    }
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+std::vector<std::string> test_instrument(const RigDescription& description,
+                                         const std::string& name) {
+  Opening opening(description);
+  std::vector<std::string> findings;
+  opening.with(name, Tester{opening.clock(), findings});
+  return findings;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/open_rig.h"
+
+#include "control/field_calibration_file.h"
+#include "control/robots.h"
+#include "control/vitreous.h"
+#include "host/rig/calibrations.h"
+#include "host/rig/plant_settings.h"
+#include "host/rig/rig_settings.h"
+#include "host/safety/guardian.h"
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace vitreo {
+namespace {
+
+/// Longer than the host's own dead-man, which has its turn first.
+constexpr Time kStuck = std::chrono::milliseconds(400);
+
+/// Members in the order of their birth: the laboratory first, the interlock last, so that they die
+/// the other way round.
+class SimulatedRig : public OpenRig, public Simulation {
+ public:
+  SimulatedRig(const RigSettings& settings, nlohmann::json resolved, Clock& clock,
+               std::uint64_t seed)
+      : resolved_(std::move(resolved)),
+        clock_(clock),
+        seed_(seed),
+        laboratory_(settings.laboratory, clock, seed) {
+    rig_.simulation = this;
+    rig_.title = settings.title;
+    rig_.model = settings.model;
+    rig_.model.plain_view = settings.laboratory.top_view == sim::TopView::plain;
+    if (settings.laboratory.top_view == sim::TopView::bare_sensor)
+      rig_.model.microscope = sim::bare_sensor(settings.model.eye, settings.model.microscope.focus,
+                                               settings.laboratory.sensor_aperture);
+    rig_.model.projection = optics::fit_single_viewpoint(rig_.model.eye, rig_.model.microscope,
+                                                         settings.projection_reach);
+    if (settings.exact_projection)
+      rig_.model.exact.emplace(rig_.model.eye, rig_.model.microscope, settings.projection_reach);
+    if (settings.top_camera) rig_.top_camera = &laboratory_.top_camera();
+    if (settings.side_camera) rig_.side_camera = &laboratory_.side_camera();
+    if (settings.sample) rig_.sample = &laboratory_.sample();
+    if (settings.pose_sensor) {
+      const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
+        const auto known = laboratory_.truth(time);
+        return known ? std::optional(known->position) : std::nullopt;
+      };
+      pose_sensor_ = sim::make_pose_sensor(*settings.pose_sensor, truth, clock, seed,
+                                           &laboratory_.faults().looks["pose_sensor"]);
+      rig_.pose_sensor = pose_sensor_.get();
+    }
+    open_instruments(settings, {clock, &laboratory_});
+  }
+  ~SimulatedRig() override { make_safe(); }
+  void sample_machine(std::uint64_t number) override {
+    constexpr std::uint64_t kFar =
+        0x9E3779B97F4A7C15U;  // so that the machines of neighboring seeds are others
+    laboratory_.redraw(seed_ + number * kFar);
+  }
+  void use_calibration(const control::FieldModel& measured) override {
+    laboratory_.use_field(measured);
+  }
+  void set_eye(const optics::System& eye) override { laboratory_.set_eye(eye); }
+  void change(const std::string& robot, const std::string& gel) override {
+    const auto medium = gel.empty() ? std::nullopt : std::optional(control::gel_named(gel));
+    const control::Robot other = control::robot_named(robot);
+    laboratory_.change(other, medium);
+    rig_.model.robot = other;
+  }
+  void move_body(const std::string& name, const Eigen::Vector3d& position) override {
+    laboratory_.move_body(name, position);
+  }
+  Rig& rig() override { return rig_; }
+  const nlohmann::json& resolved() const override { return resolved_; }
+  sim::Laboratory* laboratory() override { return &laboratory_; }
+
+  std::vector<std::string> make_safe() override {
+    const StopShield shield(clock_);
+    std::vector<std::string> failures;
+    const auto attempt = [&failures](auto action) {
+      try {
+        action();
+      } catch (const std::exception& error) {
+        failures.emplace_back(error.what());
+      }
+    };
+    if (rig_.coils != nullptr) attempt([&] { rig_.coils->make_safe(); });
+    if (rig_.lamp != nullptr) attempt([&] { rig_.lamp->make_safe(); });
+    if (rig_.lens_mover != nullptr) attempt([&] { rig_.lens_mover->make_safe(); });
+    if (rig_.stage != nullptr) attempt([&] { rig_.stage->make_safe(); });
+    if (rig_.rotation_stage != nullptr) attempt([&] { rig_.rotation_stage->make_safe(); });
+    return failures;
+  }
+
+ private:
+  void open_instruments(const RigSettings& settings, const RigContext& where) {
+    if (settings.coils) {
+      if (settings.guardian)  // before anything is energized
+        guardian_ = std::make_unique<Guardian>(settings.guarded,
+                                               [this] { return clock_.stuck_for() < kStuck; });
+      coils_ = settings.coils(where);
+      if (guardian_) guarded_ = guarded(*coils_.device, *guardian_);
+      rig_.coil_pause = settings.coil_pause;
+      interlock_ = std::make_unique<Interlock>(guarded_ ? *guarded_ : *coils_.device,
+                                               settings.limits, &clock_);
+      rig_.coils = interlock_.get();
+    }
+    if (settings.top) rig_.top_camera = (top_ = settings.top(where)).device.get();
+    if (settings.side) rig_.side_camera = (side_ = settings.side(where)).device.get();
+    if (settings.joystick) rig_.joystick = (joystick_ = settings.joystick(where)).device.get();
+    if (settings.pedal) rig_.pedal = (pedal_ = settings.pedal(where)).device.get();
+    if (settings.dead_man_pedals != 0)
+      interlock_->require(
+          "the pedal is released, or gone",
+          [this, held = settings.dead_man_pedals] { return is_held(rig_.pedal, held); });
+    if (settings.lamp) rig_.lamp = (lamp_ = settings.lamp(where)).device.get();
+    if (settings.lens_mover)
+      rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
+    if (settings.stage) rig_.stage = (stage_ = settings.stage(where)).device.get();
+    if (settings.rotation_stage)
+      rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
+    if (settings.field_probe)
+      rig_.field_probe = (field_probe_ = settings.field_probe(where)).device.get();
+  }
+
+  nlohmann::json resolved_;
+  Clock& clock_;
+  std::uint64_t seed_;
+  sim::Laboratory laboratory_;
+  std::unique_ptr<PoseSensor> pose_sensor_;
+  Opened<Camera> top_, side_;
+  Opened<OperatorInput> joystick_, pedal_;  // before the interlock, which asks the pedal
+  Opened<Lamp> lamp_;
+  std::unique_ptr<Guardian> guardian_;
+  Opened<CoilAmplifier> coils_;
+  std::unique_ptr<CoilAmplifier> guarded_;
+  std::unique_ptr<Interlock> interlock_;
+  Opened<LensMover> lens_mover_;
+  Opened<Stage> stage_;
+  Opened<RotationStage> rotation_stage_;
+  Opened<FieldProbe> field_probe_;
+  Rig rig_;
+};
+
+/// Files are named from where the rig file that names them stands.
+std::string beside(const RigDescription& rig, const std::string& key, const std::string& name) {
+  return (std::filesystem::path(rig.source_of(key).file).parent_path() / name).string();
+}
+
+control::MultipoleField model_calibration(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  if (!stream) throw ConfigError(file + ": the field's calibration cannot be read");
+  try {
+    return control::parse_field_calibration(text.str()).field;
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(file + ": " + problem.what());
+  }
+}
+
+/// A calibration changes what the loop believes; the simulated cameras stay as the rig file has
+/// them.
+void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& laboratory) {
+  for (const Calibration& one : Calibrations::of(rig).list) {
+    if (!one.instead_of) continue;
+    if (one.name == "top_camera.effective_pixel") laboratory.top_image.pixel = *one.instead_of;
+    if (one.name == "side_camera.effective_pixel") laboratory.side_pixel = *one.instead_of;
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> Rig::roles() const {
+  std::vector<std::string> names;
+  if (coils != nullptr) names.emplace_back("coils");
+  if (field_probe != nullptr) names.emplace_back("field_probe");
+  if (joystick != nullptr) names.emplace_back("joystick");
+  if (lamp != nullptr) names.emplace_back("lamp");
+  if (lens_mover != nullptr) names.emplace_back("lens_mover");
+  if (pedal != nullptr) names.emplace_back("pedal");
+  if (pose_sensor != nullptr) names.emplace_back("pose_sensor");
+  if (rotation_stage != nullptr) names.emplace_back("rotation_stage");
+  if (sample != nullptr) names.emplace_back("sample");
+  if (side_camera != nullptr) names.emplace_back("side_camera");
+  if (stage != nullptr) names.emplace_back("stage");
+  if (top_camera != nullptr) names.emplace_back("top_camera");
+  return names;
+}
+
+std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock,
+                                  std::uint64_t seed, const SimulationShifts& shifts) {
+  check_rig(description);
+  ConfigReader reader(description);
+  RigSettings settings = read_rig_settings(reader);
+  sim::LaboratorySettings& laboratory = settings.laboratory;
+  if (!laboratory.fundus.empty())
+    laboratory.fundus = beside(description, "truth.fundus", laboratory.fundus);
+  if (!settings.field_calibration.empty())
+    settings.model.field = laboratory.believed_field =
+        model_calibration(beside(description, "model.calibration", settings.field_calibration));
+  keep_simulated_cameras(description, laboratory);
+  settings.laboratory.truth_shift = shifts.truth;
+  settings.laboratory.drawn_shift = shifts.drawn;
+  try {
+    if (!settings.calibration.empty()) {
+      try {
+        laboratory.world.field =
+            read_calibration(beside(description, "truth.calibration", settings.calibration),
+                             laboratory.world.field)
+                .field;
+      } catch (const std::invalid_argument& problem) {
+        throw std::invalid_argument(std::string("truth.calibration: ") + problem.what());
+      }
+    }
+    return std::make_unique<SimulatedRig>(settings, reader.resolved(), clock, seed);
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(description.file + ": " + problem.what());
+  }
+}
+
+}  // namespace vitreo

@@ -1,0 +1,44 @@
+// Opens a rig file: instruments for the roles, the nominal model, and, when it simulates, the
+// laboratory behind them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/sim/laboratory.h"
+#include "devices/time/clock.h"
+#include "host/config/config.h"
+#include "host/rig/rig.h"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// A rig that is open. Destruction leaves the coils at zero.
+class OpenRig {
+ public:
+  virtual ~OpenRig() = default;
+  virtual Rig& rig() = 0;
+  /// The rig as it was used, every default included.
+  virtual const nlohmann::json& resolved() const = 0;
+  /// Every device's safe action, each on its own; returns what failed. Idempotent.
+  virtual std::vector<std::string> make_safe() = 0;
+  /// The simulator's truth, for the record and for tests; null on a laboratory rig. Nothing of the
+  /// loop is given it.
+  virtual sim::Laboratory* laboratory() = 0;
+};
+
+/// What only tests set: see sim::LaboratorySettings.
+struct SimulationShifts {
+  Eigen::Vector3d truth{0, 0, 0}, drawn{0, 0, 0};  // m
+};
+
+/// Throws ConfigError for anything wrong in the description, DeviceError when an instrument does
+/// not open.
+std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock,
+                                  std::uint64_t seed, const SimulationShifts& shifts = {});
+
+}  // namespace vitreo

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/plant_settings.h"
+
+#include "control/field_calibration_file.h"
+#include "host/text/units.h"
+
+#include <bit>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr double kMilli = 1e-3;
+
+void read_heat(ConfigReader reader, sim::CoilBankSettings& coils) {
+  coils.resistance = reader.number("resistance", coils.resistance, {1e-3, 1000, ""});
+  coils.temperature_coefficient =
+      reader.number("temperature_coefficient", coils.temperature_coefficient, {0, 0.1, ""});
+  coils.heat_capacity = reader.number("heat_capacity", coils.heat_capacity, {1e-3, 1e6, ""});
+  coils.thermal_resistance =
+      reader.number("thermal_resistance", coils.thermal_resistance, {1e-4, 1000, ""});
+  coils.ambient = reader.number("ambient", coils.ambient, {200, 400, ""});
+  coils.supply_voltage = reader.number("supply_voltage", coils.supply_voltage, {0.1, 10000, ""});
+  reader.finish();
+}
+
+void read_coils(ConfigReader& reader, sim::CoilBankSettings& coils) {
+  coils.bandwidth = reader.number("coil_bandwidth", coils.bandwidth, {0.1, 10000, "Hz"});
+  coils.delay = reader.number("coil_delay", coils.delay, {0, 0.3, "s"});
+  coils.noise = reader.number("current_noise", coils.noise, {0, 1, "A"});
+  for (const double coil : reader.numbers("dead_coils", {}, {1, control::kMaxCoils, ""})) {
+    if (coil != std::floor(coil))
+      reader.fail("dead_coils", "must be whole numbers: coils count from 1");
+    coils.dead.push_back(static_cast<int>(coil));
+  }
+  read_heat(reader.table("heat"), coils);
+}
+
+void read_field(ConfigReader& reader, sim::LaboratorySettings& laboratory,
+                std::string& calibration) {
+  calibration = reader.text("calibration", "");
+  control::FieldPerturbation& field = laboratory.field_perturbation;
+  if (!calibration.empty()) field = {0, 0, 0};
+  field.gain = reader.number("coil_gain_sigma", field.gain, {0, 0.5, ""});
+  field.position = reader.number("coil_position_sigma", field.position, {0, 0.02, "m"});
+  field.axis = reader.number("coil_axis_sigma", field.axis, {0, 0.5, "rad"});
+  laboratory.world.field.set_uniform_background(
+      reader.vector3("background", {0, 0, 0}, {-10 * kMilli, 10 * kMilli, "T"}));
+}
+
+void read_gel(ConfigReader reader, std::optional<control::Gel>& gel) {
+  gel = control::gel_named(reader.choice("name", "gel_1", control::gel_names()));
+  gel->storage_modulus = reader.number("storage_modulus", gel->storage_modulus, {1e-3, 1e5, ""});
+  gel->yield_strain = reader.number("yield_strain", gel->yield_strain, {1e-3, 100, ""});
+  gel->solvent_viscosity =
+      reader.number("solvent_viscosity", gel->solvent_viscosity, {1e-4, 1000, ""});
+  gel->plastic_viscosity =
+      reader.number("plastic_viscosity", gel->plastic_viscosity, {1e-4, 1000, ""});
+  gel->density = reader.number("density", gel->density, {500, 3000, "kg/m^3"});
+  reader.finish();
+}
+
+void read_tuning(ConfigReader reader, std::optional<sim::HandTuning>& tuning) {
+  tuning.emplace();
+  tuning->tolerance = reader.number("tolerance", tuning->tolerance, {0, 10 * kMilli, "m/s"});
+  tuning->field = reader.number("field", tuning->field, {1 * kMilli, 0.1, "T"});
+  tuning->axis = reader.vector3("axis", tuning->axis, {-1, 1, ""});
+  if (!(tuning->axis.norm() > 1e-6)) reader.fail("axis", "must be a direction");
+  reader.finish();
+}
+
+sim::BodySettings read_body(ConfigReader reader, const std::string& name) {
+  sim::BodySettings body;
+  body.name = name;
+  const std::string shape = reader.choice("shape", "disc", {"disc", "rod", "spheroid"});
+  body.shape = shape == "rod"    ? sim::Shape::rod
+               : shape == "disc" ? sim::Shape::disc
+                                 : sim::Shape::spheroid;
+  body.semi_axis = reader.number("semi_axis", body.semi_axis, {1e-6, 50 * kMilli, "m"});
+  body.semi_radius = reader.number("semi_radius", body.semi_radius, {1e-6, 50 * kMilli, "m"});
+  body.position = reader.vector3("position", body.position, {-20 * kMilli, 20 * kMilli, "m"});
+  body.axis = reader.vector3("axis", body.axis, {-1, 1, ""});
+  body.density = reader.number("density", body.density, {500, 30000, "kg/m^3"});
+  body.fixed = reader.flag("fixed", body.fixed);
+  const Eigen::Vector3d color =
+      reader.vector3("color", {body.color[0], body.color[1], body.color[2]}, {0, 1, ""});
+  body.color = {color[0], color[1], color[2]};
+  body.dotted = reader.flag("dotted", body.dotted);
+  body.dot_pitch = reader.number("dot_pitch", body.dot_pitch, {10e-6, 10 * kMilli, "m"});
+  reader.finish();
+  return body;
+}
+
+using CoilFields = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+
+/// T/A of each coil at the workspace's center.
+CoilFields fields_at_center(const control::FieldModel& model) {
+  return model.matrix(Eigen::Vector3d::Zero()).topRows<3>();
+}
+
+/// Entry k: the channel, from 1, that drives coil k of the file. A file that numbers the same coils
+/// in another order is wired by where they point; one that fits as it is, or in no order, is left
+/// as it is.
+std::vector<int> wiring(const control::FieldModel& measured, const control::FieldModel& before) {
+  constexpr double kAlike = 0.9,
+                   kUnlike = 0.7;  // mean cosine; a neighbor of an OctoMag's coil is at 0.5 or less
+  const CoilFields from = fields_at_center(measured).colwise().normalized(),
+                   to = fields_at_center(before).colwise().normalized();
+  const Eigen::MatrixXd cosine = from.transpose() * to;
+  const auto coils = static_cast<std::size_t>(cosine.rows());
+  std::vector<int> channels(coils);
+  for (std::size_t k = 0; k < coils; ++k) channels[k] = static_cast<int>(k) + 1;
+  if (cosine.diagonal().mean() > kUnlike) return channels;
+  // The best assignment of the first k coils to each set of channels.
+  const std::size_t sets = std::size_t{1} << coils;
+  std::vector<double> best(sets, -1e9);
+  std::vector<std::size_t> last(sets, 0);
+  best[0] = 0;
+  for (std::size_t set = 0; set + 1 < sets; ++set) {
+    const auto coil = static_cast<Eigen::Index>(std::popcount(set));
+    for (std::size_t channel = 0; channel < coils; ++channel) {
+      const std::size_t with = set | (std::size_t{1} << channel);
+      const double sum = best[set] + cosine(coil, static_cast<Eigen::Index>(channel));
+      if (with == set || sum <= best[with]) continue;
+      best[with] = sum;
+      last[with] = channel;
+    }
+  }
+  if (best[sets - 1] < kAlike * static_cast<double>(coils)) return channels;
+  for (std::size_t set = sets - 1, coil = coils; coil-- > 0; set ^= std::size_t{1} << last[set])
+    channels[coil] = static_cast<int>(last[set]) + 1;
+  return channels;
+}
+
+control::MultipoleField rewired(const control::MultipoleField& field,
+                                const std::vector<int>& channels) {
+  std::vector<control::MultipoleField::Sources> coils(channels.size());
+  for (std::size_t k = 0; k < channels.size(); ++k)
+    coils[static_cast<std::size_t>(channels[k]) - 1] = field.sources()[k];
+  return {std::move(coils), field.background_sources(), field.region()};
+}
+
+/// The units are the file's word only: a decimal comma, or coefficients of another unit, would make
+/// a field that no coil has.
+void check_strength(const control::FieldModel& field) {
+  constexpr double kStrongest = 1;  // T/A; OctoMag's coils make 2 to 3 mT/A
+  const CoilFields fields = fields_at_center(field);
+  for (Eigen::Index k = 0; k < fields.cols(); ++k) {
+    const double strength = fields.col(k).norm();
+    const std::string coil = "coil " + std::to_string(k + 1);
+    if (!(strength > 0))
+      throw std::invalid_argument(coil + " makes no field at the workspace's center");
+    if (!(strength < kStrongest))
+      throw std::invalid_argument(
+          coil + " makes " + format_number(strength, 3) +
+          " T per ampere at the workspace's center: coefficients are T/A and m");
+  }
+}
+
+}  // namespace
+
+void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory,
+                std::string& calibration) {
+  sim::WorldSettings& world = laboratory.world;
+  read_field(reader, laboratory, calibration);
+  read_coils(reader, world.coils);
+  laboratory.moment_sigma = reader.number("moment_sigma", laboratory.moment_sigma, {0, 0.3, ""});
+  laboratory.dac_offset = reader.number("dac_offset_sigma", laboratory.dac_offset, {0, 200, ""});
+  world.roll = reader.number("roll", world.roll, {-M_PI, M_PI, "rad"});
+  laboratory.plates = reader.choice("drawn_as", "plates", {"plates", "ellipsoid"}) == "plates";
+  laboratory.roll_sigma = reader.number("roll_sigma", laboratory.roll_sigma, {0, M_PI, "rad"});
+  if (reader.has("hand_tuning")) read_tuning(reader.table("hand_tuning"), laboratory.hand_tuning);
+  if (reader.has("gel")) read_gel(reader.table("gel"), world.gel);
+  world.friction = reader.number("friction", world.friction, {0, 2, ""});
+  world.wall_drag =
+      reader.flag("wall_drag", false);  // the servo believes the free drag, and would lag by it
+  world.flow = reader.vector3("flow", world.flow, {-10 * kMilli, 10 * kMilli, "m/s"});
+  ConfigReader bodies = reader.table("bodies");
+  for (const std::string& name : bodies.keys())
+    world.bodies.push_back(read_body(bodies.table(name), name));
+  bodies.finish();
+  laboratory.fundus = reader.text("fundus", laboratory.fundus);
+  laboratory.fundus_width =
+      reader.number("fundus_width", laboratory.fundus_width, {1 * kMilli, 0.2, "m"});
+  reader.finish();
+}
+
+MeasuredField read_calibration(const std::filesystem::path& file,
+                               const control::FieldModel& before) {
+  const auto wrong = [&file](const std::string& what) {
+    return std::invalid_argument(file.string() + ": " + what);
+  };
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream || std::filesystem::is_directory(file)) throw wrong("cannot be read");
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  try {
+    const control::FieldCalibrationFile read = control::parse_field_calibration(text);
+    if (read.field.coils() != before.coils())
+      throw std::invalid_argument("it has " + std::to_string(read.field.coils()) +
+                                  " coils, the rig's model " + std::to_string(before.coils()));
+    if (!read.field.region().contains(Eigen::Vector3d::Zero()))
+      throw std::invalid_argument("Workspace_Dimensions do not hold the workspace's center");
+    check_strength(read.field);
+    MeasuredField found{read.field, read.system_name, 0, wiring(read.field, before)};
+    found.field = rewired(read.field, found.channels);
+    const CoilFields measured = fields_at_center(found.field), known = fields_at_center(before);
+    found.difference = (measured - known).norm() / known.norm();
+    found.field.set_uniform_background(before.uniform_background());
+    return found;
+  } catch (const std::invalid_argument& problem) {
+    throw wrong(problem.what());
+  }
+}
+
+}  // namespace vitreo

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/plugged_in.h"
+
+#include "devices/instruments/genicam/driver.h"
+#include "devices/instruments/pololu_tic/wire.h"
+#include "devices/links/hid_link.h"
+#include "devices/links/usb_link.h"
+
+#include <algorithm>
+#include <functional>
+
+namespace vitreo {
+namespace {
+
+using Json = nlohmann::json;
+
+/// Adds what `find` finds, or why it cannot look.
+void look(Json& rows, const std::string& bus, const std::function<void()>& find) {
+  try {
+    find();
+  } catch (const std::exception& problem) {
+    rows.push_back({{"bus", bus}, {"problem", problem.what()}});
+  }
+}
+
+std::string name_of(const UsbIdentity& usb) {
+  return usb.manufacturer + (usb.manufacturer.empty() || usb.name.empty() ? "" : " ") + usb.name;
+}
+
+Json row_of(const std::string& bus, const UsbIdentity& found) {
+  return {{"bus", bus},
+          {"address", to_string(bus, {found.vendor, found.product, found.serial})},
+          {"name", name_of(found)},
+          {"place", found.place},
+          {"driver", driver_for(found.vendor, found.product)}};
+}
+
+Json row_of(const SerialPort& port) {
+  const std::vector<std::string> drivers = drivers_for(port);
+  Json row = {{"bus", "serial"},
+              {"address", "serial:" + port.node},
+              {"name", port.usb ? name_of(*port.usb) : ""},
+              {"place", port.usb ? "usb " + port.usb->place : port.node},
+              {"driver", drivers.size() == 1 ? drivers.front() : ""}};
+  if (drivers.size() > 1) row["candidates"] = drivers;
+  if (port.usb)
+    row["usb"] = to_string("usb", {port.usb->vendor, port.usb->product, port.usb->serial});
+  return row;
+}
+
+}  // namespace
+
+std::string driver_for(int vendor, int product) {
+  const auto is = [product](std::initializer_list<int> ids) {
+    return std::find(ids.begin(), ids.end(), product) != ids.end();
+  };
+  if (vendor == 0x09DB && product == 0x009C) return "usb3103";
+  const auto& tics = pololu_tic::kProducts;
+  if (vendor == pololu_tic::kVendor && std::find(tics.begin(), tics.end(), product) != tics.end())
+    return "pololu_tic";
+  if (vendor == 0x046D &&
+      is({0xC603, 0xC605, 0xC606, 0xC621, 0xC623, 0xC625, 0xC626, 0xC627, 0xC628, 0xC629, 0xC62B}))
+    return "spacemouse";
+  if (vendor == 0x256F &&
+      is({0xC62E, 0xC62F, 0xC631, 0xC632, 0xC633, 0xC635, 0xC636, 0xC638, 0xC63A, 0xC652}))
+    return "spacemouse";
+  if (vendor == 0x05F3 && is({0x0268, 0x00FF})) return "foot_pedal";
+  return "";
+}
+
+std::vector<std::string> drivers_for(const SerialPort& port) {
+  if (port.usb) {
+    const auto says = [&port](const char* word) {
+      return name_of(*port.usb).find(word) != std::string::npos;
+    };
+    if (port.usb->vendor == 0x1342 && port.usb->product == 0x0001) return {"sutter_mpc200"};
+    if (says("Zaber")) return {"zaber"};
+    if (says("Kepco") || says("KEPCO")) return {"kepco_bop"};
+    if (says("Sutter")) return {"sutter_mp285", "sutter_mpc200"};
+  }
+  // Any adapter (FTDI, CP210x, PL2303, CH340, a port of the machine) may have any of these behind
+  // it.
+  return {"kepco_bop", "scpi_probe", "sutter_mp285", "zaber"};
+}
+
+Json find_instruments() {
+  Json rows = Json::array();
+  look(rows, "serial", [&] {
+    for (const SerialPort& port : list_serial_ports()) rows.push_back(row_of(port));
+  });
+  look(rows, "usb", [&] {
+    for (const UsbIdentity& found : list_usb_devices()) rows.push_back(row_of("usb", found));
+  });
+  look(rows, "hid", [&] {
+    for (const UsbIdentity& found : list_hid_devices()) rows.push_back(row_of("hid", found));
+  });
+  look(rows, "genicam", [&] {
+    for (const genicam::Found& found : genicam::list_cameras())
+      rows.push_back({{"bus", "genicam"},
+                      {"address", "genicam:" + found.identity},
+                      {"name", found.vendor + " " + found.model},
+                      {"place", found.protocol + " " + found.address},
+                      {"driver", "genicam"}});
+  });
+  // The same device as a USB and as a HID one: the driver takes it by one of them.
+  for (Json& row : rows) {
+    const std::string driver = row.value("driver", "");
+    if (row.value("bus", "") != "usb" || driver.empty() || driver == "pololu_tic") continue;
+    row["driver"] = "";
+    row["taken_as"] = "hid";
+  }
+  return rows;
+}
+
+}  // namespace vitreo

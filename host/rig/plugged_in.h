@@ -1,0 +1,29 @@
+// What is plugged in, and which driver would take it: `vitreo devices`. Nothing is opened that
+// could move by it.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/serial_ports.h"
+
+#include <nlohmann/json.hpp>
+
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// [{"bus", "address", "name", "place", "driver"}], driver empty where none would take it. A serial
+/// port whose adapter does not tell what is behind it has "candidates" instead: a question could
+/// move something, so nobody asks; `vitreo devices --rig` does, by the driver that the rig file
+/// names. Looking for GenICam cameras takes a second. A bus that cannot be looked at is a row with
+/// "problem".
+nlohmann::json find_instruments();
+
+/// The driver that would take a USB or HID device; empty: none.
+std::string driver_for(int vendor, int product);
+
+/// The drivers that may take what is behind a serial port: one when the port's own USB identity
+/// says so.
+std::vector<std::string> drivers_for(const SerialPort& port);
+
+}  // namespace vitreo

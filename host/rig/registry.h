@@ -1,0 +1,119 @@
+// The drivers by name: how a rig file's { driver = "zaber", address = "serial:/dev/ttyUSB0", ... }
+// becomes an instrument.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/byte_link.h"
+#include "devices/links/usb_address.h"
+#include "devices/roles/camera.h"
+#include "devices/roles/coil_amplifier.h"
+#include "devices/roles/field_probe.h"
+#include "devices/roles/lamp.h"
+#include "devices/roles/lens_mover.h"
+#include "devices/roles/operator_input.h"
+#include "devices/roles/rotation_stage.h"
+#include "devices/roles/stage.h"
+#include "devices/sim/laboratory.h"
+#include "devices/time/clock.h"
+#include "host/config/config.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// What a driver's settings are read from.
+struct InstrumentReader {
+  ConfigReader& reader;                 // the role's table; driver and address are read already
+  std::string role;                     // how errors call the instrument
+  std::string address;                  // "emulated", or as devices/links/address.h says
+  sim::LaboratorySettings& laboratory;  // what an emulated instrument acts on
+  bool emulated() const { return address == "emulated"; }
+};
+
+/// How far the emulated stage has really moved, in m and the world's axes; empty where there is
+/// none.
+struct SimulatedPlaces {
+  std::function<Eigen::Vector3d(Time)> stage;
+};
+
+/// Where an instrument is opened.
+struct RigContext {
+  Clock& clock;
+  sim::Laboratory* laboratory;  // null where nothing is simulated
+  /// Shared with the emulators that stand on a stage, which outlive this. Stages are opened before
+  /// what they carry.
+  std::shared_ptr<SimulatedPlaces> places = std::make_shared<SimulatedPlaces>();
+  /// Where only the far ends are wanted: it is given the emulator of each instrument that talks
+  /// bytes, with the address and the baud rate of the rig file; the instrument itself is not
+  /// opened. Empty: everything is.
+  std::function<void(const std::string& address, int baud_rate, std::shared_ptr<BytePeer>)> offer{};
+};
+
+/// An instrument and, when it is emulated, what stands at the far end of its link. They die in the
+/// right order.
+template <class Role>
+struct Opened {
+  std::shared_ptr<void> far_end{};  // shared only to forget its type
+  std::unique_ptr<Role> device{};
+};
+
+/// Opens the instrument: throws DeviceError. Nothing has touched it before.
+template <class Role>
+using Opener = std::function<Opened<Role>(const RigContext&)>;
+
+/// One line of the registry. `read` takes the instrument's own settings with their bounds; it
+/// throws ConfigError.
+template <class Role>
+struct DriverEntry {
+  const char* name;
+  Opener<Role> (*read)(const InstrumentReader&);
+};
+
+/// All that can play the role; the first one is taken when a rig file names none.
+template <class Role>
+const std::vector<DriverEntry<Role>>& drivers();
+template <>
+const std::vector<DriverEntry<CoilAmplifier>>& drivers();
+template <>
+const std::vector<DriverEntry<LensMover>>& drivers();
+template <>
+const std::vector<DriverEntry<OperatorInput>>& drivers();
+/// Of real cameras; the simulated one is the laboratory's own.
+template <>
+const std::vector<DriverEntry<Camera>>& drivers();
+template <>
+const std::vector<DriverEntry<Stage>>& drivers();
+template <>
+const std::vector<DriverEntry<RotationStage>>& drivers();
+template <>
+const std::vector<DriverEntry<FieldProbe>>& drivers();
+template <>
+const std::vector<DriverEntry<Lamp>>& drivers();
+
+/// `address` of a role's table, checked; "emulated" when it is not there.
+std::string read_address(ConfigReader& reader);
+
+/// The address of a USB or HID instrument; `scheme` is "usb" or "hid". Throws ConfigError.
+UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme);
+
+/// Reads `driver`, `address` and what that driver wants. The caller finishes the reader.
+template <class Role>
+Opener<Role> read_instrument(ConfigReader& reader, const std::string& role,
+                             sim::LaboratorySettings& laboratory) {
+  std::vector<std::string> names;
+  for (const auto& entry : drivers<Role>()) names.emplace_back(entry.name);
+  const std::string wanted = reader.choice("driver", names.front(), names);
+  const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
+  for (const auto& entry : drivers<Role>())
+    if (entry.name == wanted) return entry.read(instrument);
+  reader.fail("driver", "is not known");
+}
+
+/// Whether any role's address leads out of this program: such a rig runs at the pace of the wall
+/// clock.
+bool has_real_instruments(const RigDescription& description);
+
+}  // namespace vitreo

@@ -1,0 +1,97 @@
+// The rig: which instrument plays which role, and what the host believes about the optics, the
+// coils and the robot.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/field_model.h"
+#include "control/robot.h"
+#include "devices/roles/camera.h"
+#include "devices/roles/field_probe.h"
+#include "devices/roles/lamp.h"
+#include "devices/roles/lens_mover.h"
+#include "devices/roles/operator_input.h"
+#include "devices/roles/pose_sensor.h"
+#include "devices/roles/rotation_stage.h"
+#include "devices/roles/sample_handler.h"
+#include "devices/roles/stage.h"
+#include "host/safety/interlock.h"
+#include "optics/pose/pose.h"
+#include "optics/rays/observer.h"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// The nominal model: what the loop computes with. The real thing (or the simulated one) differs.
+struct RigModel {
+  optics::System eye;
+  optics::Microscope microscope;
+  optics::ImageScale top_image;  // pixel from aerial image
+  optics::SingleViewpoint
+      projection;  // the thesis' (5.2) to (5.11), fitted to the chain's own chief rays
+  std::optional<optics::ExactProjection> exact;  // in its place, where the rig asks for it
+  Eigen::Vector3d eye_in_world{0, 0, -5e-3};     // m: the retina's vertex; the axes are parallel
+  bool plain_view = false;  // the top camera looks down without an eye, orthographic, top_image at
+                            // the object: no depth
+  double side_pixel = 20.4e-6;           // m per pixel of the side view, orthographic along +y
+  Eigen::Vector2d side_center_px{0, 0};  // where the world's origin shows in the side view
+  control::FieldModel field = control::CoilField::octomag();  // dipoles, or a measured calibration
+  double command_delay = 50e-3;   // s, from a new set-point to the first change of current
+  double command_bandwidth = 15;  // Hz, first order, of the coils
+  std::vector<int> dead_coils;    // channels from 1 that must stay without current
+  control::Robot robot;
+  control::Medium medium;
+  std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
+};
+
+/// What only a simulated rig can be told. Nothing can be learnt from it.
+class Simulation {
+ public:
+  virtual ~Simulation() = default;
+  /// From now on the machine is another of the same kind: number 0 is the one that the run's seed
+  /// drew. The robot is taken out; what is beyond the draw (cameras, eye) stays.
+  virtual void sample_machine(std::uint64_t number) = 0;
+  /// From now on the coils are those of a measured calibration, as they are: no other machine draws
+  /// theirs anew. The robot is taken out. Throws std::invalid_argument for another number of coils
+  /// than the machine has.
+  virtual void use_calibration(const control::FieldModel& measured) = 0;
+  /// The true eye becomes this one; what the rig believes stays. Throws std::invalid_argument for
+  /// another kind of eye.
+  virtual void set_eye(const optics::System& eye) = 0;
+  /// Another robot, which the rig believes in too, and a gel of docs/simulated_laboratory.md, or ""
+  /// for the fluid. The robot is taken out. Throws std::invalid_argument naming what is not known.
+  virtual void change(const std::string& robot, const std::string& gel) = 0;
+  /// Puts a body of the rig file elsewhere, m, world. Throws std::invalid_argument when there is
+  /// none of that name.
+  virtual void move_body(const std::string& name, const Eigen::Vector3d& position) = 0;
+};
+
+/// Borrowed instruments; null where the rig has none.
+struct Rig {
+  std::string title;
+  Camera* top_camera = nullptr;
+  Camera* side_camera = nullptr;
+  Interlock* coils = nullptr;  // the only way to the coils
+  PausePolicy coil_pause = PausePolicy::hold;
+  LensMover* lens_mover = nullptr;
+  OperatorInput* joystick = nullptr;
+  OperatorInput* pedal = nullptr;
+  SampleHandler* sample = nullptr;
+  Stage* stage = nullptr;
+  RotationStage* rotation_stage = nullptr;
+  FieldProbe* field_probe = nullptr;
+  PoseSensor* pose_sensor =
+      nullptr;  // simulated rigs only: the one role behind which the truth stands
+  Simulation* simulation = nullptr;  // null on a laboratory rig
+  RigModel model;
+  Lamp* lamp = nullptr;
+  /// The names of the roles that are there, sorted.
+  std::vector<std::string> roles() const;
+};
+
+}  // namespace vitreo

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/rig_settings.h"
+
+#include "control/robots.h"
+#include "host/config/rights.h"
+#include "host/rig/calibrations.h"
+#include "host/rig/plant_settings.h"
+#include "optics/system/prescriptions.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+constexpr double kMilli = 1e-3;
+
+void read_model(ConfigReader reader, RigSettings& settings) {
+  RigModel& model = settings.model;
+  model.eye_name = reader.choice("eye", model.eye_name, {"model_eye_5_3", "navarro_condensing"});
+  model.eye = optics::prescription(model.eye_name).system;
+  model.eye_in_world = reader.vector3("eye_in_world", model.eye_in_world, {-20e-3, 20e-3, "m"});
+  const auto& robots = control::robot_names();
+  model.robot = control::robot_named(
+      reader.choice("robot", "coni_2mm", std::vector<std::string>(robots.begin(), robots.end())));
+  reader.choice("field", "octomag", {"octomag"});
+  settings.field_calibration = reader.text("calibration", "");
+  model.command_delay = reader.number("coil_delay", model.command_delay, {0, 0.3, "s"});
+  model.command_bandwidth =
+      reader.number("coil_bandwidth", model.command_bandwidth, {0.1, 10000, "Hz"});
+  ConfigReader medium = reader.table("medium");
+  model.medium.name = medium.text("name", model.medium.name);
+  model.medium.density = medium.number("density", model.medium.density, {500, 3000, "kg/m^3"});
+  model.medium.kinematic_viscosity =
+      medium.number("kinematic_viscosity", model.medium.kinematic_viscosity, {1e-7, 1, "m^2/s"});
+  medium.finish();
+  reader.finish();
+}
+
+void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixel) {
+  camera.size.width = reader.integer("width_px", camera.size.width, 64, 8192);
+  camera.size.height = reader.integer("height_px", camera.size.height, 64, 8192);
+  camera.frame_rate = reader.number("frame_rate", camera.frame_rate, {0.1, 2000, "Hz"});
+  camera.latency = reader.number("latency", camera.latency, {0, 0.39, "s"});
+  const double usual = std::min({camera.exposure, 0.5 / camera.frame_rate, 2 * camera.latency});
+  camera.exposure = reader.number("exposure", usual, {0, 0.1, "s"});
+  camera.jitter = reader.number("jitter", camera.jitter, {0, 0.1, "s"});
+  pixel = reader.number("effective_pixel", pixel, {0.5e-6, 200e-6, "m"});
+  ConfigReader sensor = reader.table("sensor");
+  sim::Sensor& s = camera.sensor;
+  s.color = sensor.choice("color", "gray", {"gray", "bayer"}) == "bayer" ? sim::SensorColor::bayer
+                                                                         : sim::SensorColor::gray;
+  s.full_well = sensor.number("full_well", s.full_well, {100, 1e6, ""});
+  s.read_noise = sensor.number("read_noise", s.read_noise, {0, 1000, ""});
+  s.brightness = sensor.number("brightness", s.brightness, {1, 1000, ""});
+  s.vignette = sensor.number("vignette", s.vignette, {0, 0.95, ""});
+  sensor.finish();
+}
+
+/// A simulated camera, or an opener of a real one; both tell the model how large a pixel is.
+Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role,
+                               sim::LaboratorySettings& laboratory, sim::CameraSettings& camera,
+                               double& pixel) {
+  std::vector<std::string> names{"simulated"};
+  for (const auto& entry : drivers<Camera>()) names.emplace_back(entry.name);
+  const std::string driver = reader.choice("driver", "simulated", names);
+  if (driver == "simulated") {
+    read_camera(reader, camera, pixel);
+    return nullptr;
+  }
+  for (const char* key : {"width_px", "height_px", "effective_pixel"})
+    if (!reader.has(key))
+      reader.fail(key, "must be given for a real camera: the model of the view is made with it");
+  const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
+  pixel = reader.number("effective_pixel", pixel, {0.5e-6, 200e-6, "m"});
+  camera.size.width = reader.integer("width_px", camera.size.width, 1, 1 << 16);
+  camera.size.height = reader.integer("height_px", camera.size.height, 1, 1 << 16);
+  for (const auto& entry : drivers<Camera>())
+    if (entry.name == driver) return entry.read(instrument);
+  reader.fail("driver", "is not known");
+}
+
+void read_top_camera(ConfigReader reader, RigSettings& settings) {
+  settings.top_camera = true;
+  sim::CameraSettings& camera = settings.laboratory.top;
+  const std::string view =
+      reader.choice("view", "microscope", {"microscope", "bare_sensor", "plain"});
+  settings.laboratory.top_view = view == "plain"         ? sim::TopView::plain
+                                 : view == "bare_sensor" ? sim::TopView::bare_sensor
+                                                         : sim::TopView::microscope;
+  settings.laboratory.sensor_aperture =
+      reader.number("sensor_aperture", settings.laboratory.sensor_aperture, {0.005, 0.4, ""});
+  optics::ImageScale& image = settings.model.top_image;
+  settings.top = read_any_camera(reader, "top_camera", settings.laboratory, camera, image.pixel);
+  const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
+  image.center_px = reader.vector2("center_px", middle, {-8192, 8192, ""});
+  optics::Microscope& microscope = settings.model.microscope;
+  ConfigReader m = reader.table("microscope");
+  microscope.numerical_aperture =
+      m.number("numerical_aperture", microscope.numerical_aperture, {0.002, 0.15, ""});
+  microscope.focus = m.number("focus", microscope.focus, {-50 * kMilli, 100 * kMilli, "m"});
+  if (m.has("pupil_distance"))
+    microscope.pupil_distance = m.number("pupil_distance", 150 * kMilli, {20 * kMilli, 100, "m"});
+  microscope.decenter = m.vector2("decenter", microscope.decenter, {-3 * kMilli, 3 * kMilli, "m"});
+  microscope.tilt = m.vector2("tilt", microscope.tilt, {-0.1, 0.1, "rad"});
+  m.finish();
+  settings.exact_projection =
+      reader.choice("projection", "single_viewpoint", {"single_viewpoint", "exact"}) == "exact";
+  settings.projection_reach =
+      reader.number("projection_reach", settings.projection_reach, {1 * kMilli, 10 * kMilli, "m"});
+  reader.finish();
+}
+
+void read_side_camera(ConfigReader reader, RigSettings& settings) {
+  settings.side_camera = true;
+  sim::CameraSettings& camera = settings.laboratory.side;
+  camera.size = {656, 490};
+  settings.side = read_any_camera(reader, "side_camera", settings.laboratory, camera,
+                                  settings.model.side_pixel);
+  const Eigen::Vector2d middle((camera.size.width - 1) / 2.0, (camera.size.height - 1) / 2.0);
+  settings.model.side_center_px = reader.vector2("center_px", middle, {-8192, 8192, ""});
+  reader.finish();
+}
+
+/// What the guardian must zero, from what was read; nothing in this program's own memory outlives
+/// it.
+void read_guardian(ConfigReader& reader, RigSettings& settings) {
+  const std::string address = reader.text("address", "emulated");
+  settings.guardian = reader.flag("guardian", address != "emulated");
+  if (!settings.guardian || address == "emulated") return;
+  guardian::Output output{reader.resolved().at("driver").get<std::string>(), address};
+  for (const char* key : {"enable_line", "baud_rate"})
+    if (const auto found = reader.resolved().find(key); found != reader.resolved().end())
+      output.settings[key] = found->get<double>();
+  settings.guarded.push_back(output);
+}
+
+void read_coils(ConfigReader reader, RigSettings& settings) {
+  settings.coils = read_instrument<CoilAmplifier>(reader, "coils", settings.laboratory);
+  const double limit = reader.has("current_limit")
+                           ? reader.number("current_limit", 0, {0.1, 20, "A"})
+                           : settings.limits.current;
+  settings.limits.current = reader.number("interlock_current", limit, {0.1, 20, "A"});
+  for (const double channel : reader.numbers("dead", {}, {1, control::kMaxCoils, ""})) {
+    if (channel != std::floor(channel))
+      reader.fail("dead", "wants the numbers of channels, from 1");
+    settings.model.dead_coils.push_back(static_cast<int>(channel));
+  }
+  settings.limits.total_current =
+      reader.number("interlock_total_current", settings.limits.total_current, {0.1, 160, "A"});
+  settings.limits.slew = reader.number("interlock_slew", settings.limits.slew, {1, 1e6, "A/s"});
+  settings.limits.dead_man = reader.number("dead_man", settings.limits.dead_man, {0.05, 5, "s"});
+  CoilHeat& heat = settings.limits.heat;
+  heat.resistance = reader.number("resistance", heat.resistance, {0, 100, ""});
+  heat.heat_capacity = reader.number("heat_capacity", heat.heat_capacity, {1, 1e6, ""});
+  heat.thermal_resistance =
+      reader.number("thermal_resistance", heat.thermal_resistance, {1e-3, 1e3, ""});
+  heat.limit = reader.number("temperature_limit", heat.limit, {300, 500, "K"});
+  const std::string pause = reader.choice("pause", "hold", {"hold", "ramp", "zero"});
+  settings.coil_pause = pause == "ramp"   ? PausePolicy::ramp
+                        : pause == "zero" ? PausePolicy::zero
+                                          : PausePolicy::hold;
+  read_guardian(reader, settings);
+  reader.finish();
+}
+
+/// A role that has only its driver's settings; nothing where the rig has no such table.
+template <class Role>
+void read_role(ConfigReader& rig, const char* role, RigSettings& settings, Opener<Role>& opener) {
+  if (!rig.has(role)) return;
+  ConfigReader reader = rig.table(role);
+  opener = read_instrument<Role>(reader, role, settings.laboratory);
+  reader.finish();
+}
+
+/// dead_man = { 1, 3 }: these pedals, counted from 1, must be held while the coils are energized.
+void read_pedal(ConfigReader reader, RigSettings& settings) {
+  settings.pedal = read_instrument<OperatorInput>(reader, "pedal", settings.laboratory);
+  for (const double pedal : reader.numbers("dead_man", {}, {1, 32, ""})) {
+    if (pedal != std::floor(pedal)) reader.fail("dead_man", "wants the numbers of pedals, from 1");
+    settings.dead_man_pedals |= 1U << (static_cast<unsigned>(pedal) - 1);
+  }
+  if (settings.dead_man_pedals != 0 && !settings.coils)
+    reader.fail("dead_man", "is of use only with the role coils");
+  reader.finish();
+}
+
+void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
+  reader.choice("driver", "simulated", {"simulated"});
+  sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
+  sensor.frame_rate = reader.number("frame_rate", sensor.frame_rate, {0.1, 2000, "Hz"});
+  sensor.latency = reader.number("latency", sensor.latency, {0, 0.39, "s"});
+  sensor.noise = reader.number("noise", sensor.noise, {1e-9, 1e-3, "m"});
+  reader.finish();
+}
+
+void read_sample(ConfigReader reader, RigSettings& settings) {
+  settings.sample = true;
+  reader.choice("driver", "simulated", {"simulated"});
+  settings.laboratory.world.placement_scatter = reader.number(
+      "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMilli, "m"});
+  reader.finish();
+}
+
+/// The laboratory is built as the model says, and then differs by what `truth` says.
+void share_with_laboratory(RigSettings& settings) {
+  sim::LaboratorySettings& laboratory = settings.laboratory;
+  laboratory.eye = settings.model.eye;
+  laboratory.microscope = settings.model.microscope;
+  laboratory.top_image = settings.model.top_image;
+  laboratory.side_pixel = settings.model.side_pixel;
+  laboratory.side_center_px = settings.model.side_center_px;
+  laboratory.world.field = laboratory.believed_field = settings.model.field;
+  laboratory.world.robot = settings.model.robot;
+  laboratory.world.medium = settings.model.medium;
+  laboratory.world.cavity.vertex = settings.model.eye_in_world;
+  laboratory.world.cavity.radius = settings.model.eye.surfaces.front().radius;
+  laboratory.world.cavity.lens_depth = settings.model.eye.vertex(2);
+}
+
+}  // namespace
+
+RigSettings read_rig_settings(ConfigReader& reader) {
+  RigSettings settings;
+  settings.title = reader.text("title", "untitled rig");
+  Rights::read(reader);
+  Calibrations::read(reader);
+  read_model(reader.table("model"), settings);
+  if (reader.has("top_camera")) read_top_camera(reader.table("top_camera"), settings);
+  if (reader.has("side_camera")) read_side_camera(reader.table("side_camera"), settings);
+  if (reader.has("coils")) read_coils(reader.table("coils"), settings);
+  if (reader.has("pose_sensor")) read_pose_sensor(reader.table("pose_sensor"), settings);
+  if (reader.has("sample")) read_sample(reader.table("sample"), settings);
+  read_role(reader, "joystick", settings, settings.joystick);
+  if (reader.has("pedal")) read_pedal(reader.table("pedal"), settings);
+  read_role(reader, "lamp", settings, settings.lamp);
+  read_role(reader, "lens_mover", settings, settings.lens_mover);
+  read_role(reader, "stage", settings, settings.stage);
+  read_role(reader, "rotation_stage", settings, settings.rotation_stage);
+  read_role(reader, "field_probe", settings, settings.field_probe);
+  share_with_laboratory(settings);
+  read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
+  reader.finish();
+  return settings;
+}
+
+namespace {
+
+/// Two roles cannot share a port; a folder or a film can be watched twice.
+void check_addresses(const RigDescription& rig) {
+  std::map<std::string, std::string> taken;
+  for (const auto& [role, value] : rig.table) {
+    const auto* const table = std::get_if<ConfigTable>(&value.value);
+    if (table == nullptr || !table->contains("address")) continue;
+    const auto* const address = std::get_if<std::string>(&table->at("address").value);
+    if (address == nullptr || *address == "emulated" || address->starts_with("images:") ||
+        address->starts_with("video:"))
+      continue;
+    const auto [first, is_new] = taken.emplace(*address, role);
+    if (!is_new)
+      throw ConfigError(rig.file + ": " + role + ".address is that of " + first->second +
+                        " already: " + *address);
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> check_rig(const RigDescription& rig) {
+  ConfigReader reader(rig);
+  const RigSettings settings = read_rig_settings(reader);
+  check_addresses(rig);
+  if (settings.pose_sensor && has_real_instruments(rig))
+    throw ConfigError(
+        rig.file +
+        ": pose_sensor: it knows the truth, so only a rig that is simulated throughout " +
+        "may have one");
+  try {
+    settings.limits.check();
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError(rig.file + ": " + problem.what());
+  }
+  std::vector<std::string> roles;
+  for (const char* role :
+       {"coils", "field_probe", "joystick", "lamp", "lens_mover", "pedal", "pose_sensor",
+        "rotation_stage", "sample", "side_camera", "stage", "top_camera"})
+    if (reader.has(role)) roles.emplace_back(role);
+  return roles;
+}
+
+}  // namespace vitreo

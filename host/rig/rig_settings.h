@@ -1,0 +1,53 @@
+// From a rig file's tables to settings: each section is read in one place, with its bounds.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/sim/laboratory.h"
+#include "devices/sim/pose_sensor.h"
+#include "host/config/config.h"
+#include "host/rig/registry.h"
+#include "host/rig/rig.h"
+#include "host/safety/guardian/wire.h"
+#include "host/safety/interlock.h"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+struct RigSettings {
+  std::string title;
+  RigModel model;                  // but for the projection, which is fitted
+  double projection_reach = 7e-3;  // m of aerial image for which the projection is fitted
+  sim::LaboratorySettings laboratory;
+  std::string calibration;        // file of the plant's field, "" for the model's own dipoles
+  bool exact_projection = false;  // localize by the exact projection instead
+  InterlockLimits limits;
+  PausePolicy coil_pause = PausePolicy::hold;
+  std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
+  std::optional<sim::PoseSensorSettings> pose_sensor;
+  bool top_camera = false, side_camera = false, sample = false;
+  // Empty where the rig has none, or, for cameras, the simulated one.
+  Opener<Camera> top, side;
+  Opener<OperatorInput> joystick, pedal;
+  Opener<CoilAmplifier> coils;
+  Opener<LensMover> lens_mover;
+  Opener<Stage> stage;
+  Opener<RotationStage> rotation_stage;
+  Opener<FieldProbe> field_probe;
+  Opener<Lamp> lamp;
+  std::uint32_t dead_man_pedals =
+      0;                  // a bit a pedal that must be held while the coils are energized; 0: none
+  bool guardian = false;  // a process that watches the host
+  std::vector<guardian::Output> guarded;  // what it zeroes
+};
+
+/// Throws ConfigError with file and line.
+RigSettings read_rig_settings(ConfigReader& reader);
+
+/// The roles that a rig file gives its instruments to, sorted, once all of it was found within its
+/// bounds. Opens nothing. Throws ConfigError.
+std::vector<std::string> check_rig(const RigDescription& rig);
+
+}  // namespace vitreo

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/rig/twin.h"
+
+#include "host/rig/registry.h"
+
+#include <algorithm>
+#include <array>
+#include <functional>
+
+namespace vitreo {
+namespace {
+
+/// What a simulated camera understands of a real one's settings.
+constexpr std::array kCameraKeys{
+    "width_px",        "height_px",  "frame_rate", "effective_pixel",  "view",  "center_px",
+    "sensor_aperture", "microscope", "projection", "projection_reach", "sensor"};
+
+ConfigTable* table_in(ConfigTable& table, const std::string& key) {
+  const auto found = table.find(key);
+  return found == table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
+}
+
+/// Images and films in files do nothing, and a twin may look at them too; a camera of the system is
+/// no film.
+bool is_real(const ConfigTable& role) {
+  const auto address = role.find("address");
+  const auto* text =
+      address == role.end() ? nullptr : std::get_if<std::string>(&address->second.value);
+  if (text == nullptr || *text == "emulated" || text->starts_with("images:")) return false;
+  const std::string film = text->starts_with("video:") ? text->substr(6) : "";
+  const bool camera =
+      film.starts_with("/dev/") || film.find_first_not_of("0123456789") == std::string::npos;
+  return film.empty() || camera;
+}
+
+void clamp_number(ConfigTable& table, const char* key, double min, double max) {
+  const auto found = table.find(key);
+  if (found == table.end()) return;
+  if (double* const number = std::get_if<double>(&found->second.value))
+    *number = std::clamp(*number, min, max);
+}
+
+void emulate_camera(ConfigTable& camera) {
+  std::erase_if(camera, [](const auto& entry) {
+    return std::find(kCameraKeys.begin(), kCameraKeys.end(), entry.first) == kCameraKeys.end();
+  });
+  for (const char* side : {"width_px", "height_px"}) clamp_number(camera, side, 64, 8192);
+  clamp_number(camera, "frame_rate", 0.1, 2000);
+}
+
+double frame_rate_of(const ConfigTable& camera) {
+  const auto found = camera.find("frame_rate");
+  const double* const rate =
+      found == camera.end() ? nullptr : std::get_if<double>(&found->second.value);
+  return rate != nullptr && *rate > 0 ? *rate : 15;
+}
+
+/// Notes where the axes of a role are sent.
+class Note {
+ public:
+  Note(std::vector<AxisUse>& uses, std::string role, std::string unit)
+      : uses_(uses), role_(std::move(role)), unit_(std::move(unit)) {}
+  void sent(const std::string& axis, double target) {
+    auto use = std::find_if(uses_.begin(), uses_.end(), [&](const AxisUse& one) {
+      return one.role == role_ && one.axis == axis;
+    });
+    if (use == uses_.end())
+      use = uses_.insert(uses_.end(), {role_, axis, unit_, 0, target, target});
+    ++use->moves;
+    use->min = std::min(use->min, target);
+    use->max = std::max(use->max, target);
+  }
+
+ private:
+  std::vector<AxisUse>& uses_;
+  const std::string role_, unit_;
+};
+
+/// Each lets everything through, and notes the targets that the instrument took.
+class WatchedStage final : public Stage {
+ public:
+  WatchedStage(Stage& stage, std::vector<AxisUse>& uses)
+      : stage_(stage), note_(uses, "stage", "m") {}
+  const StageInfo& info() const override { return stage_.info(); }
+  std::vector<double> position() override { return stage_.position(); }
+  void start(std::span<const double> target, double speed) override {
+    stage_.start(target, speed);
+    for (std::size_t i = 0; i < target.size(); ++i) note_.sent(info().axes[i].name, target[i]);
+  }
+  bool moving() override { return stage_.moving(); }
+  void wait(Time timeout) override { stage_.wait(timeout); }
+  void home(Time timeout) override { stage_.home(timeout); }
+  void stop() override { stage_.stop(); }
+  void make_safe() override { stage_.make_safe(); }
+
+ private:
+  Stage& stage_;
+  Note note_;
+};
+
+class WatchedRotation final : public RotationStage {
+ public:
+  WatchedRotation(RotationStage& stage, std::vector<AxisUse>& uses)
+      : stage_(stage), note_(uses, "rotation_stage", "rad") {}
+  const RotationStageInfo& info() const override { return stage_.info(); }
+  double angle() override { return stage_.angle(); }
+  void start(double angle, double speed) override {
+    stage_.start(angle, speed);
+    note_.sent(info().axis.name, angle);
+  }
+  bool moving() override { return stage_.moving(); }
+  void wait(Time timeout) override { stage_.wait(timeout); }
+  void home(Time timeout) override { stage_.home(timeout); }
+  void stop() override { stage_.stop(); }
+  void make_safe() override { stage_.make_safe(); }
+
+ private:
+  RotationStage& stage_;
+  Note note_;
+};
+
+class WatchedLens final : public LensMover {
+ public:
+  WatchedLens(LensMover& lens, std::vector<AxisUse>& uses)
+      : lens_(lens), note_(uses, "lens_mover", "m") {}
+  std::string identity() const override { return lens_.identity(); }
+  double position() const override { return lens_.position(); }
+  void move_to(double position, Time timeout) override {
+    lens_.move_to(position, timeout);
+    note_.sent("", position);
+  }
+  double travel_min() const override { return lens_.travel_min(); }
+  double travel_max() const override { return lens_.travel_max(); }
+  bool homed() const override { return lens_.homed(); }
+  void home(Time timeout) override { lens_.home(timeout); }
+  void make_safe() override { lens_.make_safe(); }
+
+ private:
+  LensMover& lens_;
+  Note note_;
+};
+
+}  // namespace
+
+bool is_laboratory(const RigDescription& rig) {
+  return std::any_of(rig.table.begin(), rig.table.end(), [](const auto& entry) {
+    const auto* const role = std::get_if<ConfigTable>(&entry.second.value);
+    return role != nullptr && is_real(*role);
+  });
+}
+
+RigDescription twin_of(const RigDescription& rig) {
+  RigDescription twin = rig;
+  for (const char* name : {"top_camera", "side_camera"}) {
+    ConfigTable* const camera = table_in(twin.table, name);
+    if (camera != nullptr && is_real(*camera)) emulate_camera(*camera);
+  }
+  for (auto& [name, value] : twin.table) {
+    auto* const role = std::get_if<ConfigTable>(&value.value);
+    if (role != nullptr && is_real(*role)) (*role)["address"].value = std::string("emulated");
+  }
+  // Nobody stands on an emulated pedal.
+  if (ConfigTable* const pedal = table_in(twin.table, "pedal")) pedal->erase("dead_man");
+  if (ConfigTable* const camera = table_in(twin.table, "top_camera");
+      camera && !twin.table.contains("pose_sensor") && !has_real_instruments(twin)) {
+    ConfigTable sensor;
+    sensor["frame_rate"].value = frame_rate_of(*camera);
+    twin.table["pose_sensor"].value = std::move(sensor);
+  }
+  return twin;
+}
+
+struct Twin::State {
+  State(const RigDescription& rig, Clock& the_clock, std::uint64_t seed)
+      : clock(the_clock),
+        real(has_real_instruments(rig)),
+        open(vitreo::open_rig(twin_of(rig), the_clock, seed)) {
+    Rig& roles = open->rig();
+    if (real) roles.simulation = nullptr;  // nothing of a laboratory can be redrawn
+    if (roles.stage != nullptr) roles.stage = &stage.emplace(*roles.stage, uses);
+    if (roles.rotation_stage != nullptr)
+      roles.rotation_stage = &rotation.emplace(*roles.rotation_stage, uses);
+    if (roles.lens_mover != nullptr) roles.lens_mover = &lens.emplace(*roles.lens_mover, uses);
+  }
+
+  Clock& clock;
+  const bool real;
+  std::vector<AxisUse> uses;
+  std::optional<WatchedStage> stage;
+  std::optional<WatchedRotation> rotation;
+  std::optional<WatchedLens> lens;
+  std::unique_ptr<OpenRig> open;  // dies first: it makes safe what the watches stand before
+};
+
+Twin::Twin(const RigDescription& rig, Clock& clock, std::uint64_t seed)
+    : state_(std::make_unique<State>(rig, clock, seed)) {}
+Twin::~Twin() = default;
+
+OpenRig& Twin::open_rig() { return *state_->open; }
+std::vector<AxisUse> Twin::moves() const { return state_->uses; }
+
+CoilUse Twin::coils() const {
+  const Interlock* const coils = state_->open->rig().coils;
+  return coils == nullptr ? CoilUse{} : coils->use();
+}
+
+void Twin::bring_robot() {
+  sim::Laboratory& laboratory = *state_->open->laboratory();
+  if (!laboratory.truth(state_->clock.now())) laboratory.sample().insert_robot({0, 0, 0});
+}
+
+}  // namespace vitreo

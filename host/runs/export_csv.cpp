@@ -1,0 +1,114 @@
+// Tables for spreadsheets: a file a stream.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/files/run_folder.h"
+#include "host/runs/export.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+/// RFC 4180; and what a spreadsheet would take for a formula is made text.
+std::string cell(const std::string& text) {
+  const bool formula = !text.empty() && std::string("=+-@\t\r").find(text[0]) != std::string::npos;
+  std::string quoted = "\"";
+  if (formula) quoted += '\'';
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  quoted += '"';
+  return formula || text.find_first_of(",\"\r\n") != std::string::npos ? quoted : text;
+}
+
+std::string number(double value) { return std::isnan(value) ? "" : fmt::format("{}", value); }
+
+/// Exact: nanoseconds have more digits than a double keeps after some days.
+std::string seconds(Time time) {
+  const std::int64_t ns = time.count();
+  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", std::abs(ns / 1000000000),
+                     std::abs(ns % 1000000000));
+}
+
+std::string with_unit(const std::string& name, const std::string& unit) {
+  return unit.empty() ? name : name + " (" + unit + ")";
+}
+
+std::string table_of(const Stream& stream) {
+  std::string out = "t (s)";
+  for (const Channel& channel : stream.info.channels)
+    out += "," + cell(with_unit(channel.name, channel.unit));
+  out += "\r\n";
+  for (std::size_t row = 0; row < stream.times.size(); ++row) {
+    out += seconds(stream.times[row]);
+    for (std::size_t i = 0; i < stream.info.channels.size(); ++i)
+      out += "," + number(stream.at(row, i));
+    out += "\r\n";
+  }
+  return out;
+}
+
+std::string events_of(const RunData& data) {
+  std::string out = "t (s),kind,text\r\n";
+  for (const Event& event : data.events)
+    out += seconds(event.time) + "," + cell(event.kind) + "," + cell(event.text) + "\r\n";
+  return out;
+}
+
+std::string figures_of(const RunData& data) {
+  std::string out = "name,value,unit\r\n";
+  for (const Figure& one : data.figures)
+    out += cell(one.name) + "," + number(one.value) + "," + cell(one.unit) + "\r\n";
+  return out;
+}
+
+std::string frames_table(const RunData& data) {
+  std::string out =
+      "t (s),received (s),device "
+      "(s),camera,number,file,offset,bytes,width_px,height_px,crc32,dropped_before\r\n";
+  for (const FrameRow& row : data.frames)
+    out += fmt::format("{},{},{},{},{},{},{},{},{},{},{:08x},{}\r\n", seconds(row.exposed),
+                       seconds(row.received), row.device ? seconds(*row.device) : "",
+                       cell(row.camera), row.number, cell(row.file), row.offset, row.bytes,
+                       row.width_px, row.height_px, row.crc32, row.dropped_before);
+  return out;
+}
+
+}  // namespace
+
+std::vector<const FrameRow*> frames_of(const RunData& data, const std::string& camera) {
+  std::vector<const FrameRow*> rows;
+  for (const FrameRow& row : data.frames) {
+    if (row.camera != camera) continue;
+    rows.push_back(&row);
+    const FrameRow& first = *rows.front();
+    if (row.width_px != first.width_px || row.height_px != first.height_px ||
+        row.pixel_type != first.pixel_type)
+      throw std::runtime_error(fmt::format(
+          "{}: frame {} is of another size or kind than the first; no stack or film can "
+          "hold both",
+          camera, row.number));
+  }
+  return rows;
+}
+
+Files export_csv(const RunData& data, const std::filesystem::path& folder) {
+  Files files;
+  const auto add = [&](const std::string& name, const std::string& text) {
+    std::filesystem::path file = folder / (slug(name, "stream") + ".csv");
+    // Two names may be one slug.
+    for (int i = 2; std::find(files.begin(), files.end(), file) != files.end(); ++i)
+      file = folder / (slug(name, "stream") + "_" + std::to_string(i) + ".csv");
+    write_file(file, text);
+    files.push_back(file);
+  };
+  for (const Stream& stream : data.streams) add(stream.info.name, table_of(stream));
+  add("events", events_of(data));
+  add("figures", figures_of(data));
+  if (!data.frames.empty()) add("frames", frames_table(data));
+  return files;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,187 @@
+// HDF5 by its own C library.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/record/record_json.h"
+#include "host/runs/export.h"
+#include "host/runs/run_reader.h"
+
+#include <array>
+#include <hdf5.h>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+/// An identifier of the library with the call that gives it back; a negative one is an error.
+class Handle {
+ public:
+  Handle(hid_t id, herr_t (*close)(hid_t), const std::string& what) : id_(id), close_(close) {
+    if (id < 0) throw std::runtime_error("HDF5: " + what + " cannot be made");
+  }
+  ~Handle() { close_(id_); }
+  Handle(const Handle&) = delete;
+  Handle& operator=(const Handle&) = delete;
+  operator hid_t() const { return id_; }
+
+ private:
+  hid_t id_;
+  herr_t (*close_)(hid_t);
+};
+
+void wanted(herr_t result, const std::string& what) {
+  if (result < 0) throw std::runtime_error("HDF5: " + what + " cannot be written");
+}
+
+/// HDF5's names know the slash as a level.
+std::string named(std::string name) {
+  for (char& c : name) c = c == '/' ? '_' : c;
+  return name.empty() || name == "." ? "_" : name;
+}
+
+Handle text_type() {
+  return {[] {
+            const hid_t type = H5Tcopy(H5T_C_S1);
+            H5Tset_size(type, H5T_VARIABLE);
+            H5Tset_cset(type, H5T_CSET_UTF8);
+            return type;
+          }(),
+          H5Tclose, "a text"};
+}
+
+void attribute(hid_t of, const std::string& name, const std::string& value) {
+  const Handle type = text_type();
+  const Handle space(H5Screate(H5S_SCALAR), H5Sclose, name);
+  const Handle made(H5Acreate2(of, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
+                    name);
+  const char* text = value.c_str();
+  wanted(H5Awrite(made, type, &text), name);
+}
+
+Handle group(hid_t in, const std::string& name) {
+  return {H5Gcreate2(in, named(name).c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
+          name};
+}
+
+/// One dimension; `unit` is its attribute.
+void numbers(hid_t in, const std::string& name, hid_t type, const void* values, std::size_t count,
+             const std::string& unit) {
+  const hsize_t size = count;
+  const Handle space(H5Screate_simple(1, &size, nullptr), H5Sclose, name);
+  const Handle set(
+      H5Dcreate2(in, named(name).c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+      H5Dclose, name);
+  if (count > 0) wanted(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), name);
+  attribute(set, "unit", unit);
+}
+
+void texts(hid_t in, const std::string& name, const std::vector<std::string>& values) {
+  const Handle type = text_type();
+  const hsize_t size = values.size();
+  const Handle space(H5Screate_simple(1, &size, nullptr), H5Sclose, name);
+  const Handle set(H5Dcreate2(in, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                   H5Dclose, name);
+  std::vector<const char*> pointers;
+  for (const std::string& value : values) pointers.push_back(value.c_str());
+  if (!values.empty())
+    wanted(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()), name);
+}
+
+template <class List, class Each>
+void times(hid_t in, const std::string& name, const List& list, Each each) {
+  std::vector<std::int64_t> values;
+  for (const auto& one : list) values.push_back(each(one));
+  numbers(in, name, H5T_NATIVE_INT64, values.data(), values.size(), "ns");
+}
+
+void write_stream(hid_t streams, const Stream& stream) {
+  const Handle here = group(streams, stream.info.name);
+  attribute(here, "source", stream.info.source);
+  times(here, "t_ns", stream.times, [](Time time) { return std::int64_t{time.count()}; });
+  std::vector<double> column(stream.times.size());
+  for (std::size_t i = 0; i < stream.info.channels.size(); ++i) {
+    for (std::size_t row = 0; row < column.size(); ++row) column[row] = stream.at(row, i);
+    const Channel& channel = stream.info.channels[i];
+    numbers(here, channel.name, H5T_NATIVE_DOUBLE, column.data(), column.size(), channel.unit);
+  }
+}
+
+void write_images(hid_t here, const RunData& data, const std::vector<const FrameRow*>& rows) {
+  const FrameRow& first = *rows[0];
+  const bool color = first.pixel_type == 2;
+  const hid_t type = first.pixel_type == 1 ? H5T_NATIVE_UINT16 : H5T_NATIVE_UINT8;
+  const int rank = color ? 4 : 3;
+  const std::array<hsize_t, 4> all{rows.size(), static_cast<hsize_t>(first.height_px),
+                                   static_cast<hsize_t>(first.width_px), 3};
+  std::array<hsize_t, 4> one = all, at{0, 0, 0, 0};
+  one[0] = 1;
+  const Handle space(H5Screate_simple(rank, all.data(), nullptr), H5Sclose, "images");
+  const Handle memory(H5Screate_simple(rank, one.data(), nullptr), H5Sclose, "images");
+  const Handle layout(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, "images");
+  wanted(H5Pset_chunk(layout, rank, one.data()), "images");
+  const Handle set(H5Dcreate2(here, "images", type, space, H5P_DEFAULT, layout, H5P_DEFAULT),
+                   H5Dclose, "images");
+  attribute(set, "axes", color ? "frame, v, u, BGR" : "frame, v, u");
+  for (const FrameRow* row : rows) {
+    const cv::Mat image = read_frame(data, *row);
+    wanted(H5Sselect_hyperslab(space, H5S_SELECT_SET, at.data(), nullptr, one.data(), nullptr),
+           "images");
+    wanted(H5Dwrite(set, type, memory, space, H5P_DEFAULT, image.data), "images");
+    ++at[0];
+  }
+}
+
+void write_frames(hid_t file, const RunData& data) {
+  const Handle frames = group(file, "frames");
+  for (const RecordedCameraInfo& camera : data.cameras) {
+    const std::vector<const FrameRow*> rows = frames_of(data, camera.camera);
+    if (rows.empty()) continue;
+    const Handle here = group(frames, camera.camera);
+    attribute(here, "identity", camera.identity);
+    times(here, "t_ns", rows,
+          [](const FrameRow* row) { return std::int64_t{row->exposed.count()}; });
+    times(here, "received_ns", rows,
+          [](const FrameRow* row) { return std::int64_t{row->received.count()}; });
+    times(here, "number", rows,
+          [](const FrameRow* row) { return static_cast<std::int64_t>(row->number); });
+    write_images(here, data, rows);
+  }
+}
+
+void write_events(hid_t file, const RunData& data) {
+  const Handle here = group(file, "events");
+  times(here, "t_ns", data.events,
+        [](const Event& event) { return std::int64_t{event.time.count()}; });
+  std::vector<std::string> kinds, words;
+  for (const Event& event : data.events) {
+    kinds.push_back(event.kind);
+    words.push_back(event.text);
+  }
+  texts(here, "kind", kinds);
+  texts(here, "text", words);
+}
+
+}  // namespace
+
+Files export_hdf5(const RunData& data, const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder / "run.h5";
+  const std::string part = path.string() + ".part";
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // its errors are thrown, not printed
+  {
+    const Handle file(H5Fcreate(part.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose,
+                      part);
+    attribute(file, "run", data.folder.filename().string());
+    attribute(file, "protocol", data.start.protocol_file);
+    attribute(file, "parameters", dumped(data.start.parameters));
+    attribute(file, "versions", dumped(data.start.versions));
+    attribute(file, "seed", std::to_string(data.start.seed));
+    const Handle streams = group(file, "streams");
+    for (const Stream& stream : data.streams) write_stream(streams, stream);
+    write_events(file, data);
+    write_frames(file, data);
+    wanted(H5Fflush(file, H5F_SCOPE_GLOBAL), part);
+  }
+  std::filesystem::rename(part, path);
+  return {path};
+}
+
+}  // namespace vitreo

@@ -1,0 +1,390 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/runs/report.h"
+
+#include "host/files/sha256.h"
+#include "host/plot/plot_layout.h"
+#include "host/runs/report_files.h"
+#include "host/runs/report_style.h"
+#include "host/text/markup.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <string_view>
+
+namespace vitreo {
+namespace {
+
+// px of the drawings, which the page stretches by 1.2: on paper their letters are then still of 6
+// pt.
+constexpr int kHalfWidth = 456, kWholeWidth = 929, kPlotHeight = 270, kViewHeight = 400;
+constexpr std::size_t kEventsShown = 60;
+
+std::string text_of(const nlohmann::json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_number()) return format_number(value.get<double>(), 9);
+  return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string minus_sign(const std::string& number) {
+  return number.starts_with('-') ? "\u2212" + number.substr(1) : number;
+}
+
+/// "137 um" as print has it, wherever a script wrote a micrometer.
+std::string with_micro(std::string text) {
+  for (std::size_t at = 1; (at = text.find(" u", at)) != std::string::npos; at += 2) {
+    const bool number = text[at - 1] >= '0' && text[at - 1] <= '9';
+    const char unit = at + 2 < text.size() ? text[at + 2] : ' ',
+               next = at + 3 < text.size() ? text[at + 3] : ' ';
+    const bool ends = std::string_view("/ ,;)").find(next) != std::string_view::npos;
+    if (number && ends && std::string_view("msNATVW").find(unit) != std::string_view::npos)
+      text.replace(at + 1, 1, "\u00b5");
+  }
+  return text;
+}
+
+/// In the unit it was given with; a bare SI unit gives way to the one of a convenient size.
+Shown shown_value(double value, const std::string& symbol, int digits) {
+  const auto unit = find_unit(symbol);
+  Shown shown = unit && unit->factor != 1 && std::isfinite(value)
+                    ? Shown{format_number(value / unit->factor, digits), symbol}
+                    : show_quantity(value, symbol, digits);
+  return {minus_sign(shown.number), print_unit(shown.unit)};
+}
+
+std::string with_unit(const Shown& shown) {
+  const bool joined = shown.unit.empty() || shown.unit == "\u00b0";
+  return shown.number + (joined ? "" : "\u00a0") + shown.unit;
+}
+
+/// "path_error_rms" as people read it.
+std::string spaced(std::string name) {
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
+std::string section(const std::string& title, const std::string& body) {
+  return body.empty() ? "" : "<section><h2>" + title + "</h2>\n" + body + "</section>\n";
+}
+
+std::string row_of(const std::string& name, const std::string& value) {
+  return "<tr><th scope=\"row\">" + escape_markup(name) + "</th><td>" + value + "</td></tr>\n";
+}
+
+std::string badge(const RunEnd* end) {
+  if (!end) return "<span class=\"badge running\">running</span>";
+  constexpr const char* kSigns[] = {"\u2713", "\u2715", "\u25a0", "\u25a0",
+                                    "?"};  // told apart without color too
+  const std::string name = to_string(end->outcome);
+  return "<span class=\"badge " + name + "\">" + kSigns[static_cast<std::size_t>(end->outcome)] +
+         " " + name + "</span>";
+}
+
+/// "2026-11-21 14:30" out of the folder's name, which holds the wall clock.
+std::string when(const std::string& folder) {
+  if (folder.size() < 17 || folder[10] != 'T') return "";
+  return folder.substr(0, 10) + " " + folder.substr(11, 2) + ":" + folder.substr(13, 2);
+}
+
+std::string head_section(const RunData& data) {
+  const RunStart& start = data.start;
+  const RunEnd* end = data.end ? &*data.end : nullptr;
+  const std::string title =
+      start.protocol_title.empty() ? start.protocol_file : start.protocol_title;
+  std::string out = "<header><h1>" + escape_markup(title) + "</h1>" + badge(end);
+  if (end && !end->reason.empty())
+    out += "<p class=\"reason\">" + escape_markup(end->reason) + "</p>";
+  out += "</header>\n<div class=\"facts\">";
+  const auto fact = [&](const char* name, const std::string& value) {
+    if (!value.empty()) out += fmt::format("<span>{} <b>{}</b></span>", name, escape_markup(value));
+  };
+  const std::string folder = data.folder.filename().string();
+  fact("When", when(folder));
+  fact("Operator", start.operator_name);
+  fact("Protocol", start.protocol_file);
+  if (start.rig.is_object())
+    fact("Rig", start.rig.contains("file") ? text_of(start.rig["file"]) : "");
+  fact("Seed", std::to_string(start.seed));
+  if (end && end->experiment_time > 0)
+    fact("Experiment", with_unit(shown_value(end->experiment_time, "s", 3)));
+  if (end && end->wall_time > 0) fact("Took", with_unit(shown_value(end->wall_time, "s", 3)));
+  fact("Run", folder);
+  return out + "</div>\n";
+}
+
+std::string figure_tiles(const RunData& data) {
+  std::string out;
+  for (const Figure& figure : data.figures) {
+    const Shown shown = shown_value(figure.value, figure.unit, 3);
+    const std::string size = count_characters(shown.number) > 8 ? "value long" : "value";
+    out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(figure.name)) +
+           "</div><div class=\"" + size + "\">" + escape_markup(shown.number);
+    if (!shown.unit.empty())
+      out += " <span class=\"unit\">" + escape_markup(shown.unit) + "</span>";
+    out += "</div></div>\n";
+  }
+  return out.empty() ? "" : "<div class=\"tiles\">\n" + out + "</div>\n";
+}
+
+std::string one_plot(const Plot& plot, int width, int height) {
+  const char* wide = width == kWholeWidth ? " class=\"wide\"" : "";
+  return fmt::format("<figure{}>{}</figure>\n", wide, to_svg(plot, width, height));
+}
+
+/// As an image: what a script drew can neither run nor disturb the page.
+std::string one_drawing(const SvgDrawing& drawing) {
+  const std::vector<unsigned char> bytes(drawing.svg.begin(), drawing.svg.end());
+  return "<figure class=\"wide\"><img alt=\"" + escape_markup(drawing.title) +
+         "\" src=\"data:image/svg+xml;base64," + base64(bytes) + "\"></figure>\n";
+}
+
+/// A trajectory view is as tall as its shape asks for, within reason.
+int height_of(const Plot& plot) {
+  return plot.equal_aspect
+             ? std::clamp(needed_height(plot, kHalfWidth, kViewHeight), 260, kViewHeight)
+             : kPlotHeight;
+}
+
+/// Two of a kind stand side by side; a lonely plot against time takes the whole width, a lonely
+/// view half of it.
+std::string plot_grid(const RunData& data) {
+  const std::vector<Plot>& plots = data.plots;
+  std::string out;
+  for (const SvgDrawing& drawing : data.drawings) out += one_drawing(drawing);
+  for (std::size_t i = 0; i < plots.size();) {
+    const bool paired = i + 1 < plots.size() && plots[i].equal_aspect == plots[i + 1].equal_aspect;
+    const int height = std::max(height_of(plots[i]), paired ? height_of(plots[i + 1]) : 0);
+    out += one_plot(plots[i], paired || plots[i].equal_aspect ? kHalfWidth : kWholeWidth, height);
+    if (paired) out += one_plot(plots[i + 1], kHalfWidth, height);
+    if (!paired && plots[i].equal_aspect) out += "<figure></figure>\n";  // keeps the next row a row
+    i += paired ? 2 : 1;
+  }
+  return out.empty() ? "" : "<div class=\"plots\">\n" + out + "</div>\n";
+}
+
+/// The record keeps every pixel; a page that is mailed round need not.
+std::vector<unsigned char> small_jpeg(const std::vector<unsigned char>& png) {
+  constexpr int kWidest = 1000;  // px
+  constexpr int kQuality = 88;
+  if (png.empty()) return {};
+  cv::Mat image = cv::imdecode(png, cv::IMREAD_COLOR);
+  if (image.empty()) return {};  // a damaged one: the report is still made
+  if (image.cols > kWidest)
+    cv::resize(image, image, cv::Size(kWidest, image.rows * kWidest / image.cols), 0, 0,
+               cv::INTER_AREA);
+  std::vector<unsigned char> jpeg;
+  cv::imencode(".jpg", image, jpeg, {cv::IMWRITE_JPEG_QUALITY, kQuality});
+  return jpeg;
+}
+
+std::string picture_grid(const RunData& data) {
+  std::string out;
+  for (const Picture& picture : data.pictures) {
+    const std::string caption = picture.caption.empty() ? picture.name : picture.caption;
+    out += "<figure><img alt=\"" + escape_markup(picture.name) +
+           "\" src=\"data:image/jpeg;base64," + base64(small_jpeg(picture.png)) +
+           "\"><figcaption>" + escape_markup(caption) + "</figcaption></figure>\n";
+  }
+  return section("Pictures", out.empty() ? "" : "<div class=\"pictures\">\n" + out + "</div>\n");
+}
+
+/// A column stands to the right when all its cells begin like numbers.
+bool numeric_column(const Table& table, std::size_t column) {
+  return std::all_of(table.rows.begin(), table.rows.end(), [&](const auto& row) {
+    if (column >= row.size() || row[column].empty()) return true;
+    std::string_view cell = row[column];
+    if (cell.starts_with("\u2212")) cell.remove_prefix(3);
+    if (cell.starts_with('-') || cell.starts_with('+')) cell.remove_prefix(1);
+    return cell == "-" || cell == "\u2013" || cell.empty() || (cell[0] >= '0' && cell[0] <= '9') ||
+           cell[0] == '.';
+  });
+}
+
+/// Such a column is never broken into lines.
+bool short_column(const Table& table, std::size_t column) {
+  constexpr std::size_t kShort = 18;  // characters
+  return std::all_of(table.rows.begin(), table.rows.end(), [&](const auto& row) {
+    return column >= row.size() || count_characters(row[column]) <= kShort;
+  });
+}
+
+std::string one_table(const Table& table) {
+  std::vector<std::string> kinds(table.header.size());
+  for (const auto& row : table.rows) kinds.resize(std::max(kinds.size(), row.size()));
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    const std::string kind = std::string(i > 0 && numeric_column(table, i) ? "right " : "") +
+                             (short_column(table, i) ? "short " : "");
+    if (!kind.empty()) kinds[i] = " class=\"" + kind.substr(0, kind.size() - 1) + "\"";
+  }
+  const auto cell = [&](const char* tag, const std::string& text, std::size_t column) {
+    return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column], escape_markup(with_micro(text)));
+  };
+  constexpr std::size_t kOnePage = 20;  // rows that are surely kept together on paper
+  std::string out =
+      table.rows.size() > kOnePage ? "<div class=\"scroll long\">" : "<div class=\"scroll\">";
+  // No <caption>: that would be no wider than a narrow table.
+  const std::string title = escape_markup(table.title);
+  if (!title.empty()) out += "<p class=\"caption\">" + title + "</p>";
+  out += title.empty() ? "<table>" : "<table aria-label=\"" + title + "\">";
+  out += "<thead><tr>";
+  for (std::size_t i = 0; i < table.header.size(); ++i) out += cell("th", table.header[i], i);
+  out += "</tr></thead>\n<tbody>";
+  for (const auto& row : table.rows) {
+    out += "<tr>";
+    for (std::size_t i = 0; i < row.size(); ++i) out += cell("td", row[i], i);
+    out += "</tr>\n";
+  }
+  return out + "</tbody></table></div>\n";
+}
+
+std::string table_section(const RunData& data) {
+  std::string out;
+  for (const Table& table : data.tables) out += one_table(table);
+  return section("Results", out);
+}
+
+std::string parameter_section(const RunData& data) {
+  const RunStart& start = data.start;
+  std::string out;
+  if (!start.parameters.is_object()) return "";
+  for (const auto& [name, value] : start.parameters.items()) {
+    std::string unit;
+    if (start.parameter_units.is_object() && start.parameter_units.contains(name)) {
+      unit = text_of(start.parameter_units[name]);
+    }
+    const bool number = value.is_number();
+    const std::string text =
+        number ? with_unit(shown_value(value.get<double>(), unit, 6)) : text_of(value);
+    const std::string shown = text.empty() ? "\u2013" : text;  // nothing was chosen
+    out += row_of(spaced(name), escape_markup(shown));
+  }
+  return section("Parameters", out.empty() ? "" : "<table>" + out + "</table>\n");
+}
+
+std::string version_section(const RunData& data) {
+  const RunStart& start = data.start;
+  std::string out = row_of("seed", std::to_string(start.seed));
+  if (start.versions.is_object()) {
+    for (const auto& [name, value] : start.versions.items())
+      out += row_of(name, escape_markup(text_of(value)));
+  }
+  out += row_of("protocol SHA-256", "<code>" + sha256(start.protocol_text) + "</code>");
+  return section("Made with", "<table>" + out + "</table>\n");
+}
+
+std::string event_rows(const std::vector<Event>& events, std::size_t from, std::size_t to) {
+  std::string out;
+  for (std::size_t i = from; i < to; ++i) {
+    const Event& event = events[i];
+    const bool bad = event.kind == "error" || event.kind == "alarm";
+    out += fmt::format(
+        "<tr><td class=\"right\">{:.2f}\u00a0s</td><td><span "
+        "class=\"mark{}\">{}</span></td><td>{}</td></tr>\n",
+        to_seconds(event.time), bad ? " error" : "", escape_markup(event.kind),
+        escape_markup(with_micro(event_text(event.text))));
+  }
+  return out;
+}
+
+/// Raised, acknowledged, cleared: before everything else that happened.
+std::string alarm_section(const RunData& data) {
+  std::vector<Event> alarms;
+  std::copy_if(data.events.begin(), data.events.end(), std::back_inserter(alarms),
+               [](const Event& event) { return event.kind.starts_with("alarm"); });
+  if (alarms.empty()) return "";
+  return section("Alarms",
+                 "<table class=\"events\">" + event_rows(alarms, 0, alarms.size()) + "</table>\n");
+}
+
+std::string event_section(const RunData& data) {
+  const std::vector<Event>& events = data.events;
+  if (events.empty()) return "";
+  const std::size_t shown = std::min(events.size(), kEventsShown);
+  std::string out = timeline_svg(data) + "\n<table class=\"events\">" +
+                    event_rows(events, 0, shown) + "</table>\n";
+  if (shown < events.size()) {
+    out += fmt::format("<details><summary>{} more events</summary><table class=\"events\">",
+                       events.size() - shown) +
+           event_rows(events, shown, events.size()) + "</table></details>\n";
+  }
+  return section("What happened", out);
+}
+
+std::string stream_section(const RunData& data) {
+  if (data.streams.empty()) return "";
+  Table table{"", {"stream", "samples", "source", "channels"}, {}};
+  for (const Stream& stream : data.streams) {
+    std::string channels;
+    for (const Channel& channel : stream.info.channels) {
+      channels += (channels.empty() ? "" : ", ") + channel.name +
+                  (channel.unit.empty() ? "" : "\u00a0(" + print_unit(channel.unit) + ")");
+    }
+    table.rows.push_back(
+        {stream.info.name, std::to_string(stream.times.size()), stream.info.source, channels});
+  }
+  return section("Recorded in run.sqlite (SI units)", one_table(table));
+}
+
+/// "top_camera.focus = 0.0123", one a line: shorter and easier to search than nested braces.
+void flatten(const nlohmann::json& value, const std::string& path, std::string& out) {
+  if (!value.is_object() || value.empty()) {
+    out += path + " = " + text_of(value) + "\n";
+    return;
+  }
+  for (const auto& [key, inner] : value.items()) {
+    if (path.empty() && (key == "text" || key == "bases"))
+      continue;  // the files as they were written stand beside
+    flatten(inner, path.empty() ? key : fmt::format("{}.{}", path, key), out);
+  }
+}
+
+std::string fold(const std::string& title, const std::string& text) {
+  if (text.empty()) return "";
+  return "<details><summary>" + escape_markup(title) + "</summary><pre>" + escape_markup(text) +
+         "</pre></details>\n";
+}
+
+std::string source_section(const RunData& data) {
+  const RunStart& start = data.start;
+  std::string resolved, files;
+  if (start.rig.is_object()) {
+    flatten(start.rig, "", resolved);
+    if (start.rig.contains("text")) files = fold("Rig file", text_of(start.rig["text"]));
+    for (const nlohmann::json& base : start.rig.value("bases", nlohmann::json::array()))
+      if (base.is_object())
+        files += fold("It builds on " + base.value("file", ""), base.value("text", ""));
+  }
+  return section("What was asked",
+                 fold("Rig as resolved (SI units)", resolved) + files +
+                     fold("Protocol " + start.protocol_file, start.protocol_text));
+}
+
+}  // namespace
+
+std::string report_html(const RunData& data) {
+  const RunStart& start = data.start;
+  // The policy makes the promise hold even for what a script managed to smuggle in: nothing is
+  // loaded, nothing runs.
+  std::string out =
+      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
+      "style-src "
+      "'unsafe-inline'\">\n<meta name=\"viewport\" content=\"width=device-width, "
+      "initial-scale=1\">\n<title>";
+  out += escape_markup(start.protocol_title.empty() ? start.protocol_file : start.protocol_title);
+  out += "</title>\n<style>" + std::string(kReportStyle) + "</style></head>\n<body><main>\n";
+  out += head_section(data) + figure_tiles(data) + plot_grid(data) + picture_grid(data);
+  out += table_section(data);
+  out += "<div class=\"columns\">" + parameter_section(data) + version_section(data) + "</div>\n";
+  out += alarm_section(data) + event_section(data) + stream_section(data) + source_section(data);
+  out += "<footer>" + escape_markup(data.folder.filename().string()) +
+         "</footer>\n</main></body></html>\n";
+  return out;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/runs/report_files.h"
+
+#include "host/files/child_process.h"
+#include "host/plot/plot_axes.h"
+#include "host/text/markup.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <stdexcept>
+#include <vector>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_bad(const Event& event) {
+  for (const char* kind : {"error", "alarm", "interlock", "unsafe"})
+    if (event.kind == kind) return true;
+  return false;
+}
+
+std::string file_name(std::size_t number, const std::string& title, const char* ending) {
+  std::string name = fmt::format("{:02}_", number);
+  for (const char c : title.substr(0, 60)) {
+    const auto letter = static_cast<unsigned char>(c);
+    if (letter < 128 && std::isalnum(letter) != 0)
+      name += static_cast<char>(std::tolower(letter));
+    else if (!name.ends_with('_'))
+      name += '_';
+  }
+  while (name.ends_with('_')) name.pop_back();
+  return name + ending;
+}
+
+std::string said(const nlohmann::json& value) {
+  if (value.is_number_float()) return format_number(value.get<double>(), 4);
+  if (value.is_string()) return value.get<std::string>();
+  if (!value.is_structured()) return value.dump();
+  std::string out;
+  for (const auto& [key, inner] : value.items())
+    out += (out.empty() ? "" : ", ") + (value.is_object() ? key + " = " : "") + said(inner);
+  return value.is_array() ? "(" + out + ")" : out;
+}
+
+/// From 0 to the end by a step that clocks have, s; the end instead of what is too near to it.
+std::vector<double> round_times(double end) {
+  constexpr double kMost = 6, kNear = 0.11;  // steps; of the whole
+  double step = 0;
+  for (const double clock :
+       {15., 30., 60., 120., 300., 600., 900., 1800., 3600., 7200., 21600., 43200., 86400.})
+    if (step == 0 && end > 60 && end / clock <= kMost) step = clock;
+  if (step == 0) step = nice_step(end, kMost);
+  std::vector<double> times;
+  for (int i = 0; i * step < end * (1 - kNear); ++i) times.push_back(i * step);
+  times.push_back(end);
+  return times;
+}
+
+}  // namespace
+
+std::string event_text(const std::string& text) {
+  if (!text.starts_with('{') && !text.starts_with('[')) return text;
+  const auto value = nlohmann::json::parse(text, nullptr, false);
+  return value.is_discarded() || value.empty() ? text : said(value);
+}
+
+std::string timeline_svg(const RunData& data) {
+  constexpr int kWidth = 960, kHeight = 44, kMargin = 12, kLine = 16;  // px
+  constexpr std::size_t kMost = 500;
+  double end = data.end ? data.end->experiment_time : 0;
+  for (const Event& event : data.events) end = std::max(end, to_seconds(event.time));
+  if (data.events.empty() || !(end > 0)) return "";
+  const auto at = [&](double seconds) {
+    return kMargin + (kWidth - 2 * kMargin) * std::clamp(seconds / end, 0.0, 1.0);
+  };
+  std::string out = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" role=\"img\" "
+      "font-family=\"sans-serif\" "
+      "font-size=\"11\" fill=\"#555\"><line x1=\"{}\" x2=\"{}\" y1=\"{}\" y2=\"{}\" "
+      "stroke=\"#999\"/>",
+      kWidth, kHeight, kMargin, kWidth - kMargin, kLine, kLine);
+  for (const double time : round_times(end))
+    out += fmt::format(
+        "<line x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1}\" y2=\"{2}\" stroke=\"#999\"/><text "
+        "x=\"{0:.1f}\" "
+        "y=\"40\" text-anchor=\"{3}\">{4}</text>",
+        at(time), kLine, kLine + 6,
+        time == 0     ? "start"
+        : time == end ? "end"
+                      : "middle",
+        escape_markup(format_quantity(time, "s")));
+  for (std::size_t i = 0; i < std::min(data.events.size(), kMost); ++i) {
+    const Event& event = data.events[i];
+    const double x = at(to_seconds(event.time));
+    const std::string title =
+        "<title>" + escape_markup(event.kind + ": " + event_text(event.text)) + "</title>";
+    if (is_bad(event))
+      out += fmt::format("<path d=\"M{0:.1f} 7l7 9l-7 9l-7 -9z\" fill=\"#d55e00\">{1}</path>", x,
+                         title);
+    else
+      out += fmt::format(
+          "<circle cx=\"{:.1f}\" cy=\"{}\" r=\"4.5\" fill=\"#0072b2\" "
+          "fill-opacity=\"0.7\">{}</circle>",
+          x, kLine, title);
+  }
+  return out + "</svg>";
+}
+
+void write_png_of_svg(const std::string& svg, const fs::path& file) {
+  ChildProcess renderer(
+      {"rsvg-convert", "--format", "png", "--zoom", "2", "--output", file.string()},
+      ChildProcess::Pipe::to_input);
+  const bool taken = renderer.write(svg);
+  if (const int status = renderer.finish(); !taken || status != 0)
+    throw std::runtime_error(fmt::format("{}: rsvg-convert ended with {}", file.string(), status));
+}
+
+std::vector<fs::path> write_plots(const RunData& data, const fs::path& folder, PlotFiles kind) {
+  fs::create_directories(folder);
+  std::vector<fs::path> files;
+  const auto write = [&](const std::string& title, const std::string& svg) {
+    files.push_back(folder /
+                    file_name(files.size() + 1, title, kind == PlotFiles::png ? ".png" : ".svg"));
+    if (kind == PlotFiles::png) return write_png_of_svg(svg, files.back());
+    std::ofstream out(files.back());
+    out << svg;
+    if (!out.flush()) throw std::runtime_error(files.back().string() + ": cannot be written");
+  };
+  for (const Plot& plot : data.plots) write(plot.title, to_svg(plot));
+  for (const SvgDrawing& drawing : data.drawings) write(drawing.title, drawing.svg);
+  return files;
+}
+
+}  // namespace vitreo

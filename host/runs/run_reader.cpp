@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/runs/run_reader.h"
+
+#include "host/files/ndtiff.h"
+#include "host/files/posix_file.h"
+#include "host/files/sqlite.h"
+#include "host/record/record_json.h"
+#include "host/record/record_schema.h"
+#include "host/record/run_lock.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <limits>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kShownCandidates = 5;
+
+/// Opened to read; the file is one of ours.
+Database open_record(const fs::path& folder) {
+  const fs::path file = folder / "run.sqlite";
+  if (!fs::is_regular_file(file))
+    throw RecordError(folder.string() + ": is no run: it has no run.sqlite");
+  Database database(file.string(), Database::Mode::read_only);
+  Statement version = database.prepare("PRAGMA user_version");
+  version.step();
+  if (version.integer(0) != kRecordVersion)
+    throw RecordError(fmt::format("{}: has record version {}; this program reads {}", file.string(),
+                                  version.integer(0), kRecordVersion));
+  return database;
+}
+
+/// JSON from the record, or null where it is none.
+nlohmann::json parsed(const std::string& text) {
+  return nlohmann::json::parse(text, nullptr, false);
+}
+
+nlohmann::json object_of(const std::string& text) {
+  nlohmann::json json = parsed(text);
+  return json.is_discarded() ? nlohmann::json::object() : json;
+}
+
+void read_start(Database& database, RunData& data) {
+  Statement row = database.prepare(
+      "SELECT protocol, title, script, operator, parameters, parameter_units, seed, versions, rig, "
+      "devices, files "
+      "FROM run");
+  if (!row.step()) throw RecordError(data.folder.string() + ": its start record is missing");
+  RunStart& start = data.start;
+  start.protocol_file = row.text(0);
+  start.protocol_title = row.text(1);
+  start.protocol_text = row.text(2);
+  start.operator_name = row.text(3);
+  start.parameters = object_of(row.text(4));
+  start.parameter_units = object_of(row.text(5));
+  start.seed = std::strtoull(row.text(6).c_str(), nullptr, 10);
+  start.versions = object_of(row.text(7));
+  start.rig = object_of(row.text(8));
+  start.devices = object_of(row.text(9));
+  start.files = object_of(row.text(10));
+}
+
+void read_end(Database& database, RunData& data) {
+  Statement row = database.prepare(
+      "SELECT exit_status, reason, experiment_time, wall_time, dropped, held FROM stop LIMIT 1");
+  if (!row.step()) return;
+  const auto outcome = outcome_named(row.text(0));
+  if (!outcome)
+    throw RecordError(data.folder.string() + ": its end record names no outcome that is known");
+  data.end = RunEnd{*outcome, row.text(1), row.real(2), row.real(3)};
+  const nlohmann::json dropped = object_of(row.text(4));
+  for (const RecordedCameraInfo& camera : data.cameras)
+    data.dropped.push_back(dropped.is_object() && dropped.contains(camera.camera) &&
+                                   dropped[camera.camera].is_number_unsigned()
+                               ? dropped[camera.camera].get<std::uint64_t>()
+                               : 0);
+  data.held = row.real(5);
+}
+
+void read_samples(Database& database, Stream& stream, const std::string& table) {
+  std::string columns;
+  for (const Channel& channel : stream.info.channels)
+    columns += ", " + quoted_identifier(channel.name);
+  Statement rows = database.prepare("SELECT t_ns" + columns + " FROM " + quoted_identifier(table) +
+                                    " ORDER BY seq");
+  const int width = static_cast<int>(stream.info.channels.size());
+  while (rows.step()) {
+    stream.times.emplace_back(rows.integer(0));
+    for (int i = 1; i <= width; ++i)
+      stream.values.push_back(rows.is_null(i) ? std::numeric_limits<double>::quiet_NaN()
+                                              : rows.real(i));
+  }
+}
+
+void read_streams(Database& database, RunData& data) {
+  Statement streams =
+      database.prepare("SELECT id, name, source, sample_table FROM stream ORDER BY id");
+  Statement channels =
+      database.prepare("SELECT name, unit FROM channel WHERE stream=? ORDER BY position");
+  while (streams.step()) {
+    Stream stream;
+    stream.info.name = streams.text(1);
+    stream.info.source = streams.text(2);
+    channels.bind(1, streams.integer(0));
+    while (channels.step()) stream.info.channels.push_back({channels.text(0), channels.text(1)});
+    read_samples(database, stream, streams.text(3));
+    data.streams.push_back(std::move(stream));
+  }
+}
+
+template <class Each>
+void rows_of(Database& database, const std::string& query, Each each) {
+  Statement rows = database.prepare(query);
+  while (rows.step()) each(rows);
+}
+
+std::vector<std::string> texts(const nlohmann::json& list) {
+  std::vector<std::string> words;
+  for (const nlohmann::json& one : list) words.push_back(one.get<std::string>());
+  return words;
+}
+
+/// A path of the record that stays within the run's folder.
+std::string inside(const RunData& data, const std::string& file) {
+  const fs::path path(file);
+  const bool climbs = std::find(path.begin(), path.end(), "..") != path.end();
+  if (file.empty() || path.is_absolute() || climbs)
+    throw RecordError(data.folder.string() + ": names a file outside itself: " + file);
+  return file;
+}
+
+void read_results(Database& database, RunData& data) {
+  rows_of(database, "SELECT name, value, unit FROM figure ORDER BY rowid",
+          [&](const Statement& row) {
+            const double value =
+                row.is_null(1) ? std::numeric_limits<double>::quiet_NaN() : row.real(1);
+            data.figures.push_back({row.text(0), value, row.text(2)});
+          });
+  rows_of(database, "SELECT content FROM plot ORDER BY seq",
+          [&](const Statement& row) { data.plots.push_back(plot_from_json(parsed(row.text(0)))); });
+  rows_of(database, "SELECT title, svg FROM drawing ORDER BY seq", [&](const Statement& row) {
+    data.drawings.push_back({row.text(0), row.text(1)});
+  });
+  rows_of(database, "SELECT title, header, rows FROM result_table ORDER BY seq",
+          [&](const Statement& row) {
+            Table table{row.text(0), texts(parsed(row.text(1))), {}};
+            for (const nlohmann::json& one : parsed(row.text(2))) table.rows.push_back(texts(one));
+            data.tables.push_back(std::move(table));
+          });
+  rows_of(database, "SELECT name, caption, file FROM picture ORDER BY seq",
+          [&](const Statement& row) {
+            Picture picture{row.text(0), row.text(1), inside(data, row.text(2)), {}};
+            if (fs::is_regular_file(data.folder / picture.file)) {
+              const std::string bytes = read_whole_file(data.folder / picture.file);
+              picture.png.assign(bytes.begin(), bytes.end());
+            }
+            data.pictures.push_back(std::move(picture));
+          });
+}
+
+void read_events(Database& database, RunData& data) {
+  rows_of(database, "SELECT t_ns, kind, text FROM event ORDER BY seq", [&](const Statement& row) {
+    data.events.push_back({Time(row.integer(0)), row.text(1), row.text(2)});
+  });
+  rows_of(database, "SELECT name, file, text FROM module ORDER BY rowid",
+          [&](const Statement& row) {
+            data.modules.push_back({row.text(0), row.text(1), row.text(2)});
+          });
+}
+
+void read_frames(Database& database, RunData& data) {
+  rows_of(database,
+          "SELECT name, identity, every, frame_period, effective_pixel FROM camera ORDER BY rowid",
+          [&](const Statement& row) {
+            data.cameras.push_back({row.text(0), row.text(1), static_cast<int>(row.integer(2)),
+                                    row.real(3), row.real(4)});
+          });
+  rows_of(database,
+          "SELECT camera, number, t_ns, t_received_ns, t_device_ns, file, offset, bytes, width_px, "
+          "height_px, "
+          "pixel_type, crc32, dropped_before FROM frame ORDER BY seq",
+          [&](const Statement& row) {
+            FrameRow frame;
+            frame.camera = row.text(0);
+            frame.number = static_cast<std::uint64_t>(row.integer(1));
+            frame.exposed = Time(row.integer(2));
+            frame.received = Time(row.integer(3));
+            if (!row.is_null(4)) frame.device = Time(row.integer(4));
+            frame.file = inside(data, row.text(5));
+            frame.offset = static_cast<std::uint64_t>(row.integer(6));
+            frame.bytes = static_cast<std::uint64_t>(row.integer(7));
+            frame.width_px = static_cast<int>(row.integer(8));
+            frame.height_px = static_cast<int>(row.integer(9));
+            frame.pixel_type = static_cast<int>(row.integer(10));
+            frame.crc32 = static_cast<std::uint32_t>(row.integer(11));
+            frame.dropped_before = static_cast<std::uint64_t>(row.integer(12));
+            data.frames.push_back(std::move(frame));
+          });
+}
+
+std::string state_of(Database& database, const fs::path& folder, RunHead& head) {
+  Statement stop =
+      database.prepare("SELECT exit_status, reason, experiment_time FROM stop LIMIT 1");
+  if (!stop.step()) return RunLock::is_held(folder) ? "running" : "lost";
+  head.reason = stop.text(1);
+  head.experiment_time = stop.real(2);
+  return stop.text(0);
+}
+
+}  // namespace
+
+std::vector<fs::path> run_folders(const fs::path& parent) {
+  std::vector<fs::path> folders;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(parent, error))
+    if (entry.is_directory(error) && fs::exists(entry.path() / "run.sqlite", error))
+      folders.push_back(entry.path());
+  std::sort(folders.begin(), folders.end());  // the names begin with the time
+  return folders;
+}
+
+fs::path find_run(const std::string& word, const fs::path& parent) {
+  if (fs::exists(fs::path(word) / "run.sqlite")) return fs::path(word);
+  const std::vector<fs::path> folders = run_folders(parent);
+  if (word == "last") {
+    if (folders.empty()) throw RecordError("there are no runs in " + parent.string());
+    return folders.back();
+  }
+  std::vector<std::string> matching;
+  for (const fs::path& folder : folders) {
+    const std::string name = folder.filename().string();
+    if (name == word) return folder;
+    if (!word.empty() && name.starts_with(word)) matching.push_back(name);
+  }
+  if (matching.size() == 1) return parent / matching.front();
+  if (matching.empty())
+    throw RecordError(word + ": is no run's folder, and no run in " + parent.string() +
+                      " begins so");
+  const std::size_t count = matching.size();
+  matching.resize(std::min(count, kShownCandidates));
+  throw RecordError(fmt::format("{}: could be {} runs: {}{}", word, count,
+                                fmt::join(matching, ", "),
+                                count > kShownCandidates ? ", ..." : ""));
+}
+
+RunHead read_head(const fs::path& folder) {
+  RunHead head;
+  head.folder = folder.string();
+  try {
+    Database database = open_record(folder);
+    Statement row = database.prepare("SELECT time, protocol, title, operator, seed FROM run");
+    if (!row.step()) throw RecordError("its start record is missing");
+    head.time = row.text(0);
+    head.protocol = row.text(1);
+    head.title = row.text(2);
+    head.operator_name = row.text(3);
+    head.seed = row.text(4);
+    head.state = state_of(database, folder, head);
+  } catch (const std::exception& error) {
+    head.state = "unreadable";
+    head.reason = error.what();
+  }
+  return head;
+}
+
+cv::Mat read_frame(const RunData& data, const FrameRow& row) {
+  NdtiffEntry entry;
+  entry.file = row.file;
+  entry.pixels_at = row.offset;
+  entry.width_px = row.width_px;
+  entry.height_px = row.height_px;
+  entry.pixel_type = row.pixel_type;
+  constexpr int kLargest = 1 << 16;  // px
+  const bool sensible = row.width_px > 0 && row.height_px > 0 && row.width_px <= kLargest &&
+                        row.height_px <= kLargest && row.pixel_type >= 0 && row.pixel_type <= 2;
+  if (!sensible || entry.pixel_bytes() != row.bytes)
+    throw RecordError(
+        fmt::format("{}: the row of frame {} is broken", data.folder.string(), row.number));
+  return read_ndtiff_image(data.folder, entry);
+}
+
+RunData read_run(const fs::path& folder) {
+  RunData data;
+  data.folder = folder;
+  try {
+    Database database = open_record(folder);
+    read_start(database, data);
+    read_streams(database, data);
+    read_frames(database, data);
+    read_end(database, data);
+    read_results(database, data);
+    read_events(database, data);
+  } catch (const RecordError&) {
+    throw;
+  } catch (const nlohmann::json::exception& error) {
+    throw RecordError((folder / "run.sqlite").string() +
+                      ": a text in it is broken: " + error.what());
+  } catch (const std::exception& error) {
+    throw RecordError(error.what());
+  }
+  return data;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/safety/guardian.h"
+
+#include "devices/time/error.h"
+#include "devices/time/quiet_thread.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <sched.h>
+#include <spawn.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+extern char** environ;
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+using guardian::kBeat;
+
+constexpr int kPatience = 5;  // s, until it is ready
+constexpr int kUrgent = 4;
+
+[[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) {
+  throw DeviceError(kind, "guardian", what);
+}
+
+/// Beside the program, or beside the folder of the tests.
+std::string program() {
+  std::error_code none;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", none);
+  for (const auto& folder : {self.parent_path(), self.parent_path().parent_path()})
+    if (std::filesystem::exists(folder / "vitreo_guardian", none))
+      return (folder / "vitreo_guardian").string();
+  fail(DeviceErrorKind::not_found, "the program vitreo_guardian is not beside " + self.string());
+}
+
+class GuardedCoils final : public CoilAmplifier {
+ public:
+  GuardedCoils(CoilAmplifier& amplifier, Guardian& guardian)
+      : amplifier_(amplifier), guardian_(guardian) {}
+  std::string identity() const override { return amplifier_.identity(); }
+  int channels() const override { return amplifier_.channels(); }
+  double current_limit() const override { return amplifier_.current_limit(); }
+  std::vector<double> currents() const override { return amplifier_.currents(); }
+  void set_currents(std::span<const double> currents) override {
+    const bool zero =
+        std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
+    if (!zero) guardian_.arm();
+    amplifier_.set_currents(currents);
+    if (zero) guardian_.disarm();
+  }
+  void make_safe() override {
+    amplifier_.make_safe();
+    guardian_.disarm();
+  }
+
+ private:
+  CoilAmplifier& amplifier_;
+  Guardian& guardian_;
+};
+
+}  // namespace
+
+Guardian::Guardian(const std::vector<guardian::Output>& outputs, std::function<bool()> healthy)
+    : healthy_(std::move(healthy)) {
+  int ends[2];
+  if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
+    fail(DeviceErrorKind::refused, std::string("no socket for it: ") + std::strerror(errno));
+  socket_ = ends[0];
+  try {
+    start(ends[1]);
+    hand_over(outputs);
+  } catch (...) {
+    ::close(socket_);  // it leaves by itself
+    if (process_ > 0) ::waitpid(process_, nullptr, 0);
+    throw;
+  }
+  thread_ = quiet_thread([this] { beat(); });
+}
+
+/// In a session of its own, so that no terminal's signal reaches it, and with no descriptor of ours
+/// but its socket.
+void Guardian::start(int end) {
+  const std::string file = program(), self = std::to_string(::getpid());
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, end, guardian::kSocket);
+  posix_spawn_file_actions_addclosefrom_np(&actions, guardian::kSocket + 1);
+  posix_spawnattr_t how;
+  posix_spawnattr_init(&how);
+  sigset_t none;
+  sigemptyset(&none);
+  posix_spawnattr_setsigmask(&how, &none);
+  posix_spawnattr_setflags(&how, POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGMASK);
+  char* const words[] = {const_cast<char*>(file.c_str()), const_cast<char*>(self.c_str()), nullptr};
+  const int error = ::posix_spawn(&process_, file.c_str(), &actions, &how, words, environ);
+  posix_spawnattr_destroy(&how);
+  posix_spawn_file_actions_destroy(&actions);
+  ::close(end);
+  if (error == 0) return;
+  process_ = -1;
+  fail(DeviceErrorKind::not_found, file + " cannot be started: " + std::strerror(error));
+}
+
+void Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
+  const std::string asked = "O" + guardian::encode(outputs);
+  const timeval patience{kPatience, 0};
+  ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  std::string said(guardian::kLongest, '\0');
+  ssize_t size = ::send(socket_, asked.data(), asked.size(), MSG_NOSIGNAL);
+  if (size >= 0) size = ::recv(socket_, said.data(), said.size(), 0);
+  said.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
+  if (said == std::string(1, guardian::kReady)) return;
+  fail(DeviceErrorKind::refused, said.empty() ? "it did not get ready" : said);
+}
+
+Guardian::~Guardian() {
+  done_ = true;
+  thread_.join();
+  say(armed_ ? guardian::kQuitUnsure : guardian::kQuit);
+  ::close(socket_);
+  if (!armed_) ::waitpid(process_, nullptr, 0);  // else it has work to do, and outlives us
+}
+
+/// Whether it was taken; one that is only slow has its packets kept by the kernel, for seconds.
+bool Guardian::say(char message) {
+  if (::send(socket_, &message, 1, MSG_NOSIGNAL | MSG_DONTWAIT) == 1) return true;
+  if (errno != EAGAIN && errno != EINTR) lost_ = true;
+  return false;
+}
+
+void Guardian::arm() {
+  const std::lock_guard lock(mutex_);
+  if (!armed_ && !lost_) armed_ = say(guardian::kArm);
+  if (!armed_ || lost_)
+    fail(DeviceErrorKind::lost, "the process that guards the outputs is gone, or does not listen");
+}
+
+void Guardian::disarm() {
+  const std::lock_guard lock(mutex_);
+  if (armed_) say(guardian::kDisarm);
+  armed_ = false;
+}
+
+void Guardian::beat() {
+  const sched_param urgent{kUrgent};
+  ::sched_setscheduler(0, SCHED_RR, &urgent);  // this thread; where it may not, it goes on as it is
+  while (!done_) {
+    std::this_thread::sleep_for(kBeat);
+    const std::lock_guard lock(mutex_);
+    if (armed_ && healthy_()) say(guardian::kBeatMessage);
+  }
+}
+
+std::unique_ptr<CoilAmplifier> guarded(CoilAmplifier& amplifier, Guardian& guardian) {
+  return std::make_unique<GuardedCoils>(amplifier, guardian);
+}
+
+}  // namespace vitreo

@@ -1,0 +1,57 @@
+// The host's end of its guardian: the small process that brings the outputs to zero when the host
+// dies or hangs.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/roles/coil_amplifier.h"
+#include "host/safety/guardian/wire.h"
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <sys/types.h>
+#include <thread>
+#include <vector>
+
+namespace vitreo {
+
+/// Started before the outputs are opened, and gone after they are closed.
+class Guardian {
+ public:
+  /// `healthy`, called by a thread of its own: whether the program moves as it should; while
+  /// something is energized and it does not, nothing is said to the guardian, which then acts.
+  /// Throws DeviceError{not_found, refused}.
+  Guardian(const std::vector<guardian::Output>& outputs, std::function<bool()> healthy);
+  /// Sends it away; when something may still be energized it first brings that to zero.
+  ~Guardian();
+  Guardian(const Guardian&) = delete;
+  Guardian& operator=(const Guardian&) = delete;
+
+  /// Before anything is energized; from here on the guardian listens for beats. Throws
+  /// DeviceError{lost} when there is no guardian any more.
+  void arm();
+  /// The outputs are at zero.
+  void disarm();
+  pid_t process() const { return process_; }
+
+ private:
+  void start(int end);
+  void hand_over(const std::vector<guardian::Output>& outputs);
+  bool say(char message);
+  void beat();
+
+  const std::function<bool()> healthy_;
+  int socket_ = -1;
+  pid_t process_ = -1;
+  std::mutex mutex_;  // of what is said, and of armed_
+  bool armed_ = false;
+  std::atomic<bool> lost_{false}, done_{false};
+  std::thread thread_;
+};
+
+/// The amplifier under guard: armed before a current, disarmed after the last zero. Both outlive
+/// it.
+std::unique_ptr<CoilAmplifier> guarded(CoilAmplifier& amplifier, Guardian& guardian);
+
+}  // namespace vitreo

@@ -1,0 +1,150 @@
+// The guardian: a small process of its own beside the host. When the host dies, or falls silent
+// while something is energized (then it is killed first), it brings the outputs to zero. The host
+// starts it; people have no use for it.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/time/clock.h"
+#include "devices/time/error.h"
+#include "host/safety/guardian/duty.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <optional>
+#include <poll.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+#include <utility>
+
+namespace vitreo::guardian {
+namespace {
+
+using Steady = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto kDeath = 2s;       // within which a killed process is gone, if it can be
+constexpr auto kKeenly = 10s;     // tries again each 2 ms for so long,
+constexpr auto kForLong = 10min;  // and each second for so long
+constexpr int kUrgent = 5;        // of the real-time priorities, where they are to be had
+
+std::string receive(int flags, bool& closed) {
+  std::string bytes(kLongest, '\0');
+  const ssize_t size = recv(kSocket, bytes.data(), bytes.size(), flags);
+  closed = size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR);
+  bytes.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
+  return bytes;
+}
+
+enum class Verdict { leave, leave_unsure, host_died, host_hangs };
+
+/// Watches until there is something to do.
+Verdict watch(int host) {
+  bool armed = false;
+  Steady::time_point heard = Steady::now();
+  for (;;) {
+    pollfd ends[2] = {{kSocket, POLLIN, 0}, {host, POLLIN, 0}};
+    const auto left =
+        std::chrono::ceil<std::chrono::milliseconds>(heard + kSilence - Steady::now());
+    poll(ends, 2, armed ? static_cast<int>(std::max(left, 0ms).count()) : -1);
+    // All that has come counts as heard now: if this process was late, the host was not.
+    for (bool closed = false;;) {
+      const std::string said = receive(MSG_DONTWAIT, closed);
+      if (closed) return Verdict::host_died;
+      if (said.empty()) break;
+      heard = Steady::now();
+      if (said[0] == kArm) armed = true;
+      if (said[0] == kDisarm) armed = false;
+      if (said[0] == kQuit) return Verdict::leave;
+      if (said[0] == kQuitUnsure) return Verdict::leave_unsure;
+    }
+    if ((ends[1].revents & POLLIN) != 0) return Verdict::host_died;
+    if (armed && Steady::now() - heard >= kSilence) return Verdict::host_hangs;
+  }
+}
+
+/// So that nothing that it still had to say reaches the outputs after their zero.
+void end_host(int host) {
+  syscall(SYS_pidfd_send_signal, host, SIGKILL, nullptr, 0);
+  pollfd end{host, POLLIN, 0};
+  poll(&end, 1, static_cast<int>(std::chrono::milliseconds(kDeath).count()));
+}
+
+int bring_all_to_zero(std::vector<Duty>& duties) {
+  const auto clock = wall_clock();
+  const auto began = Steady::now();
+  std::vector<Duty*> left;
+  for (Duty& duty : duties) left.push_back(&duty);
+  std::string why;
+  for (bool told = false; !left.empty() && Steady::now() - began < kForLong;) {
+    std::erase_if(left, [&](Duty* duty) {
+      try {
+        duty->bring_to_zero(*clock);
+        const std::chrono::duration<double, std::milli> took = Steady::now() - began;
+        std::fprintf(stderr, "vitreo guardian: %s is at zero, after %.1f ms\n",
+                     duty->address().c_str(), took.count());
+        return true;
+      } catch (const std::exception& error) {  // busy with the host that dies, unplugged, silent
+        why = error.what();
+        return false;
+      }
+    });
+    const bool keen = Steady::now() - began < kKeenly;
+    if (!left.empty() && !keen && !std::exchange(told, true))
+      std::fprintf(stderr, "vitreo guardian: NOT at zero yet, still trying: %s\n", why.c_str());
+    if (!left.empty()) clock->sleep_for(keen ? Time(2ms) : Time(1s));
+  }
+  if (!left.empty())
+    std::fprintf(stderr, "vitreo guardian: given up, NOT at zero: %s\n", why.c_str());
+  return left.empty() ? 0 : 1;
+}
+
+int guard(pid_t host_pid) {
+  const int host = static_cast<int>(syscall(SYS_pidfd_open, host_pid, 0));
+  bool closed = false;
+  const std::string asked = receive(0, closed);
+  if (host < 0 || closed || getppid() != host_pid)
+    return 1;  // it died before anything was energized
+  std::vector<Duty> duties;
+  try {
+    for (const Output& output : decode(asked.substr(1))) duties.emplace_back(output);
+  } catch (const std::exception& problem) {
+    const std::string said = problem.what();
+    send(kSocket, said.data(), said.size(), MSG_NOSIGNAL);
+    return 1;
+  }
+  send(kSocket, &kReady, 1, MSG_NOSIGNAL);
+  switch (watch(host)) {
+    case Verdict::leave:
+      return 0;
+    case Verdict::leave_unsure:
+      return bring_all_to_zero(duties);
+    case Verdict::host_hangs:
+      std::fprintf(stderr, "vitreo guardian: the host has not moved for %d ms; it is killed\n",
+                   static_cast<int>(kSilence.count()));
+      break;
+    case Verdict::host_died:
+      std::fprintf(stderr, "vitreo guardian: the host is gone\n");
+      break;
+  }
+  end_host(host);
+  return bring_all_to_zero(duties);
+}
+
+}  // namespace
+}  // namespace vitreo::guardian
+
+int main(int count, char** words) {
+  if (count != 2) {
+    std::fprintf(stderr, "vitreo_guardian is started by vitreo, with its process id\n");
+    return 2;
+  }
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGQUIT}) ::signal(signal, SIG_IGN);
+  prctl(PR_SET_NAME, "vitreo_guardian");
+  const sched_param urgent{vitreo::guardian::kUrgent};
+  sched_setscheduler(0, SCHED_RR, &urgent);  // where it may not, it goes on as it is
+  return vitreo::guardian::guard(static_cast<pid_t>(std::strtol(words[1], nullptr, 10)));
+}

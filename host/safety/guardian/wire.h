@@ -1,0 +1,65 @@
+// What the host and its guardian say to each other: one packet a message, over a socket pair.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace vitreo::guardian {
+
+constexpr int kSocket = 3;  // the guardian's end has this descriptor
+constexpr std::chrono::milliseconds kBeat{
+    20};  // between two beats of a host whose outputs are energized
+constexpr std::chrono::milliseconds kSilence{200};            // without a beat: then the host hangs
+constexpr std::size_t kLongest = 16384;                       // bytes of a message
+constexpr char kReady = 'R', kBeatMessage = 'b', kArm = 'a';  // something is about to be energized
+constexpr char kDisarm = 'd', kQuit = 'q',
+               kQuitUnsure = 'x';  // at zero; leave; leave, but zero first
+
+/// What must be at zero when the host is gone. `settings`: numbers of the driver's own
+/// (enable_line, baud_rate).
+struct Output {
+  std::string driver, address;
+  std::map<std::string, double> settings{};
+  bool operator==(const Output&) const = default;
+};
+
+/// A line each, fields between tabs. Addresses hold no control characters
+/// (devices/links/address.h).
+inline std::string encode(const std::vector<Output>& outputs) {
+  std::ostringstream text;
+  text.precision(17);
+  for (const Output& output : outputs) {
+    text << output.driver << '\t' << output.address;
+    for (const auto& [name, value] : output.settings) text << '\t' << name << '=' << value;
+    text << '\n';
+  }
+  return text.str();
+}
+
+/// Throws std::invalid_argument for another text.
+inline std::vector<Output> decode(const std::string& text) {
+  std::vector<Output> outputs;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream fields(line);
+    Output output;
+    if (!std::getline(fields, output.driver, '\t') || !std::getline(fields, output.address, '\t'))
+      throw std::invalid_argument("an output is a driver and an address, not: " + line);
+    for (std::string field; std::getline(fields, field, '\t');) {
+      const std::size_t at = field.find('=');
+      if (at == std::string::npos)
+        throw std::invalid_argument("a setting is name=number, not: " + field);
+      output.settings[field.substr(0, at)] =
+          std::stod(field.substr(at + 1));  // throws std::invalid_argument
+    }
+    outputs.push_back(output);
+  }
+  return outputs;
+}
+
+}  // namespace vitreo::guardian

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/safety/interlock.h"
+
+#include "devices/time/error.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+constexpr Time kLook =
+    std::chrono::milliseconds(50);  // how often the watch looks while the coils are energized
+constexpr double kShortest = 1e-3;  // s: set-points closer than this are one
+constexpr Time kRamp = std::chrono::milliseconds(500), kRampStep = std::chrono::milliseconds(20);
+constexpr double kZero = 0.05;  // A, of a reading: noise and offsets of amplifiers are below
+
+bool is_zero(std::span<const double> currents) {
+  return std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
+}
+
+}  // namespace
+
+void InterlockLimits::check() const {
+  if (!(current > 0)) throw std::invalid_argument("current limit must be above zero");
+  if (!(total_current > 0)) throw std::invalid_argument("total_current limit must be above zero");
+  if (!(slew > 0)) throw std::invalid_argument("slew limit must be above zero");
+  if (!(dead_man >= 0.05 && dead_man <= 5))
+    throw std::invalid_argument("dead_man must be in [0.05, 5] s");
+  heat.check();
+}
+
+Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Clock* clock)
+    : amplifier_(amplifier),
+      limits_(limits),
+      clock_(clock),
+      temperature_(limits.heat, amplifier.channels()),
+      sent_(static_cast<std::size_t>(amplifier.channels()), 0.0) {
+  limits_.check();
+  if (clock_ == nullptr) return;
+  warmed_at_ = clock_->now();
+  forget_slew();
+  watch_ = clock_->spawn("interlock", [this] { watch(); });
+}
+
+Interlock::~Interlock() = default;
+
+double Interlock::current_limit() const {
+  return std::min(limits_.current, amplifier_.current_limit());
+}
+
+void Interlock::refuse(const std::string& why) {
+  trip(why);
+  throw DeviceError(DeviceErrorKind::refused, "coils", why + "; the coils are at zero");
+}
+
+void Interlock::check(std::span<const double> currents) {
+  double total = 0;
+  for (std::size_t channel = 0; channel < currents.size(); ++channel) {
+    const double magnitude = std::abs(currents[channel]);
+    // written so that NaN is refused too
+    if (!(magnitude <= current_limit() * (1 + 1e-9)))
+      refuse(fmt::format("coil {}: {:.3g} A is beyond the limit of {:.3g} A", channel + 1,
+                         currents[channel], current_limit()));
+    total += magnitude;
+  }
+  if (total > limits_.total_current)
+    refuse(fmt::format("{:.3g} A in all are beyond the limit of {:.3g} A", total,
+                       limits_.total_current));
+}
+
+void Interlock::check_slew(std::span<const double> currents) {
+  const double since = std::max(to_seconds(clock_->now() - sent_at_), kShortest);
+  for (std::size_t channel = 0; channel < currents.size(); ++channel) {
+    const double slew = std::abs(currents[channel] - sent_[channel]) / since;
+    // Towards zero may be as fast as it likes; through it is not towards it.
+    const bool towards_zero = currents[channel] * sent_[channel] >= 0 &&
+                              std::abs(currents[channel]) <= std::abs(sent_[channel]);
+    if (slew > limits_.slew && !towards_zero)
+      refuse(fmt::format(
+          "coil {}: from {:.3g} A to {:.3g} A within {:.3g} ms is beyond the limit of {:.3g} A/s",
+          channel + 1, sent_[channel], currents[channel], since * 1e3, limits_.slew));
+  }
+}
+
+void Interlock::set_currents(std::span<const double> currents) {
+  if (!enabled_)
+    throw DeviceError(DeviceErrorKind::refused, "coils",
+                      "the interlock is open" + (tripped_.empty() ? "" : " (" + tripped_ + ")") +
+                          "; enable it first");
+  check(currents);
+  if (paused_) return;
+  if (clock_ != nullptr && currents.size() == sent_.size()) check_slew(currents);
+  if (!energized_ && !is_zero(currents))
+    if (const std::string why = unmet(); !why.empty()) refuse("dead-man: " + why);
+  send(currents);
+}
+
+void Interlock::require(std::string why, std::function<bool()> holds) {
+  conditions_.push_back({std::move(why), std::move(holds)});
+}
+
+/// Why no current may flow; empty: it may.
+std::string Interlock::unmet() const {
+  for (const Condition& condition : conditions_)
+    if (!condition.holds()) return condition.why;
+  return "";
+}
+
+void Interlock::send(std::span<const double> currents) {
+  warm_up();
+  energized_ = energized_ || !is_zero(currents);
+  amplifier_.set_currents(currents);
+  if (!enabled_) {  // it was opened by another task while this set-point was on its way: that is
+                    // taken back
+    make_safe();
+    throw DeviceError(DeviceErrorKind::refused, "coils",
+                      "the interlock was opened meanwhile" +
+                          (tripped_.empty() ? "" : " (" + tripped_ + ")") +
+                          "; the coils are at zero");
+  }
+  sent_.assign(currents.begin(), currents.end());
+  energized_ = !is_zero(currents);
+  count(currents);
+  if (clock_ == nullptr) return;
+  sent_at_ = clock_->now();
+  if (energized_) clock_->notify(energized_changed_);
+}
+
+void Interlock::count(std::span<const double> currents) {
+  use_.peak.resize(currents.size());
+  double total = 0;
+  for (std::size_t channel = 0; channel < currents.size(); ++channel) {
+    use_.peak[channel] = std::max(use_.peak[channel], std::abs(currents[channel]));
+    total += std::abs(currents[channel]);
+  }
+  use_.peak_total = std::max(use_.peak_total, total);
+}
+
+/// The currents since the last time have warmed the coils.
+void Interlock::warm_up() {
+  if (clock_ == nullptr) return;
+  if (energized_) use_.energized += to_seconds(clock_->now() - warmed_at_);
+  temperature_.advance(to_seconds(clock_->now() - warmed_at_), sent_);
+  warmed_at_ = clock_->now();
+}
+
+std::vector<double> Interlock::temperatures() {
+  if (clock_ == nullptr) return {};
+  warm_up();
+  return temperature_.temperatures();
+}
+
+void Interlock::make_safe() {
+  enabled_ = false;
+  warm_up();
+  amplifier_.make_safe();
+  std::fill(sent_.begin(), sent_.end(), 0.0);
+  energized_ = false;
+}
+
+/// The first set-point after a rest may come as a step.
+void Interlock::forget_slew() {
+  if (clock_ != nullptr) sent_at_ = clock_->now() - std::chrono::seconds(1);
+}
+
+void Interlock::enable() {
+  enabled_ = true;
+  forget_slew();
+  tripped_.clear();
+  for (Heartbeat* heart : heartbeats_) heart->beat();
+}
+
+void Interlock::trip(const std::string& why) {
+  const std::string before = std::exchange(tripped_, why);
+  std::exception_ptr failure;
+  try {
+    make_safe();
+  } catch (const DeviceError& error) {
+    tripped_ += std::string("; and the amplifier does not answer: ") + error.what();
+    failure = std::current_exception();
+  }
+  if (tripped_ != before) use_.trips.push_back(tripped_);
+  if (on_trip_ && tripped_ != before) on_trip_(tripped_);
+  if (failure) std::rethrow_exception(failure);
+}
+
+void Interlock::pause(PausePolicy policy) {
+  if (policy == PausePolicy::hold) return;
+  paused_ = true;
+  if (policy == PausePolicy::ramp && clock_ != nullptr) {
+    const std::vector<double> from = sent_;
+    const Time began = clock_->now();
+    while (enabled_ && clock_->now() - began < kRamp) {
+      clock_->sleep_for(kRampStep);
+      const double left = 1 - std::min(1.0, to_seconds(clock_->now() - began) / to_seconds(kRamp));
+      std::vector<double> now = from;
+      for (double& current : now) current *= left;
+      if (enabled_) send(now);
+    }
+  }
+  if (enabled_) send(std::vector<double>(sent_.size(), 0.0));
+}
+
+void Interlock::resume() {
+  if (!paused_) return;
+  const std::vector<double> read = amplifier_.currents();
+  for (std::size_t channel = 0; channel < read.size(); ++channel)
+    if (std::abs(read[channel]) > kZero)
+      refuse(fmt::format("coil {} carries {:.3g} A after a pause at zero", channel + 1,
+                         read[channel]));
+  paused_ = false;
+  forget_slew();
+}
+
+void Interlock::watch() {
+  while (true) {
+    clock_->wait(
+        energized_changed_, [this] { return energized_.load(); }, kForever);
+    clock_->sleep_for(kLook);
+    warm_up();
+    if (!energized_) continue;
+    try {
+      if (!enabled_)
+        make_safe();  // a zero that did not get through is sent again until it does
+      else if (temperature_.hottest() > limits_.heat.limit)
+        trip(
+            fmt::format("a coil is at {:.0f} degC by the estimate from its currents, beyond the "
+                        "limit of {:.0f} degC",
+                        temperature_.hottest() - 273.15, limits_.heat.limit - 273.15));
+      else if (const std::string why = unmet(); !why.empty())
+        trip("dead-man: " + why);
+      else
+        check_heartbeats();
+    } catch (const DeviceError&) {  // told by trip(); the next look tries again
+    }
+  }
+}
+
+void Interlock::check_heartbeats() {
+  for (const Heartbeat* heart : heartbeats_) {
+    const double since = to_seconds(clock_->now() - heart->last_);
+    if (since <= limits_.dead_man) continue;
+    trip(fmt::format("dead-man: {} has not moved for {:.0f} ms", heart->name_, since * 1e3));
+    return;
+  }
+}
+
+Interlock::Heartbeat::Heartbeat(Interlock& interlock, std::string name)
+    : interlock_(interlock), name_(std::move(name)), last_{} {
+  beat();
+  interlock_.heartbeats_.push_back(this);
+  if (!interlock_.energized_)
+    interlock_.forget_slew();  // the loop before may have ended at zero this very moment
+}
+
+Interlock::Heartbeat::~Heartbeat() { std::erase(interlock_.heartbeats_, this); }
+
+void Interlock::Heartbeat::beat() {
+  if (interlock_.clock_ != nullptr) last_ = interlock_.clock_->now();
+}
+
+}  // namespace vitreo

@@ -1,0 +1,130 @@
+// What stands between every command and the coils, and cannot be by-passed: a decorator of the
+// amplifier's role.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/roles/coil_amplifier.h"
+#include "devices/time/clock.h"
+#include "host/safety/coil_temperature.h"
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+struct InterlockLimits {
+  double current = 12;        // A, per channel
+  double total_current = 60;  // A, sum of magnitudes
+  double slew =
+      2000;  // A/s: largest change of a channel since the last set-point, over the time between
+  double dead_man = 0.25;  // s, within which every heart must beat while the coils are energized
+  CoilHeat heat{};
+  void check() const;  // throws std::invalid_argument naming the limit
+};
+
+/// What the coils have carried so far.
+struct CoilUse {
+  std::vector<double> peak;        // A, largest magnitude of each channel
+  double peak_total = 0;           // A, largest sum of magnitudes
+  double energized = 0;            // s with any current; without a clock 0
+  std::vector<std::string> trips;  // why it opened, in order
+};
+
+/// What the coils may do while the field is paused.
+enum class PausePolicy { hold, ramp, zero };
+
+/// Refuses (DeviceError{refused}, the outputs go to zero) what is beyond a limit or not a number.
+/// After make_safe(), or a trip, it stays at zero, and refuses, until enable(). Without a clock the
+/// rules of time (slew, heat, dead-man) rest.
+class Interlock : public CoilAmplifier {
+ public:
+  Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Clock* clock = nullptr);
+  ~Interlock() override;
+  std::string identity() const override { return amplifier_.identity(); }
+  int channels() const override { return amplifier_.channels(); }
+  double current_limit() const override;
+  double total_limit() const { return limits_.total_current; }  // A, sum of magnitudes
+  void set_currents(std::span<const double> currents) override;
+  std::vector<double> currents() const override { return amplifier_.currents(); }
+  void make_safe() override;
+  bool enabled() const { return enabled_; }
+  /// Lets set-points through again; the outputs stay at zero until one comes.
+  void enable();
+
+  /// A loop that must stay alive for the coils to stay energized: it beats at each turn. It lives
+  /// as long as the loop.
+  class Heartbeat {
+   public:
+    Heartbeat(Interlock& interlock, std::string name);
+    ~Heartbeat();
+    Heartbeat(const Heartbeat&) = delete;
+    Heartbeat& operator=(const Heartbeat&) = delete;
+    void beat();
+
+   private:
+    friend class Interlock;
+    Interlock& interlock_;
+    const std::string name_;
+    Time last_;
+  };
+
+  /// A condition under which a current may flow, beside the hearts (a pedal that is held); `why`
+  /// says that it does not hold. Asked before the coils are energized and every 50 ms while they
+  /// are; must not throw.
+  void require(std::string why, std::function<bool()> holds);
+
+  /// Opens at once, the coils at zero, and says why: to `on_trip` and in each refusal until it is
+  /// enabled again.
+  void trip(const std::string& why);
+  void on_trip(std::function<void(const std::string&)> listener) { on_trip_ = std::move(listener); }
+  /// Why it is open; empty when it is not, or when it was asked to.
+  const std::string& tripped() const { return tripped_; }
+  /// Any thread: whether a current may flow.
+  bool energized() const noexcept { return energized_; }
+  std::vector<double> temperatures();  // K, estimated; empty without a clock
+  const CoilUse& use() const { return use_; }
+
+  /// The coils go to zero (zero: at once; ramp: within 0.5 s); set-points are dropped, not queued,
+  /// until resume().
+  void pause(PausePolicy policy);
+  /// Throws DeviceError when the amplifier does not read back zero, so that nobody goes on on a
+  /// wrong belief.
+  void resume();
+
+ private:
+  void check(std::span<const double> currents);
+  void check_slew(std::span<const double> currents);
+  [[noreturn]] void refuse(const std::string& why);
+  void send(std::span<const double> currents);
+  void count(std::span<const double> currents);
+  void warm_up();
+  void forget_slew();
+  void watch();
+  void check_heartbeats();
+  std::string unmet() const;
+
+  CoilAmplifier& amplifier_;
+  const InterlockLimits limits_;
+  Clock* const clock_;
+  bool enabled_ = true, paused_ = false;
+  std::atomic<bool> energized_{false};
+  std::string tripped_;
+  std::function<void(const std::string&)> on_trip_;
+  CoilTemperature temperature_;
+  std::vector<double> sent_;  // A
+  Time sent_at_{}, warmed_at_{};
+  std::vector<Heartbeat*> heartbeats_;
+  struct Condition {
+    std::string why;
+    std::function<bool()> holds;
+  };
+  std::vector<Condition> conditions_;
+  Signal energized_changed_;
+  CoilUse use_;
+  std::unique_ptr<Task> watch_;
+};
+
+}  // namespace vitreo

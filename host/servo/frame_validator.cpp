@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/frame_validator.h"
+
+#include "devices/time/error.h"
+
+#include <fmt/format.h>
+
+#include <cstring>
+
+namespace vitreo {
+namespace {
+
+constexpr Time kOldest =
+    std::chrono::milliseconds(600);  // since the exposure: what is older is not steered by
+constexpr Time kAhead =
+    std::chrono::milliseconds(20);  // by which the mapping of a camera's clock may err
+constexpr Time kPatience =
+    std::chrono::seconds(1);  // with nothing but frames that cannot be believed
+constexpr int kMostUnchanged = 3;
+
+bool same_picture(const cv::Mat& a, const cv::Mat& b) {
+  if (a.empty() || a.size() != b.size() || a.type() != b.type()) return false;
+  for (int row = 0; row < a.rows; ++row)
+    if (std::memcmp(a.ptr(row), b.ptr(row), static_cast<std::size_t>(a.cols) * a.elemSize()) != 0)
+      return false;
+  return true;
+}
+
+}  // namespace
+
+FrameValidator::FrameValidator(Clock& clock, Recorder& recorder, std::string role)
+    : clock_(clock), recorder_(recorder), role_(std::move(role)), believed_at_(clock.now()) {}
+
+bool FrameValidator::plausible(const Frame& frame) {
+  const Time age = clock_.now() - frame.exposed;
+  const bool in_order =
+      !last_stamps_ || (frame.exposed > last_stamps_->first && frame.number > last_stamps_->second);
+  const bool good = in_order && age <= kOldest && age >= -kAhead;
+  if (good) {
+    last_stamps_ = {frame.exposed, frame.number};
+    believed_at_ = clock_.now();
+    return true;
+  }
+  if (passed_over_++ == 0)
+    recorder_.event(
+        clock_.now(), "degraded",
+        role_ +
+            ": a frame is passed over: its time stamp is out of order, in the future, or too old");
+  if (clock_.now() - believed_at_ > kPatience)
+    throw DeviceError(DeviceErrorKind::protocol, role_, "its time stamps cannot be believed");
+  return false;
+}
+
+std::optional<Eigen::Vector3d> FrameValidator::finite(const std::optional<Eigen::Vector3d>& place) {
+  if (!place || place->allFinite()) return place;
+  if (!std::exchange(told_not_finite_, true))
+    recorder_.event(clock_.now(), "degraded",
+                    role_ + ": a place is not a number: it counts as not seen");
+  return std::nullopt;
+}
+
+void FrameValidator::must_change(const cv::Mat& picture) {
+  count(same_picture(last_picture_, picture), "picture");
+  last_picture_ = picture;
+}
+
+void FrameValidator::must_change(const std::optional<Eigen::Vector3d>& place) {
+  count(place && last_place_ == place, "place");
+  last_place_ = place;
+}
+
+void FrameValidator::count(bool same, const char* what) {
+  unchanged_ = same ? unchanged_ + 1 : 0;
+  if (unchanged_ >= kMostUnchanged)
+    throw DeviceError(DeviceErrorKind::protocol, role_,
+                      fmt::format("its {} stands still, to the bit", what));
+}
+
+void FrameValidator::tell() {
+  if (passed_over_ > 0)
+    recorder_.event(
+        clock_.now(), "note",
+        fmt::format("{}: {} frames were passed over for their time stamps", role_, passed_over_));
+}
+
+}  // namespace vitreo

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/localizer.h"
+
+#include "optics/pose/pose.h"
+
+#include <Eigen/LU>
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+/// The tracker is told about how blurred the microscope's image is at the ends of the workspace; it
+/// finds the rest itself, from 0.4 to 2.5 times this.
+vision::BlobTrackerSettings tracker_settings(const RigModel& model) {
+  constexpr double kWavelength = 550e-9;  // m
+  constexpr double kGreatestDefocus =
+      3.5e-3;  // m of aerial image, over a workspace focused at its middle
+  const double aperture = model.microscope.numerical_aperture, pixel = model.top_image.pixel;
+  const double diffraction = 0.21 * kWavelength / aperture;  // the Airy pattern's nearest Gaussian
+  const double disc = aperture * kGreatestDefocus / 2;       // of a disc: half its radius
+  vision::BlobTrackerSettings settings;
+  settings.blur_sigma_px =
+      0.8 * std::sqrt(diffraction * diffraction + disc * disc + pixel * pixel / 12) / pixel;
+  return settings;
+}
+
+/// What no tracker's covariance knows, the errors of contour and pose, is not below a tenth of a
+/// pixel.
+constexpr double kModelError_px = 0.1;
+
+/// By how much the tracked outline's axes err for good, being that of plates and not of an
+/// ellipsoid (docs/figures.md).
+constexpr double kOutlineError_px = 0.15;
+
+constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any eye is long
+
+}  // namespace
+
+Localizer::Localizer(const RigModel& model, vision::Background background,
+                     const Eigen::Vector3d& axis, double axis_sigma)
+    : model_(model), axis_(axis), tracker_(std::move(background), tracker_settings(model)) {
+  if (!(axis_sigma >= 0 && axis_sigma < 1))
+    throw std::invalid_argument("axis_sigma must be in [0, 1) rad");
+  pose_.projection = model_.projection;
+  pose_.exact = model_.exact;
+  pose_.image = model_.top_image;
+  pose_.robot = {model_.robot.semi_axis, model_.robot.semi_radius};
+  if (!(axis_sigma > 0)) return;
+  tilted_.emplace();
+  tilted_->projection = model_.projection;
+  tilted_->exact = model_.exact;
+  tilted_->image = model_.top_image;
+  tilted_->object = optics::ellipsoid(
+      {model_.robot.semi_radius, model_.robot.semi_radius, model_.robot.semi_axis});
+  tilted_->orientation_sigma = axis_sigma;
+}
+
+Observation Localizer::look(const cv::Mat& image) {
+  Observation observation;
+  observation.ellipse = tracker_.update(image);
+  if (observation.ellipse) localize(observation);
+  return observation;
+}
+
+/// The thesis' way (5.15): the axis is known.
+std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurement& seen) {
+  const optics::EllipseVector observed = seen.ellipse.vector();
+  // The axes of eye and world are parallel.
+  if (!last_in_eye_) last_in_eye_ = optics::first_guess(pose_, observed, axis_);
+  if (!last_in_eye_) return std::nullopt;
+  const auto pose = optics::locate(pose_, observed, seen.covariance, axis_, *last_in_eye_);
+  if (!pose) return std::nullopt;
+  return Found{pose->position_in_eye, pose->covariance, pose->residual_px};
+}
+
+/// The place and the axis that explain the ellipse best, the commanded axis being the most probable
+/// one beforehand. An axis a degree or two off makes the robot look shorter or longer where it is
+/// seen askew, which by_axis takes for a depth; here the depth comes from the width, which no pitch
+/// changes, and the length says how the robot lies.
+std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasurement& seen,
+                                                     const Eigen::Vector3d& start_in_eye) const {
+  // Axis and outline are weighed by what they err for good; the covariance is that of the noise,
+  // which a filter averages. Weighed by its noise alone the outline would bend the axis by five
+  // degrees to save a tenth of a pixel, one way or the other from frame to frame where the robot is
+  // seen from straight above.
+  optics::ObjectPoseSettings weighed = *tilted_;
+  const double noise = std::sqrt(seen.covariance(2, 2));
+  weighed.orientation_sigma *= noise / std::hypot(noise, kOutlineError_px);
+  if (!(weighed.orientation_sigma > 0)) return std::nullopt;
+  const auto found = optics::locate_object(weighed, seen.ellipse.vector(), seen.covariance,
+                                           {start_in_eye, optics::orientation_along(axis_)});
+  if (found.status != optics::PoseStatus::found && found.status != optics::PoseStatus::ambiguous)
+    return std::nullopt;
+  const optics::PoseCandidate& best = found.candidates.front();
+  const Eigen::Matrix3d covariance = best.covariance.topLeftCorner<3, 3>();
+  if (!covariance.allFinite()) return std::nullopt;
+  return Found{best.pose.position_in_eye, covariance, best.residual_px};
+}
+
+/// From straight above without an eye: x and y, and of the depth nothing but that it is in the eye.
+void Localizer::from_above(Observation& observation) const {
+  const optics::ImageScale& image = model_.top_image;
+  const Eigen::Vector2d away =
+      (observation.ellipse->ellipse.center_px - image.center_px) * image.pixel;
+  observation.position = Eigen::Vector3d(away.x(), -away.y(), 0);
+  Eigen::Matrix3d from_image = Eigen::Vector3d(image.pixel, -image.pixel, 0).asDiagonal();
+  observation.covariance.setZero();
+  observation.covariance.topLeftCorner<2, 2>() =
+      observation.ellipse->covariance.topLeftCorner<2, 2>() +
+      kModelError_px * kModelError_px * Eigen::Matrix2d::Identity();
+  observation.covariance = from_image * observation.covariance * from_image;
+  observation.covariance(2, 2) = kEye * kEye;
+}
+
+void Localizer::localize(Observation& observation) {
+  if (model_.plain_view) return from_above(observation);
+  auto found = by_axis(*observation.ellipse);
+  if (found && tilted_) found = with_axis(*observation.ellipse, found->position_in_eye);
+  // A residual may have a minimum far outside, where no robot can be: of 1e6 m, for one outline cut
+  // by the image's edge.
+  if (!found || !(found->position_in_eye.norm() < kEye)) {
+    last_in_eye_.reset();  // the next frame starts afresh
+    tracker_
+        .reset();  // what is no robot is not followed: the robot may be elsewhere in the picture
+    return;
+  }
+  last_in_eye_ = found->position_in_eye;
+  observation.position = found->position_in_eye + model_.eye_in_world;
+  const double error = kModelError_px * model_.top_image.pixel;
+  observation.covariance = found->covariance + error * error * Eigen::Matrix3d::Identity();
+  observation.residual_px = found->residual_px;
+}
+
+void join_side(Observation& observation, const SideObservation& side) {
+  if (!observation.position) return;
+  Eigen::Matrix<double, 2, 3> sees;
+  sees << 1, 0, 0, 0, 0, 1;
+  const Eigen::Matrix3d before = observation.covariance;
+  const Eigen::Matrix2d innovation = sees * before * sees.transpose() + side.covariance;
+  const Eigen::Matrix<double, 3, 2> gain = before * sees.transpose() * innovation.inverse();
+  if (!gain.allFinite()) return;
+  *observation.position += gain * (side.place - sees * *observation.position);
+  const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - gain * sees;
+  // Joseph's form: stays symmetric and positive.
+  observation.covariance =
+      left * before * left.transpose() + gain * side.covariance * gain.transpose();
+}
+
+}  // namespace vitreo

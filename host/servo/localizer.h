@@ -1,0 +1,65 @@
+// From pictures to a place: the tracked ellipse, the pose behind it, and what a second camera adds.
+// No clock, no device.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/time/clock.h"
+#include "host/rig/rig.h"
+#include "host/servo/side_observation.h"
+#include "optics/pose/object_pose.h"
+#include "vision/background.h"
+#include "vision/blob_tracker.h"
+#include "vision/ellipse.h"
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+
+#include <optional>
+
+namespace vitreo {
+
+/// What one tick knows of the robot.
+struct Observation {
+  std::optional<vision::EllipseMeasurement> ellipse;  // in the top camera's picture
+  std::optional<Eigen::Vector3d> position;  // m, world; nothing when not seen or not localized
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // m^2
+  double residual_px = 0;                                // of the pose against the ellipse
+};
+
+/// One camera, through the optics of the eye (thesis 5).
+class Localizer {
+ public:
+  /// `axis`: unit, world; taken for the robot's own, as the thesis does. With an `axis_sigma` (rad,
+  /// above 0) it is only the most probable one, and how the robot lies is estimated with its place.
+  Localizer(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis,
+            double axis_sigma = 0);
+  /// Of a plain view the depth is unknown: 0, with a variance that says so. It wants a second
+  /// camera.
+  Observation look(const cv::Mat& image);
+
+ private:
+  struct Found {
+    Eigen::Vector3d position_in_eye;
+    Eigen::Matrix3d covariance;
+    double residual_px;
+  };
+  void localize(Observation& observation);
+  void from_above(Observation& observation) const;
+  std::optional<Found> by_axis(const vision::EllipseMeasurement& seen);
+  std::optional<Found> with_axis(const vision::EllipseMeasurement& seen,
+                                 const Eigen::Vector3d& start_in_eye) const;
+
+  RigModel model_;
+  Eigen::Vector3d axis_;
+  vision::BlobTracker tracker_;
+  optics::PoseSettings pose_;
+  std::optional<optics::ObjectPoseSettings> tilted_;  // where the axis is to be estimated
+  std::optional<Eigen::Vector3d> last_in_eye_;
+};
+
+/// Two orthogonal cameras: the place that fits both, each weighed by its covariance. The side
+/// camera knows the depth, and what that says about x and y along the top camera's line of sight is
+/// in the covariance. A observation without a place stays so: one side view is not enough.
+void join_side(Observation& observation, const SideObservation& side);
+
+}  // namespace vitreo

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/observers.h"
+
+#include "host/servo/simulated_side.h"
+#include "vision/blob_tracker.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+constexpr std::size_t kKept = 64;  // frames
+
+SideObservation side_sighting(const RigModel& model, Time exposed,
+                              const vision::EllipseMeasurement& seen) {
+  const Eigen::Vector2d away = seen.ellipse.center_px - model.side_center_px;
+  Eigen::Matrix2d to_world;  // x to the right, z up
+  to_world << model.side_pixel, 0, 0, -model.side_pixel;
+  // As of the top camera: a tenth of a pixel that no covariance knows of.
+  const Eigen::Matrix2d image =
+      seen.covariance.topLeftCorner<2, 2>() + 0.1 * 0.1 * Eigen::Matrix2d::Identity();
+  return {exposed, to_world * away, to_world * image * to_world.transpose()};
+}
+
+}  // namespace
+
+void SideWatch::add(const Frame& frame, std::optional<SideObservation> seen) {
+  lately_.push_back({frame.exposed, seen});
+  if (lately_.size() > kKept) lately_.pop_front();
+  clock_.notify(added_);
+}
+
+std::optional<SideObservation> SideWatch::at(Time exposed, Time deadline) {
+  const auto there = [&] { return !lately_.empty() && lately_.back().exposed >= exposed; };
+  if (!clock_.wait(added_, there, deadline)) return std::nullopt;
+  const auto found = std::find_if(lately_.begin(), lately_.end(),
+                                  [&](const Entry& entry) { return entry.exposed == exposed; });
+  return found == lately_.end() ? std::nullopt : found->seen;
+}
+
+std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
+                                    Recorder& recorder) {
+  const int stream = recorder.add_stream(
+      {"truth",
+       "the simulator's truth, which the loop never sees",
+       {{"x", "m"}, {"y", "m"}, {"z", "m"}, {"axis_x", ""}, {"axis_y", ""}, {"axis_z", ""}}});
+  return clock.spawn(
+      "truth", [&clock, &laboratory, period = from_seconds(period), &recorder, stream] {
+        for (std::int64_t number = clock.now() / period + 1;; ++number) {
+          const Time exposed = number * period;
+          clock.sleep_until(exposed);
+          const auto truth = laboratory.truth(exposed);
+          if (!truth) continue;
+          const Eigen::Vector3d &p = truth->position, &a = truth->axis;
+          recorder.sample(stream, exposed, std::array{p.x(), p.y(), p.z(), a.x(), a.y(), a.z()});
+        }
+      });
+}
+
+std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background,
+                                   Recorder& recorder, SideWatch& watch) {
+  const int stream = recorder.add_stream(side_stream("the side camera's view, orthographic"));
+  return clock.spawn(
+      "side camera", [&rig, &recorder, &watch, stream, learnt = std::move(background)] {
+        vision::BlobTracker tracker(learnt, {});
+        std::optional<Time> last;
+        while (true) {
+          const Frame frame = rig.side_camera->grab(from_seconds(5));
+          if (last && frame.exposed <= *last)
+            continue;  // its clock is wrong: no stream's time goes back
+          last = frame.exposed;
+          const auto seen = tracker.update(frame.image);
+          if (!seen) {
+            watch.add(frame, std::nullopt);
+            continue;
+          }
+          const SideObservation side = side_sighting(rig.model, frame.exposed, *seen);
+          watch.add(frame, side);
+          recorder.sample(stream, frame.exposed,
+                          std::array{side.place.x(), side.place.y(), seen->ellipse.semi_major_px,
+                                     seen->ellipse.semi_minor_px});
+        }
+      });
+}
+
+}  // namespace vitreo

@@ -1,0 +1,49 @@
+// Tasks that watch a run for its record: the simulator's truth, which the loop never knows, and the
+// side camera's estimate, which a loop with two cameras asks for.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/roles/camera.h"
+#include "devices/sim/laboratory.h"
+#include "devices/time/clock.h"
+#include "host/record/recorder.h"
+#include "host/rig/rig.h"
+#include "host/servo/side_observation.h"
+#include "vision/background.h"
+
+#include <deque>
+#include <memory>
+#include <optional>
+
+namespace vitreo {
+
+/// Records the stream "truth" at the top camera's exposures while a robot is in the eye.
+std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
+                                    Recorder& recorder);
+
+/// What the side camera's observer found lately: it alone takes that camera's frames, and whoever
+/// wants a view asks here.
+class SideWatch {
+ public:
+  explicit SideWatch(Clock& clock) : clock_(clock) {}
+  void add(const Frame& frame, std::optional<SideObservation> seen);
+  /// The view of the frame exposed at `exposed`; waits for it until `deadline`. Nothing when the
+  /// robot was not seen in it, or when no frame of that moment came.
+  std::optional<SideObservation> at(Time exposed, Time deadline);
+
+ private:
+  struct Entry {
+    Time exposed;
+    std::optional<SideObservation> seen;
+  };
+  Clock& clock_;
+  Signal added_;
+  std::deque<Entry> lately_;
+};
+
+/// Records the stream "side_camera" (x and z) from the side camera's own frames and tells `watch`,
+/// which must outlive the task. `background` of the empty scene.
+std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background,
+                                   Recorder& recorder, SideWatch& watch);
+
+}  // namespace vitreo

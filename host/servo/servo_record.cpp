@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/servo_record.h"
+
+#include "vision/draw.h"
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+namespace vitreo {
+namespace {
+
+constexpr std::size_t kTrail = 150;  // frames: 10 s at 15 fps
+
+StreamInfo servo_stream(const std::string& source) {
+  return {"servo",
+          source + ", and the loop's own numbers",
+          {{"x", "m"},
+           {"y", "m"},
+           {"z", "m"},
+           {"target_x", "m"},
+           {"target_y", "m"},
+           {"target_z", "m"},
+           {"u_px", ""},
+           {"v_px", ""},
+           {"semi_major_px", ""},
+           {"semi_minor_px", ""},
+           {"angle", "rad"},
+           {"residual_px", ""},
+           {"sigma_x", "m"},
+           {"sigma_y", "m"},
+           {"sigma_z", "m"},
+           {"headroom", ""},
+           {"limited", ""},
+           {"rim_seen", ""}}};
+}
+
+StreamInfo estimate_stream() {
+  return {"estimate",
+          "the loop's estimator: place now, and the velocity that the model does not know of",
+          {{"x", "m"},
+           {"y", "m"},
+           {"z", "m"},
+           {"disturbance_x", "m/s"},
+           {"disturbance_y", "m/s"},
+           {"disturbance_z", "m/s"},
+           {"sigma_x", "m"},
+           {"sigma_y", "m"},
+           {"sigma_z", "m"}}};
+}
+
+StreamInfo current_stream(int coils) {
+  StreamInfo info{"currents", "set-points of the coil amplifiers", {}};
+  for (int coil = 1; coil <= coils; ++coil)
+    info.channels.push_back({"i" + std::to_string(coil), "A"});
+  return info;
+}
+
+int stream_of(Recorder& recorder, const StreamInfo& info) {
+  for (std::size_t i = 0; i < recorder.streams().size(); ++i)
+    if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
+  return recorder.add_stream(info);
+}
+
+}  // namespace
+
+ServoRecord::ServoRecord(Recorder& recorder, const Rig& rig, const std::string& source,
+                         bool estimates)
+    : recorder_(recorder),
+      rig_(rig),
+      samples_(stream_of(recorder, servo_stream(source))),
+      currents_(stream_of(recorder, current_stream(rig.coils->channels()))) {
+  if (estimates) estimates_ = stream_of(recorder, estimate_stream());
+}
+
+void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
+                         const control::Reference& target, const ControlStep& step) {
+  const Eigen::Vector3d nowhere = Eigen::Vector3d::Constant(std::nan(""));
+  const Eigen::Vector3d p = observation.position.value_or(nowhere), t = target.position;
+  const vision::Ellipse e = observation.ellipse ? observation.ellipse->ellipse
+                                                : vision::Ellipse{nowhere.head<2>(), nowhere.x(),
+                                                                  nowhere.x(), nowhere.x()};
+  const Eigen::Vector3d sigma =
+      observation.position ? observation.covariance.diagonal().cwiseSqrt().eval() : nowhere;
+  const std::array<double, 18> row{p.x(),
+                                   p.y(),
+                                   p.z(),
+                                   t.x(),
+                                   t.y(),
+                                   t.z(),
+                                   e.center_px.x(),
+                                   e.center_px.y(),
+                                   e.semi_major_px,
+                                   e.semi_minor_px,
+                                   e.angle,
+                                   observation.residual_px,
+                                   sigma.x(),
+                                   sigma.y(),
+                                   sigma.z(),
+                                   step.headroom,
+                                   step.limited ? 1.0 : 0.0,
+                                   observation.ellipse ? observation.ellipse->inlier_fraction : 0};
+  recorder_.sample(samples_, exposed, row);
+  recorder_.sample(currents_, now, rig_.coils->currents());
+  if (estimates_ >= 0 && step.estimate) {
+    const control::PositionEstimate& known = *step.estimate;
+    const Eigen::Vector3d s = known.covariance.diagonal().head<3>().cwiseSqrt();
+    recorder_.sample(estimates_, now,
+                     std::array{known.position.x(), known.position.y(), known.position.z(),
+                                known.disturbance.x(), known.disturbance.y(), known.disturbance.z(),
+                                s.x(), s.y(), s.z()});
+  }
+  if (!observation.ellipse) return;
+  trail_.push_back(e.center_px);
+  if (trail_.size() > kTrail) trail_.pop_front();
+}
+
+void ServoRecord::picture(const Frame& frame, const Observation& observation,
+                          const control::Reference& target, const std::string& caption) {
+  vision::Overlay overlay;
+  if (observation.ellipse) overlay.tracked = observation.ellipse->ellipse;
+  overlay.trail_px.assign(trail_.begin(), trail_.end());
+  const Eigen::Vector3d target_in_eye = target.position - rig_.model.eye_in_world;
+  if (const auto m = rig_.model.projection.project(target_in_eye))
+    overlay.target_px = rig_.model.top_image.pixel_from_m(*m);
+  overlay.scale_bar_px = 1e-3 / rig_.model.top_image.pixel;
+  overlay.scale_bar_label = "1 mm of aerial image";
+  recorder_.picture("frame_" + std::to_string(frame.number), caption,
+                    vision::draw_overlay(frame.image, overlay));
+}
+
+}  // namespace vitreo

@@ -1,0 +1,37 @@
+// What the servo loop leaves in the record: its streams, and frames with what was tracked drawn on
+// them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/pd.h"
+#include "devices/roles/camera.h"
+#include "host/record/recorder.h"
+#include "host/rig/rig.h"
+#include "host/servo/localizer.h"
+#include "host/servo/servo_controller.h"
+
+#include <Eigen/Core>
+
+#include <deque>
+#include <string>
+
+namespace vitreo {
+
+class ServoRecord {
+ public:
+  /// `source` says what feeds the loop. `estimates`: with the stream "estimate".
+  ServoRecord(Recorder& recorder, const Rig& rig, const std::string& source, bool estimates);
+  void sample(Time exposed, Time now, const Observation& observation,
+              const control::Reference& target, const ControlStep& step);
+  /// The frame with the tracked ellipse, the trail and the target.
+  void picture(const Frame& frame, const Observation& observation, const control::Reference& target,
+               const std::string& caption);
+
+ private:
+  Recorder& recorder_;
+  const Rig& rig_;
+  int samples_, currents_, estimates_ = -1;
+  std::deque<Eigen::Vector2d> trail_;
+};
+
+}  // namespace vitreo

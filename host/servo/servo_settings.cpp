@@ -1,0 +1,95 @@
+// The servo's settings: their names, their bounds, and where a robot may be taken.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/servo.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo {
+
+const char* to_string(Feedback feedback) {
+  constexpr const char* kNames[] = {"none", "one_camera", "two_cameras", "pose_sensor"};
+  return kNames[static_cast<std::size_t>(feedback)];
+}
+
+Feedback feedback_named(const std::string& name) {
+  for (const Feedback feedback :
+       {Feedback::none, Feedback::one_camera, Feedback::two_cameras, Feedback::pose_sensor})
+    if (name == to_string(feedback)) return feedback;
+  throw std::invalid_argument(
+      "feedback: wants \"none\", \"one_camera\", \"two_cameras\" or \"pose_sensor\", got \"" +
+      name + "\"");
+}
+
+const char* to_string(ServoState state) {
+  switch (state) {
+    case ServoState::searching:
+      return "searching";
+    case ServoState::holding:
+      return "holding";
+    case ServoState::following:
+      return "following";
+    case ServoState::released:
+      return "released";
+    case ServoState::lost:
+      return "lost";
+    case ServoState::failed:
+      return "failed";
+    case ServoState::closed:
+      return "closed";
+  }
+  return "?";
+}
+
+double ServoSettings::axis_uncertainty() const {
+  // How far coils of the prior's kind (3 %, 1.2 mm, 1.5 degrees each) turn the true field: 1.8
+  // degrees rms in the median machine, 4.6 in the worst, more while a large force is made.
+  constexpr double kAxisSigma = 4 * M_PI / 180;
+  return axis_sigma.value_or(law == ControlLaw::estimator ? kAxisSigma : 0);
+}
+
+void ServoSettings::check() const {
+  if (!(field >= 1e-3 && field <= 40e-3))
+    throw std::invalid_argument("field must be in [1 mT, 40 mT]");
+  if (!(std::abs(axis.norm() - 1) < 1e-6))
+    throw std::invalid_argument("axis must be a unit vector");
+  if (!(lost_timeout > 0 && lost_timeout <= 10))
+    throw std::invalid_argument("lost_timeout must be in (0, 10] s");
+  gains.check();
+  if (proportional && !(*proportional >= 0))
+    throw std::invalid_argument("proportional: must be at least 0 1/s");
+  if (axis_sigma && !(*axis_sigma >= 0 && *axis_sigma < 1))
+    throw std::invalid_argument("axis_uncertainty: must be in [0, 1) rad");
+  if (max_speed && !(*max_speed > 0)) throw std::invalid_argument("max_speed: must be above 0 m/s");
+  velocity.check();
+  if (!(view.image_scale > 0.1 && view.image_scale < 10))
+    throw std::invalid_argument("view: image scale of a tenth to ten");
+  if (!view.offset.allFinite()) throw std::invalid_argument("view: offset must be finite");
+  for (const int channel : dead_coils)
+    if (channel < 1) throw std::invalid_argument("dead_coils: channels count from 1");
+}
+
+void check_reach(const RigModel& model, const control::Trajectory& path) {
+  constexpr int kAsked = 200;  // places along the way
+  const double radius = model.eye.surfaces.front().radius, lens = model.eye.vertex(2);
+  for (int i = 0; i <= kAsked; ++i) {
+    const Eigen::Vector3d place = path.at(path.duration() * i / kAsked).position;
+    const auto refuse = [&place](const char* where) {
+      throw std::invalid_argument(fmt::format("({:.2f}, {:.2f}, {:.2f}) mm is out of reach: {}",
+                                              place.x() * 1e3, place.y() * 1e3, place.z() * 1e3,
+                                              where));
+    };
+    if (!place.allFinite()) refuse("it is not a place");
+    if (!model.field.valid_at(place)) refuse("outside the region of the field's model");
+    // As the retina's sphere stands, and above its equator the wall.
+    Eigen::Vector3d from_center = place - model.eye_in_world - Eigen::Vector3d(0, 0, radius);
+    if (place.z() - model.eye_in_world.z() > lens) refuse("behind the lens");
+    from_center.z() = std::min(from_center.z(), 0.0);
+    if (from_center.norm() > radius) refuse("outside the retina");
+  }
+}
+
+}  // namespace vitreo

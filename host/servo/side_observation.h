@@ -1,0 +1,18 @@
+// What the side camera saw of the robot.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/time/clock.h"
+
+#include <Eigen/Core>
+
+namespace vitreo {
+
+/// x and z, world frame.
+struct SideObservation {
+  Time exposed{};
+  Eigen::Vector2d place{0, 0};                           // m
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2
+};
+
+}  // namespace vitreo

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/visibility.h"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+std::optional<Eigen::Vector2d> pixel_of(const RigModel& model, double image_scale,
+                                        const Eigen::Vector3d& place) {
+  optics::ImageScale image = model.top_image;
+  image.pixel *= image_scale;
+  if (model.plain_view)
+    return image.pixel_from_m(-place.head<2>());  // m is inverted, a plain view's as any other
+  const Eigen::Vector3d in_eye = place - model.eye_in_world;
+  const auto m = model.exact ? model.exact->project(in_eye) : model.projection.project(in_eye);
+  if (!m) return std::nullopt;
+  return image.pixel_from_m(*m);
+}
+
+}  // namespace
+
+void check_visible(const RigModel& model, const CameraInfo& camera, double image_scale,
+                   const control::Trajectory& path) {
+  constexpr int kAsked = 200;  // places along the way
+  for (int i = 0; i <= kAsked; ++i) {
+    const Eigen::Vector3d place = path.at(path.duration() * i / kAsked).position;
+    const auto pixel = pixel_of(model, image_scale, place);
+    if (pixel && pixel->x() >= 0 && pixel->y() >= 0 && pixel->x() < camera.width_px &&
+        pixel->y() < camera.height_px)
+      continue;
+    throw std::invalid_argument(
+        fmt::format("({:.2f}, {:.2f}, {:.2f}) mm is out of the top camera's sight", place.x() * 1e3,
+                    place.y() * 1e3, place.z() * 1e3));
+  }
+}
+
+}  // namespace vitreo

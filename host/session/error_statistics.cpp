@@ -1,0 +1,98 @@
+// How far one recorded track is from another.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/session/session.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
+constexpr std::size_t kY = 1;
+
+struct Track {
+  const Stream* stream;
+  std::array<std::size_t, 3> channels;
+
+  bool has(std::size_t axis) const { return channels[axis] != kAbsent; }
+  double at(std::size_t row, std::size_t axis) const { return stream->at(row, channels[axis]); }
+};
+
+Track find_track(const Recorder& recorder, const std::string& name, const std::string& prefix) {
+  Track track{recorder.stream(name), {}};
+  if (!track.stream) throw std::invalid_argument("stream \"" + name + "\" is not in the record");
+  const auto& channels = track.stream->info.channels;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::string wanted = prefix + "xyz"[i];
+    const auto found = std::find_if(channels.begin(), channels.end(),
+                                    [&](const Channel& channel) { return channel.name == wanted; });
+    if (found == channels.end() && i != kY)
+      throw std::invalid_argument("stream \"" + name + "\" has no channel \"" + wanted + "\"");
+    track.channels[i] =
+        found == channels.end() ? kAbsent : static_cast<std::size_t>(found - channels.begin());
+  }
+  return track;
+}
+
+/// Of absolute values; the standard deviation is that of a sample (n - 1).
+struct Moments {
+  double count = 0, squares = 0, max = 0, mean = 0, scatter = 0;
+
+  void add(double value) {
+    ++count;
+    squares += value * value;
+    max = std::max(max, value);
+    const double before = value - mean;  // Welford: no cancellation where the scatter is small
+    mean += before / count;
+    scatter += before * (value - mean);
+  }
+  double rms() const { return count > 0 ? std::sqrt(squares / count) : 0; }
+  double std() const { return count > 1 ? std::sqrt(scatter / (count - 1)) : 0; }
+};
+
+}  // namespace
+
+ErrorStatistics error_statistics(const Recorder& recorder, const std::string& stream,
+                                 const std::string& prefix, const std::string& reference,
+                                 const std::string& reference_prefix, Time from, Time to) {
+  const Track track = find_track(recorder, stream, prefix);
+  const Track other = find_track(recorder, reference, reference_prefix);
+  std::map<Time, std::size_t> row_at;
+  for (std::size_t row = 0; row < other.stream->times.size(); ++row)
+    row_at[other.stream->times[row]] = row;
+  Moments whole, lateral, depth;
+  for (std::size_t row = 0; row < track.stream->times.size(); ++row) {
+    const Time time = track.stream->times[row];
+    const auto match = row_at.find(time);
+    if (time < from || time > to || match == row_at.end()) continue;
+    Eigen::Vector3d error = Eigen::Vector3d::Zero();
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (track.has(axis) && other.has(axis))
+        error[static_cast<Eigen::Index>(axis)] =
+            track.at(row, axis) - other.at(match->second, axis);
+    if (!error.allFinite()) continue;  // the robot was lost
+    whole.add(error.norm());
+    lateral.add(std::hypot(error.x(), error.y()));
+    depth.add(std::fabs(error.z()));
+  }
+  ErrorStatistics result;
+  result.count = static_cast<std::size_t>(whole.count);
+  result.rms = whole.rms();
+  result.mean = whole.mean;
+  result.max = whole.max;
+  result.lateral_rms = lateral.rms();
+  result.lateral_mean = lateral.mean;
+  result.lateral_max = lateral.max;
+  result.lateral_std = lateral.std();
+  result.depth_rms = depth.rms();
+  result.depth_mean = depth.mean;
+  result.depth_max = depth.max;
+  result.depth_std = depth.std();
+  return result;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/session/protocol_text.h"
+
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace vitreo {
+namespace {
+
+std::string range_text(const Parameter& p) {
+  if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
+  if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
+  if (!std::isfinite(p.max)) return "at least " + value_text(p.min, p.unit);
+  if (!std::isfinite(p.min)) return "at most " + value_text(p.max, p.unit);
+  return value_text(p.min, p.unit) + " to " + value_text(p.max, p.unit);
+}
+
+}  // namespace
+
+std::string value_text(const ArgumentValue& value, const std::string& unit) {
+  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  if (const std::string* text = std::get_if<std::string>(&value)) return *text;
+  const auto known = find_unit(unit);
+  return format_quantity(std::get<double>(value), known ? std::string(known->dimension) : unit);
+}
+
+std::string protocol_text(const ProtocolDescription& protocol) {
+  std::string text = protocol.name + ": " + protocol.title + "\n";
+  if (!protocol.about.empty()) text += protocol.about + "\n";
+  text +=
+      "needs: " +
+      (protocol.needs.empty() ? "nothing" : fmt::format("{}", fmt::join(protocol.needs, ", "))) +
+      "\n";
+  if (!protocol.rig.empty()) text += "rig: " + protocol.rig + ", unless another is named\n";
+  for (const Parameter& p : protocol.parameters) {
+    const std::string range = range_text(p);
+    text += fmt::format("  {:<14} {:<12} {}{}{}\n", p.name,
+                        p.required ? "(needed)" : value_text(p.fallback, p.unit), p.help,
+                        range.empty() || p.help.empty() ? "" : "; ", range);
+  }
+  return text;
+}
+
+}  // namespace vitreo

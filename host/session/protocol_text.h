@@ -1,0 +1,17 @@
+// What a protocol says of itself, for people: `vitreo describe` and help() at the prompt.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/session/script_engine.h"
+
+#include <string>
+
+namespace vitreo {
+
+/// A parameter's value in people's units: "0.5 mm", "true".
+std::string value_text(const ArgumentValue& value, const std::string& unit);
+/// Name, title, what it does, roles, rig, and its parameters with units, ranges and defaults;
+/// lines.
+std::string protocol_text(const ProtocolDescription& protocol);
+
+}  // namespace vitreo

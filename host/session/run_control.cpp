@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/session/run_control.h"
+
+#include <algorithm>
+#include <signal.h>
+#include <thread>
+#include <time.h>
+#include <utility>
+
+namespace vitreo {
+namespace {
+
+// What a signal handler on the script's thread can reach; one run at a time has it.
+std::atomic<RunControl*> the_control{nullptr};
+
+std::int64_t steady_now() noexcept {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+extern "C" void on_delivery(int) { deliver_to_script(); }
+
+}  // namespace
+
+const char* to_string(StopTier tier) {
+  switch (tier) {
+    case StopTier::none:
+      return "none";
+    case StopTier::stop:
+      return "stop";
+    case StopTier::abort:
+      return "abort";
+    case StopTier::emergency:
+      return "emergency stop";
+  }
+  return "?";
+}
+
+const char* to_string(RunPhase phase) {
+  switch (phase) {
+    case RunPhase::running:
+      return "running";
+    case RunPhase::pause_requested:
+      return "pause requested";
+    case RunPhase::paused:
+      return "paused";
+    case RunPhase::suspended:
+      return "suspended";
+    case RunPhase::stop_requested:
+      return "stop requested";
+    case RunPhase::stopping:
+      return "stopping";
+    case RunPhase::not_responding:
+      return "not responding";
+    case RunPhase::ended:
+      return "ended";
+  }
+  return "?";
+}
+
+std::string to_string(const RunStatus& status) {
+  std::string text = to_string(status.phase);
+  if (status.tier > StopTier::stop) text += std::string(" (") + to_string(status.tier) + ")";
+  if (!status.note.empty()) text += ": " + status.note;
+  if (!status.waiting_for.empty() && status.phase != RunPhase::ended)
+    text += ", waiting for " + status.waiting_for;
+  return text;
+}
+
+RunControl* attached_control() noexcept { return the_control; }
+
+void deliver_to_script() noexcept {
+  RunControl* const control = the_control;
+  if (!control) return;
+  if (control->reach_.interrupt) control->reach_.interrupt();
+  ++control->deliveries_;
+}
+
+RunControl::RunControl() : script_(pthread_self()) { sem_init(&request_, 0, 0); }
+
+RunControl::~RunControl() {
+  detach();
+  sem_destroy(&request_);
+}
+
+void RunControl::attach(Reach reach) {
+  reach_ = std::move(reach);
+  the_control = this;
+  struct sigaction action = {};
+  action.sa_handler = on_delivery;
+  sigaction(SIGUSR1, &action, nullptr);
+}
+
+void RunControl::detach() {
+  RunControl* mine = this;
+  // The handler stays: a request that was under way is then without effect instead of ending the
+  // process.
+  the_control.compare_exchange_strong(mine, nullptr);
+}
+
+StopTier RunControl::next(StopTier tier) noexcept {
+  return tier == StopTier::none ? StopTier::stop : StopTier::abort;
+}
+
+void RunControl::request(StopTier tier) noexcept {
+  if (idle_) return;
+  for (int i = 1; i <= static_cast<int>(tier); ++i) {
+    std::int64_t never = 0;
+    asked_at_[static_cast<std::size_t>(i)].compare_exchange_strong(never, steady_now());
+  }
+  StopTier before = tier_;
+  while (before < tier && !tier_.compare_exchange_weak(before, tier)) {
+  }
+  ++changes_;
+  sem_post(&request_);
+  if (pthread_equal(script_, pthread_self()))
+    deliver_to_script();
+  else if (the_control == this)
+    pthread_kill(script_, SIGUSR1);
+}
+
+void RunControl::request(StopTier tier, const std::string& reason) {
+  if (tier > tier_) set_reason(reason);
+  request(tier);
+}
+
+void RunControl::request_here(StopTier tier) noexcept {
+  constexpr int kPatience =
+      20000;  // of 0.1 ms: a thread that is not there any more is not waited for
+  const unsigned long before = deliveries_;
+  request(tier);
+  for (int i = 0; i < kPatience && deliveries_ == before && the_control == this && !idle_; ++i)
+    std::this_thread::sleep_for(std::chrono::microseconds(100));
+}
+
+void RunControl::request_pause(const std::string& checkpoint) {
+  const std::lock_guard lock(mutex_);
+  pause_at_ = checkpoint;
+  pause_ = true;
+  if (status_.phase == RunPhase::running) status_.phase = RunPhase::pause_requested;
+  status_.note =
+      checkpoint.empty() ? "at the next checkpoint" : "at the checkpoint '" + checkpoint + "'";
+  ++changes_;
+}
+
+void RunControl::resume() {
+  const std::lock_guard lock(mutex_);
+  pause_ = false;
+  if (status_.phase == RunPhase::pause_requested) status_.phase = RunPhase::running;
+  status_.note.clear();
+  ++changes_;
+}
+
+bool RunControl::pause_wanted_at(const std::string& checkpoint) const {
+  if (!pause_) return false;
+  const std::lock_guard lock(mutex_);
+  return pause_at_.empty() || pause_at_ == checkpoint;
+}
+
+bool RunControl::resumed() const { return !pause_; }
+
+void RunControl::override_suspension(const std::string& by) {
+  const std::lock_guard lock(mutex_);
+  override_by_ = by;
+}
+
+std::string RunControl::take_override() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(override_by_, {});
+}
+
+void RunControl::set_reason(const std::string& reason) {
+  const std::lock_guard lock(mutex_);
+  reason_ = reason;
+}
+
+std::string RunControl::reason() const {
+  const std::lock_guard lock(mutex_);
+  return reason_.empty() ? "by the operator" : reason_;
+}
+
+void RunControl::set_place(const std::string& place) {
+  const std::lock_guard lock(mutex_);
+  place_ = place;
+}
+
+std::string RunControl::place() const {
+  const std::lock_guard lock(mutex_);
+  return place_;
+}
+
+void RunControl::set_phase(RunPhase phase, const std::string& note) {
+  const std::lock_guard lock(mutex_);
+  status_.phase = phase;
+  status_.note = note;
+  ++changes_;
+}
+
+void RunControl::set_waiting_for(const std::string& what) {
+  const std::lock_guard lock(mutex_);
+  if (status_.waiting_for == what) return;
+  status_.waiting_for = what;
+  ++changes_;
+}
+
+void RunControl::set_progress(double fraction, const std::string& doing) {
+  const std::lock_guard lock(mutex_);
+  status_.progress = fraction;
+  if (!doing.empty()) status_.doing = doing;
+  const double elapsed =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+  // The first percent says little about the rest.
+  status_.remaining = fraction > 0.01 ? elapsed * (1 - fraction) / fraction : -1;
+}
+
+RunStatus RunControl::status() const {
+  const std::lock_guard lock(mutex_);
+  RunStatus status = status_;
+  status.tier = tier_;
+  const bool not_felt_yet = status.phase == RunPhase::running ||
+                            status.phase == RunPhase::pause_requested ||
+                            status.phase == RunPhase::paused || status.phase == RunPhase::suspended;
+  if (status.tier != StopTier::none && not_felt_yet) {
+    status.phase = RunPhase::stop_requested;
+    status.note.clear();
+  }
+  return status;
+}
+
+void RunControl::begin_stopping() {
+  set_phase(RunPhase::stopping);
+  if (tier() >= StopTier::abort) make_safe();
+}
+
+void RunControl::make_safe() {
+  if (safe_.exchange(true) || !reach_.make_safe) return;
+  std::vector<std::string> failures = reach_.make_safe();
+  const std::lock_guard lock(mutex_);
+  failures_.insert(failures_.end(), failures.begin(), failures.end());
+}
+
+std::vector<std::string> RunControl::failures() const {
+  const std::lock_guard lock(mutex_);
+  return failures_;
+}
+
+void RunControl::set_idle(bool idle) {
+  if (!idle) {
+    tier_ = StopTier::none;
+    for (auto& time : asked_at_) time = 0;
+    safe_ = false;
+    set_reason("");
+    set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running);
+  }
+  idle_ = idle;
+}
+
+void RunControl::wait_for_request(std::chrono::milliseconds patience) {
+  timespec until = {};
+  clock_gettime(CLOCK_MONOTONIC, &until);
+  const std::int64_t nanoseconds = until.tv_nsec + std::chrono::nanoseconds(patience).count();
+  until.tv_sec += nanoseconds / 1'000'000'000;
+  until.tv_nsec = nanoseconds % 1'000'000'000;
+  sem_clockwait(&request_, CLOCK_MONOTONIC, &until);
+}
+
+std::optional<std::chrono::steady_clock::duration> RunControl::since(StopTier tier) const {
+  const std::int64_t asked = asked_at_[static_cast<std::size_t>(tier)];
+  if (asked == 0) return std::nullopt;
+  return std::chrono::nanoseconds(steady_now() - asked);
+}
+
+}  // namespace vitreo

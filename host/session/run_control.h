@@ -1,0 +1,149 @@
+// What may be asked of a run from outside of its script, and what the run is really doing. Requests
+// come from signal handlers, from the control socket's thread and from the script itself; the
+// script's thread answers them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <pthread.h>
+#include <semaphore.h>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// How a run is ended. stop: the script's clean-up, then the safe state; abort: the safe state now,
+/// then a short clean-up; emergency: the safe state, even by force, and no clean-up.
+enum class StopTier : int { none = 0, stop, abort, emergency };
+const char* to_string(StopTier tier);
+
+enum class RunPhase {
+  running,
+  pause_requested,
+  paused,
+  suspended,
+  stop_requested,
+  stopping,
+  not_responding,
+  ended
+};
+const char* to_string(RunPhase phase);  // "stop requested", ...
+
+struct RunStatus {
+  RunPhase phase = RunPhase::running;
+  StopTier tier = StopTier::none;
+  std::string waiting_for;  // what the script waits for: "servo:go_to"; empty while it computes
+  std::string note;         // why: "coil temperature above 80 degC", "paused at before place 3"
+  double progress = 0;      // of the whole, 0 to 1, as the script has told
+  std::string doing;        // what, as the script has told
+  double remaining = -1;    // s of wall time at the pace so far; negative: not known yet
+};
+
+/// "stopping, waiting for servo:go_to".
+std::string to_string(const RunStatus& status);
+
+class RunControl {
+ public:
+  /// Belongs to the thread that makes it: the one that runs the script.
+  RunControl();
+  ~RunControl();
+  RunControl(const RunControl&) = delete;
+  RunControl& operator=(const RunControl&) = delete;
+
+  /// What reaches the script's thread: called there, or in a signal handler on it. Both
+  /// async-signal-safe.
+  struct Reach {
+    std::function<void()> interrupt;  // the script and its present wait
+    std::function<std::vector<std::string>()>
+        make_safe;  // every device; returns what failed. Once a request
+  };
+  void attach(Reach reach);
+  void detach();
+
+  /// Any thread, signal handlers too. A lower tier than before changes nothing; the same one breaks
+  /// off the next wait as well, which is how a clean-up that does not end is cut short.
+  void request(StopTier tier) noexcept;
+  /// With why; what asks for no more than was asked for already does not change the reason.
+  void request(StopTier tier, const std::string& reason);
+  /// The same for a task that holds the clock's baton: returns when the script's thread has been
+  /// reached, so that a run on the virtual clock that is stopped at some moment repeats.
+  void request_here(StopTier tier) noexcept;
+  StopTier tier() const noexcept { return tier_.load(); }
+  /// The next higher tier: what one more Ctrl-C means.
+  static StopTier next(StopTier tier) noexcept;
+
+  /// Takes effect at the next checkpoint, or at the one of that name. Any thread.
+  void request_pause(const std::string& checkpoint = "");
+  void resume();
+  bool pause_wanted_at(const std::string& checkpoint) const;
+  bool resumed() const;  // no pause is wanted any more
+
+  /// A researcher wants the run to go on although its condition for that does not hold. Any thread.
+  void override_suspension(const std::string& by);
+  std::string take_override();  // who, once; empty: nobody
+
+  /// Who asked for the end, and why: for the end record. Empty: the operator.
+  void set_reason(const std::string& reason);
+  std::string reason() const;
+  /// "file:line" where the script was when it ended; empty until then, and where it came to its
+  /// end.
+  void set_place(const std::string& place);
+  std::string place() const;
+
+  /// The script's thread says where it is.
+  void set_phase(RunPhase phase, const std::string& note = "");
+  void set_waiting_for(const std::string& what);
+  void set_progress(double fraction, const std::string& doing);
+  RunStatus status() const;
+  /// Changes each time the status does: for who watches.
+  unsigned long changes() const noexcept { return changes_.load(); }
+
+  /// The script has felt the request and unwinds. From the abort tier on the devices are made safe
+  /// before anything else.
+  void begin_stopping();
+  /// The devices' safe state, once after each attach(); what failed is kept for the record.
+  void make_safe();
+  bool safe() const noexcept { return safe_.load(); }
+  std::vector<std::string> failures() const;
+
+  /// For the prompt: between two statements there is nothing to stop. Becoming busy forgets what
+  /// was asked before.
+  void set_idle(bool idle);
+
+  /// For the watchdog: waits up to `patience` for a request.
+  void wait_for_request(std::chrono::milliseconds patience);
+  void wake_watchdog() noexcept { sem_post(&request_); }
+  /// Since the first request of at least that tier; nothing when there was none.
+  std::optional<std::chrono::steady_clock::duration> since(StopTier tier) const;
+
+ private:
+  friend void deliver_to_script() noexcept;
+  friend RunControl* attached_control() noexcept;
+  Reach reach_;
+  const pthread_t script_;
+  std::atomic<StopTier> tier_{StopTier::none};
+  static_assert(std::atomic<StopTier>::is_always_lock_free);
+  std::array<std::atomic<std::int64_t>, 4>
+      asked_at_{};  // ns of the steady clock, by tier; 0: never
+  std::atomic<bool> safe_{false}, pause_{false}, idle_{false};
+  std::atomic<unsigned long> changes_{0}, deliveries_{0};
+  sem_t request_;
+  mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
+  RunStatus status_;
+  std::string pause_at_, reason_, place_, override_by_;
+  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+  std::vector<std::string> failures_;
+};
+
+/// For signal handlers, on the script's thread: the control of the run that is going on, or null;
+/// and what makes its script feel a request, whoever made it.
+RunControl* attached_control() noexcept;
+void deliver_to_script() noexcept;
+
+}  // namespace vitreo

@@ -1,0 +1,99 @@
+// What the host asks of a script language. Implemented in host/lua/.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/config/config.h"
+
+#include <cstdint>
+#include <iosfwd>
+#include <limits>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace vitreo {
+
+class LineEditor;
+class Session;
+
+using ArgumentValue = std::variant<bool, double, std::string>;  // numbers in SI
+
+enum class ParameterKind { number, integer, flag, choice, text };
+
+struct Parameter {
+  std::string name, help;
+  ParameterKind kind = ParameterKind::number;
+  std::string
+      unit;  // as the protocol declares it, e.g. "mm/s"; its dimension is what a value must have
+  ArgumentValue fallback;
+  double min = -std::numeric_limits<double>::infinity(),
+         max = std::numeric_limits<double>::infinity();  // SI
+  std::vector<std::string> choices;
+  bool required = false;  // a text that people must give: there is no sensible default
+};
+
+/// How a protocol wants to be tested (scripts/testing.lua).
+struct ProtocolTest {
+  enum class Kind { run, fail, stop } kind = Kind::run;
+  std::string arguments, answers;  // as on the command line, blanks between
+  std::string rig;                 // a name in scripts/rigs/ or a file; empty: the protocol's own
+  std::uint64_t seed = 1;
+  std::map<std::string, std::pair<double, double>> figures;  // of run: least and most, SI
+  std::string fault, outcome, says;                          // of fail
+  int times = 100;                                           // of stop
+};
+
+struct ProtocolDescription {
+  std::string file, name, title, text;  // name: the file's stem; text: the source
+  std::string about;                    // the comment at the file's head
+  std::vector<std::string> needs;       // roles
+  std::string rig;  // on which it runs unless another is named; a name in scripts/rigs/, or empty
+  std::vector<Parameter> parameters;  // in the order of their names
+  std::vector<ProtocolTest> tests;    // as the file lists them
+};
+
+/// A script's fault, or a protocol file's: one line, with "file:line: " in front where there is
+/// one.
+class ScriptError : public std::runtime_error {
+ public:
+  ScriptError(const std::string& message, std::string trace = "")
+      : std::runtime_error(message), trace_(std::move(trace)) {}
+  const std::string& trace() const { return trace_; }
+
+ private:
+  std::string trace_;
+};
+
+/// "speed=5um" checked against the declaration; throws ConfigError naming the parameter and what it
+/// wants. Missing ones take their defaults.
+std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
+                                                     const std::vector<std::string>& words);
+
+/// One value as people write it, "5um"; throws ConfigError naming the parameter and what it wants.
+ArgumentValue read_argument(const Parameter& parameter, const std::string& text);
+
+class ScriptEngine {
+ public:
+  virtual ~ScriptEngine() = default;
+  /// Reads a protocol without running it. Throws ScriptError.
+  virtual ProtocolDescription describe(const std::string& file) = 0;
+  /// Reads a rig file and what it builds on: constants only. Throws ScriptError.
+  virtual RigDescription load_rig(const std::string& file) = 0;
+  /// The same from the texts that a run's record kept, `bases` the nearest first, whatever the
+  /// files are now.
+  virtual RigDescription recorded_rig(const RigSource& rig,
+                                      const std::vector<RigSource>& bases) = 0;
+  /// Runs a protocol in a fresh state. Throws ScriptError, DeviceError, Stopped.
+  virtual void run(const ProtocolDescription& protocol,
+                   const std::map<std::string, ArgumentValue>& arguments, Session& session) = 0;
+  /// Reads statements from `in` until its end; shows results on `out`, what is wrong on `err`.
+  /// Where nobody sits there, throws ScriptError at the end when some failed.
+  virtual void prompt(Session& session, LineEditor& in, std::ostream& out, std::ostream& err) = 0;
+  /// Stops the script that runs, wherever it is: run() throws Stopped. Async-signal-safe.
+  virtual void interrupt() noexcept = 0;
+};
+
+}  // namespace vitreo

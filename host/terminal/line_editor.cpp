@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/terminal/line_editor.h"
+
+#include <cstdlib>
+#include <istream>
+#include <ostream>
+#include <poll.h>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+class StreamLines final : public LineEditor {
+ public:
+  StreamLines(std::istream& in, std::ostream& out, bool interactive)
+      : in_(in), out_(out), interactive_(interactive) {}
+
+  Read read(const std::string& prompt, std::string& line,
+            const std::function<void()>& idle) override {
+    if (interactive_) {
+      out_ << prompt << std::flush;
+      pollfd input{STDIN_FILENO, POLLIN, 0};
+      while (idle && in_.rdbuf()->in_avail() <= 0 && poll(&input, 1, 0) == 0) idle();
+    }
+    return std::getline(in_, line) ? Read::line : Read::end;
+  }
+  void remember(const std::string&) override {}
+  void set_completion(Complete) override {}
+  bool interactive() const override { return interactive_; }
+  bool show_above(const std::string&) override { return false; }
+
+ private:
+  std::istream& in_;
+  std::ostream& out_;
+  const bool interactive_;
+};
+
+}  // namespace
+
+std::unique_ptr<LineEditor> stream_lines(std::istream& in, std::ostream& out, bool interactive) {
+  return std::make_unique<StreamLines>(in, out, interactive);
+}
+
+std::filesystem::path history_file() {
+  if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/')
+    return std::filesystem::path(state) / "vitreo" / "history";
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home == '/')
+    return std::filesystem::path(home) / ".local" / "state" / "vitreo" / "history";
+  return {};
+}
+
+std::size_t word_start(const std::string& line, std::size_t cursor) {
+  constexpr const char* kBreaks = " \t\n\"'()[]{}=<>~+-*/%^#&|,;";
+  if (cursor > line.size()) cursor = line.size();
+  if (cursor == 0) return 0;
+  const std::size_t at = line.find_last_of(kBreaks, cursor - 1);
+  return at == std::string::npos ? 0 : at + 1;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/terminal/progress_line.h"
+
+#include "host/text/terminal_text.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+constexpr double kRedraw = 0.1;  // s of wall time
+constexpr int kBar = 24;         // characters
+
+std::string duration_text(double seconds) {
+  const long whole = std::lround(seconds);
+  return whole < 60 ? fmt::format("{} s", whole)
+                    : fmt::format("{} min {:02} s", whole / 60, whole % 60);
+}
+
+/// Of the terminal that a person looks at; there is always room for a few words.
+std::size_t columns() {
+  winsize window = {};
+  constexpr std::size_t kUsual = 80, kLeast = 10;
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &window) != 0 || window.ws_col == 0) return kUsual;
+  return std::max<std::size_t>(window.ws_col, kLeast);
+}
+
+/// The beginning of `text` that fills no more than `width` columns, as far as a character of UTF-8
+/// is one column wide.
+std::string cut(const std::string& text, std::size_t width) {
+  std::size_t shown = 0, end = 0;
+  for (; end < text.size(); ++end) {
+    const bool begins = (static_cast<unsigned char>(text[end]) & 0xC0) != 0x80;
+    if (begins && shown++ == width) break;
+  }
+  return text.substr(0, end);
+}
+
+std::size_t width_of(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xC0) != 0x80;
+  }));
+}
+
+}  // namespace
+
+ProgressLine::ProgressLine(std::ostream& out, bool animate)
+    : out_(out), animate_(animate), began_(wall_seconds()) {}
+ProgressLine::~ProgressLine() { clear(); }
+
+std::string ProgressLine::text(double fraction, const std::string& label) const {
+  const int filled = static_cast<int>(std::lround(fraction * kBar));
+  std::string bar;
+  for (int i = 0; i < kBar; ++i) bar += i < filled ? "#" : ".";
+  const double elapsed = wall_seconds() - began_;
+  // The first percent says little about the rest.
+  const std::string left = fraction > 0.01 && fraction < 1
+                               ? duration_text(elapsed * (1 - fraction) / fraction) + " left"
+                               : "";
+  std::string words = harmless(label);
+  std::replace(words.begin(), words.end(), '\n', ' ');
+  const std::string rest = fmt::format("{:3.0f} %  {}{}{}", 100 * fraction, words,
+                                       label.empty() || left.empty() ? "" : ", ", left);
+  return animate_ ? "[" + bar + "] " + rest : rest;
+}
+
+void ProgressLine::progress(double fraction, const std::string& label) {
+  const std::lock_guard lock(mutex_);
+  fraction = std::clamp(fraction, 0.0, 1.0);
+  if (!animate_) {
+    const int tenth = static_cast<int>(fraction * 10);
+    if (tenth == shown_tenth_) return;
+    shown_tenth_ = tenth;
+    out_ << text(fraction, label) << std::endl;
+    return;
+  }
+  const double now = wall_seconds();
+  if (now - shown_at_ < kRedraw && fraction < 1) return;
+  shown_at_ = now;
+  // A line that wraps could not be drawn over; in the last column some terminals wrap at once.
+  const std::size_t room = columns() - 1;
+  std::string line = text(fraction, label);
+  if (width_of(line) > room) line.erase(0, line.find(']') + 2);  // the words say more than the bar
+  line = cut(line, room);
+  const std::size_t width = width_of(line);
+  out_ << '\r' << line << std::string(width_ > width ? width_ - width : 0, ' ') << std::flush;
+  width_ = width;
+}
+
+void ProgressLine::message(const std::string& line) {
+  const std::lock_guard lock(mutex_);
+  wipe();
+  out_ << harmless(line) << std::endl;
+}
+
+void ProgressLine::question(const Question& asked) {
+  const std::lock_guard lock(mutex_);
+  wipe();
+  out_ << harmless(shown(asked)) << ": " << std::flush;
+  if (!isatty(STDIN_FILENO)) out_ << "\n(answer with: vitreo control answer TEXT)" << std::endl;
+}
+
+std::optional<std::string> ProgressLine::typed() {
+  pollfd input{STDIN_FILENO, POLLIN, 0};
+  if (!isatty(STDIN_FILENO) || poll(&input, 1, 0) <= 0) return std::nullopt;
+  std::string line;
+  if (std::getline(std::cin, line)) return line;
+  std::cin.clear();  // Ctrl-D is no answer, and no reason to be deaf to the next line
+  std::clearerr(stdin);
+  return std::nullopt;
+}
+
+void ProgressLine::clear() {
+  const std::lock_guard lock(mutex_);
+  wipe();
+}
+
+void ProgressLine::wipe() {
+  if (width_ == 0) return;
+  out_ << '\r' << std::string(width_, ' ') << '\r' << std::flush;
+  width_ = 0;
+}
+
+}  // namespace vitreo

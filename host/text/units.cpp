@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/text/units.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numbers>
+
+namespace vitreo {
+namespace {
+
+constexpr double kNothing =
+    1e-8;  // of the smallest unit there is: what a subtraction of doubles leaves
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+/// People's unit for a dimension: used from `from` (SI) upwards; the smallest of a dimension goes
+/// down to zero.
+struct Step {
+  std::string_view dimension, symbol;
+  double from;
+};
+
+// Largest first. Speeds and fields stay in their usual unit one decade longer: people say 0.5 mm/s,
+// not 500 um/s.
+constexpr Step kSteps[] = {
+    {"m", "m", 1},          {"m", "mm", 1e-3},     {"m", "um", 1e-7},     {"m", "nm", 0},
+    {"m/s", "m/s", 1},      {"m/s", "mm/s", 1e-4}, {"m/s", "um/s", 0},    {"m/s^2", "m/s^2", 1},
+    {"m/s^2", "mm/s^2", 0}, {"s", "s", 1},         {"s", "ms", 1e-3},     {"s", "us", 1e-6},
+    {"s", "ns", 0},         {"T", "T", 1},         {"T", "mT", 1e-4},     {"T", "uT", 0},
+    {"T/m", "T/m", 1},      {"T/m", "mT/m", 0},    {"A", "A", 0.1},       {"A", "mA", 1e-4},
+    {"A", "uA", 0},         {"V", "V", 0.1},       {"V", "mV", 1e-4},     {"V", "uV", 0},
+    {"N", "N", 1},          {"N", "mN", 1e-3},     {"N", "uN", 1e-7},     {"N", "nN", 0},
+    {"N m", "N m", 1},      {"N m", "mN m", 1e-3}, {"N m", "uN m", 1e-7}, {"N m", "nN m", 0},
+    {"kg", "kg", 1},        {"kg", "g", 1e-3},     {"kg", "mg", 1e-6},    {"kg", "ug", 0},
+    {"Hz", "MHz", 1e6},     {"Hz", "kHz", 1e4},    {"Hz", "Hz", 0},       {"rad", "deg", 0},
+    {"rad/s", "deg/s", 0},  {"K", "K", 0.1},       {"K", "mK", 0},        {"m^2/s", "cSt", 0},
+    {"Pa s", "Pa s", 1},    {"Pa s", "mPa s", 0},  {"A/m", "kA/m", 1e3},  {"A/m", "A/m", 0},
+    {"m^2", "m^2", 1},      {"m^2", "mm^2", 1e-8}, {"m^2", "um^2", 0},    {"1/m", "D", 0},
+};
+
+/// What zero is shown in.
+std::string_view usual_symbol(std::string_view dimension) {
+  if (dimension == "m") return "mm";
+  if (dimension == "m/s") return "mm/s";
+  if (dimension == "T") return "mT";
+  for (const Step& step : kSteps) {
+    if (step.dimension == dimension && step.from <= 1) return step.symbol;
+  }
+  return dimension;
+}
+
+std::string_view symbol_for(double magnitude, std::string_view dimension) {
+  if (magnitude == 0) return usual_symbol(dimension);
+  for (const Step& step : kSteps) {
+    if (step.dimension == dimension && magnitude >= step.from * (1 - 1e-12)) return step.symbol;
+  }
+  return dimension;
+}
+
+double rounded(double number, int digits) {
+  if (number == 0 || !std::isfinite(number)) return number;
+  const std::string text = fmt::format("{:.{}e}", number, digits - 1);
+  double result = number;
+  std::from_chars(text.data(), text.data() + text.size(), result);
+  return result;
+}
+
+std::string minutes_text(double seconds) {
+  const bool negative = seconds < 0;
+  const auto whole = static_cast<long long>(std::llround(std::fabs(seconds)));
+  const std::string sign = negative ? "-" : "";
+  if (whole < 3600) return fmt::format("{}{} min {:02} s", sign, whole / 60, whole % 60);
+  return fmt::format("{}{} h {:02} min", sign, whole / 3600, whole % 3600 / 60);
+}
+
+std::string replaced(std::string text, std::string_view from, std::string_view to) {
+  for (std::size_t at = text.find(from); at != std::string::npos;
+       at = text.find(from, at + to.size())) {
+    text.replace(at, from.size(), to);
+  }
+  return text;
+}
+
+/// The table's spelling of what people may also write.
+std::string plain_symbol(std::string_view symbol) {
+  constexpr std::pair<std::string_view, std::string_view> kSpellings[] = {
+      {"\u00b5", "u"},  {"\u03bc", "u"},   {"\u00b0", "deg"}, {"\u00b2", "^2"},
+      {"\u00b3", "^3"}, {"\u03a9", "ohm"}, {"\u00b7", " "}};
+  std::string text(symbol);
+  for (const auto& [from, to] : kSpellings) text = replaced(std::move(text), from, to);
+  return text;
+}
+
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view kSpace = " \t\r\n";
+  const std::size_t first = text.find_first_not_of(kSpace);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kSpace) - first + 1);
+}
+
+}  // namespace
+
+const std::vector<Unit>& units() {
+  static const std::vector<Unit> table = {
+      {"m", "m", 1, "a length"},
+      {"cm", "m", 1e-2, "a length"},
+      {"mm", "m", 1e-3, "a length"},
+      {"um", "m", 1e-6, "a length"},
+      {"nm", "m", 1e-9, "a length"},
+      {"s", "s", 1, "a time"},
+      {"ms", "s", 1e-3, "a time"},
+      {"us", "s", 1e-6, "a time"},
+      {"ns", "s", 1e-9, "a time"},
+      {"min", "s", 60, "a time"},
+      {"h", "s", 3600, "a time"},
+      {"m/s", "m/s", 1, "a speed"},
+      {"cm/s", "m/s", 1e-2, "a speed"},
+      {"mm/s", "m/s", 1e-3, "a speed"},
+      {"um/s", "m/s", 1e-6, "a speed"},
+      {"m/s^2", "m/s^2", 1, "an acceleration"},
+      {"mm/s^2", "m/s^2", 1e-3, "an acceleration"},
+      {"rad", "rad", 1, "an angle"},
+      {"mrad", "rad", 1e-3, "an angle"},
+      {"deg", "rad", kDegree, "an angle"},
+      {"arcmin", "rad", kDegree / 60, "an angle"},
+      {"rad/s", "rad/s", 1, "an angular speed"},
+      {"deg/s", "rad/s", kDegree, "an angular speed"},
+      {"Hz", "Hz", 1, "a frequency"},
+      {"kHz", "Hz", 1e3, "a frequency"},
+      {"MHz", "Hz", 1e6, "a frequency"},
+      {"1/s", "Hz", 1, "a frequency"},
+      {"T", "T", 1, "a magnetic field"},
+      {"mT", "T", 1e-3, "a magnetic field"},
+      {"uT", "T", 1e-6, "a magnetic field"},
+      {"T/m", "T/m", 1, "a field gradient"},
+      {"mT/m", "T/m", 1e-3, "a field gradient"},
+      {"A", "A", 1, "a current"},
+      {"mA", "A", 1e-3, "a current"},
+      {"uA", "A", 1e-6, "a current"},
+      {"A/s", "A/s", 1, "a rate of current"},
+      {"A/m", "A/m", 1, "a magnetization"},
+      {"kA/m", "A/m", 1e3, "a magnetization"},
+      {"V", "V", 1, "a voltage"},
+      {"mV", "V", 1e-3, "a voltage"},
+      {"uV", "V", 1e-6, "a voltage"},
+      {"ohm", "ohm", 1, "a resistance"},
+      {"N", "N", 1, "a force"},
+      {"mN", "N", 1e-3, "a force"},
+      {"uN", "N", 1e-6, "a force"},
+      {"nN", "N", 1e-9, "a force"},
+      {"N m", "N m", 1, "a torque"},
+      {"mN m", "N m", 1e-3, "a torque"},
+      {"uN m", "N m", 1e-6, "a torque"},
+      {"nN m", "N m", 1e-9, "a torque"},
+      {"N/m", "N/m", 1, "a stiffness"},
+      {"kg", "kg", 1, "a mass"},
+      {"g", "kg", 1e-3, "a mass"},
+      {"mg", "kg", 1e-6, "a mass"},
+      {"ug", "kg", 1e-9, "a mass"},
+      {"K", "K", 1, "a temperature"},
+      {"mK", "K", 1e-3, "a temperature"},
+      {"m^2", "m^2", 1, "an area"},
+      {"mm^2", "m^2", 1e-6, "an area"},
+      {"um^2", "m^2", 1e-12, "an area"},
+      {"m^2/s", "m^2/s", 1, "a kinematic viscosity"},
+      {"mm^2/s", "m^2/s", 1e-6, "a kinematic viscosity"},
+      {"cSt", "m^2/s", 1e-6, "a kinematic viscosity"},
+      {"Pa s", "Pa s", 1, "a viscosity"},
+      {"mPa s", "Pa s", 1e-3, "a viscosity"},
+      {"kg/m^3", "kg/m^3", 1, "a density"},
+      {"g/cm^3", "kg/m^3", 1e3, "a density"},
+      {"D", "1/m", 1, "an optical power"},
+      {"1/m", "1/m", 1, "a spatial frequency"},
+      {"%", "", 1e-2, "a plain number"},
+  };
+  return table;
+}
+
+std::optional<Unit> find_unit(std::string_view symbol) {
+  if (symbol.empty()) return Unit{"", "", 1, "a plain number"};
+  const std::string plain = plain_symbol(symbol);
+  const auto found = std::find_if(units().begin(), units().end(),
+                                  [&](const Unit& unit) { return unit.symbol == plain; });
+  if (found == units().end()) return std::nullopt;
+  return *found;
+}
+
+std::string unit_name(std::string_view symbol) {
+  std::string name;
+  for (const char c : symbol) {
+    if (c == '/')
+      name += "_per_";
+    else if (c == ' ')
+      name += '_';
+    else if (c != '^')
+      name += c;
+  }
+  const bool valid =
+      !name.empty() &&
+      name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789") ==
+          std::string::npos;
+  return valid && !std::isdigit(static_cast<unsigned char>(name[0])) ? name : "";
+}
+
+std::string quantity_name(std::string_view dimension) {
+  if (dimension.empty()) return "a plain number";
+  for (const Unit& unit : units()) {
+    if (unit.dimension == dimension) return std::string(unit.quantity);
+  }
+  return std::string(dimension);
+}
+
+std::optional<Quantity> parse_quantity(std::string_view text) {
+  text = trimmed(text);
+  if (text.starts_with('+')) {
+    text.remove_prefix(1);
+    if (text.starts_with('-')) return std::nullopt;
+  }
+  // from_chars also reads "nan" and "inf", which no instrument should be told.
+  const std::size_t first = text.starts_with('-') ? 1 : 0;
+  if (first >= text.size() || !(text[first] == '.' || (text[first] >= '0' && text[first] <= '9')))
+    return std::nullopt;
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc()) return std::nullopt;
+  std::string_view symbol = trimmed(text.substr(static_cast<std::size_t>(end - text.data())));
+  if (symbol.empty()) return Quantity{number, "", true};
+  if (symbol.starts_with('*')) symbol = trimmed(symbol.substr(1));  // "3*s", as scripts write it
+  const std::optional<Unit> unit = symbol.empty() ? std::nullopt : find_unit(symbol);
+  if (!unit || !std::isfinite(number * unit->factor)) return std::nullopt;
+  return Quantity{number * unit->factor, std::string(unit->dimension), false};
+}
+
+std::string format_number(double number, int digits) {
+  if (std::isnan(number)) return "not a number";
+  if (std::isinf(number)) return number > 0 ? "infinity" : "-infinity";
+  digits = std::clamp(digits, 1, 17);
+  const double value = rounded(number, digits);
+  if (value == 0) return "0";
+  const int exponent = static_cast<int>(std::floor(std::log10(std::fabs(value)) + 1e-12));
+  if (exponent < -4 || exponent > std::max(7, digits)) return fmt::format("{:.{}g}", value, digits);
+  const int decimals = std::max(0, digits - 1 - exponent);
+  std::string text = fmt::format("{:.{}f}", exponent >= digits ? number : value, decimals);
+  if (decimals > 0) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.ends_with('.')) text.pop_back();
+  }
+  return text;
+}
+
+Shown show_quantity(double in_si, std::string_view dimension, int digits) {
+  if (!std::isfinite(in_si)) return {format_number(in_si), ""};
+  const double value = rounded(in_si, std::clamp(digits, 1, 17));  // 999.9 um is 1 mm
+  if (dimension == "s" && std::llround(std::fabs(in_si)) >= 60) return {minutes_text(in_si), ""};
+  const std::string_view symbol = symbol_for(std::fabs(value), dimension);
+  const std::optional<Unit> unit = find_unit(symbol);
+  double number = unit ? in_si / unit->factor : in_si;
+  if (unit && unit->factor < 1 && std::fabs(number) < kNothing) number = 0;
+  return {format_number(number, digits), std::string(symbol)};
+}
+
+std::string format_quantity(double in_si, std::string_view dimension, int digits) {
+  const Shown shown = show_quantity(in_si, dimension, digits);
+  return shown.unit.empty() ? shown.number : shown.number + " " + shown.unit;
+}
+
+std::string print_unit(std::string_view symbol) {
+  if (symbol == "deg") return "\u00b0";
+  if (symbol == "ohm") return "\u03a9";
+  std::string text(symbol);
+  if (text.starts_with('u') && find_unit(text)) text.replace(0, 1, "\u00b5");
+  if (text.starts_with("deg/")) text.replace(0, 3, "\u00b0");
+  text = replaced(std::move(text), "^2", "\u00b2");
+  text = replaced(std::move(text), "^3", "\u00b3");
+  return replaced(std::move(text), " ", "\u00b7");
+}
+
+}  // namespace vitreo

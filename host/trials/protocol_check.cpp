@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/trials/protocol_check.h"
+
+#include "host/runs/run_care.h"
+#include "host/trials/silent_listener.h"
+#include "host/trials/soak_check.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <random>
+#include <sstream>
+
+namespace vitreo {
+namespace {
+
+RunRequest request_of(const RunRequest& base, const ProtocolTest& test) {
+  RunRequest request = base;
+  if (!test.arguments.empty()) request.arguments = words_of(test.arguments);
+  if (!test.answers.empty()) request.answers = words_of(test.answers);
+  request.seed = test.seed;
+  if (!test.fault.empty()) request.faults = {test.fault};
+  if (!test.rig.empty()) request.rig_file = test.rig;
+  return request;
+}
+
+struct Ended {
+  RunResult result;
+  std::string unsafe;  // what was not as it must be afterwards; empty: nothing
+};
+
+/// However a run ends: no current flows, and its record is whole.
+Ended run_and_look(ScriptEngine& engine, const RunRequest& request) {
+  SilentListener listener;
+  Ended ended;
+  ended.result = run_protocol(engine, request, listener, [&ended](const Recorder&, OpenRig& open) {
+    const Rig& rig = open.rig();
+    constexpr double kZero = 5e-3;  // V: a count of the USB-3103 is 0.3 mV
+    // As the outputs really are, where that can be known: an amplifier that does not answer may
+    // have obeyed.
+    const bool flows = open.laboratory() != nullptr
+                           ? outputs_of(open) > kZero
+                           : rig.coils != nullptr && rig.coils->energized();
+    if (flows) ended.unsafe = "the coils are energized after the end";
+  });
+  const RunCheck record = verify_run(ended.result.folder);
+  if (ended.unsafe.empty() && !record.problems.empty())
+    ended.unsafe = "the record: " + record.problems.front();
+  return ended;
+}
+
+double figure(const RunResult& result, const std::string& name) {
+  for (const Figure& one : result.figures)
+    if (one.name == name) return one.value;
+  return std::nan("");
+}
+
+std::string trouble_with_figures(const RunResult& result, const ProtocolTest& test) {
+  for (const auto& [name, range] : test.figures) {
+    const double value = figure(result, name);
+    if (std::isnan(value)) return "it states no figure " + name;
+    if (value < range.first || value > range.second)
+      return fmt::format("{} is {:g}, wanted {:g} to {:g}", name, value, range.first, range.second);
+  }
+  return "";
+}
+
+/// "run speed=1mm/s"; "run" where there is nothing to add.
+std::string titled(const std::string& what, const std::string& how) {
+  return how.empty() ? what : what + " " + how;
+}
+
+void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
+             const std::function<void(const ProtocolTrial&)>& told) {
+  const Ended ended = run_and_look(engine, request_of(base, test));
+  std::string problem = ended.unsafe;
+  if (ended.result.outcome != Outcome::completed)
+    problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
+  else if (problem.empty())
+    problem = trouble_with_figures(ended.result, test);
+  told({titled("run", test.arguments), problem});
+}
+
+void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
+              const std::function<void(const ProtocolTrial&)>& told) {
+  std::string outcome, reason, problem;
+  try {
+    const Ended ended = run_and_look(engine, request_of(base, test));
+    outcome = to_string(ended.result.outcome), reason = ended.result.reason, problem = ended.unsafe;
+  } catch (const ConfigError& refused) {
+    outcome = "refused", reason = refused.what();
+  }
+  if (!problem.empty())
+    ;
+  else if (outcome == "completed")
+    problem = "it completed";
+  else if (!test.outcome.empty() && outcome != test.outcome)
+    problem = fmt::format("it ended as {}, not as {}: {}", outcome, test.outcome, reason);
+  else if (reason.find(test.says) == std::string::npos)
+    problem = fmt::format("its reason does not say \"{}\": {}", test.says, reason);
+  told({titled(titled("fail", test.arguments), test.fault), problem});
+}
+
+Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {
+  request.companion = [moment](Session& session) {
+    session.keep(session.clock.spawn("stop by test", [&session, moment] {
+      session.clock.sleep_until(from_seconds(moment));
+      session.control.set_reason("by the test");
+      session.control.request_here(StopTier::stop);
+    }));
+  };
+  return run_and_look(engine, request);
+}
+
+void try_stop(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
+              const std::function<void(const ProtocolTrial&)>& told) {
+  const RunRequest request = request_of(base, test);
+  const Ended whole = run_and_look(engine, request);
+  const double duration = figure(whole.result, "experiment_time");
+  std::mt19937_64 random(test.seed);
+  std::uniform_real_distribution<double> moments(0, std::max(duration, 1e-6));
+  for (int number = 1; number <= test.times; ++number) {
+    const double moment = moments(random);
+    const Ended ended = stopped_at(engine, request, moment);
+    std::string problem = ended.unsafe;
+    const bool before = ended.result.outcome == Outcome::completed &&
+                        figure(ended.result, "experiment_time") <= moment;
+    if (problem.empty() && ended.result.outcome != Outcome::stopped && !before)
+      problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
+    told({fmt::format("stop {} of {}, at {:.3f} s", number, test.times, moment), problem});
+    std::error_code ignored;
+    if (problem.empty())
+      std::filesystem::remove_all(ended.result.folder,
+                                  ignored);  // what went well leaves no hundred folders
+  }
+}
+
+}  // namespace
+
+std::vector<ProtocolTest> usual_tests() {
+  ProtocolTest stop;
+  stop.kind = ProtocolTest::Kind::stop;
+  return {ProtocolTest{}, stop};
+}
+
+void try_protocol(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
+                  const std::function<void(const ProtocolTrial&)>& told) {
+  switch (test.kind) {
+    case ProtocolTest::Kind::run:
+      return try_run(engine, base, test, told);
+    case ProtocolTest::Kind::fail:
+      return try_fail(engine, base, test, told);
+    case ProtocolTest::Kind::stop:
+      return try_stop(engine, base, test, told);
+  }
+}
+
+}  // namespace vitreo

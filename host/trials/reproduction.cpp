@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/trials/reproduction.h"
+
+#include "host/files/child_process.h"
+#include "host/trials/silent_listener.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <fstream>
+#include <mutex>
+#include <sstream>
+#include <thread>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> command_of(const ReproduceRequest& request, const PlannedRun& run) {
+  const fs::path root = request.root;
+  std::vector<std::string> words{request.program,
+                                 "run",
+                                 (root / "protocols" / (run.protocol + ".lua")).string(),
+                                 "--json",
+                                 "--rig",
+                                 (root / "scripts" / "rigs" / (run.rig + ".lua")).string(),
+                                 "--seed",
+                                 std::to_string(run.seed),
+                                 "--out",
+                                 request.out.string()};
+  for (std::string& word : words_of(request.brief ? run.brief : run.arguments))
+    words.push_back(std::move(word));
+  return words;
+}
+
+std::string text_of(const nlohmann::json& row, const char* key) {
+  const auto found = row.find(key);
+  return found != row.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+void read_rows(ReproducedRun& run) {
+  std::ifstream file(fs::path(run.folder) / "expectations.json");
+  const auto rows = nlohmann::json::parse(file, nullptr, false);
+  if (rows.is_discarded() || !rows.is_array()) {
+    run.reason = run.reason.empty() ? "it left no expectations" : run.reason;
+    return;
+  }
+  for (const auto& row : rows) {
+    ReproducedRow made;
+    made.id = text_of(row, "id"), made.what = text_of(row, "what"),
+    made.where = text_of(row, "where");
+    made.unit = text_of(row, "unit"), made.tolerance = text_of(row, "tolerance");
+    made.verdict = text_of(row, "verdict"), made.why = text_of(row, "why");
+    const std::string reason = text_of(row, "reason");
+    if (!reason.empty()) made.tolerance += " (" + reason + ")";
+    if (row.contains("thesis") && row["thesis"].is_number())
+      made.thesis = row["thesis"].get<double>();
+    made.ours =
+        row.contains("ours") && row["ours"].is_number() ? row["ours"].get<double>() : std::nan("");
+    if (row.contains("values") && row["values"].is_array())
+      for (const auto& value : row["values"])
+        if (value.is_number()) made.values.push_back(value.get<double>());
+    made.protocol = run.plan.protocol;
+    made.run = fs::path(run.folder).filename().string();
+    run.rows.push_back(std::move(made));
+  }
+}
+
+ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
+  ReproducedRun done;
+  done.plan = plan;
+  ChildProcess child(command_of(request, plan), ChildProcess::Pipe::from_output);
+  std::string said;
+  char part[4096];
+  for (std::size_t got = 0; (got = child.read(part, sizeof part)) > 0;) said.append(part, got);
+  const int code = child.finish();
+  const auto told = nlohmann::json::parse(said, nullptr, false);
+  if (told.is_discarded() || !told.is_object()) {
+    done.outcome = "failed";
+    done.reason = fmt::format("the program ended with {} and said nothing", code);
+    return done;
+  }
+  if (told.contains("error")) {  // it did not come to a run
+    done.outcome = "failed";
+    done.reason = text_of(told, "error");
+    return done;
+  }
+  done.outcome = text_of(told, "outcome");
+  done.reason = text_of(told, "reason");
+  done.folder = text_of(told, "run");
+  done.wall_time = told.value("/figures/wall_time"_json_pointer, 0.0);
+  if (done.outcome == "completed") read_rows(done);
+  return done;
+}
+
+std::string escaped(const std::string& text, bool html) {
+  std::string made;
+  for (const char c : text) {
+    if (html && c == '<')
+      made += "&lt;";
+    else if (html && c == '>')
+      made += "&gt;";
+    else if (html && c == '&')
+      made += "&amp;";
+    else if (!html && c == '|')
+      made += "\\|";
+    else
+      made += c;
+  }
+  return made;
+}
+
+struct Tally {
+  int well = 0, missed = 0, printed = 0, failed = 0, runs = 0;
+};
+
+Tally tally(const std::vector<ReproducedRun>& runs) {
+  Tally all;
+  for (const ReproducedRun& run : runs) {
+    all.runs += !run.plan.rig.empty();  // what is joined is no run
+    all.failed += run.outcome != "completed" || !run.reason.empty();
+    for (const ReproducedRow& row : run.rows)
+      ++(is_missed(row.verdict) ? all.missed : row.verdict == "printed" ? all.printed : all.well);
+  }
+  return all;
+}
+
+std::string summary(const std::vector<ReproducedRun>& runs) {
+  const Tally all = tally(runs);
+  return fmt::format(
+      "{} numbers agree or are better, {} do not, {} are only told; {} of {} runs did not "
+      "complete.",
+      all.well, all.missed, all.printed, all.failed, all.runs);
+}
+
+std::string title_of(const ReproducedRun& run) {
+  if (run.plan.rig.empty()) return run.plan.protocol;
+  return fmt::format("{} (rig {}, seed {}{}{})", run.plan.protocol, run.plan.rig, run.plan.seed,
+                     run.plan.arguments.empty() ? "" : ", ", run.plan.arguments);
+}
+
+}  // namespace
+
+std::string quantity_text(double value, const std::string& unit) {
+  if (!std::isfinite(value)) return "none";
+  const double size = std::abs(value);
+  if (unit == "m")
+    return size < 0.9995e-3 ? fmt::format("{:.3g} µm", value * 1e6)
+           : size < 1       ? fmt::format("{:.4g} mm", value * 1e3)
+                            : fmt::format("{:.4g} m", value);
+  if (unit == "m/s") return fmt::format("{:.3g} µm/s", value * 1e6);
+  if (unit == "rad") return fmt::format("{:.3g}°", value * 180 / M_PI);
+  return fmt::format("{:.4g}{}{}", value, unit.empty() ? "" : " ", unit);
+}
+
+bool is_missed(const std::string& verdict) {
+  return verdict != "agrees" && verdict != "better" && verdict != "printed";
+}
+
+std::vector<PlannedRun> read_plan(const RigDescription& file) {
+  std::vector<PlannedRun> runs;
+  ConfigReader reader(file);
+  for (const std::string& key : reader.keys()) {
+    ConfigReader one = reader.table(key);
+    if (one.has("joins")) continue;
+    PlannedRun run;
+    run.key = key;
+    run.protocol = one.text("protocol", "");
+    if (run.protocol.empty()) one.fail("protocol", "must be given");
+    run.rig = one.text("rig", "simulated");
+    run.arguments = one.text("arguments", "");
+    run.brief = one.text("brief", "-");
+    run.seed = static_cast<std::uint64_t>(one.integer("seed", 1, 0, 1000000000));
+    one.finish();
+    runs.push_back(std::move(run));
+  }
+  reader.finish();
+  return runs;
+}
+
+std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
+                                     const std::function<void(const ReproducedRun&)>& told) {
+  std::vector<ReproducedRun> done(request.runs.size());
+  std::atomic<std::size_t> next{0};
+  std::mutex telling;
+  std::exception_ptr trouble;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < request.runs.size(); i = next++) {
+      try {
+        done[i] = run_one(request, request.runs[i]);
+        const std::lock_guard lock(telling);
+        told(done[i]);
+      } catch (...) {
+        const std::lock_guard lock(telling);
+        trouble = std::current_exception();
+        next = request.runs.size();
+      }
+    }
+  };
+  std::vector<std::thread> workers;
+  for (int i = 1; i < std::max(request.processes, 1); ++i) workers.emplace_back(work);
+  work();
+  for (std::thread& worker : workers) worker.join();
+  if (trouble) std::rethrow_exception(trouble);
+  return done;
+}
+
+nlohmann::json to_json(const ReproducedRow& row) {
+  nlohmann::json json = {{"id", row.id},     {"what", row.what},           {"where", row.where},
+                         {"unit", row.unit}, {"tolerance", row.tolerance}, {"verdict", row.verdict},
+                         {"why", row.why},   {"protocol", row.protocol},   {"run", row.run}};
+  json["thesis"] = row.thesis ? nlohmann::json(*row.thesis) : nlohmann::json();
+  json["ours"] = std::isfinite(row.ours) ? nlohmann::json(row.ours) : nlohmann::json();
+  return json;
+}
+
+std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
+  std::string text =
+      "# The thesis, reproduced\n\nWritten by `vitreo reproduce`, not by hand: each number of the "
+      "thesis that a "
+      "protocol can measure on the simulated laboratory, ours beside it, with the tolerance, the "
+      "verdict, and why "
+      "where "
+      "we differ. Seeds and all settings are in the runs' records; `scripts/reproduction.lua` is "
+      "the plan.\n\n" +
+      summary(runs) + "\n";
+  for (const ReproducedRun& run : runs) {
+    text += fmt::format("\n## {}\n\n", title_of(run));
+    if (!run.reason.empty())
+      text += fmt::format("{}: {}\n\n", run.outcome, escaped(run.reason, false));
+    if (run.rows.empty()) continue;
+    text +=
+        "| where | what | thesis | ours | tolerance | verdict | why "
+        "|\n|---|---|---|---|---|---|---|\n";
+    for (const ReproducedRow& row : run.rows)
+      text += fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", escaped(row.where, false),
+                          escaped(row.what, false),
+                          row.thesis ? quantity_text(*row.thesis, row.unit) : "–",
+                          quantity_text(row.ours, row.unit), escaped(row.tolerance, false),
+                          is_missed(row.verdict) ? "**" + row.verdict + "**" : row.verdict,
+                          escaped(row.why, false));
+  }
+  return text;
+}
+
+std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::path& beside) {
+  std::string text =
+      "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>The thesis, "
+      "reproduced</title>\n<style>body{font:"
+      "15px/1.4 sans-serif;margin:2em;max-width:75em}table{border-collapse:collapse;margin:.5em "
+      "0}td,th{border:1px "
+      "solid "
+      "#ccc;padding:.2em "
+      ".5em;text-align:left;vertical-align:top}.missed{background:#fdd}.well{background:#dfd}</"
+      "style>\n"
+      "<h1>The thesis, reproduced</h1>\n<p>" +
+      summary(runs) + "</p>\n";
+  for (const ReproducedRun& run : runs) {
+    text += fmt::format("<h2>{}</h2>\n", escaped(title_of(run), true));
+    if (!run.reason.empty())
+      text += fmt::format("<p>{}: {}</p>\n", run.outcome, escaped(run.reason, true));
+    if (!run.folder.empty())
+      text += fmt::format(
+          "<p><a href=\"{}\">the run's report</a>, {:.1f} s</p>\n",
+          escaped(fs::relative(fs::path(run.folder) / "report.html", beside).string(), true),
+          run.wall_time);
+    if (run.rows.empty()) continue;
+    text += "<table><tr><th>where<th>what<th>thesis<th>ours<th>tolerance<th>verdict<th>why</tr>\n";
+    for (const ReproducedRow& row : run.rows)
+      text += fmt::format("<tr class=\"{}\"><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>\n",
+                          is_missed(row.verdict)     ? "missed"
+                          : row.verdict == "printed" ? ""
+                                                     : "well",
+                          escaped(row.where, true), escaped(row.what, true),
+                          row.thesis ? quantity_text(*row.thesis, row.unit) : "–",
+                          quantity_text(row.ours, row.unit), escaped(row.tolerance, true),
+                          row.verdict, escaped(row.why, true));
+    text += "</table>\n";
+  }
+  return text + "</html>\n";
+}
+
+}  // namespace vitreo

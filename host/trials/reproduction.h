@@ -1,0 +1,74 @@
+// The thesis reproduced: which runs, in which processes, and what came out beside what was printed.
+// Each protocol leaves its rows in expectations.json (scripts/expect.lua); here they are collected
+// and shown.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/config/config.h"
+
+#include <nlohmann/json.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+/// One run of the plan.
+struct PlannedRun {
+  std::string
+      key;  // its place in the plan: they are started in the order of their keys, shown in it too
+  std::string protocol;   // a name in protocols/
+  std::string rig;        // a name in scripts/rigs/
+  std::string arguments;  // as on the command line, blanks between
+  std::string brief;      // the same for the short form; "-": left out there
+  std::uint64_t seed = 1;
+};
+
+/// A plan is a Lua table of constants: key = { protocol =, rig =, arguments =, brief =, seed = };
+/// entries that join rows (host/trials/reproduction_joined.h) are passed over. Throws ConfigError.
+std::vector<PlannedRun> read_plan(const RigDescription& file);
+
+/// One number beside the thesis'. SI.
+struct ReproducedRow {
+  std::string id, what, where, unit, tolerance, verdict, why, protocol, run;
+  std::optional<double> thesis;
+  double ours = 0;
+  std::vector<double> values{};  // of which `ours` is the median, where the protocol tells them
+};
+
+struct ReproducedRun {
+  PlannedRun plan;
+  std::string outcome, reason, folder;  // as the run itself tells
+  double wall_time = 0;                 // s
+  std::vector<ReproducedRow> rows;
+};
+
+struct ReproduceRequest {
+  std::vector<PlannedRun> runs;
+  std::string program;        // that is started for each
+  std::string root;           // where protocols/ and scripts/ are
+  std::filesystem::path out;  // the folder for the runs' folders
+  int processes = 1;          // at a time
+  bool brief = false;         // the short form of each
+};
+
+/// Runs them all; `told` is called as each ends. A run that failed has its reason and no rows.
+/// Throws std::runtime_error when the program cannot be started at all.
+std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
+                                     const std::function<void(const ReproducedRun&)>& told);
+
+/// Whether a verdict is one of those that ask for a reason.
+bool is_missed(const std::string& verdict);
+/// For people: µm, mm, µm/s, degrees; "none" for what is no number.
+std::string quantity_text(double value, const std::string& unit);
+nlohmann::json to_json(const ReproducedRow& row);
+/// The whole as a page for docs/ (Markdown) and as one to look at, with links to the runs' reports.
+std::string reproduction_markdown(const std::vector<ReproducedRun>& runs);
+std::string reproduction_page(const std::vector<ReproducedRun>& runs,
+                              const std::filesystem::path& beside);
+
+}  // namespace vitreo

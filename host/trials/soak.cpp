@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/trials/soak.h"
+
+#include "host/config/config.h"
+#include "host/files/sha256.h"
+#include "host/rig/registry.h"
+#include "host/session/session.h"
+#include "host/trials/silent_listener.h"
+#include "host/trials/soak_check.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <fcntl.h>
+#include <filesystem>
+#include <poll.h>
+#include <stdexcept>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+constexpr double kSafeWithin = 0.25;          // s after an abort
+constexpr std::size_t kHeapGrowth = 4 << 20;  // bytes above the first runs'
+constexpr int kWarmUp = 3;                    // runs, in which caches fill
+
+/// Shared with the worker: what was recorded a second before it was killed.
+struct Page {
+  std::atomic<std::uint64_t> samples{0};
+  std::atomic<bool> noted{false};
+};
+
+std::uint64_t samples_of(const Recorder& recorder) {
+  std::uint64_t all = 0;
+  for (const Stream& stream : recorder.streams()) all += stream.times.size();
+  return all;
+}
+
+class Soak {
+ public:
+  Soak(ScriptEngine& engine, const SoakRequest& request) : engine_(engine), request_(request) {
+    void* const page =
+        mmap(nullptr, sizeof(Page), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (page == MAP_FAILED) throw std::runtime_error(std::string("soak: ") + std::strerror(errno));
+    page_ = new (page) Page;
+    request_.run.control_socket = false;
+  }
+  ~Soak() { munmap(page_, sizeof(Page)); }
+  Soak(const Soak&) = delete;
+  Soak& operator=(const Soak&) = delete;
+
+  void look_at_it_alone();
+  SoakResult run(const std::function<void(const SoakedSeed&)>& told);
+
+ private:
+  struct Worker {
+    pid_t process = -1;
+    int pipe = -1;
+    std::string said;  // the beginning of a line
+  };
+
+  fs::path folder_of(std::uint64_t seed) const {
+    return fs::path(request_.run.out) / fmt::format("soak_{:06}", seed);
+  }
+  SoakPlan plan_of(std::uint64_t seed) const {
+    return draw_plan(seed, reference_.roles, reference_.horizon);
+  }
+  Worker start_worker(std::uint64_t first);
+  [[noreturn]] void work(std::uint64_t first, int pipe);
+  SoakedSeed run_one(std::uint64_t seed);
+  void disturb(Session& session, const SoakPlan& plan, SoakWitness& witness);
+  SoakedSeed hear(Worker& worker, std::uint64_t seed);
+  SoakedSeed lost(Worker& worker, std::uint64_t seed, bool stuck);
+  static std::optional<std::string> line_from(Worker& worker, std::chrono::milliseconds patience);
+
+  ScriptEngine& engine_;
+  SoakRequest request_;
+  SoakReference reference_;
+  Page* page_ = nullptr;
+};
+
+/// The reference: how long it takes, what is recorded, which roles there are.
+void Soak::look_at_it_alone() {
+  RunRequest alone = request_.run;
+  alone.out = (fs::path(request_.run.out) / "soak_reference").string();
+  SilentListener quiet;
+  const RunResult result =
+      run_protocol(engine_, alone, quiet, [this](const Recorder& recorder, OpenRig&) {
+        reference_.streams = recorder.streams();
+        reference_.roles = simulated_roles(recorder.start().rig["resolved"]);
+        reference_.horizon = recorder.end()->experiment_time;
+      });
+  fs::remove_all(alone.out);
+  if (result.outcome != Outcome::completed)
+    throw ConfigError("soak: " + request_.run.protocol_file +
+                      " does not complete when it is left alone: " + result.reason);
+}
+
+/// On the run's clock: the stop, or the kill, of the plan.
+void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness) {
+  if (!plan.kill && plan.tier == StopTier::none) return;
+  session.keep(session.clock.spawn("soak", [this, &session, &plan, &witness] {
+    session.clock.sleep_until(from_seconds(plan.at));
+    if (plan.kill) {
+      page_->samples = samples_of(session.recorder);
+      page_->noted = true;
+      std::this_thread::sleep_for(1s);  // what is promised is what is older than that
+      raise(SIGKILL);
+    }
+    const RunPhase phase = session.control.status().phase;
+    witness.asked = phase != RunPhase::ended && phase != RunPhase::stopping &&
+                    phase != RunPhase::stop_requested;
+    if (phase == RunPhase::ended) return;
+    session.control.request_here(plan.tier);
+    if (plan.tier < StopTier::abort || coils_unreachable(plan)) return;
+    session.clock.sleep_for(from_seconds(kSafeWithin));
+    if (session.rig.coils != nullptr && session.rig.coils->energized())
+      witness.violations.push_back("the coils were energized 250 ms after the abort");
+  }));
+}
+
+SoakedSeed Soak::run_one(std::uint64_t seed) {
+  const SoakPlan plan = plan_of(seed);
+  SoakWitness witness;
+  SoakedSeed one{seed, to_string(plan)};
+  RunRequest request = request_.run;
+  request.out = folder_of(seed).string();
+  request.companion = [&](Session& session) {
+    for (const Fault& fault : plan.faults) session.faults->add(fault);
+    disturb(session, plan, witness);
+  };
+  bool wall = false;  // has a part in what is recorded
+  for (const Fault& fault : plan.faults) wall = wall || fault.role == "disk";
+  SilentListener quiet;
+  try {
+    const RunResult result =
+        run_protocol(engine_, request, quiet, [&](const Recorder& recorder, OpenRig& rig) {
+          one.violations = check_ended(plan, witness, reference_, recorder, rig);
+          one.ending = fmt::format("{} after {:.3f} s", to_string(recorder.end()->outcome),
+                                   recorder.end()->experiment_time);
+          if (!wall) one.digest = sha256(canonical_export(recorder));
+        });
+    one.outcome = to_string(result.outcome);
+    if (!wall && !result.reason.empty()) one.ending += ": " + result.reason;
+    for (const std::string& violation : check_result(plan, witness, result))
+      one.violations.push_back(violation);
+  } catch (const std::exception& error) {
+    one.ending = one.outcome = "refused";
+    one.violations.push_back(std::string("the run did not begin: ") + error.what());
+  }
+  return one;
+}
+
+void Soak::work(std::uint64_t first, int pipe) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  setpgid(0, 0);  // the terminal's Ctrl-C is for the parent
+  Footprint base;
+  for (std::uint64_t seed = first, done = 0; seed < request_.first + request_.count;
+       ++seed, ++done) {
+    SoakedSeed one = run_one(seed);
+    const Footprint now = footprint();
+    if (done < kWarmUp) {
+      base.heap = std::max(base.heap, now.heap);
+      base.descriptors = done == 0 ? now.descriptors : base.descriptors;
+      base.threads = done == 0 ? now.threads : base.threads;
+    }
+    if (now.descriptors > base.descriptors)
+      one.violations.push_back(
+          fmt::format("{} descriptors are open, {} were", now.descriptors, base.descriptors));
+    if (now.threads > base.threads)
+      one.violations.push_back(
+          fmt::format("{} threads live on, {} did", now.threads, base.threads));
+    if (now.heap > base.heap + kHeapGrowth)
+      one.violations.push_back(
+          fmt::format("{} kB of heap are in use, {} kB were", now.heap >> 10U, base.heap >> 10U));
+    const std::string line =
+        to_json(one).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+    if (::write(pipe, line.data(), line.size()) != static_cast<ssize_t>(line.size())) break;
+  }
+  _exit(0);
+}
+
+Soak::Worker Soak::start_worker(std::uint64_t first) {
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0)
+    throw std::runtime_error(std::string("soak: ") + std::strerror(errno));
+  const pid_t process = fork();
+  if (process < 0) throw std::runtime_error(std::string("soak: ") + std::strerror(errno));
+  if (process == 0) {
+    ::close(ends[0]);
+    work(first, ends[1]);
+  }
+  ::close(ends[1]);
+  return {process, ends[0], ""};
+}
+
+/// Nothing at its end, or when it does not say anything for so long.
+std::optional<std::string> Soak::line_from(Worker& worker, std::chrono::milliseconds patience) {
+  const auto until = std::chrono::steady_clock::now() + patience;
+  for (;;) {
+    const std::size_t end = worker.said.find('\n');
+    if (end != std::string::npos) {
+      std::string line = worker.said.substr(0, end);
+      worker.said.erase(0, end + 1);
+      return line;
+    }
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
+        until - std::chrono::steady_clock::now());
+    pollfd one{worker.pipe, POLLIN, 0};
+    if (left <= 0ms || ::poll(&one, 1, static_cast<int>(left.count())) == 0) return std::nullopt;
+    std::array<char, 4096> bytes{};
+    const ssize_t got = ::read(worker.pipe, bytes.data(), bytes.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) return std::nullopt;
+    worker.said.append(bytes.data(), static_cast<std::size_t>(got));
+  }
+}
+
+/// The worker is gone, or stands still, with this seed.
+SoakedSeed Soak::lost(Worker& worker, std::uint64_t seed, bool stuck) {
+  if (stuck) ::kill(worker.process, SIGKILL);
+  int status = 0;
+  while (::waitpid(worker.process, &status, 0) < 0 && errno == EINTR) continue;
+  ::close(worker.pipe);
+  worker.process = -1;
+  const SoakPlan plan = plan_of(seed);
+  SoakedSeed one{seed, to_string(plan), "killed", "lost"};
+  if (stuck) {
+    one.ending = "stuck";
+    one.violations.push_back(
+        fmt::format("it did not end within {} s of wall time", request_.patience.count()));
+  } else if (plan.kill && page_->noted && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) {
+    one.violations = check_killed(folder_of(seed), page_->samples);
+  } else {
+    one.ending = "crashed";
+    one.violations.push_back(WIFSIGNALED(status)
+                                 ? fmt::format("the process ended by signal {}", WTERMSIG(status))
+                                 : fmt::format("the process left with {}", WEXITSTATUS(status)));
+  }
+  page_->noted = false;
+  return one;
+}
+
+SoakedSeed Soak::hear(Worker& worker, std::uint64_t seed) {
+  const auto began = std::chrono::steady_clock::now();
+  const auto line = line_from(worker, request_.patience);
+  if (!line)
+    return lost(worker, seed, std::chrono::steady_clock::now() - began >= request_.patience);
+  const nlohmann::json said = nlohmann::json::parse(*line);
+  return {said["seed"],    said["plan"],   said["ending"],
+          said["outcome"], said["digest"], said["violations"]};
+}
+
+SoakResult Soak::run(const std::function<void(const SoakedSeed&)>& told) {
+  const auto began = std::chrono::steady_clock::now();
+  SoakResult result;
+  Worker worker;
+  for (std::uint64_t seed = request_.first; seed < request_.first + request_.count; ++seed) {
+    if (worker.process < 0) worker = start_worker(seed);
+    const SoakedSeed one = hear(worker, seed);
+    ++result.seeds;
+    ++result.outcomes[one.outcome];
+    result.violations += one.violations.size();
+    if (one.violations.empty())
+      fs::remove_all(folder_of(seed));
+    else
+      result.bad_seeds.push_back(seed);
+    told(one);
+  }
+  if (worker.process >= 0) {
+    ::close(worker.pipe);
+    ::waitpid(worker.process, nullptr, 0);
+  }
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  return result;
+}
+
+}  // namespace
+
+SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
+                const std::function<void(const SoakedSeed&)>& told) {
+  if (has_real_instruments(engine.load_rig(request.run.rig_file)))
+    throw ConfigError("soak: " + request.run.rig_file +
+                      " has real instruments: only a rig that is simulated throughout "
+                      "is broken on purpose");
+  Soak soaking(engine, request);
+  soaking.look_at_it_alone();
+  return soaking.run(told);
+}
+
+}  // namespace vitreo

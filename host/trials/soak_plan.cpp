@@ -1,0 +1,111 @@
+// What a soak's seed draws, and how it is told.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/text/units.h"
+#include "host/trials/soak.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <random>
+
+namespace vitreo {
+namespace {
+
+class Dice {
+ public:
+  explicit Dice(std::uint64_t seed) : random_(seed * 0x9E3779B97F4A7C15U + 0x50AC) {}
+  double between(double least, double most) {
+    return least + (most - least) * (static_cast<double>(random_() >> 11U) * 0x1p-53);
+  }
+  std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_() % count); }
+  bool falls(double part) { return between(0, 1) < part; }
+
+ private:
+  std::mt19937_64 random_;
+};
+
+/// Rounded to what people can type again.
+double rounded(double value) { return std::round(value * 1e3) / 1e3; }
+
+std::optional<double> draw_amount(const FaultKind& kind, Dice& dice) {
+  if (kind.unit.empty()) return std::nullopt;
+  if (kind.name == "late")
+    return rounded(dice.falls(0.5) ? dice.between(0.001, 0.1) : dice.between(0.1, 1.5));
+  if (kind.name == "jump")
+    return rounded(dice.falls(0.5) ? dice.between(-1, 1) : dice.between(-3600, 3600));
+  if (kind.name == "saturated") return rounded(dice.between(0, 2));
+  if (kind.name == "slow") return rounded(dice.between(0.02, 0.2));  // wall time, so not for long
+  if (kind.name == "short" || kind.name == "garbled") return static_cast<double>(dice.below(6));
+  return static_cast<double>(1 + dice.below(10));  // one of so many
+}
+
+std::vector<Fault> possible_faults(const SimulatedRoles& roles) {
+  std::vector<Fault> possible;
+  for (const FaultKind& kind : fault_kinds()) {
+    for (const std::string& role : kind.roles) {
+      try {
+        check(Fault{role, kind.name}, roles);
+        possible.push_back({role, kind.name});
+      } catch (const std::invalid_argument&) {  // not on this rig
+      }
+    }
+  }
+  return possible;
+}
+
+}  // namespace
+
+SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horizon) {
+  Dice dice(seed);
+  SoakPlan plan;
+  const std::vector<Fault> possible = possible_faults(roles);
+  const double many = dice.between(0, 1);
+  const int faults = many < 0.2 ? 0 : many < 0.7 ? 1 : many < 0.95 ? 2 : 3;
+  for (int i = 0; i < faults; ++i) {
+    Fault fault = possible[dice.below(possible.size())];
+    for (const FaultKind& kind : fault_kinds())
+      if (kind.name == fault.kind) fault.by = draw_amount(kind, dice);
+    fault.after = rounded(dice.between(0, horizon));
+    if (dice.falls(0.5)) fault.lasting = rounded(dice.between(0.01, dice.falls(0.5) ? 0.3 : 3));
+    plan.faults.push_back(fault);
+  }
+  const double end = dice.between(0, 1);
+  plan.tier = end < 0.2    ? StopTier::stop
+              : end < 0.35 ? StopTier::abort
+              : end < 0.45 ? StopTier::emergency
+                           : StopTier::none;
+  plan.kill = end >= 0.45 && end < 0.51;
+  if (plan.kill || plan.tier != StopTier::none) plan.at = rounded(dice.between(0, 1.02 * horizon));
+  return plan;
+}
+
+std::string to_string(const SoakPlan& plan) {
+  std::vector<std::string> parts;
+  for (const Fault& fault : plan.faults) parts.push_back(to_string(fault));
+  const char* const word = plan.kill ? "kill" : to_string(plan.tier);
+  if (plan.kill || plan.tier != StopTier::none)
+    parts.push_back(fmt::format("{} at {:.3f} s", word, plan.at));
+  return parts.empty() ? "left alone" : fmt::format("{}", fmt::join(parts, "; "));
+}
+
+std::string to_text(const SoakedSeed& one) {
+  std::string text = fmt::format("seed {}: {} -> {}", one.seed, one.plan, one.ending);
+  if (!one.digest.empty()) text += " [" + one.digest.substr(0, 12) + "]";
+  for (const std::string& violation : one.violations) text += "\n  VIOLATION: " + violation;
+  return text + "\n";
+}
+
+nlohmann::json to_json(const SoakedSeed& one) {
+  return {{"seed", one.seed},       {"plan", one.plan},     {"ending", one.ending},
+          {"outcome", one.outcome}, {"digest", one.digest}, {"violations", one.violations}};
+}
+
+nlohmann::json to_json(const SoakResult& result) {
+  return {{"seeds", result.seeds},
+          {"violations", result.violations},
+          {"bad_seeds", result.bad_seeds},
+          {"outcomes", result.outcomes},
+          {"wall_time", result.seconds}};
+}
+
+}  // namespace vitreo

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/view/pointing.h"
+
+#include "host/servo/servo.h"
+
+#include <Eigen/LU>
+
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::view {
+namespace {
+
+Eigen::VectorXd numbers(const nlohmann::json& list, int count, const std::string& what) {
+  if (!list.is_array() || static_cast<int>(list.size()) != count)
+    throw std::invalid_argument(what + " wants " + std::to_string(count) + " numbers");
+  Eigen::VectorXd values(count);
+  for (int i = 0; i < count; ++i) {
+    if (!list[static_cast<std::size_t>(i)].is_number())
+      throw std::invalid_argument(what + " wants numbers");
+    values[i] = list[static_cast<std::size_t>(i)];
+  }
+  return values;
+}
+
+double meters(const nlohmann::json& message, const std::string& name) {
+  const auto found = message.find(name);
+  if (found == message.end() || !found->is_number())
+    throw std::invalid_argument("target wants " + name + ", in m");
+  return *found;
+}
+
+}  // namespace
+
+nlohmann::json Aim::to_json() const {
+  const auto& retina = model_.eye.surfaces.front();
+  const auto middle = pixel_of({0, 0, 0}), beside = pixel_of({1e-4, 0, 0});
+  return {{"top_px_per_m",
+           middle && beside ? nlohmann::json((*beside - *middle).norm() / 1e-4) : nullptr},
+          {"side_pixel", model_.side_pixel},
+          {"side_center", {model_.side_center_px.x(), model_.side_center_px.y()}},
+          {"retina", {{"z", model_.eye_in_world.z()}, {"radius", retina.radius}}},
+          {"lens_z", model_.eye_in_world.z() + model_.eye.vertex(2)}};
+}
+
+std::optional<Eigen::Vector2d> Aim::pixel_of(const Eigen::Vector3d& place) const {
+  const auto m = model_.projection.project(place - model_.eye_in_world);
+  if (!m) return {};
+  return model_.top_image.pixel_from_m(*m);
+}
+
+Eigen::Vector3d Aim::at_height(const Eigen::Vector2d& pixel, double z) const {
+  constexpr double kStep = 1e-6, kConverged = 1e-9;
+  Eigen::Vector3d place(0, 0, z);
+  for (int step = 0; step < 30; ++step) {
+    const auto here = pixel_of(place), right = pixel_of(place + Eigen::Vector3d(kStep, 0, 0)),
+               up = pixel_of(place + Eigen::Vector3d(0, kStep, 0));
+    if (!here || !right || !up) break;
+    Eigen::Matrix2d per_m;
+    per_m << (*right - *here) / kStep, (*up - *here) / kStep;
+    Eigen::Vector2d move = per_m.inverse() * (pixel - *here);
+    if (!move.allFinite()) break;
+    if (move.norm() < kConverged) return place;
+    place.head<2>() += move.norm() > 2e-3 ? Eigen::Vector2d(2e-3 * move.normalized()) : move;
+  }
+  throw std::invalid_argument("nothing at that height shows there");
+}
+
+std::vector<Eigen::Vector3d> Aim::places(const nlohmann::json& message) const {
+  std::vector<Eigen::Vector3d> found;
+  if (message.contains("place")) {
+    found.emplace_back(numbers(message["place"], 3, "place"));
+  } else {
+    const std::string camera = message.value("camera", "");
+    if (camera != "top_camera" && camera != "side_camera")
+      throw std::invalid_argument("target wants a place, or a camera and points");
+    const nlohmann::json points = message.value("points", nlohmann::json::array());
+    if (!points.is_array() || points.empty() || points.size() > 1000)
+      throw std::invalid_argument("points wants 1 to 1000 of them");
+    for (const auto& point : points) {
+      const Eigen::Vector2d pixel = numbers(point, 2, "a point");
+      if (camera == "top_camera") {
+        found.push_back(at_height(pixel, meters(message, "z")));
+        continue;
+      }
+      const Eigen::Vector2d off = (pixel - model_.side_center_px) * model_.side_pixel;
+      found.emplace_back(off.x(), meters(message, "y"), -off.y());
+    }
+  }
+  for (const Eigen::Vector3d& place : found)
+    check_reach(model_, control::Trajectory::hold_at(place));
+  return found;
+}
+
+nlohmann::json Aim::marks(const std::vector<double>& servo) const {
+  nlohmann::json marks = nlohmann::json::object();
+  const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(servo.data());
+  const Eigen::Vector3d target = Eigen::Map<const Eigen::Vector3d>(servo.data() + 3);
+  const double radius = model_.eye.surfaces.front().radius;
+  if (place.allFinite())
+    marks["retina_distance"] =
+        radius - (place - model_.eye_in_world - Eigen::Vector3d(0, 0, radius)).norm();
+  if (!target.allFinite()) return marks;
+  if (const auto pixel = pixel_of(target)) marks["target_px"] = {pixel->x(), pixel->y()};
+  return marks;
+}
+
+nlohmann::json Aim::field(const std::vector<double>& servo,
+                          const std::vector<double>& currents) const {
+  const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(servo.data());
+  const auto count = static_cast<Eigen::Index>(currents.size());
+  if (!place.allFinite() || !model_.field.valid_at(place) || model_.field.coils() != count)
+    return nullptr;
+  const Eigen::VectorXd amperes = Eigen::Map<const Eigen::VectorXd>(currents.data(), count);
+  const Eigen::Vector3d b =
+      (model_.field.matrix(place) * amperes + model_.field.background(place)).head<3>();
+  const double size = b.norm();
+  if (!(size > 0)) return nullptr;
+  return {{"tesla", size}, {"direction", {b.x() / size, b.y() / size, b.z() / size}}};
+}
+
+}  // namespace vitreo::view

@@ -1,0 +1,50 @@
+// Between what a person points at in the live view and places in the world; and what the page draws
+// from the model.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/rig/rig.h"
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+
+#include <vector>
+
+namespace vitreo::view {
+
+class Aim {
+ public:
+  explicit Aim(const RigModel& model) : model_(model) {}
+
+  /// What the page needs to draw: {"side_pixel", "side_center", "top_px_per_m", "retina": {"z",
+  /// "radius"}, "lens_z"}; m and px.
+  nlohmann::json to_json() const;
+
+  /// The places, m, world, that a message of the page means; each is within reach
+  /// (host/servo/servo.h's check_reach).
+  ///   {"camera": "top_camera", "points": [[u, v], ...], "z": m}: on these pixels, at that height
+  ///   {"camera": "side_camera", "points": [[u, v], ...], "y": m}: x and z from the pixels
+  ///   {"place": [x, y, z]}
+  /// Throws std::invalid_argument saying what is wrong.
+  std::vector<Eigen::Vector3d> places(const nlohmann::json& message) const;
+
+  /// The world's (x, y) at height z that shows at a pixel of the top camera: the projection,
+  /// inverted by Newton's method to 1 nm. Throws std::invalid_argument where nothing of that height
+  /// shows there.
+  Eigen::Vector3d at_height(const Eigen::Vector2d& pixel, double z) const;
+
+  /// Where the target shows in the top camera, px, and how far the retina (its sphere, thesis
+  /// table 3.1) is from the robot, m:
+  /// {"target_px", "retina_distance"} with what there is, from the last row of the stream servo.
+  nlohmann::json marks(const std::vector<double>& servo) const;
+
+  /// The commanded field at the robot, {"tesla", "direction": [x, y, z]}, from the last rows of the
+  /// streams servo and currents; null where there is no robot.
+  nlohmann::json field(const std::vector<double>& servo, const std::vector<double>& currents) const;
+
+ private:
+  std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector3d& place) const;
+  const RigModel model_;
+};
+
+}  // namespace vitreo::view

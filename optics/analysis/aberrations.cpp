@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/analysis/aberrations.h"
+
+#include "optics/system/first_order.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+/// A paraxial ray before a surface.
+struct Paraxial {
+  double height;  // m, at the surface
+  double slope;   // u, before it
+};
+
+struct Pair {
+  Paraxial marginal, chief;
+};
+
+/// Marginal ray from the axis to the rim of the stop, chief ray from the object's edge through the
+/// stop's center, both at surface 2.
+Pair start(const System& system, double object_height, double depth) {
+  const double index = system.surfaces.front().index,
+               way = system.surfaces.front().thickness - depth;
+  // Height at the stop = b10 (n u) + b11 y of the object.
+  const Eigen::Matrix2d b =
+      system_matrix(system, 2, system.stop->surface) * transfer_matrix(way, index);
+  const double marginal = system.stop->radius / (b(1, 0) * index);
+  const double chief = -b(1, 1) * object_height / (b(1, 0) * index);
+  return {{marginal * way, marginal}, {object_height + chief * way, chief}};
+}
+
+struct Refraction {
+  double before, behind;     // indices
+  double curvature, fourth;  // 1/m; coefficient of r^4 beyond the sphere's, m^-3
+};
+
+double slope_behind(const Refraction& at, const Paraxial& ray) {
+  return (at.before * ray.slope - ray.height * at.curvature * (at.behind - at.before)) / at.behind;
+}
+
+/// Welford's sums of one surface; H is the Lagrange invariant n (u hbar - ubar h).
+SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
+  const double h = rays.marginal.height, hbar = rays.chief.height, c = at.curvature;
+  const double a = at.before * (h * c + rays.marginal.slope),
+               abar = at.before * (hbar * c + rays.chief.slope);
+  const double by_slope =
+      slope_behind(at, rays.marginal) / at.behind - rays.marginal.slope / at.before;  // D(u/n)
+  const double by_index = 1 / at.behind - 1 / at.before;                              // D(1/n)
+  const double by_square = 1 / (at.behind * at.behind) - 1 / (at.before * at.before);
+  SeidelSums sums;
+  sums.spherical = -a * a * h * by_slope;
+  sums.coma = -a * abar * h * by_slope;
+  sums.astigmatism = -abar * abar * h * by_slope;
+  sums.petzval = -lagrange * lagrange * c * by_index;
+  // The form that stays finite where the marginal ray meets the surface at right angles (A = 0).
+  sums.distortion =
+      -abar * (abar * abar * by_square * h - (abar * h - lagrange) * hbar * c * by_index);
+  const double g = 8 * at.fourth * (at.behind - at.before);
+  sums.spherical += g * h * h * h * h;
+  sums.coma += g * h * h * h * hbar;
+  sums.astigmatism += g * h * h * hbar * hbar;
+  sums.distortion += g * h * hbar * hbar * hbar;
+  return sums;
+}
+
+Paraxial advanced(const Paraxial& ray, const Refraction& at, double thickness) {
+  const double slope = slope_behind(at, ray);
+  return {ray.height + slope * thickness, slope};
+}
+
+}  // namespace
+
+SeidelSums& SeidelSums::operator+=(const SeidelSums& other) {
+  spherical += other.spherical;
+  coma += other.coma;
+  astigmatism += other.astigmatism;
+  petzval += other.petzval;
+  distortion += other.distortion;
+  return *this;
+}
+
+double Aberrations::longitudinal_spherical() const {
+  return -index * total.spherical / (2 * marginal_slope * marginal_slope);
+}
+double Aberrations::tangential_field() const {
+  return -index * (3 * total.astigmatism + total.petzval) / (2 * marginal_slope * marginal_slope);
+}
+double Aberrations::sagittal_field() const {
+  return -index * (total.astigmatism + total.petzval) / (2 * marginal_slope * marginal_slope);
+}
+double Aberrations::distortion_height() const {
+  const double across = total.distortion / (2 * marginal_slope);
+  return image_height < 0 ? -across : across;
+}
+
+Aberrations third_order_aberrations(const System& system, double object_height, double depth) {
+  system.check();
+  if (!system.stop) throw std::invalid_argument("stop: the system has none");
+  if (!std::isfinite(object_height)) throw std::invalid_argument("object_height: must be finite");
+  const auto image = axial_image(system, depth);
+  if (!image) throw std::invalid_argument("depth: the image of it lies at infinity");
+  Pair rays = start(system, object_height, depth);
+  const double n = system.surfaces.front().index;
+  const double lagrange =
+      n * (rays.marginal.slope * rays.chief.height - rays.chief.slope * rays.marginal.height);
+  Aberrations result;
+  double petzval = 0;
+  for (int i = 1; i < system.size(); ++i) {
+    const Surface& surface = system.surfaces[i];
+    const double c = 1 / surface.radius;
+    const Refraction at{system.surfaces[i - 1].index, surface.index, c,
+                        c * c * c * surface.conic / 8 + surface.aspheric[0]};
+    result.surfaces.push_back(sums_of(at, rays, lagrange));
+    result.total += result.surfaces.back();
+    petzval += c * (1 / at.behind - 1 / at.before);
+    const double thickness = i + 1 < system.size() ? surface.thickness : 0;
+    rays = {advanced(rays.marginal, at, thickness), advanced(rays.chief, at, thickness)};
+  }
+  result.index = system.surfaces.back().index;
+  result.image_distance = image->distance;
+  result.image_height = image->magnification * object_height;
+  result.marginal_slope = result.index * rays.marginal.slope;
+  result.petzval_curvature = result.index * petzval;
+  return result;
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,76 @@
+// What uncertain eyes cost: one parameter at a time, all at once, and which measurement would help
+// most (thesis 4.2, 4.3).
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "optics/calibration/calibration.h"
+#include "optics/system/tolerance.h"
+
+#include <functional>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+namespace vitreo::optics {
+
+/// The error (m) of a method that believes in one eye when it looks through another. Nothing where
+/// it has no answer.
+using EyeError = std::function<std::optional<double>(const Prescription& truth)>;
+
+/// Where the image of an object on the axis, `depth` (m) before the retina, is in focus, m from the
+/// last vertex.
+using AxialFocus = std::function<std::optional<double>(const System& system, double depth)>;
+AxialFocus paraxial_focus();
+/// Least rms radius of the traced bundle that fills the stop.
+AxialFocus traced_focus();
+
+struct AxisErrorOptions {
+  double depth_to = 8e-3;          // m; depths from the retina to here
+  int depths = 9;                  // at least 3
+  bool calibrated = false;         // biometrically, on the eye's own retina
+  double retinal_depth_error = 0;  // m, of that calibration; the worse of both signs counts
+  BiometricMethod method = BiometricMethod::sensor_shift;
+  void check() const;  // throws std::invalid_argument naming the option
+};
+
+/// Largest error of depth on the axis, by focus, of one who believes in `believed`: its law (4.10)
+/// to (4.12) refined to its own foci. This is the on-axis part of figures 4.2 (not calibrated), 4.5
+/// and 4.6 (calibrated).
+EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
+                    const AxisErrorOptions& options = {});
+
+struct Sensitivity {
+  std::string parameter;
+  std::optional<double> minus,
+      plus;  // error with the parameter one sigma less, one more; nothing: no answer there
+  double worst() const;  // the larger one; infinite when one has no answer
+};
+
+/// One parameter at a time, the worst first.
+std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
+                                       const std::vector<Uncertainty>& uncertainties,
+                                       const EyeError& error);
+
+struct ErrorStatistics {
+  int count = 0, failed = 0;  // eyes with an answer, and without
+  double mean = 0, rms = 0, median = 0, percentile_95 = 0,
+         max = 0;  // m, of those with one; 0 when there is none
+};
+ErrorStatistics statistics(const std::vector<PerturbedEye>& eyes, const EyeError& error);
+
+struct MeasurementValue {
+  std::string parameter;
+  ErrorStatistics known;  // when this parameter of the patient is measured exactly and used
+  double reduction = 0;   // of the rms, relative: 0.2 is 20 % less
+};
+
+/// Which measurement of the patient would reduce the error most, the best first: all parameters
+/// uncertain but one, on the same draws, the method believing in the prescription with that one put
+/// right. `make_error` builds the method for what is believed. Throws as monte_carlo.
+std::vector<MeasurementValue> variance_attribution(
+    const Prescription& prescription, const std::vector<Uncertainty>& uncertainties,
+    const std::function<EyeError(const Prescription& believed)>& make_error, int count,
+    std::mt19937_64& random);
+
+}  // namespace vitreo::optics

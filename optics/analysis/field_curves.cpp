@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/analysis/field_curves.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+/// The plane that distortion is read in, and what it is measured against.
+struct OnAxis {
+  double focus, magnification;
+};
+
+OnAxis on_axis(const PupilTracer& tracer, const std::vector<Eigen::Vector2d>& samples, double depth,
+               Spot& spot) {
+  constexpr double kNearAxis = 1e-4;  // rad: distortion grows as its square
+  const auto middle = point_at_field(tracer.system(), 0, depth);
+  const auto beside = point_at_field(tracer.system(), kNearAxis, depth);
+  if (!(middle && beside && tracer.trace(*middle, samples, spot) && spot.rays() > 1)) {
+    throw std::invalid_argument("depth: no image on the axis");
+  }
+  const double focus = spot.moments().best_focus();
+  if (!tracer.trace(*beside, samples, spot))
+    throw std::invalid_argument("depth: no image near the axis");
+  return {focus, spot.chief_at(focus).x() / beside->x()};
+}
+
+FieldPoint image_of(const Eigen::Vector3d& object, const OnAxis& axis, const Spot& spot) {
+  const SpotMoments moments = spot.moments();
+  FieldPoint made;
+  made.transmitted = static_cast<double>(spot.rays()) / (spot.rays() + spot.lost);
+  made.best_focus = moments.best_focus();
+  made.tangential = moments.best_focus_along(Eigen::Vector2d::UnitX());
+  made.sagittal = moments.best_focus_along(Eigen::Vector2d::UnitY());
+  made.chief_height = spot.chief_at(made.best_focus).x();
+  made.rms = moments.rms(made.best_focus);
+  const double ideal = axis.magnification * object.x();
+  made.distortion = ideal == 0 ? 0 : spot.chief_at(axis.focus).x() / ideal - 1;
+  return made;
+}
+
+}  // namespace
+
+std::vector<FieldPoint> field_curves(const PupilTracer& tracer, const std::vector<double>& angles,
+                                     const std::vector<Eigen::Vector2d>& samples, double depth) {
+  Spot spot;
+  const OnAxis axis = on_axis(tracer, samples, depth, spot);
+  std::vector<FieldPoint> curve;
+  for (const double angle : angles) {
+    const auto object = point_at_field(tracer.system(), angle, depth);
+    FieldPoint made;
+    if (object && tracer.trace(*object, samples, spot) && spot.rays() > 1)
+      made = image_of(*object, axis, spot);
+    made.angle = angle;
+    curve.push_back(made);
+  }
+  return curve;
+}
+
+double field_curvature_span(const std::vector<FieldPoint>& curve) {
+  double least = std::numeric_limits<double>::infinity(), most = -least;
+  for (const FieldPoint& point : curve) {
+    if (!(point.transmitted > 0)) continue;
+    least = std::min(least, point.best_focus);
+    most = std::max(most, point.best_focus);
+  }
+  return most >= least ? most - least : 0;
+}
+
+}  // namespace vitreo::optics

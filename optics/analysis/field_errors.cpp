@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/analysis/field_errors.h"
+
+#include "optics/maps/thesis_curves.h"
+#include "optics/rays/pupil.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace vitreo::optics {
+namespace {
+
+constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
+constexpr double kReach = 3;  // vitreous lengths; the cubics beyond their ends cross anywhere
+
+void require(bool good, const char* why) {
+  if (!good) throw std::invalid_argument(why);
+}
+
+/// Of a grid over the field; points without an error are counted.
+class FieldErrors {
+ public:
+  void add(const std::optional<double>& error) {
+    ++count_;
+    if (!error || !std::isfinite(*error)) return;
+    ++answered_;
+    sum_ += *error;
+    max_ = std::max(max_, *error);
+  }
+  std::optional<double> summary(ErrorMeasure measure) const {
+    if (answered_ == 0 || answered_ < (1 - kMostMissing) * count_) return std::nullopt;
+    return measure == ErrorMeasure::max ? max_ : sum_ / answered_;
+  }
+
+ private:
+  int count_ = 0, answered_ = 0;
+  double sum_ = 0, max_ = 0;
+};
+
+std::optional<double> worse(const std::optional<double>& one, const std::optional<double>& other) {
+  if (!one || !other) return std::nullopt;
+  return std::max(*one, *other);
+}
+
+/// A point of the field and where its image is sharp.
+struct Seen {
+  Eigen::Vector3d point;
+  double focus, height;
+};
+
+struct SeenField {
+  std::vector<Seen> points;
+  int lost = 0;
+  double retina_focus = 0;  // m, on the axis
+};
+
+std::optional<SeenField> see(const System& system, const FieldErrorOptions& options) {
+  const PupilTracer tracer(system, Pupil::of_stop(system));
+  const auto samples = disc_samples(options.rings, options.arms);
+  SeenField seen;
+  Spot spot;
+  for (int i = 0; i < options.angles; ++i) {
+    const double angle = options.max_angle * i / (options.angles - 1);
+    for (int j = 0; j < options.depths; ++j) {
+      const auto point = point_at_field(system, angle, options.depth_to * j / (options.depths - 1));
+      if (!point || !tracer.trace(*point, samples, spot) || spot.lost > 0) {
+        ++seen.lost;
+        continue;
+      }
+      const double focus = spot.moments().best_focus();
+      if (i == 0 && j == 0) seen.retina_focus = focus;
+      seen.points.push_back({*point, focus, std::abs(spot.chief_at(focus).x())});
+    }
+  }
+  if (seen.points.empty() || seen.points.front().point.head<2>().norm() > 0) return std::nullopt;
+  return seen;
+}
+
+/// What one knows who believes in a prescription.
+struct Believed {
+  ThesisCurves curves;
+  OnAxisLaw law;
+  double reach;  // m, from the retina's vertex: what lies farther is no place in or about the eye
+};
+
+Believed believe(const Prescription& believed, const FieldErrorOptions& options) {
+  WideAngleSettings settings;
+  settings.max_angle = options.max_angle, settings.max_depth = options.depth_to;
+  const AxialFocus focus = traced_focus();
+  std::vector<OnAxisPoint> own;
+  for (int i = 0; i < options.depths; ++i) {
+    const double depth = options.depth_to * i / (options.depths - 1);
+    const auto sensor = focus(believed.system, depth);
+    require(sensor.has_value() && std::isfinite(*sensor),
+            "believed: the eye has no images of all these depths");
+    own.push_back({*sensor, depth - believed.system.surfaces.front().thickness});
+  }
+  ThesisSettings fit;
+  fit.conic = believed.system.surfaces.front().conic;
+  return {fit_thesis_curves(WideAngleMap(believed.system, settings), fit),
+          fit_on_axis(on_axis_law(believed.system), own).law,
+          kReach * believed.system.surfaces.front().thickness};
+}
+
+/// Errors with the sensor off by `shift` and, when given, a calibrated law in place of the believed
+/// one.
+std::optional<double> error_of(const Believed& believed, const SeenField& seen,
+                               const OnAxisLaw* calibrated, double shift, ErrorMeasure measure) {
+  FieldErrors errors;
+  for (int i = 0; i < seen.lost; ++i) errors.add(std::nullopt);
+  for (const Seen& one : seen.points) {
+    const double focus = one.focus + shift;
+    std::optional<double> pole_shift = 0;
+    if (calibrated != nullptr) {
+      const auto now = calibrated->object_from_sensor(focus),
+                 before = believed.law.object_from_sensor(focus);
+      pole_shift = now && before ? std::optional(*now - *before) : std::nullopt;
+    }
+    const auto found = pole_shift ? believed.curves.point_beyond(focus, one.height, *pole_shift)
+                                  : std::optional<WideAngleMap::Plane>();
+    const bool there = found && std::hypot(found->r, found->z) < believed.reach;
+    errors.add(there ? std::optional(std::hypot(found->r - one.point.x(), found->z - one.point.z()))
+                     : std::nullopt);
+  }
+  return errors.summary(measure);
+}
+
+std::optional<double> error_of(const Believed& believed, const SeenField& seen,
+                               double retina_object, const FieldErrorOptions& options) {
+  const auto with = [&](double sign) -> std::optional<double> {
+    const double shift = sign * options.focus_error;
+    if (!options.calibrated) return error_of(believed, seen, nullptr, shift, options.measure);
+    const OnAxisPoint retina{seen.retina_focus, retina_object + sign * options.retinal_depth_error};
+    try {
+      const OnAxisLaw law = calibrate_biometric(believed.law, retina, options.method).law;
+      return error_of(believed, seen, &law, shift, options.measure);
+    } catch (const std::invalid_argument&) {
+      return std::nullopt;  // this eye's retina cannot be reached by the law
+    }
+  };
+  return worse(with(1), with(-1));
+}
+
+}  // namespace
+
+void FieldErrorOptions::check() const {
+  require(max_angle > 0 && max_angle < std::numbers::pi / 2,
+          "max_angle: must lie between 0 and 90 degrees");
+  require(depth_to > 0 && std::isfinite(depth_to), "depth_to: must be positive");
+  require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
+  require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
+  require(rings >= 1, "rings: must be at least 1");
+  require(arms >= 2, "arms: must be at least 2");
+  require(focus_error >= 0 && std::isfinite(focus_error), "focus_error: must not be negative");
+  require(retinal_depth_error >= 0 && std::isfinite(retinal_depth_error),
+          "retinal_depth_error: must not be negative");
+}
+
+EyeError field_error(const Prescription& believed, const FieldErrorOptions& options) {
+  options.check();
+  const Believed model = believe(believed, options);
+  return [model, options](const Prescription& truth) -> std::optional<double> {
+    const auto seen = see(truth.system, options);
+    if (!seen) return std::nullopt;
+    return error_of(model, *seen, -truth.system.surfaces.front().thickness, options);
+  };
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,109 @@
+// Errors of localization by pose in an eye that is not the believed one (table 5.2).
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/analysis/field_errors.h"
+#include "optics/calibration/camera_calibration.h"
+#include "optics/rays/pupil.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+const Eigen::Vector3d kAxis(1, 0, 0);  // of the robot; a sphere's does not matter
+
+PoseSettings looking_through(const System& system, const PoseErrorOptions& options) {
+  PoseSettings settings;
+  settings.robot = options.robot;
+  settings.max_residual_px = 1e3;  // a wrong eye fits badly; that is what is asked
+  if (options.exact) {
+    settings.exact = ExactProjection(system, options.microscope, options.max_m);
+  } else {
+    settings.projection = fit_single_viewpoint(system, options.microscope, options.max_m);
+  }
+  return settings;
+}
+
+std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const EllipseVector& shown) {
+  const auto start = first_guess(believed, shown, kAxis);
+  if (!start) return std::nullopt;
+  const auto found = locate(believed, shown, EllipseCovariance::Identity(), kAxis, *start);
+  return found ? std::optional(found->position_in_eye) : std::nullopt;
+}
+
+std::optional<double> error_over_field(const PoseSettings& truth, const PoseSettings& believed,
+                                       const System& system, const PoseErrorOptions& options) {
+  constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
+  int count = 0, answered = 0;
+  double sum = 0, max = 0;
+  for (int i = 0; i < options.angles; ++i) {
+    for (int j = 0; j < options.depths; ++j) {
+      const double depth =
+          options.depth_from + (options.depth_to - options.depth_from) * j / (options.depths - 1);
+      const auto point =
+          point_at_field(system, options.max_angle * i / (options.angles - 1), depth);
+      const auto shown = point ? project_spheroid(truth, *point, kAxis) : std::nullopt;
+      if (!shown) continue;  // not in the picture
+      ++count;
+      const auto found = located(believed, *shown);
+      if (!found) continue;
+      ++answered;
+      const double off = (*found - *point).norm();
+      sum += off, max = std::max(max, off);
+    }
+  }
+  if (answered == 0 || answered < (1 - kMostMissing) * count) return std::nullopt;
+  return options.measure == ErrorMeasure::max ? max : sum / answered;
+}
+
+std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSettings& believed,
+                                       const System& system, const PoseErrorOptions& options) {
+  const auto shown = project_spheroid(truth, {0, 0, options.depth_from}, kAxis);
+  if (!shown) return std::nullopt;
+  double worst = 0;
+  for (const double sign : {1.0, -1.0}) {
+    const double known_z = options.depth_from + sign * options.retinal_depth_error;
+    const PoseSettings mended = calibrate_pose(believed, *shown, kAxis, known_z).applied(believed);
+    const auto error = error_over_field(truth, mended, system, options);
+    if (!error) return std::nullopt;
+    worst = std::max(worst, *error);
+  }
+  return worst;
+}
+
+}  // namespace
+
+void PoseErrorOptions::check() const {
+  const auto require = [](bool good, const char* why) {
+    if (!good) throw std::invalid_argument(why);
+  };
+  microscope.check();
+  require(std::isfinite(max_m) && max_m > 0, "max_m: must be positive");
+  require(max_angle > 0 && max_angle < std::numbers::pi / 2,
+          "max_angle: must lie between 0 and 90 degrees");
+  require(depth_from >= 0 && depth_to > depth_from && std::isfinite(depth_to),
+          "depth_to: must be beyond depth_from");
+  require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
+  require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
+  require(retinal_depth_error >= 0 && retinal_depth_error <= depth_from,
+          "retinal_depth_error: must not be negative, nor more than depth_from");
+}
+
+EyeError pose_error(const Prescription& believed, const PoseErrorOptions& options) {
+  options.check();
+  if (!believed.system.stop) throw std::invalid_argument("stop: the system has none");
+  const PoseSettings model = looking_through(believed.system, options);
+  model.check();
+  return [model, options](const Prescription& truth) -> std::optional<double> {
+    try {
+      const PoseSettings true_model = looking_through(truth.system, options);
+      return options.calibrated ? calibrated_error(true_model, model, truth.system, options)
+                                : error_over_field(true_model, model, truth.system, options);
+    } catch (const std::invalid_argument&) {
+      return std::nullopt;  // too few rays come through this eye, or no scale explains its retina
+    }
+  };
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/calibration/camera_calibration.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <stdexcept>
+#include <utility>
+
+namespace vitreo::optics {
+namespace {
+
+using Complex = std::complex<double>;
+
+/// The plane as ImageScale turns it: +x to +u, and y up to v down, of an inverted image.
+Complex upright(const Eigen::Vector2d& m) { return {-m.x(), m.y()}; }
+Complex pixel(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
+
+struct Similarity {
+  Complex factor, center;
+  double squares = 0, largest = 0,
+         spread = 0;  // spread: sum of squared distances of the plane's points from their mean
+};
+
+/// pixel = center + factor * w, with w mirrored first when asked.
+Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
+  const auto plane = [&](const PointPair& pair) {
+    return mirrored ? std::conj(upright(pair.m)) : upright(pair.m);
+  };
+  const auto count = static_cast<double>(pairs.size());
+  Complex mean_w, mean_p, cross;
+  for (const PointPair& pair : pairs) {
+    mean_w += plane(pair) / count;
+    mean_p += pixel(pair.pixel_px) / count;
+  }
+  Similarity fit;
+  for (const PointPair& pair : pairs) {
+    const Complex w = plane(pair) - mean_w;
+    cross += std::conj(w) * (pixel(pair.pixel_px) - mean_p);
+    fit.spread += std::norm(w);
+  }
+  fit.factor = cross / fit.spread;
+  fit.center = mean_p - fit.factor * mean_w;
+  for (const PointPair& pair : pairs) {
+    const double residual = std::abs(pixel(pair.pixel_px) - fit.center - fit.factor * plane(pair));
+    fit.squares += residual * residual;
+    fit.largest = std::max(fit.largest, residual);
+  }
+  return fit;
+}
+
+void check_pairs(std::span<const PointPair> pairs) {
+  if (pairs.size() < 2) throw std::invalid_argument("pairs: scale and rotation need two");
+  double across_m = 0, across_px = 0;
+  for (const PointPair& pair : pairs) {
+    if (!pair.m.allFinite() || !pair.pixel_px.allFinite())
+      throw std::invalid_argument("pairs: must be finite");
+    across_m = std::max(across_m, (pair.m - pairs.front().m).norm());
+    across_px = std::max(across_px, (pair.pixel_px - pairs.front().pixel_px).norm());
+  }
+  if (across_m < 1e-9 || across_px < 1e-6)
+    throw std::invalid_argument("pairs: all lie in one place");
+}
+
+std::optional<double> depth_at(const PoseSettings& settings, const EllipseVector& observed,
+                               const Eigen::Vector3d& axis) {
+  const auto start = first_guess(settings, observed, axis);
+  if (!start) return std::nullopt;
+  const auto found = locate(settings, observed, EllipseCovariance::Identity(), axis, *start);
+  if (!found) return std::nullopt;
+  return found->position_in_eye.z();
+}
+
+PoseSettings scaled(PoseSettings settings, double scale) {
+  settings.image.pixel *= scale;
+  return settings;
+}
+
+/// The scale between `low` and `high` at which the error is zero; the localizer may answer nothing
+/// at one of them, as below the retina, or above a robot that lies on it: then the zero is sought
+/// between that side and what it sees.
+template <class Error>
+std::optional<double> zero_between(const Error& error, double low, double high) {
+  constexpr int kBisections = 60;
+  constexpr double kReached = 1e-7;  // m; what ends at the edge of the seen has not got there
+  const auto at_low = error(low), at_high = error(high);
+  if (!at_low && !at_high) return std::nullopt;
+  if (at_low && at_high && (*at_low > 0) == (*at_high > 0)) return std::nullopt;
+  const bool low_is_above = at_low ? *at_low > 0 : !(*at_high > 0);
+  for (int i = 0; i < kBisections; ++i) {
+    const double middle = (low + high) / 2;
+    const auto value = error(middle);
+    const bool towards_low = value ? (*value > 0) == low_is_above : !at_low;
+    (towards_low ? low : high) = middle;
+  }
+  const double found = (low + high) / 2;
+  const auto left = error(found);
+  return left && std::abs(*left) < kReached ? std::optional(found) : std::nullopt;
+}
+
+/// The scale nearest 1 that puts the observed ellipse at the known depth, which grows with the
+/// scale.
+double scale_for(const PoseSettings& settings, const EllipseVector& observed,
+                 const Eigen::Vector3d& axis, double known_z) {
+  constexpr double kSmallest = 0.7, kLargest = 1.4, kStep = 1.02;
+  const auto error = [&](double scale) -> std::optional<double> {
+    const auto z = depth_at(scaled(settings, scale), observed, axis);
+    return z ? std::optional(*z - known_z) : std::nullopt;
+  };
+  for (double scale = 1; scale < kLargest; scale *= kStep) {
+    for (double low : {scale / kStep, 1 / scale}) {
+      if (low < kSmallest) continue;
+      if (const auto found = zero_between(error, low, low * kStep)) return *found;
+    }
+  }
+  throw std::invalid_argument(
+      "observed: no image scale from 0.7 to 1.4 puts it at the known height");
+}
+
+}  // namespace
+
+Eigen::Vector2d CameraFit::pixel_from_m(const Eigen::Vector2d& m) const {
+  const Eigen::Vector2d from_center = image.pixel_from_m(m) - image.center_px;
+  return Eigen::Rotation2Dd(rotation) * from_center + image.center_px;
+}
+
+Eigen::Vector2d CameraFit::m_from_pixel(const Eigen::Vector2d& pixel_px) const {
+  const Eigen::Vector2d from_center = pixel_px - image.center_px;
+  return image.m_from_pixel(Eigen::Rotation2Dd(-rotation) * from_center + image.center_px);
+}
+
+CameraFit fit_camera(std::span<const PointPair> pairs) {
+  constexpr double kClearlyBetter = 0.01;
+  check_pairs(pairs);
+  const Similarity straight = similarity(pairs, false), mirrored = similarity(pairs, true);
+  const auto count = static_cast<double>(pairs.size());
+  const double floor = 1e-6 * count;  // px^2: two points, or all on a line, fit either way
+  if (straight.squares > floor && mirrored.squares < kClearlyBetter * straight.squares) {
+    throw std::invalid_argument("pairs: the image is mirrored; swap a sign of m or of the pixels");
+  }
+  if (!(std::abs(straight.factor) > 0))
+    throw std::invalid_argument("pairs: the pixels do not follow the points");
+  CameraFit fit;
+  fit.image.pixel = 1 / std::abs(straight.factor);
+  fit.image.center_px = {straight.center.real(), straight.center.imag()};
+  fit.rotation = std::arg(straight.factor);
+  fit.rms_residual_px = std::sqrt(straight.squares / count);
+  fit.max_residual_px = straight.largest;
+  if (pairs.size() > 2) {
+    const double variance =
+        straight.squares / (2 * count - 4);  // of one coordinate; four parameters
+    const double of_factor = std::sqrt(variance / straight.spread);
+    Complex mean;
+    for (const PointPair& pair : pairs) mean += upright(pair.m) / count;
+    fit.scale_sigma = of_factor * fit.image.pixel * fit.image.pixel;
+    fit.rotation_sigma = of_factor * fit.image.pixel;
+    fit.center_sigma_px.setConstant(
+        std::sqrt(variance * (1 / count + std::norm(mean) / straight.spread)));
+  }
+  return fit;
+}
+
+PoseSettings PoseCalibration::applied(PoseSettings settings) const {
+  return scaled(std::move(settings), image_scale);
+}
+
+PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector& observed,
+                               const Eigen::Vector3d& axis_in_eye, double known_z,
+                               PoseCorrection correction) {
+  if (!std::isfinite(known_z)) throw std::invalid_argument("known_z: must be finite");
+  PoseCalibration calibration;
+  if (correction == PoseCorrection::image_scale) {
+    calibration.image_scale = scale_for(settings, observed, axis_in_eye, known_z);
+    const auto z = depth_at(calibration.applied(settings), observed, axis_in_eye);
+    calibration.residual = z ? std::abs(*z - known_z) : std::abs(known_z);
+    return calibration;
+  }
+  const auto z = depth_at(settings, observed, axis_in_eye);
+  if (!z) throw std::invalid_argument("observed: the localizer finds no place for it");
+  calibration.offset.z() = known_z - *z;
+  return calibration;
+}
+
+}  // namespace vitreo::optics

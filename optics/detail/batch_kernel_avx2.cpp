@@ -1,9 +1,0 @@
-// The batch tracing kernel compiled for avx2; kernels.cmake gives the flags.
-// SPDX-License-Identifier: Apache-2.0
-#include "optics/detail/batch_kernel_body.h"
-
-namespace vitreo::optics::detail {
-
-void trace_block_avx2(const KernelSurface* surfaces, int count, RayBlock* rays) { trace_block(surfaces, count, *rays); }
-
-}  // namespace vitreo::optics::detail

@@ -1,0 +1,371 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/maps/wide_angle_map.h"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+constexpr double kSlack = 1e-9;  // m: a point computed to lie on the table's edge is on it
+constexpr double kStray =
+    0.05;  // of the table's sides: how far Newton's method may stray on its way
+constexpr double kMaxTail = 0.5e-6;  // m
+constexpr double kMaxRoundTrip =
+    5e-6;  // m; nearer to a fold the inverse would be off by more, so there is none
+constexpr int kMaxSteps = 30;
+constexpr double kConverged = 1e-12;  // m, of an image
+
+int stop_surface(const System& system) {
+  return system.stop ? system.stop->surface : std::min(3, system.size());
+}
+
+/// With its lens in place. For a microscope the stop lets everything through, so that the table
+/// reaches past the iris' shadow, whose edge is no smooth curve in it; the shadow is told from the
+/// chief ray.
+System resolved(const System& system, const WideAngleSettings& settings) {
+  constexpr double kWide = 1;  // m
+  settings.check();
+  system.check();
+  if (!system.stop && !settings.microscope)
+    throw std::invalid_argument("stop: the system has none to be filled");
+  System made =
+      settings.lens_distance ? with_lens_distance(system, *settings.lens_distance) : system;
+  if (settings.microscope) made.stop = Stop{stop_surface(system), kWide};
+  made.check();
+  return made;
+}
+
+Pupil first_pupil(const System& system, const WideAngleSettings& settings) {
+  return settings.microscope ? Pupil::of_microscope(system, *settings.microscope)
+                             : Pupil::of_stop(system);
+}
+
+/// A decentered telecentric microscope takes the same rays as a centered one.
+bool is_symmetric(const std::optional<Microscope>& microscope) {
+  return !microscope ||
+         (microscope->tilt.isZero(0) &&
+          (microscope->decenter.isZero(0) || !std::isfinite(microscope->pupil_distance)));
+}
+
+/// Where along z the microscope's plane of focus must meet its axis so that it holds the aerial
+/// point. m
+double focus_through(const System& system, const Microscope& microscope,
+                     const AerialPoint& aerial) {
+  const Eigen::Vector3d axis = chief_ray_in_air(system, microscope, {0, 0}).direction;
+  return aerial.focus + (aerial.m - microscope.decenter).dot(axis.head<2>()) / axis.z();
+}
+
+}  // namespace
+
+void WideAngleSettings::check() const {
+  const auto positive = [](double x) { return std::isfinite(x) && x > 0; };
+  if (microscope) microscope->check();
+  if (!(positive(max_angle) && max_angle < std::numbers::pi / 2)) {
+    throw std::invalid_argument("max_angle: must lie between 0 and 90 degrees");
+  }
+  if (!positive(max_depth)) throw std::invalid_argument("max_depth: must be positive");
+  if (rings < 1) throw std::invalid_argument("rings: must be at least 1");
+  if (arms < 2) throw std::invalid_argument("arms: must be at least 2");
+  const auto fits = [](int nodes) { return nodes >= 4 && nodes <= detail::Chebyshev2::kMaxNodes; };
+  if (!fits(angle_nodes)) throw std::invalid_argument("angle_nodes: must lie between 4 and 32");
+  if (!fits(depth_nodes)) throw std::invalid_argument("depth_nodes: must lie between 4 and 32");
+}
+
+System with_lens_distance(const System& system, double distance) {
+  if (system.size() < 4) throw std::invalid_argument("surfaces: the system has no condensing lens");
+  if (!(std::isfinite(distance) && distance >= 0)) {
+    throw std::invalid_argument("lens_distance: must be finite and not negative");
+  }
+  System moved = system;
+  moved.surfaces[moved.surfaces.size() - 3].thickness = distance;
+  return moved;
+}
+
+WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settings)
+    : settings_(settings),
+      symmetric_(is_symmetric(settings.microscope)),
+      tracer_(resolved(system, settings), first_pupil(resolved(system, settings), settings)),
+      samples_(disc_samples(settings.rings, settings.arms)),
+      coarse_(disc_samples(2, 12)),
+      angle_nodes_(settings.angle_nodes),
+      depth_nodes_(settings.depth_nodes),
+      stop_z_(tracer_.system().vertex(stop_surface(system))),
+      stop_radius_(system.stop ? system.stop->radius : std::numeric_limits<double>::infinity()) {
+  const int parts = symmetric_ ? 160 : 10;           // of the angle, one at a time
+  constexpr int kManyAngles = 26, kManyDepths = 18;  // where the nodes asked for are not enough
+  const auto largest = [&](int most, auto&& fits) {  // part that fits, found by halving
+    int good = parts / 10 - 1, bad = most + 1;
+    while (bad - good > 1) {
+      const int middle = bad > most ? most : (good + bad) / 2;
+      (fits(settings.max_angle * middle / parts) ? good : bad) = middle;
+    }
+    if (good < parts / 10)
+      throw std::invalid_argument("max_angle: bundles are vignetted nearly everywhere");
+    return good;
+  };
+  const int whole = largest(parts, [&](double angle) { return bundles_pass(angle); });
+  if (build(settings.max_angle * whole / parts)) return;
+  angle_nodes_ = std::max(angle_nodes_, kManyAngles),
+  depth_nodes_ = std::max(depth_nodes_, kManyDepths);
+  const int good = largest(whole, [&](double angle) { return build(angle); });
+  if (max_angle_ != settings.max_angle * good / parts) build(settings.max_angle * good / parts);
+}
+
+/// Whether whole bundles get through along the rim of the field.
+bool WideAngleMap::bundles_pass(double angle) {
+  constexpr int kDepths = 3;
+  Spot spot;
+  const int arms = symmetric_ ? 1 : detail::SkewTable::kArms;
+  for (int i = 0; i < arms * kDepths; ++i) {
+    const double azimuth = 2 * std::numbers::pi * (i / kDepths) / arms;
+    const auto at = point_at_field(tracer_.system(), angle,
+                                   settings_.max_depth * (i % kDepths) / (kDepths - 1));
+    if (!at) return false;
+    const Eigen::Vector3d point(at->x() * std::cos(azimuth), at->x() * std::sin(azimuth), at->z());
+    if (!focus_bundle(point, tracer_, spot)) return false;
+  }
+  return true;
+}
+
+/// A microscope's pupil moves with its focus, so that is found first: by secants, from fixed-point
+/// steps.
+std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& point,
+                                                      PupilTracer& tracer, Spot& spot) const {
+  constexpr int kMaxFocusSteps = 20;
+  constexpr double kSettled =
+      1e-10;  // m, of the microscope's place; a tenth or less of it moves the image
+  constexpr double kNearly = 1e-6;  // m
+  const bool moves = settings_.microscope && std::isfinite(settings_.microscope->pupil_distance);
+  Microscope microscope = settings_.microscope.value_or(Microscope{});
+  double last_place = 0, last_off = 0;
+  bool coarse = moves;  // until the place is nearly found
+  for (int step = 0; step < kMaxFocusSteps; ++step) {
+    if (moves) tracer.set_pupil(Pupil::of_microscope(tracer.system(), microscope));
+    if (!tracer.trace(point, coarse ? coarse_ : samples_, spot) || spot.lost > 0)
+      return std::nullopt;
+    const double focus = spot.moments().best_focus();
+    if (!std::isfinite(focus)) return std::nullopt;
+    const AerialPoint aerial{spot.chief_at(focus), focus};
+    const double place = microscope.focus,
+                 off = focus_through(tracer.system(), microscope, aerial) - place;
+    if (!coarse && (!moves || std::abs(off) < kSettled)) return aerial;
+    const double slope = step == 0 ? -1 : (off - last_off) / (place - last_place);
+    microscope.focus = place - off / (std::isfinite(slope) && slope < -0.1 ? slope : -1);
+    last_place = place, last_off = off;
+    coarse = coarse && std::abs(off) > kNearly;
+  }
+  return std::nullopt;
+}
+
+bool WideAngleMap::build(double max_angle) {
+  max_angle_ = max_angle;
+  return measure_distances() && (symmetric_ ? build_flat() : build_skew());
+}
+
+/// Of the retina from the stop's center, which has an axis whoever looks.
+bool WideAngleMap::measure_distances() {
+  const int rows = angle_nodes_;
+  Eigen::MatrixXd distance(rows, 1);
+  for (int i = 0; i < rows; ++i) {
+    const double angle = max_angle_ * std::sqrt((detail::Chebyshev2::node(i, rows) + 1) / 2);
+    const auto on_retina = point_at_field(tracer_.system(), angle);
+    if (!on_retina) return false;
+    distance(i, 0) = (stop_z_ - on_retina->z()) / std::cos(angle);
+  }
+  distance_ = detail::Chebyshev2(distance);
+  return true;
+}
+
+double WideAngleMap::distance(double angle) const {
+  const double part = angle / max_angle_;
+  return distance_(2 * part * part - 1, 0).value;
+}
+
+bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
+                              Eigen::MatrixXd& stop) {
+  Spot spot;
+  for (Eigen::Index i = 0; i < focus.rows(); ++i) {
+    const double u = detail::Chebyshev2::node(static_cast<int>(i), angle_nodes_);
+    const double angle = max_angle_ * std::sqrt((u + 1) / 2);
+    for (Eigen::Index j = 0; j < focus.cols(); ++j) {
+      const double v = detail::Chebyshev2::node(static_cast<int>(j), depth_nodes_);
+      const double left = distance_(u, 0).value - settings_.max_depth * (v + 1) / 2,
+                   r = left * std::sin(angle);
+      const auto aerial = focus_bundle({r, 0, stop_z_ - left * std::cos(angle)}, tracer_, spot);
+      if (!aerial) return false;
+      focus(i, j) = aerial->focus;
+      scale(i, j) = aerial->m.x() / r;
+      stop(i, j) = spot.chief_stop.x() / r;
+    }
+  }
+  return true;
+}
+
+bool WideAngleMap::build_flat() {
+  const int rows = angle_nodes_, columns = depth_nodes_;
+  Eigen::MatrixXd focus(rows, columns), scale(rows, columns), stop(rows, columns);
+  if (!trace_flat(focus, scale, stop)) return false;
+  focus_ = detail::Chebyshev2(focus);
+  scale_ = detail::Chebyshev2(scale);
+  stop_ = detail::Chebyshev2(stop);
+  tail_ = std::max(focus_.tail(), scale_.tail() * stop_z_ * std::tan(max_angle_));
+  if (!(tail_ < kMaxTail)) return false;
+  inverted_ = evaluate({max_angle_ / 100, 0}).height < 0 ? -1 : 1;
+  const auto sampled = [&](const FlatSearch::Point& unit) {
+    return sample({unit.x() * max_angle_, unit.y() * max_depth()});
+  };
+  flat_search_ = FlatSearch({32, 20}, sampled);
+  const auto newton = [&](const FlatSearch::Point& image) {
+    return [&, image](const FlatSearch::Point& start) { return solve(image, start); };
+  };
+  flat_search_.test_one_to_one(newton, sampled);
+  return true;
+}
+
+void WideAngleMap::require_symmetry() const {
+  if (!symmetric_)
+    throw std::invalid_argument(
+        "microscope: tilted or decentered, its map has no meridional plane");
+}
+
+WideAngleMap::Plane WideAngleMap::plane_point(const Place& place) const {
+  require_symmetry();
+  const double left = distance(std::clamp(place.angle, 0.0, max_angle_)) - place.depth;
+  return {left * std::sin(place.angle), stop_z_ - left * std::cos(place.angle)};
+}
+
+std::optional<WideAngleMap::Place> WideAngleMap::place_of(const Plane& point) const {
+  require_symmetry();
+  if (!(point.z < stop_z_)) return std::nullopt;
+  const double angle = std::atan2(point.r, stop_z_ - point.z),
+               left = std::hypot(point.r, stop_z_ - point.z);
+  if (!(angle <= max_angle_ + kSlack / left)) return std::nullopt;
+  const double inside = std::clamp(angle, 0.0, max_angle_), depth = distance(inside) - left;
+  if (!(depth >= -kSlack && depth <= max_depth() + kSlack)) return std::nullopt;
+  return Place{inside, std::clamp(depth, 0.0, max_depth())};
+}
+
+WideAngleMap::Meridional WideAngleMap::evaluate(const Place& place) const {
+  const double part = place.angle / max_angle_;
+  const double u = 2 * part * part - 1, v = 2 * place.depth / settings_.max_depth - 1;
+  const double du = 4 * part / max_angle_, dv = 2 / settings_.max_depth;
+  const auto focus = focus_(u, v), scale = scale_(u, v);
+  const auto distance = distance_(u, 0);
+  const double sine = std::sin(place.angle), left = distance.value - place.depth;
+  const double r = left * sine,
+               r_per_angle = left * std::cos(place.angle) + distance.du * du * sine;
+  Meridional made;
+  made.focus = focus.value;
+  made.height = scale.value * r;
+  made.per_place << focus.du * du, focus.dv * dv, scale.du * du * r + scale.value * r_per_angle,
+      scale.dv * dv * r - scale.value * sine;
+  return made;
+}
+
+bool WideAngleMap::in_shadow(const Place& place) const {
+  if (!std::isfinite(stop_radius_) || !settings_.microscope) return false;
+  const double part = place.angle / max_angle_;
+  const double scale = stop_(2 * part * part - 1, 2 * place.depth / max_depth() - 1).value;
+  return std::abs(scale * (distance(place.angle) - place.depth) * std::sin(place.angle)) >
+         stop_radius_;
+}
+
+WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const Place& place) const {
+  const Meridional there = evaluate(place);
+  return {{there.focus, there.height}, there.per_place.determinant(), in_shadow(place)};
+}
+
+std::optional<WideAngleMap::FlatSearch::Solution> WideAngleMap::solve(
+    const FlatSearch::Point& image, const FlatSearch::Point& start) const {
+  Place place{start.x() * max_angle_, start.y() * max_depth()};
+  for (int step = 0; step < kMaxSteps; ++step) {
+    const Meridional now = evaluate(place);
+    const Eigen::Vector2d off(image.x() - now.focus, image.y() - now.height);
+    if (off.norm() < kConverged) {
+      const double aside = edge() / distance(0), along = edge();
+      const bool inside = place.angle >= -aside && place.angle <= max_angle_ + aside &&
+                          place.depth >= -along && place.depth <= max_depth() + along;
+      if (!inside) return std::nullopt;
+      place = {std::clamp(place.angle, 0.0, max_angle_), std::clamp(place.depth, 0.0, max_depth())};
+      const FlatSearch::Point unit(place.angle / max_angle_, place.depth / max_depth());
+      return FlatSearch::Solution{unit, unit, sample(place)};
+    }
+    const Eigen::Vector2d move = now.per_place.inverse() * off;
+    if (!move.allFinite()) return std::nullopt;
+    place.angle =
+        std::clamp(place.angle + move[0], -kStray * max_angle_, (1 + kStray) * max_angle_);
+    place.depth =
+        std::clamp(place.depth + move[1], -kStray * max_depth(), (1 + kStray) * max_depth());
+  }
+  return std::nullopt;
+}
+
+std::optional<WideAngleMap::Meridional> WideAngleMap::at(const Place& place) const {
+  require_symmetry();
+  const double aside = kSlack / distance(0);
+  if (!(place.angle >= 0 && place.angle <= max_angle_ + aside)) return std::nullopt;
+  if (!(place.depth >= -kSlack && place.depth <= max_depth() + kSlack)) return std::nullopt;
+  const Place inside{std::min(place.angle, max_angle_), std::clamp(place.depth, 0.0, max_depth())};
+  if (in_shadow(inside)) return std::nullopt;
+  const Meridional made = evaluate(inside);
+  if (!flat_search_.one_to_one() && !find(made.focus, made.height)) return std::nullopt;
+  return made;
+}
+
+std::optional<WideAngleMap::Place> WideAngleMap::find(double focus, double height) const {
+  require_symmetry();
+  const FlatSearch::Point image(focus, height);
+  const auto found =
+      flat_search_.only(image, [&](const FlatSearch::Point& start) { return solve(image, start); });
+  if (!found) return std::nullopt;
+  const Place place{found->unit.x() * max_angle_, found->unit.y() * max_depth()};
+  Eigen::Matrix2d per_meter = evaluate(place).per_place;
+  per_meter.col(0) /= distance(place.angle);
+  if (!(2 * tail_ * per_meter.inverse().norm() < kMaxRoundTrip)) return std::nullopt;
+  return place;
+}
+
+std::optional<AerialPoint> WideAngleMap::image(const Eigen::Vector3d& point) const {
+  if (!tracer_.in_vitreous(point)) return std::nullopt;
+  if (!symmetric_) return skew_image(point);
+  const double r = point.head<2>().norm();
+  const auto place = place_of({r, point.z()});
+  const auto there = place ? at(*place) : std::nullopt;
+  if (!there) return std::nullopt;
+  AerialPoint aerial;
+  aerial.focus = there->focus;
+  if (r > 0) aerial.m = point.head<2>() * (there->height / r);
+  return aerial;
+}
+
+std::optional<Eigen::Vector3d> WideAngleMap::point(const AerialPoint& aerial) const {
+  if (!(std::isfinite(aerial.focus) && aerial.m.allFinite())) return std::nullopt;
+  if (!symmetric_) {
+    const SkewSearch::Point image(aerial.m.x(), aerial.m.y(), aerial.focus);
+    const auto found = skew_search_.only(
+        image, [&](const SkewSearch::Point& start) { return solve(image, start); });
+    return found ? std::optional(skew_point(found->place)) : std::nullopt;
+  }
+  const double height = aerial.m.norm();
+  const auto place = find(aerial.focus, inverted_ * height);
+  if (!place) return std::nullopt;
+  const Plane at = plane_point(*place);
+  if (height == 0) return Eigen::Vector3d(0, 0, at.z);
+  const Eigen::Vector2d across = aerial.m * (inverted_ * at.r / height);
+  return Eigen::Vector3d(across.x(), across.y(), at.z);
+}
+
+std::optional<AerialPoint> WideAngleMap::traced_image(const Eigen::Vector3d& point) const {
+  PupilTracer tracer = tracer_;  // a focusing microscope moves its pupil
+  Spot spot;
+  const auto aerial = focus_bundle(point, tracer, spot);
+  if (settings_.microscope && aerial && spot.chief_stop.norm() > stop_radius_) return std::nullopt;
+  return aerial;
+}
+
+}  // namespace vitreo::optics

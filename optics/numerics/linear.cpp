@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/numerics/linear.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+namespace vitreo::optics::detail {
+
+Eigen::MatrixXd least_squares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  return a.colPivHouseholderQr().solve(b);
+}
+
+Spectrum spectrum_of(const Eigen::MatrixXd& symmetric) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(symmetric);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+Eigen::Matrix2d square_root(const Eigen::Matrix2d& definite) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(definite).operatorSqrt();
+}
+
+}  // namespace vitreo::optics::detail

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/pose/convex_silhouette.h"
+
+#include "optics/numerics/linear.h"
+
+#include <Eigen/Dense>
+
+#include <cmath>
+#include <numbers>
+
+namespace vitreo::optics::detail {
+namespace {
+
+using Vector = Eigen::Vector3d;
+constexpr double kTurn = 2 * std::numbers::pi;
+
+/// Two unit vectors across `w`.
+struct Across {
+  Vector e1, e2;
+  explicit Across(const Vector& w) {
+    Eigen::Index least = 0;
+    w.cwiseAbs().minCoeff(&least);
+    e1 = w.cross(Vector(Vector::Unit(least))).normalized();
+    e2 = w.cross(e1);
+  }
+  Vector at(double angle) const { return std::cos(angle) * e1 + std::sin(angle) * e2; }
+};
+
+/// The plane that holds the viewpoint (far * w) and touches the body has normal n = c cos t + w sin
+/// t with h(n) = n . viewpoint, h the support function. Safeguarded Newton; the equation is nearly
+/// far sin t = h.
+Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, double far) {
+  constexpr int kSteps = 60;
+  constexpr double kExact = 1e-9;  // rad; the outline moves by its square
+  double low = 0, high = std::numbers::pi / 2,
+         t = std::asin(std::fmin(1.0, body.support(c).dot(c) / far));
+  Vector point(0, 0, 0);
+  for (int i = 0; i < kSteps; ++i) {
+    const double cosine = std::cos(t), sine = std::sin(t);
+    const Vector n = cosine * c + sine * w;
+    point = body.support(n);
+    const double excess = point.dot(n) - far * sine;
+    (excess > 0 ? low : high) = t;
+    const double change = point.dot(cosine * w - sine * c) - far * cosine;
+    double next = t - excess / change;
+    if (!(next > low && next < high)) next = (low + high) / 2;
+    if (std::abs(next - t) < kExact) break;
+    t = next;
+  }
+  return point;
+}
+
+std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, double far,
+                                      int count) {
+  std::vector<Vector> points;
+  const double sine = 1 / far, cosine = std::sqrt(1 - sine * sine);
+  for (int i = 0; i < count; ++i)
+    points.push_back(cosine * across.at(kTurn * i / count) + sine * w);
+  return points;
+}
+
+/// Where the half-plane at `angle` round the line of sight cuts a closed polygon; `from` is the
+/// edge to start at.
+Vector cut(const std::vector<Vector>& polygon, const Across& across, double angle,
+           std::size_t& from) {
+  const Vector along = across.at(angle), side = across.at(angle + kTurn / 4);
+  for (std::size_t tried = 0; tried <= polygon.size(); ++tried) {
+    const Vector &a = polygon[from], &b = polygon[(from + 1) % polygon.size()];
+    const double before = side.dot(a), after = side.dot(b);
+    if (before <= 0 && after > 0 && along.dot(a + b) > 0)
+      return a + (b - a) * (before / (before - after));
+    from = (from + 1) % polygon.size();
+  }
+  return polygon[from];  // cannot be: the polygon goes round the line of sight
+}
+
+std::vector<Vector> general_outline(const ObjectModel& body, const Across& across, const Vector& w,
+                                    double far, int count) {
+  constexpr int kNormals = 240;
+  std::vector<Vector> polygon, points;
+  for (int i = 0; i < kNormals; ++i)
+    polygon.push_back(touching(body, across.at(kTurn * i / kNormals), w, far));
+  std::size_t edge = 0;
+  for (int i = 0; i < count; ++i) points.push_back(cut(polygon, across, kTurn * i / count, edge));
+  return points;
+}
+
+/// Center and shape of the ellipse with the polygon's area moments.
+bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
+             Eigen::Matrix2d& shape) {
+  const Eigen::Vector2d origin = rim.front();
+  double area = 0;
+  Eigen::Vector2d first(0, 0);
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  for (std::size_t i = 0; i < rim.size(); ++i) {
+    const Eigen::Vector2d a = rim[i] - origin, b = rim[(i + 1) % rim.size()] - origin;
+    const double part = (a.x() * b.y() - a.y() * b.x()) / 2;
+    area += part;
+    first += part / 3 * (a + b);
+    second += part / 12 * ((a + b) * (a + b).transpose() + a * a.transpose() + b * b.transpose());
+  }
+  if (!(std::abs(area) > 0)) return false;
+  center = first / area;
+  const Eigen::Matrix2d spread = second / area - center * center.transpose();
+  const double half_trace = spread.trace() / 2;
+  const double largest = half_trace + std::hypot((spread(0, 0) - spread(1, 1)) / 2, spread(0, 1));
+  if (!(spread.determinant() > 1e-12 * largest * largest))
+    return false;  // least over largest eigenvalue
+  shape = 2 * square_root(spread);
+  center += origin;
+  return true;
+}
+
+struct OnCircle {
+  double angle, length;
+};
+
+/// One Gauss-Newton step, and its size; each point counts for the arc it stands for.
+double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
+               Eigen::Matrix2d& shape) {
+  const Eigen::Matrix2d inverse = shape.inverse();
+  std::vector<OnCircle> there;
+  there.reserve(rim.size());
+  for (const Eigen::Vector2d& point : rim) {
+    const Eigen::Vector2d q = inverse * (point - center);
+    there.push_back({std::atan2(q.y(), q.x()), q.norm()});
+  }
+  const std::size_t count = rim.size();
+  Eigen::Matrix<double, 5, 5> matrix = Eigen::Matrix<double, 5, 5>::Zero();
+  Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
+  for (std::size_t i = 0; i < count; ++i) {
+    const double after = there[(i + 1) % count].angle,
+                 before = there[(i + count - 1) % count].angle;
+    const double weight = std::abs(std::remainder(after - before, kTurn));
+    const double angle = there[i].angle;
+    Eigen::Matrix<double, 5, 1> by;
+    by << std::cos(angle), std::sin(angle), 1, std::cos(2 * angle), std::sin(2 * angle);
+    matrix += weight * by * by.transpose();
+    right += weight * (there[i].length - 1) * by;
+  }
+  const Eigen::Matrix<double, 5, 1> step = matrix.ldlt().solve(right);
+  center += shape * step.head<2>();
+  Eigen::Matrix2d growth;
+  growth << 1 + step[2] + step[3], step[4], step[4], 1 + step[2] - step[3];
+  const Eigen::Matrix2d grown = shape * growth;
+  shape = square_root(grown * grown.transpose());
+  return step.norm();
+}
+
+}  // namespace
+
+std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector& viewpoint,
+                                           int count) {
+  const Vector seen_from = viewpoint.cwiseQuotient(body.semi_axes);
+  const double far = seen_from.norm();
+  const Vector w = seen_from / far;
+  constexpr double kNearest =
+      1.05;  // of the distance at which the body's plane of support holds the viewpoint
+  if (!(far > kNearest * body.support(w).dot(w))) return std::nullopt;
+  const Across across(w);
+  auto points = body.ellipsoid() ? ellipsoid_outline(across, w, far, count)
+                                 : general_outline(body, across, w, far, count);
+  for (Vector& point : points) point = point.cwiseProduct(body.semi_axes);
+  return points;
+}
+
+SmoothEllipse smooth_ellipse(const Eigen::Matrix<double, 5, 1>& e) {
+  SmoothEllipse smooth;
+  const double half = (e[2] - e[3]) / 2;
+  smooth << e[0], e[1], (e[2] + e[3]) / 2, half * std::cos(2 * e[4]), half * std::sin(2 * e[4]);
+  return smooth;
+}
+
+Eigen::Matrix<double, 5, 1> center_axes_angle(const SmoothEllipse& e) {
+  const double half = std::hypot(e[3], e[4]);
+  Eigen::Matrix<double, 5, 1> made;
+  double angle = half > 0 ? std::atan2(e[4], e[3]) / 2 : 0;
+  if (angle <= -std::numbers::pi / 2) angle = std::numbers::pi / 2;
+  made << e[0], e[1], e[2] + half, e[2] - half, angle;
+  return made;
+}
+
+std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim) {
+  constexpr int kSteps = 8;        // from the moments' ellipse; nearly an ellipse, a rim needs two
+  constexpr double kSmall = 1e-6;  // the next step is its square
+  Eigen::Vector2d center;
+  Eigen::Matrix2d shape;
+  if (!moments(rim, center, shape)) return std::nullopt;
+  for (int i = 0; i < kSteps; ++i) {
+    if (correct(rim, center, shape) < kSmall) break;
+  }
+  const double uu = shape.row(0).squaredNorm(), vv = shape.row(1).squaredNorm(),
+               uv = shape.row(0).dot(shape.row(1));
+  const double sum = std::sqrt(uu + vv + 2 * std::abs(shape.determinant()));  // a + b
+  SmoothEllipse ellipse;
+  // (a^2 - b^2) / 2 cos 2t = (uu - vv) / 2, and a - b = (a^2 - b^2) / (a + b)
+  ellipse << center, sum / 2, (uu - vv) / (2 * sum), uv / sum;
+  if (!ellipse.allFinite()) return std::nullopt;
+  return ellipse;
+}
+
+}  // namespace vitreo::optics::detail

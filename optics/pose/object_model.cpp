@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/pose/object_model.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::optics {
+namespace {
+
+/// base^exponent for the two exponents that ellipsoids, cylinders and boxes have, without std::pow.
+double power(double base, double exponent) {
+  if (exponent == 1) return base;
+  if (exponent == 0) return 1;
+  return std::pow(base, exponent);
+}
+
+double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
+
+/// (x^q + y^q)^(1/q), of what is not negative.
+double norm(double x, double y, double q) {
+  if (q == 2) return std::sqrt(x * x + y * y);
+  if (q == 1) return x + y;
+  const double larger = std::fmax(x, y);
+  return larger > 0 ? larger * std::pow(1 + std::pow(std::fmin(x, y) / larger, q), 1 / q) : 0;
+}
+
+}  // namespace
+
+/// The gradient of the support function, which is the dual norm: the exponent 2/e becomes q = 2/(2
+/// - e).
+Eigen::Vector3d ObjectModel::support(const Eigen::Vector3d& n) const {
+  const double across = 2 / (2 - exponent_across), along = 2 / (2 - exponent_along);
+  const Eigen::Vector3d size = n.cwiseAbs();
+  const double section = norm(size.x(), size.y(), across), whole = norm(section, size.z(), along);
+  Eigen::Vector3d point(0, 0, 0);
+  if (!(whole > 0)) return point;
+  point.z() = power(size.z() / whole, along - 1) * sign(n.z());
+  if (!(section > 0)) return point;
+  const double out = power(section / whole, along - 1);
+  point.x() = out * power(size.x() / section, across - 1) * sign(n.x());
+  point.y() = out * power(size.y() / section, across - 1) * sign(n.y());
+  return point;
+}
+
+void ObjectModel::check() const {
+  if (!(semi_axes.allFinite() && semi_axes.minCoeff() > 0)) {
+    throw std::invalid_argument("semi_axes: must be positive");
+  }
+  constexpr double kSharpest =
+      1.9;  // towards 2 the body becomes an octahedron, whose points have no normal
+  const auto exponent = [](const char* name, double value) {
+    if (!(value >= 0 && value <= kSharpest)) {
+      throw std::invalid_argument(std::string(name) + ": must lie between 0 and 1.9");
+    }
+  };
+  exponent("exponent_along", exponent_along);
+  exponent("exponent_across", exponent_across);
+}
+
+ObjectModel ellipsoid(const Eigen::Vector3d& semi_axes) { return {semi_axes, 1, 1}; }
+
+ObjectModel cylinder(double half_length, double radius) {
+  return {{radius, radius, half_length}, 0, 1};
+}
+
+ObjectModel superquadric(const Eigen::Vector3d& semi_axes, double exponent_along,
+                         double exponent_across) {
+  return {semi_axes, exponent_along, exponent_across};
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,32 @@
+// Convex bodies of known size, as the localizer knows them: superquadrics, with ellipsoid, cylinder
+// and box among them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+namespace vitreo::optics {
+
+/// The superellipsoid of Barr (1981) in its own frame, origin at its center:
+///   (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) + |z/c|^(2/e1) = 1.
+/// e1 = e2 = 1 is an ellipsoid; e1 = 0, e2 = 1 a cylinder along z with flat ends; both 0 a box.
+struct ObjectModel {
+  Eigen::Vector3d semi_axes{0.5e-3, 0.5e-3, 1e-3};  // a, b, c; m
+  double exponent_along = 1;   // e1, 0 to 1.9: how square the profile along z is
+  double exponent_across = 1;  // e2, 0 to 1.9: the section across z
+
+  bool ellipsoid() const { return exponent_along == 1 && exponent_across == 1; }
+  bool round_about_z() const { return exponent_across == 1 && semi_axes.x() == semi_axes.y(); }
+  /// In the space where the semi-axes are 1: the point of the surface with outward normal `n` (any
+  /// length). Where an edge or a face has that normal, its middle.
+  Eigen::Vector3d support(const Eigen::Vector3d& n) const;
+  void check() const;  // throws std::invalid_argument naming the parameter
+};
+
+ObjectModel ellipsoid(const Eigen::Vector3d& semi_axes);
+/// Along z. Flat ends; `half_length` and `radius` in m.
+ObjectModel cylinder(double half_length, double radius);
+ObjectModel superquadric(const Eigen::Vector3d& semi_axes, double exponent_along,
+                         double exponent_across);
+
+}  // namespace vitreo::optics

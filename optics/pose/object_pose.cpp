@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/pose/object_pose.h"
+
+#include "optics/numerics/linear.h"
+#include "optics/pose/convex_silhouette.h"
+#include "optics/pose/ellipse_weight.h"
+#include "optics/pose/pose_search.h"
+
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::optics {
+namespace {
+
+using detail::BodyState;
+using detail::ProjectionModel;
+using detail::SmoothEllipse;
+
+/// The body is larger by `scale`; so the viewpoint is nearer, measured with it.
+std::optional<SmoothEllipse> shown_ellipse(const ObjectPoseSettings& settings,
+                                           const ProjectionModel& look, const BodyState& state) {
+  const auto viewpoint = look.viewpoint(state.position);
+  if (!viewpoint) return std::nullopt;
+  const Eigen::Vector3d from =
+      state.orientation.transpose() * (*viewpoint - state.position) / state.scale;
+  const auto points = detail::outline(settings.object, from, settings.contour_points);
+  if (!points) return std::nullopt;
+  std::vector<Eigen::Vector2d> rim;
+  rim.reserve(points->size());
+  for (const Eigen::Vector3d& point : *points) {
+    const auto pixel = look.pixel(state.position + state.orientation * (state.scale * point));
+    if (!pixel) return std::nullopt;
+    rim.push_back(*pixel);
+  }
+  return detail::rim_ellipse(rim);
+}
+
+void check_start(const ObjectPoseSettings& settings, const PoseStart& start) {
+  if (start.position_in_eye && !start.position_in_eye->allFinite()) {
+    throw std::invalid_argument("position: must be finite");
+  }
+  const bool known = std::isfinite(settings.orientation_sigma);
+  if (!start.orientation) {
+    if (settings.rotate && !known) return;
+    throw std::invalid_argument("orientation: is needed unless the body may rotate freely");
+  }
+  const Eigen::Matrix3d& turn = *start.orientation;
+  const bool rotation =
+      turn.allFinite() && (turn.transpose() * turn).isIdentity(1e-9) && turn.determinant() > 0;
+  if (!rotation) throw std::invalid_argument("orientation: must be a rotation");
+}
+
+void check_ellipse(const EllipseVector& observed) {
+  if (!observed.allFinite()) throw std::invalid_argument("observed: must be finite");
+  if (!(observed[3] > 0 && observed[2] >= observed[3])) {
+    throw std::invalid_argument("observed: needs semi-major >= semi-minor > 0");
+  }
+}
+
+Eigen::MatrixXd point_weights(std::span<const SeenPoint> points) {
+  const auto count = static_cast<Eigen::Index>(points.size());
+  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(2 * count, 2 * count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const SeenPoint& point = points[static_cast<std::size_t>(i)];
+    if (!(point.in_body.allFinite() && point.pixel_px.allFinite() &&
+          point.covariance.allFinite())) {
+      throw std::invalid_argument("points: must be finite");
+    }
+    const Eigen::LLT<Eigen::Matrix2d> factor(point.covariance);
+    const bool symmetric = std::abs(point.covariance(0, 1) - point.covariance(1, 0)) <=
+                           1e-9 * point.covariance.trace();
+    if (factor.info() != Eigen::Success || !symmetric) {
+      throw std::invalid_argument("points: a covariance must be symmetric and positive definite");
+    }
+    root.block<2, 2>(2 * i, 2 * i) = factor.matrixL().solve(Eigen::Matrix2d::Identity());
+  }
+  return root;
+}
+
+/// Normal of the plane that the points lie in best.
+Eigen::Vector3d flattest(std::span<const SeenPoint> points) {
+  Eigen::Vector3d mean(0, 0, 0);
+  for (const SeenPoint& point : points) mean += point.in_body / static_cast<double>(points.size());
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const SeenPoint& point : points)
+    spread += (point.in_body - mean) * (point.in_body - mean).transpose();
+  return detail::spectrum_of(spread).vectors.col(0);
+}
+
+std::optional<Eigen::VectorXd> shown_points(std::span<const SeenPoint> points,
+                                            const ProjectionModel& look, const BodyState& state) {
+  Eigen::VectorXd shown(2 * static_cast<Eigen::Index>(points.size()));
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto pixel =
+        look.pixel(state.position + state.orientation * (state.scale * points[i].in_body));
+    if (!pixel) return std::nullopt;
+    shown.segment<2>(2 * static_cast<Eigen::Index>(i)) = *pixel;
+  }
+  return shown;
+}
+
+/// Root mean square distance of pixels from their middle.
+double spread(const Eigen::VectorXd& pixels) {
+  const Eigen::Index count = pixels.size() / 2;
+  const auto each = pixels.reshaped(2, count);
+  return std::sqrt((each.colwise() - each.rowwise().mean()).squaredNorm() /
+                   static_cast<double>(count));
+}
+
+}  // namespace
+
+void ObjectPoseSettings::check() const {
+  if (!exact) projection.check();
+  image.check();
+  object.check();
+  if (!(orientation_sigma > 0)) throw std::invalid_argument("orientation_sigma: must be positive");
+  if (!(scale_sigma >= 0)) throw std::invalid_argument("scale_sigma: must not be negative");
+  if (contour_points < 12 || contour_points > 256) {
+    throw std::invalid_argument("contour_points: must lie between 12 and 256");
+  }
+  if (!(max_residual_px > 0)) throw std::invalid_argument("max_residual_px: must be positive");
+  if (!(equal_chi2 >= 0)) throw std::invalid_argument("equal_chi2: must not be negative");
+}
+
+const char* to_string(PoseStatus status) {
+  switch (status) {
+    case PoseStatus::found:
+      return "found";
+    case PoseStatus::ambiguous:
+      return "ambiguous";
+    case PoseStatus::misfit:
+      return "misfit";
+    case PoseStatus::not_converged:
+      return "not_converged";
+    case PoseStatus::outside:
+      return "outside";
+  }
+  return "outside";
+}
+
+Eigen::Matrix3d orientation_along(const Eigen::Vector3d& axis_in_eye) {
+  if (!(axis_in_eye.allFinite() && axis_in_eye.norm() > 0)) {
+    throw std::invalid_argument("axis_in_eye: must be finite and not zero");
+  }
+  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis_in_eye)
+      .toRotationMatrix();
+}
+
+std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
+                                            const BodyPose& pose, double scale) {
+  settings.check();
+  check_start(settings, {pose.position_in_eye, pose.orientation});
+  if (!(std::isfinite(scale) && scale > 0)) throw std::invalid_argument("scale: must be positive");
+  const ProjectionModel look(settings.projection, settings.exact, settings.image);
+  if (!look.inside(pose.position_in_eye)) return std::nullopt;
+  const auto shown = shown_ellipse(settings, look, {pose.position_in_eye, pose.orientation, scale});
+  if (!shown) return std::nullopt;
+  return detail::center_axes_angle(*shown);
+}
+
+ObjectPose locate_object(const ObjectPoseSettings& settings, const EllipseVector& observed,
+                         const EllipseCovariance& covariance, const PoseStart& start) {
+  settings.check();
+  check_ellipse(observed);
+  check_start(settings, start);
+  const ProjectionModel look(settings.projection, settings.exact, settings.image);
+  const SmoothEllipse seen = detail::smooth_ellipse(observed);
+  const detail::EllipseWeight weight = detail::ellipse_weight(observed, covariance);
+  detail::Measurement measured;
+  measured.difference_px = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
+    const auto shown = shown_ellipse(settings, look, state);
+    if (!shown) return std::nullopt;
+    return Eigen::VectorXd(*shown - seen);
+  };
+  measured.size_px = [&](const BodyState& state) -> std::optional<double> {
+    const auto shown = shown_ellipse(settings, look, state);
+    if (!shown) return std::nullopt;
+    return (*shown)[2];
+  };
+  measured.root = weight.root.topRows(weight.terms);
+  measured.center_px = observed.head<2>();
+  measured.size = seen[2];
+  measured.symmetry =
+      settings.object.round_about_z() ? detail::Symmetry::about_z : detail::Symmetry::half_turns;
+  return detail::search_pose(settings, measured, start);
+}
+
+ObjectPose locate_points(const ObjectPoseSettings& settings, std::span<const SeenPoint> points,
+                         const PoseStart& start) {
+  settings.check();
+  check_start(settings, start);
+  if (points.empty()) throw std::invalid_argument("points: wants at least one");
+  const ProjectionModel look(settings.projection, settings.exact, settings.image);
+  Eigen::VectorXd seen(2 * static_cast<Eigen::Index>(points.size()));
+  detail::Measurement measured;
+  measured.root = point_weights(points);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    seen.segment<2>(2 * static_cast<Eigen::Index>(i)) = points[i].pixel_px;
+    measured.center_px += points[i].pixel_px / static_cast<double>(points.size());
+  }
+  measured.difference_px = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
+    const auto shown = shown_points(points, look, state);
+    if (!shown) return std::nullopt;
+    return Eigen::VectorXd(*shown - seen);
+  };
+  measured.size_px = [&](const BodyState& state) -> std::optional<double> {
+    const auto shown = shown_points(points, look, state);
+    if (!shown) return std::nullopt;
+    return spread(*shown);
+  };
+  measured.size = spread(seen);
+  measured.mirror = flattest(points);
+  return detail::search_pose(settings, measured, start);
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/pose/pose.h"
+
+#include "optics/pose/ellipse_weight.h"
+#include "optics/pose/silhouette.h"
+#include "optics/projection/projection_model.h"
+
+#include <Eigen/Dense>
+#include <ceres/jet.h>
+#include <ceres/tiny_solver.h>
+#include <ceres/tiny_solver_autodiff_function.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+constexpr double kMmPerM =
+    1e3;  // the solver works in mm, so that steps in depth and across are of a size
+using Jacobian = Eigen::Matrix<double, 5, 3>;
+
+/// The terms of (5.15), in px: model less observation. With a weight, independent terms of unit
+/// variance instead.
+class EllipseResidual {
+ public:
+  EllipseResidual(const PoseSettings& settings, const EllipseVector& observed,
+                  const Eigen::Vector3d& axis)
+      : settings_(settings), circle_(settings.contour_points), observed_(observed), axis_(axis) {}
+  void weigh(const detail::EllipseWeight* weight) { weight_ = weight; }
+
+  template <class T>
+  bool operator()(const T* position_mm, T* residuals) const {
+    const detail::Vector3<T> position =
+        detail::Vector3<T>(position_mm[0], position_mm[1], position_mm[2]) / kMmPerM;
+    detail::ImageEllipse<T> shown;
+    if (!detail::project_ellipse(settings_, circle_, position, axis_, shown)) {
+      std::fill_n(residuals, 5,
+                  T(kOutside));  // TinySolver does not ask whether an evaluation failed
+      return false;
+    }
+    if (weight_) {
+      weighted_terms(shown, residuals);
+      return true;
+    }
+    residuals[0] = shown.center.x() - observed_[0];
+    residuals[1] = shown.center.y() - observed_[1];
+    residuals[2] = shown.semi_major - observed_[2];
+    residuals[3] = shown.semi_minor - observed_[3];
+    residuals[4] = angle_term(shown);
+    return true;
+  }
+
+ private:
+  static constexpr double kOutside = 1e6;  // px; any step out there is refused
+
+  template <class T>
+  void weighted_terms(const detail::ImageEllipse<T>& shown, T* residuals) const {
+    const T sum = shown.semi_major + shown.semi_minor;
+    const double half = (observed_[2] - observed_[3]) / 2;
+    const T difference[5] = {shown.center.x() - observed_[0], shown.center.y() - observed_[1],
+                             (sum - observed_[2] - observed_[3]) / 2.0,
+                             shown.twice_angle_cos / sum - half * std::cos(2 * observed_[4]),
+                             shown.twice_angle_sin / sum - half * std::sin(2 * observed_[4])};
+    for (int i = 0; i < 5; ++i) {
+      residuals[i] = T(0);
+      for (int j = 0; j < 5; ++j) residuals[i] += difference[j] * weight_->root(i, j);
+    }
+  }
+
+  /// Half the model's difference of axes times the angle between model and observation, which is
+  /// thus modulo pi and in px, and fades out where the model is a circle and has no angle.
+  template <class T>
+  T angle_term(const detail::ImageEllipse<T>& shown) const {
+    using std::atan2;
+    constexpr double kCircle = 1e-4;  // px^2
+    const double cosine = std::cos(2 * observed_[4]), sine = std::sin(2 * observed_[4]);
+    const T along = shown.twice_angle_cos * cosine + shown.twice_angle_sin * sine;
+    const T across = shown.twice_angle_sin * cosine - shown.twice_angle_cos * sine;
+    if (along * along + across * across < kCircle * kCircle) return T(0);
+    return settings_.angle_weight * (shown.semi_major - shown.semi_minor) / 2.0 *
+           atan2(across, along) / 2.0;
+  }
+
+  const PoseSettings& settings_;
+  detail::Circle circle_;
+  EllipseVector observed_;
+  Eigen::Vector3d axis_;
+  const detail::EllipseWeight* weight_ = nullptr;
+};
+
+using AutoDiff = ceres::TinySolverAutoDiffFunction<EllipseResidual, 5, 3>;
+using Solver = ceres::TinySolver<AutoDiff>;
+
+void check_ellipse(const EllipseVector& observed) {
+  if (!observed.allFinite()) throw std::invalid_argument("observed: must be finite");
+  if (!(observed[3] > 0 && observed[2] >= observed[3])) {
+    throw std::invalid_argument("observed: needs semi-major >= semi-minor > 0");
+  }
+}
+
+void check_covariance(const EllipseCovariance& covariance) {
+  if (!covariance.allFinite()) throw std::invalid_argument("covariance: must be finite");
+  if (!(covariance.diagonal().minCoeff() >= 0))
+    throw std::invalid_argument("covariance: has a negative variance");
+  const double asymmetry = (covariance - covariance.transpose()).cwiseAbs().maxCoeff();
+  if (asymmetry > 1e-9 * covariance.cwiseAbs().maxCoeff()) {
+    throw std::invalid_argument("covariance: must be symmetric");
+  }
+}
+
+Eigen::Vector3d unit_axis(const Eigen::Vector3d& axis) {
+  const double length = axis.norm();
+  if (!(std::isfinite(length) && length > 0))
+    throw std::invalid_argument("axis_in_eye: must be finite and not zero");
+  return axis / length;
+}
+
+bool inside(const PoseSettings& settings, const Eigen::Vector3d& position) {
+  return detail::ProjectionModel(settings.projection, settings.exact, settings.image)
+      .inside(position);
+}
+
+/// The inverse of the information, m^2, of terms of unit variance.
+Eigen::Matrix3d in_m(const Eigen::Matrix3d& information) {
+  return information.inverse() / (kMmPerM * kMmPerM);
+}
+
+/// The observation's covariance through the estimator; nothing when some direction is not observed
+/// at all.
+std::optional<Eigen::Matrix3d> propagate(const PoseSettings& settings, const EllipseVector& shown,
+                                         const Jacobian& jacobian,
+                                         const EllipseCovariance& covariance) {
+  constexpr double kUnobserved = 1e-10;  // of the best observed direction's information
+  const Eigen::Matrix3d information = jacobian.transpose() * jacobian;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spectrum(information);
+  if (!(spectrum.eigenvalues()[0] > kUnobserved * spectrum.eigenvalues()[2])) return std::nullopt;
+  if (settings.weighted) return in_m(information);
+  EllipseVector residual_from_observed = EllipseVector::Ones();
+  residual_from_observed[4] = settings.angle_weight * (shown[2] - shown[3]) / 2;
+  const Eigen::Matrix<double, 3, 5> gain =
+      information.inverse() * jacobian.transpose() * residual_from_observed.asDiagonal();
+  return gain * covariance * gain.transpose() / (kMmPerM * kMmPerM);
+}
+
+EllipseVector as_vector(const detail::ImageEllipse<double>& ellipse) {
+  EllipseVector result;
+  double angle = std::atan2(ellipse.twice_angle_sin, ellipse.twice_angle_cos) / 2;
+  if (angle <= -std::numbers::pi / 2)
+    angle = std::numbers::pi / 2;  // -0.0 beside a negative cosine
+  result << ellipse.center, ellipse.semi_major, ellipse.semi_minor, angle;
+  return result;
+}
+
+Solver::Options solver_options() {
+  Solver::Options options;
+  options.max_num_iterations = 50;
+  options.gradient_tolerance = 1e-9;
+  options.parameter_tolerance = 1e-7;  // of some 10 mm: a nanometer
+  options.function_tolerance = 1e-9;   // px^2
+  options.cost_threshold = 1e-18;      // px^2
+  return options;
+}
+
+}  // namespace
+
+void PoseSettings::check() const {
+  if (!exact) projection.check();
+  image.check();
+  if (!(std::isfinite(robot.semi_axis) && robot.semi_axis > 0)) {
+    throw std::invalid_argument("semi_axis: must be positive");
+  }
+  if (!(std::isfinite(robot.semi_radius) && robot.semi_radius > 0)) {
+    throw std::invalid_argument("semi_radius: must be positive");
+  }
+  if (!(std::isfinite(angle_weight) && angle_weight >= 0)) {
+    throw std::invalid_argument("angle_weight: must not be negative");
+  }
+  if (contour_points < 8 || contour_points > detail::kMaxContourPoints) {
+    throw std::invalid_argument("contour_points: must lie between 8 and 64");
+  }
+  if (!(max_residual_px > 0)) throw std::invalid_argument("max_residual_px: must be positive");
+}
+
+std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
+                                              const Eigen::Vector3d& position_in_eye,
+                                              const Eigen::Vector3d& axis_in_eye) {
+  settings.check();
+  if (!position_in_eye.allFinite()) throw std::invalid_argument("position_in_eye: must be finite");
+  const Eigen::Vector3d axis = unit_axis(axis_in_eye);
+  if (!inside(settings, position_in_eye)) return std::nullopt;
+  detail::ImageEllipse<double> ellipse;
+  const detail::Circle circle(settings.contour_points);
+  if (!detail::project_ellipse(settings, circle, position_in_eye, axis, ellipse))
+    return std::nullopt;
+  return as_vector(ellipse);
+}
+
+std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
+                                   const EllipseCovariance& covariance,
+                                   const Eigen::Vector3d& axis_in_eye,
+                                   const Eigen::Vector3d& start_in_eye) {
+  settings.check();
+  check_ellipse(observed);
+  check_covariance(covariance);
+  if (!start_in_eye.allFinite()) throw std::invalid_argument("start_in_eye: must be finite");
+  EllipseResidual residual(settings, observed, unit_axis(axis_in_eye));
+  detail::EllipseWeight weight;
+  if (settings.weighted) {
+    weight = detail::ellipse_weight(observed, covariance);
+    residual.weigh(&weight);
+  }
+  const AutoDiff function(residual);
+  Eigen::Vector3d position_mm = start_in_eye * kMmPerM;
+  EllipseVector terms;
+  if (!residual(position_mm.data(), terms.data())) return std::nullopt;
+  Solver solver;
+  solver.options = solver_options();
+  solver.Solve(function, &position_mm);
+  if (solver.summary.status == Solver::HIT_MAX_ITERATIONS || !position_mm.allFinite())
+    return std::nullopt;
+  PoseEstimate estimate;
+  estimate.position_in_eye = position_mm / kMmPerM;
+  estimate.iterations = solver.summary.iterations;
+  if (!inside(settings, estimate.position_in_eye)) return std::nullopt;
+  Jacobian jacobian;
+  if (!function(position_mm.data(), terms.data(), jacobian.data())) return std::nullopt;
+  residual.weigh(nullptr);
+  if (!residual(position_mm.data(), terms.data())) return std::nullopt;
+  estimate.residual_px = std::sqrt(terms.squaredNorm() / 5);
+  if (!(estimate.residual_px <= settings.max_residual_px)) return std::nullopt;
+  const auto spread = propagate(settings, observed + terms, jacobian, covariance);
+  if (!spread) return std::nullopt;
+  estimate.covariance = *spread;
+  return estimate;
+}
+
+std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
+                                           const EllipseVector& observed,
+                                           const Eigen::Vector3d& axis_in_eye) {
+  constexpr double kTolerated = 1.2;
+  constexpr int kHalvings = 24;  // of some 15 mm: a nanometer
+  settings.check();
+  check_ellipse(observed);
+  const Eigen::Vector3d axis = unit_axis(axis_in_eye);
+  const detail::ProjectionModel look(settings.projection, settings.exact, settings.image);
+  const auto sight = look.line_of_sight(observed.head<2>());
+  if (!sight) return std::nullopt;
+  const auto on_line = [&](double z) -> Eigen::Vector3d {
+    return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
+  };
+  const detail::Circle circle(settings.contour_points);
+  const double wanted = std::sqrt(observed[2] * observed[3]);
+  const auto excess = [&](double z) {  // shown size over observed; growing with z; beyond the
+                                       // projection it is too large
+    detail::ImageEllipse<double> shown;
+    if (!detail::project_ellipse(settings, circle, on_line(z), axis, shown)) return 2 * kTolerated;
+    return std::sqrt(shown.semi_major * shown.semi_minor) / wanted;
+  };
+  double low = 0, high = look.max_z();
+  if (excess(low) > kTolerated || excess(high) < 1 / kTolerated) return std::nullopt;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = (low + high) / 2;
+    (excess(middle) < 1 ? low : high) = middle;
+  }
+  return on_line((low + high) / 2);
+}
+
+}  // namespace vitreo::optics

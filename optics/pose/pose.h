@@ -1,0 +1,78 @@
+// Where an ellipsoid of known size and orientation is, from the one ellipse it shows: thesis 5.3,
+// minimizing (5.15).
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "optics/projection/exact_projection.h"
+#include "optics/projection/single_viewpoint.h"
+
+#include <Eigen/Core>
+
+#include <optional>
+
+namespace vitreo::optics {
+
+/// An ellipse in an image: center u, center v, semi-major, semi-minor (px), angle of the major axis
+/// from +u towards +v (rad).
+using EllipseVector = Eigen::Matrix<double, 5, 1>;
+using EllipseCovariance = Eigen::Matrix<double, 5, 5>;
+
+/// An ellipsoid of revolution: the robot as the localizer knows it.
+struct Spheroid {
+  double semi_axis = 1e-3;      // m, along its axis
+  double semi_radius = 0.5e-3;  // m, across
+};
+
+struct PoseSettings {
+  SingleViewpoint projection;
+  ImageScale image;
+  Spheroid robot;
+  double angle_weight = 0.1;  // of the angle term in (5.15), in units of the half difference of the
+                              // axes: field knows it better
+  int contour_points = 24;    // on the model's silhouette, 8 to 64
+  double max_residual_px = 8;  // above this rms the answer is "nothing"
+  /// When given, silhouettes are seen along the exact isopixel lines, and `projection` is not used:
+  /// no error of the simplification is left.
+  std::optional<ExactProjection> exact{};
+  /// Least squares weighted by the observation's covariance in place of (5.15): the most probable
+  /// place when that is right. The angle counts for nothing where the ellipse is round;
+  /// `angle_weight` is not used.
+  bool weighted = false;
+  void check() const;  // throws std::invalid_argument naming the parameter
+};
+
+struct PoseEstimate {
+  Eigen::Vector3d position_in_eye;  // m
+  Eigen::Matrix3d covariance;       // m^2, from the observation's covariance
+  double residual_px = 0;           // rms of the terms of (5.15)
+  int iterations = 0;
+};
+
+/// The ellipse that the robot at `position_in_eye` with its axis along `axis_in_eye` (any length,
+/// either sense) shows: the one that a tracker fits to its silhouette by least squares of distances
+/// from the ellipse. Angle in (-pi/2, pi/2]. Nothing when the position or a part of the silhouette
+/// is outside the projection. Throws std::invalid_argument naming a bad argument.
+std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
+                                              const Eigen::Vector3d& position_in_eye,
+                                              const Eigen::Vector3d& axis_in_eye);
+
+/// Minimizes (5.15) over the position, from `start_in_eye`. Nothing when it does not converge,
+/// leaves the projection's validity, or fits badly. `covariance` is that of `observed`. Unless
+/// `weighted` it does not weigh the terms, which are (5.15)'s own, but is carried through that
+/// estimator: (J^T J)^-1 J^T C J (J^T J)^-1. Weighted: (J^T C^-1 J)^-1, and C must be positive
+/// definite. It knows nothing of errors of the model or of the axis. Throws std::invalid_argument
+/// naming a bad argument. Needs no heap.
+std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
+                                   const EllipseCovariance& covariance,
+                                   const Eigen::Vector3d& axis_in_eye,
+                                   const Eigen::Vector3d& start_in_eye);
+
+/// A start for `locate` without a previous estimate: the center's line of sight, the depth at which
+/// the size fits. An ellipse somewhat too small or too large for any depth gives the nearest end;
+/// nothing when it is off by more than a fifth, or outside the projection. Throws
+/// std::invalid_argument naming a bad argument.
+std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
+                                           const EllipseVector& observed,
+                                           const Eigen::Vector3d& axis_in_eye);
+
+}  // namespace vitreo::optics

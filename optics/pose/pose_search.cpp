@@ -1,0 +1,358 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/pose/pose_search.h"
+
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace vitreo::optics::detail {
+namespace {
+
+FreeParameters free_parameters(const ObjectPoseSettings& settings) {
+  FreeParameters free{0, 1, 2};
+  if (settings.rotate || std::isfinite(settings.orientation_sigma))
+    free.insert(free.end(), {3, 4, 5});
+  if (settings.scale_sigma > 0) free.push_back(6);
+  return free;
+}
+
+constexpr double kTilt = 0.35;  // rad, of starts away from what was found
+
+Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+/// The smallest rotation, in the frame of `from`, that makes a body lie as with `to`.
+Eigen::Vector3d difference(const Eigen::Matrix3d& from, const Eigen::Matrix3d& to,
+                           Symmetry symmetry) {
+  if (symmetry == Symmetry::about_z) {
+    Eigen::Vector3d there = from.transpose() * to.col(2);
+    if (there.z() < 0) there = -there;
+    const Eigen::Vector3d across = Eigen::Vector3d::UnitZ().cross(there);
+    const double sine = across.norm();
+    return sine > 0 ? Eigen::Vector3d(across * (std::atan2(sine, there.z()) / sine))
+                    : Eigen::Vector3d(0, 0, 0);
+  }
+  Eigen::Vector3d least = rotation_vector(from.transpose() * to);
+  if (symmetry == Symmetry::none) return least;
+  for (int axis = 0; axis < 3; ++axis) {
+    Eigen::Vector3d flip(-1, -1, -1);
+    flip[axis] = 1;
+    const Eigen::Vector3d other = rotation_vector(from.transpose() * to * flip.asDiagonal());
+    if (other.norm() < least.norm()) least = other;
+  }
+  return least;
+}
+
+/// The 24 rotations of the cube, or the first six that half-turns do not turn into each other; all
+/// of them oblique, as gradients vanish by symmetry where a body lies straight.
+std::vector<Eigen::Matrix3d> orientations(Symmetry symmetry) {
+  const Eigen::Matrix3d oblique =
+      Eigen::AngleAxisd(0.6, Eigen::Vector3d(1, 2, -1.5).normalized()).toRotationMatrix();
+  const int orders[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
+  std::vector<Eigen::Matrix3d> made;
+  for (int signs = 0; signs < (symmetry == Symmetry::none ? 4 : 1); ++signs) {
+    for (int i = 0; i < (symmetry == Symmetry::about_z ? 3 : 6); ++i) {
+      Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
+      for (int column = 0; column < 3; ++column) turn(orders[i][column], column) = 1;
+      if (signs & 1) turn.col(0) *= -1;
+      if (signs & 2) turn.col(1) *= -1;
+      if (turn.determinant() < 0) turn.col(2) *= -1;
+      made.push_back(oblique * turn);
+    }
+  }
+  return made;
+}
+
+class Search {
+ public:
+  Search(const ObjectPoseSettings& settings, const Measurement& measured, const PoseStart& start)
+      : settings_(settings),
+        measured_(measured),
+        start_(start),
+        look_(settings.projection, settings.exact, settings.image),
+        free_(free_parameters(settings)),
+        rotates_(free_.size() > 3 && free_[3] == 3) {}
+
+  ObjectPose run();
+
+ private:
+  std::optional<Eigen::VectorXd> residuals(const BodyState& state) const;
+  std::vector<Eigen::Vector3d> places(const Eigen::Matrix3d& orientation) const;
+  std::vector<BodyState> starts() const;
+  std::optional<BodyState> mirrored(const BodyState& state) const;
+  std::vector<BodyState> tilted(const BodyState& state) const;
+  std::vector<BodyState> scanned(const BodyState& state) const;
+  void follow(const BodyState& start);
+  Eigen::VectorXd step_between(const BodyState& a, const BodyState& b, Symmetry symmetry) const;
+  double widened(const Minimum& minimum, const Eigen::VectorXd& direction, double sigma) const;
+  bool same(const Minimum& a, const Minimum& b) const;
+  PoseCandidate candidate(const Minimum& minimum) const;
+
+  const ObjectPoseSettings& settings_;
+  const Measurement& measured_;
+  const PoseStart& start_;
+  ProjectionModel look_;
+  FreeParameters free_;
+  bool rotates_;
+  std::vector<Minimum> minima_;
+  std::optional<Minimum> unfinished_;
+};
+
+/// What was measured, then what was known before: the orientation and the size.
+std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state) const {
+  const auto seen = measured_.difference_px(state);
+  if (!seen) return std::nullopt;
+  const bool oriented = std::isfinite(settings_.orientation_sigma);
+  const bool sized = settings_.scale_sigma > 0;
+  Eigen::VectorXd all(measured_.root.rows() + (oriented ? 3 : 0) + (sized ? 1 : 0));
+  all.head(measured_.root.rows()) = measured_.root * *seen;
+  if (oriented) {
+    all.segment<3>(measured_.root.rows()) =
+        rotation_vector(start_.orientation->transpose() * state.orientation) /
+        settings_.orientation_sigma;
+  }
+  if (sized) all.tail<1>()[0] = std::log(state.scale) / std::fmin(settings_.scale_sigma, 1);
+  return all;
+}
+
+/// On the line of sight of the observed center, where the body would show the observed size; and
+/// before and behind it.
+std::vector<Eigen::Vector3d> Search::places(const Eigen::Matrix3d& orientation) const {
+  constexpr int kHalvings = 14;  // of some 15 mm: a micrometer
+  constexpr double kAside = 3e-3;
+  if (start_.position_in_eye) return {*start_.position_in_eye};
+  const auto sight = look_.line_of_sight(measured_.center_px);
+  if (!sight) return {};
+  const auto on_line = [&](double z) -> Eigen::Vector3d {
+    return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
+  };
+  double low = 0, high = look_.max_z();
+  for (int i = 0; i < kHalvings && measured_.size > 0; ++i) {
+    const double middle = (low + high) / 2;
+    const auto shown = measured_.size_px({on_line(middle), orientation, 1});
+    (shown && *shown < measured_.size ? low : high) =
+        middle;  // beyond the projection it is too near
+  }
+  const double guess = (low + high) / 2;
+  std::vector<Eigen::Vector3d> made{on_line(guess)};
+  for (const double z : {guess - kAside, guess + kAside}) {
+    if (z > 0 && z < look_.max_z()) made.push_back(on_line(z));
+  }
+  return made;
+}
+
+std::vector<BodyState> Search::starts() const {
+  const auto turns = start_.orientation ? std::vector<Eigen::Matrix3d>{*start_.orientation}
+                                        : orientations(measured_.symmetry);
+  std::vector<BodyState> made;
+  for (const Eigen::Matrix3d& turn : turns) {
+    const auto there = places(turn);
+    // Many orientations are enough variety.
+    const std::size_t count =
+        turns.size() > 1 ? std::min<std::size_t>(1, there.size()) : there.size();
+    for (std::size_t i = 0; i < count; ++i) made.push_back({there[i], turn, 1});
+  }
+  return made;
+}
+
+/// Seen from afar, a body and its mirror image in the plane across the line of sight look the same.
+std::optional<BodyState> Search::mirrored(const BodyState& state) const {
+  const auto viewpoint = look_.viewpoint(state.position);
+  if (!viewpoint) return std::nullopt;
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized(), n = measured_.mirror;
+  const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2 * w * w.transpose();
+  const Eigen::Matrix3d own = Eigen::Matrix3d::Identity() - 2 * n * n.transpose();
+  return BodyState{state.position, across * state.orientation * own, state.scale};
+}
+
+/// Away from where the body lies across the line of sight, where its image does not change with the
+/// tilt.
+std::vector<BodyState> Search::tilted(const BodyState& state) const {
+  const auto viewpoint = look_.viewpoint(state.position);
+  if (!viewpoint) return {};
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
+  const Eigen::Vector3d across = w.cross(Eigen::Vector3d(state.orientation.col(2)));
+  if (!(across.norm() > 0.1)) return {};
+  std::vector<BodyState> made;
+  for (const double tilt : {-kTilt, kTilt}) {
+    made.push_back(
+        {state.position,
+         Eigen::AngleAxisd(tilt, across.normalized()).toRotationMatrix() * state.orientation,
+         state.scale});
+  }
+  return made;
+}
+
+/// For a body that is round about its z: from all tilts against the line of sight, towards where it
+/// lies in `state` and across, at the depth where the size fits, those that fit better than their
+/// neighbors. A short cylinder shows one ellipse at two tilts that are nearer each other than any
+/// few starts are.
+std::vector<BodyState> Search::scanned(const BodyState& state) const {
+  constexpr int kTilts = 24;  // of half a turn: 7.5 degrees
+  const auto viewpoint = look_.viewpoint(state.position);
+  if (!viewpoint) return {};
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized(),
+                        axis = state.orientation.col(2);
+  Eigen::Vector3d aside = axis - axis.dot(w) * w;
+  if (!(aside.norm() > 0.01)) aside = w.unitOrthogonal();
+  aside.normalize();
+  std::vector<BodyState> made;
+  for (const Eigen::Vector3d& towards : {aside, Eigen::Vector3d(w.cross(aside))}) {
+    std::array<std::optional<BodyState>, kTilts> seen;
+    std::array<double, kTilts> cost;
+    cost.fill(std::numeric_limits<double>::infinity());
+    for (int i = 0; i < kTilts; ++i) {
+      const double tilt = M_PI * (i + 0.5) / kTilts;
+      const Eigen::Matrix3d turn = orientation_along(std::cos(tilt) * w + std::sin(tilt) * towards);
+      const auto there = places(turn);
+      if (there.empty()) continue;
+      seen[i] = BodyState{there.front(), turn, 1};
+      const auto terms = residuals(*seen[i]);
+      if (terms) cost[i] = terms->squaredNorm();
+    }
+    for (int i = 0; i < kTilts; ++i) {
+      const double before = cost[(i + kTilts - 1) % kTilts], after = cost[(i + 1) % kTilts];
+      if (std::isfinite(cost[i]) && cost[i] <= before && cost[i] <= after) made.push_back(*seen[i]);
+    }
+  }
+  return made;
+}
+
+Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
+                                     Symmetry symmetry) const {
+  Eigen::VectorXd step(static_cast<Eigen::Index>(free_.size()));
+  step.head<3>() = b.position - a.position;
+  if (rotates_) step.segment<3>(3) = difference(a.orientation, b.orientation, symmetry);
+  if (free_.back() == 6) step[step.size() - 1] = std::log(b.scale / a.scale);
+  return step;
+}
+
+/// The profile of the likelihood: how far along a direction, everything else at its best, until
+/// chi^2 has grown by 1. A valley that is flatter than its bottom's curvature, as of a tilt near
+/// zero, has a larger sigma.
+double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
+                       double sigma) const {
+  constexpr double kEnough = 0.7, kFarther = 1.5, kHeld = 1e3;
+  const Eigen::VectorXd units = parameter_units(free_);
+  for (double far = sigma; far < 1; far *= kFarther) {
+    const auto held = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
+      const auto terms = residuals(state);
+      if (!terms) return std::nullopt;
+      Eigen::VectorXd all(terms->size() + 1);
+      const Eigen::VectorXd step =
+          step_between(minimum.state, state, Symmetry::none).cwiseQuotient(units);
+      all << *terms, kHeld / sigma * (direction.dot(step) - far);
+      return all;
+    };
+    const auto found =
+        minimize(held, free_, moved(minimum.state, free_, far * units.cwiseProduct(direction)));
+    if (!found || found->cost > minimum.cost + kEnough) return far;
+  }
+  return 1;
+}
+
+bool Search::same(const Minimum& a, const Minimum& b) const {
+  constexpr double kApart = 0.5;  // sigma
+  const Eigen::VectorXd step = step_between(a.state, b.state, measured_.symmetry);
+  if (step.head<3>().norm() < 1e-7 && step.tail(step.size() - 3).norm() < 1e-4) return true;
+  return (a.jacobian * step).norm() < kApart && (b.jacobian * step).norm() < kApart;
+}
+
+void Search::follow(const BodyState& start) {
+  const auto found =
+      minimize([this](const BodyState& state) { return residuals(state); }, free_, start);
+  if (!found) return;
+  if (!found->converged) {
+    if (!unfinished_ || found->cost < unfinished_->cost) unfinished_ = *found;
+    return;
+  }
+  if (!look_.inside(found->state.position)) return;
+  for (Minimum& known : minima_) {
+    if (!same(known, *found)) continue;
+    if (found->cost < known.cost) known = *found;
+    return;
+  }
+  minima_.push_back(*found);
+}
+
+PoseCandidate Search::candidate(const Minimum& minimum) const {
+  PoseCandidate made;
+  made.pose = {minimum.state.position, minimum.state.orientation};
+  made.scale = minimum.state.scale;
+  made.chi2 = minimum.cost;
+  made.iterations = minimum.iterations;
+  const Eigen::VectorXd plain = *measured_.difference_px(minimum.state);
+  made.residual_px = std::sqrt(plain.squaredNorm() / static_cast<double>(plain.size()));
+  if (!minimum.converged) {
+    for (const int i : free_) made.covariance(i, i) = std::numeric_limits<double>::infinity();
+    return made;
+  }
+  const Observed seen =
+      observed_from(minimum.jacobian, free_, [&](const Eigen::VectorXd& direction, double sigma) {
+        return std::fmax(widened(minimum, direction, sigma), widened(minimum, -direction, sigma));
+      });
+  made.covariance(free_, free_) = seen.covariance;
+  for (Eigen::Index i = 0; i < seen.unobservable.cols(); ++i) {
+    Eigen::Matrix<double, 7, 1> direction = Eigen::Matrix<double, 7, 1>::Zero();
+    direction(free_) = seen.unobservable.col(i);
+    made.unobservable.push_back(direction);
+  }
+  return made;
+}
+
+ObjectPose Search::run() {
+  constexpr std::size_t kMost = 12;
+  constexpr double kFarOff =
+      5;  // sigma of what is known of the orientation: a tilted start would end where it is
+  const bool tilts = rotates_ && !(settings_.orientation_sigma * kFarOff < kTilt);
+  for (const BodyState& start : starts()) {
+    follow(start);
+    if (!tilts || !start_.orientation) continue;
+    for (const BodyState& other : tilted(start)) follow(other);
+  }
+  if (settings_.rotate && !start_.orientation && measured_.symmetry == Symmetry::about_z &&
+      !minima_.empty()) {
+    const auto best =
+        std::min_element(minima_.begin(), minima_.end(),
+                         [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
+    for (const BodyState& other : scanned(best->state)) follow(other);
+  }
+  // By index: what is found this way is looked at in its turn. A short cylinder has four poses with
+  // the same ellipse.
+  for (std::size_t i = 0; rotates_ && i < std::min(minima_.size(), kMost); ++i) {
+    const BodyState found = minima_[i].state;
+    if (const auto other = mirrored(found)) follow(*other);
+    if (!tilts) continue;
+    for (const BodyState& other : tilted(found)) follow(other);
+  }
+  ObjectPose pose;
+  if (minima_.empty()) {
+    if (!unfinished_) return pose;
+    return {PoseStatus::not_converged, {candidate(*unfinished_)}};
+  }
+  std::sort(minima_.begin(), minima_.end(),
+            [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
+  for (const Minimum& minimum : minima_) {
+    if (minimum.cost <= minima_.front().cost + settings_.equal_chi2)
+      pose.candidates.push_back(candidate(minimum));
+  }
+  pose.status = pose.candidates.size() > 1 ? PoseStatus::ambiguous : PoseStatus::found;
+  if (!(pose.candidates.front().residual_px <= settings_.max_residual_px))
+    pose.status = PoseStatus::misfit;
+  return pose;
+}
+
+}  // namespace
+
+ObjectPose search_pose(const ObjectPoseSettings& settings, const Measurement& measured,
+                       const PoseStart& start) {
+  return Search(settings, measured, start).run();
+}
+
+}  // namespace vitreo::optics::detail

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/pose/pose_solver.h"
+
+#include "optics/numerics/linear.h"
+
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+
+#include <cmath>
+#include <limits>
+
+namespace vitreo::optics::detail {
+namespace {
+
+constexpr int kFirstRotation = 3, kSize = 6;
+
+/// Small enough that the projection is straight over it, large enough that rounding (1e-11 px) does
+/// not show.
+double difference_step(int parameter) { return parameter < kFirstRotation ? 1e-6 : 1e-4; }
+
+std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
+                                             const FreeParameters& free, const BodyState& at,
+                                             Eigen::Index rows) {
+  const auto count = static_cast<Eigen::Index>(free.size());
+  Eigen::MatrixXd jacobian(rows, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const double step = difference_step(free[static_cast<std::size_t>(i)]);
+    const Eigen::VectorXd along = step * Eigen::VectorXd::Unit(count, i);
+    const auto more = residuals(moved(at, free, along)), less = residuals(moved(at, free, -along));
+    if (!more || !less) return std::nullopt;
+    jacobian.col(i) = (*more - *less) / (2 * step);
+  }
+  return jacobian;
+}
+
+}  // namespace
+
+BodyState moved(const BodyState& state, const FreeParameters& free, const Eigen::VectorXd& step) {
+  BodyState there = state;
+  Eigen::Vector3d turn(0, 0, 0);
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const double by = step[static_cast<Eigen::Index>(i)];
+    if (free[i] < kFirstRotation) {
+      there.position[free[i]] += by;
+    } else if (free[i] < kSize) {
+      turn[free[i] - kFirstRotation] = by;
+    } else {
+      there.scale *= std::exp(by);
+    }
+  }
+  const double angle = turn.norm();
+  if (angle > 0)
+    there.orientation =
+        state.orientation * Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+  return there;
+}
+
+Eigen::VectorXd parameter_units(const FreeParameters& free) {
+  Eigen::VectorXd units(static_cast<Eigen::Index>(free.size()));
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    units[static_cast<Eigen::Index>(i)] = free[i] < kFirstRotation ? 3e-3
+                                          : free[i] < kSize        ? 0.4
+                                                                   : 0.2;
+  }
+  return units;
+}
+
+namespace {
+
+constexpr double kSlight = 1e-9;  // damping
+constexpr int kDoublings = 12;
+
+/// Steps of Levenberg and Marquardt from one place, in units.
+class DampedSteps {
+ public:
+  DampedSteps(const Eigen::MatrixXd& scaled, const Eigen::VectorXd& residuals)
+      : information_(scaled.transpose() * scaled), gradient_(scaled.transpose() * residuals) {}
+
+  Eigen::VectorXd damped(double damping) const {
+    Eigen::MatrixXd matrix = information_;
+    // A floor for directions without information, which scaling by the diagonal alone would leave
+    // undamped.
+    matrix.diagonal() +=
+        damping * (information_.diagonal().array() + 1e-3 + 1e-9 * information_.trace()).matrix();
+    return -matrix.ldlt().solve(gradient_);
+  }
+  double gain(const Eigen::VectorXd& step) const {
+    return -gradient_.dot(step);
+  }  // about twice what a step gains
+
+ private:
+  Eigen::MatrixXd information_;
+  Eigen::VectorXd gradient_;
+};
+
+/// Takes a step if it is a gain. Gauss-Newton knows the residuals' slopes and not their bends:
+/// where what is left over is large against the noise and bends, as a body's length does with its
+/// tilt seen from straight above, its steps are too short by a factor that stays, and a hundred are
+/// not enough. So a gain is doubled for as long as that is one too.
+bool go(const BodyResiduals& residuals, const FreeParameters& free, const Eigen::VectorXd& step,
+        int doublings, Minimum& best) {
+  const BodyState from = best.state;
+  double factor = 1;
+  for (int i = 0; i <= doublings; ++i, factor *= 2) {
+    const BodyState there = moved(from, free, factor * step);
+    const auto found = residuals(there);
+    if (!found || !(found->squaredNorm() < best.cost)) return i > 0;
+    best.state = there, best.residuals = *found, best.cost = found->squaredNorm();
+  }
+  return true;
+}
+
+}  // namespace
+
+std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParameters& free,
+                                const BodyState& start) {
+  constexpr int kIterations = 100;
+  constexpr int kSlow = 6;  // steps after which Gauss and Newton should have been there
+  constexpr double kHopeless = 1e12;
+  constexpr double kRough =
+      1e-4;  // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
+  const auto first = residuals(start);
+  if (!first) return std::nullopt;
+  const Eigen::VectorXd units = parameter_units(free);
+  Minimum best{start, *first, {}, first->squaredNorm()};
+  double damping = 1e-3;
+  for (; best.iterations < kIterations; ++best.iterations) {
+    const auto jacobian = differentiate(residuals, free, best.state, best.residuals.size());
+    if (!jacobian) return best;  // at the edge of what can be seen
+    best.jacobian = *jacobian;
+    const DampedSteps steps(*jacobian * units.asDiagonal(), best.residuals);
+    // What a step promises that is hardly damped; a short one because it is damped is no minimum.
+    const double promised = steps.gain(steps.damped(kSlight));
+    best.converged = !(promised > 1e-10 * (1e-2 + best.cost));
+    bool better = false;
+    for (; !best.converged && damping < kHopeless && !better; damping *= 8) {
+      const Eigen::VectorXd step = steps.damped(damping);
+      constexpr double kLongest = 1.2, kNone = 1e-12;  // units
+      const double length = step.cwiseAbs().maxCoeff();
+      if (length < kNone) break;
+      const Eigen::VectorXd by = std::fmin(1, kLongest / length) * units.cwiseProduct(step);
+      better = go(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
+    }
+    if (better) {
+      damping = std::fmax(damping / 64, 1e-9);
+      continue;
+    }
+    best.converged = best.converged || promised < kRough;
+    return best;
+  }
+  return best;
+}
+
+Observed observed_from(const Eigen::MatrixXd& jacobian, const FreeParameters& free,
+                       const Widen& widen) {
+  constexpr double kShare = 0.02, kWeak = 0.1;
+  constexpr double kWholeTurn = 15.7;  // units of 0.4 rad
+  const Eigen::VectorXd units = parameter_units(free);
+  const auto count = static_cast<Eigen::Index>(free.size());
+  const Eigen::MatrixXd scaled = jacobian * units.asDiagonal();
+  const Spectrum spectrum = spectrum_of(scaled.transpose() * scaled);
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count), unobservable(count, 0);
+  Eigen::Array<bool, Eigen::Dynamic, 1> lost =
+      Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(count, false);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::VectorXd direction = spectrum.vectors.col(i);
+    double sigma = 1 / std::sqrt(std::fmax(spectrum.values[i], 1e-300));
+    if (sigma > kWeak && sigma < 1) sigma = widen(direction, sigma);
+    const bool seen = sigma < 1;
+    if (!seen) sigma = kWholeTurn;
+    covariance += sigma * sigma * direction * direction.transpose();
+    if (seen) continue;
+    unobservable.conservativeResize(Eigen::NoChange, unobservable.cols() + 1);
+    unobservable.rightCols<1>() = direction;
+    lost = lost || direction.array().abs() > kShare;
+  }
+  covariance = (units.asDiagonal() * covariance * units.asDiagonal()).eval();
+  for (Eigen::Index i = 0; i < count; ++i) {
+    if (!lost[i]) continue;
+    covariance.row(i).setZero();
+    covariance.col(i).setZero();
+    covariance(i, i) = std::numeric_limits<double>::infinity();
+  }
+  return {covariance, unobservable};
+}
+
+}  // namespace vitreo::optics::detail

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/projection/exact_projection.h"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+detail::TraceLine tracer_of(const System& system, const Microscope& microscope) {
+  return [&system, microscope](const Eigen::Vector2d& m) -> std::optional<detail::TracedLine> {
+    const auto ray = isopixel_line(system, microscope, m);
+    if (!ray) return std::nullopt;
+    const Eigen::Vector2d slope = ray->direction.head<2>() / ray->direction.z();
+    return detail::TracedLine{ray->origin.head<2>() - ray->origin.z() * slope, slope};
+  };
+}
+
+}  // namespace
+
+ExactProjection::ExactProjection(const System& system, const Microscope& microscope, double max_m,
+                                 bool tabulated) {
+  system.check();
+  microscope.check();
+  if (!(std::isfinite(max_m) && max_m > 0)) throw std::invalid_argument("max_m: must be positive");
+  const bool telecentric = !std::isfinite(microscope.pupil_distance);
+  symmetric_ =
+      !tabulated && microscope.tilt.isZero(0) && (telecentric || microscope.decenter.isZero(0));
+  Microscope looked = microscope;
+  if (symmetric_) {
+    looked.decenter.setZero();
+    shift_ = microscope.decenter;
+  }
+  retina_ = system.surfaces[0];
+  lens_ = system.surfaces[1];
+  lens_vertex_ = system.vertex(2);
+  const detail::TraceLine trace = tracer_of(system, looked);
+  if (symmetric_) {
+    radial_ = detail::RadialLines(trace, max_m);
+  } else {
+    grid_ = detail::GridLines(trace, max_m);
+  }
+  find_max_z(system);
+  check_against_trace(trace);
+}
+
+/// As far as neighboring lines keep apart: where their change with m turns over, one point has
+/// several images.
+void ExactProjection::find_max_z(const System& system) {
+  constexpr int kSteps = 64;
+  constexpr double kNearViewpoint = 0.95;  // beyond, the image of a point grows without bound
+  double crossing = system.vertex(2) / kNearViewpoint;
+  for (int i = -kSteps; i <= kSteps; ++i) {
+    const Eigen::Vector2d m(max_m() * i / kSteps, 0);
+    if (symmetric_ ? !radial_.covers(m) : !grid_.covers(m)) continue;
+    const detail::IsopixelLine line = symmetric_ ? radial_.line(m) : grid_.line(m);
+    const Eigen::Matrix2d per_z = line.at_retina_per_m.inverse() * line.slope_per_m;
+    for (const std::complex<double>& power : per_z.eigenvalues()) {
+      if (power.real() < 0) crossing = std::min(crossing, -1 / power.real());
+    }
+  }
+  max_z_ = kNearViewpoint * crossing;
+}
+
+void ExactProjection::check_against_trace(const detail::TraceLine& trace) {
+  constexpr int kAcross = 23;  // no divisor of the table's own nodes
+  for (int i = 0; i <= kAcross; ++i) {
+    for (int j = 0; j <= (symmetric_ ? 0 : kAcross); ++j) {
+      const Eigen::Vector2d m(max_m() * (2.0 * i / kAcross - 1),
+                              symmetric_ ? 0 : max_m() * (2.0 * j / kAcross - 1));
+      if (symmetric_ ? !radial_.covers(m) : !grid_.covers(m)) continue;
+      const auto traced = trace(m);
+      if (!traced) continue;
+      const detail::IsopixelLine line = symmetric_ ? radial_.line(m) : grid_.line(m);
+      for (const double z : {0.0, max_z_}) {
+        const Eigen::Vector2d off = line.per_m(z).inverse() * (line.at(z) - traced->at(z));
+        max_residual_ = std::max(max_residual_, off.norm());
+      }
+    }
+  }
+}
+
+bool ExactProjection::see(const Eigen::Vector3d& point, Seen& seen) const {
+  if (!(point.z() <= max_z_)) return false;
+  if (!(symmetric_ ? radial_.solve(point, seen.m, seen.line)
+                   : grid_.solve(point, seen.m, seen.line)))
+    return false;
+  const Eigen::Matrix2d per_m = seen.line.per_m(point.z());
+  seen.m_per_point = per_m.inverse();
+  return true;
+}
+
+std::optional<ExactProjection::WithJacobian> ExactProjection::project_with_jacobian(
+    const Eigen::Vector3d& point_in_eye) const {
+  if (!point_in_eye.allFinite()) throw std::invalid_argument("point_in_eye: must be finite");
+  constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
+  const double r = point_in_eye.head<2>().norm();
+  if (!(point_in_eye.z() >= retina_.sag(r) - kRounding))
+    return std::nullopt;             // NaN: beyond the retina's edge
+  const double lens = lens_.sag(r);  // NaN: it does not reach so far out
+  if (!(point_in_eye.z() <= lens_vertex_ + (std::isnan(lens) ? 0 : lens))) return std::nullopt;
+  Seen seen;
+  if (!see(point_in_eye, seen)) return std::nullopt;
+  WithJacobian made;
+  made.m = seen.m - shift_;
+  made.per_point << seen.m_per_point, -seen.m_per_point * seen.line.slope;
+  return made;
+}
+
+std::optional<Eigen::Vector2d> ExactProjection::project(const Eigen::Vector3d& point_in_eye) const {
+  const auto projected = project_with_jacobian(point_in_eye);
+  if (!projected) return std::nullopt;
+  return projected->m;
+}
+
+std::optional<Ray> ExactProjection::line(const Eigen::Vector2d& m, double z) const {
+  if (!(m.allFinite() && std::isfinite(z))) throw std::invalid_argument("m: must be finite");
+  const Eigen::Vector2d in_table = m + shift_;
+  if (symmetric_ ? !radial_.covers(in_table) : !grid_.covers(in_table)) return std::nullopt;
+  const detail::IsopixelLine line = symmetric_ ? radial_.line(in_table) : grid_.line(in_table);
+  const Eigen::Vector2d at = line.at(z);
+  return Ray{{at.x(), at.y(), z}, Eigen::Vector3d(line.slope.x(), line.slope.y(), 1).normalized()};
+}
+
+}  // namespace vitreo::optics

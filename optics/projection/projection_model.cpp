@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/projection/projection_model.h"
+
+#include "optics/projection/projection.h"
+
+namespace vitreo::optics::detail {
+
+std::optional<Eigen::Vector2d> ProjectionModel::pixel(const Eigen::Vector3d& point) const {
+  Eigen::Vector2d m;
+  const bool seen = exact_
+                        ? exact_->project<double>(point, m)
+                        : project<double>(view_, point - Eigen::Vector3d(0, 0, view_.viewpoint), m);
+  if (!seen) return std::nullopt;
+  return image_.pixel_from_m(m);
+}
+
+std::optional<Eigen::Vector3d> ProjectionModel::viewpoint(const Eigen::Vector3d& point) const {
+  if (!exact_) return Eigen::Vector3d(0, 0, view_.viewpoint);
+  Eigen::Vector3d from;
+  if (!exact_->viewpoint_near<double>(point, from)) return std::nullopt;
+  return from;
+}
+
+std::optional<Ray> ProjectionModel::line_of_sight(const Eigen::Vector2d& pixel_px) const {
+  const Eigen::Vector2d m = image_.m_from_pixel(pixel_px);
+  if (exact_) return exact_->line(m);
+  const Eigen::Vector2d from_axis = m - view_.axis_m;
+  const double height = from_axis.norm();
+  if (!(height <= view_.max_m)) return std::nullopt;
+  Eigen::Vector2d across(0, 0);
+  if (height > 0) across = from_axis * (slope_at(view_, height) / height);
+  return Ray{{0, 0, view_.viewpoint}, {across.x(), across.y(), 1}};
+}
+
+bool ProjectionModel::inside(const Eigen::Vector3d& point) const {
+  return exact_ ? exact_->project(point).has_value() : view_.project(point).has_value();
+}
+
+}  // namespace vitreo::optics::detail

@@ -1,0 +1,38 @@
+// The two projections behind one face, for what is not templated: single viewpoint (5.2) to (5.14),
+// and exact.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "optics/projection/exact_projection.h"
+#include "optics/projection/single_viewpoint.h"
+
+#include <Eigen/Core>
+
+#include <optional>
+
+namespace vitreo::optics::detail {
+
+/// Borrows both. With `exact`, the single viewpoint is not used.
+class ProjectionModel {
+ public:
+  ProjectionModel(const SingleViewpoint& view, const std::optional<ExactProjection>& exact,
+                  const ImageScale& image)
+      : view_(view), exact_(exact), image_(image) {}
+  /// The pixel of a point; bounded by the projection's table alone, not by retina and lens.
+  std::optional<Eigen::Vector2d> pixel(const Eigen::Vector3d& point) const;
+  /// From where a body near the point is seen.
+  std::optional<Eigen::Vector3d> viewpoint(const Eigen::Vector3d& point) const;
+  /// Where the points lie that a pixel shows; the direction need not be of unit length. Nothing
+  /// outside the projection.
+  std::optional<Ray> line_of_sight(const Eigen::Vector2d& pixel_px) const;
+  /// In the vitreous, and seen.
+  bool inside(const Eigen::Vector3d& point) const;
+  double max_z() const { return exact_ ? exact_->max_z() : view_.max_z; }
+
+ private:
+  const SingleViewpoint& view_;
+  const std::optional<ExactProjection>& exact_;
+  const ImageScale& image_;
+};
+
+}  // namespace vitreo::optics::detail

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/rays/batch.h"
+
+#include "optics/system/refraction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+static_assert(static_cast<int>(TraceStatus::missed) == detail::kLostMissed);
+static_assert(static_cast<int>(TraceStatus::total_reflection) == detail::kLostReflected);
+static_assert(static_cast<int>(TraceStatus::clipped) == detail::kLostClipped);
+static_assert(static_cast<int>(TraceStatus::wrong_sheet) == detail::kLostWrongSheet);
+static_assert(static_cast<int>(TraceStatus::no_convergence) == detail::kLostNoConvergence);
+
+constexpr int kStatuses = 8;  // a loss is kStatuses * surface + status
+
+bool machine_has(CpuLevel level) {
+  switch (level) {
+    case CpuLevel::baseline:
+      return true;
+    case CpuLevel::avx2:
+      return __builtin_cpu_supports("avx2");
+    case CpuLevel::avx512:
+      return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+             __builtin_cpu_supports("avx512vl");
+  }
+  return false;
+}
+
+detail::TraceBlock kernel_for(CpuLevel level) {
+  if (!machine_has(level)) {
+    throw std::invalid_argument(std::string("level: this machine has no ") + to_string(level));
+  }
+  if (level == CpuLevel::avx512) return detail::trace_block_avx512;
+  return level == CpuLevel::avx2 ? detail::trace_block_avx2 : detail::trace_block_baseline;
+}
+
+detail::KernelSurface compile(const System& system, int number, double vertex, bool outwards) {
+  const Surface& surface = system.surfaces[number - 1];
+  const double before = system.surfaces[number - 2].index, behind = surface.index;
+  detail::KernelSurface made;
+  made.vertex = vertex;
+  made.curvature = 1 / surface.radius;
+  made.conic = surface.conic;
+  made.a4 = surface.aspheric[0], made.a6 = surface.aspheric[1];
+  made.a8 = surface.aspheric[2], made.a10 = surface.aspheric[3];
+  made.ratio = outwards ? before / behind : behind / before;
+  made.clip2 = surface.semi_diameter * surface.semi_diameter;
+  made.holds_stop = system.stop && system.stop->surface == number;
+  made.stop2 = made.holds_stop ? system.stop->radius * system.stop->radius
+                               : std::numeric_limits<double>::infinity();
+  made.number = number;
+  made.asphere = detail::is_asphere(surface);
+  return made;
+}
+
+/// Rays that cannot be traced are lost before they start, where trace_out would throw.
+void refuse_bad_rays(bool outwards, int surface, RayBlock& r) {
+  constexpr double kUnit = 1e-6;
+  const double missed = kStatuses * surface + detail::kLostMissed;
+  const double way = outwards ? 1 : -1;
+  for (int i = 0; i < RayBlock::kSize; ++i) {
+    const double off = std::abs(r.dx[i] * r.dx[i] + r.dy[i] * r.dy[i] + r.dz[i] * r.dz[i] - 1);
+    const double nothing = 0 * (r.x[i] + r.y[i] + r.z[i]);  // NaN where one is not finite
+    const bool good = (off < kUnit) & (r.dz[i] * way > 0) & (nothing == 0);
+    r.lost[i] = r.lost[i] == 0 && !good ? missed : r.lost[i];
+  }
+}
+
+}  // namespace
+
+const char* to_string(CpuLevel level) {
+  switch (level) {
+    case CpuLevel::baseline:
+      return "baseline";
+    case CpuLevel::avx2:
+      return "avx2";
+    case CpuLevel::avx512:
+      return "avx512";
+  }
+  return "unknown";
+}
+
+std::vector<CpuLevel> cpu_levels() {
+  std::vector<CpuLevel> levels;
+  for (const CpuLevel level : {CpuLevel::baseline, CpuLevel::avx2, CpuLevel::avx512}) {
+    if (machine_has(level)) levels.push_back(level);
+  }
+  return levels;
+}
+
+CpuLevel best_cpu_level() {
+  if (machine_has(CpuLevel::avx512)) return CpuLevel::avx512;
+  return machine_has(CpuLevel::avx2) ? CpuLevel::avx2 : CpuLevel::baseline;
+}
+
+void put(RayBlock& block, int i, const Ray& ray) {
+  block.x[i] = ray.origin.x(), block.y[i] = ray.origin.y(), block.z[i] = ray.origin.z();
+  block.dx[i] = ray.direction.x(), block.dy[i] = ray.direction.y(), block.dz[i] = ray.direction.z();
+  block.lost[i] = block.stop_x[i] = block.stop_y[i] = 0;
+}
+
+TraceResult result(const RayBlock& block, int i) {
+  TraceResult made;
+  made.ray = {{block.x[i], block.y[i], block.z[i]}, {block.dx[i], block.dy[i], block.dz[i]}};
+  const int code = static_cast<int>(block.lost[i]);
+  made.status = static_cast<TraceStatus>(code % kStatuses);
+  made.surface = code / kStatuses;
+  return made;
+}
+
+RayBatch::RayBatch(int count) : size_(count) {
+  if (count < 0) throw std::invalid_argument("count: must not be negative");
+  blocks_.resize(static_cast<std::size_t>((count + RayBlock::kSize - 1) / RayBlock::kSize));
+  for (RayBlock& block : blocks_) {
+    for (int i = 0; i < RayBlock::kSize; ++i) optics::put(block, i, {{0, 0, 0}, {0, 0, 1}});
+  }
+}
+
+BatchTracer::BatchTracer(const System& system, CpuLevel level) : kernel_(kernel_for(level)) {
+  system.check();
+  double vertex = 0;
+  for (int number = 2; number <= system.size(); ++number) {
+    vertex += system.surfaces[number - 2].thickness;
+    outwards_.push_back(compile(system, number, vertex, true));
+    inwards_.push_back(compile(system, number, vertex, false));
+    if (system.stop && number <= system.stop->surface) to_stop_.push_back(outwards_.back());
+  }
+  std::reverse(inwards_.begin(), inwards_.end());
+  if (!to_stop_.empty()) to_stop_.back().stop2 = std::numeric_limits<double>::infinity();
+}
+
+void BatchTracer::trace(const std::vector<detail::KernelSurface>& surfaces, std::size_t count,
+                        bool outwards, RayBlock& rays) const {
+  refuse_bad_rays(outwards, outwards ? 2 : surfaces.front().number, rays);
+  kernel_(surfaces.data(), static_cast<int>(count), &rays);
+}
+
+void BatchTracer::trace_through_stop(RayBlock& rays) const {
+  if (to_stop_.empty()) throw std::invalid_argument("stop: the system has none");
+  trace(to_stop_, to_stop_.size(), true, rays);
+}
+
+void BatchTracer::trace_before_stop(RayBlock& rays) const {
+  if (to_stop_.empty()) throw std::invalid_argument("stop: the system has none");
+  trace(to_stop_, to_stop_.size() - 1, true, rays);
+}
+
+void BatchTracer::trace_out(RayBatch& rays) const {
+  for (RayBlock& block : rays.blocks()) trace_out(block);
+}
+
+void BatchTracer::trace_in(RayBatch& rays) const {
+  for (RayBlock& block : rays.blocks()) trace_in(block);
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,213 @@
+// The batch tracing kernel: the arithmetic of detail/refraction.h over 64 rays, written so that the
+// compiler makes vectors of it. Included once by each batch_kernel_*.cpp, which differ only in the
+// compiler's flags. Only + - * / and the square root, without contraction, so that all levels agree
+// to the bit.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "optics/rays/batch_kernel.h"
+
+namespace vitreo::optics::detail {
+namespace {
+
+constexpr int kLanes = RayBlock::kSize;
+constexpr double kBackwards =
+    -1e-12;  // m: a path this short is rounding, a longer one means that the surfaces cross
+
+#define VITREO_INLINE inline __attribute__((always_inline))
+#ifdef __clang__
+#define VITREO_LANES _Pragma("clang loop vectorize(enable)")
+#else
+#define VITREO_LANES _Pragma("GCC ivdep")
+#endif
+
+/// Where a ray meets a surface and what it meets there; all lengths from the vertex.
+struct Meeting {
+  double to_plane, px, py;  // along the ray to the vertex plane; where
+  double s;                 // from there on to the surface
+  double qx, qy, qz, q;     // a normal (any length, z > 0) and the direction's product with it
+  double code;              // why the ray is lost; 0 when it is not
+};
+
+struct Codes {
+  double missed, reflected, clipped, wrong_sheet, no_convergence;
+};
+
+VITREO_INLINE double code_of(const KernelSurface& surface, int status) {
+  return 8.0 * surface.number + status;
+}
+
+VITREO_INLINE Codes codes_of(const KernelSurface& f) {
+  return {code_of(f, kLostMissed), code_of(f, kLostReflected), code_of(f, kLostClipped),
+          code_of(f, kLostWrongSheet), code_of(f, kLostNoConvergence)};
+}
+
+/// s = C / (-B + sqrt(B^2 - AC)): no cancellation where A -> 0. D . normal is that same root.
+VITREO_INLINE void meet_conic(const KernelSurface& f, const Codes& codes, double dx, double dy,
+                              double dz, Meeting& m) {
+  const double c = f.curvature, k1 = 1 + f.conic;
+  const double a = c * (1.0 + f.conic * dz * dz);
+  const double b = c * (m.px * dx + m.py * dy) - dz;
+  const double e = c * (m.px * m.px + m.py * m.py);
+  const double discriminant = b * b - a * e;
+  const double root = __builtin_sqrt(discriminant);
+  m.q = dz > 0.0 ? root : -root;
+  const double denominator = m.q - b;
+  m.s = e / denominator;
+  const double depth = m.s * dz;
+  m.code = k1 * c * depth > 1.0 ? codes.wrong_sheet : 0.0;
+  m.code = !(discriminant >= 0.0) ? codes.missed : m.code;
+  m.code = denominator == 0.0 ? codes.missed : m.code;
+  m.qx = -c * (m.px + m.s * dx);
+  m.qy = -c * (m.py + m.s * dy);
+  m.qz = 1.0 - k1 * c * depth;
+}
+
+/// From the meeting on: clipping, Snell's law, the stop. With g the normal and q = d.g,
+/// d' = ratio d + g (+-sqrt(g^2 (1 - ratio^2) + ratio^2 q^2) - ratio q) / g^2: one root and one
+/// division.
+template <bool kStop>
+VITREO_INLINE void pass(const KernelSurface& f, const Codes& codes, const Meeting& m, RayBlock& r,
+                        int i) {
+  const double dx = r.dx[i], dy = r.dy[i], dz = r.dz[i];
+  const double hx = m.px + m.s * dx, hy = m.py + m.s * dy, hz = m.s * dz;
+  const double g2 = m.qx * m.qx + m.qy * m.qy + m.qz * m.qz;
+  const double inside = g2 * (1.0 - f.ratio * f.ratio) + f.ratio * f.ratio * m.q * m.q;
+  const double root = __builtin_sqrt(inside);
+  const double bend = ((m.q < 0.0 ? -root : root) - f.ratio * m.q) / g2;
+  const double ex = f.ratio * dx + bend * m.qx, ey = f.ratio * dy + bend * m.qy,
+               ez = f.ratio * dz + bend * m.qz;
+  double code = 0.0, sx = 0.0, sy = 0.0;
+  if constexpr (kStop) {
+    // The hole lies in the vertex plane: before the surface or behind it, whichever the sag says.
+    const bool plane_first = (hz >= 0.0) == (dz > 0.0);
+    const double back = hz / ez;
+    sx = plane_first ? m.px : hx - ex * back;
+    sy = plane_first ? m.py : hy - ey * back;
+    code = sx * sx + sy * sy > f.stop2 ? codes.clipped : code;
+  }
+  code = !(inside >= 0.0) ? codes.reflected : code;
+  code = hx * hx + hy * hy > f.clip2 ? codes.clipped : code;
+  code = !(m.to_plane + m.s > kBackwards) ? codes.missed : code;
+  code = m.code != 0.0 ? m.code : code;
+  code = dz == 0.0 ? codes.missed : code;
+  const double before = r.lost[i];
+  code = before != 0.0 ? before : code;
+  const bool alive = code == 0.0;
+  r.lost[i] = code;
+  if constexpr (kStop) {
+    r.stop_x[i] = before != 0.0 ? r.stop_x[i] : sx;
+    r.stop_y[i] = before != 0.0 ? r.stop_y[i] : sy;
+  }
+  r.x[i] = alive ? hx : r.x[i];
+  r.y[i] = alive ? hy : r.y[i];
+  r.z[i] = alive ? hz + f.vertex : r.z[i];
+  r.dx[i] = alive ? ex : dx;
+  r.dy[i] = alive ? ey : dy;
+  r.dz[i] = alive ? ez : dz;
+}
+
+VITREO_INLINE void to_vertex_plane(const KernelSurface& f, const RayBlock& r, int i, Meeting& m) {
+  m.to_plane = -(r.z[i] - f.vertex) / r.dz[i];
+  m.px = r.x[i] + m.to_plane * r.dx[i];
+  m.py = r.y[i] + m.to_plane * r.dy[i];
+}
+
+template <bool kStop>
+void cross_conic(const KernelSurface& f, RayBlock& r) {
+  const Codes codes = codes_of(f);
+  VITREO_LANES
+  for (int i = 0; i < kLanes; ++i) {
+    Meeting m;
+    to_vertex_plane(f, r, i, m);
+    meet_conic(f, codes, r.dx[i], r.dy[i], r.dz[i], m);
+    pass<kStop>(f, codes, m, r, i);
+  }
+}
+
+/// Profile (3.1) and (d sag / d r) / r; NaN where the conic part does not reach.
+VITREO_INLINE void profile(const KernelSurface& f, double r2, double& sag, double& slope_over_r) {
+  const double c = f.curvature;
+  const double root = __builtin_sqrt(1.0 - (1 + f.conic) * c * c * r2);
+  const double inverse = 1.0 / (root + root * root);
+  sag = c * r2 * root * inverse + r2 * r2 * (f.a4 + r2 * (f.a6 + r2 * (f.a8 + r2 * f.a10)));
+  slope_over_r = c * (1.0 + root) * inverse +
+                 r2 * (4 * f.a4 + r2 * (6 * f.a6 + r2 * (8 * f.a8 + r2 * (10 * f.a10))));
+}
+
+struct NewtonLanes {
+  alignas(64) double to_plane[kLanes], px[kLanes], py[kLanes], s[kLanes], state[kLanes];
+};
+constexpr double kRunning = 0.0, kDone = 1.0, kNowhere = 2.0;
+
+/// One Newton step for the lanes still running; how many still are. A lane is frozen by its own
+/// test only, so its bits do not depend on its neighbors.
+long long newton_step(const KernelSurface& f, const RayBlock& r, NewtonLanes& n) {
+  constexpr double kSmallStep =
+      1e-10;  // m: convergence is quadratic, so after such a step the error is below 1e-16 m
+  VITREO_LANES
+  for (int i = 0; i < kLanes; ++i) {
+    const double dx = r.dx[i], dy = r.dy[i], dz = r.dz[i], s = n.s[i];
+    const double x = n.px[i] + s * dx, y = n.py[i] + s * dy;
+    double sag, slope_over_r;
+    profile(f, x * x + y * y, sag, slope_over_r);
+    const double step = (s * dz - sag) / (dz - slope_over_r * (x * dx + y * dy));
+    const double size = step < 0.0 ? -step : step;
+    const bool running = n.state[i] == kRunning;
+    double state = size < kSmallStep ? kDone : kRunning;
+    state = !(size < 1e3) ? kNowhere : state;  // NaN, or a tangent
+    n.s[i] = running ? s - step : s;
+    n.state[i] = running ? state : n.state[i];
+  }
+  long long running = 0;
+  for (int i = 0; i < kLanes; ++i) running += n.state[i] == kRunning ? 1 : 0;
+  return running;
+}
+
+template <bool kStop>
+void cross_asphere(const KernelSurface& f, RayBlock& r) {
+  constexpr int kMaxSteps = 30;
+  const Codes codes = codes_of(f);
+  NewtonLanes n;
+  VITREO_LANES
+  for (int i = 0; i < kLanes; ++i) {
+    Meeting m;
+    to_vertex_plane(f, r, i, m);
+    meet_conic(f, codes, r.dx[i], r.dy[i], r.dz[i], m);
+    n.to_plane[i] = m.to_plane, n.px[i] = m.px, n.py[i] = m.py;
+    n.s[i] = m.code != 0.0 ? 0.0 : m.s;  // where the conic is missed, start from the tangent plane
+    n.state[i] = r.lost[i] != 0.0 ? kDone : kRunning;
+  }
+  for (int step = 0; step < kMaxSteps && newton_step(f, r, n) > 0; ++step) {
+  }
+  VITREO_LANES
+  for (int i = 0; i < kLanes; ++i) {
+    Meeting m;
+    m.to_plane = n.to_plane[i], m.px = n.px[i], m.py = n.py[i], m.s = n.s[i];
+    const double x = m.px + m.s * r.dx[i], y = m.py + m.s * r.dy[i];
+    double sag, slope_over_r;
+    profile(f, x * x + y * y, sag, slope_over_r);
+    m.qx = -slope_over_r * x, m.qy = -slope_over_r * y, m.qz = 1.0;
+    m.q = r.dz[i] + m.qx * r.dx[i] + m.qy * r.dy[i];
+    m.code = n.state[i] == kRunning ? codes.no_convergence : 0.0;
+    m.code = n.state[i] == kNowhere ? codes.missed : m.code;
+    pass<kStop>(f, codes, m, r, i);
+  }
+}
+
+void trace_block(const KernelSurface* surfaces, int count, RayBlock& rays) {
+  for (int k = 0; k < count; ++k) {
+    const KernelSurface& f = surfaces[k];
+    if (f.asphere) {
+      f.holds_stop ? cross_asphere<true>(f, rays) : cross_asphere<false>(f, rays);
+    } else {
+      f.holds_stop ? cross_conic<true>(f, rays) : cross_conic<false>(f, rays);
+    }
+  }
+}
+
+#undef VITREO_INLINE
+#undef VITREO_LANES
+
+}  // namespace
+}  // namespace vitreo::optics::detail

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/rays/observer.h"
+
+#include <Eigen/Geometry>
+
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::optics {
+
+void Microscope::check() const {
+  constexpr double kMaxTilt = 0.5;  // rad; no microscope looks at an eye more askew than this
+  if (!(numerical_aperture > 0 && numerical_aperture < 1)) {
+    throw std::invalid_argument("numerical_aperture: must lie between 0 and 1");
+  }
+  if (!std::isfinite(focus)) throw std::invalid_argument("focus: must be finite");
+  if (std::isnan(pupil_distance) || pupil_distance == 0) {
+    throw std::invalid_argument("pupil_distance: must not be zero or NaN");
+  }
+  if (!decenter.allFinite()) throw std::invalid_argument("decenter: must be finite");
+  if (!(tilt.allFinite() && tilt.cwiseAbs().maxCoeff() < kMaxTilt))
+    throw std::invalid_argument("tilt: must be below 0.5 rad");
+}
+
+Ray chief_ray_in_air(const System& system, const Microscope& microscope, const Eigen::Vector2d& m) {
+  if (!m.allFinite()) throw std::invalid_argument("m: must be finite");
+  const Eigen::Vector3d center(microscope.decenter.x(), microscope.decenter.y(),
+                               system.vertex(system.size()) + microscope.focus);
+  Eigen::Matrix3d eye_from_microscope = Eigen::Matrix3d::Identity();
+  if (!microscope.tilt.isZero(0)) {
+    eye_from_microscope = (Eigen::AngleAxisd(microscope.tilt.y(), Eigen::Vector3d::UnitY()) *
+                           Eigen::AngleAxisd(microscope.tilt.x(), Eigen::Vector3d::UnitX()))
+                              .toRotationMatrix();
+  }
+  Eigen::Vector3d direction(0, 0, 1);
+  if (std::isfinite(microscope.pupil_distance)) {
+    direction = Eigen::Vector3d(-m.x(), -m.y(), microscope.pupil_distance).normalized();
+    if (direction.z() < 0)
+      direction = -direction;  // the pupil lies on the eye's side: light comes from its direction
+  }
+  return {center + eye_from_microscope * Eigen::Vector3d(m.x(), m.y(), 0),
+          eye_from_microscope * direction};
+}
+
+std::optional<Ray> isopixel_line(const System& system, const Microscope& microscope,
+                                 const Eigen::Vector2d& m) {
+  // The plane in focus may lie before the last vertex (a virtual aerial image), so start well
+  // outside. m
+  constexpr double kOutside = 0.1;
+  const Ray chief = chief_ray_in_air(system, microscope, m);
+  if (!(chief.direction.z() > 0)) return std::nullopt;
+  const double ahead =
+      (system.vertex(system.size()) + kOutside - chief.origin.z()) / chief.direction.z();
+  const TraceResult back =
+      trace_in(system, {chief.origin + ahead * chief.direction, -chief.direction});
+  if (back.status != TraceStatus::ok) return std::nullopt;
+  return Ray{back.ray.origin, -back.ray.direction};
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/rays/pupil.h"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+constexpr int kLanes = RayBlock::kSize;
+
+/// The same system whose stop is marked but lets everything through, for aiming.
+System opened(System system) {
+  constexpr double kWide = 1;  // m
+  if (system.stop) system.stop->radius = kWide;
+  return system;
+}
+
+Eigen::Vector2d slope_of(const Eigen::Vector3d& direction) {
+  return direction.head<2>() / direction.z();
+}
+
+}  // namespace
+
+std::vector<Eigen::Vector2d> disc_samples(int rings, int arms) {
+  if (rings < 1) throw std::invalid_argument("rings: must be at least 1");
+  if (arms < 1) throw std::invalid_argument("arms: must be at least 1");
+  std::vector<Eigen::Vector2d> samples;
+  for (int i = 0; i < rings; ++i) {
+    const double radius = std::sqrt((i + 0.5) / rings);
+    for (int j = 0; j < arms; ++j) {
+      const double angle = 2 * std::numbers::pi * j / arms;
+      samples.emplace_back(radius * std::cos(angle), radius * std::sin(angle));
+    }
+  }
+  return samples;
+}
+
+std::vector<Eigen::Vector2d> fan_samples(int count) {
+  if (count < 2) throw std::invalid_argument("count: must be at least 2");
+  std::vector<Eigen::Vector2d> samples;
+  for (int i = 0; i < count; ++i) samples.emplace_back(2.0 * i / (count - 1) - 1, 0);
+  return samples;
+}
+
+Pupil Pupil::of_stop(const System& system, Kind kind) {
+  if (!system.stop) throw std::invalid_argument("stop: the system has none");
+  return {kind, system.vertex(system.stop->surface), {0, 0}, system.stop->radius};
+}
+
+Pupil Pupil::of_microscope(const System& system, const Microscope& microscope) {
+  microscope.check();
+  const double opening = std::tan(std::asin(microscope.numerical_aperture));
+  const Ray axis = chief_ray_in_air(system, microscope, {0, 0});
+  if (!std::isfinite(microscope.pupil_distance))
+    return {Kind::infinity, 0, slope_of(axis.direction), opening};
+  const Eigen::Vector3d center = axis.origin + microscope.pupil_distance * axis.direction;
+  return {Kind::plane, center.z(), center.head<2>(), std::abs(microscope.pupil_distance) * opening};
+}
+
+std::optional<Eigen::Vector3d> point_at_field(const System& system, double angle, double depth) {
+  constexpr int kHalvings = 60;
+  if (!std::isfinite(angle) || std::abs(angle) >= std::numbers::pi / 2) {
+    throw std::invalid_argument("angle: must lie between -90 and 90 degrees");
+  }
+  if (!std::isfinite(depth)) throw std::invalid_argument("depth: must be finite");
+  if (!system.stop) throw std::invalid_argument("stop: the system has none");
+  const double pupil = system.vertex(system.stop->surface);
+  double low = 0, high = pupil;  // the line is behind the retina at low, before it at high
+  for (int i = 0; i < kHalvings; ++i) {
+    const double z = (low + high) / 2;
+    (z > system.surfaces.front().sag((pupil - z) * std::tan(angle)) ? high : low) =
+        z;  // NaN: beyond the retina's edge
+  }
+  constexpr double kOnRetina =
+      1e-9;  // m; where the retina ends short of the line, the halving meets its edge
+  const double gap = high - system.surfaces.front().sag((pupil - high) * std::tan(angle));
+  const double z = low + depth * std::cos(angle);
+  if (!(gap < kOnRetina && z < pupil)) return std::nullopt;
+  return Eigen::Vector3d((pupil - z) * std::tan(angle), 0, z);
+}
+
+PupilTracer::PupilTracer(const System& system, const Pupil& pupil, CpuLevel level)
+    : system_(system),
+      pupil_(pupil),
+      real_(system, level),
+      open_(opened(system), level),
+      last_vertex_(system.vertex(system.size())) {
+  if (fills_stop() && !system.stop) throw std::invalid_argument("stop: the system has none");
+  if (!(std::isfinite(pupil.radius) && pupil.radius > 0))
+    throw std::invalid_argument("pupil: needs a positive radius");
+}
+
+bool PupilTracer::in_vitreous(const Eigen::Vector3d& point) const {
+  constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
+  if (!point.allFinite()) return false;
+  const double r = point.head<2>().norm();
+  const double lens = system_.surfaces[1].sag(r);  // NaN: it does not reach so far out
+  return point.z() >= system_.surfaces[0].sag(r) - kRounding &&
+         point.z() <= system_.vertex(2) + (std::isnan(lens) ? 0 : lens);
+}
+
+void PupilTracer::fill(const Eigen::Vector3d& point, RayBlock& rays, const double* slope_x,
+                       const double* slope_y) const {
+  for (int i = 0; i < kLanes; ++i) {
+    const double scale = 1 / std::sqrt(1 + slope_x[i] * slope_x[i] + slope_y[i] * slope_y[i]);
+    rays.x[i] = point.x(), rays.y[i] = point.y(), rays.z[i] = point.z();
+    rays.dx[i] = slope_x[i] * scale, rays.dy[i] = slope_y[i] * scale, rays.dz[i] = scale;
+    rays.lost[i] = rays.stop_x[i] = rays.stop_y[i] = 0;
+  }
+}
+
+/// Traces as far as needed and says where the pupil is met; NaN where a ray is lost before.
+void PupilTracer::reach(RayBlock& rays, double* pupil_x, double* pupil_y) const {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  if (pupil_.kind == Pupil::Kind::stop) {
+    open_.trace_before_stop(rays);
+  } else if (pupil_.kind == Pupil::Kind::real_stop) {
+    open_.trace_through_stop(rays);
+  } else {
+    open_.trace_out(rays);
+  }
+  for (int i = 0; i < kLanes; ++i) {
+    const double slope_x = rays.dx[i] / rays.dz[i], slope_y = rays.dy[i] / rays.dz[i],
+                 far = pupil_.z - rays.z[i];
+    double x = rays.x[i] + far * slope_x, y = rays.y[i] + far * slope_y;
+    if (pupil_.kind == Pupil::Kind::real_stop) x = rays.stop_x[i], y = rays.stop_y[i];
+    if (pupil_.kind == Pupil::Kind::infinity) x = slope_x, y = slope_y;
+    pupil_x[i] = rays.lost[i] == 0 ? x : kNan;
+    pupil_y[i] = rays.lost[i] == 0 ? y : kNan;
+  }
+}
+
+/// Newton, the Jacobian by differences: the first three lanes of a block are the ray and its two
+/// neighbors.
+std::optional<PupilTracer::Aim> PupilTracer::solve(const Eigen::Vector3d& point,
+                                                   const Eigen::Vector2d& target) const {
+  constexpr double kStep = 1e-6;        // of slope: the Jacobian good to 1e-5
+  constexpr double kConverged = 1e-13;  // m or slope
+  constexpr int kMaxSteps = 30;
+  const double towards = system_.stop ? system_.vertex(system_.stop->surface) : system_.vertex(2);
+  Eigen::Vector2d slope = -point.head<2>() / std::max(towards - point.z(), 1e-3), last_step(0, 0);
+  RayBlock rays;
+  double slope_x[kLanes], slope_y[kLanes], x[kLanes], y[kLanes];
+  double last = std::numeric_limits<double>::infinity();
+  for (int step = 0; step < kMaxSteps; ++step) {
+    std::fill_n(slope_x, kLanes, slope.x()), std::fill_n(slope_y, kLanes, slope.y());
+    slope_x[1] += kStep, slope_y[2] += kStep;
+    fill(point, rays, slope_x, slope_y);
+    reach(rays, x, y);
+    const Eigen::Vector2d off(target.x() - x[0], target.y() - y[0]);
+    Eigen::Matrix2d jacobian;
+    jacobian << x[1] - x[0], x[2] - x[0], y[1] - y[0], y[2] - y[0];
+    jacobian /= kStep;
+    if (!(off.allFinite() && jacobian.allFinite() && jacobian.determinant() != 0) ||
+        off.norm() > 2 * last) {
+      if (step == 0 || last_step.norm() < kConverged) return std::nullopt;
+      last_step /= 2;  // too far: the ray was lost, or missed by more than before
+      slope -= last_step;
+      continue;
+    }
+    const Eigen::Matrix2d inverse = jacobian.inverse();
+    if (off.norm() < kConverged || (off.norm() < 1e-11 && off.norm() >= last))
+      return Aim{slope, inverse};
+    last = off.norm();
+    last_step = inverse * off;
+    slope += last_step;
+  }
+  return std::nullopt;
+}
+
+/// The other rays of the bundle from the chief ray's Jacobian, by the chord method: what is left of
+/// a target moves a sample within the pupil, by less than a micrometer, and is no error of any ray.
+void PupilTracer::refine(const Eigen::Vector3d& point, const Aim& aim, const double* target_x,
+                         const double* target_y, double* slope_x, double* slope_y) const {
+  const int steps = fills_stop() ? 5 : 2;  // a microscope's pupil is small
+  const Eigen::Matrix2d& inverse = aim.slope_from_pupil;
+  RayBlock rays;
+  double x[kLanes], y[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    const double ox = target_x[i] - pupil_.center.x(), oy = target_y[i] - pupil_.center.y();
+    slope_x[i] = aim.slope.x() + inverse(0, 0) * ox + inverse(0, 1) * oy;
+    slope_y[i] = aim.slope.y() + inverse(1, 0) * ox + inverse(1, 1) * oy;
+  }
+  for (int step = 0; step < steps; ++step) {
+    fill(point, rays, slope_x, slope_y);
+    reach(rays, x, y);
+    for (int i = 0; i < kLanes; ++i) {
+      const double ox = target_x[i] - x[i], oy = target_y[i] - y[i];
+      if (!(std::isfinite(ox) && std::isfinite(oy))) continue;
+      slope_x[i] += inverse(0, 0) * ox + inverse(0, 1) * oy;
+      slope_y[i] += inverse(1, 0) * ox + inverse(1, 1) * oy;
+    }
+  }
+}
+
+std::optional<Ray> PupilTracer::aim(const Eigen::Vector3d& point,
+                                    const Eigen::Vector2d& sample) const {
+  if (!in_vitreous(point)) return std::nullopt;
+  const auto found = solve(point, pupil_.center + pupil_.radius * sample);
+  if (!found) return std::nullopt;
+  return Ray{point, Eigen::Vector3d(found->slope.x(), found->slope.y(), 1).normalized()};
+}
+
+void PupilTracer::add(const RayBlock& rays, int count, Spot& spot) const {
+  for (int i = 0; i < count; ++i) {
+    if (rays.lost[i] != 0) {
+      ++spot.lost;
+      continue;
+    }
+    const Eigen::Vector2d slope(rays.dx[i] / rays.dz[i], rays.dy[i] / rays.dz[i]);
+    spot.place.push_back(Eigen::Vector2d(rays.x[i], rays.y[i]) +
+                         (last_vertex_ - rays.z[i]) * slope);
+    spot.slope.push_back(slope);
+  }
+}
+
+bool PupilTracer::trace(const Eigen::Vector3d& point, const std::vector<Eigen::Vector2d>& samples,
+                        Spot& spot) const {
+  spot.place.clear(), spot.slope.clear();
+  spot.lost = 0;
+  if (!in_vitreous(point)) return false;
+  const auto chief = solve(point, pupil_.center);
+  if (!chief) return false;
+  // The stop itself is what is filled: rounding at its rim is no vignetting.
+  const BatchTracer& tracer = fills_stop() ? open_ : real_;
+  RayBlock rays;
+  double target_x[kLanes], target_y[kLanes], slope_x[kLanes], slope_y[kLanes];
+  std::fill_n(slope_x, kLanes, chief->slope.x()), std::fill_n(slope_y, kLanes, chief->slope.y());
+  fill(point, rays, slope_x, slope_y);
+  tracer.trace_out(rays);
+  add(rays, 1, spot);
+  if (spot.lost > 0) return false;
+  spot.chief = spot.place[0], spot.chief_slope = spot.slope[0];
+  spot.chief_stop = {rays.stop_x[0], rays.stop_y[0]};
+  spot.place.clear(), spot.slope.clear();
+  for (std::size_t first = 0; first < samples.size(); first += kLanes) {
+    const int count = static_cast<int>(std::min<std::size_t>(kLanes, samples.size() - first));
+    for (int i = 0; i < kLanes; ++i) {
+      const Eigen::Vector2d target =
+          pupil_.center + pupil_.radius * samples[first + (i < count ? i : 0)];
+      target_x[i] = target.x(), target_y[i] = target.y();
+    }
+    refine(point, *chief, target_x, target_y, slope_x, slope_y);
+    fill(point, rays, slope_x, slope_y);
+    tracer.trace_out(rays);
+    add(rays, count, spot);
+  }
+  return true;
+}
+
+}  // namespace vitreo::optics

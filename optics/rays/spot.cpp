@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/rays/spot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <stdexcept>
+
+namespace vitreo::optics {
+
+double SpotMoments::rms(double distance) const {
+  const double square =
+      place.trace() + distance * (2 * place_slope.trace() + distance * slope.trace());
+  return std::sqrt(std::max(square, 0.0));  // rounding may leave less than nothing
+}
+
+std::vector<Eigen::Vector2d> Spot::at(double distance) const {
+  std::vector<Eigen::Vector2d> points(place.size());
+  for (std::size_t i = 0; i < place.size(); ++i) points[i] = place[i] + distance * slope[i];
+  return points;
+}
+
+SpotMoments Spot::moments() const {
+  SpotMoments m;
+  m.rays = rays();
+  if (m.rays == 0) return m;
+  for (std::size_t i = 0; i < place.size(); ++i) m.mean += place[i], m.mean_slope += slope[i];
+  m.mean /= m.rays, m.mean_slope /= m.rays;
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    const Eigen::Vector2d p = place[i] - m.mean, t = slope[i] - m.mean_slope;
+    m.place += p * p.transpose();
+    m.place_slope += (p * t.transpose() + t * p.transpose()) / 2;
+    m.slope += t * t.transpose();
+  }
+  m.place /= m.rays, m.place_slope /= m.rays, m.slope /= m.rays;
+  return m;
+}
+
+double geometric_mtf(const Spot& spot, double distance, const Eigen::Vector2d& frequency) {
+  if (spot.rays() == 0) return 0;
+  const Eigen::Vector2d center =
+      spot.chief_at(distance);  // the phase stays small; its modulus does not care
+  std::complex<double> sum = 0;
+  for (const Eigen::Vector2d& p : spot.at(distance)) {
+    sum += std::polar(1.0, -2 * std::numbers::pi * frequency.dot(p - center));
+  }
+  return std::abs(sum) / spot.rays();
+}
+
+Eigen::MatrixXd geometric_psf(const Spot& spot, double distance, double half_width, int cells) {
+  if (!(std::isfinite(half_width) && half_width > 0))
+    throw std::invalid_argument("half_width: must be positive");
+  if (cells < 1) throw std::invalid_argument("cells: must be at least 1");
+  Eigen::MatrixXd psf = Eigen::MatrixXd::Zero(cells, cells);
+  if (spot.rays() == 0) return psf;
+  const Eigen::Vector2d center = spot.moments().mean_at(distance);
+  for (const Eigen::Vector2d& p : spot.at(distance)) {
+    const Eigen::Vector2d cell = (p - center).array() / (2 * half_width) * cells + cells / 2.0;
+    if (cell.minCoeff() < 0 || cell.maxCoeff() >= cells) continue;
+    psf(static_cast<Eigen::Index>(cell.y()), static_cast<Eigen::Index>(cell.x())) +=
+        1.0 / spot.rays();
+  }
+  return psf;
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/system/first_order.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+/// A power (1/m) or an angular magnification below this is rounding.
+constexpr double kAfocal = 1e-9;
+
+double front_index(const System& system) { return system.surfaces.front().index; }
+double back_index(const System& system) { return system.surfaces.back().index; }
+
+/// Radii of atoms and lengths of light years overflow; what follows must not be a NaN.
+const Eigen::Matrix2d& checked(const Eigen::Matrix2d& matrix) {
+  constexpr double kLargest = 1e100;
+  if (!matrix.allFinite() || !(matrix.cwiseAbs().maxCoeff() < kLargest)) {
+    throw std::invalid_argument("system: its powers and lengths are beyond any optics");
+  }
+  return matrix;
+}
+
+/// From an object in the vitreous to behind the last surface.
+Eigen::Matrix2d from_object(const System& system, double depth) {
+  const double way = system.surfaces.front().thickness - depth;
+  if (!(depth >= 0 && way >= 0)) {
+    throw std::invalid_argument("depth: must lie in the vitreous, between 0 and " +
+                                std::to_string(system.surfaces.front().thickness * 1e3) + " mm");
+  }
+  return checked(system_matrix(system) * transfer_matrix(way, front_index(system)));
+}
+
+}  // namespace
+
+Eigen::Matrix2d refraction_matrix(double index_before, double index_behind, double radius) {
+  Eigen::Matrix2d matrix;
+  matrix << 1, -(index_behind - index_before) / radius, 0, 1;  // (4.2), (4.3)
+  return matrix;
+}
+
+Eigen::Matrix2d transfer_matrix(double thickness, double index) {
+  Eigen::Matrix2d matrix;
+  matrix << 1, 0, thickness / index, 1;  // (4.4)
+  return matrix;
+}
+
+Eigen::Matrix2d system_matrix(const System& system, int from, int to) {
+  system.check();
+  if (to == 0) to = system.size();
+  if (from < 2 || from > to)
+    throw std::invalid_argument("from: must be a refracting surface before the last");
+  if (to > system.size())
+    throw std::invalid_argument("to: the system has no surface " + std::to_string(to));
+  Eigen::Matrix2d matrix = Eigen::Matrix2d::Identity();
+  for (int i = from - 1; i < to; ++i) {
+    const Surface &before = system.surfaces[i - 1], &at = system.surfaces[i];
+    if (i >= from) matrix = transfer_matrix(before.thickness, before.index) * matrix;
+    matrix = refraction_matrix(before.index, at.index, at.radius) * matrix;
+  }
+  return checked(matrix);
+}
+
+std::optional<CardinalPoints> cardinal_points(const System& system) {
+  const Eigen::Matrix2d a = system_matrix(system);
+  const double power = -a(0, 1), front = front_index(system), back = back_index(system);
+  if (std::abs(power) < kAfocal) return std::nullopt;
+  CardinalPoints points;
+  points.focal_length = 1 / power;  // (4.6)
+  points.front_focal_length = front / power;
+  points.back_focal_length = back / power;
+  points.first_principal_point = front * (1 - a(0, 0)) / power;  // (4.7)
+  points.second_principal_point = back * (a(1, 1) - 1) / power;  // (4.8)
+  points.front_focus = points.first_principal_point - points.front_focal_length;
+  points.back_focus = points.second_principal_point + points.back_focal_length;
+  points.first_nodal_point = points.front_focus + points.back_focal_length;
+  points.second_nodal_point = points.back_focus - points.front_focal_length;
+  return points;
+}
+
+std::optional<AxialImage> axial_image(const System& system, double depth) {
+  const Eigen::Matrix2d b = from_object(system, depth);
+  if (std::abs(b(0, 0)) < kAfocal) return std::nullopt;
+  AxialImage image;
+  image.distance = -back_index(system) * b(1, 0) / b(0, 0);
+  image.magnification = 1 / b(0, 0);  // the determinant is 1
+  image.longitudinal =
+      image.magnification * image.magnification * back_index(system) / front_index(system);
+  return image;
+}
+
+std::optional<double> secant_slope(const System& system, double depth) {
+  if (!(depth > 0)) throw std::invalid_argument("depth: must be positive");
+  const auto from = axial_image(system, 0), to = axial_image(system, depth);
+  if (!from || !to || (from->magnification > 0) != (to->magnification > 0)) return std::nullopt;
+  return (to->distance - from->distance) / depth;
+}
+
+}  // namespace vitreo::optics

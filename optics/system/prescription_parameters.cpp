@@ -1,0 +1,140 @@
+// The parameters of a prescription by name: listing, reading, replacing.
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/system/names.h"
+#include "optics/system/prescriptions.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+constexpr const char* kAspheric[] = {".a4", ".a6", ".a8", ".a10"};
+constexpr const char* kAsphericUnit[] = {"m^-3", "m^-5", "m^-7", "m^-9"};
+
+/// Calls visit(name, alias, unit, value&) for every real parameter. The alias counts the surface:
+/// "surface_5.radius".
+template <class AnyPrescription, class Visitor>
+void visit_parameters(AnyPrescription& of, Visitor&& visit) {
+  auto& surfaces = of.system.surfaces;
+  for (std::size_t i = 0; i < surfaces.size(); ++i) {
+    const std::string number = "surface_" + std::to_string(i + 1);
+    const auto one = [&](const std::string& owner, const char* field, const char* unit,
+                         auto& value) { visit(owner + field, number + field, unit, value); };
+    auto& surface = surfaces[i];
+    one(of.surfaces[i], ".radius", "m", surface.radius);
+    one(of.surfaces[i], ".conic", "1", surface.conic);
+    for (std::size_t k = 0; k < surface.aspheric.size(); ++k) {
+      one(of.surfaces[i], kAspheric[k], kAsphericUnit[k], surface.aspheric[k]);
+    }
+    one(of.surfaces[i], ".semi_diameter", "m", surface.semi_diameter);
+    if (i + 1 < surfaces.size()) one(of.media[i], ".thickness", "m", surface.thickness);
+    one(of.media[i], ".index", "1", surface.index);
+  }
+  if (of.system.stop) visit("stop.radius", "stop.radius", "m", of.system.stop->radius);
+}
+
+std::vector<std::string> names_of(const Prescription& prescription) {
+  std::vector<std::string> names;
+  for (const Parameter& one : parameters(prescription)) names.push_back(one.name);
+  return names;
+}
+
+[[noreturn]] void refuse_unknown(const Prescription& prescription, std::string_view name) {
+  throw std::invalid_argument("parameter: " + prescription.name + " has no \"" + std::string(name) +
+                              "\"" + detail::suggestions(name, names_of(prescription)));
+}
+
+void check_names(const std::vector<std::string>& names, const System& system, const char* what) {
+  if (names.size() != system.surfaces.size()) {
+    throw std::invalid_argument(std::string(what) + ": " + std::to_string(names.size()) +
+                                " names for " + std::to_string(system.size()) + " surfaces");
+  }
+  std::set<std::string> seen;
+  for (const std::string& name : names) {
+    if (name.empty() || !seen.insert(name).second) {
+      throw std::invalid_argument(std::string(what) + ": \"" + name + "\" is empty or used twice");
+    }
+  }
+}
+
+void set_stop_surface(Prescription& prescription, double value) {
+  if (!(std::floor(value) == value && value >= 2 && value <= prescription.system.size())) {
+    throw std::invalid_argument("stop.surface: must be a whole number of 2.." +
+                                std::to_string(prescription.system.size()));
+  }
+  prescription.system.stop->surface = static_cast<int>(value);
+}
+
+void set(Prescription& prescription, const std::string& name, double value) {
+  if (std::isnan(value)) throw std::invalid_argument(name + ": is not a number");
+  if (name == "stop.surface" && prescription.system.stop)
+    return set_stop_surface(prescription, value);
+  bool found = false;
+  visit_parameters(prescription, [&](const std::string& its, const std::string& alias, const char*,
+                                     double& parameter) {
+    if (its != name && alias != name) return;
+    parameter = value;
+    found = true;
+  });
+  if (!found) refuse_unknown(prescription, name);
+}
+
+/// Empty when it is sound.
+std::string why_unsound(const System& system) {
+  try {
+    system.check();
+  } catch (const std::invalid_argument& unsound) {
+    return unsound.what();
+  }
+  return {};
+}
+
+}  // namespace
+
+void Prescription::check() const {
+  system.check();
+  check_names(surfaces, system, "surfaces");
+  check_names(media, system, "media");
+}
+
+std::vector<Parameter> parameters(const Prescription& prescription) {
+  std::vector<Parameter> list;
+  visit_parameters(prescription, [&](const std::string& name, const std::string&, const char* unit,
+                                     double value) {
+    list.push_back({name, unit, value});
+  });
+  if (prescription.system.stop)
+    list.push_back({"stop.surface", "1", double(prescription.system.stop->surface)});
+  return list;
+}
+
+double parameter(const Prescription& prescription, std::string_view name) {
+  if (name == "stop.surface" && prescription.system.stop) return prescription.system.stop->surface;
+  const double* found = nullptr;
+  visit_parameters(prescription, [&](const std::string& its, const std::string& alias, const char*,
+                                     const double& value) {
+    if (its == name || alias == name) found = &value;
+  });
+  if (found == nullptr) refuse_unknown(prescription, name);
+  return *found;
+}
+
+Prescription with_parameters(Prescription prescription, std::span<const Override> overrides) {
+  prescription.check();
+  Prescription changed = prescription;
+  for (const auto& [name, value] : overrides) set(changed, name, value);
+  const std::string unsound = why_unsound(changed.system);
+  if (unsound.empty()) return changed;
+  for (const auto& [name, value] : overrides) {
+    Prescription alone = prescription;
+    set(alone, name, value);
+    const std::string its_fault = why_unsound(alone.system);
+    if (!its_fault.empty()) throw std::invalid_argument(name + ": " + its_fault);
+  }
+  throw std::invalid_argument("parameters: together they leave the system unsound: " + unsound);
+}
+
+}  // namespace vitreo::optics

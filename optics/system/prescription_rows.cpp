@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/system/prescription_rows.h"
+
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+constexpr std::size_t kMostRows = 1000;
+
+std::string name_or(const std::string& name, const char* otherwise, std::size_t number) {
+  return name.empty() ? otherwise + std::to_string(number) : name;
+}
+
+}  // namespace
+
+PrescriptionTable to_rows(const Prescription& prescription) {
+  prescription.check();
+  PrescriptionTable table{prescription.name, prescription.title, prescription.source, {}, 0, 0};
+  for (std::size_t i = 0; i < prescription.surfaces.size(); ++i) {
+    const Surface& from = prescription.system.surfaces[i];
+    table.rows.push_back({prescription.surfaces[i], prescription.media[i], from.radius, from.conic,
+                          from.aspheric, from.thickness, from.index, from.semi_diameter});
+  }
+  if (prescription.system.stop) {
+    table.stop_surface = prescription.system.stop->surface;
+    table.stop_radius = prescription.system.stop->radius;
+  }
+  return table;
+}
+
+Prescription from_rows(const PrescriptionTable& table) {
+  if (table.rows.size() > kMostRows) {
+    throw std::invalid_argument("rows: " + std::to_string(table.rows.size()) + " are more than " +
+                                std::to_string(kMostRows));
+  }
+  Prescription made{table.name, table.title, table.source, {}, {}, {}};
+  made.system.name = table.title.empty() ? table.name : table.title;
+  for (const PrescriptionRow& row : table.rows) {
+    const std::size_t number = made.surfaces.size() + 1;
+    made.surfaces.push_back(name_or(row.surface, "surface_", number));
+    made.media.push_back(name_or(row.medium, "medium_", number));
+    made.system.surfaces.push_back(
+        {row.radius, row.conic, row.aspheric, row.thickness, row.index, row.semi_diameter});
+  }
+  if (table.stop_surface != 0) made.system.stop = Stop{table.stop_surface, table.stop_radius};
+  made.check();
+  return made;
+}
+
+}  // namespace vitreo::optics

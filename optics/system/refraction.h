@@ -1,0 +1,156 @@
+// One ray at one surface: intersection, Snell's law, stop. Templated, so that Ceres' Jets pass
+// through the same code: as rays, and as surfaces that are being designed
+// (optics/design/design_surface.h). Frame: the eye frame moved so that the surface's vertex is the
+// origin. Lengths in m.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "optics/numerics/scalar.h"
+#include "optics/system/ray.h"
+#include "optics/system/system.h"
+
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace vitreo::optics::detail {
+
+/// The profile at a distance from the axis; both NaN where the surface does not reach.
+template <class T>
+struct Profile {
+  T sag;           // (3.1), m
+  T slope_over_r;  // (d sag / d r) / r, 1/m: regular on the axis
+};
+
+inline double curvature_of(const Surface& surface) { return 1 / surface.radius; }
+
+template <class AnySurface, class T>
+Profile<T> profile(const AnySurface& surface, const T& r2) {
+  using std::sqrt;
+  const auto c = curvature_of(surface);
+  const T q = 1.0 - (1.0 + surface.conic) * c * c * r2;
+  if (!(q >= 0.0))
+    return {T(std::numeric_limits<double>::quiet_NaN()),
+            T(std::numeric_limits<double>::quiet_NaN())};
+  const T root = sqrt(q);
+  const auto& [a4, a6, a8, a10] = surface.aspheric;
+  return {c * r2 / (1.0 + root) + r2 * r2 * (a4 + r2 * (a6 + r2 * (a8 + r2 * a10))),
+          c / root + r2 * (4.0 * a4 + r2 * (6.0 * a6 + r2 * (8.0 * a8 + r2 * (10.0 * a10))))};
+}
+
+inline bool is_asphere(const Surface& surface) {
+  return std::any_of(surface.aspheric.begin(), surface.aspheric.end(),
+                     [](double a) { return a != 0; });
+}
+
+/// `s` such that plane_point + s * d lies on the conic. The form C / (-B + sqrt(B^2 - AC)) has no
+/// cancellation where A
+/// -> 0 (near-axial rays on a paraboloid); of the two roots it is the one at the vertex, whichever
+/// way the ray goes.
+template <class AnySurface, class T>
+TraceStatus meet_conic(const AnySurface& surface, const Vector3<T>& plane_point,
+                       const Vector3<T>& d, T& s) {
+  using std::sqrt;
+  const auto c = curvature_of(surface);
+  const auto k = surface.conic;
+  const T a = c * (1.0 + k * d.z() * d.z());
+  const T b = c * (plane_point.x() * d.x() + plane_point.y() * d.y()) - d.z();
+  const T e = c * (plane_point.x() * plane_point.x() + plane_point.y() * plane_point.y());
+  const T discriminant = b * b - a * e;
+  if (!(discriminant >= 0.0)) return TraceStatus::missed;
+  const T root = sqrt(discriminant);
+  const T denominator = d.z() > 0.0 ? T(root - b) : T(-root - b);
+  if (denominator == 0.0) return TraceStatus::missed;
+  s = e / denominator;
+  // (3.1) is the sheet where its square root, 1 - (1+k) c z, is positive.
+  return (1.0 + k) * c * (s * d.z()) > 1.0 ? TraceStatus::wrong_sheet : TraceStatus::ok;
+}
+
+/// Newton from the conic's root, or from the tangent plane where the conic is missed. The step
+/// after convergence makes the derivatives of a Jet exact.
+template <class AnySurface, class T>
+TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_point,
+                         const Vector3<T>& d, T& s) {
+  constexpr double kConverged = 1e-14;  // m
+  constexpr int kMaxSteps = 30;
+  if (meet_conic(surface, plane_point, d, s) != TraceStatus::ok) s = T(0);
+  for (int step = 0; step < kMaxSteps; ++step) {
+    const Vector3<T> p = plane_point + s * d;
+    const Profile<T> at = profile(surface, T(p.x() * p.x() + p.y() * p.y()));
+    const T gap = p.z() - at.sag;
+    const T slope = d.z() - at.slope_over_r * (p.x() * d.x() + p.y() * d.y());
+    if (!(gap == gap) || slope == 0.0) return TraceStatus::missed;
+    s -= gap / slope;
+    if (gap < kConverged && gap > -kConverged) return TraceStatus::ok;
+  }
+  return TraceStatus::no_convergence;
+}
+
+/// The unit normal at a point of the surface, with positive z component.
+template <class AnySurface, class T>
+Vector3<T> unit_normal(const AnySurface& surface, const Vector3<T>& p) {
+  if (is_asphere(surface)) {
+    const T slope = profile(surface, T(p.x() * p.x() + p.y() * p.y())).slope_over_r;
+    return Vector3<T>(-slope * p.x(), -slope * p.y(), T(1)).normalized();
+  }
+  const auto c = curvature_of(surface);  // this form stays regular at the equator of a sphere
+  return Vector3<T>(-c * p.x(), -c * p.y(), 1.0 - (1.0 + surface.conic) * c * p.z()).normalized();
+}
+
+/// Snell's law in vector form; false at total reflection. `ratio` = index before / index behind.
+template <class T>
+bool refract(double ratio, const Vector3<T>& normal, Vector3<T>& d) {
+  using std::sqrt;
+  const T cos_in = d.dot(normal);
+  const T cos2_out = 1.0 - ratio * ratio * (1.0 - cos_in * cos_in);
+  if (!(cos2_out >= 0.0)) return false;
+  const T cos_out = cos_in < 0.0 ? T(-sqrt(cos2_out)) : T(sqrt(cos2_out));
+  d = ratio * d + (cos_out - ratio * cos_in) * normal;
+  return true;
+}
+
+/// What a ray does at one surface.
+template <class AnySurface>
+struct Crossing {
+  const AnySurface& surface;
+  double ratio;  // index before / index behind, as the ray goes
+  double stop_radius = std::numeric_limits<double>::infinity();  // m, of a hole in the vertex plane
+};
+
+/// Takes the ray from where it is to behind the surface; leaves it alone when it is lost.
+template <class AnySurface, class T>
+TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>& direction) {
+  constexpr double kBackwards =
+      -1e-12;  // m: a path this short is rounding, a longer one means that the surfaces cross
+  if (direction.z() == 0.0) return TraceStatus::missed;
+  const T to_plane = -origin.z() / direction.z();
+  const Vector3<T> plane_point(origin.x() + to_plane * direction.x(),
+                               origin.y() + to_plane * direction.y(), T(0));
+  T s(0);
+  const TraceStatus met = is_asphere(at.surface)
+                              ? meet_asphere(at.surface, plane_point, direction, s)
+                              : meet_conic(at.surface, plane_point, direction, s);
+  if (met != TraceStatus::ok) return met;
+  if (!(to_plane + s > kBackwards)) return TraceStatus::missed;
+  const Vector3<T> hit = plane_point + s * direction;
+  const auto outside = [](const Vector3<T>& p, double radius) {
+    return p.x() * p.x() + p.y() * p.y() > radius * radius;
+  };
+  if (outside(hit, at.surface.semi_diameter)) return TraceStatus::clipped;
+  Vector3<T> refracted = direction;
+  if (!refract(at.ratio, unit_normal(at.surface, hit), refracted))
+    return TraceStatus::total_reflection;
+  // The hole lies in the vertex plane: before the surface or behind it, whichever the sag says, so
+  // both directions of travel are clipped alike.
+  const bool plane_first = (hit.z() >= 0.0) == (direction.z() > 0.0);
+  const Vector3<T> in_hole =
+      plane_first ? plane_point : Vector3<T>(hit - refracted * (hit.z() / refracted.z()));
+  if (outside(in_hole, at.stop_radius)) return TraceStatus::clipped;
+  origin = hit;
+  direction = refracted;
+  return TraceStatus::ok;
+}
+
+}  // namespace vitreo::optics::detail

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/system/system.h"
+
+#include "optics/system/refraction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+[[noreturn]] void refuse(int surface, const std::string& why) {
+  throw std::invalid_argument("surface " + std::to_string(surface) + ": " + why);
+}
+
+void check_surface(const Surface& surface, int number, bool last) {
+  if (std::isnan(surface.radius) || surface.radius == 0)
+    refuse(number, "radius must not be zero or NaN");
+  if (!std::isfinite(surface.conic)) refuse(number, "conic must be finite");
+  for (double a : surface.aspheric) {
+    if (!std::isfinite(a)) refuse(number, "aspheric coefficients must be finite");
+  }
+  if (!last && !(surface.thickness >= 0 && std::isfinite(surface.thickness))) {
+    refuse(number, "thickness must be finite and not negative");
+  }
+  constexpr double kLargestIndex = 10;  // of anything that light passes
+  if (!(surface.index >= 1 && surface.index <= kLargestIndex))
+    refuse(number, "index must lie within 1 and 10");
+  if (!(surface.semi_diameter > 0)) refuse(number, "semi_diameter must be positive");
+}
+
+/// Where both have a rim, the media between them must be there up to the smaller one. Surfaces
+/// without a rim may meet somewhere outside; rays that come there are lost as missed.
+void check_gap(const Surface& front, const Surface& behind, int number) {
+  constexpr int kSteps = 16;
+  constexpr double kRounding = 1e-12;  // m: of surfaces in contact
+  const double rim = std::min(front.semi_diameter, behind.semi_diameter);
+  if (!std::isfinite(rim)) return;
+  for (int i = 1; i <= kSteps; ++i) {
+    const double r = rim * i / kSteps;
+    const double gap = front.thickness + behind.sag(r) - front.sag(r);
+    if (gap < -kRounding) {
+      refuse(number, "thickness is too small: it crosses surface " + std::to_string(number + 1) +
+                         " at " + std::to_string(r * 1e3) + " mm from the axis");
+    }
+  }
+}
+
+}  // namespace
+
+double Surface::sag(double r) const { return detail::profile(*this, r * r).sag; }
+
+double System::vertex(int surface) const {
+  if (surface < 1 || surface > size()) {
+    throw std::invalid_argument("surface: " + std::to_string(surface) + " is not in 1.." +
+                                std::to_string(size()));
+  }
+  double z = 0;
+  for (int i = 0; i < surface - 1; ++i) z += surfaces[i].thickness;
+  return z;
+}
+
+void System::check() const {
+  if (size() < 2)
+    throw std::invalid_argument(
+        "surfaces: a system needs the retina and at least one refracting surface");
+  for (int i = 0; i < size(); ++i) check_surface(surfaces[i], i + 1, i + 1 == size());
+  for (int i = 1; i + 1 < size(); ++i) check_gap(surfaces[i], surfaces[i + 1], i + 1);
+  if (!stop) return;
+  if (stop->surface < 2 || stop->surface > size()) {
+    throw std::invalid_argument("stop: surface " + std::to_string(stop->surface) +
+                                " does not refract in this system");
+  }
+  if (!(stop->radius > 0 && std::isfinite(stop->radius))) {
+    refuse(stop->surface, "stop radius must be finite and positive");
+  }
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,78 @@
+// From what a Zemax file says to a system that begins at the retina.
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/system/first_order.h"
+#include "optics/system/zemax.h"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace vitreo::optics {
+namespace {
+
+/// The same glass, met from the other side.
+Surface turned(Surface surface) {
+  surface.radius = -surface.radius;
+  for (double& a : surface.aspheric) a = -a;
+  return surface;
+}
+
+std::vector<Surface> reversed(const std::vector<Surface>& forward) {
+  std::vector<Surface> back;
+  for (std::size_t i = forward.size(); i-- > 0;) {
+    Surface surface = turned(forward[i]);
+    surface.thickness = i > 0 ? forward[i - 1].thickness : 0;
+    surface.index = i > 0 ? forward[i - 1].index : 1;
+    back.push_back(surface);
+  }
+  return back;
+}
+
+/// Rays parallel to the axis at the entrance pupil's rim meet the rim of the stop, in first order.
+double stop_radius_from_pupil(const ZemaxFile& file) {
+  System before;  // object space to the stop's plane
+  before.surfaces.assign(file.surfaces.begin(), file.surfaces.begin() + file.stop + 1);
+  before.surfaces.front().thickness =
+      0;  // it may be infinite, and does not matter to parallel rays
+  for (Surface& surface : before.surfaces)
+    surface.semi_diameter = std::numeric_limits<double>::infinity();
+  return std::abs(system_matrix(before)(1, 1)) * *file.entrance_pupil_diameter / 2;
+}
+
+std::optional<double> stop_radius(const ZemaxFile& file) {
+  if (file.stop == 0) return std::nullopt;
+  if (file.entrance_pupil_diameter)
+    return stop_radius_from_pupil(file);  // what defines the beam in the file
+  return file.stop_radius;
+}
+
+}  // namespace
+
+Prescription prescription_from_zemax(const ZemaxFile& file, ZemaxDirection direction) {
+  const int count = static_cast<int>(file.surfaces.size());
+  if (count < 3) throw std::invalid_argument("file: needs an object, a surface and an image");
+  const bool turn = direction == ZemaxDirection::image_is_retina;
+  Prescription made;
+  made.name = "zemax";
+  made.title = file.title.empty() ? "imported from Zemax" : file.title;
+  made.source = "Zemax file; indices at the d line.";
+  made.system.name = made.title;
+  std::vector<Surface>& surfaces = made.system.surfaces;
+  surfaces = turn ? reversed(file.surfaces) : file.surfaces;
+  surfaces.pop_back();  // the far end: image plane or source, where nothing refracts
+  surfaces.back().thickness = 0;
+  if (std::isinf(surfaces.front().thickness)) {
+    throw std::invalid_argument(
+        "direction: the surface that should be the retina lies at infinity");
+  }
+  const auto radius = stop_radius(file);
+  if (radius) made.system.stop = Stop{turn ? count - file.stop : file.stop + 1, *radius};
+  for (int i = 1; i <= made.system.size(); ++i) {
+    made.surfaces.push_back("surface_" + std::to_string(i));
+    made.media.push_back("medium_" + std::to_string(i));
+  }
+  made.check();
+  return made;
+}
+
+}  // namespace vitreo::optics

@@ -1,0 +1,359 @@
+// The dry run on the rig's twin: what it says of a script, and who is let to run all the same.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/preflight.h"
+
+#include "devices/instruments/scpi_probe/emulator.h"
+#include "host/config/rights.h"
+#include "host/lua/engine/engine.h"
+#include "host/rig/registry.h"
+#include "host/rig/rig_settings.h"
+#include "host/terminal/line_editor.h"
+#include "tests/devices/links/real_end.h"
+#include "tests/host/rig/fake_rig.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <fstream>
+#include <sstream>
+
+namespace vitreo {
+namespace {
+
+constexpr const char* kSimulated = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+constexpr const char* kLaboratory = VITREO_SOURCE_DIR "/scripts/rigs/octomag_lab.lua";
+
+struct PreflightTest : testing::Test {
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder.path() / name) << text;
+    return (folder.path() / name).string();
+  }
+  void script(const std::string& body, const std::string& parameters = "{}") {
+    request.protocol_file =
+        write("p.lua",
+              "local units = require 'units'\nlocal s, mm, A = units.s, units.mm, units.A\n"
+              "return { title = 'test', parameters = " +
+                  parameters + ", run = function(rig, p, run)\n" + body + "\nend }");
+    request.rig_file = request.rig_file.empty() ? kSimulated : request.rig_file;
+    request.out = (folder.path() / "runs").string();
+  }
+  PreflightReport check(const std::string& body, double wall = 10) {
+    script(body);
+    return preflight(*engine, request, {wall, {}});
+  }
+  /// A laboratory of one real instrument: a teslameter's emulator at the far end of a real wire.
+  void use_real_probe(const std::string& more = "") {
+    request.rig_file = write(
+        "lab.lua", "return { title = 'lab', field_probe = { driver = 'scpi_probe', address = '" +
+                       end.address() + "' },\n" + more + " }");
+  }
+  std::string events_of_run() {
+    std::ostringstream text;
+    run_protocol(*engine, request, listener, [&](const Recorder& recorder, OpenRig&) {
+      for (const Event& event : recorder.events()) text << event.kind << ":" << event.text << ";";
+    });
+    return text.str();
+  }
+
+  TemporaryFolder folder;
+  SilentListener listener;
+  RunRequest request;
+  std::unique_ptr<BytePeer> emulator = scpi_probe::make_emulator({}, [](Time) {
+    return std::vector<double>{0, 0, 0};
+  });
+  RealEnd end{*emulator, open_tcp_end()};
+  std::unique_ptr<ScriptEngine> engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+};
+
+std::string all(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += line + ";";
+  return text;
+}
+
+TEST_F(PreflightTest, SaysWhatWouldBeMovedAndEnergizedAndHowLongAtLeast) {
+  const PreflightReport report = check(
+      "rig.coils:set_currents { 2, -2, 2, 2, 2, 2, 2, 3 }\nrun:wait(4*s)\n"
+      "rig.coils:set_currents { 0, 0, 0, 0, 0, 0, 0, 0 "
+      "}\nrig.lens_mover:move_to(1*mm)\nrig.lens_mover:move_to(-2*mm)");
+  EXPECT_TRUE(report.passed()) << all(report.problems);
+  EXPECT_TRUE(report.simulated);
+  EXPECT_EQ(report.coils.peak.at(7), 3);
+  EXPECT_EQ(report.coils.peak.at(1), 2);
+  EXPECT_EQ(report.coils.peak_total, 17);
+  EXPECT_NEAR(report.coils.energized, 4, 0.1) << "s";
+  ASSERT_EQ(report.moves.size(), 1u);
+  EXPECT_EQ(report.moves[0].role, "lens_mover");
+  EXPECT_EQ(report.moves[0].moves, 2);
+  EXPECT_EQ(report.moves[0].min, -2e-3);
+  EXPECT_EQ(report.moves[0].max, 1e-3);
+  EXPECT_GT(report.duration, 4.2) << "s: the wait and the moves";
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "runs")) << "it leaves nothing behind";
+}
+
+TEST_F(PreflightTest, FailsWhereTheScriptRunsIntoALimit) {
+  const PreflightReport report = check("rig.coils:set_currents { 13, 0, 0, 0, 0, 0, 0, 0 }");
+  EXPECT_FALSE(report.passed());
+  EXPECT_NE(all(report.problems).find("13 A is beyond the limit of 12 A"), std::string::npos)
+      << all(report.problems);
+  EXPECT_NE(all(check("rig.lens_mover:move_to(90*mm)").problems).find("lens_mover"),
+            std::string::npos);
+}
+
+TEST_F(PreflightTest, FailsWithTheScriptsLineWhereTheScriptFails) {
+  const PreflightReport report = check("run:wait(1*s)\nerror('no')");
+  EXPECT_NE(all(report.problems).find("p.lua:5: no"), std::string::npos) << all(report.problems);
+}
+
+TEST_F(PreflightTest, WarnsOnlyWhenItsWallTimeIsUp) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP()
+      << "the thread sanitizer keeps signals back until a call that blocks; this loop has none";
+#endif
+  const PreflightReport report =
+      check("while true do pcall(function() while true do end end) end", 0.1);
+  EXPECT_TRUE(report.passed()) << all(report.problems);
+  EXPECT_FALSE(report.simulated);
+  EXPECT_NE(all(report.warnings).find("not fully simulated"), std::string::npos)
+      << all(report.warnings);
+}
+
+TEST_F(PreflightTest, TakesAnswersInAdvanceAndSaysWhichItAssumed) {
+  request.answers = {"depth=3"};
+  const PreflightReport report = check(
+      "assert(run:ask('How deep?', { name = 'depth' }) == 3)\nassert(run:confirm('Is it in?'))\n"
+      "assert(run:ask('Which?', { choices = { 'a', 'b' } }) == 'a')\nrun:pause() "
+      "run:checkpoint('here')");
+  EXPECT_TRUE(report.passed()) << all(report.problems);
+  EXPECT_EQ(all(report.warnings).find("How deep?"), std::string::npos);
+  EXPECT_NE(all(report.warnings).find("Is it in? (yes or no): yes"), std::string::npos)
+      << all(report.warnings);
+  EXPECT_NE(all(report.warnings).find("paused at the checkpoint 'here'"), std::string::npos)
+      << all(report.warnings);
+}
+
+TEST_F(PreflightTest, PosesStandInForImagesOnTheTwinOfALaboratory) {
+  request.rig_file = kLaboratory;
+  const PreflightReport report = check(
+      "local background = rig:learn_background { frames = 3 }\n"
+      "local servo <close> = rig:servo { background = background }\nservo:hold({ 0, 0, 0 })\n"
+      "servo:wait_until_tracked()\nservo:go_to({ 1*mm, 0, 0 }, { within = 1*mm })\n"
+      "assert(rig.simulation == nil, 'a laboratory cannot be redrawn')");
+  EXPECT_TRUE(report.passed()) << all(report.problems);
+  EXPECT_TRUE(report.simulated);
+  EXPECT_GT(report.coils.peak_total, 1) << "A";
+  EXPECT_NE(all(check("rig:servo { feedback = 'pose_sensor' }").problems).find("pose_sensor"),
+            std::string::npos)
+      << "the rig itself has none";
+  EXPECT_NE(all(check("rig:servo {}").problems).find("needs a background"), std::string::npos)
+      << "poses would do without, the run would not";
+}
+
+TEST_F(PreflightTest, AnOperatorsEyeIsRehearsedByPosesTooAndLetsGoAsItWill) {
+  request.rig_file = kLaboratory;
+  const PreflightReport report = check(
+      "local background = rig:learn_background { frames = 2 }\n"
+      "local servo <close> = rig:servo { background = background, feedback = 'none' "
+      "}\nservo:hold({ 0, 0, 0 })\n"
+      "servo:wait_until_tracked()\nrun:wait(1*s)\nservo:release()\nrun:wait(0.5*s)\n"
+      "local before = rig.coils:currents()\nrun:wait(1*s)\n"
+      "for i, current in ipairs(rig.coils:currents()) do assert(current == before[i], 'released: "
+      "constant currents') "
+      "end\n"
+      "local u, x = run:samples('servo', 'u_px'), run:samples('servo', 'x')\n"
+      "assert(u[#u] ~= u[#u] and x[#x] == x[#x], 'a place without a picture')");
+  EXPECT_TRUE(report.passed()) << all(report.problems);
+  EXPECT_TRUE(report.simulated);
+}
+
+TEST_F(PreflightTest, TheTwinOfALaboratoryHasNoRealInstrument) {
+  const RigDescription rig = engine->load_rig(kLaboratory);
+  ASSERT_TRUE(has_real_instruments(rig));
+  EXPECT_FALSE(has_real_instruments(twin_of(rig)));
+  EXPECT_EQ(check_rig(twin_of(rig)).size(), check_rig(rig).size() + 1)
+      << "every role, and a pose sensor";
+}
+
+TEST_F(PreflightTest, CountsTheDiskThatFramesAndSamplesWant) {
+  const PreflightReport report =
+      check("run:record_frames('top_camera', { every = 2 })\nrun:wait(10*s)");
+  EXPECT_EQ(report.frame_bytes_per_second, 1384 * 1036 * 15 / 2.0);
+  EXPECT_NEAR(report.disk_bytes, report.frame_bytes_per_second * report.duration,
+              0.1 * report.frame_bytes_per_second * report.duration);
+  EXPECT_NE(all(check("run:record_frames('no_camera')").problems).find("no_camera"),
+            std::string::npos);
+}
+
+TEST_F(PreflightTest, OnASimulatedRigARunOnlyChecksArgumentsAndLimits) {
+  script("error('no')");
+  EXPECT_EQ(run_protocol(*engine, request, listener).outcome, Outcome::failed) << "it ran";
+  request.arguments = {"speed=3"};
+  EXPECT_THROW(run_protocol(*engine, request, listener), ConfigError);
+}
+
+TEST_F(PreflightTest, ARunOnALaboratoryRigIsRefusedBeforeAnythingIsOpenedWhenItFails) {
+  request.rig_file =
+      kLaboratory;  // none of its instruments is here: opening one would be a DeviceError
+  script("rig.coils:set_currents { 13, 0, 0, 0, 0, 0, 0, 0 }");
+  EXPECT_THROW(run_protocol(*engine, request, listener), PreflightError);
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "runs"));
+}
+
+TEST_F(PreflightTest, TwoRolesOnOnePortAreRefused) {
+  request.rig_file =
+      write("twice.lua",
+            "return { joystick = { driver = 'spacemouse', address = 'hid:256f:c635' },\n"
+            "pedal = { driver = 'foot_pedal', address = 'hid:256f:c635' } }");
+  script("");
+  try {
+    check_request(*engine, request);
+    FAIL();
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("pedal.address is that of joystick already"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
+TEST_F(PreflightTest, AResearcherMayOverrideItAndThatIsRecorded) {
+  use_real_probe("rights = { anna = 'researcher', others = 'technician' }");
+  script("error('no')");
+  request.operator_name = "anna";
+  EXPECT_THROW(run_protocol(*engine, request, listener), PreflightError);
+  request.override_reason = "the script is being written";
+  const std::string events = events_of_run();
+  EXPECT_NE(events.find("override:the preflight failed: "), std::string::npos) << events;
+  EXPECT_NE(events.find("by anna (the script is being written)"), std::string::npos) << events;
+  request.operator_name = "ben";
+  EXPECT_THROW(run_protocol(*engine, request, listener), RightError);
+}
+
+TEST_F(PreflightTest, WhatItFoundIsInTheRecordOfARunThatGoesOn) {
+  use_real_probe();
+  script("run:confirm('Is it in?')");
+  request.answers = {"yes"};
+  const std::string events = events_of_run();
+  EXPECT_NE(events.find("preflight:{"), std::string::npos) << events;
+  EXPECT_NE(events.find("\"fully_simulated\":true"), std::string::npos) << events;
+}
+
+TEST_F(PreflightTest, ATechnicianHasNoPrompt) {
+  use_real_probe("rights = { anna = 'researcher' }");
+  request.out = (folder.path() / "runs").string();
+  request.operator_name = "ben";
+  std::istringstream in;
+  std::ostringstream out;
+  EXPECT_THROW(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out),
+               RightError);
+  request.operator_name = "anna";
+  EXPECT_EQ(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out).outcome,
+            Outcome::completed);
+}
+
+TEST_F(PreflightTest, AStaleCalibrationIsWarnedAboutOrRefusedAsTheRigSays) {
+  const std::string old = "calibrations = { field = { date = '2001-01-01' }, when_stale = ";
+  script("run:note('ran')");
+  use_real_probe(old + "'warn' }");
+  const std::string events = events_of_run();
+  EXPECT_NE(events.find("alarm:low: calibration: the calibration 'field' is of 2001-01-01"),
+            std::string::npos)
+      << events;
+  use_real_probe(old + "'refuse' }");
+  EXPECT_THROW(run_protocol(*engine, request, listener), PreflightError);
+  use_real_probe(
+      "calibrations = { when_stale = 'refuse', field = { date = '2001-01-01', valid_days = 36500, "
+      "devices = { "
+      "field_probe = 'SN-7' } } }");
+  EXPECT_THROW(run_protocol(*engine, request, listener), PreflightError)
+      << "made with another probe";
+  request.override_reason = "the probe was only repaired";
+  EXPECT_NE(
+      events_of_run().find("override:the calibration 'field' was made with field_probe = 'SN-7'"),
+      std::string::npos);
+}
+
+// Which frames are kept.
+
+/// 64x48 at 10 Hz, with a clock of its own that began at another time.
+class SmallCamera : public Camera {
+ public:
+  explicit SmallCamera(Clock& clock) : clock_(clock) {}
+  const CameraInfo& info() const override { return info_; }
+  Frame grab(Time) override {
+    clock_.sleep_for(from_seconds(info_.frame_period));
+    cv::Mat image(info_.height_px, info_.width_px, CV_8UC1, cv::Scalar(9));
+    return {image, ++number_, clock_.now(), clock_.now(), clock_.now() - from_seconds(7)};
+  }
+
+ private:
+  Clock& clock_;
+  CameraInfo info_{"small camera", 64, 48, 0.1, 1e-5};
+  std::uint64_t number_ = 0;
+};
+
+struct KeptFrames : testing::Test {
+  static Rig rig_with(Camera& camera) {
+    Rig rig;
+    rig.top_camera = &camera;
+    return rig;
+  }
+  void grab(int count) {
+    for (int i = 0; i < count; ++i) rig.top_camera->grab(from_seconds(1));
+  }
+  std::vector<std::uint64_t> kept(const std::string& of) {
+    std::vector<std::uint64_t> numbers;
+    for (const FrameRow& row : recorder.frames())
+      if (row.camera == of) numbers.push_back(row.number);
+    return numbers;
+  }
+  TemporaryFolder folder;
+  std::unique_ptr<Clock> clock = virtual_clock();
+  SmallCamera camera{*clock};
+  Rig rig = rig_with(camera);
+  Recorder recorder{folder.path(), start_of_test(1)};
+  FrameRecording frames{*clock, rig, recorder};
+};
+
+TEST_F(KeptFrames, AroundEventsAreThoseBeforeAndAfterAndNoOthers) {
+  frames.start({"top_camera", 1, 0, 1.0});
+  grab(50);
+  recorder.event(clock->now(), "note", "nothing that matters");
+  grab(10);
+  recorder.event(clock->now(), "keep", "something happened");  // after frame 60
+  grab(50);
+  const auto numbers = kept("top_camera");
+  ASSERT_FALSE(numbers.empty());
+  EXPECT_EQ(numbers.front(), 50u) << "1 s before";
+  EXPECT_EQ(numbers.back(), 71u) << "1 s after";
+  EXPECT_EQ(numbers.size(), 22u) << "each of them";
+}
+
+TEST_F(KeptFrames, AWindowFollowsTheRobotAndAWholeFrameComesEachSecond) {
+  const int servo = recorder.add_stream({"servo", "test", {{"u_px", ""}, {"v_px", ""}}});
+  frames.start({"top_camera", 1, 16, 0});
+  recorder.sample(servo, clock->now(), std::array{30.0, 20.0});
+  grab(10);
+  recorder.sample(servo, clock->now(), std::array{1.0, 47.0});  // in a corner
+  grab(10);
+  EXPECT_EQ(kept("top_camera").size(), 2u);
+  EXPECT_EQ(kept("top_camera_window").size(), 20u);
+  for (const FrameRow& row : recorder.frames())
+    EXPECT_EQ(row.width_px * row.height_px, row.camera == "top_camera_window" ? 16 * 16 : 64 * 48);
+  const Stream& corners = *recorder.stream("top_camera_window");
+  EXPECT_EQ(corners.at(0, 1), 22);
+  EXPECT_EQ(corners.at(0, 2), 12);
+  EXPECT_EQ(corners.at(19, 1), 0);
+  EXPECT_EQ(corners.at(19, 2), 32);
+  EXPECT_THROW(frames.check({"side_camera"}), std::invalid_argument);
+}
+
+TEST_F(KeptFrames, TheInstrumentsClockIsMappedToTheHosts) {
+  grab(35);
+  const Stream* const offsets = recorder.stream("top_camera_clock");
+  ASSERT_NE(offsets, nullptr);
+  EXPECT_GE(offsets->times.size(), 2u);
+  EXPECT_NEAR(offsets->at(offsets->times.size() - 1, 0), 7, 1e-6) << "s";
+}
+
+}  // namespace
+}  // namespace vitreo

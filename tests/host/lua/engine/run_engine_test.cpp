@@ -1,0 +1,175 @@
+// Whole runs on the simulated rig: however one ends, the emulated outputs are at zero and the end
+// record is true.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/run_engine.h"
+
+#include "devices/time/error.h"
+#include "host/lua/engine/engine.h"
+#include "tests/host/rig/fake_rig.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <signal.h>
+
+namespace vitreo {
+namespace {
+
+constexpr double kZeroVolts = 2e-4;  // half a count of the converter
+
+struct RunEngineTest : testing::Test {
+  /// Runs `body`, the inside of a protocol's run function, on the shipped simulated rig.
+  RunResult run(const std::string& body, const Inspect& and_then = nullptr) {
+    const std::string file = (folder.path() / "protocol.lua").string();
+    std::ofstream(file) << "local units = require 'units'\nlocal s, mm = units.s, units.mm\n"
+                        << "return { title = 'test', needs = { 'top_camera', 'coils', 'sample' }, "
+                           "run = function(rig, p, run)\n"
+                        << body << "\nend }";
+    RunRequest request;
+    request.protocol_file = file;
+    request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+    request.out = (folder.path() / "runs").string();
+    return run_protocol(*engine, request, listener, [&](const Recorder& recorder, OpenRig& rig) {
+      inspected = true;
+      for (const double volts : rig.laboratory()->coil_outputs().outputs())
+        EXPECT_NEAR(volts, 0, kZeroVolts);
+      ASSERT_NE(recorder.end(), nullptr);
+      outcome_in_record = recorder.end()->outcome;
+      if (and_then) and_then(recorder, rig);
+    });
+  }
+  void TearDown() override { EXPECT_TRUE(inspected); }
+
+  TemporaryFolder folder;
+  SilentListener listener;
+  std::unique_ptr<ScriptEngine> engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  bool inspected = false;
+  Outcome outcome_in_record = Outcome::completed;
+};
+
+/// A script whose servo holds the robot, and then `what`.
+std::string held_and_then(const std::string& what) {
+  return "local background = rig:learn_background { frames = 4 }\n"
+         "local servo = rig:servo { background = background }\n"
+         "servo:hold { 0, 0, 0 }\n"
+         "rig.sample:insert_robot { 0, 0, 0 }\n"
+         "servo:wait_until_tracked()\n"
+         "run:wait(0.5*s)\n" +
+         what;
+}
+
+TEST_F(RunEngineTest, ANormalEndLeavesZeroThoughTheScriptForgotToClose) {
+  const RunResult result =
+      run(held_and_then("run:figure('answer', 42, '')"), [](const Recorder& recorder, OpenRig&) {
+        const Stream& currents = *recorder.stream("currents");
+        double most = 0;
+        for (const double current : currents.values) most = std::max(most, std::abs(current));
+        EXPECT_GT(most, 0.5) << "A: they did flow";
+      });
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+}
+
+TEST_F(RunEngineTest, AnErrorInTheScriptLeavesZero) {
+  const RunResult result = run(held_and_then("error('on purpose')"));
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_EQ(result.exit_code, ExitCode::script_error);
+  EXPECT_EQ(outcome_in_record, Outcome::failed);
+  EXPECT_NE(result.reason.find("protocol.lua:10: on purpose"), std::string::npos) << result.reason;
+}
+
+TEST_F(RunEngineTest, AnErrorWhileConstantCurrentsFlowLeavesZero) {
+  run("rig.coils:set_currents { 3, 3, 3, 3, 3, 3, 3, 3 }\nrun:wait(0.1*s)\nerror {}");
+  EXPECT_EQ(outcome_in_record, Outcome::failed);
+}
+
+TEST_F(RunEngineTest, ADeviceThatRefusesAbortsTheRunAndLeavesZero) {
+  const RunResult result =
+      run("rig.coils:set_currents { 2, 2, 2, 2, 2, 2, 2, 2 }\n"
+          "rig.coils:set_currents { 11.9, 11.9, 11.9, 11.9, 11.9, 11.9, 11.9, 11.9 }");
+  EXPECT_EQ(result.outcome, Outcome::aborted) << result.reason;
+  EXPECT_EQ(result.exit_code, ExitCode::aborted);
+}
+
+TEST_F(RunEngineTest, ADeviceThatFailsInsideTheLoopAbortsTheRunAndLeavesZero) {
+  const RunResult result =
+      run(held_and_then("pcall(function() rig.coils:set_currents { 99, 0, 0, 0, 0, 0, 0, 0 } end)\n"
+                        "run:wait(0.5*s)\nservo:go_to { 1*mm, 0, 0 }"));
+  EXPECT_EQ(result.outcome, Outcome::aborted) << result.reason;
+}
+
+TEST_F(RunEngineTest, CtrlCWhileItWaitsStopsTheRunAndLeavesZero) {
+  // What the script prints raises the signal; the wait that follows is the one it must end.
+  struct Interrupting : SilentListener {
+    void message(const std::string&) override { raise(SIGINT); }
+  } interrupting;
+  const std::string file = (folder.path() / "long.lua").string();
+  std::ofstream(file)
+      << "return { title = 't', needs = { 'coils' }, run = function(rig, p, run)\n"
+         "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nprint('now')\nrun:wait(3000)\nend }";
+  RunRequest request;
+  request.protocol_file = file;
+  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.out = (folder.path() / "runs").string();
+  const RunResult result =
+      run_protocol(*engine, request, interrupting, [&](const Recorder& recorder, OpenRig& rig) {
+        inspected = true;
+        for (const double volts : rig.laboratory()->coil_outputs().outputs())
+          EXPECT_NEAR(volts, 0, kZeroVolts);
+        EXPECT_EQ(recorder.end()->outcome, Outcome::stopped);
+        EXPECT_LT(recorder.end()->experiment_time, 10) << "it did not sit out the wait";
+      });
+  EXPECT_EQ(result.exit_code, ExitCode::stopped);
+}
+
+TEST_F(RunEngineTest, AStopRunsTheScriptsOwnCleanUpFirst) {
+  struct Interrupting : SilentListener {
+    void message(const std::string& line) override {
+      lines += line + ";";
+      if (line == "now") raise(SIGINT);
+    }
+    std::string lines;
+  } interrupting;
+  const std::string file = (folder.path() / "clean.lua").string();
+  std::ofstream(file) << "return { title = 't', needs = {}, run = function(rig, p, run)\n"
+                         "local x <close> = setmetatable({}, { __close = function() run:wait(0.1) "
+                         "print('closed') end })\n"
+                         "print('now')\nrun:wait(3000)\nprint('never')\nend }";
+  RunRequest request;
+  request.protocol_file = file;
+  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.out = (folder.path() / "runs").string();
+  run_protocol(*engine, request, interrupting,
+               [&](const Recorder&, OpenRig&) { inspected = true; });
+  EXPECT_EQ(interrupting.lines, "now;closed;");
+}
+
+TEST(RunEngine, WhatIsWrongWithTheRequestLeavesNoFolder) {
+  const TemporaryFolder folder;
+  SilentListener listener;
+  const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  RunRequest request;
+  request.protocol_file = VITREO_SOURCE_DIR "/protocols/servo_square.lua";
+  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.arguments = {"speed=5um"};
+  request.out = (folder.path() / "runs").string();
+  EXPECT_THROW(run_protocol(*engine, request, listener), ConfigError);
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "runs"));
+}
+
+TEST(RunEngine, AFolderThatCannotBeMadeIsNamed) {
+  SilentListener listener;
+  const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  RunRequest request;
+  request.protocol_file = VITREO_SOURCE_DIR "/protocols/hello_rig.lua";
+  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.out = "/proc/nowhere";
+  try {
+    run_protocol(*engine, request, listener);
+    FAIL();
+  } catch (const std::exception& error) {
+    EXPECT_NE(std::string(error.what()).find("/proc/nowhere"), std::string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace vitreo

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/host/lua/interpreter/lua_bench.h"
+
+namespace vitreo {
+namespace {
+
+using Prompt = LuaBench;
+
+TEST_F(Prompt, ShowsWhatExpressionsAreWorth) {
+  EXPECT_EQ(prompt("1 + 1\n'a', nil\nx = 5\nx * 2\n"), "2\n\"a\"\tnil\n10\n");
+  EXPECT_EQ(prompt("{ 1, 2, a = { b = { c = { d = 1 } } } }\n"), "{1, 2, a = {b = {c = {...}}}}\n");
+  EXPECT_EQ(prompt("vector(1, 2, 3) * 2\nprint\n"), "{2, 4, 6}\nfunction\n");
+  EXPECT_TRUE(prompt("rig\n").starts_with("rig: coils lens_mover top_camera "))
+      << "what can be asked of a handle";
+  EXPECT_EQ(prompt("print('said')\nunits.mm\n\n   \n-- nothing\n"), "said\n0.001\n");
+}
+
+TEST_F(Prompt, ContinuesWhatIsNotComplete) {
+  EXPECT_EQ(prompt("for i = 1, 2 do\nprint(i)\nend\n"), "1\n2\n");
+  EXPECT_EQ(prompt("for i = 1, 2 do\nprint(i)\n", true).substr(0, 8), "> >> >> ");
+  expect_all(prompt("function f(\n"), {"error: ", "near <eof>"});
+}
+
+TEST_F(Prompt, ErrorsDoNotEndIt) {
+  const std::string out =
+      prompt("error('oops')\nrun:wait('x')\nx = = 1\nundefined_thing\nerror({})\n2 + 2\n");
+  expect_all(out,
+             {"oops\n", "run:wait: duration: wants a number in s, got a string",
+              "error: prompt:3: unexpected symbol", "undefined_thing is not defined", "\n4\n"});
+}
+
+TEST_F(Prompt, KnowsTheRigAndWaits) {
+  EXPECT_EQ(
+      prompt(
+          "rig.top_camera:info().width_px\nrun:wait(2)\nrun:now()\nrig.top_camera:grab().number\n"),
+      "10\n2 s\n1\n");
+}
+
+TEST_F(Prompt, AStopEndsTheStatementOnly) {
+  const auto finger = clock->spawn("finger", [this] {
+    clock->sleep_until(from_seconds(3));
+    clock->interrupt();
+  });
+  EXPECT_EQ(prompt("run:wait(10)\n1\n"), "stopped\n1\n");
+}
+
+TEST_F(Prompt, HelpComesFromTheBindings) {
+  expect_all(prompt("help()\n"), {"servo: the servo loop", "run: this run", "units.mm"});
+  expect_all(
+      prompt("help('servo')\n"),
+      {"servo:go_to(position, {speed, acceleration, within, settle, timeout})", "servo:close()"});
+  expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents)"});
+  expect_all(prompt("help('servo:go_to')\n"),
+             {"within: a number in m, 1 um to 10 mm, may be left out; how near is there"});
+  expect_all(prompt("help('follow')\n"), {"servo:follow(path, "});
+  expect_all(prompt("help('servoo')\n"),
+             {"error: ", "nothing is called servoo; did you mean servo?"});
+}
+
+TEST_F(Prompt, AQuestionMarkIsShortForHelp) {
+  expect_all(prompt("rig.coils:limit?\n"),
+             {"coils:limit() -> number in A", "for instance: rig.coils:limit()"});
+  expect_all(prompt("rig.coils?\ncontrol?\nunits.um?\nx = 5\nx?\n"),
+             {"coils: the coil amplifiers", "control: a module", "a number: 1e-06", "a number: 5"});
+  expect_all(prompt("string.format?\nwatch?\nrig.coils:limt?\n"),
+             {"a function of Lua", "watch(object, {every, count})", "did you mean coils:limit?"});
+}
+
+TEST_F(Prompt, ResultsAreShownInTheUnitOfTheCallTheyComeFrom) {
+  EXPECT_EQ(prompt("rig.coils:limit()\nrig.coils:limit() * 2\nx = rig.coils:limit()\nx\n_\n"),
+            "12 A\n24.0\n12.0\n12.0\n");
+  EXPECT_EQ(prompt("rig.coils:set_currents { 1, 0.25, 0, 0, 0, 0, 0, 0 }\nrig.coils:currents()\n"),
+            "{1 A, 0.25 A, 0 A, 0 A, 0 A, 0 A, 0 A, 0 A}\n");
+  EXPECT_EQ(prompt("5 * um\n3 * mm_per_s\ns = 'mine'\ns\n"), "5e-06\n0.003\n\"mine\"\n");
+}
+
+TEST_F(Prompt, ErrorsShowTheUsersLinesTheInnermostFirst) {
+  write("lib/mine.lua", "return { f = function(x)\n  return x.y.z\nend }\n");
+  const std::string out =
+      prompt("mine = require 'mine'\nfunction g(x)\n  return mine.f(x) + 1\nend\nprint(g({}))\n");
+  const std::size_t first = out.find(
+                        "mine.lua:2: attempt to index a nil value (field 'y')\n    return x.y.z"),
+                    second = out.find("mine.f(x) + 1");
+  EXPECT_NE(first, std::string::npos) << out;
+  EXPECT_NE(second, std::string::npos) << out;
+  EXPECT_LT(first, second);
+  EXPECT_NE(prompt_failed.find("1 statement(s) failed, the first: "), std::string::npos)
+      << prompt_failed;
+}
+
+TEST_F(Prompt, WatchShowsWhatAnObjectTells) {
+  EXPECT_EQ(prompt("watch(rig.lens_mover)\n"), "position 0 mm  homed true\n");
+  EXPECT_EQ(prompt("watch(function() return 1 + 1 end, { count = 2, every = 3 })\nrun:now()\n"),
+            "2\n2\n3 s\n");
+  expect_all(prompt("watch(5)\nwatch(rig.lens_mover, { evry = 1 })\n"),
+             {"wants an object such as rig.stage", "evry is not known"});
+}
+
+TEST_F(Prompt, BinaryJunkAndLongLinesAreOnlyErrors) {
+  expect_all(prompt(std::string("\x1bLua\x00junk\n", 10) + "1\n"), {"error: ", "\n1\n"});
+  EXPECT_EQ(prompt("x = '" + std::string(10'000'000, 'y') + "'\n#x\n"), "10000000\n");
+}
+
+TEST_F(Prompt, EveryBindingIsDocumented) {
+  const std::string out = prompt(
+      "help('run')\nhelp('rig')\nhelp('camera')\nhelp('lens_mover')\nhelp('sample')\nhelp('"
+      "background')\n");
+  EXPECT_EQ(out.find("error"), out.find("errors({of")) << out;
+}
+
+}  // namespace
+}  // namespace vitreo

@@ -1,0 +1,129 @@
+// The servo from Lua, on the simulated rig, and the shipped protocols.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/host/lua/interpreter/lua_bench.h"
+
+namespace vitreo {
+namespace {
+
+class ServoBinding : public ::testing::Test {
+ protected:
+  Ended run(const std::string& body) {
+    const std::filesystem::path file = bench.folder.path() / "p.lua";
+    std::ofstream(file)
+        << "return { title = 't', run = function(rig, p, run)\n"
+           "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n"
+           "local servo <close> = rig:servo { background = background }\n"
+           "servo:hold({0, 0, 0})\n"
+        << body << "\nend }";
+    return ended([&] { engine->run(engine->describe(file.string()), {}, *bench.session); });
+  }
+  static Ended ended(const std::function<void()>& body) {
+    struct Opened : LuaBench {
+      using LuaBench::ended;
+    };
+    return Opened::ended(body);
+  }
+  bool coils_are_at_zero() {
+    for (const double current : bench.roles().coils->currents())
+      if (current != 0) return false;
+    return true;
+  }
+
+  TestBench bench;
+  std::unique_ptr<ScriptEngine> engine =
+      make_lua_engine({std::string(VITREO_SOURCE_DIR) + "/scripts"});
+};
+
+TEST_F(ServoBinding, GoesToAPlaceFollowsAPathAndEndsAtZero) {
+  const Ended end = run(
+      "rig.sample:insert_robot({0, 0, 0})\nlocal at = servo:wait_until_tracked()\nassert(at:norm() "
+      "< 2e-3)\n"
+      "servo:go_to({1e-3, 0, 0}, { within = 500e-6, timeout = 30 })\n"
+      "assert((servo:position() - {1e-3, 0, 0}):norm() < 1e-3 and servo:state() == 'holding' and "
+      "servo:target().x == "
+      "1e-3)\n"
+      "local took = servo:follow({ {1e-3, 0, 0}, {0, 0, 0} }, { speed = 1e-3 })\nassert(took > 1 "
+      "and took < 2, "
+      "took)\n"
+      "servo:trim(servo:trim() + servo:mean_correction(1))\nassert(servo:trim():norm() < 1e-4)\n"
+      "local s = servo:status() assert(s.state == 'holding' and s.progress == 1 and s.position and "
+      "s.headroom > 0)\n"
+      "servo:release() run:wait(0.2) assert(servo:state() == 'released')\n"
+      "servo:close() servo:close()\nassert(tostring(servo) == 'closed servo')\nservo:position()");
+  expect_all(end.error, {"servo:position: the servo is closed"});
+  EXPECT_TRUE(coils_are_at_zero());
+}
+
+TEST_F(ServoBinding, SaysWhatItMissed) {
+  expect_all(run("servo:wait_until_tracked { timeout = 1 }").error,
+             {"p.lua:5: servo:wait_until_tracked: no robot was seen by the servo", "after 1 s"});
+  EXPECT_TRUE(coils_are_at_zero());
+}
+
+TEST_F(ServoBinding, ATimeoutNamesTargetElapsedAndLastPlace) {
+  expect_all(run("rig.sample:insert_robot({0, 0, 0}) "
+                 "servo:wait_until_tracked()\nservo:go_to({3e-3, 0, 0}, { timeout = 1 })")
+                 .error,
+             {"p.lua:6: servo:go_to: the robot was not within 100 um of (3.00, 0.00, 0.00) mm",
+              "after 1 s", "away"});
+  EXPECT_TRUE(coils_are_at_zero());
+}
+
+TEST_F(ServoBinding, RefusesWrongArguments) {
+  expect_all(run("servo:go_to({0, 0, 0}, { within = 'near' })").error,
+             {"servo:go_to: within: wants a number in m, got a string"});
+  expect_all(run("servo:go_to({0, 0})").error,
+             {"servo:go_to: position: wants a position {x, y, z} in m, got a table"});
+  expect_all(run("servo:follow({ 1, 2 })").error,
+             {"servo:follow: points: number 1 is not a position"});
+  expect_all(run("servo:position()").error, {"servo:position: the robot is not seen"});
+}
+
+TEST_F(ServoBinding, AServoLeftOpenIsClosedWithTheRun) {
+  const Ended end =
+      run("kept = rig:learn_background { frames = 2 }\nservo:close()\nkept = rig:servo { "
+          "background = background }\n"
+          "rig.sample:insert_robot({0, 0, 0}) kept:hold({0, 0, 0}) kept:wait_until_tracked() "
+          "run:wait(1) error('leave')");
+  expect_all(end.error, {"leave"});
+  EXPECT_TRUE(coils_are_at_zero());
+}
+
+TEST(Protocols, AllDescribeThemselves) {
+  const std::filesystem::path root = VITREO_SOURCE_DIR;
+  const auto engine = make_lua_engine({(root / "scripts").string()});
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(root / "protocols")) {
+    const ProtocolDescription protocol = engine->describe(entry.path().string());
+    EXPECT_FALSE(protocol.about.empty()) << entry.path();
+    ++count;
+  }
+  EXPECT_GE(count, 2);
+}
+
+TEST(Protocols, ServoSquareRunsASmallSquare) {
+  const std::filesystem::path root = VITREO_SOURCE_DIR;
+  TestBench bench;
+  const auto engine = make_lua_engine({(root / "scripts").string()});
+  const ProtocolDescription protocol =
+      engine->describe((root / "protocols" / "servo_square.lua").string());
+  engine->run(protocol, check_arguments(protocol, {"width=1mm", "depth=1mm", "speed=1mm/s"}),
+              *bench.session);
+  std::vector<std::string> names;
+  for (const Figure& figure : bench.recorder->figures()) names.push_back(figure.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"path_error_rms", "path_error_lateral_rms",
+                                             "path_error_depth_rms", "localization_error_mean",
+                                             "localization_error_max", "expectations_met",
+                                             "expectations_missed"}));
+  for (const Figure& figure : bench.recorder->figures()) {
+    if (figure.unit == "m") {
+      EXPECT_LT(figure.value, 1e-3) << figure.name;
+    }
+  }
+  EXPECT_EQ(bench.recorder->plots().size(), 4u);
+  EXPECT_EQ(bench.recorder->tables().size(), 2u);
+  EXPECT_GE(bench.recorder->pictures().size(), 2u);
+}
+
+}  // namespace
+}  // namespace vitreo

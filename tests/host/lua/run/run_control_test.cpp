@@ -1,0 +1,313 @@
+// Runs that are paused, stopped, aborted, and that hang: from Lua, through the control socket's
+// words, and by force.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/host/lua/run/run_control_bench.h"
+
+#include <thread>
+
+namespace vitreo {
+namespace {
+
+constexpr const char* kEnergized = "rig.coils:set_currents { 2, 2, 2, 2, 2, 2, 2, 2 }\n";
+
+TEST_F(RunControlTest, AScriptThatStopsItselfIsStoppedWithItsReason) {
+  const RunResult result = run(std::string(kEnergized) +
+                               "run:defer(function() run:wait(1*s) print('cleaned') end)\n"
+                               "pcall(function() run:stop('enough') end)\nprint('not reached')");
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(result.reason, "stopped by the script: enough");
+  EXPECT_EQ(ear.said, "cleaned;");
+}
+
+TEST_F(RunControlTest, AnAbortMakesTheCoilsSafeBeforeTheScriptsCleanUpAndRefusesThemInIt) {
+  const RunResult result =
+      run(std::string(kEnergized) +
+          "run:defer(function()\n"
+          "  print(rig.coils:currents()[1])\n"
+          "  print(pcall(function() rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 } end))\n"
+          "end)\nrun:abort()");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(result.exit_code, ExitCode::aborted);
+  EXPECT_TRUE(ear.said.starts_with("0.0;false")) << ear.said;
+}
+
+TEST_F(RunControlTest, TheCleanUpAfterAStopHasABudgetOfFiveSeconds) {
+  const RunResult result = run(
+      "run:defer(function() print('second') run:wait(1*s) print('not reached') end)\n"
+      "run:defer(function() print('first') run:wait(100*s) print('not reached') end)\nrun:stop()");
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(ear.said, "first;second;");
+  EXPECT_NEAR(experiment_time, 5, 0.5) << "s";
+}
+
+TEST_F(RunControlTest, AnAbortOfTheCleanUpCutsItShort) {
+  ear.on_message = [](const std::string& line) {
+    if (line == "clean") attached_control()->request(StopTier::abort);
+  };
+  const RunResult result = run(
+      "run:defer(function() print('clean') run:wait(4*s) print('not reached') end)\nrun:stop()");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(ear.said, "clean;");
+  EXPECT_LT(experiment_time, 1.5);
+}
+
+TEST_F(RunControlTest, AnEmergencyStopRunsNoCleanUpAndSaysSo) {
+  ear.on_message = [](const std::string&) { attached_control()->request(StopTier::emergency); };
+  const RunResult result =
+      run(std::string(kEnergized) +
+          "run:defer(function() print('cleaned') end)\nprint('now')\nrun:wait(100*s)");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(ear.said, "now;");
+  EXPECT_NE(events.find("1 deferred function(s) of the script were not called"), std::string::npos)
+      << events;
+}
+
+TEST_F(RunControlTest, ARequestFromAnotherThreadEndsAnEndlessLoopOfPlainLua) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP()
+      << "the thread sanitizer keeps signals back until a call that blocks; this loop has none";
+#endif
+  std::thread other;
+  ear.on_message = [&](const std::string&) {
+    if (!other.joinable()) other = std::thread([this] { say("stop"); });
+  };
+  const RunResult result =
+      run("print('now')\nwhile true do pcall(function() while true do end end) end");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(reply["status"]["phase"], "stop requested") << "requested is not stopped";
+}
+
+/// The run's own control socket, as `vitreo control` speaks to it; other tests have theirs at the
+/// same time.
+std::string control(const std::filesystem::path& runs, const nlohmann::json& request) {
+  const std::string name = std::filesystem::directory_iterator(runs)->path().filename().string();
+  const nlohmann::json answer = control_run(name, request);
+  return answer["ok"] ? answer["status"]["text"].get<std::string>()
+                      : answer["error"].get<std::string>();
+}
+
+TEST_F(RunControlTest, AnAlarmIsAcknowledgedThroughTheControlSocketAndThatIsRecorded) {
+  request.control_socket = true;
+  std::thread other;
+  std::string unknown;
+  ear.on_message = [&](const std::string& line) {
+    if (!line.starts_with("ALARM")) return;
+    other = std::thread([&] {
+      unknown = control(folder.path() / "runs", {{"do", "ack"}, {"alarm", "dsik"}});
+      control(folder.path() / "runs", {{"do", "ack"}, {"by", "anna"}});
+    });
+  };
+  const RunResult result =
+      run("run:alarm('coil', 'high', 'too hot') run:clear_alarm('coil')\n"
+          "while #run:alarms() > 0 do run:wait(0.1*s) end");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_NE(unknown.find("no alarm 'dsik' stands; there is: coil"), std::string::npos) << unknown;
+  EXPECT_NE(
+      events.find("alarm:high: coil: too hot;alarm cleared:coil;alarm acknowledged:coil (anna);"),
+      std::string::npos)
+      << events;
+}
+
+TEST_F(RunControlTest, ASuspendedRunGoesOnWhenItIsMendedOrByAnOverrideThatIsRecorded) {
+  request.control_socket = true;
+  std::vector<std::thread> others;
+  ear.on_message = [&](const std::string& line) {
+    const bool first = line == "suspended: dark", again = line.starts_with("still suspended: dark");
+    if (first || again)
+      others.emplace_back([this, again] {
+        control(folder.path() / "runs", {{"do", "resume"}, {"override", again}, {"by", "anna"}});
+      });
+  };
+  const RunResult result =
+      run("run:suspend_when('dark', function() return true end)\nrun:checkpoint('a')\nprint('went "
+          "on')");
+  for (std::thread& other : others) other.join();
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_TRUE(ear.said.ends_with("went on;")) << ear.said;
+  EXPECT_NE(events.find("override:suspended: dark; by anna"), std::string::npos) << events;
+  EXPECT_EQ(others.size(), 2u);
+}
+
+TEST_F(RunControlTest, AResumeThatComesAsSoonAsASuspensionIsToldIsNotLost) {
+  ear.on_message = [this](const std::string& line) {
+    if (line.find("suspended: dark") != std::string::npos)
+      say("resume", R"("override": )" + std::string(line.starts_with("still") ? "true" : "false"));
+  };
+  const RunResult result =
+      run("run:suspend_when('dark', function() return true end)\nrun:checkpoint('a')\nprint('went "
+          "on')");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_NE(ear.said.find(";still suspended: dark"), std::string::npos) << ear.said;
+  EXPECT_TRUE(ear.said.ends_with("went on;")) << ear.said;
+}
+
+TEST_F(RunControlTest, ATechnicianCannotOverrideButStop) {
+  RigDescription rig;
+  rig.table["rights"].value = ConfigTable{{"anna", ConfigValue{std::string("researcher")}}};
+  RunControl control;
+  const ControlDesk desk{nullptr, Rights::of(rig)};
+  const nlohmann::json refused = answer_request(
+      "{\"do\": \"resume\", \"override\": true, \"by\": \"ben\"}", control, questions, desk);
+  EXPECT_NE(refused["error"].get<std::string>().find("ben is a technician here"), std::string::npos)
+      << refused;
+  EXPECT_EQ(control.take_override(), "");
+  EXPECT_TRUE(
+      answer_request("{\"do\": \"stop\", \"by\": \"ben\"}", control, questions, desk)["ok"]);
+  EXPECT_EQ(control.reason(), "by ben");
+}
+
+TEST_F(RunControlTest, TheStatusTellsProgressAndAnInterlockThatTripsIsAnAlarm) {
+  nlohmann::json status;
+  ear.on_message = [&](const std::string& line) {
+    if (line == "half") status = (say("status"), reply["status"]);
+  };
+  run("for i in run:each(4, 'place') do if i == 3 then print('half') end end\n"
+      "pcall(function() rig.coils:set_currents { 13, 0, 0, 0, 0, 0, 0, 0 } end)");
+  EXPECT_EQ(status["progress"], 0.5);
+  EXPECT_EQ(status["doing"], "place 3 of 4");
+  EXPECT_NE(events.find("alarm:high: interlock: coil 1: 13 A is beyond the limit"),
+            std::string::npos)
+      << events;
+}
+
+TEST_F(RunControlTest, PausesAtTheCheckpointThatWasNamedAndResumes) {
+  std::thread other;
+  ear.on_message = [&](const std::string& line) {
+    if (line == "start") say("pause", "\"at\": \"b\"");
+    if (line.starts_with("paused"))
+      other = std::thread([this] {
+        say("status");
+        std::this_thread::sleep_for(20ms);
+        attached_control()->resume();
+      });
+  };
+  const RunResult result =
+      run("print('start')\nrun:checkpoint('a')\nprint('after "
+          "a')\nrun:checkpoint('b')\nprint('after b')");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_EQ(ear.said, "start;after a;paused at the checkpoint 'b';after b;");
+  EXPECT_EQ(reply["status"]["phase"], "paused");
+  EXPECT_EQ(reply["status"]["note"], "b");
+  EXPECT_NE(events.find("paused:b;resumed:;"), std::string::npos) << events;
+}
+
+TEST_F(RunControlTest, AStopEndsAPausedRun) {
+  std::thread other;
+  ear.on_message = [&](const std::string& line) {
+    if (line.starts_with("paused")) other = std::thread([this] { say("stop"); });
+  };
+  const RunResult result = run("run:pause()\nrun:checkpoint('a')\nprint('not reached')");
+  other.join();
+  EXPECT_EQ(result.outcome, Outcome::stopped);
+  EXPECT_EQ(ear.said, "paused at the checkpoint 'a';");
+}
+
+TEST_F(RunControlTest, AConditionSuspendsAtCheckpointsAndResumesWhereThatIsDeclared) {
+  const RunResult result =
+      run("local warm = true\n"
+          "run:suspend_when('coils too warm', function() return run:now() < 3*s end, { resume = "
+          "true })\n"
+          "run:checkpoint('a')\nprint(run:now() >= 3*s)");
+  EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;
+  EXPECT_EQ(ear.said, "suspended: coils too warm;true;");
+  EXPECT_NE(events.find("suspended:coils too warm;condition ended:"), std::string::npos) << events;
+}
+
+TEST_F(RunControlTest, AConditionThatNeverEndsBecomesAnErrorAfterItsTimeout) {
+  const RunResult result =
+      run("run:suspend_when('dark', function() return true end, { resume = true, timeout = 20*s "
+          "})\nrun:checkpoint('a')");
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_NE(result.reason.find("suspended for longer than allowed: dark"), std::string::npos)
+      << result.reason;
+}
+
+TEST_F(RunControlTest, WhatAsksForNoMoreThanWasAskedForDoesNotChangeTheReason) {
+  const RunResult result =
+      run("run:defer(function() run:stop('again') end)\nrun:defer(function() run:abort('worse') "
+          "end)\nrun:stop('first')");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(result.reason, "aborted by the script: worse");
+}
+
+TEST_F(RunControlTest, TheEndRecordSaysAtWhichLineTheScriptWasStoppedOrFailed) {
+  const auto place = [this](const std::string& body) {
+    run(body);
+    return script_place;
+  };
+  EXPECT_EQ(place("run:wait(1*s)\nrun:stop('enough')"), "protocol.lua:5");
+  EXPECT_EQ(place("run:wait(1*s)\nerror('without a place', 0)"), "protocol.lua:5");
+  EXPECT_EQ(place("local t = {}\nwhile true do t[#t + 1] = ('x'):rep(1000000) .. #t end"),
+            "protocol.lua:5");
+  EXPECT_EQ(place("local x <close> = setmetatable({}, { __close = function() run:wait(9*s) end "
+                  "})\n\nrun:stop()"),
+            "protocol.lua:6");
+  EXPECT_EQ(place("run:wait(1*s)"), "");
+}
+
+TEST_F(RunControlTest, AStopReachesWhatAnErrorSaysOfItselfAndThatIsBounded) {
+  const std::string endless =
+      "error(setmetatable({}, { __tostring = function() while true do end end }))";
+  RunResult result = run(endless);
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_NE(result.reason.find("an error that cannot be shown"), std::string::npos)
+      << result.reason;
+  ear.on_message = [](const std::string&) { attached_control()->request(StopTier::stop); };
+  result = run(
+      "error(setmetatable({}, { __tostring = function() print('now') while true do end end }))");
+  EXPECT_EQ(result.outcome, Outcome::stopped) << result.reason;
+}
+
+TEST_F(RunControlTest, FunctionsDeferredWithoutEndAreStoppedAndTakeNoMemory) {
+  ear.on_message = [](const std::string&) { attached_control()->request(StopTier::stop); };
+  const RunResult result =
+      run("local count = 0\nlocal function again()\n  count = count + 1\n"
+          "  if count == 30000 then print('many') end\n  run:defer(again)\nend\nrun:defer(again)");
+  EXPECT_NE(result.outcome, Outcome::completed);
+  EXPECT_EQ(result.reason.find("memory"), std::string::npos) << result.reason;
+}
+
+TEST_F(RunControlTest, RequestsThatMakeNoSenseAreRefusedByName) {
+  RunControl control;
+  EXPECT_FALSE(answer_request("{\"do\": \"dance\"}", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("junk \xff", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("[]", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("{\"do\": 7}", control, questions)["ok"]);
+  EXPECT_FALSE(answer_request("{\"do\": \"answer\", \"text\": \"x\"}", control, questions)["ok"])
+      << "none is open";
+  EXPECT_EQ(control.tier(), StopTier::none);
+}
+
+/// A C call of Lua that no hook reaches and that takes minutes.
+constexpr const char* kStuck = "string.find(('a'):rep(400), '.-.-.-.-.-b$')";
+
+TEST_F(RunControlTest, AScriptStuckInACallOfCLosesTheCoilsAndThenTheProcess) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  request.watchdog = {100ms, 50ms, 400ms};
+  EXPECT_EXIT(
+      {
+        ear.on_message = [](const std::string&) { attached_control()->request(StopTier::stop); };
+        run(std::string(kEnergized) + "run:defer(function() " + kStuck + " end)\nprint('now')\n" +
+            kStuck);
+      },
+      testing::ExitedWithCode(static_cast<int>(ExitCode::not_responding)),
+      "not responding: the script was stuck");
+}
+
+TEST_F(RunControlTest, AScriptThatComesBackWithinTheGraceEndsInOrderWithTheCoilsAlreadySafe) {
+  request.watchdog = {10ms, 10ms, 60s};
+  ear.on_message = [](const std::string& line) {
+    if (line == "now") attached_control()->request(StopTier::abort);
+  };
+  const RunResult result = run(std::string(kEnergized) +
+                               "run:defer(function() print(rig.coils:currents()[1]) "
+                               "end)\nprint('now')\nstring.find(('a'):rep(60), '.-.-.-.-.-b$')");
+  EXPECT_EQ(result.outcome, Outcome::aborted);
+  EXPECT_EQ(ear.said, "now;0.0;");
+}
+
+}  // namespace
+}  // namespace vitreo

@@ -1,0 +1,272 @@
+// What stands between people and a run: alarms, rights, the age of calibrations, the room on the
+// disk.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/config/rights.h"
+#include "host/engine/disk_need.h"
+#include "host/engine/installed_calibration.h"
+#include "host/files/log.h"
+#include "host/rig/calibrations.h"
+#include "host/session/alarms.h"
+#include "host/session/clock_map.h"
+#include "host/terminal/progress_line.h"
+#include "host/text/terminal_text.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <stdlib.h>
+
+namespace vitreo {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct AlarmsTest : testing::Test {
+  std::vector<std::string> said() {
+    std::vector<std::string> lines;
+    for (const Event& event : alarms.take_events()) lines.push_back(event.kind + ": " + event.text);
+    return lines;
+  }
+  std::unique_ptr<Clock> clock = virtual_clock();
+  std::chrono::steady_clock::time_point wall{};
+  Alarms alarms{*clock, [this] { return wall; }};
+};
+
+TEST_F(AlarmsTest, StayWhenTheirCauseIsGoneUntilSomebodyAcknowledges) {
+  alarms.raise("disk", AlarmPriority::medium, "8 min left");
+  alarms.clear("disk");
+  ASSERT_EQ(alarms.shown().size(), 1u) << "latched";
+  EXPECT_FALSE(alarms.shown()[0].active);
+  EXPECT_EQ(alarms.acknowledge("disk", "anna"), 1);
+  EXPECT_TRUE(alarms.shown().empty());
+  EXPECT_EQ(said(),
+            (std::vector<std::string>{"alarm: medium: disk: 8 min left", "alarm cleared: disk",
+                                      "alarm acknowledged: disk (anna)"}));
+}
+
+TEST_F(AlarmsTest, AcknowledgingDoesNotClearAndSilencesForTwoMinutes) {
+  alarms.raise("disk", AlarmPriority::medium, "8 min left");
+  alarms.acknowledge("", "anna");
+  ASSERT_EQ(alarms.shown().size(), 1u);
+  EXPECT_FALSE(alarms.anything_unacknowledged());
+  wall += 119s;
+  EXPECT_EQ(alarms.shown()[0].acknowledged_by, "anna");
+  wall += 2s;
+  EXPECT_TRUE(alarms.anything_unacknowledged()) << "the cause is still there";
+}
+
+TEST_F(AlarmsTest, AreShownByUrgencyAndOnesThatGrowMustBeAcknowledgedAgain) {
+  alarms.raise("age", AlarmPriority::low, "7 days");
+  alarms.raise("coils", AlarmPriority::medium, "70 degC");
+  alarms.acknowledge("coils", "anna");
+  alarms.raise("coils", AlarmPriority::high, "81 degC");
+  const auto shown = alarms.shown();
+  ASSERT_EQ(shown.size(), 2u);
+  EXPECT_EQ(to_string(shown[0]), "high: coils: 81 degC");
+  EXPECT_EQ(shown[0].acknowledged_by, "");
+  EXPECT_EQ(shown[0].times, 2);
+}
+
+TEST_F(AlarmsTest, ThatComeAgainAndAgainWithTheSameWordsAreOneEvent) {
+  for (int i = 0; i < 100; ++i) alarms.raise("camera", AlarmPriority::low, "a frame was dropped");
+  EXPECT_EQ(said().size(), 1u);
+  EXPECT_EQ(alarms.shown()[0].times, 100);
+}
+
+TEST_F(AlarmsTest, AnUnknownOneCannotBeAcknowledged) {
+  alarms.raise("disk", AlarmPriority::low, "full");
+  try {
+    alarms.acknowledge("dsik", "anna");
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "no alarm 'dsik' stands; there is: disk");
+  }
+}
+
+RigDescription rig_with(const std::string& key, ConfigTable table) {
+  RigDescription rig;
+  rig.file = "rig.lua";
+  rig.table["coils"].value = ConfigTable{};
+  rig.table[key].value = std::move(table);
+  return rig;
+}
+ConfigValue text(const std::string& value) { return {value}; }
+
+TEST(Rights, AreEverybodysWhereTheRigSaysNothing) {
+  EXPECT_EQ(Rights::of(RigDescription{}).of("anybody"), Right::researcher);
+}
+
+TEST(Rights, AreATechniciansForWhoIsNotNamed) {
+  const Rights rights = Rights::of(rig_with("rights", {{"anna", text("researcher")}}));
+  EXPECT_EQ(rights.of("anna"), Right::researcher);
+  EXPECT_EQ(rights.of("ben"), Right::technician);
+  EXPECT_NO_THROW(rights.require_researcher("anna", "the prompt"));
+  try {
+    rights.require_researcher("ben", "the prompt");
+    FAIL();
+  } catch (const RightError& error) {
+    EXPECT_STREQ(
+        error.what(),
+        "ben is a technician here: the prompt wants a researcher's right (the rig file's rights)");
+  }
+}
+
+TEST(Rights, OfAnUnknownKindAreAnErrorOfTheRigFile) {
+  EXPECT_THROW(Rights::of(rig_with("rights", {{"anna", text("reasearcher")}})), ConfigError);
+}
+
+ConfigTable calibration(const std::string& date, double days) {
+  return {{"date", text(date)},
+          {"valid_days", ConfigValue{days}},
+          {"devices", ConfigValue{ConfigTable{{"coils", text("1A2B")}}}}};
+}
+
+TEST(CalibrationsTest, AreOutOfDateOnTheDayAfterTheirLast) {
+  const auto rig = rig_with(
+      "calibrations", {{"when_stale", text("refuse")}, {"field", {calibration("2026-02-01", 28)}}});
+  const Calibrations calibrations = Calibrations::of(rig);
+  EXPECT_TRUE(calibrations.refuse_stale);
+  EXPECT_TRUE(calibrations.out_of_date("2026-03-01").empty());
+  ASSERT_EQ(calibrations.out_of_date("2026-03-02").size(), 1u);
+  EXPECT_EQ(calibrations.out_of_date("2026-03-02")[0],
+            "the calibration 'field' is of 2026-02-01: 29 days old, and valid for 28");
+}
+
+TEST(CalibrationsTest, OfAnotherInstrumentAreNamed) {
+  const Calibrations calibrations =
+      Calibrations::of(rig_with("calibrations", {{"field", {calibration("2026-02-01", 28)}}}));
+  EXPECT_TRUE(calibrations.of_others({{"coils", "USB-3103 1A2B"}}).empty());
+  EXPECT_EQ(calibrations.of_others({{"coils", "USB-3103 77"}}).at(0),
+            "the calibration 'field' was made with coils = '1A2B', and there is 'USB-3103 77'");
+}
+
+TEST(CalibrationsTest, WithADateThatIsNoneOrInTheFutureOrForAnUnknownRoleAreErrorsOfTheRigFile) {
+  for (const char* date : {"", "yesterday", "2026-02-30", "2026-2-1x", "9999-01-01"})
+    EXPECT_THROW(Calibrations::of(rig_with("calibrations", {{"field", {calibration(date, 28)}}})),
+                 ConfigError)
+        << date;
+  ConfigTable stranger = calibration("2026-02-01", 28);
+  stranger["devices"].value = ConfigTable{{"coilz", text("1")}};
+  EXPECT_THROW(Calibrations::of(rig_with("calibrations", {{"field", {stranger}}})), ConfigError);
+}
+
+TEST(CalibrationsTest, OfARecordAreInForceInItsReplay) {
+  RigDescription rig = rig_with("top_camera", {{"effective_pixel", ConfigValue{20.7e-6}}});
+  take_recorded_calibration(
+      rig, {{"top_camera", {{"effective_pixel", 20.4e-6}}},
+            {"side_camera", {{"effective_pixel", 20.1e-6}}},
+            {"calibrations", {{"top_camera.effective_pixel", {{"date", "2026-02-01"}}}}}});
+  ConfigReader reader(rig);
+  EXPECT_EQ(reader.table("top_camera").number("effective_pixel", 0, {0, 1, "m"}), 20.4e-6);
+  EXPECT_FALSE(reader.has("side_camera")) << "it was not calibrated";
+}
+
+TEST(CalibrationsTest, TheInstalledFileIsNamedAndHasNoDateOfItsOwn) {
+  const auto rig = rig_with(
+      "calibrations", {{"installed", ConfigValue{ConfigTable{{"file", text("octomag.json")}}}}});
+  const Calibrations calibrations = Calibrations::of(rig);
+  EXPECT_EQ(calibrations.installed.value().file, "octomag.json");
+  EXPECT_TRUE(calibrations.list.empty());
+  EXPECT_THROW(
+      Calibrations::of(rig_with("calibrations", {{"installed", ConfigValue{ConfigTable{}}}})),
+      ConfigError);
+}
+
+TEST(ProgressLineTest, AScriptCannotSteerTheTerminal) {
+  std::ostringstream out;
+  ProgressLine line(out, false);
+  line.message("\x1b[2J\x07 done\tat last");
+  line.progress(0.5, "a\rb");
+  EXPECT_EQ(out.str().find('\x1b'), std::string::npos) << out.str();
+  EXPECT_EQ(out.str().find('\r'), std::string::npos);
+  EXPECT_NE(out.str().find("\\x1b[2J\\x07 done\tat last"), std::string::npos) << out.str();
+  EXPECT_EQ(harmless("5 \u00b5m \u2013 gr\u00fcn"), "5 \u00b5m \u2013 gr\u00fcn");
+  EXPECT_EQ(harmless("\xc2\x9b"
+                     "31m"),
+            "\\u009b31m")
+      << "a control sequence of one character";
+}
+
+TEST(ClockMapTest, FindsOffsetAndDriftThroughDelaysThatAreNeverNegative) {
+  ClockMap map;
+  EXPECT_FALSE(map.now());
+  const double offset = 1000.25, drift = 50e-6;
+  for (int i = 0; i < 60 * 60; ++i) {
+    const double device = i / 60.0, late = 2e-3 * std::abs(std::sin(12.9898 * i));
+    map.add(from_seconds(device), from_seconds(device + offset + drift * device + late));
+  }
+  ASSERT_TRUE(map.now());
+  EXPECT_NEAR(map.now()->offset, offset + drift * 60, 0.2e-3) << "s: a tenth of the delays";
+  EXPECT_NEAR(map.now()->drift, drift, 5e-6);
+  map.add(from_seconds(0), from_seconds(5000));
+  EXPECT_FALSE(map.now()) << "the instrument was started again: nothing of before counts";
+}
+
+struct LogTest : testing::Test {
+  LogTest() {
+    std::string name = (std::filesystem::temp_directory_path() / "vitreo_log_XXXXXX").string();
+    folder = mkdtemp(name.data());
+  }
+  ~LogTest() override {
+    close_log();
+    std::filesystem::remove_all(folder);
+  }
+  std::string read(const std::string& name) const {
+    std::ostringstream text;
+    text << std::ifstream(folder / name).rdbuf();
+    return text.str();
+  }
+  std::filesystem::path folder;
+};
+
+TEST_F(LogTest, IsTurnedOverWhenItIsFullAndTheOldestFileGoes) {
+  open_log(folder / "sub" / "host.log", {300, 2});
+  for (int i = 0; i < 100; ++i)
+    write_log("line " + std::to_string(i) + " of the log, which is long enough\nto turn");
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "sub")) {
+    if (entry.path().extension() == ".lock") continue;
+    ++files;
+    EXPECT_LE(std::filesystem::file_size(entry.path()), 300u);
+  }
+  EXPECT_EQ(files, 3u);
+  EXPECT_NE(read("sub/host.log").find("line 99 of the log, which is long enough to turn\n"),
+            std::string::npos)
+      << "one line each";
+}
+
+TEST_F(LogTest, IsNotMissedWhereThereIsNone) {
+  write_log("nobody hears this");
+  EXPECT_THROW(open_log("/proc/nowhere/host.log"), std::exception);
+}
+
+TEST(FramePolicyTest, IsReadFromOneWordAndWhatIsNoneIsNamed) {
+  const FramePolicy policy = parse_frame_policy("side_camera/5@96~2.5");
+  EXPECT_EQ(policy.camera, "side_camera");
+  EXPECT_EQ(policy.every, 5);
+  EXPECT_EQ(policy.window, 96);
+  EXPECT_EQ(policy.around, 2.5);
+  EXPECT_EQ(parse_frame_policy("top_camera~10").around, 10);
+  for (const char* word : {"top_camera/", "top_camera/0", "top_camera/x", "top_camera@4",
+                           "top_camera~-1", "top_camera~1e9", "top_camera/5junk", "top_camera/5/"})
+    EXPECT_THROW(parse_frame_policy(word), ConfigError) << word;
+}
+
+TEST(DiskNeed, RefusesWhatTheDiskWouldNotHoldAndNamesBoth) {
+  EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3), "");
+  const std::string problem = disk_problem("runs", 1e18);
+  EXPECT_NE(problem.find("would need"), std::string::npos) << problem;
+  EXPECT_NE(problem.find("free"), std::string::npos) << problem;
+}
+
+TEST(DiskNeed, WarnsOfFramesThatFillTheDiskWithinTenMinutes) {
+  EXPECT_EQ(disk_warning("runs", 0), "");
+  EXPECT_EQ(disk_warning("runs", 1), "");
+  EXPECT_NE(disk_warning("runs", free_bytes_for("runs") / 100).find("of recording"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace vitreo

@@ -1,0 +1,362 @@
+// Three processes: the program that holds currents, its guardian, and this one with the emulated
+// amplifiers. The program is killed, or frozen and later thawed, at random moments: the outputs go
+// to zero and stay there. ctest starts this program under umockdev-wrapper; these tests wait for
+// real.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/kepco_bop/emulator.h"
+#include "devices/instruments/usb3103/emulator.h"
+#include "devices/links/address.h"
+#include "devices/testbed/usb_testbed.h"
+#include "devices/time/error.h"
+#include "host/safety/guardian/duty.h"
+#include "tests/devices/links/echo_peer.h"
+#include "tests/devices/links/real_end.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <random>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+extern char** environ;
+
+namespace vitreo {
+namespace {
+
+using Steady = std::chrono::steady_clock;
+using Milliseconds = std::chrono::duration<double, std::milli>;
+using namespace std::chrono_literals;
+const UsbIdentity kUsb3103{0x09DB,     0x009C, 0x0100, "01A2B3C4", "Measurement Computing Corp",
+                           "USB-3103", ""};
+
+/// Of each signal on each amplifier.
+int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 5; }
+
+constexpr const char* kProtocol = R"(
+local s = require("units").s
+return { title = "Currents that change all the time", needs = { "coils" }, parameters = {},
+  run = function(rig, p, run)
+    local channels = #rig.coils:currents()
+    for k = 1, 6000 do -- a minute: the preflight rehearses all of it
+      local currents = {}
+      for i = 1, channels do currents[i] = 1 + 0.1 * (k % 5) end
+      rig.coils:set_currents(currents)
+      run:wait(0.01*s)
+    end
+  end }
+)";
+
+std::optional<Milliseconds> time_until(Steady::duration patience, const std::function<bool()>& so) {
+  const auto began = Steady::now();
+  while (Steady::now() - began < patience) {
+    if (so()) return Steady::now() - began;
+    std::this_thread::sleep_for(5ms);
+  }
+  return std::nullopt;
+}
+
+/// An amplifier that another process can open, and how strongly it is energized.
+struct Amplifier {
+  virtual ~Amplifier() = default;
+  virtual std::string rig() const = 0;  // the table of its coils
+  virtual double output() = 0;          // V or A, the largest of a channel
+  virtual bool enabled() = 0;
+};
+
+struct Usb : Amplifier {
+  Usb() { testbed->set_exclusive(plug); }
+  ~Usb() override { testbed.reset(); }
+  std::string rig() const override {
+    return R"({ driver = "usb3103", address = "hid:09db:009c", enable_line = 0 })";
+  }
+  double output() override {
+    double most = 0;
+    testbed->with_emulators([&] {
+      for (const double volts : emulator->outputs()) most = std::max(most, std::abs(volts));
+    });
+    return most;
+  }
+  bool enabled() override {
+    bool high = false;
+    testbed->with_emulators([&] { high = emulator->line_is_high(0); });
+    return high;
+  }
+  std::unique_ptr<usb3103::Emulator> emulator = usb3103::make_emulator({}, nullptr);
+  std::unique_ptr<UsbTestbed> testbed = make_usb_testbed();
+  int plug = testbed->plug(*emulator, kUsb3103);
+};
+
+struct Kepco : Amplifier {
+  std::string rig() const override {
+    return "{ driver = \"kepco_bop\", address = \"" + end.address() + "\", max_slope = 1000 }";
+  }
+  double output() override {
+    return end.look([&] { return std::abs(emulator->current()); });
+  }
+  bool enabled() override {
+    return end.look([&] { return emulator->output(); });
+  }
+  /// As a host would have left it.
+  void switch_on(Clock& clock) {
+    open_byte_link(end.address(), {}, clock)
+        ->write(bytes("SYST:REM 1;FUNC:MODE CURR;CURR:LIM 2;CURR 1.5;OUTP ON\n"), 1s);
+    ASSERT_TRUE(time_until(2s, [&] { return enabled() && output() > 1; }));
+  }
+  std::unique_ptr<kepco_bop::Emulator> emulator = kepco_bop::make_emulator({});
+  RealEnd end{*emulator, open_pty_end()};
+};
+
+pid_t child_of(pid_t parent, const std::string& name) {
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream stat(entry.path() / "stat");
+    std::string id, called, state;
+    pid_t its_parent = -1;
+    if (stat >> id >> called >> state >> its_parent && its_parent == parent &&
+        called == "(" + name + ")")
+      return static_cast<pid_t>(std::stol(id));
+  }
+  return -1;
+}
+
+/// The program, holding currents.
+class Host {
+ public:
+  Host(const std::filesystem::path& folder, const std::string& coils,
+       const std::string& extra = "") {
+    std::ofstream(folder / "p.lua") << kProtocol;
+    std::ofstream(folder / "rig.lua")
+        << "return { title = 'amplifier', coils = " << coils << extra << " }";
+    const std::string log = (folder / "err").string(), protocol = (folder / "p.lua").string(),
+                      rig = (folder / "rig.lua").string(), out = (folder / "runs").string();
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    for (const int descriptor : {1, 2})
+      posix_spawn_file_actions_addopen(&actions, descriptor, log.c_str(),
+                                       O_WRONLY | O_CREAT | O_APPEND, 0666);
+    std::vector<const char*> words{VITREO_PROGRAM, "run",   protocol.c_str(), "--rig",
+                                   rig.c_str(),    "--out", out.c_str(),      nullptr};
+    if (posix_spawn(&pid_, words[0], &actions, nullptr, const_cast<char**>(words.data()),
+                    environ) != 0)
+      pid_ = -1;
+    posix_spawn_file_actions_destroy(&actions);
+  }
+  /// Its guardian first: without the amplifier, which is taken down next, it would go on for ten
+  /// minutes.
+  ~Host() {
+    if (pid_ < 0) return;
+    if (const pid_t its = guardian(); its > 0) kill(its, SIGKILL);
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  Host(const Host&) = delete;
+  Host& operator=(const Host&) = delete;
+  pid_t guardian() const { return child_of(pid_, "vitreo_guardian"); }
+  void signal(int number) const { kill(pid_, number); }
+  /// Nothing while it lives.
+  std::optional<int> status() {
+    int status = 0;
+    if (pid_ < 0 || waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
+    pid_ = -1;
+    return status;
+  }
+
+ private:
+  pid_t pid_ = -1;
+};
+
+class GuardianTest : public ::testing::Test {
+ protected:
+  GuardianTest() {
+    std::string name = (std::filesystem::temp_directory_path() / "vitreo_guardian_XXXXXX").string();
+    folder = mkdtemp(name.data());
+  }
+  ~GuardianTest() override { std::filesystem::remove_all(folder); }
+  std::string log() const {
+    std::ostringstream text;
+    text << std::ifstream(folder / "err").rdbuf();
+    return text.str();
+  }
+  bool guardian_says(const std::string& what) const {
+    return log().find(what) != std::string::npos;
+  }
+
+  /// A host that holds currents; null after a failure.
+  std::unique_ptr<Host> energize(Amplifier& amplifier) {
+    std::filesystem::remove(folder / "err");
+    std::filesystem::remove_all(folder / "runs");  // each keeps room for its end record
+    auto host = std::make_unique<Host>(folder, amplifier.rig());
+    bool energized = false;
+    time_until(
+        20s, [&] { return (energized = amplifier.output() > 0.4) || host->status().has_value(); });
+    if (energized) return host;
+    ADD_FAILURE() << "no current flows: " << log();
+    return nullptr;
+  }
+
+  /// From the signal until the output is at zero, ms; then a while in which it stays there.
+  double trial(Amplifier& amplifier, int first_signal) {
+    const std::unique_ptr<Host> begun = energize(amplifier);
+    if (begun == nullptr) return 1e9;
+    Host& host = *begun;
+    std::this_thread::sleep_for(
+        std::chrono::duration<double>(std::uniform_real_distribution(0.0, 0.05)(random)));
+    host.signal(first_signal);
+    const auto zero = time_until(10s, [&] { return amplifier.output() < 1e-3; });
+    EXPECT_TRUE(zero) << log();
+    EXPECT_TRUE(time_until(5s, [&] { return guardian_says("is at zero"); })) << log();
+    EXPECT_FALSE(amplifier.enabled());
+    if (first_signal == SIGSTOP) host.signal(SIGCONT);  // into a process that is gone
+    EXPECT_FALSE(time_until(100ms, [&] { return amplifier.output() > 1e-3; })) << "energized again";
+    const auto status = host.status();
+    EXPECT_TRUE(status && WIFSIGNALED(*status) && WTERMSIG(*status) == SIGKILL);
+    return zero ? zero->count() : 1e9;
+  }
+
+  void trials_of(Amplifier& amplifier, const char* name, int first_signal, int count) {
+    std::vector<double> took;
+    for (int i = 0; i < count && !HasFailure(); ++i) took.push_back(trial(amplifier, first_signal));
+    std::sort(took.begin(), took.end());
+    if (took.empty()) return;
+    const auto at = [&](double part) {
+      return took[std::min(took.size() - 1,
+                           static_cast<std::size_t>(part * static_cast<double>(took.size())))];
+    };
+    const auto late = std::count_if(took.begin(), took.end(), [](double ms) { return ms > 300; });
+    std::printf(
+        "%s, %s: %zu; at zero after median %.0f ms, p90 %.0f, p99 %.0f, largest %.0f ms; %ld "
+        "beyond 300 ms\n",
+        name, first_signal == SIGKILL ? "SIGKILL" : "SIGSTOP", took.size(), at(0.5), at(0.9),
+        at(0.99), took.back(), static_cast<long>(late));
+  }
+
+  std::filesystem::path folder;
+  std::mt19937 random{20261121};
+};
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnUsbWhenTheHostIsKilled) {
+  Usb amplifier;
+  trials_of(amplifier, "USB-3103", SIGKILL, trials());
+}
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnUsbWhenTheHostIsFrozenAndThenThawed) {
+  Usb amplifier;
+  trials_of(amplifier, "USB-3103", SIGSTOP, trials());
+}
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnASerialLineWhenTheHostIsKilled) {
+  Kepco amplifier;
+  trials_of(amplifier, "BOP", SIGKILL, trials());
+}
+
+TEST_F(GuardianTest, ZeroesAnAmplifierOnASerialLineWhenTheHostIsFrozenAndThenThawed) {
+  Kepco amplifier;
+  trials_of(amplifier, "BOP", SIGSTOP, trials());
+}
+
+bool is_refused(const std::function<void()>& open) {
+  try {
+    open();
+  } catch (const DeviceError& error) {
+    return error.kind == DeviceErrorKind::refused;
+  }
+  return false;
+}
+
+TEST_F(GuardianTest, FindsAUsbDeviceThatIsTheHostsAloneAsLongAsThatLives) {
+  Usb amplifier;
+  const auto clock = wall_clock();
+  const std::unique_ptr<Host> begun = energize(amplifier);
+  ASSERT_NE(begun, nullptr);
+  EXPECT_TRUE(
+      is_refused([&] { open_hid_link(parse_usb_address("hid", "hid:09db:009c"), *clock); }));
+}
+
+TEST_F(GuardianTest, FindsASerialLineThatIsTheHostsAloneAsLongAsThatLives) {
+  Kepco amplifier;
+  const auto clock = wall_clock();
+  const std::unique_ptr<Host> begun = energize(amplifier);
+  ASSERT_NE(begun, nullptr);
+  EXPECT_TRUE(is_refused([&] { open_byte_link(amplifier.end.address(), {}, *clock); }));
+}
+
+TEST_F(GuardianTest, GoesQuietlyWithAHostThatEndsInOrder) {
+  Usb amplifier;
+  const std::unique_ptr<Host> begun = energize(amplifier);
+  ASSERT_NE(begun, nullptr);
+  Host& host = *begun;
+  host.signal(SIGINT);
+  std::optional<int> status;
+  ASSERT_TRUE(time_until(20s, [&] { return (status = host.status()).has_value(); })) << log();
+  EXPECT_TRUE(WIFEXITED(*status));
+  EXPECT_EQ(WEXITSTATUS(*status), 3);
+  EXPECT_LT(amplifier.output(), 1e-3);
+  EXPECT_FALSE(guardian_says("vitreo guardian: ")) << log();
+}
+
+TEST_F(GuardianTest, IsMissedByItsHostWhichThenEndsTheRunAtZero) {
+  Usb amplifier;
+  const std::unique_ptr<Host> begun = energize(amplifier);
+  ASSERT_NE(begun, nullptr);
+  Host& host = *begun;
+  const pid_t guardian = host.guardian();
+  ASSERT_GT(guardian, 0);
+  kill(guardian, SIGTERM);  // which it does not obey
+  std::this_thread::sleep_for(50ms);
+  EXPECT_FALSE(host.status());
+  kill(guardian, SIGKILL);
+  std::optional<int> status;
+  ASSERT_TRUE(time_until(20s, [&] { return (status = host.status()).has_value(); })) << log();
+  EXPECT_EQ(WEXITSTATUS(*status), 4) << log();
+  EXPECT_LT(amplifier.output(), 1e-3);
+  EXPECT_TRUE(guardian_says("the process that guards the outputs is gone")) << log();
+}
+
+/// A name like /dev/serial/by-id/..., which leads to what is plugged in.
+void lead(const std::filesystem::path& name, const std::string& address) {
+  std::filesystem::remove(name);
+  std::filesystem::create_symlink(address.substr(std::string("serial:").size()), name);
+}
+
+TEST_F(GuardianTest, LeavesAloneWhoeverElseHasTheNameOfItsTerminalByNow) {
+  const auto clock = wall_clock();
+  const auto name = folder / "line";
+  Kepco own;
+  lead(name, own.end.address());
+  guardian::Duty duty({"kepco_bop", "serial:" + name.string()});
+  EchoPeer somebody;
+  RealEnd elsewhere(somebody, open_pty_end());
+  lead(name, elsewhere.address());
+  for (int i = 0; i < 3; ++i) EXPECT_THROW(duty.bring_to_zero(*clock), DeviceError);
+  EXPECT_EQ(elsewhere.look([&] { return somebody.heard; }), bytes("*IDN?\n")) << "asked once";
+  Kepco replugged;
+  lead(name, replugged.end.address());
+  replugged.switch_on(*clock);
+  EXPECT_NO_THROW(duty.bring_to_zero(*clock));
+  EXPECT_FALSE(replugged.enabled());
+  EXPECT_EQ(replugged.output(), 0);
+}
+
+TEST_F(GuardianTest, ZeroesTheUnitsThatItReachesWhenOneIsGone) {
+  const auto clock = wall_clock();
+  Kepco here;
+  here.switch_on(*clock);
+  guardian::Duty duty(
+      {"kepco_bop", "serial:" + (folder / "gone").string() + ", " + here.end.address()});
+  EXPECT_THROW(duty.bring_to_zero(*clock), DeviceError);
+  EXPECT_FALSE(here.enabled());
+  EXPECT_EQ(here.output(), 0);
+}
+
+}  // namespace
+}  // namespace vitreo

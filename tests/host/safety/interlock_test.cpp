@@ -1,0 +1,281 @@
+// The interlock refuses what is beyond its limits, and refusing means zero.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/safety/interlock.h"
+
+#include "devices/time/error.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+
+namespace vitreo {
+namespace {
+
+class FakeAmplifier : public CoilAmplifier {
+ public:
+  std::string identity() const override { return "fake"; }
+  int channels() const override { return 3; }
+  double current_limit() const override { return 10; }
+  void set_currents(std::span<const double> currents) override {
+    set.assign(currents.begin(), currents.end());
+  }
+  std::vector<double> currents() const override { return set; }
+  void make_safe() override {
+    set.assign(3, 0);
+    ++made_safe;
+  }
+  std::vector<double> set{0, 0, 0};
+  int made_safe = 0;
+};
+
+struct InterlockTest : testing::Test {
+  FakeAmplifier amplifier;
+  Interlock interlock{amplifier, {5, 12}};
+  void expect_refused(const std::vector<double>& currents, const std::string& why) {
+    interlock.enable();
+    interlock.set_currents(std::vector<double>{1, 1, 1});
+    try {
+      interlock.set_currents(currents);
+      FAIL() << "taken";
+    } catch (const DeviceError& error) {
+      EXPECT_EQ(error.kind, DeviceErrorKind::refused);
+      EXPECT_NE(std::string(error.what()).find(why), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  }
+};
+
+TEST_F(InterlockTest, WhatIsWithinTheLimitsPasses) {
+  interlock.set_currents(std::vector<double>{5, -5, 2});
+  EXPECT_EQ(amplifier.set, (std::vector<double>{5, -5, 2}));
+}
+
+TEST_F(InterlockTest, BeyondTheLimitOfACoilMeansZero) { expect_refused({0, -5.01, 0}, "coil 2"); }
+TEST_F(InterlockTest, BeyondTheTotalMeansZero) { expect_refused({4.5, 4.5, -4.5}, "in all"); }
+TEST_F(InterlockTest, WhatIsNotANumberMeansZero) {
+  expect_refused({0, std::nan(""), 0}, "coil 2");
+  expect_refused({INFINITY, 0, 0}, "coil 1");
+}
+
+TEST_F(InterlockTest, AfterMakeSafeNothingPassesUntilItIsEnabled) {
+  interlock.make_safe();
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{1, 0, 0}), DeviceError);
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  interlock.enable();
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0})) << "enabling energizes nothing";
+  interlock.set_currents(std::vector<double>{1, 0, 0});
+  EXPECT_EQ(amplifier.set[0], 1);
+}
+
+TEST_F(InterlockTest, TheSmallerLimitHolds) {
+  EXPECT_EQ(interlock.current_limit(), 5);
+  Interlock wide(amplifier, {50, 100});
+  EXPECT_EQ(wide.current_limit(), 10);
+}
+
+/// With a clock, the rules of time hold as well.
+struct TimedInterlockTest : testing::Test {
+  static InterlockLimits limits() {
+    InterlockLimits limits{10, 30};
+    limits.slew = 100;
+    return limits;
+  }
+  std::unique_ptr<Clock> clock = virtual_clock();
+  FakeAmplifier amplifier;
+  std::string told;
+  Interlock interlock{amplifier, limits(), clock.get()};
+  void SetUp() override {
+    interlock.on_trip([this](const std::string& why) { told += why + ";"; });
+    clock->sleep_for(from_seconds(1));
+  }
+};
+
+TEST_F(TimedInterlockTest, AChangeThatIsTooFastMeansZeroButTowardsZeroNoneIs) {
+  interlock.set_currents(std::vector<double>{5, 0, 0});
+  clock->sleep_for(from_seconds(0.01));
+  interlock.set_currents(std::vector<double>{0, 0, 0});
+  clock->sleep_for(from_seconds(0.01));
+  interlock.set_currents(std::vector<double>{0, 0.9, 0});
+  clock->sleep_for(from_seconds(0.01));
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{0, 3, 0}), DeviceError);
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_EQ(told, "coil 2: from 0.9 A to 3 A within 10 ms is beyond the limit of 100 A/s;");
+}
+
+TEST_F(TimedInterlockTest, ThroughZeroIsNotTowardsZero) {
+  interlock.set_currents(std::vector<double>{5, 0, 0});
+  clock->sleep_for(from_seconds(0.01));
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{-4, 0, 0}), DeviceError);
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_EQ(told, "coil 1: from 5 A to -4 A within 10 ms is beyond the limit of 100 A/s;");
+}
+
+TEST_F(TimedInterlockTest,
+       ALoopThatTakesOverCoilsAtRestMayBeginWithAStepAndOneThatTakesOverCurrentsMayNot) {
+  const std::vector<double> nothing(3, 0.0), step{4, 0, 0};
+  {
+    Interlock::Heartbeat heart(interlock, "the loop before");
+    interlock.set_currents(step);
+    interlock.set_currents(nothing);
+  }
+  {
+    Interlock::Heartbeat heart(interlock, "the next loop, at once");
+    EXPECT_NO_THROW(interlock.set_currents(step));
+  }
+  Interlock::Heartbeat heart(interlock, "a loop beside another");
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{4.5, 0, 0}), DeviceError);
+}
+
+TEST_F(TimedInterlockTest, AHeartThatStopsBeatingMeansZeroWithinTheDeadMansTime) {
+  {
+    Interlock::Heartbeat heart(interlock, "the loop");
+    interlock.set_currents(std::vector<double>{5, 0, 0});
+    for (int i = 0; i < 20; ++i) {
+      clock->sleep_for(from_seconds(0.1));
+      heart.beat();
+    }
+    EXPECT_EQ(amplifier.set[0], 5) << "it beats";
+    clock->sleep_for(from_seconds(0.24));
+    EXPECT_EQ(amplifier.set[0], 5);
+    clock->sleep_for(from_seconds(0.07));
+    EXPECT_EQ(amplifier.set[0], 0);
+  }
+  EXPECT_EQ(told, "dead-man: the loop has not moved for 300 ms;") << told;
+  try {
+    interlock.set_currents(std::vector<double>{1, 0, 0});
+    FAIL() << "taken";
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("dead-man"), std::string::npos) << error.what();
+  }
+  interlock.enable();
+  interlock.set_currents(std::vector<double>{1, 0, 0});
+  EXPECT_EQ(amplifier.set[0], 1);
+}
+
+TEST_F(TimedInterlockTest, ACurrentFlowsOnlyWhileThePedalIsHeld) {
+  bool held = false;
+  interlock.require("the pedal is released, or gone", [&] { return held; });
+  EXPECT_NO_THROW(interlock.set_currents(std::vector<double>{0, 0, 0}));
+  clock->sleep_for(from_seconds(0.1));
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{1, 0, 0}), DeviceError);
+  EXPECT_EQ(amplifier.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_EQ(told, "dead-man: the pedal is released, or gone;");
+  told.clear();
+  held = true;
+  interlock.enable();
+  clock->sleep_for(from_seconds(0.1));
+  interlock.set_currents(std::vector<double>{1, 0, 0});
+  clock->sleep_for(from_seconds(10));
+  EXPECT_EQ(amplifier.set[0], 1) << "it is held";
+  held = false;
+  clock->sleep_for(from_seconds(0.06));
+  EXPECT_EQ(amplifier.set[0], 0);
+  EXPECT_EQ(told, "dead-man: the pedal is released, or gone;");
+}
+
+TEST_F(TimedInterlockTest, AHeartMattersOnlyWhileTheCoilsAreEnergized) {
+  const Interlock::Heartbeat heart(interlock, "the loop");
+  clock->sleep_for(from_seconds(10));
+  EXPECT_TRUE(interlock.enabled());
+  EXPECT_EQ(told, "");
+}
+
+/// Takes its time over a set-point, and refuses so many zeros.
+class SlowAmplifier : public FakeAmplifier {
+ public:
+  explicit SlowAmplifier(Clock& clock) : clock_(clock) {}
+  void set_currents(std::span<const double> currents) override {
+    clock_.sleep_for(from_seconds(0.01));
+    FakeAmplifier::set_currents(currents);
+  }
+  void make_safe() override {
+    if (refusals-- > 0) throw DeviceError(DeviceErrorKind::lost, "coils", "is gone");
+    FakeAmplifier::make_safe();
+  }
+  int refusals = 0;
+
+ private:
+  Clock& clock_;
+};
+
+TEST_F(TimedInterlockTest, ASetPointThatWasOnItsWayWhenItOpenedIsTakenBack) {
+  SlowAmplifier slow(*clock);
+  Interlock own(slow, limits(), clock.get());
+  const auto other = clock->spawn("other", [&] {
+    clock->sleep_for(from_seconds(0.005));
+    own.trip("on purpose");
+  });
+  try {
+    own.set_currents(std::vector<double>{1, 1, 1});
+    FAIL() << "taken";
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("on purpose"), std::string::npos) << error.what();
+  }
+  EXPECT_EQ(slow.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_FALSE(own.energized());
+}
+
+TEST_F(TimedInterlockTest, AZeroThatDidNotGetThroughIsSentAgainUntilItDoes) {
+  SlowAmplifier slow(*clock);
+  Interlock own(slow, limits(), clock.get());
+  own.set_currents(std::vector<double>{1, 1, 1});
+  slow.refusals = 3;
+  EXPECT_THROW(own.trip("on purpose"), DeviceError);
+  EXPECT_TRUE(own.energized());
+  clock->sleep_for(from_seconds(0.3));
+  EXPECT_EQ(slow.set, (std::vector<double>{0, 0, 0}));
+  EXPECT_FALSE(own.energized());
+}
+
+TEST_F(TimedInterlockTest, ACoilThatGetsTooHotMeansZeroAtTheTimeThatTheClosedFormSays) {
+  // At constant resistance: T - T_a = R I^2 R_th (1 - exp(-t / tau)); alpha = 0 here.
+  InterlockLimits hot = limits();
+  hot.heat.temperature_coefficient = 0;
+  hot.heat.limit = hot.heat.ambient + 30;
+  Interlock own(amplifier, hot, clock.get());
+  clock->sleep_for(from_seconds(1));
+  const double began = to_seconds(clock->now());
+  own.set_currents(std::vector<double>{0, 10, 0});
+  while (own.enabled() && to_seconds(clock->now()) < 2000) clock->sleep_for(from_seconds(0.1));
+  const double rise = 1.0 * 100 * 0.5, tau = 770 * 0.5;
+  EXPECT_NEAR(to_seconds(clock->now()) - began, -tau * std::log(1 - 30 / rise), 0.3) << "s";
+  EXPECT_NEAR(own.temperatures()[1], hot.heat.limit, 0.05) << "K";
+  EXPECT_NEAR(own.temperatures()[0], hot.heat.ambient, 1e-9);
+}
+
+TEST_F(TimedInterlockTest, APauseAtZeroDropsSetPointsAndTheResumeEnergizesNothing) {
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  interlock.pause(PausePolicy::ramp);
+  EXPECT_EQ(amplifier.set[0], 0);
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  EXPECT_EQ(amplifier.set[0], 0) << "dropped, not queued";
+  interlock.resume();
+  EXPECT_EQ(amplifier.set[0], 0);
+  clock->sleep_for(from_seconds(0.1));
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  EXPECT_EQ(amplifier.set[0], 4);
+}
+
+TEST_F(TimedInterlockTest, AResumeIsRefusedWhereTheAmplifierReadsSomethingElse) {
+  interlock.set_currents(std::vector<double>{4, 0, 0});
+  interlock.pause(PausePolicy::zero);
+  amplifier.set[0] = 4;  // somebody turned a knob
+  EXPECT_THROW(interlock.resume(), DeviceError);
+  EXPECT_EQ(amplifier.set[0], 0);
+  EXPECT_FALSE(interlock.enabled());
+}
+
+TEST_F(TimedInterlockTest, NoSetPointOfAPausedLoopIsBeyondTheLimitsUnnoticed) {
+  interlock.pause(PausePolicy::zero);
+  EXPECT_THROW(interlock.set_currents(std::vector<double>{99, 0, 0}), DeviceError);
+}
+
+TEST(InterlockLimits, LimitsOfNothingAreRefused) {
+  EXPECT_THROW((InterlockLimits{0, 10}.check()), std::invalid_argument);
+  EXPECT_THROW((InterlockLimits{5, std::nan("")}.check()), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace vitreo

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/trials/reproduction_joined.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+ConfigValue table(ConfigTable entries) { return {std::move(entries)}; }
+ConfigValue list(std::initializer_list<const char*> texts) {
+  ConfigList made;
+  for (const char* text : texts) made.push_back({std::string(text)});
+  return {made};
+}
+
+RigDescription plan() {
+  RigDescription file;
+  file.file = "plan.lua";
+  file.table["a_run"] = table({{"protocol", {std::string("hold")}}});
+  file.table["b_joined"] = table({{"joins", list({"one", "two"})},
+                                  {"id", {std::string("both")}},
+                                  {"what", {std::string("error of both")}},
+                                  {"unit", {std::string("m")}},
+                                  {"at_most", {160e-6}}});
+  return file;
+}
+
+ReproducedRun run_with(const std::string& id, double ours, std::vector<double> values) {
+  ReproducedRun run;
+  run.plan.rig = "simulated";
+  run.outcome = "completed";
+  ReproducedRow row;
+  row.id = id, row.unit = "m", row.ours = ours, row.values = std::move(values);
+  run.rows.push_back(row);
+  return run;
+}
+
+TEST(ReproductionJoined, AJoinedRowIsTheMedianOfAllTheValuesAndNoRun) {
+  const RigDescription file = plan();
+  EXPECT_EQ(read_plan(file).size(), 1U) << "a joined row is nothing to run";
+  const std::vector<JoinedRow> wanted = read_joined(file);
+  ASSERT_EQ(wanted.size(), 1U);
+  std::vector<ReproducedRun> runs{run_with("one", 200e-6, {100e-6, 200e-6, 300e-6}),
+                                  run_with("two", 10e-6, {})};
+  const ReproducedRun together = join_rows(wanted, runs, true);
+  ASSERT_EQ(together.rows.size(), 1U);
+  const ReproducedRow& row = together.rows[0];
+  EXPECT_EQ(row.id, "both");
+  EXPECT_DOUBLE_EQ(row.ours, 150e-6);  // of 10, 100, 200, 300; not the mean of the medians, 105
+  EXPECT_EQ(row.verdict, "better");
+  EXPECT_NE(row.what.find("4 values"), std::string::npos);
+  EXPECT_NE(row.why.find("one: 200 µm"), std::string::npos) << row.why;
+  runs.push_back(together);
+  EXPECT_NE(reproduction_markdown(runs).find("0 of 2 runs did not complete"), std::string::npos);
+  runs[1].rows[0].ours = 2e-3;
+  EXPECT_EQ(join_rows(wanted, runs, true).rows[0].verdict, "worse");
+}
+
+TEST(ReproductionJoined, WhatIsMissingIsNamedAndIsNoAnswerUnlessOnlyAPartWasRun) {
+  const std::vector<JoinedRow> wanted = read_joined(plan());
+  const std::vector<ReproducedRun> runs{run_with("one", 200e-6, {})};
+  EXPECT_TRUE(join_rows(wanted, runs, false).rows.empty());
+  const ReproducedRun together = join_rows(wanted, runs, true);
+  ASSERT_EQ(together.rows.size(), 1U);
+  EXPECT_TRUE(std::isnan(together.rows[0].ours));
+  EXPECT_TRUE(is_missed(together.rows[0].verdict));
+  EXPECT_EQ(together.rows[0].why, "missing: two");
+}
+
+TEST(ReproductionJoined, AMalformedEntryIsRefusedByName) {
+  const auto said = [](const std::function<void(ConfigTable&)>& spoil) {
+    RigDescription file = plan();
+    spoil(std::get<ConfigTable>(file.table["b_joined"].value));
+    try {
+      read_joined(file);
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(said([](ConfigTable& t) {
+              t["joins"] = {3.0};
+            }).find("b_joined.joins must be a list of texts"),
+            std::string::npos);
+  EXPECT_NE(said([](ConfigTable& t) { t["joins"] = {ConfigList{{3.0}}}; }).find("number 1 is"),
+            std::string::npos);
+  EXPECT_NE(said([](ConfigTable& t) { t.erase("what"); }).find("b_joined.what must be given"),
+            std::string::npos);
+  EXPECT_NE(said([](ConfigTable& t) { t["atmost"] = {1.0}; }).find("did you mean at_most"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace vitreo

@@ -1,0 +1,107 @@
+// The live view's control: one viewer has it, the others look on; who goes loses it, and the run
+// goes on.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/view/live_view.h"
+
+#include "tests/host/rig/fake_rig.h"
+#include "tests/host/view/web_client.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+namespace vitreo::view {
+namespace {
+
+/// A run on a rig without instruments, shown to whoever comes.
+struct LiveViewTest : testing::Test {
+  LiveViewTest() {
+    session.targets.take();  // the script wants targets
+    view.begin(session, "a run", {});
+  }
+  ~LiveViewTest() override { view.end("completed"); }
+
+  static RigDescription bare() {
+    RigDescription description;
+    description.file = "test rig";
+    description.table["pose_sensor"] = ConfigValue{ConfigTable{}};
+    return description;
+  }
+  static std::string after(const std::string& text, const std::string& word,
+                           const std::string& until) {
+    const std::size_t begin = text.find(word);
+    if (begin == std::string::npos) return "";
+    return text.substr(begin + word.size(),
+                       text.find(until, begin + word.size()) - begin - word.size());
+  }
+  /// A browser that was invited, with the page's socket open.
+  std::unique_ptr<Wire> join() {
+    const std::string address = view.invitation(), host = after(address, "http://", "/");
+    const auto port = static_cast<unsigned short>(std::stoi(after(host, ":", "/")));
+    Wire visit(port);
+    visit.say("GET /?token=" + after(address, "token=", "&") + " HTTP/1.1\r\nHost: " + host +
+              "\r\nConnection: close\r\n\r\n");
+    const std::string cookie = after(visit.hear(), "vitreo=", ";");
+    auto wire = std::make_unique<Wire>(port);
+    wire->say(upgrade_request(host, "http://" + host, "Cookie: vitreo=" + cookie + "\r\n"));
+    EXPECT_NE(wire->hear("\r\n\r\n").find(" 101 "), std::string::npos);
+    return wire;
+  }
+  /// What the view answers, up to and with `until`; empty when that never comes.
+  static std::string ask(Wire& wire, const std::string& message, const std::string& until) {
+    wire.say(frame(1, message));
+    const std::string heard = wire.hear(until);
+    return heard.find(until) == std::string::npos ? "" : heard;
+  }
+
+  TemporaryFolder folder;
+  SilentListener listener;
+  std::unique_ptr<Clock> clock = virtual_clock();
+  std::unique_ptr<OpenRig> rig = open_rig(bare(), *clock, 1, {});
+  Recorder recorder{folder.path(), start_of_test(1)};
+  LiveView view{{.on = true}, listener};
+  Session session{*clock, rig->rig(), recorder, listener, 1};
+};
+
+constexpr const char* kTarget = R"({"do": "target", "place": [0.001, 0, 0]})";
+
+TEST_F(LiveViewTest, OfTwoOperatorsOneHasControlAndTheOtherIsTold) {
+  const auto first = join(), second = join();
+  EXPECT_NE(ask(*first, kTarget, "take control first"), "") << "nobody has it yet";
+  EXPECT_NE(ask(*first, R"({"do": "take"})", R"({"done":"take"})"), "");
+  EXPECT_NE(ask(*second, R"({"do": "take"})", "another viewer has control"), "");
+  EXPECT_NE(ask(*second, kTarget, "take control first"), "");
+  EXPECT_NE(ask(*second, R"({"do": "pause"})", "take control first"), "");
+  EXPECT_FALSE(session.targets.take()) << "a target of somebody who looks on";
+  EXPECT_NE(ask(*first, kTarget, R"("target")"), "");
+  const auto given = session.targets.take();
+  ASSERT_TRUE(given);
+  EXPECT_EQ(given->back(), Eigen::Vector3d(1e-3, 0, 0));
+  EXPECT_NE(ask(*first, R"({"do": "release"})", R"({"done":"release"})"), "");
+  EXPECT_NE(ask(*second, R"({"do": "take"})", R"({"done":"take"})"), "");
+}
+
+TEST_F(LiveViewTest, AnOperatorWhoseBrowserIsGoneLosesControlAndNothingElseHappens) {
+  auto gone = join();
+  const auto other = join();
+  EXPECT_NE(ask(*gone, R"({"do": "take"})", R"({"done":"take"})"), "");
+  EXPECT_NE(ask(*other, R"({"do": "take"})", "another viewer has control"), "");
+  gone.reset();
+  EXPECT_NE(other->hear(R"("control":"free")").find(R"("control":"free")"), std::string::npos)
+      << "the others see it";
+  EXPECT_EQ(session.control.status().phase, RunPhase::running);
+  EXPECT_EQ(session.control.tier(), StopTier::none);
+  EXPECT_FALSE(session.targets.take());
+  EXPECT_NE(ask(*other, R"({"do": "take"})", R"({"done":"take"})"), "");
+}
+
+TEST_F(LiveViewTest, WhoeverSeesItMayStopIt) {
+  const auto first = join(), second = join();
+  EXPECT_NE(ask(*first, R"({"do": "take"})", R"({"done":"take"})"), "");
+  EXPECT_NE(ask(*second, R"({"do": "stop"})", R"({"done":"stop"})"), "");
+  EXPECT_EQ(session.control.tier(), StopTier::stop);
+}
+
+}  // namespace
+}  // namespace vitreo::view

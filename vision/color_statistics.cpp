@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/color_statistics.h"
+
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr std::size_t kLevels = ColorModel::kLevels;
+constexpr std::size_t kCells = kLevels * kLevels * kLevels;
+// Probability added to every bin of both histograms: below it a bin's share is chance, and a color
+// that neither has shown comes out as F = 0.
+constexpr double kFloor = 2e-5;
+constexpr double kFlat = 1e-3;  // how far above its minimum g(t) still counts as flat
+
+// The histogram bin of every cell.
+std::vector<std::size_t> bins_of(const ColorModelSettings& settings) {
+  const std::vector<int> used = indices_of(settings.channels.set);
+  std::vector<std::size_t> bins(kCells);
+  const auto center = [](std::size_t level) {
+    return (4.0 * static_cast<double>(level) + 1.5) / 255;
+  };
+  for (std::size_t cell = 0; cell < kCells; ++cell) {
+    const auto value = convert(settings.channels.space, center(cell % kLevels),
+                               center(cell / kLevels % kLevels), center(cell >> 12));
+    std::size_t bin = 0;
+    for (const int k : used) {
+      const int index = static_cast<int>(value[static_cast<std::size_t>(k)] * settings.bins);
+      bin = bin * static_cast<std::size_t>(settings.bins) +
+            static_cast<std::size_t>(std::clamp(index, 0, settings.bins - 1));
+    }
+    bins[cell] = bin;
+  }
+  return bins;
+}
+
+// One Gaussian pass along the axis whose neighbors are `stride` apart. A hue's ends are not joined:
+// red objects split.
+void smooth_along(std::vector<double>& histogram, std::size_t stride, int bins,
+                  const std::vector<double>& kernel) {
+  const int reach = static_cast<int>(kernel.size()) - 1;
+  const std::vector<double> before = histogram;
+  for (std::size_t k = 0; k < histogram.size(); ++k) {
+    const int at = static_cast<int>(k / stride % static_cast<std::size_t>(bins));
+    double sum = 0;
+    for (int d = -reach; d <= reach; ++d) {
+      const int to = std::clamp(at + d, 0, bins - 1) - at;
+      const auto source = static_cast<std::ptrdiff_t>(k) + to * static_cast<std::ptrdiff_t>(stride);
+      sum +=
+          kernel[static_cast<std::size_t>(std::abs(d))] * before[static_cast<std::size_t>(source)];
+    }
+    histogram[k] = sum;
+  }
+}
+
+void smooth(std::vector<double>& histogram, const ColorModelSettings& settings) {
+  if (settings.smoothing_bins < 0.1) return;
+  const int reach = static_cast<int>(std::ceil(2 * settings.smoothing_bins));
+  std::vector<double> kernel;
+  double sum = 0;
+  for (int d = 0; d <= reach; ++d) {
+    kernel.push_back(std::exp(-0.5 * d * d / (settings.smoothing_bins * settings.smoothing_bins)));
+    sum += d == 0 ? kernel.back() : 2 * kernel.back();
+  }
+  for (double& k : kernel) k /= sum;
+  std::size_t stride = 1;
+  for (std::size_t k = 0; k < indices_of(settings.channels.set).size(); ++k) {
+    smooth_along(histogram, stride, settings.bins, kernel);
+    stride *= static_cast<std::size_t>(settings.bins);
+  }
+}
+
+std::vector<double> histogram_of(const std::vector<double>& counts,
+                                 const std::vector<std::size_t>& bins,
+                                 const ColorModelSettings& settings) {
+  std::size_t size = 1;
+  for (std::size_t k = 0; k < indices_of(settings.channels.set).size(); ++k) {
+    size *= static_cast<std::size_t>(settings.bins);
+  }
+  std::vector<double> histogram(size, 0.0);
+  double sum = 0;
+  for (std::size_t cell = 0; cell < kCells; ++cell) {
+    histogram[bins[cell]] += counts[cell];
+    sum += counts[cell];
+  }
+  for (double& h : histogram) h /= sum;
+  smooth(histogram, settings);
+  return histogram;
+}
+
+cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table) {
+  cv::Mat f(image.size(), CV_32F);
+  for (int v = 0; v < image.rows; ++v) {
+    const auto* from = image.ptr<cv::Vec3b>(v);
+    auto* to = f.ptr<float>(v);
+    for (int u = 0; u < image.cols; ++u) {
+      to[u] = static_cast<float>(table[ColorModel::cell_of(from[u][0], from[u][1], from[u][2])] /
+                                 ColorModel::kScale);
+    }
+  }
+  return f;
+}
+
+cv::Mat neighborhood(const cv::Mat& mask, int radius) {
+  const cv::Mat disc =
+      cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * radius + 1, 2 * radius + 1});
+  cv::Mat grown;
+  cv::dilate(mask, grown, disc);
+  grown.setTo(0, mask);
+  return grown;
+}
+
+std::vector<float> sorted_values(const cv::Mat& f, const cv::Mat& mask) {
+  std::vector<float> values;
+  for (int v = 0; v < f.rows; ++v) {
+    for (int u = 0; u < f.cols; ++u) {
+      if (mask.at<unsigned char>(v, u) != 0) values.push_back(f.at<float>(v, u));
+    }
+  }
+  std::sort(values.begin(), values.end());
+  return values;
+}
+
+double share_above(const std::vector<float>& sorted, double t) {
+  if (sorted.empty()) return 0;
+  const auto from = std::upper_bound(sorted.begin(), sorted.end(), static_cast<float>(t));
+  return static_cast<double>(sorted.end() - from) / static_cast<double>(sorted.size());
+}
+
+// The ends of where `cost` stays within `slack` of its minimum over the thresholds looked at.
+Thresholds flat_part(const std::function<double(double)>& cost, double slack) {
+  constexpr double kRange = 4, kStep = 1.0 / 32;
+  double least = std::numeric_limits<double>::infinity();
+  for (double t = -kRange; t <= kRange; t += kStep) least = std::min(least, cost(t));
+  Thresholds ends{kRange, -kRange};
+  for (double t = -kRange; t <= kRange; t += kStep) {
+    if (cost(t) > least + slack) continue;
+    ends.low = std::min(ends.low, t);
+    ends.high = std::max(ends.high, t);
+  }
+  return ends;
+}
+
+double middle(const Thresholds& t) { return (t.low + t.high) / 2; }
+
+}  // namespace
+
+ColorCounts count_colors(std::span<const LabeledImage> images) {
+  ColorCounts counts{std::vector<double>(kCells, 0.0), std::vector<double>(kCells, 0.0)};
+  for (const LabeledImage& one : images) {
+    for (int v = 0; v < one.image.rows; ++v) {
+      const auto* from = one.image.ptr<cv::Vec3b>(v);
+      const auto* mask = one.mask.ptr<unsigned char>(v);
+      for (int u = 0; u < one.image.cols; ++u) {
+        auto& side = mask[u] != 0 ? counts.object : counts.ground;
+        side[ColorModel::cell_of(from[u][0], from[u][1], from[u][2])] += 1;
+      }
+    }
+  }
+  return counts;
+}
+
+std::vector<std::int8_t> compile_table(const ColorCounts& counts,
+                                       const ColorModelSettings& settings) {
+  const std::vector<std::size_t> bins = bins_of(settings);
+  std::vector<double> f = histogram_of(counts.object, bins, settings);
+  const std::vector<double> ground = histogram_of(counts.ground, bins, settings);
+  for (std::size_t k = 0; k < f.size(); ++k)
+    f[k] = std::log((f[k] + kFloor) / (ground[k] + kFloor));
+  std::vector<std::int8_t> table(kCells);
+  for (std::size_t cell = 0; cell < kCells; ++cell) {
+    const double scaled = std::clamp(f[bins[cell]] * ColorModel::kScale, -127.0, 127.0);
+    table[cell] = static_cast<std::int8_t>(std::lround(scaled));
+  }
+  return table;
+}
+
+Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::int8_t>& table,
+                   int neighborhood_px) {
+  Quality quality;
+  for (const LabeledImage& one : images) {
+    const cv::Mat f = table_image(one.image, table);
+    const auto object = sorted_values(f, one.mask),
+               ground = sorted_values(f, neighborhood(one.mask, neighborhood_px));
+    const double co = share_above(object, 0), mn = share_above(ground, 0);
+    quality.of_image.push_back(co + (1 - mn) - (1 - co) - mn);  // (8.1)
+  }
+  const auto count = static_cast<double>(quality.of_image.size());
+  for (const double r : quality.of_image) quality.mean += r / count;
+  for (const double r : quality.of_image)
+    quality.deviation += (r - quality.mean) * (r - quality.mean) / count;
+  quality.deviation = std::sqrt(quality.deviation);
+  return quality;
+}
+
+std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
+                                        const std::vector<std::int8_t>& table,
+                                        const ColorModelSettings& settings) {
+  Thresholds flat, weighted;
+  const auto count = static_cast<double>(images.size());
+  for (const LabeledImage& one : images) {
+    cv::Mat f = table_image(one.image, table);
+    cv::blur(f, f, {3, 3});  // as Evidence
+    const auto object = sorted_values(f, one.mask);
+    const auto ground = sorted_values(f, neighborhood(one.mask, settings.neighborhood_px));
+    const auto cost = [&](double t, double of_missed, double of_false) {
+      const double missed = 1 - share_above(object, t), wrong = share_above(ground, t);
+      return of_missed * missed * missed + of_false * wrong * wrong;
+    };
+    const Thresholds ends = flat_part([&](double t) { return cost(t, 1, 1); }, kFlat);
+    flat.low += ends.low / count;
+    flat.high += ends.high / count;
+    // At t_h a missed object pixel is only undecided, at t_l a ground pixel is.
+    weighted.high +=
+        middle(flat_part([&](double t) { return cost(t, 1, settings.weight); }, 0)) / count;
+    weighted.low +=
+        middle(flat_part([&](double t) { return cost(t, settings.weight, 1); }, 0)) / count;
+  }
+  weighted.high = std::max(weighted.high, weighted.low);
+  return {flat, weighted};
+}
+
+}  // namespace vitreo::vision

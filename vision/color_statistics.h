@@ -1,0 +1,32 @@
+// The sums behind a color model: counts of colors, histograms, and how well their ratio tells
+// object from ground.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "vision/color_model.h"
+
+#include <array>
+
+namespace vitreo::vision {
+
+/// How often each cell of the table (ColorModel::cell_of) was seen. Every histogram is a sum over
+/// cells, so the images are read once whatever the number of color spaces.
+struct ColorCounts {
+  std::vector<double> object, ground;
+};
+
+ColorCounts count_colors(std::span<const LabeledImage> images);
+/// Joint histograms of the settings' channels, smoothed; F of each cell, times ColorModel::kScale.
+/// A color that neither has shown gets F = 0.
+std::vector<std::int8_t> compile_table(const ColorCounts& counts,
+                                       const ColorModelSettings& settings);
+/// (8.1): a pixel is object where F > 0. The ground is what lies within `neighborhood_px` of the
+/// object.
+Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::int8_t>& table,
+                   int neighborhood_px);
+/// (8.2) on F as the tracker smooths it: the flat and the weighted reading (ColorModel).
+std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
+                                        const std::vector<std::int8_t>& table,
+                                        const ColorModelSettings& settings);
+
+}  // namespace vitreo::vision
