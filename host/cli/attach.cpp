@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/view/control_socket.h"
+#include "host/view/control_client.h"
 
 #include <fmt/format.h>
 

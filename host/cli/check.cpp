@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
-#include "host/engine/preflight.h"
+#include "host/engine/rehearsal.h"
 #include "host/record/record_json.h"
 
 #include <fmt/format.h>
@@ -27,7 +27,7 @@ void show(const PreflightReport& report, bool json) {
 }
 
 int check(Program& program, Check& wanted) {
-  wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
+  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
   PreflightLimits limits;
   limits.wall = wanted.limit;
   limits.stuck = [&wanted](const PreflightReport& report) {
@@ -47,17 +47,18 @@ void add_check(CommandLine& line, Program& program) {
                                  "whether a run would be let, and what it would move and energize: "
                                  "a dry run on the rig's twin",
                                  [&program, wanted] { return check(program, *wanted); });
-  command.option("--rig", wanted->request.rig_file,
+  command.option("--rig", wanted->request.where.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
-  command.option("--seed", wanted->request.seed,
+  command.option("--seed", wanted->request.how.seed,
                  "of everything that is drawn by chance (default: 1)");
-  command.option("--out", wanted->request.out,
+  command.option("--out", wanted->request.where.out,
                  "folder in which the run's would be (default: runs)");
-  command.option("--frames", wanted->request.frames, "cameras whose frames would be recorded")
+  command.option("--frames", wanted->request.what.frames, "cameras whose frames would be recorded")
       .delimiter(',');
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
-  command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
-  command.option("--answer", wanted->request.answers,
+  command.option("arguments", wanted->request.what.arguments,
+                 "name=value, with units: speed=0.5mm/s");
+  command.option("--answer", wanted->request.what.answers,
                  "answers a question of the script: name=value, or value");
   command.seconds("--limit", wanted->limit, "wall time for the dry run (default: 10s)");
   command.flag("--json", wanted->json, "one JSON object, SI units");

@@ -4,7 +4,7 @@
 #include "host/cli/program.h"
 #include "host/config/config.h"
 #include "host/config/rights.h"
-#include "host/view/control_socket.h"
+#include "host/view/control_client.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

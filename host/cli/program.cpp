@@ -112,19 +112,19 @@ std::string exit_codes_text() {
 }
 
 void add_run_options(Command& command, RunOptions& options) {
-  command.option("--rig", options.request.rig_file,
+  command.option("--rig", options.request.where.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
-  command.option("--seed", options.request.seed,
+  command.option("--seed", options.request.how.seed,
                  "of everything that is drawn by chance (default: 1)");
-  command.option("--out", options.request.out, "folder for the run's folder (default: runs)");
-  command.option("--operator", options.request.operator_name, "who runs it, for the record");
+  command.option("--out", options.request.where.out, "folder for the run's folder (default: runs)");
+  command.option("--operator", options.request.how.operator_name, "who runs it, for the record");
   command
-      .option("--fault", options.request.faults,
+      .option("--fault", options.request.how.faults,
               "breaks a simulated instrument: ROLE:KIND:after=3s,lasting=1s,by=80ms; `vitreo "
               "faults` lists the kinds")
       .one_word_each();
   command
-      .option("--frames", options.request.frames,
+      .option("--frames", options.request.what.frames,
               "cameras whose frames are recorded: top_camera, side_camera/5 (each fifth), "
               "top_camera@96 (a window of\n"
               "96 px about the robot), top_camera~10 (only 10 s around events)")
@@ -133,11 +133,11 @@ void add_run_options(Command& command, RunOptions& options) {
 
 void add_view_options(Command& command, RunOptions& options) {
   command.flag("--real-time", options.real_time, "pace a simulated rig to the wall clock");
-  command.flag("--view", options.request.view.on,
+  command.flag("--view", options.view.on,
                "a page in the browser shows the run; its address is printed");
   command.option("--view-port", options.view_port, "the page's port (default: one that is free)")
       .between(0, 65535);
-  command.option("--listen", options.request.view.address,
+  command.option("--listen", options.view.address,
                  "an IP address of this machine at which the page is served (default: 127.0.0.1, "
                  "this machine alone)");
   command.option(
@@ -146,19 +146,18 @@ void add_view_options(Command& command, RunOptions& options) {
 }
 
 RunRequest& RunOptions::complete(Program& program) {
-  request.control_socket = true;
-  if (request.rig_file.empty() && !request.protocol_file.empty())
-    request.rig_file = program.engine().describe(request.protocol_file).rig;
-  request.rig_file = Program::rig_file(request.rig_file.empty() ? "simulated" : request.rig_file);
-  check_writable(request.out);
-  request.view.port = static_cast<unsigned short>(view_port);
-  request.view.token_file = token_file;
-  if (!request.view.on &&
-      (request.view.address != view::ViewRequest().address || !token_file.empty()))
+  if (request.where.rig_file.empty() && !request.what.protocol_file.empty())
+    request.where.rig_file = program.engine().describe(request.what.protocol_file).rig;
+  request.where.rig_file =
+      Program::rig_file(request.where.rig_file.empty() ? "simulated" : request.where.rig_file);
+  check_writable(request.where.out);
+  view.port = static_cast<unsigned short>(view_port);
+  view.token_file = token_file;
+  if (!view.on && (view.address != view::ViewRequest().address || !token_file.empty()))
     throw ConfigError("--listen, --token-file: are about the page, which wants --view");
-  view::check(request.view);
+  view::check(view);
   if (!token_file.empty()) view::shared_token(token_file);  // before anything is opened
-  if (real_time) request.pace = Pace::real_time;
+  if (real_time) request.how.pace = Pace::real_time;
   return request;
 }
 

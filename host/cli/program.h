@@ -3,6 +3,7 @@
 #pragma once
 
 #include "host/engine/run_engine.h"
+#include "host/view/admission.h"
 
 #include <memory>
 #include <string>
@@ -42,6 +43,7 @@ class Program {
 /// The options of everything that opens a rig and records: --rig, --seed, --out, --frames, ...
 struct RunOptions {
   RunRequest request;
+  view::ViewRequest view;  // a page in the browser that shows the run
   bool real_time = false;
   int view_port = 0;
   std::string token_file;

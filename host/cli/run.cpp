@@ -1,6 +1,7 @@
 // `vitreo run`, and the prompt: what opens a rig and leaves a record.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
+#include "host/cli/faces.h"
 #include "host/cli/program.h"
 #include "host/record/record_json.h"
 #include "host/runs/run_reader.h"
@@ -40,10 +41,10 @@ class Quiet : public ProgressLine {
 
 /// What was opened, and what became of it, for --verbose: on the standard error.
 void tell_before(ScriptEngine& engine, const RunRequest& request) {
-  const ProtocolDescription protocol = engine.describe(request.protocol_file);
-  fmt::print(stderr, "protocol {}\nrig {}\nseed {}\n", protocol.file, request.rig_file,
-             request.seed);
-  for (const auto& [name, value] : check_arguments(protocol, request.arguments)) {
+  const ProtocolDescription protocol = engine.describe(request.what.protocol_file);
+  fmt::print(stderr, "protocol {}\nrig {}\nseed {}\n", protocol.file, request.where.rig_file,
+             request.how.seed);
+  for (const auto& [name, value] : check_arguments(protocol, request.what.arguments)) {
     const auto known =
         std::find_if(protocol.parameters.begin(), protocol.parameters.end(),
                      [&key = name](const Parameter& one) { return one.name == key; });
@@ -90,13 +91,14 @@ void show(const RunResult& result, bool json) {
 }
 
 int run(Program& program, Run& wanted) {
-  wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
+  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
   const bool terminal = isatty(STDERR_FILENO) != 0;
   const auto progress = wanted.quiet ? std::make_unique<Quiet>(std::cerr, false)
                                      : std::make_unique<ProgressLine>(std::cerr, terminal);
   const RunRequest& request = wanted.complete(program);
   if (wanted.verbose) tell_before(program.engine(), request);
-  const RunResult result = run_protocol(program.engine(), request, *progress);
+  Faces faces(wanted, *progress);
+  const RunResult result = run_protocol(program.engine(), faces.of(request), faces.listener());
   progress->clear();
   if (wanted.verbose) tell_after(result);
   if (!wanted.quiet || wanted.json) show(result, wanted.json);
@@ -150,7 +152,9 @@ int prompt(Program& program, RunOptions& options) {
   AfterProgress buffer(progress, std::cout);
   std::ostream above(&buffer);
   std::ostream& out = edits ? above : std::cout;
-  const RunResult result = run_prompt(program.engine(), options.complete(program), progress,
+  const RunRequest& request = options.complete(program);
+  Faces faces(options, progress);
+  const RunResult result = run_prompt(program.engine(), faces.of(request), faces.listener(),
                                       *editor, out, edits ? out : std::cerr);
   progress.clear();
   if (sits_there) fmt::print("run: {}\n", result.folder);
@@ -158,14 +162,15 @@ int prompt(Program& program, RunOptions& options) {
 }
 
 void add_arguments(Command& command, Program& program, const std::shared_ptr<Run>& wanted) {
-  command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
+  command.option("arguments", wanted->request.what.arguments,
+                 "name=value, with units: speed=0.5mm/s");
   command.flag("--json", wanted->json,
                "one JSON object on the standard output at the end, SI units");
   command.option(
-      "--answer", wanted->request.answers,
+      "--answer", wanted->request.what.answers,
       "answers a question of the script in advance: name=value, or value in their order");
   command.option(
-      "--override", wanted->request.override_reason,
+      "--override", wanted->request.how.override_reason,
       "run although the preflight fails, and why (a researcher's right; it is recorded)");
   command.flag("--quiet,-q", wanted->quiet, "nothing but errors and questions");
   command.flag("--verbose,-v", wanted->verbose,
@@ -200,7 +205,7 @@ void add_run(CommandLine& line, Program& program) {
 
   const auto watched = std::make_shared<Run>();
   watched->protocol = "steer";
-  watched->real_time = watched->request.view.on = true;
+  watched->real_time = watched->view.on = true;
   Command view =
       line.command("view", "run a protocol, shown by a page in the browser, in real time",
                    [&program, watched] { return run(program, *watched); });

@@ -24,8 +24,8 @@ struct SoakWords : RunOptions {
 
 int soak_protocol(Program& program, SoakWords& wanted) {
   SoakRequest request;
-  wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
-  wanted.request.seed = wanted.run_seed;
+  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
+  wanted.request.how.seed = wanted.run_seed;
   request.run = wanted.complete(program);
   request.first = wanted.seed == kNone ? 1 : wanted.seed;
   request.count = wanted.seed == kNone ? wanted.seeds : 1;
@@ -50,13 +50,14 @@ void add_soak(CommandLine& line, Program& program) {
       "runs a protocol under faults, stops and kills at random moments, and checks what must hold",
       [&program, wanted] { return soak_protocol(program, *wanted); });
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
-  command.option("arguments", wanted->request.arguments, "name=value, with units: speed=0.5mm/s");
+  command.option("arguments", wanted->request.what.arguments,
+                 "name=value, with units: speed=0.5mm/s");
   command.option("--seeds", wanted->seeds, "how many (default: 100)").between(1, 1000000);
   command.option("--seed", wanted->seed, "only this one: it happens again as it did");
   command.option("--run-seed", wanted->run_seed, "of the simulated rig (default: 1)");
-  command.option("--rig", wanted->request.rig_file,
+  command.option("--rig", wanted->request.where.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
-  command.option("--out", wanted->request.out,
+  command.option("--out", wanted->request.where.out,
                  "folder in which the records of bad seeds stay (default: runs)");
   command.flag("--json", wanted->json,
                "a JSON object a seed, and one at the end: {\"seeds\", \"violations\", ...}");

@@ -21,20 +21,20 @@ struct TestWords : RunOptions {
 
 /// Those that the protocol lists, else the usual ones with the arguments that were given.
 std::vector<ProtocolTest> tests_of(Program& program, const RunRequest& base) {
-  std::vector<ProtocolTest> tests = program.engine().describe(base.protocol_file).tests;
+  std::vector<ProtocolTest> tests = program.engine().describe(base.what.protocol_file).tests;
   if (!tests.empty()) {
-    if (!base.arguments.empty() || !base.answers.empty())
-      throw ConfigError(base.protocol_file +
+    if (!base.what.arguments.empty() || !base.what.answers.empty())
+      throw ConfigError(base.what.protocol_file +
                         ": lists its own tests, which say their arguments and answers");
     return tests;
   }
   tests = usual_tests();
-  for (ProtocolTest& one : tests) one.seed = base.seed;
+  for (ProtocolTest& one : tests) one.seed = base.how.seed;
   return tests;
 }
 
 int test(Program& program, TestWords& wanted) {
-  wanted.request.protocol_file = Program::protocol_file(wanted.protocol);
+  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
   const RunRequest& base = wanted.complete(program);
   int runs = 0, failed = 0;
   for (ProtocolTest& one : tests_of(program, base)) {
@@ -68,9 +68,9 @@ void add_test(CommandLine& line, Program& program) {
                    [&program, wanted] { return test(program, *wanted); });
   add_run_options(command, *wanted);
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
-  command.option("arguments", wanted->request.arguments,
+  command.option("arguments", wanted->request.what.arguments,
                  "of a protocol that lists no tests: name=value");
-  command.option("--answer", wanted->request.answers, "answers to its questions: name=value");
+  command.option("--answer", wanted->request.what.answers, "answers to its questions: name=value");
   command.option("--stops", wanted->stops, "so many moments instead (default: 100)")
       .between(1, 100000);
   command.flag("--json", wanted->json,

@@ -15,21 +15,17 @@ namespace {
 /// Refuses, unless a researcher overrides it; that is recorded.
 void refuse_or_override(const RunRequest& request, const RigDescription& rig,
                         const std::string& why, Preparation& preparation) {
-  if (request.override_reason.empty()) throw PreflightError(why);
+  if (request.how.override_reason.empty()) throw PreflightError(why);
   const std::string name = operator_of(request);
   Rights::of(rig).require_researcher(name, "an override");
-  preparation.events.emplace_back("override",
-                                  fmt::format("{} by {} ({})", why, name, request.override_reason));
-  write_log("override by " + name + " (" + request.override_reason + "): " + why);
+  preparation.events.emplace_back(
+      "override", fmt::format("{} by {} ({})", why, name, request.how.override_reason));
+  write_log("override by " + name + " (" + request.how.override_reason + "): " + why);
 }
 
 }  // namespace
 
-std::string operator_of(const RunRequest& request) {
-  return request.operator_name.empty() ? account_name() : request.operator_name;
-}
-
-void Preparation::tell(Session& session) const {
+void Preparation::record(Session& session) const {
   for (const auto& [kind, text] : events) session.recorder.event(session.clock.now(), kind, text);
   for (const auto& [name, text] : concerns) session.raise(name, AlarmPriority::low, text);
 }
@@ -37,7 +33,7 @@ void Preparation::tell(Session& session) const {
 Preparation prepare(ScriptEngine& engine, const RunRequest& request, const CheckedRequest& checked,
                     ProgressListener& listener) {
   Preparation preparation;
-  if (!request.override_reason.empty())
+  if (!request.how.override_reason.empty())
     Rights::of(checked.rig).require_researcher(operator_of(request), "an override");
   if (!is_laboratory(checked.rig)) return preparation;
   listener.message("preflight: a dry run on the rig's twin");
@@ -54,8 +50,8 @@ Preparation prepare(ScriptEngine& engine, const RunRequest& request, const Check
   return preparation;
 }
 
-void look_at_calibrations(const RunRequest& request, const RigDescription& description,
-                          OpenRig& rig, Preparation& preparation) {
+void check_calibrations(const RunRequest& request, const RigDescription& description, OpenRig& rig,
+                        Preparation& preparation) {
   const Calibrations calibrations = Calibrations::of(description);
   std::vector<std::string> lines = calibrations.out_of_date(today_text());
   for (std::string& line : calibrations.of_others(identities(rig.rig())))

@@ -1,5 +1,5 @@
 // What a script works with during one run (or one prompt): the clock, the rig, the record, all
-// borrowed; built and torn down in host/run_engine.
+// borrowed; built and torn down in host/engine/conduct.cpp.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,6 +9,7 @@
 #include "host/servo/observers.h"
 #include "host/session/alarms.h"
 #include "host/session/frame_recording.h"
+#include "host/session/operator_desk.h"
 #include "host/session/operator_targets.h"
 #include "host/session/questions.h"
 #include "host/session/run_control.h"
@@ -99,6 +100,7 @@ class Session {
   Alarms alarms;
   Rehearsal* rehearsal = nullptr;  // a dry run; null in a real one
   OperatorTargets targets;
+  OperatorDesk desk{control, questions, alarms, targets};  // commands from outside
   FrameRecording frames;        // the observers, which use its cameras, end before it
   FaultDesk* faults = nullptr;  // breaks simulated instruments (host/session/faults.h); null where
                                 // nothing is simulated

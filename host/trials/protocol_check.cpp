@@ -16,11 +16,11 @@ namespace {
 
 RunRequest request_of(const RunRequest& base, const ProtocolTest& test) {
   RunRequest request = base;
-  if (!test.arguments.empty()) request.arguments = words_of(test.arguments);
-  if (!test.answers.empty()) request.answers = words_of(test.answers);
-  request.seed = test.seed;
-  if (!test.fault.empty()) request.faults = {test.fault};
-  if (!test.rig.empty()) request.rig_file = test.rig;
+  if (!test.arguments.empty()) request.what.arguments = words_of(test.arguments);
+  if (!test.answers.empty()) request.what.answers = words_of(test.answers);
+  request.how.seed = test.seed;
+  if (!test.fault.empty()) request.how.faults = {test.fault};
+  if (!test.rig.empty()) request.where.rig_file = test.rig;
   return request;
 }
 
@@ -102,7 +102,7 @@ void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& 
 }
 
 Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {
-  request.companion = [moment](Session& session) {
+  request.how.companion = [moment](Session& session) {
     session.keep(session.clock.spawn("stop by test", [&session, moment] {
       session.clock.sleep_until(from_seconds(moment));
       session.control.set_reason("by the test");

@@ -52,7 +52,6 @@ class Soak {
         mmap(nullptr, sizeof(Page), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (page == MAP_FAILED) throw std::runtime_error(std::string("soak: ") + std::strerror(errno));
     page_ = new (page) Page;
-    request_.run.control_socket = false;
   }
   ~Soak() { munmap(page_, sizeof(Page)); }
   Soak(const Soak&) = delete;
@@ -69,7 +68,7 @@ class Soak {
   };
 
   fs::path folder_of(std::uint64_t seed) const {
-    return fs::path(request_.run.out) / fmt::format("soak_{:06}", seed);
+    return fs::path(request_.run.where.out) / fmt::format("soak_{:06}", seed);
   }
   SoakPlan plan_of(std::uint64_t seed) const {
     return draw_plan(seed, reference_.roles, reference_.horizon);
@@ -91,7 +90,7 @@ class Soak {
 /// The reference: how long it takes, what is recorded, which roles there are.
 void Soak::look_at_it_alone() {
   RunRequest alone = request_.run;
-  alone.out = (fs::path(request_.run.out) / "soak_reference").string();
+  alone.where.out = (fs::path(request_.run.where.out) / "soak_reference").string();
   SilentListener quiet;
   const RunResult result =
       run_protocol(engine_, alone, quiet, [this](const Recorder& recorder, OpenRig&) {
@@ -99,9 +98,9 @@ void Soak::look_at_it_alone() {
         reference_.roles = simulated_roles(recorder.start().rig["resolved"]);
         reference_.horizon = recorder.end()->experiment_time;
       });
-  fs::remove_all(alone.out);
+  fs::remove_all(alone.where.out);
   if (result.outcome != Outcome::completed)
-    throw ConfigError("soak: " + request_.run.protocol_file +
+    throw ConfigError("soak: " + request_.run.what.protocol_file +
                       " does not complete when it is left alone: " + result.reason);
 }
 
@@ -133,8 +132,8 @@ SoakedSeed Soak::run_one(std::uint64_t seed) {
   SoakWitness witness;
   SoakedSeed one{seed, to_string(plan)};
   RunRequest request = request_.run;
-  request.out = folder_of(seed).string();
-  request.companion = [&](Session& session) {
+  request.where.out = folder_of(seed).string();
+  request.how.companion = [&](Session& session) {
     for (const Fault& fault : plan.faults) session.faults->add(fault);
     disturb(session, plan, witness);
   };
@@ -288,8 +287,8 @@ SoakResult Soak::run(const std::function<void(const SoakedSeed&)>& told) {
 
 SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
                 const std::function<void(const SoakedSeed&)>& told) {
-  if (has_real_instruments(engine.load_rig(request.run.rig_file)))
-    throw ConfigError("soak: " + request.run.rig_file +
+  if (has_real_instruments(engine.load_rig(request.run.where.rig_file)))
+    throw ConfigError("soak: " + request.run.where.rig_file +
                       " has real instruments: only a rig that is simulated throughout "
                       "is broken on purpose");
   Soak soaking(engine, request);

@@ -2,334 +2,184 @@
 #include "host/view/control_socket.h"
 
 #include "devices/time/quiet_thread.h"
-#include "host/config/config.h"
+#include "host/session/session.h"
+#include "host/view/control_client.h"
 
-#include <fmt/format.h>
-
-#include <algorithm>
-#include <cstring>
-#include <poll.h>
+#include <boost/asio/local/stream_protocol.hpp>
+#include <boost/asio/read_until.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <list>
 #include <stdexcept>
-#include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/un.h>
-#include <unistd.h>
+#include <thread>
 
 namespace vitreo {
 namespace {
 
+namespace asio = boost::asio;
 namespace fs = std::filesystem;
+using Local = asio::local::stream_protocol;
+
 constexpr std::size_t kLongestLine = 64 << 10;
 constexpr std::size_t kMostClients = 16;
-constexpr int kLook = 50;        // ms: how late a change of the status, or the end, is noticed
-constexpr int kPatience = 5000;  // ms, for a reply
+constexpr auto kLook = std::chrono::milliseconds(50);  // how late a change of the status is noticed
 
-fs::path runtime_folder() {
-  const char* const given = std::getenv("XDG_RUNTIME_DIR");
-  const fs::path folder = given && *given
-                              ? fs::path(given) / "vitreo"
-                              : fs::temp_directory_path() / fmt::format("vitreo-{}", getuid());
-  if (mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
-    throw std::runtime_error(folder.string() + ": cannot be made: " + std::strerror(errno));
-  struct stat there = {};
-  if (lstat(folder.c_str(), &there) != 0 || !S_ISDIR(there.st_mode) || there.st_uid != getuid() ||
-      (there.st_mode & 077) != 0)
-    throw std::runtime_error(folder.string() + ": is not a folder that only this user can enter");
-  return folder;
-}
-
-sockaddr_un address_of(const fs::path& path) {
-  sockaddr_un address = {};
-  address.sun_family = AF_UNIX;
-  if (path.string().size() >= sizeof address.sun_path)
-    throw std::runtime_error(path.string() + ": is too long a name for a socket");
-  std::strcpy(address.sun_path, path.c_str());
-  return address;
-}
-
-/// The words that a person can choose from; empty where any text may do.
-std::vector<std::string> choices_of(const Parameter& answer) {
-  return answer.kind == ParameterKind::flag ? std::vector<std::string>{"yes", "no"}
-                                            : answer.choices;
-}
-
-nlohmann::json alarms_json(const Alarms& alarms) {
-  nlohmann::json list = nlohmann::json::array();
-  for (const Alarm& alarm : alarms.shown())
-    list.push_back({{"name", alarm.name},
-                    {"priority", to_string(alarm.priority)},
-                    {"text", alarm.text},
-                    {"time", to_seconds(alarm.raised)},
-                    {"active", alarm.active},
-                    {"times", alarm.times},
-                    {"acknowledged_by", alarm.acknowledged_by}});
-  return list;
-}
-
-/// Nobody needs a right to end a run.
-bool ends(const std::string& word, const std::string& by, RunControl& control) {
-  const StopTier tier = word == "stop"        ? StopTier::stop
-                        : word == "abort"     ? StopTier::abort
-                        : word == "emergency" ? StopTier::emergency
-                                              : StopTier::none;
-  if (tier == StopTier::none) return false;
-  if (by.empty())
-    control.request(tier);
-  else
-    control.request(tier, "by " + by);
-  return true;
-}
-
-void acknowledge(const nlohmann::json& request, const std::string& by, const ControlDesk& desk) {
-  if (desk.alarms == nullptr) throw std::invalid_argument("this run has no alarms");
-  const std::string name = request.value("alarm", "");
-  if (desk.alarms->acknowledge(name, by.empty() ? "operator at the control socket" : by) == 0)
-    throw std::invalid_argument("no alarm stands");
-}
-
-void perform(const nlohmann::json& request, RunControl& control, Questions& questions,
-             const ControlDesk& desk) {
-  const std::string word = request.at("do"), by = request.value("by", "");
-  if (ends(word, by, control)) return;
-  if (word == "pause") return control.request_pause(request.value("at", ""));
-  if (word == "resume") {
-    if (request.value("override", false)) {
-      desk.rights.require_researcher(by, "an override");
-      control.override_suspension(by.empty() ? "operator at the control socket" : by);
-    }
-    return control.resume();
+std::vector<Eigen::Vector3d> positions_of(const nlohmann::json& request) {
+  std::vector<Eigen::Vector3d> positions;
+  for (const nlohmann::json& one : request.value("positions", nlohmann::json::array())) {
+    if (!one.is_array() || one.size() != 3)
+      throw std::invalid_argument("positions: wants a list of [x, y, z] in m");
+    positions.emplace_back(one[0].get<double>(), one[1].get<double>(), one[2].get<double>());
   }
-  if (word == "answer")
-    return questions.answer(request.at("text"), by.empty() ? "operator at the control socket" : by);
-  if (word == "ack") return acknowledge(request, by, desk);
-  if (word != "status" && word != "watch")
-    throw std::invalid_argument("'" + word +
-                                "' is not understood: do status, watch, pause, resume, stop, "
-                                "abort, emergency, answer or ack");
+  return positions;
 }
 
-int connect_to(const fs::path& path) {
-  const int socket = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  const sockaddr_un address = address_of(path);
-  if (socket >= 0 &&
-      connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
-    return socket;
-  if (socket >= 0) close(socket);
-  return -1;
+OperatorCommand command_of(const nlohmann::json& request) {
+  OperatorCommand command;
+  command.word = request.at("do");
+  command.by = request.value("by", "");
+  command.source = "the control socket";
+  if (command.word == "pause") command.text = request.value("at", "");
+  if (command.word == "answer") command.text = request.at("text");
+  if (command.word == "ack") command.text = request.value("alarm", "");
+  command.override_condition = request.value("override", false);
+  command.targets = positions_of(request);
+  return command;
 }
 
-fs::path find_run(const std::string& run) {
-  std::vector<std::string> fitting;
-  for (const std::string& name : controllable_runs())
-    if (name.starts_with(run)) fitting.push_back(name);
-  if (fitting.size() == 1) return control_socket_path(fitting[0]);
-  if (fitting.empty())
-    throw ConfigError(run.empty() ? "no run is going on"
-                                  : "no run that is going on begins with '" + run + "'");
-  throw ConfigError(
-      fmt::format("several runs are going on: {}; say which", fmt::join(fitting, ", ")));
+nlohmann::json status_reply(const OperatorDesk& desk) {
+  return {{"ok", true}, {"status", desk.status()}};
 }
 
 }  // namespace
 
-fs::path control_socket_path(const std::string& run_name) {
-  return runtime_folder() / (run_name + ".sock");
-}
-
-std::vector<std::string> controllable_runs() {
-  std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(runtime_folder())) {
-    if (entry.path().extension() != ".sock") continue;
-    const int socket = connect_to(entry.path());
-    if (socket < 0) {
-      std::error_code ignored;  // left by a host that was killed
-      fs::remove(entry.path(), ignored);
-      continue;
-    }
-    close(socket);
-    names.push_back(entry.path().stem().string());
-  }
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
-nlohmann::json status_json(const RunControl& control, const Questions& questions,
-                           const ControlDesk& desk) {
-  const RunStatus status = control.status();
-  nlohmann::json json = {{"phase", to_string(status.phase)},
-                         {"tier", to_string(status.tier)},
-                         {"waiting_for", status.waiting_for},
-                         {"note", status.note},
-                         {"text", to_string(status)},
-                         {"progress", status.progress},
-                         {"doing", status.doing}};
-  if (status.remaining >= 0) json["remaining"] = status.remaining;
-  if (desk.alarms != nullptr) json["alarms"] = alarms_json(*desk.alarms);
-  if (const auto question = questions.open())
-    json["question"] = {{"number", question->number},
-                        {"name", question->answer.name},
-                        {"text", shown(*question)},
-                        {"choices", choices_of(question->answer)}};
-  return json;
-}
-
-nlohmann::json answer_request(const std::string& line, RunControl& control, Questions& questions,
-                              const ControlDesk& desk) {
+nlohmann::json answer_request(const std::string& line, OperatorDesk& desk) {
   try {
     const nlohmann::json request = nlohmann::json::parse(line);
     if (!request.is_object() || !request.contains("do"))
       throw std::invalid_argument("wants {\"do\": WORD}");
-    perform(request, control, questions, desk);
-    return {{"ok", true}, {"status", status_json(control, questions, desk)}};
+    const OperatorCommand command = command_of(request);
+    if (command.word != "status" && command.word != "watch") desk.perform(command);
+    return status_reply(desk);
   } catch (const std::exception& error) {
     return {{"ok", false}, {"error", error.what()}};
   }
 }
 
-ControlSocket::ControlSocket(const fs::path& path, RunControl& control, Questions& questions,
-                             const ControlDesk& desk)
-    : path_(path), control_(control), questions_(questions), desk_(desk) {
-  const sockaddr_un address = address_of(path);
-  std::error_code ignored;
-  fs::remove(path, ignored);
-  listener_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (listener_ < 0 ||
-      bind(listener_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-      listen(listener_, 4) != 0) {
-    const std::string why = std::strerror(errno);
-    if (listener_ >= 0) close(listener_);
-    throw std::runtime_error(path.string() + ": cannot listen: " + why);
-  }
-  thread_ = quiet_thread([this] { serve(); });
-}
+/// All on one thread of its own, the constructor and the destructor excepted.
+struct ControlSocket::Server {
+  struct Client {
+    explicit Client(Local::socket its_socket) : socket(std::move(its_socket)) {}
+    Local::socket socket;
+    std::string received;
+    bool watches = false;
+  };
+  using Entry = std::list<Client>::iterator;
 
-ControlSocket::~ControlSocket() {
-  done_ = true;
-  thread_.join();
-  for (const Client& client : clients_) close(client.socket);
-  close(listener_);
-  std::error_code ignored;
-  fs::remove(path_, ignored);
-}
-
-void ControlSocket::serve() {
-  while (!done_) {
-    std::vector<pollfd> watched{{listener_, POLLIN, 0}};
-    for (const Client& client : clients_) watched.push_back({client.socket, POLLIN, 0});
-    if (poll(watched.data(), watched.size(), kLook) > 0) {
-      for (std::size_t i = clients_.size(); i-- > 0;) {
-        if (watched[i + 1].revents == 0 || take(clients_[i])) continue;
-        close(clients_[i].socket);
-        clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
-      }
-      if (watched[0].revents != 0) accept_client();
+  Server(fs::path the_path, OperatorDesk& the_desk) : path(std::move(the_path)), desk(the_desk) {
+    std::error_code ignored;
+    fs::remove(path, ignored);
+    try {
+      const Local::endpoint endpoint(path.string());
+      acceptor.open(endpoint.protocol());
+      acceptor.bind(endpoint);
+      acceptor.listen(4);
+    } catch (const std::exception& error) {
+      throw std::runtime_error(path.string() + ": cannot listen: " + error.what());
     }
-    tell_watchers();
+    accept();
+    look();
+    thread = quiet_thread([this] { io.run(); });
   }
-}
-
-void ControlSocket::accept_client() {
-  const int socket = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-  if (socket < 0) return;
-  if (clients_.size() >= kMostClients) {
-    close(socket);
-    return;
+  ~Server() {
+    io.stop();
+    thread.join();
+    std::error_code ignored;
+    fs::remove(path, ignored);
   }
-  clients_.push_back({socket, {}, false});
-}
 
-/// False: the client is gone, or is to be dropped.
-bool ControlSocket::take(Client& client) {
-  char bytes[4096];
-  const ssize_t count = recv(client.socket, bytes, sizeof bytes, 0);
-  if (count < 0 && (errno == EAGAIN || errno == EINTR)) return true;
-  if (count <= 0) return false;
-  client.received.append(bytes, static_cast<std::size_t>(count));
-  for (std::size_t end; (end = client.received.find('\n')) != std::string::npos;) {
-    const std::string line = client.received.substr(0, end);
-    client.received.erase(0, end + 1);
-    const nlohmann::json reply = answer_request(line, control_, questions_, desk_);
+  void accept() {
+    acceptor.async_accept([this](boost::system::error_code failed, Local::socket socket) {
+      if (!failed && clients.size() < kMostClients) {
+        socket.non_blocking(true, failed);
+        clients.emplace_back(std::move(socket));
+        read(std::prev(clients.end()));
+      }
+      accept();
+    });
+  }
+
+  void read(Entry client) {
+    asio::async_read_until(client->socket, asio::dynamic_buffer(client->received, kLongestLine),
+                           '\n', [this, client](boost::system::error_code failed, std::size_t end) {
+                             if (failed || !answer(*client, end)) return drop(client);
+                             read(client);
+                           });
+  }
+
+  /// The first `end` bytes are a line. False: the client does not read.
+  bool answer(Client& client, std::size_t end) {
+    const std::string line = client.received.substr(0, end - 1);
+    client.received.erase(0, end);
+    const nlohmann::json reply = answer_request(line, desk);
     if (reply["ok"] && nlohmann::json::parse(line)["do"] == "watch") client.watches = true;
-    if (!send(client, reply)) return false;
+    return send(client, reply);
   }
-  return client.received.size() <= kLongestLine;
-}
 
-bool ControlSocket::send(const Client& client, const nlohmann::json& message) {
-  // What a client sent us comes back in errors: it need not be UTF-8.
-  const std::string line =
-      message.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
-  const ssize_t sent = ::send(client.socket, line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-  return sent == static_cast<ssize_t>(line.size());
-}
-
-void ControlSocket::tell_watchers() {
-  const unsigned long changes =
-      control_.changes() + (desk_.alarms != nullptr ? desk_.alarms->changes() : 0);
-  if (changes == told_) return;
-  told_ = changes;
-  std::erase_if(clients_, [&](const Client& client) {
-    if (!client.watches ||
-        send(client, {{"ok", true}, {"status", status_json(control_, questions_, desk_)}}))
-      return false;
-    close(client.socket);
-    return true;
-  });
-}
-
-nlohmann::json control_run(const std::string& run, const nlohmann::json& request) {
-  const fs::path path = find_run(run);
-  const int socket = connect_to(path);
-  if (socket < 0) throw ConfigError(path.stem().string() + ": has just ended");
-  const std::string line =
-      request.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
-  std::string reply;
-  bool whole =
-      ::send(socket, line.data(), line.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(line.size());
-  while (whole && !reply.ends_with('\n')) {
-    pollfd watched{socket, POLLIN, 0};
-    char bytes[4096];
-    const ssize_t count =
-        poll(&watched, 1, kPatience) > 0 ? recv(socket, bytes, sizeof bytes, 0) : 0;
-    whole = count > 0;
-    if (whole) reply.append(bytes, static_cast<std::size_t>(count));
+  /// Never waits: a client whose buffer is full is one that does not read.
+  static bool send(Client& client, const nlohmann::json& message) {
+    // What a client sent us comes back in errors: it need not be UTF-8.
+    const std::string line =
+        message.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+    boost::system::error_code failed;
+    return client.socket.write_some(asio::buffer(line), failed) == line.size() && !failed;
   }
-  close(socket);
-  if (!whole) throw std::runtime_error(path.stem().string() + ": does not answer");
-  return nlohmann::json::parse(reply);
+
+  /// A read that is under way ends with an error, and that drops the client for good.
+  static void close(Client& client) {
+    boost::system::error_code ignored;
+    client.socket.close(ignored);
+    client.watches = false;
+  }
+  void drop(Entry client) { clients.erase(client); }
+
+  void look() {
+    timer.expires_after(kLook);
+    timer.async_wait([this](boost::system::error_code) {
+      if (const unsigned long changes = desk.changes(); changes != notified) {
+        notified = changes;
+        const nlohmann::json reply = status_reply(desk);
+        for (Client& client : clients)
+          if (client.watches && !send(client, reply)) close(client);
+      }
+      look();
+    });
+  }
+
+  const fs::path path;
+  OperatorDesk& desk;
+  asio::io_context io;
+  Local::acceptor acceptor{io};
+  asio::steady_timer timer{io};
+  std::list<Client> clients;
+  unsigned long notified = 0;
+  std::thread thread;
+};
+
+ControlSocket::ControlSocket(const fs::path& path, OperatorDesk& desk)
+    : server_(std::make_unique<Server>(path, desk)) {}
+ControlSocket::~ControlSocket() = default;
+
+void ControlFace::begin(Session& session) {
+  try {
+    const std::string name = session.recorder.folder().filename().string();
+    socket_ = std::make_unique<ControlSocket>(control_socket_path(name), session.desk);
+  } catch (const std::exception& error) {
+    session.recorder.event(session.clock.now(), "error",
+                           std::string("no control socket: ") + error.what());
+  }
 }
 
-ControlConnection::ControlConnection(const std::string& run) {
-  const fs::path path = find_run(run);
-  name_ = path.stem().string();
-  socket_ = connect_to(path);
-  if (socket_ < 0) throw ConfigError(name_ + ": has just ended");
-}
-
-ControlConnection::~ControlConnection() { close(socket_); }
-
-void ControlConnection::send(const nlohmann::json& request) {
-  const std::string line =
-      request.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
-  if (::send(socket_, line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size()))
-    throw std::runtime_error(name_ + ": does not take what is sent");
-}
-
-bool ControlConnection::receive() {
-  char bytes[4096];
-  const ssize_t count = recv(socket_, bytes, sizeof bytes, 0);
-  if (count < 0 && errno == EINTR) return true;
-  if (count <= 0) return false;
-  received_.append(bytes, static_cast<std::size_t>(count));
-  return true;
-}
-
-std::optional<nlohmann::json> ControlConnection::next() {
-  const std::size_t end = received_.find('\n');
-  if (end == std::string::npos) return std::nullopt;
-  const nlohmann::json message = nlohmann::json::parse(received_.substr(0, end));
-  received_.erase(0, end + 1);
-  return message;
-}
+void ControlFace::end(const std::string&) { socket_.reset(); }
 
 }  // namespace vitreo

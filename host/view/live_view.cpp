@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/live_view.h"
 
+#include "host/config/config.h"
 #include "host/view/assets.h"
 #include "host/view/board.h"
-#include "host/view/control_socket.h"
 #include "host/view/pointing.h"
 #include "host/view/web_server.h"
 
@@ -92,9 +92,8 @@ struct LiveView::State {
   std::mutex mutex;  // of what end() takes away
   Session* session = nullptr;
   std::string title, outcome;
-  bool farewell_said = true;
-  std::optional<Aim> aim;
-  ControlDesk desk;
+  bool end_sent = true;
+  std::optional<Pointing> pointing;
   std::unique_ptr<Task> watcher;
   // The server's thread only.
   std::map<int, Told> told;
@@ -121,7 +120,7 @@ void LiveView::State::tick() {
   const auto now = std::chrono::steady_clock::now();
   const std::lock_guard lock(mutex);
   if (session == nullptr) {
-    if (!std::exchange(farewell_said, true))
+    if (!std::exchange(end_sent, true))
       for (const int viewer : server.viewers()) server.send(viewer, text_of({{"ended", outcome}}));
     return;
   }
@@ -165,7 +164,7 @@ void LiveView::State::show_frames() {
 void LiveView::State::greet(int viewer, Told& known) {
   known.greeted = true;
   const RunStart& start = session->recorder.start();
-  json geometry = aim->to_json();
+  json geometry = pointing->to_json();
   if (session->rig.coils != nullptr)
     geometry["current_limit"] = session->rig.coils->current_limit();
   server.send(viewer, text_of({{"hello",
@@ -199,14 +198,14 @@ void LiveView::State::show_state(int viewer, Told& known) {
 }
 
 json LiveView::State::status(int viewer) {
-  json state = status_json(session->control, session->questions, desk);
+  json state = session->desk.status();
   state["control"] = operator_viewer == viewer ? "mine" : operator_viewer == 0 ? "free" : "taken";
   state["takes_targets"] = session->targets.wanted();
   state["viewers"] = told.size();
   const auto servo = board.samples("servo", {}, 1), currents = board.samples("currents", {}, 1);
-  if (!servo.empty()) state.update(aim->marks(servo[0].values));
+  if (!servo.empty()) state.update(pointing->marks(servo[0].values));
   if (!currents.empty() && !servo.empty())
-    state["field"] = aim->field(servo[0].values, currents[0].values);
+    state["field"] = pointing->field(servo[0].values, currents[0].values);
   return state;
 }
 
@@ -224,44 +223,36 @@ void LiveView::State::receive(int viewer, const std::string& message) {
   if (!reply.is_null()) server.send(viewer, text_of(reply));
 }
 
+/// A command of the operator at the page; targets are pointed at in an image.
+OperatorCommand command_of(const std::string& word, const json& message, const Pointing& pointing) {
+  OperatorCommand command;
+  command.word = word;
+  command.source = "the live view";
+  if (word == "answer") command.text = message.at("text");
+  if (word == "ack") command.text = message.value("alarm", "");
+  if (word == "target") command.targets = pointing.positions(message);
+  return command;
+}
+
 /// Ending the run is open to every viewer; all else to the one who has taken control.
 json LiveView::State::perform(int viewer, const json& message) {
   const std::string word = message["do"];
   if (session == nullptr) throw std::invalid_argument("the run has ended");
-  if (word == "stop" || word == "abort" || word == "emergency") {
-    const StopTier tier =
-        word == "stop" ? StopTier::stop : (word == "abort" ? StopTier::abort : StopTier::emergency);
-    session->control.request(tier, "by the live view");
-    return {{"done", word}};
-  }
   if (word == "take") {
     if (operator_viewer != 0 && operator_viewer != viewer && !message.value("force", false))
       throw std::invalid_argument("another viewer has control");
     operator_viewer = viewer;
     return {{"done", word}};
   }
-  if (operator_viewer != viewer)
+  if (!OperatorDesk::ends_run(word) && operator_viewer != viewer)
     throw std::invalid_argument("take control first: you are looking on");
   if (word == "release") return operator_viewer = 0, json{{"done", word}};
-  if (word == "pause") return session->control.request_pause(), json{{"done", word}};
-  if (word == "resume") return session->control.resume(), json{{"done", word}};
-  if (word == "answer")
-    return session->questions.answer(message.at("text"), "operator at the live view"),
-           json{{"done", word}};
-  if (word == "ack") {
-    if (session->alarms.acknowledge(message.value("alarm", ""), "operator at the live view") == 0)
-      throw std::invalid_argument("no alarm stands");
-    return {{"done", word}};
-  }
   if (word == "invite") return {{"invitation", server.invitation()}};
-  if (word != "target")
-    throw std::invalid_argument(
-        "'" + word +
-        "' is not understood: do stop, abort, emergency, take, release, pause, resume, answer, "
-        "ack, invite or target");
-  std::vector<Eigen::Vector3d> places = aim->places(message);
-  session->targets.give(places);
-  return {{"target", {places.back().x(), places.back().y(), places.back().z()}}};
+  const OperatorCommand command = command_of(word, message, *pointing);
+  session->desk.perform(command);
+  if (command.targets.empty()) return {{"done", word}};
+  const Eigen::Vector3d& last = command.targets.back();
+  return {{"target", {last.x(), last.y(), last.z()}}};
 }
 
 LiveView::LiveView(const ViewRequest& request, ProgressListener& terminal)
@@ -271,18 +262,17 @@ LiveView::~LiveView() {
   for (int wait = 0; wait < 10; ++wait) {  // for the last words on their way
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     const std::lock_guard lock(state_->mutex);
-    if (state_->farewell_said) break;
+    if (state_->end_sent) break;
   }
 }
 
 ProgressListener& LiveView::listener() { return state_->board; }
 
-void LiveView::begin(Session& session, const std::string& title, const Rights& rights) {
+void LiveView::begin(Session& session) {
   {
     const std::lock_guard lock(state_->mutex);
-    state_->title = title;
-    state_->desk = {&session.alarms, rights};
-    state_->aim.emplace(session.rig.model);
+    state_->title = session.recorder.start().protocol_title;
+    state_->pointing.emplace(session.rig.model);
     state_->session = &session;
   }
   session.recorder.watch(&state_->board);
@@ -298,6 +288,7 @@ void LiveView::begin(Session& session, const std::string& title, const Rights& r
           if (!kelvins.empty()) state_->board.sample(info, session.clock.now(), kelvins);
         }
       });
+  state_->board.message("live view: " + invitation());
 }
 
 void LiveView::end(const std::string& outcome) {
@@ -307,7 +298,7 @@ void LiveView::end(const std::string& outcome) {
   state_->session->recorder.watch(nullptr);
   state_->session = nullptr;
   state_->outcome = outcome;
-  state_->farewell_said = false;
+  state_->end_sent = false;
 }
 
 std::string LiveView::invitation() {

@@ -4,7 +4,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/config/rights.h"
+#include "host/session/face.h"
 #include "host/session/session.h"
 #include "host/view/admission.h"
 
@@ -14,19 +14,19 @@
 namespace vitreo::view {
 
 /// Outlives the session that it shows, but for what begin() gives it.
-class LiveView {
+class LiveView final : public Face {
  public:
-  /// Throws ConfigError as check() and shared_token() do, std::runtime_error naming an address at
+  /// Listens at once. Throws ConfigError as check() and shared_token() do, and for an address at
   /// which it cannot listen.
   LiveView(const ViewRequest& request, ProgressListener& terminal);
-  ~LiveView();
+  ~LiveView() override;
   /// Stands before the terminal: what the script says goes to both.
   ProgressListener& listener();
-  /// Shows this session from now on; `title` is the protocol's, `rights` those of the rig.
-  void begin(Session& session, const std::string& title, const Rights& rights);
+  /// Shows this session from now on, and says at the terminal where.
+  void begin(Session& session) override;
   /// No thread of the view touches the session after this. `outcome` is told to the viewers:
   /// "stopped: ...".
-  void end(const std::string& outcome);
+  void end(const std::string& outcome) override;
   /// Where the page is: with a token that lets one browser in, or saying in which file the token
   /// is.
   std::string invitation();

@@ -25,6 +25,8 @@ add_custom_command(
   COMMENT "Building the page of the live view" VERBATIM)
 target_sources(vitreo_host PRIVATE ${page_build}/assets.cpp)
 # Beast's templates: half the time to compile, and no slower where it waits for the network anyway.
-set_property(SOURCE host/view/web_server.cpp APPEND PROPERTY COMPILE_OPTIONS -O1)
-set_source_files_properties(host/view/web_server.cpp ${page_build}/assets.cpp PROPERTIES SKIP_PRECOMPILE_HEADERS ON
+set_property(SOURCE host/view/web_server.cpp host/view/control_socket.cpp host/view/control_client.cpp APPEND PROPERTY
+             COMPILE_OPTIONS -O1)
+set_source_files_properties(host/view/web_server.cpp host/view/control_socket.cpp host/view/control_client.cpp
+                            ${page_build}/assets.cpp PROPERTIES SKIP_PRECOMPILE_HEADERS ON
                             SKIP_UNITY_BUILD_INCLUSION ON)

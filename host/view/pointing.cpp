@@ -32,7 +32,7 @@ double meters(const nlohmann::json& message, const std::string& name) {
 
 }  // namespace
 
-nlohmann::json Aim::to_json() const {
+nlohmann::json Pointing::to_json() const {
   const auto& retina = model_.eye.surfaces.front();
   const auto middle = pixel_of({0, 0, 0}), beside = pixel_of({1e-4, 0, 0});
   return {{"top_px_per_m",
@@ -43,13 +43,13 @@ nlohmann::json Aim::to_json() const {
           {"lens_z", model_.eye_in_world.z() + model_.eye.vertex(2)}};
 }
 
-std::optional<Eigen::Vector2d> Aim::pixel_of(const Eigen::Vector3d& place) const {
+std::optional<Eigen::Vector2d> Pointing::pixel_of(const Eigen::Vector3d& place) const {
   const auto m = model_.projection.project(place - model_.eye_in_world);
   if (!m) return {};
   return model_.top_image.pixel_from_m(*m);
 }
 
-Eigen::Vector3d Aim::at_height(const Eigen::Vector2d& pixel, double z) const {
+Eigen::Vector3d Pointing::at_height(const Eigen::Vector2d& pixel, double z) const {
   constexpr double kStep = 1e-6, kConverged = 1e-9;
   Eigen::Vector3d place(0, 0, z);
   for (int step = 0; step < 30; ++step) {
@@ -66,7 +66,7 @@ Eigen::Vector3d Aim::at_height(const Eigen::Vector2d& pixel, double z) const {
   throw std::invalid_argument("nothing at that height shows there");
 }
 
-std::vector<Eigen::Vector3d> Aim::places(const nlohmann::json& message) const {
+std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message) const {
   std::vector<Eigen::Vector3d> found;
   if (message.contains("place")) {
     found.emplace_back(numbers(message["place"], 3, "place"));
@@ -92,7 +92,7 @@ std::vector<Eigen::Vector3d> Aim::places(const nlohmann::json& message) const {
   return found;
 }
 
-nlohmann::json Aim::marks(const std::vector<double>& servo) const {
+nlohmann::json Pointing::marks(const std::vector<double>& servo) const {
   nlohmann::json marks = nlohmann::json::object();
   const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(servo.data());
   const Eigen::Vector3d target = Eigen::Map<const Eigen::Vector3d>(servo.data() + 3);
@@ -105,8 +105,8 @@ nlohmann::json Aim::marks(const std::vector<double>& servo) const {
   return marks;
 }
 
-nlohmann::json Aim::field(const std::vector<double>& servo,
-                          const std::vector<double>& currents) const {
+nlohmann::json Pointing::field(const std::vector<double>& servo,
+                               const std::vector<double>& currents) const {
   const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(servo.data());
   const auto count = static_cast<Eigen::Index>(currents.size());
   if (!place.allFinite() || !model_.field.valid_at(place) || model_.field.coils() != count)

@@ -1,5 +1,5 @@
-// Between what a person points at in the live view and places in the world; and what the page draws
-// from the model.
+// Pointing: from pixels of the live view to positions in the world, and the geometry that the page
+// draws.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,9 +12,9 @@
 
 namespace vitreo::view {
 
-class Aim {
+class Pointing {
  public:
-  explicit Aim(const RigModel& model) : model_(model) {}
+  explicit Pointing(const RigModel& model) : model_(model) {}
 
   /// What the page needs to draw: {"side_pixel", "side_center", "top_px_per_m", "retina": {"z",
   /// "radius"}, "lens_z"}; m and px.
@@ -26,7 +26,7 @@ class Aim {
   ///   {"camera": "side_camera", "points": [[u, v], ...], "y": m}: x and z from the pixels
   ///   {"place": [x, y, z]}
   /// Throws std::invalid_argument saying what is wrong.
-  std::vector<Eigen::Vector3d> places(const nlohmann::json& message) const;
+  std::vector<Eigen::Vector3d> positions(const nlohmann::json& message) const;
 
   /// The world's (x, y) at height z that shows at a pixel of the top camera: the projection,
   /// inverted by Newton's method to 1 nm. Throws std::invalid_argument where nothing of that height

@@ -2,6 +2,7 @@
 #include "host/view/web_server.h"
 
 #include "devices/time/quiet_thread.h"
+#include "host/config/config.h"
 #include "host/view/admission.h"
 
 #include <algorithm>
@@ -365,8 +366,8 @@ WebServer::WebServer(ServerSettings settings, Callbacks callbacks)
   try {
     state_->listen();
   } catch (const std::exception& error) {
-    throw std::runtime_error("view: cannot listen at " + state_->settings.address + ":" +
-                             std::to_string(state_->settings.port) + ": " + error.what());
+    throw ConfigError("view: cannot listen at " + state_->settings.address + ":" +
+                      std::to_string(state_->settings.port) + ": " + error.what());
   }
   state_->accept();
   state_->tick();

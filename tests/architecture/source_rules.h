@@ -172,6 +172,8 @@ inline const std::vector<Row> kTable{
     {"host/session/", kSession, {}, kOfHost, true},
     {"host/engine/", kEngine, {}, kOfHost, true},
     {"host/view/web_server.cpp", kView, {}, with(kOfHost, {"boost/"}), true},
+    {"host/view/control_socket.cpp", kView, {}, with(kOfHost, {"boost/"}), true},
+    {"host/view/control_client.cpp", kView, {}, with(kOfHost, {"boost/"}), true},
     {"host/view/", kView, {}, kOfHost, true},
     {"host/terminal/", kTerminal, {}, kOfHost, true},
     {"host/trials/soak_check.cpp", kTrials, {}, with(kOfHost, {"malloc.h"}), true},

@@ -2,7 +2,7 @@
 // fresh state with all bindings (goal 1 ms), and the checks of a request's arguments before
 // anything is opened (goal 10 ms).
 // SPDX-License-Identifier: Apache-2.0
-#include "host/engine/preflight.h"
+#include "host/engine/rehearsal.h"
 #include "host/lua/engine/engine.h"
 #include "host/lua/interpreter/state.h"
 #include "tests/host/rig/fake_rig.h"
@@ -67,9 +67,9 @@ BENCHMARK(engine_fresh_state)->Unit(benchmark::kMicrosecond);
 void engine_check_arguments(benchmark::State& state) {
   Bench bench;
   RunRequest request;
-  request.protocol_file = VITREO_SOURCE_DIR "/protocols/servo_square.lua";
-  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
-  request.arguments = {"speed=0.3mm/s"};
+  request.what.protocol_file = VITREO_SOURCE_DIR "/protocols/servo_square.lua";
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.what.arguments = {"speed=0.3mm/s"};
   for (auto _ : state) benchmark::DoNotOptimize(check_request(*bench.engine, request));
 }
 BENCHMARK(engine_check_arguments)->Unit(benchmark::kMillisecond);

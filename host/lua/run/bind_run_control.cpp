@@ -172,7 +172,8 @@ int suspend_when(Call& call) {
 }
 
 int pause(Call& call) {
-  session_of(call.L).control.request_pause(call.has(0) ? call.text(0) : "");
+  session_of(call.L).desk.perform(
+      {.word = "pause", .source = "the script", .text = call.has(0) ? call.text(0) : ""});
   return 0;
 }
 
@@ -181,7 +182,7 @@ int end(Call& call, StopTier tier) {
   const std::string reason = call.has(0) ? call.text(0) : "";
   session.recorder.event(session.clock.now(), to_string(tier),
                          "asked by the script" + (reason.empty() ? "" : ": " + reason));
-  session.control.request(tier, "by the script" + (reason.empty() ? "" : ": " + reason));
+  session.desk.perform({.word = to_string(tier), .source = "the script", .text = reason});
   throw Stopped();
 }
 int stop(Call& call) { return end(call, StopTier::stop); }

@@ -91,15 +91,15 @@ class FaultTest : public ::testing::Test {
       return (folder.path() / name).string();
     };
     RunRequest request;
-    request.protocol_file =
+    request.what.protocol_file =
         write("p.lua",
               "local units = require 'units'\nlocal s, mm, ms = units.s, units.mm, units.ms\n"
               "return { title = 'test', needs = { 'coils' }, run = function(rig, p, run)\n" +
                   body + "\nend }");
-    request.rig_file = rig.starts_with("\n") ? write("rig.lua", rig) : rig;
-    request.out = (folder.path() / "runs").string();
-    request.faults = faults;
-    request.pace = pace;
+    request.where.rig_file = rig.starts_with("\n") ? write("rig.lua", rig) : rig;
+    request.where.out = (folder.path() / "runs").string();
+    request.how.faults = faults;
+    request.how.pace = pace;
     Ending ending;
     ending.result =
         run_protocol(*engine, request, listener, [&](const Recorder& recorder, OpenRig& open) {
@@ -314,11 +314,11 @@ TEST_F(FaultTest, AProgramThatDoesNotMoveLosesItsCoilsWhileItIsStillStuck) {
   std::thread watcher;
   Steady::time_point zero{};
   RunRequest request;
-  request.protocol_file = (folder.path() / "stuck.lua").string();
-  request.rig_file = (folder.path() / "rig.lua").string();
-  request.out = (folder.path() / "runs").string();
-  request.pace = Pace::real_time;
-  request.companion = [&](Session& session) {
+  request.what.protocol_file = (folder.path() / "stuck.lua").string();
+  request.where.rig_file = (folder.path() / "rig.lua").string();
+  request.where.out = (folder.path() / "runs").string();
+  request.how.pace = Pace::real_time;
+  request.how.companion = [&](Session& session) {
     watcher = std::thread([&, coils = session.rig.coils] {
       while (!done && !coils->energized()) std::this_thread::yield();
       while (!done && coils->energized()) std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -1,9 +1,8 @@
 // The dry run on the rig's twin: what it says of a script, and who is let to run all the same.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/engine/preflight.h"
-
 #include "devices/instruments/scpi_probe/emulator.h"
 #include "host/config/rights.h"
+#include "host/engine/rehearsal.h"
 #include "host/lua/engine/engine.h"
 #include "host/rig/registry.h"
 #include "host/rig/rig_settings.h"
@@ -29,13 +28,13 @@ struct PreflightTest : testing::Test {
     return (folder.path() / name).string();
   }
   void script(const std::string& body, const std::string& parameters = "{}") {
-    request.protocol_file =
+    request.what.protocol_file =
         write("p.lua",
               "local units = require 'units'\nlocal s, mm, A = units.s, units.mm, units.A\n"
               "return { title = 'test', parameters = " +
                   parameters + ", run = function(rig, p, run)\n" + body + "\nend }");
-    request.rig_file = request.rig_file.empty() ? kSimulated : request.rig_file;
-    request.out = (folder.path() / "runs").string();
+    request.where.rig_file = request.where.rig_file.empty() ? kSimulated : request.where.rig_file;
+    request.where.out = (folder.path() / "runs").string();
   }
   PreflightReport check(const std::string& body, double wall = 10) {
     script(body);
@@ -43,7 +42,7 @@ struct PreflightTest : testing::Test {
   }
   /// A laboratory of one real instrument: a teslameter's emulator at the far end of a real wire.
   void use_real_probe(const std::string& more = "") {
-    request.rig_file = write(
+    request.where.rig_file = write(
         "lab.lua", "return { title = 'lab', field_probe = { driver = 'scpi_probe', address = '" +
                        end.address() + "' },\n" + more + " }");
   }
@@ -119,7 +118,7 @@ TEST_F(PreflightTest, WarnsOnlyWhenItsWallTimeIsUp) {
 }
 
 TEST_F(PreflightTest, TakesAnswersInAdvanceAndSaysWhichItAssumed) {
-  request.answers = {"depth=3"};
+  request.what.answers = {"depth=3"};
   const PreflightReport report = check(
       "assert(run:ask('How deep?', { name = 'depth' }) == 3)\nassert(run:confirm('Is it in?'))\n"
       "assert(run:ask('Which?', { choices = { 'a', 'b' } }) == 'a')\nrun:pause() "
@@ -133,7 +132,7 @@ TEST_F(PreflightTest, TakesAnswersInAdvanceAndSaysWhichItAssumed) {
 }
 
 TEST_F(PreflightTest, PosesStandInForImagesOnTheTwinOfALaboratory) {
-  request.rig_file = kLaboratory;
+  request.where.rig_file = kLaboratory;
   const PreflightReport report = check(
       "local background = rig:learn_background { frames = 3 }\n"
       "local servo <close> = rig:servo { background = background }\nservo:hold({ 0, 0, 0 })\n"
@@ -150,7 +149,7 @@ TEST_F(PreflightTest, PosesStandInForImagesOnTheTwinOfALaboratory) {
 }
 
 TEST_F(PreflightTest, AnOperatorsEyeIsRehearsedByPosesTooAndLetsGoAsItWill) {
-  request.rig_file = kLaboratory;
+  request.where.rig_file = kLaboratory;
   const PreflightReport report = check(
       "local background = rig:learn_background { frames = 2 }\n"
       "local servo <close> = rig:servo { background = background, feedback = 'none' "
@@ -187,12 +186,12 @@ TEST_F(PreflightTest, CountsTheDiskThatFramesAndSamplesWant) {
 TEST_F(PreflightTest, OnASimulatedRigARunOnlyChecksArgumentsAndLimits) {
   script("error('no')");
   EXPECT_EQ(run_protocol(*engine, request, listener).outcome, Outcome::failed) << "it ran";
-  request.arguments = {"speed=3"};
+  request.what.arguments = {"speed=3"};
   EXPECT_THROW(run_protocol(*engine, request, listener), ConfigError);
 }
 
 TEST_F(PreflightTest, ARunOnALaboratoryRigIsRefusedBeforeAnythingIsOpenedWhenItFails) {
-  request.rig_file =
+  request.where.rig_file =
       kLaboratory;  // none of its instruments is here: opening one would be a DeviceError
   script("rig.coils:set_currents { 13, 0, 0, 0, 0, 0, 0, 0 }");
   EXPECT_THROW(run_protocol(*engine, request, listener), PreflightError);
@@ -200,7 +199,7 @@ TEST_F(PreflightTest, ARunOnALaboratoryRigIsRefusedBeforeAnythingIsOpenedWhenItF
 }
 
 TEST_F(PreflightTest, TwoRolesOnOnePortAreRefused) {
-  request.rig_file =
+  request.where.rig_file =
       write("twice.lua",
             "return { joystick = { driver = 'spacemouse', address = 'hid:256f:c635' },\n"
             "pedal = { driver = 'foot_pedal', address = 'hid:256f:c635' } }");
@@ -218,20 +217,20 @@ TEST_F(PreflightTest, TwoRolesOnOnePortAreRefused) {
 TEST_F(PreflightTest, AResearcherMayOverrideItAndThatIsRecorded) {
   use_real_probe("rights = { anna = 'researcher', others = 'technician' }");
   script("error('no')");
-  request.operator_name = "anna";
+  request.how.operator_name = "anna";
   EXPECT_THROW(run_protocol(*engine, request, listener), PreflightError);
-  request.override_reason = "the script is being written";
+  request.how.override_reason = "the script is being written";
   const std::string events = events_of_run();
   EXPECT_NE(events.find("override:the preflight failed: "), std::string::npos) << events;
   EXPECT_NE(events.find("by anna (the script is being written)"), std::string::npos) << events;
-  request.operator_name = "ben";
+  request.how.operator_name = "ben";
   EXPECT_THROW(run_protocol(*engine, request, listener), RightError);
 }
 
 TEST_F(PreflightTest, WhatItFoundIsInTheRecordOfARunThatGoesOn) {
   use_real_probe();
   script("run:confirm('Is it in?')");
-  request.answers = {"yes"};
+  request.what.answers = {"yes"};
   const std::string events = events_of_run();
   EXPECT_NE(events.find("preflight:{"), std::string::npos) << events;
   EXPECT_NE(events.find("\"fully_simulated\":true"), std::string::npos) << events;
@@ -239,13 +238,13 @@ TEST_F(PreflightTest, WhatItFoundIsInTheRecordOfARunThatGoesOn) {
 
 TEST_F(PreflightTest, ATechnicianHasNoPrompt) {
   use_real_probe("rights = { anna = 'researcher' }");
-  request.out = (folder.path() / "runs").string();
-  request.operator_name = "ben";
+  request.where.out = (folder.path() / "runs").string();
+  request.how.operator_name = "ben";
   std::istringstream in;
   std::ostringstream out;
   EXPECT_THROW(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out),
                RightError);
-  request.operator_name = "anna";
+  request.how.operator_name = "anna";
   EXPECT_EQ(run_prompt(*engine, request, listener, *stream_lines(in, out, false), out, out).outcome,
             Outcome::completed);
 }
@@ -266,7 +265,7 @@ TEST_F(PreflightTest, AStaleCalibrationIsWarnedAboutOrRefusedAsTheRigSays) {
       "field_probe = 'SN-7' } } }");
   EXPECT_THROW(run_protocol(*engine, request, listener), PreflightError)
       << "made with another probe";
-  request.override_reason = "the probe was only repaired";
+  request.how.override_reason = "the probe was only repaired";
   EXPECT_NE(
       events_of_run().find("override:the calibration 'field' was made with field_probe = 'SN-7'"),
       std::string::npos);

@@ -26,9 +26,9 @@ struct RunEngineTest : testing::Test {
                            "run = function(rig, p, run)\n"
                         << body << "\nend }";
     RunRequest request;
-    request.protocol_file = file;
-    request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
-    request.out = (folder.path() / "runs").string();
+    request.what.protocol_file = file;
+    request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+    request.where.out = (folder.path() / "runs").string();
     return run_protocol(*engine, request, listener, [&](const Recorder& recorder, OpenRig& rig) {
       inspected = true;
       for (const double volts : rig.laboratory()->coil_outputs().outputs())
@@ -107,9 +107,9 @@ TEST_F(RunEngineTest, CtrlCWhileItWaitsStopsTheRunAndLeavesZero) {
       << "return { title = 't', needs = { 'coils' }, run = function(rig, p, run)\n"
          "rig.coils:set_currents { 1, 1, 1, 1, 1, 1, 1, 1 }\nprint('now')\nrun:wait(3000)\nend }";
   RunRequest request;
-  request.protocol_file = file;
-  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
-  request.out = (folder.path() / "runs").string();
+  request.what.protocol_file = file;
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.where.out = (folder.path() / "runs").string();
   const RunResult result =
       run_protocol(*engine, request, interrupting, [&](const Recorder& recorder, OpenRig& rig) {
         inspected = true;
@@ -135,9 +135,9 @@ TEST_F(RunEngineTest, AStopRunsTheScriptsOwnCleanUpFirst) {
                          "print('closed') end })\n"
                          "print('now')\nrun:wait(3000)\nprint('never')\nend }";
   RunRequest request;
-  request.protocol_file = file;
-  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
-  request.out = (folder.path() / "runs").string();
+  request.what.protocol_file = file;
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.where.out = (folder.path() / "runs").string();
   run_protocol(*engine, request, interrupting,
                [&](const Recorder&, OpenRig&) { inspected = true; });
   EXPECT_EQ(interrupting.lines, "now;closed;");
@@ -148,10 +148,10 @@ TEST(RunEngine, WhatIsWrongWithTheRequestLeavesNoFolder) {
   SilentListener listener;
   const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
   RunRequest request;
-  request.protocol_file = VITREO_SOURCE_DIR "/protocols/servo_square.lua";
-  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
-  request.arguments = {"speed=5um"};
-  request.out = (folder.path() / "runs").string();
+  request.what.protocol_file = VITREO_SOURCE_DIR "/protocols/servo_square.lua";
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.what.arguments = {"speed=5um"};
+  request.where.out = (folder.path() / "runs").string();
   EXPECT_THROW(run_protocol(*engine, request, listener), ConfigError);
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "runs"));
 }
@@ -160,9 +160,9 @@ TEST(RunEngine, AFolderThatCannotBeMadeIsNamed) {
   SilentListener listener;
   const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
   RunRequest request;
-  request.protocol_file = VITREO_SOURCE_DIR "/protocols/hello_rig.lua";
-  request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
-  request.out = "/proc/nowhere";
+  request.what.protocol_file = VITREO_SOURCE_DIR "/protocols/hello_rig.lua";
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.where.out = "/proc/nowhere";
   try {
     run_protocol(*engine, request, listener);
     FAIL();

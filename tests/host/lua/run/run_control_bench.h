@@ -37,16 +37,34 @@ struct Ear : SilentListener {
   std::vector<std::string> lines;
 };
 
+/// The operator's desk of the run that is going on.
+struct DeskFace : Face {
+  void begin(Session& session) override { desk = &session.desk; }
+  void end(const std::string&) override { desk = nullptr; }
+  OperatorDesk* desk = nullptr;
+};
+
+/// A desk without a run.
+struct LoneDesk {
+  std::unique_ptr<Clock> clock = virtual_clock();
+  RunControl control;
+  Questions questions;
+  Alarms alarms{*clock};
+  OperatorTargets targets;
+  OperatorDesk desk{control, questions, alarms, targets};
+};
+
 struct RunControlTest : testing::Test {
+  RunControlTest() { request.how.faces = {&face}; }
   RunResult run(const std::string& body) {
     const std::string file = (folder.path() / "protocol.lua").string();
     std::ofstream(file)
         << "local units = require 'units'\nlocal s, mm = units.s, units.mm\n"
            "return { title = 'test', needs = { 'coils' }, run = function(rig, p, run)\n"
         << body << "\nend }";
-    request.protocol_file = file;
-    request.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
-    request.out = (folder.path() / "runs").string();
+    request.what.protocol_file = file;
+    request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+    request.where.out = (folder.path() / "runs").string();
     return run_protocol(*engine, request, ear, [&](const Recorder& recorder, OpenRig& rig) {
       for (const double volts : rig.laboratory()->coil_outputs().outputs())
         EXPECT_NEAR(volts, 0, kZeroVolts);
@@ -60,13 +78,13 @@ struct RunControlTest : testing::Test {
   /// The words of the control socket, said from another thread while the script runs.
   void say(const std::string& word, const std::string& more = "") {
     const std::string line = "{\"do\": \"" + word + "\"" + (more.empty() ? "" : ", " + more) + "}";
-    reply = answer_request(line, *attached_control(), questions);
+    reply = answer_request(line, *face.desk);
   }
 
   TemporaryFolder folder;
   Ear ear;
   RunRequest request;
-  Questions questions;
+  DeskFace face;
   nlohmann::json reply;
   std::string events, script_place;
   double experiment_time = 0;

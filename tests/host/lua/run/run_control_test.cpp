@@ -88,7 +88,8 @@ std::string control(const std::filesystem::path& runs, const nlohmann::json& req
 }
 
 TEST_F(RunControlTest, AnAlarmIsAcknowledgedThroughTheControlSocketAndThatIsRecorded) {
-  request.control_socket = true;
+  ControlFace socket;
+  request.how.faces.push_back(&socket);
   std::thread other;
   std::string unknown;
   ear.on_message = [&](const std::string& line) {
@@ -111,7 +112,8 @@ TEST_F(RunControlTest, AnAlarmIsAcknowledgedThroughTheControlSocketAndThatIsReco
 }
 
 TEST_F(RunControlTest, ASuspendedRunGoesOnWhenItIsMendedOrByAnOverrideThatIsRecorded) {
-  request.control_socket = true;
+  ControlFace socket;
+  request.how.faces.push_back(&socket);
   std::vector<std::thread> others;
   ear.on_message = [&](const std::string& line) {
     const bool first = line == "suspended: dark", again = line.starts_with("still suspended: dark");
@@ -146,16 +148,15 @@ TEST_F(RunControlTest, AResumeThatComesAsSoonAsASuspensionIsToldIsNotLost) {
 TEST_F(RunControlTest, ATechnicianCannotOverrideButStop) {
   RigDescription rig;
   rig.table["rights"].value = ConfigTable{{"anna", ConfigValue{std::string("researcher")}}};
-  RunControl control;
-  const ControlDesk desk{nullptr, Rights::of(rig)};
-  const nlohmann::json refused = answer_request(
-      "{\"do\": \"resume\", \"override\": true, \"by\": \"ben\"}", control, questions, desk);
+  LoneDesk lone;
+  lone.desk.set_rights(Rights::of(rig));
+  const nlohmann::json refused =
+      answer_request("{\"do\": \"resume\", \"override\": true, \"by\": \"ben\"}", lone.desk);
   EXPECT_NE(refused["error"].get<std::string>().find("ben is a technician here"), std::string::npos)
       << refused;
-  EXPECT_EQ(control.take_override(), "");
-  EXPECT_TRUE(
-      answer_request("{\"do\": \"stop\", \"by\": \"ben\"}", control, questions, desk)["ok"]);
-  EXPECT_EQ(control.reason(), "by ben");
+  EXPECT_EQ(lone.control.take_override(), "");
+  EXPECT_TRUE(answer_request("{\"do\": \"stop\", \"by\": \"ben\"}", lone.desk)["ok"]);
+  EXPECT_EQ(lone.control.reason(), "by ben");
 }
 
 TEST_F(RunControlTest, TheStatusTellsProgressAndAnInterlockThatTripsIsAnAlarm) {
@@ -271,14 +272,14 @@ TEST_F(RunControlTest, FunctionsDeferredWithoutEndAreStoppedAndTakeNoMemory) {
 }
 
 TEST_F(RunControlTest, RequestsThatMakeNoSenseAreRefusedByName) {
-  RunControl control;
-  EXPECT_FALSE(answer_request("{\"do\": \"dance\"}", control, questions)["ok"]);
-  EXPECT_FALSE(answer_request("junk \xff", control, questions)["ok"]);
-  EXPECT_FALSE(answer_request("[]", control, questions)["ok"]);
-  EXPECT_FALSE(answer_request("{\"do\": 7}", control, questions)["ok"]);
-  EXPECT_FALSE(answer_request("{\"do\": \"answer\", \"text\": \"x\"}", control, questions)["ok"])
+  LoneDesk lone;
+  EXPECT_FALSE(answer_request("{\"do\": \"dance\"}", lone.desk)["ok"]);
+  EXPECT_FALSE(answer_request("junk \xff", lone.desk)["ok"]);
+  EXPECT_FALSE(answer_request("[]", lone.desk)["ok"]);
+  EXPECT_FALSE(answer_request("{\"do\": 7}", lone.desk)["ok"]);
+  EXPECT_FALSE(answer_request("{\"do\": \"answer\", \"text\": \"x\"}", lone.desk)["ok"])
       << "none is open";
-  EXPECT_EQ(control.tier(), StopTier::none);
+  EXPECT_EQ(lone.control.tier(), StopTier::none);
 }
 
 /// A C call of Lua that no hook reaches and that takes minutes.
@@ -286,7 +287,7 @@ constexpr const char* kStuck = "string.find(('a'):rep(400), '.-.-.-.-.-b$')";
 
 TEST_F(RunControlTest, AScriptStuckInACallOfCLosesTheCoilsAndThenTheProcess) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
-  request.watchdog = {100ms, 50ms, 400ms};
+  request.how.watchdog = {100ms, 50ms, 400ms};
   EXPECT_EXIT(
       {
         ear.on_message = [](const std::string&) { attached_control()->request(StopTier::stop); };
@@ -298,7 +299,7 @@ TEST_F(RunControlTest, AScriptStuckInACallOfCLosesTheCoilsAndThenTheProcess) {
 }
 
 TEST_F(RunControlTest, AScriptThatComesBackWithinTheGraceEndsInOrderWithTheCoilsAlreadySafe) {
-  request.watchdog = {10ms, 10ms, 60s};
+  request.how.watchdog = {10ms, 10ms, 60s};
   ear.on_message = [](const std::string& line) {
     if (line == "now") attached_control()->request(StopTier::abort);
   };

@@ -1,6 +1,6 @@
 // The versions that go into every record.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/engine/run_engine.h"
+#include "host/engine/versions.h"
 
 #include <Eigen/Core>
 #include <ceres/version.h>

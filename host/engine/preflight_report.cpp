@@ -1,6 +1,6 @@
-// What a preflight found, as people and as programs read it.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/engine/preflight.h"
+#include "host/engine/preflight_report.h"
+
 #include "host/record/disk_watch.h"
 #include "host/text/units.h"
 

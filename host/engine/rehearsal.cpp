@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "host/engine/preflight.h"
+#include "host/engine/rehearsal.h"
 
 #include "devices/time/error.h"
 #include "devices/time/quiet_thread.h"
 #include "host/engine/disk_need.h"
-#include "host/engine/installed_calibration.h"
 #include "host/engine/interrupts.h"
+#include "host/engine/run_result.h"
+#include "host/engine/watchdog.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/registry.h"
-#include "host/rig/rig_settings.h"
 #include "host/servo/simulated_side.h"
 #include "host/text/units.h"
 
@@ -26,24 +26,6 @@ namespace vitreo {
 namespace {
 
 namespace fs = std::filesystem;
-
-void check_needs(const ProtocolDescription& protocol, const std::vector<std::string>& there,
-                 const std::string& rig_file) {
-  for (const std::string& role : protocol.needs) {
-    if (std::find(there.begin(), there.end(), role) != there.end()) continue;
-    throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file,
-                                  protocol.name, role, fmt::join(there, ", ")));
-  }
-}
-
-void check_frames(const std::vector<std::string>& words, const std::vector<std::string>& there) {
-  for (const std::string& word : words) {
-    const std::string camera = parse_frame_policy(word).camera;
-    const bool known = camera == "top_camera" || camera == "side_camera";
-    if (!known || std::find(there.begin(), there.end(), camera) == there.end())
-      throw ConfigError("frames: " + word + ": this rig has no camera of that role");
-  }
-}
 
 /// The folder of the dry run's record; it goes with it.
 class PassingFolder {
@@ -111,7 +93,7 @@ RunStart start_of(const RunRequest& request, const ProtocolDescription& protocol
   start.protocol_title = protocol.title;
   start.parameters = start.parameter_units = start.rig = start.versions = nlohmann::json::object();
   start.devices = start.files = nlohmann::json::object();
-  start.seed = request.seed;
+  start.seed = request.how.seed;
   return start;
 }
 
@@ -141,7 +123,7 @@ class DryRun {
         limits_(limits),
         report_(report),
         clock_(virtual_clock()),
-        twin_(checked.rig, *clock_, request.seed),
+        twin_(checked.rig, *clock_, request.how.seed),
         recorder_(folder_.path(), start_of(request, checked.protocol), passing_limits()) {}
 
   void run() {
@@ -149,12 +131,12 @@ class DryRun {
     Rehearsal rehearsal;
     if (rig.sample == nullptr) rehearsal.bring_robot = [this] { twin_.bring_robot(); };
     rehearsal.pose_sensor = checked_.rig.table.contains("pose_sensor");
-    for (const std::string& word : request_.frames)
+    for (const std::string& word : request_.what.frames)
       rehearsal.frames.push_back(parse_frame_policy(word));
     {
-      Session session(*clock_, rig, recorder_, listener_, request_.seed);
+      Session session(*clock_, rig, recorder_, listener_, request_.how.seed);
       session.rehearsal = &rehearsal;
-      session.questions.prepare(request_.answers);
+      session.questions.prepare(request_.what.answers);
       session.questions.answer_by_themselves();
       session.control.attach({[&] {
                                 engine_.interrupt();
@@ -253,18 +235,6 @@ class DryRun {
 
 }  // namespace
 
-CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
-  CheckedRequest checked;
-  checked.protocol = engine.describe(request.protocol_file);
-  checked.arguments = check_arguments(checked.protocol, request.arguments);
-  checked.rig = engine.load_rig(request.rig_file);
-  take_installed_calibration(checked.rig, request.out);
-  const std::vector<std::string> roles = check_rig(checked.rig);
-  check_needs(checked.protocol, roles, request.rig_file);
-  check_frames(request.frames, roles);
-  return checked;
-}
-
 PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
                          const CheckedRequest& checked, const PreflightLimits& limits) {
   PreflightReport report;
@@ -282,7 +252,7 @@ PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
                               error.what());
   }
   if (dry_run) dry_run->run();
-  const std::string disk = disk_problem(request.out, report.disk_bytes);
+  const std::string disk = disk_problem(request.where.out, report.disk_bytes);
   if (!disk.empty()) report.problems.push_back(disk);
   report.wall_time = wall_seconds() - began;
   return report;

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/conduct.h"
+
+#include "host/engine/disk_need.h"
+#include "host/engine/interrupts.h"
+#include "host/engine/watchdog.h"
+#include "host/files/log.h"
+#include "host/servo/observers.h"
+#include "host/text/terminal_text.h"
+
+#include <iostream>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+std::vector<FramePolicy> frame_policies(const RunRequest& request, const Rig& rig) {
+  std::vector<FramePolicy> policies;
+  for (const std::string& word : request.what.frames) {
+    policies.push_back(parse_frame_policy(word));
+    const std::string& camera = policies.back().camera;
+    const bool there = (camera == "top_camera" && rig.top_camera != nullptr) ||
+                       (camera == "side_camera" && rig.side_camera != nullptr);
+    if (!there) throw ConfigError("frames: " + word + ": this rig has no camera of that role");
+  }
+  return policies;
+}
+
+/// s between the moments at which the truth is of use: the period of the sensor of the loop. 0:
+/// there is none.
+double truth_period(const Rig& rig) {
+  if (rig.top_camera != nullptr) return rig.top_camera->info().frame_period;
+  return rig.pose_sensor != nullptr ? rig.pose_sensor->period() : 0;
+}
+
+/// The faces that have begun; they let go of the session when it dies.
+class FaceScope {
+ public:
+  FaceScope() = default;
+  ~FaceScope() {
+    for (auto face = begun_.rbegin(); face != begun_.rend(); ++face) (*face)->end(outcome_);
+  }
+  FaceScope(const FaceScope&) = delete;
+  FaceScope& operator=(const FaceScope&) = delete;
+  void begin(Face& face, Session& session) {
+    begun_.push_back(&face);
+    face.begin(session);
+  }
+  void set_outcome(const std::string& outcome) { outcome_ = outcome; }
+
+ private:
+  std::vector<Face*> begun_;
+  std::string outcome_ = "failed";
+};
+
+/// Act one: the session with all that is attached to it. It dies in reverse order, the faces before
+/// the session.
+class RunSession {
+ public:
+  RunSession(RunStage& stage, ScriptEngine& engine, const RunRequest& request,
+             ProgressListener& listener)
+      : session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
+        policies_(frame_policies(request, stage.rig->rig())),
+        faults_({*stage.clock, *stage.rig->laboratory(), *stage.recorder, session_.control,
+                 *stage.disk, simulated_roles(stage.rig->resolved())}) {
+    session_.real_time = stage.pace == Pace::real_time;
+    session_.questions.prepare(request.what.answers);
+    session_.desk.set_rights(stage.rights);
+    session_.control.attach({[&engine, &stage] {
+                               engine.interrupt();
+                               stage.clock->interrupt();
+                             },
+                             [&stage] { return stage.rig->make_safe(); }});
+    for (Face* face : request.how.faces) faces_.begin(*face, session_);
+    stage.recorder->on_trouble(
+        [this] { session_.control.request(StopTier::stop, "because recording failed"); });
+    session_.faults = &faults_;
+    for (const std::string& word : request.how.faults) faults_.add(parse_fault(word));
+    if (request.how.companion) request.how.companion(session_);
+    const double period = truth_period(session_.rig);
+    if (sim::Laboratory* const world = stage.rig->laboratory(); world != nullptr && period > 0)
+      session_.keep(observe_truth(*stage.clock, *world, period, *stage.recorder));
+  }
+  RunSession(const RunSession&) = delete;
+  RunSession& operator=(const RunSession&) = delete;
+
+  Session& session() { return session_; }
+  const std::vector<FramePolicy>& policies() const { return policies_; }
+  void set_outcome(const Verdict& verdict) { faces_.set_outcome(to_string(verdict)); }
+
+ private:
+  Session session_;
+  const std::vector<FramePolicy> policies_;
+  FaceScope faces_;
+  const InterruptScope interrupts_;
+  FaultDesk faults_;
+};
+
+/// The last words of a run whose script never came back: the record is closed and the process left,
+/// whatever hangs.
+void give_up(RunStage& stage, const RunControl& control, double began) {
+  const std::string waiting = control.status().waiting_for;
+  const std::string reason = "not responding: the script was stuck" +
+                             (waiting.empty() ? "" : " in " + waiting) + "; the devices are safe";
+  for (const std::string& failure : control.failures())
+    stage.recorder->event(stage.clock->now(), "unsafe", failure);
+  try {
+    stage.recorder->finish(
+        {Outcome::aborted, reason, to_seconds(stage.clock->now()), wall_seconds() - began});
+  } catch (const std::exception& error) {
+    std::cerr << "vitreo: " << error.what() << "\n";
+  }
+  std::cerr << "vitreo: " << reason << "; run: " << stage.recorder->folder().string() << std::endl;
+  _exit(static_cast<int>(ExitCode::not_responding));
+}
+
+/// Reports a stop that takes its time: the script's thread cannot say anything meanwhile.
+std::function<void(const std::string&)> report_of_ending() {
+  return [first = true](const std::string& text) mutable {
+    const bool terminal = isatty(STDERR_FILENO) != 0;
+    std::cerr << (terminal && first ? "\n" : "") << "vitreo: " << text
+              << (terminal && first ? " (Ctrl-C again: abort; once more: kill)" : "") << std::endl;
+    first = false;
+  };
+}
+
+/// Interlock trips go into the record and raise an alarm, while it lives.
+class TripReport {
+ public:
+  TripReport(RunStage& stage, Session& session) : coils_(session.rig.coils) {
+    if (coils_ == nullptr) return;
+    coils_->on_trip([&stage, &session](const std::string& why) {
+      stage.recorder->event(stage.clock->now(), "interlock", why);
+      session.raise("interlock", AlarmPriority::high, why + "; the coils are at zero");
+    });
+  }
+  ~TripReport() {
+    if (coils_ != nullptr) coils_->on_trip({});
+  }
+  TripReport(const TripReport&) = delete;
+  TripReport& operator=(const TripReport&) = delete;
+
+ private:
+  Interlock* const coils_;
+};
+
+/// Act two: the script under the watchdog, until it ends or is ended.
+Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
+                  const std::function<void(Session&)>& body, double began) {
+  Session& session = run.session();
+  Interlock* const coils = session.rig.coils;
+  const TripReport trips(stage, session);
+  const Watchdog watchdog(
+      session.control, *stage.clock, request.how.watchdog,
+      {[&] { give_up(stage, session.control, began); },
+       [coils] { return coils != nullptr && coils->energized(); },
+       [coils](const std::string& why) { coils->trip(why); }, report_of_ending()});
+  const auto script = [&] {
+    const std::string disk =
+        disk_warning(request.where.out, frame_bytes_per_second(run.policies(), session.rig));
+    if (!disk.empty()) session.raise("disk", AlarmPriority::medium, disk);
+    for (const FramePolicy& policy : run.policies()) session.frames.start(policy);
+    body(session);
+  };
+  return judge(script, session.control);
+}
+
+/// Everything to its safe state, each device on its own; what failed is an event, and no run of
+/// that kind is completed. Returns the script's location at its end.
+std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
+  stage.recorder->on_trouble({});
+  const std::string trouble = stage.recorder->trouble();
+  if (!trouble.empty())  // the disk ends a run as a lost device would
+    verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + trouble};
+  session.control.detach();
+  session.control.set_phase(RunPhase::ended);
+  session.note_alarms();
+  for (const std::string& failure : session.control.failures())
+    stage.recorder->event(stage.clock->now(), "unsafe", failure);
+  for (const std::string& failure : stage.rig->make_safe()) {
+    stage.recorder->event(stage.clock->now(), "unsafe", failure);
+    if (verdict.outcome == Outcome::completed)
+      verdict = {Outcome::aborted, ExitCode::aborted, failure};
+  }
+  return session.control.place();
+}
+
+/// Act three: the end record, then the report.
+void close_record(RunStage& stage, Verdict& verdict, const std::string& location, double began) {
+  const double experiment_time = to_seconds(stage.clock->now());
+  const double wall_time = wall_seconds() - began;
+  stage.recorder->figure({"experiment_time", experiment_time, "s"});
+  stage.recorder->figure({"wall_time", wall_time, "s"});
+  try {
+    stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time, location});
+  } catch (const std::exception& error) {
+    // Of the disk: the outputs are safe, and what could be saved was.
+    if (verdict.exit_code != ExitCode::aborted)
+      verdict = {Outcome::aborted, ExitCode::aborted,
+                 std::string("recording failed: ") + error.what()};
+  }
+}
+
+}  // namespace
+
+RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& request,
+                  ProgressListener& listener, const std::function<void(Session&)>& body,
+                  const Inspect& inspect) {
+  const double began = wall_seconds();
+  const std::string folder = stage.recorder->folder().string();
+  write_log("run " + folder + " begun by " + stage.recorder->start().operator_name);
+  Verdict verdict;
+  std::string location;
+  try {
+    RunSession run(stage, engine, request, listener);
+    verdict = carry_out(stage, run, request, body, began);
+    location = make_safe(stage, run.session(), verdict);
+    run.set_outcome(verdict);
+  } catch (const std::exception& error) {  // of the engine itself; the record says so
+    stage.rig->make_safe();
+    verdict = {Outcome::failed, ExitCode::internal, error.what()};
+  }
+  close_record(stage, verdict, location, began);
+  write_log("run " + folder + " " + for_terminal(to_string(verdict)));
+  if (inspect) inspect(*stage.recorder, *stage.rig);
+  return {verdict.outcome, verdict.exit_code, verdict.reason, folder, stage.recorder->figures()};
+}
+
+}  // namespace vitreo

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/request_check.h"
+
+#include "host/config/rights.h"
+#include "host/engine/installed_calibration.h"
+#include "host/rig/rig_settings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace vitreo {
+namespace {
+
+void check_needs(const ProtocolDescription& protocol, const std::vector<std::string>& there,
+                 const std::string& rig_file) {
+  for (const std::string& role : protocol.needs) {
+    if (std::find(there.begin(), there.end(), role) != there.end()) continue;
+    throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file,
+                                  protocol.name, role, fmt::join(there, ", ")));
+  }
+}
+
+void check_frames(const std::vector<std::string>& words, const std::vector<std::string>& there) {
+  for (const std::string& word : words) {
+    const std::string camera = parse_frame_policy(word).camera;
+    const bool known = camera == "top_camera" || camera == "side_camera";
+    if (!known || std::find(there.begin(), there.end(), camera) == there.end())
+      throw ConfigError("frames: " + word + ": this rig has no camera of that role");
+  }
+}
+
+}  // namespace
+
+std::string operator_of(const RunRequest& request) {
+  return request.how.operator_name.empty() ? account_name() : request.how.operator_name;
+}
+
+CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
+  CheckedRequest checked;
+  checked.protocol = engine.describe(request.what.protocol_file);
+  checked.arguments = check_arguments(checked.protocol, request.what.arguments);
+  checked.rig = engine.load_rig(request.where.rig_file);
+  take_installed_calibration(checked.rig, request.where.out);
+  const std::vector<std::string> roles = check_rig(checked.rig);
+  check_needs(checked.protocol, roles, request.where.rig_file);
+  check_frames(request.what.frames, roles);
+  return checked;
+}
+
+}  // namespace vitreo

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/run_result.h"
+
+#include "devices/time/clock.h"
+#include "devices/time/error.h"
+#include "host/session/script_engine.h"
+
+namespace vitreo {
+
+std::string to_string(const Verdict& verdict) {
+  return to_string(verdict.outcome) + (verdict.reason.empty() ? "" : ": " + verdict.reason);
+}
+
+Verdict judge(const std::function<void()>& body, const RunControl& control) {
+  try {
+    body();
+    return {};
+  } catch (const Stopped&) {
+    if (control.tier() < StopTier::abort)
+      return {Outcome::stopped, ExitCode::stopped, "stopped " + control.reason()};
+    const bool emergency = control.tier() == StopTier::emergency;
+    return {Outcome::aborted, ExitCode::aborted,
+            (emergency ? "emergency stop " : "aborted ") + control.reason()};
+  } catch (const DeviceError& error) {
+    return {Outcome::aborted, ExitCode::aborted, error.what()};
+  } catch (const ScriptError& error) {
+    return {Outcome::failed, ExitCode::script_error, error.what()};
+  } catch (const std::exception& error) {
+    return {Outcome::failed, ExitCode::internal, error.what()};
+  }
+}
+
+nlohmann::json to_json(const RunResult& result) {
+  nlohmann::json figures = nlohmann::json::object();
+  for (const Figure& figure : result.figures) figures[figure.name] = figure.value;
+  nlohmann::json json = {
+      {"outcome", to_string(result.outcome)}, {"run", result.folder}, {"figures", figures}};
+  if (!result.reason.empty()) json["reason"] = result.reason;
+  return json;
+}
+
+}  // namespace vitreo

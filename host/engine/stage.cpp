@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/engine/stage.h"
+
+#include "host/engine/versions.h"
+#include "host/rig/identities.h"
+#include "host/rig/registry.h"
+#include "host/runs/report.h"
+
+#include <chrono>
+#include <thread>
+
+namespace vitreo {
+namespace {
+
+/// Before there is a folder.
+void check_faults(const RunRequest& request, const OpenRig& rig) {
+  for (const std::string& word : request.how.faults) {
+    try {
+      check(parse_fault(word), simulated_roles(rig.resolved()));
+    } catch (const std::invalid_argument& problem) {
+      throw ConfigError("fault " + word + ": " + problem.what());
+    }
+  }
+}
+
+RunStart start_record(const RunRequest& request, const ProtocolDescription& protocol,
+                      const nlohmann::json& parameters, const RigDescription& description,
+                      OpenRig& rig) {
+  RunStart start;
+  start.protocol_file = protocol.file;
+  start.protocol_title = protocol.title;
+  start.protocol_text = protocol.text;
+  start.parameters = parameters;
+  for (const Parameter& parameter : protocol.parameters)
+    start.parameter_units[parameter.name] = parameter.unit;
+  start.rig = {
+      {"file", description.file}, {"text", description.text}, {"resolved", rig.resolved()}};
+  for (const RigSource& base : description.bases)
+    start.rig["bases"].push_back({{"file", base.file}, {"text", base.text}});
+  start.versions = versions();
+  start.seed = request.how.seed;
+  start.operator_name = operator_of(request);
+  start.devices = identities(rig.rig());
+  start.files = hashes_of_files(start.rig);
+  return start;
+}
+
+/// Under the virtual clock the recorder takes what it is given; in real time it must not hold up a
+/// camera.
+RecordLimits record_limits(const RunRequest& request, const RigDescription& description,
+                           const std::shared_ptr<DiskFaults>& disk) {
+  RecordLimits limits;
+  limits.disk.free_bytes = [disk](const std::filesystem::path& folder) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(disk->stall_ms.exchange(0)));
+    return disk->full ? 0 : free_bytes(folder);
+  };
+  limits.drop_frames = request.how.pace == Pace::real_time || has_real_instruments(description);
+  return limits;
+}
+
+}  // namespace
+
+RunStage open_stage(const RunRequest& request, const RigDescription& description) {
+  RunStage stage;
+  stage.rights = Rights::of(description);
+  const bool real = has_real_instruments(description);
+  stage.pace = real ? Pace::real_time : request.how.pace;
+  stage.clock = real ? wall_clock() : virtual_clock(stage.pace);
+  stage.rig = open_rig(description, *stage.clock, request.how.seed, request.how.shifts);
+  check_faults(request, *stage.rig);
+  return stage;
+}
+
+void open_record(RunStage& stage, const RunRequest& request, const ProtocolDescription& protocol,
+                 const nlohmann::json& parameters, const RigDescription& description) {
+  stage.recorder = std::make_unique<Recorder>(
+      request.where.out, start_record(request, protocol, parameters, description, *stage.rig),
+      record_limits(request, description, stage.disk));
+  stage.recorder->set_report([](const RunData& data) { return report_html(data); });
+}
+
+}  // namespace vitreo

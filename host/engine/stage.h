@@ -1,0 +1,38 @@
+// Stage of a run: clock, rig and record, in the order of their births; they die the other way
+// round, and the coils with them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "host/config/rights.h"
+#include "host/engine/request.h"
+#include "host/record/recorder.h"
+#include "host/rig/open_rig.h"
+#include "host/session/faults.h"
+#include "host/session/script_engine.h"
+
+#include <nlohmann/json.hpp>
+
+#include <memory>
+
+namespace vitreo {
+
+struct RunStage {
+  Rights rights;
+  Pace pace = Pace::as_fast_as_possible;
+  std::unique_ptr<Clock> clock;
+  std::unique_ptr<OpenRig> rig;
+  // Shared with the recorder's thread.
+  std::shared_ptr<DiskFaults> disk = std::make_shared<DiskFaults>();
+  std::unique_ptr<Recorder> recorder;  // null until open_record()
+};
+
+/// Opens the rig; nothing is energized. Throws ConfigError, DeviceError, and ConfigError for a
+/// fault of the request that does not fit.
+RunStage open_stage(const RunRequest& request, const RigDescription& description);
+
+/// Makes the run's folder with its start record. Throws FolderError, ConfigError where the disk is
+/// too full.
+void open_record(RunStage& stage, const RunRequest& request, const ProtocolDescription& protocol,
+                 const nlohmann::json& parameters, const RigDescription& description);
+
+}  // namespace vitreo

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/session/operator_desk.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <stdexcept>
+
+namespace vitreo {
+namespace {
+
+const std::map<std::string, StopTier>& ends() {
+  static const std::map<std::string, StopTier> kEnds{
+      {"stop", StopTier::stop}, {"abort", StopTier::abort}, {"emergency", StopTier::emergency}};
+  return kEnds;
+}
+
+/// Who is recorded: the name, or the operator at the face that the command came from.
+std::string person(const OperatorCommand& command) {
+  return command.by.empty() ? "operator at " + command.source : command.by;
+}
+
+/// The words that a person can choose from; empty where any text may do.
+std::vector<std::string> choices_of(const Parameter& answer) {
+  return answer.kind == ParameterKind::flag ? std::vector<std::string>{"yes", "no"}
+                                            : answer.choices;
+}
+
+nlohmann::json alarms_json(const Alarms& alarms) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const Alarm& alarm : alarms.shown())
+    list.push_back({{"name", alarm.name},
+                    {"priority", to_string(alarm.priority)},
+                    {"text", alarm.text},
+                    {"time", to_seconds(alarm.raised)},
+                    {"active", alarm.active},
+                    {"times", alarm.times},
+                    {"acknowledged_by", alarm.acknowledged_by}});
+  return list;
+}
+
+}  // namespace
+
+const std::vector<std::string>& OperatorDesk::words() {
+  static const std::vector<std::string> kWords{"stop",   "abort",  "emergency", "pause",
+                                               "resume", "answer", "ack",       "target"};
+  return kWords;
+}
+
+bool OperatorDesk::ends_run(const std::string& word) { return ends().contains(word); }
+
+void OperatorDesk::perform(const OperatorCommand& command) {
+  const std::string& word = command.word;
+  if (const auto tier = ends().find(word); tier != ends().end()) return end(tier->second, command);
+  if (word == "pause") return control_.request_pause(command.text);
+  if (word == "resume") return resume(command);
+  if (word == "answer") return questions_.answer(command.text, person(command));
+  if (word == "ack") return acknowledge(command);
+  if (word == "target") return targets_.give(command.targets);
+  throw std::invalid_argument(
+      fmt::format("'{}' is not understood: do one of {}", word, fmt::join(words(), ", ")));
+}
+
+/// No right is needed to end a run.
+void OperatorDesk::end(StopTier tier, const OperatorCommand& command) {
+  std::string reason = "by " + (command.by.empty() ? command.source : command.by);
+  if (!command.text.empty()) reason += ": " + command.text;
+  control_.request(tier, reason);
+}
+
+void OperatorDesk::resume(const OperatorCommand& command) {
+  if (command.override_condition) {
+    rights_.require_researcher(command.by, "an override");
+    control_.override_suspension(person(command));
+  }
+  control_.resume();
+}
+
+void OperatorDesk::acknowledge(const OperatorCommand& command) {
+  if (alarms_.acknowledge(command.text, person(command)) == 0)
+    throw std::invalid_argument("no alarm stands");
+}
+
+nlohmann::json OperatorDesk::status() const {
+  const RunStatus status = control_.status();
+  nlohmann::json json = {{"phase", to_string(status.phase)},
+                         {"tier", to_string(status.tier)},
+                         {"waiting_for", status.waiting_for},
+                         {"note", status.note},
+                         {"text", to_string(status)},
+                         {"progress", status.progress},
+                         {"doing", status.doing},
+                         {"alarms", alarms_json(alarms_)}};
+  if (status.remaining >= 0) json["remaining"] = status.remaining;
+  if (const auto question = questions_.open())
+    json["question"] = {{"number", question->number},
+                        {"name", question->answer.name},
+                        {"text", shown(*question)},
+                        {"choices", choices_of(question->answer)}};
+  return json;
+}
+
+}  // namespace vitreo

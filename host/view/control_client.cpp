@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/view/control_client.h"
+
+#include "host/config/config.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/asio/local/stream_protocol.hpp>
+#include <boost/asio/write.hpp>
+#include <cstring>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vitreo {
+namespace {
+
+namespace asio = boost::asio;
+namespace fs = std::filesystem;
+using Local = asio::local::stream_protocol;
+
+constexpr auto kPatience = std::chrono::seconds(5);  // for a reply
+
+/// For this user alone: who may connect may stop a run.
+fs::path runtime_folder() {
+  const char* const given = std::getenv("XDG_RUNTIME_DIR");
+  const fs::path folder = given != nullptr && *given != '\0'
+                              ? fs::path(given) / "vitreo"
+                              : fs::temp_directory_path() / fmt::format("vitreo-{}", getuid());
+  if (mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
+    throw std::runtime_error(folder.string() + ": cannot be made: " + std::strerror(errno));
+  struct stat there = {};
+  if (lstat(folder.c_str(), &there) != 0 || !S_ISDIR(there.st_mode) || there.st_uid != getuid() ||
+      (there.st_mode & 077) != 0)
+    throw std::runtime_error(folder.string() + ": is not a folder that only this user can enter");
+  return folder;
+}
+
+/// What a user typed need not be UTF-8.
+std::string line_of(const nlohmann::json& message) {
+  return message.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+fs::path find_run(const std::string& run) {
+  std::vector<std::string> fitting;
+  for (const std::string& name : controllable_runs())
+    if (name.starts_with(run)) fitting.push_back(name);
+  if (fitting.size() == 1) return control_socket_path(fitting[0]);
+  if (fitting.empty())
+    throw ConfigError(run.empty() ? "no run is going on"
+                                  : "no run that is going on begins with '" + run + "'");
+  throw ConfigError(
+      fmt::format("several runs are going on: {}; say which", fmt::join(fitting, ", ")));
+}
+
+}  // namespace
+
+fs::path control_socket_path(const std::string& run_name) {
+  return runtime_folder() / (run_name + ".sock");
+}
+
+std::vector<std::string> controllable_runs() {
+  std::vector<std::string> names;
+  asio::io_context io;
+  for (const auto& entry : fs::directory_iterator(runtime_folder())) {
+    if (entry.path().extension() != ".sock") continue;
+    boost::system::error_code failed;
+    Local::socket(io).connect(Local::endpoint(entry.path().string()), failed);
+    if (failed) {
+      std::error_code ignored;  // left by a host that was killed
+      fs::remove(entry.path(), ignored);
+    } else {
+      names.push_back(entry.path().stem().string());
+    }
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+nlohmann::json control_run(const std::string& run, const nlohmann::json& request) {
+  const fs::path path = find_run(run);
+  const std::string name = path.stem().string();
+  Local::iostream stream;
+  stream.expires_after(kPatience);
+  stream.connect(Local::endpoint(path.string()));
+  if (!stream) throw ConfigError(name + ": has just ended");
+  std::string reply;
+  if (!(stream << line_of(request) << std::flush) || !std::getline(stream, reply))
+    throw std::runtime_error(name + ": does not answer");
+  return nlohmann::json::parse(reply);
+}
+
+struct ControlConnection::State {
+  asio::io_context io;
+  Local::socket socket{io};
+  std::string name, received;
+};
+
+ControlConnection::ControlConnection(const std::string& run) : state_(std::make_unique<State>()) {
+  const fs::path path = find_run(run);
+  state_->name = path.stem().string();
+  boost::system::error_code failed;
+  state_->socket.connect(Local::endpoint(path.string()), failed);
+  if (failed) throw ConfigError(state_->name + ": has just ended");
+}
+
+ControlConnection::~ControlConnection() = default;
+
+const std::string& ControlConnection::name() const { return state_->name; }
+
+int ControlConnection::descriptor() const { return state_->socket.native_handle(); }
+
+void ControlConnection::send(const nlohmann::json& request) {
+  boost::system::error_code failed;
+  asio::write(state_->socket, asio::buffer(line_of(request)), failed);
+  if (failed) throw std::runtime_error(state_->name + ": does not take what is sent");
+}
+
+bool ControlConnection::receive() {
+  char bytes[4096];
+  boost::system::error_code failed;
+  const std::size_t count = state_->socket.read_some(asio::buffer(bytes), failed);
+  if (failed == asio::error::interrupted) return true;
+  state_->received.append(bytes, count);
+  return !failed;
+}
+
+std::optional<nlohmann::json> ControlConnection::next() {
+  std::string& received = state_->received;
+  const std::size_t end = received.find('\n');
+  if (end == std::string::npos) return std::nullopt;
+  const nlohmann::json message = nlohmann::json::parse(received.substr(0, end));
+  received.erase(0, end + 1);
+  return message;
+}
+
+}  // namespace vitreo
