@@ -1,5 +1,5 @@
--- Moves the sensor through focus on what a window shows, and says how deep in the eye that is, with its uncertainty (thesis
--- 4.1, figure 4.1): on the target of the bench, or on whatever is there.
+-- Depth of the contents of an image window from an autofocus sweep of the sensor, with its uncertainty (thesis 4.1, figure
+-- 4.1): of the bench's target, or of any other object in the window.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local focusing = require "focusing"

@@ -1,6 +1,6 @@
--- Calibrates depth by focus on the retina alone (thesis 4.3): where the sensor is when a target on the retina is sharp, and
--- how deep the retina is, move the law (4.10) to (4.12); beside it the law as prescribed and the one through all points of an
--- axis (4.4.4). Before and after, as figures 4.5, 4.6 and 4.10.
+-- Biometric calibration of depth by focus on the retina alone (thesis 4.3): the in-focus position of the sensor for a target
+-- on the retina, and the retinal depth, correct the law (4.10) to (4.12); beside it the law as prescribed and the one through
+-- all points of an axis (4.4.4). Before and after, as figures 4.5, 4.6 and 4.10.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local eyes = require "eyes"

@@ -1,5 +1,5 @@
--- Measures the loop's latency: how old the cameras' frames are when they arrive, and by a step of current, seen by the field
--- probe, how late and how slowly the coils follow (facts: 50 ms and 15 Hz; with 80 ms of the camera the loop's 130 ms).
+-- Measures the loop's latency: the age of the cameras' frames at arrival, and by a step of current, measured by the field
+-- probe, the delay and bandwidth of the coils (facts: 50 ms and 15 Hz; with 80 ms of the camera the loop's 130 ms).
 -- Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"

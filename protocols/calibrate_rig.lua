@@ -1,6 +1,6 @@
--- Calibrates the rig overnight, unattended: cameras, then latency, then coils, each with its acceptance limits. What is accepted
--- goes into calibration.json of the run and into the rig's calibration file, for the next start (docs/how-to/calibrate.md); one
--- that is refused leaves the others.
+-- Calibrates the rig overnight, unattended: cameras, then latency, then coils, each with its acceptance limits. Accepted
+-- values go into calibration.json of the run and into the rig's calibration file, for the next start
+-- (docs/how-to/calibrate.md); a refused one leaves the others in force.
 -- SPDX-License-Identifier: Apache-2.0
 local acceptance = require "acceptance"
 local calibrations = require "calibrations"

@@ -1,6 +1,6 @@
--- Three ways to look into an eye, compared: directly, through a vitrectomy lens, through a condensing lens (thesis 3.1,
--- tables 3.1 to 3.3, figures 3.2b, 3.3b, 3.4b). For each: where the image of an object on the axis lies, how much of the
--- retina is seen, and what a microscope would need to look at it.
+-- Comparison of three methods of ophthalmoscopy: direct, with a vitrectomy lens, with a condensing lens (thesis 3.1, tables
+-- 3.1 to 3.3, figures 3.2b, 3.3b, 3.4b). For each: the image position of an object on the axis, the visible part of the
+-- retina, and the requirements on a microscope.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local optics = require "optics"

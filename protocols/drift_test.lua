@@ -1,6 +1,6 @@
--- How fast the robot drifts when it is left alone for three seconds at six places: with constant currents, with the field
--- computed where one camera, or two, see it (thesis 6.1, table 6.1); and what a loop that also holds its place leaves of
--- that. On a simulated rig medians over several machines, drawn as the machine itself is (facts of the drift study).
+-- Drift of the uncontrolled robot over three seconds at six places: with constant currents, with the field computed at the
+-- position from one camera or two (thesis 6.1, table 6.1); and the drift that a loop which also holds the position leaves. On
+-- a simulated rig medians over several machines, sampled as the machine itself is (facts of the drift study).
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local places = require "places"

@@ -1,6 +1,6 @@
--- A step of a millimeter with the position controller that suits oil and with velocity control: in gels like the vitreous
--- the first overshoots and goes to and fro without end, the second arrives (thesis 7.3). On the rig scripts/rigs/gel.lua;
--- any other shows what its own medium does. Judged by the simulator's truth.
+-- A step of a millimeter with the position controller that suits oil and with velocity control: in gels like the vitreous the
+-- first overshoots and oscillates without end, the second arrives (thesis 7.3). For the rig scripts/rigs/gel.lua; any other
+-- shows the step in its own medium. Judged by the simulator's truth.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local judge = require "judge"

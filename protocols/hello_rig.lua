@@ -1,4 +1,4 @@
--- hello_rig: says what is on the rig and takes one image. A first look, and a start for protocols of your own.
+-- hello_rig: lists the instruments of the rig and takes one image. A first test, and a start for protocols of your own.
 -- SPDX-License-Identifier: Apache-2.0
 return {
   title = "Hello, rig",

@@ -1,7 +1,7 @@
--- How well one camera localizes the robot on a spiral that widens as it climbs: CoNi along x, along z, or an NdFeB sphere,
+-- Accuracy of localization by one camera on a spiral that widens as it climbs: CoNi along x, along z, or an NdFeB sphere,
 -- against truth or the side camera (thesis 5.5, table 5.4, figure 5.7). The eye is off by table 5.1 and is calibrated by one
--- look at the robot on the known retina. Rigs: scripts/rigs/spiral_coni.lua, spiral_coni_z.lua, spiral_sphere.lua (20.7 and 20.4
--- um a pixel).
+-- observation of the robot on the known retina. Rigs: scripts/rigs/spiral_coni.lua, spiral_coni_z.lua, spiral_sphere.lua (20.7
+-- and 20.4 um a pixel).
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "bring"
 local control = require "control"

@@ -1,5 +1,5 @@
--- The wide-angle image formation of an eye and its lens: surfaces in focus together, curves seen by one pixel, and the
--- thesis' cubics for them with what they leave (thesis 3.2, 4.4.2, 5.2; figures 3.5, 3.6, 4.8, 4.9, 5.1b, 5.3).
+-- The wide-angle image formation of an eye and its lens: isofocus surfaces, isopixel curves, and the thesis' cubics for them
+-- with their residuals (thesis 3.2, 4.4.2, 5.2; figures 3.5, 3.6, 4.8, 4.9, 5.1b, 5.3).
 -- SPDX-License-Identifier: Apache-2.0
 local curves = require "curves"
 local expect = require "expect"

@@ -1,6 +1,6 @@
--- Which robots move in which vitreous (thesis 7.1, figure 7.1): eleven gels, from the porcine eye's to the human's; a CoNi
--- robot of 2 mm and an NdFeB cylinder of 1 mm; pulled straight with all the force that the coils have, and tumbled by a field
--- that turns while it is pulled. It has moved when it stays away after the force is gone.
+-- Mobility of robots in artificial vitreous (thesis 7.1, figure 7.1): eleven gels, from the porcine eye's to the human's; a
+-- CoNi robot of 2 mm and an NdFeB cylinder of 1 mm; pulled straight with the coils' full force, and tumbled by a field that
+-- turns while it is pulled. It has moved when it stays displaced after the force is gone.
 -- SPDX-License-Identifier: Apache-2.0
 local control = require "control"
 local expect = require "expect"

@@ -1,4 +1,4 @@
--- What an eye and the lenses before it do to light: first order, aberrations, wide-angle maps (thesis 3 and 4.1).
+-- Optical properties of an eye and the lenses before it: first order, aberrations, wide-angle maps (thesis 3 and 4.1).
 -- SPDX-License-Identifier: Apache-2.0
 local optics = require "optics"
 local units = require "units"

@@ -1,4 +1,4 @@
--- What an uncertain eye costs localization, and what calibration, estimation and another lens mend (thesis 3.2, 4.2 to
+-- Localization errors by an uncertain eye, and their reduction by calibration, estimation and another lens (thesis 3.2, 4.2 to
 -- 4.4, 5.3, 5.4).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = require "bars"

@@ -1,7 +1,7 @@
 -- A session with a cadaver porcine eye, from the slaughterhouse's box to the report (thesis 7.2 to 7.4): check-list with
--- photographs, the three to four hours counted down, moisturizing again and again, the order of focusing (iris, then the BIOM on
--- the retina, then the field of view), light, insertion, motion trials with velocity control, tracking, notes. It asks; answers
--- may be given in advance (--answer NAME=VALUE).
+-- photographs, the three to four hours counted down, repeated moisturizing, the order of focusing (iris, then the BIOM on the
+-- retina, then the field of view), light, insertion, motion trials with velocity control, tracking, notes. The operator is
+-- asked; answers may be given in advance (--answer NAME=VALUE).
 -- SPDX-License-Identifier: Apache-2.0
 local checklist = require "checklist"
 local published = require "published"

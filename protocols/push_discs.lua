@@ -1,5 +1,5 @@
 -- A robot pushes a disc over a surface, and both are tracked by their colors, touching or not (thesis 8.3.1, figures 8.2 and
--- 8.3). On the simulated rig the robot is steered by its pose sensor in the operator's stead.
+-- 8.3). On the simulated rig the robot is steered by its pose sensor in place of the operator.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local units = require "units"

@@ -1,6 +1,6 @@
--- Chooses the color channels by which the robot is best told from the eye (thesis 8.1, table 8.2, figure 8.6), and the two
--- thresholds for them (8.2), from images with masks: a folder of NAME.png with NAME_mask.png, or, on a simulated rig, images of
--- its own.
+-- Chooses the color channels that best separate the robot from the eye (thesis 8.1, table 8.2, figure 8.6), and the two
+-- thresholds for them (8.2), from images with masks: a folder of NAME.png with NAME_mask.png, or, on a simulated rig, images
+-- of its own.
 -- SPDX-License-Identifier: Apache-2.0
 local color_scene = require "color_scene"
 local expect = require "expect"

@@ -1,6 +1,6 @@
--- What an eye whose parameters are not known costs localization by focus: one parameter off by its uncertainty, the ranking
--- of the five that matter, an error of focus, and what the biometric calibration leaves when the retinal depth is 0.3 mm wrong
--- (thesis 4.2, 4.3; table 5.1, figures 4.2 and 4.6).
+-- Errors of localization by focus due to unknown parameters of the eye: one parameter off by its uncertainty, the ranking of
+-- the five largest, an error of focus, and the error after biometric calibration with a retinal depth 0.3 mm wrong (thesis
+-- 4.2, 4.3; table 5.1, figures 4.2 and 4.6).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = require "bars"
 local expect = require "expect"

@@ -1,5 +1,5 @@
--- What an eye whose parameters are not known costs localization by pose: a 1 mm sphere in a field of 70 degrees, one
--- parameter off by its uncertainty, then all at once (thesis 5.4, tables 5.1 and 5.2).
+-- Errors of localization by pose due to unknown parameters of the eye: a 1 mm sphere in a field of 70 degrees, one parameter
+-- off by its uncertainty, then all at once (thesis 5.4, tables 5.1 and 5.2).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = require "bars"
 local expect = require "expect"

@@ -1,7 +1,6 @@
--- Drives the robot round a rectangle in the vertical plane that the side camera sees, watched by the top
--- camera alone (thesis 6.2, figure 6.5), and says how far from the path it was. In an eye whose numbers nobody knows
--- (eye=perturbed) the view is calibrated first, by one look at the robot on the known retina; eyes=20 goes round in as many
--- eyes, each under another machine.
+-- Servos the robot round a rectangle in the vertical plane of the side camera, measured by the top camera alone (thesis 6.2,
+-- figure 6.5), and reports the path error. In an eye with unknown parameters (eye=perturbed) the view is calibrated first, by
+-- one observation of the robot on the known retina; eyes=20 repeats it in as many eyes, each under another machine.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local bring = require "bring"

@@ -1,7 +1,7 @@
 -- Supervised servoing (thesis 6.2, figures 6.7 and 6.8): the operator names points in the image's plane and a depth; the loop
--- takes the robot there, and says how near the retina it is beside a zero level that the operator sets. Points come from a script
--- (the parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised points=view`),
--- where a joystick also pushes the depth.
+-- takes the robot there, and reports its height above the retina beside a zero level that the operator sets. Points come from
+-- a script (the parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised
+-- points=view`), where a joystick also changes the depth.
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "bring"
 local by_hand = require "by_hand"

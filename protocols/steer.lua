@@ -1,6 +1,6 @@
--- Steering by hand: the loop holds the robot wherever the operator points in the live view (thesis 6.2, figure 6.7), or takes it
--- along the path that was drawn there; a SpaceMouse pushes the depth up and down. `vitreo view` runs this; it ends by the page's
--- STOP, Ctrl-C, or after the duration.
+-- Steering by hand: the loop holds the robot at the target that the operator points at in the live view (thesis 6.2, figure
+-- 6.7), or takes it along the path that was drawn there; a SpaceMouse moves the depth up and down. `vitreo view` runs this; it
+-- ends by the page's STOP, Ctrl-C, or after the duration.
 -- SPDX-License-Identifier: Apache-2.0
 local by_hand = require "by_hand"
 local units = require "units"

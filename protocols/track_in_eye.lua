@@ -1,5 +1,5 @@
 -- Tracks the robot in the eye by color, in three pairs of channels, with and without the two thresholds (thesis 8.3.3, table
--- 8.3, figures 8.7 and 8.9), and says how far each is from its true outline.
+-- 8.3, figures 8.7 and 8.9), and reports the error of each against the true outline.
 -- SPDX-License-Identifier: Apache-2.0
 local color_scene = require "color_scene"
 local expect = require "expect"

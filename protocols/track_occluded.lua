@@ -1,4 +1,4 @@
--- Tracks the robot while something lies before it: by color alone, and with the shape learnt (thesis 8.3.2, figure 8.4; four
+-- Tracks a robot that is partly occluded: by color alone, and with the learned shape (thesis 8.3.2, figure 8.4; four
 -- eigenshapes). On the simulated rig a needle crosses the field above it.
 -- SPDX-License-Identifier: Apache-2.0
 local color_scene = require "color_scene"

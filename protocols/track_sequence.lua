@@ -1,5 +1,5 @@
--- track_sequence: follows an object through a folder of images or a video, learnt from a few images with masks (thesis 8).
--- Writes track.csv into the run; against a truth it says how good that was.
+-- track_sequence: follows an object through a folder of images or a video, learned from a few images with masks (thesis 8).
+-- Writes track.csv into the run; against a truth it reports the errors.
 -- SPDX-License-Identifier: Apache-2.0
 local files = require "files"
 local units = require "units"

@@ -1,5 +1,5 @@
--- Acceptance of a calibration: each measured number with the limits in which it is believed, and the file that keeps those that
--- are, for the next start.
+-- Acceptance of a calibration: each measured number with its limits, and the file that keeps the accepted ones for the next
+-- start.
 -- SPDX-License-Identifier: Apache-2.0
 local files = require "files"
 local json = require "json"

@@ -1,4 +1,4 @@
--- Bars with a name beside each, as an SVG document for run:drawing: a plot wants numbers on both axes.
+-- Bar charts with a name at each bar, as an SVG document for run:drawing (run:plot has numbers on both axes).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = {}
 

@@ -1,11 +1,11 @@
--- The robot brought in, seen, trimmed and put to rest on the retina: what every servoed experiment begins with.
+-- Preparation of a servoed experiment: the robot inserted, tracked, trimmed, and put to rest on the retina.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um, s = units.mm, units.um, units.s
 local bring = {}
 
---- How far a loop is to doubt that the robot lies along the commanded axis (axis_uncertainty of rig:servo): not at all, as the
---- thesis, or by as much as coils that nobody measured turn the field.
+--- Uncertainty of the robot's axis about the commanded one (axis_uncertainty of rig:servo): none, as in the thesis, or the angle
+--- by which unmeasured coils turn the field.
 function bring.axis_uncertainty(attitude) return attitude == "estimated" and 4 * units.deg or 0 end
 
 --- Puts the robot in near a place and waits until the loop sees it.

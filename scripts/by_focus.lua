@@ -1,5 +1,5 @@
--- Localization by focus with calibration, for protocols/localize_by_focus: the believed map, what calibration measures, how an
--- image place becomes a place, and how uncertain that is (thesis 4.3, 4.4; GUM). Eye frame, m.
+-- Localization by focus with calibration, for protocols/localize_by_focus: the assumed map, the measurements of a calibration,
+-- positions from image points, and their uncertainty (thesis 4.3, 4.4; GUM). Eye frame, m.
 -- SPDX-License-Identifier: Apache-2.0
 local focusing = require "focusing"
 local statistics = require "statistics"

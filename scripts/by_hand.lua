@@ -1,4 +1,4 @@
--- What the operator's hand does to a target's depth: the SpaceMouse as a jog, for protocols that are steered by hand.
+-- Manual control of a target's depth: the SpaceMouse as a jog, for protocols that are steered by hand.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, s = units.mm, units.s
@@ -6,7 +6,7 @@ local mm, s = units.mm, units.s
 local by_hand = {}
 
 --- The place, moved up or down as the joystick of the rig is pushed: `speed` (0.5 mm/s) at full deflection, for `dt`. Nothing
---- where nobody pushes, or where the rig has no joystick.
+--- while it is at rest, or where the rig has no joystick.
 function by_hand.jogged(rig, place, dt, speed)
   if not rig.joystick then return nil end
   local push = rig.joystick:state().translation.z

@@ -1,5 +1,5 @@
--- The rig's calibrations, one function each, so that a protocol of its own and calibrate_rig both have them: pixel sizes by a
--- target, latency by a step.
+-- Measurements of the rig's calibrations, one function each, shared by the single protocols and calibrate_rig: pixel sizes by
+-- a target, latency by a step.
 -- SPDX-License-Identifier: Apache-2.0
 local control = require "control"
 local optics = require "optics"

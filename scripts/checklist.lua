@@ -1,5 +1,5 @@
--- Check-lists and times for sessions with people: what must be done, in order, each confirmed and kept, with pictures where they
--- are asked for, and a window of time that runs out.
+-- Check-lists and times for sessions with operators: steps in order, each confirmed and recorded, with photographs where they
+-- are requested, and a window of time that runs out.
 -- SPDX-License-Identifier: Apache-2.0
 local vision = require "vision"
 local checklist = {}

@@ -1,6 +1,6 @@
--- Color images of the robot in the eye with what is known of it in each: for training and for judging trackers (thesis 8). On a
--- simulated rig the robot is brought to places, and steered by the simulator's pose sensor in the operator's stead; its outline
--- is the projection of where it truly is, in the place of segmentation by hand.
+-- Color images of the robot in the eye with its known outline in each, for training and judging trackers (thesis 8). On a
+-- simulated rig the robot is brought to positions and steered by the simulator's pose sensor in place of the operator; its
+-- outline is the projection of its true pose, in place of segmentation by hand.
 -- SPDX-License-Identifier: Apache-2.0
 local statistics = require "statistics"
 local units = require "units"

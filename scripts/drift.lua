@@ -1,4 +1,4 @@
--- What protocols/drift_test needs besides its course of events: chance, statistics, and the report beside thesis table 6.1.
+-- Parts of protocols/drift_test: random numbers, statistics, and the report beside thesis table 6.1.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "expect"
 local units = require "units"

@@ -1,4 +1,4 @@
--- Which eye is on the bench: as the rig file says, or, on a simulated rig, one that nobody knows the numbers of.
+-- The eye of a simulated rig: that of the rig file, or one with unknown parameters. A laboratory rig keeps its own.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm = units.mm

@@ -1,4 +1,4 @@
--- Depth from focus with the instruments: the sensor's stage goes through focus, the sharpest place is found with its
+-- Depth from focus with the instruments: the sensor's stage moves through focus, and the sharpest position is found with its
 -- uncertainty (thesis 4.1, figure 4.1). Distances are d_ls, m, from the condensing lens' last vertex to the sensor.
 -- SPDX-License-Identifier: Apache-2.0
 local statistics = require "statistics"

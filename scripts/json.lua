@@ -1,4 +1,4 @@
--- Text for other programs: JSON of numbers, texts, booleans, lists and tables. A number that is none (NaN, infinity) is null.
+-- JSON of numbers, texts, booleans, lists and tables, for other programs. A number that is not finite (NaN, infinity) is null.
 -- SPDX-License-Identifier: Apache-2.0
 local json = {}
 

@@ -1,4 +1,4 @@
--- How good was a servoed path? Figures, tables and plots from the recorded streams: by the simulator's truth where there is
+-- Accuracy of a servoed path: results, tables and plots from the recorded streams, by the simulator's truth where there is
 -- one, else by the side camera (x and z only).
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"

@@ -1,5 +1,5 @@
--- Within which limits a calibration is believed: one place for calibrate_rig and the protocols of its parts. A protocol may pass
--- its own of those that an operator may choose.
+-- Acceptance limits of the calibrations, shared by calibrate_rig and the protocols of its parts. A protocol may pass its own
+-- for those that an operator may choose.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, ms, s, deg, uT, mT = units.mm, units.ms, units.s, units.deg, units.uT, units.mT

@@ -1,5 +1,5 @@
--- What one look at the robot on the known retina can tell, and what it leaves: by calculation, with exact outlines, so that the
--- error of the optics' unknowns is seen apart from those of tracker, contour and pitch.
+-- Error that one observation of the robot on the known retina leaves: by calculation, with exact outlines, so that the error
+-- of the optics' unknowns is separated from those of tracker, contour and pitch.
 -- SPDX-License-Identifier: Apache-2.0
 local retina = require "retina"
 local statistics = require "statistics"

@@ -1,4 +1,4 @@
--- Places in the workspace, world frame, m.
+-- Named places of the workspace, world frame, m.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm = units.mm

@@ -1,4 +1,4 @@
--- What a protocol may put in the simulated plant's place before anything moves.
+-- Replacement of the simulated plant by a measured machine, before anything moves.
 -- SPDX-License-Identifier: Apache-2.0
 local plant = {}
 

@@ -1,5 +1,5 @@
 -- Kinds of plots beyond lines, for the report: histogram, points with error bars, heat map, a trajectory in two views, and
--- what was measured beside what was expected. Numbers are SI; axes are {label, unit} as run:plot takes them.
+-- measured beside expected values. Numbers are SI; axes are {label, unit} as run:plot takes them.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 

@@ -1,4 +1,4 @@
--- Numbers that the thesis prints, in SI, by table and figure; nothing else is in here. Protocols lay theirs beside them.
+-- Numbers that the thesis prints, in SI, by table and figure, and nothing else. Protocols compare theirs with them.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um, deg, ms = units.mm, units.um, units.deg, units.ms

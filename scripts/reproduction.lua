@@ -1,6 +1,6 @@
--- What `vitreo reproduce` runs: protocols with numbers of the thesis, their rigs, arguments and seeds. Started in the order of
--- the keys, the long ones first; `brief` is the short form, for seeing that all of it works ("-": left out there).
--- Entries with `joins` are rows about several runs: the median of all that the named rows are medians of.
+-- Plan of `vitreo reproduce`: protocols with numbers of the thesis, their rigs, arguments and seeds. Started in the order of
+-- the keys, the long ones first; `brief` is the short form, for a check that all of it works ("-": left out there). Entries
+-- with `joins` are rows about several runs: the median of all that the named rows are medians of.
 -- SPDX-License-Identifier: Apache-2.0
 local um = require("units").um
 

@@ -1,5 +1,6 @@
--- Calibrates the loop's view on the known retina (thesis 6.2: "we can calibrate the algorithm by estimating the microrobot's
--- position when it lies on the known retinal depth"): one look at the robot at rest puts the image's scale right.
+-- Calibration of the loop's view on the known retina (thesis 6.2: "we can calibrate the algorithm by estimating the
+-- microrobot's position when it lies on the known retinal depth"): one observation of the robot at rest corrects the image's
+-- scale.
 -- SPDX-License-Identifier: Apache-2.0
 local bring = require "bring"
 local statistics = require "statistics"

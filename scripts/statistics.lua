@@ -1,4 +1,4 @@
--- Numbers about lists of numbers, and chance from the run's seed.
+-- Statistics of lists of numbers, and random numbers from the run's seed.
 -- SPDX-License-Identifier: Apache-2.0
 local statistics = {}
 

@@ -1,5 +1,5 @@
--- The target that is localized by focus: a stage holds it in the laboratory, where the operator is asked to set it; on a
--- simulated rig it goes there by itself. Places in the eye's frame, m.
+-- The target that is localized by focus: in the laboratory a stage holds it, and the operator is asked to set it; on a
+-- simulated rig it is moved by a call. Positions in the eye's frame, m.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local targets = {}

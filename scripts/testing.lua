@@ -1,4 +1,4 @@
--- How a protocol says that it is to be tested: the entries of its `tests`, which `vitreo test` reads. Each is plain data.
+-- Declarations of a protocol's tests: the entries of its `tests`, which `vitreo test` reads. Each is plain data.
 -- SPDX-License-Identifier: Apache-2.0
 local testing = {}
 

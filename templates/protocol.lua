@@ -1,4 +1,4 @@
--- @NAME@: says in a line what it is for. Then: what it does, step by step, as the operator should know it.
+-- @NAME@: its purpose in one line. Then its steps, in order, as the operator should know them.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, s = units.mm, units.s

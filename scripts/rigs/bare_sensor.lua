@@ -1,6 +1,6 @@
--- The bench of thesis chapter 4 and appendix A: a bare sensor of 9.9 um pixels in the aerial image of the model eye, on a stage
--- along the axis and on one that turns it, and a target with dots that a second stage moves (on the simulated rig:
--- rig.simulation:move_body). The sensor is as wide as the places together at which the thesis' own was held.
+-- The bench of thesis chapter 4 and appendix A: a bare sensor of 9.9 um pixels in the aerial image of the model eye, on a
+-- stage along the axis and on one that turns it, and a target with dots that a second stage moves (on the simulated rig:
+-- rig.simulation:move_body). The sensor is as wide as all positions together at which the thesis' own was held.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um, ms, Hz, cSt = units.mm, units.um, units.ms, units.Hz, units.cSt

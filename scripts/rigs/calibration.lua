@@ -1,5 +1,5 @@
--- The rig as it is calibrated at night: the coils with a teslameter on a stage of three axes, both cameras, and a ball of 0.8 mm
--- as the target. Otherwise scripts/rigs/simulated.lua.
+-- The rig of the calibration at night: the coils with a teslameter on a stage of three axes, both cameras, and a ball of 0.8
+-- mm as the target. Otherwise scripts/rigs/simulated.lua.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um, uT = units.mm, units.um, units.uT

@@ -1,6 +1,5 @@
--- The eye with a color camera (thesis 8.3): Bayer filters before the noise, 656 x 490 px of 20.7 um. For what the robot does
--- meanwhile a pose sensor stands in for the operator's hand. The robot is drawn as the ellipsoid that its outline is compared
--- with.
+-- The eye with a color camera (thesis 8.3): Bayer filters before the noise, 656 x 490 px of 20.7 um. A pose sensor replaces
+-- the operator in steering the robot. The robot is drawn as the ellipsoid that its outline is compared with.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local um, ms, Hz = units.um, units.ms, units.Hz

@@ -1,6 +1,5 @@
--- scripts/rigs/color_eye.lua with a needle above the robot (thesis 8.3.2): Bayer filters, 656 x 490 px of 20.7 um. For what the
--- robot does meanwhile a pose sensor stands in for the operator's hand. The robot is drawn as the ellipsoid that its outline is
--- compared with.
+-- scripts/rigs/color_eye.lua with a needle above the robot (thesis 8.3.2): Bayer filters, 656 x 490 px of 20.7 um. A pose
+-- sensor replaces the operator in steering the robot. The robot is drawn as the ellipsoid that its outline is compared with.
 -- SPDX-License-Identifier: Apache-2.0
 local mm = require("units").mm
 

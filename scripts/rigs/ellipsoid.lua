@@ -1,5 +1,5 @@
--- scripts/rigs/simulated.lua with the robot drawn as the ellipsoid that the localizer takes it for: for a robot along z, whose
--- two plates are a cross of thin lines from above, which the tracker does not find.
+-- scripts/rigs/simulated.lua with the robot drawn as the ellipsoid that the localizer assumes: for a robot along z, whose two
+-- plates are a cross of thin lines from above, which the tracker does not find.
 -- SPDX-License-Identifier: Apache-2.0
 return {
   base = "simulated",

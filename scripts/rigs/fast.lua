@@ -1,5 +1,5 @@
--- How fast a loop can be: the simulated laboratory with a pose sensor of 200 readings a second, amplifiers of 50 Hz without
--- transport delay, and no camera. For judging control alone (protocols/hold with feedback = "pose_sensor").
+-- A rig for the limits of control alone: the simulated laboratory with a pose sensor of 200 readings a second, amplifiers of
+-- 50 Hz without transport delay, and no camera (protocols/hold with feedback = "pose_sensor").
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local um, ms, Hz = units.um, units.ms, units.Hz

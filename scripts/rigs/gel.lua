@@ -1,6 +1,6 @@
 -- The simulated laboratory with a gel in the eye: porcine vitreous an hour out of its cavity (2.8 Pa, the one modulus that was
 -- measured; "porcine_vitreous" is that of the living eye, five times stiffer), and the magnet that pulls through it.
--- docs/simulated_laboratory.md says what of the gel is assumed and what is fitted. The loop believes in oil, as it was tuned.
+-- docs/simulated_laboratory.md lists the gel's assumed and fitted parameters. The loop's model has oil, as it was tuned.
 local units = require "units"
 local mm, um, ms, Hz, cSt = units.mm, units.um, units.ms, units.Hz, units.cSt
 

@@ -1,5 +1,5 @@
 -- A robot and a disc on the floor of the eye, seen from above without optics by a color camera (thesis 8.3.1); the pose sensor
--- stands in for the operator's hand.
+-- replaces the operator in steering.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local mm, um = units.mm, units.um

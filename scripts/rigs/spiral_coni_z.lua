@@ -1,6 +1,6 @@
--- The cameras of thesis 5.5, two Basler A602f: an effective pixel of 20.7 um above, 20.4 um at the side (2.07 and 2.04 in print
--- cannot be: the field would be 1.4 mm). The CoNi robot is drawn as the ellipsoid
--- that the localizer takes it for: along the axis its two plates are a cross of thin lines, which the tracker does not find.
+-- The cameras of thesis 5.5, two Basler A602f: an effective pixel of 20.7 um above, 20.4 um at the side (the printed 2.07 and
+-- 2.04 are impossible: the field would be 1.4 mm). The CoNi robot is drawn as the ellipsoid that the localizer assumes: along
+-- the axis its two plates are a cross of thin lines, which the tracker does not find.
 -- SPDX-License-Identifier: Apache-2.0
 return {
   base = "spiral_coni",
