@@ -119,9 +119,9 @@ TEST(Config, TheWrongTypeIsNamed) {
             }),
             at + "axis must be a list of 3 numbers, but its number 2 is true");
   EXPECT_EQ(error_of([&] {
-              camera.choice("kind", "gray", {"gray", "color"});
+              camera.choice("kind", "grai", {"gray", "color"});
             }),
-            at + "kind must be gray or color, not \"gray\"; did you mean gray?");
+            at + "kind must be gray or color, not \"grai\"; did you mean gray?");
   EXPECT_EQ(error_of([&] { camera.flag("mirror", false); }),
             at + "mirror must be true or false, not the number 1");
   EXPECT_EQ(error_of([&] {

@@ -18,7 +18,7 @@ namespace {
 struct LiveViewTest : testing::Test {
   LiveViewTest() {
     session.targets.take();  // the script wants targets
-    view.begin(session, "a run", {});
+    view.begin(session);
   }
   ~LiveViewTest() override { view.end("completed"); }
 

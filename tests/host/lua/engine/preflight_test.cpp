@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/scpi_probe/emulator.h"
 #include "host/config/rights.h"
+#include "host/engine/preparation.h"
 #include "host/engine/rehearsal.h"
+#include "host/engine/run_engine.h"
 #include "host/lua/engine/engine.h"
 #include "host/rig/registry.h"
 #include "host/rig/rig_settings.h"

@@ -9,7 +9,7 @@ namespace {
 struct OperatorQuestions : RunControlTest {};
 
 TEST_F(OperatorQuestions, QuestionsTakeAnswersGivenInAdvanceByNameAndInTheirOrder) {
-  request.answers = {"depth=3mm", "yes", "2"};
+  request.what.answers = {"depth=3mm", "yes", "2"};
   const RunResult result =
       run("print(run:confirm('ready?'))\n"
           "print(run:ask('how deep?', { name = 'depth', unit = 'mm', min = 0, max = 8*mm }))\n"
@@ -52,7 +52,7 @@ TEST_F(OperatorQuestions, TasksThatAskAtOnceGetEachItsOwnAnswer) {
 }
 
 TEST_F(OperatorQuestions, AQuestionWhoseTaskHasEndedDoesNotStandInTheWayOfTheNext) {
-  request.pace = Pace::real_time;
+  request.how.pace = Pace::real_time;
   ear.on_message = [this](const std::string& line) {
     if (line == "boom") ear.lines = {"yes"};
   };
@@ -84,13 +84,13 @@ TEST_F(OperatorQuestions, QuestionsThatNobodyCouldAnswerAreRefused) {
 }
 
 TEST_F(OperatorQuestions, AnswersGivenInAdvanceForWhichNoQuestionCameAreTold) {
-  request.answers = {"dept=3mm", "yes", "no"};
+  request.what.answers = {"dept=3mm", "yes", "no"};
   ear.lines = {"2mm"};
   const RunResult result =
       run("print(run:confirm('ready?'))\nprint(run:ask('how deep?', { name = 'depth', unit = 'mm', "
           "timeout = 9*s }))");
   EXPECT_EQ(result.outcome, Outcome::failed) << "the second answer in their order is no depth";
-  request.answers = {"dept=3mm", "ready=yes"};
+  request.what.answers = {"dept=3mm", "ready=yes"};
   EXPECT_EQ(run("print(run:confirm('ready?', { name = 'ready' }))\n"
                 "print(run:ask('how deep?', { name = 'depth', unit = 'mm' }))")
                 .outcome,
@@ -103,7 +103,7 @@ TEST_F(OperatorQuestions, AnswersGivenInAdvanceForWhichNoQuestionCameAreTold) {
 }
 
 TEST_F(OperatorQuestions, AWrongAnswerGivenInAdvanceFailsTheRunNamingTheQuestion) {
-  request.answers = {"depth=deep"};
+  request.what.answers = {"depth=deep"};
   const RunResult result = run("run:ask('how deep?', { name = 'depth', unit = 'mm' })");
   EXPECT_EQ(result.outcome, Outcome::failed);
   EXPECT_NE(result.reason.find("depth: wants a length"), std::string::npos) << result.reason;

@@ -5,6 +5,7 @@
 
 #include "host/engine/run_engine.h"
 #include "host/lua/engine/engine.h"
+#include "host/view/control_client.h"
 #include "host/view/control_socket.h"
 #include "tests/host/rig/fake_rig.h"
 
