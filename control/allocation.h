@@ -1,4 +1,4 @@
-// From a wished field and force to coil currents within their limits.
+// Wrench allocation: coil currents for a wanted field and force, by the pseudo-inverse.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -6,11 +6,11 @@
 
 namespace vitreo::control {
 
-/// What the robot is to feel, world frame.
+/// Wanted field and force at the robot, world frame.
 struct FieldAndForce {
   Eigen::Vector3d field{0, 0, 0};  // T
-  Eigen::Vector3d levitation{
-      0, 0, 0};  // N: what holds the robot against its weight; kept before the rest
+  // N: balances the robot's net weight; kept before the rest
+  Eigen::Vector3d levitation{0, 0, 0};
   Eigen::Vector3d force{0, 0, 0};  // N, on top of it
 };
 
@@ -21,8 +21,8 @@ struct Allocation {
   bool limited() const { return force_scale < 1 || field_scale < 1; }
 };
 
-/// Least-norm I with [B; F] = A I (thesis 2.3; facts/magnetics 2), |I_k| <= limit. At a limit the
-/// extra force is shrunk first, then the field's magnitude; the levitation never. Throws
+/// Least-norm I with [B; F] = A I (Kummer et al. 2010; facts/magnetics 2), |I_k| <= limit. At a
+/// limit the extra force is shrunk first, then the field's magnitude; the levitation never. Throws
 /// std::domain_error when A has not full rank (dead coils, no moment), or when the levitation is
 /// beyond the limit however small the rest; std::invalid_argument naming the argument that is not
 /// finite, or a limit not above zero. `moment` (A m^2, world) is taken as given: a soft robot's

@@ -1,9 +1,9 @@
-// The wrench in rows that compare, the least-norm answer where it fits, the box programme where it
-// does not.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/box_allocation.h"
 
 #include "control/box_program.h"
+#include "control/preconditions.h"
+#include "control/wrench_rows.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -17,30 +17,26 @@
 namespace vitreo::control {
 namespace {
 
-constexpr double kGradientLength =
-    20e-3;  // m, as allocation.cpp's: makes gradients comparable with fields
-constexpr int kMostIterations = 48;  // never more than 25 in a million random wrenches
-constexpr double kVerticalShare =
-    0.7;  // of the reach: all of it would leave no field to hold the robot's axis
-constexpr double kSmallestPivot = 1e-10;  // as allocation.cpp's
-constexpr double kSmallness = 1e-9;       // of |I|^2 beside the rows
+constexpr int kMaxIterations = 48;  // never more than 25 in a million random wrenches
+// of the reach: all of it would leave no field to hold the robot's axis
+constexpr double kVerticalShare = 0.7;
+// Weight of |I|^2 relative to the rows (Tikhonov): makes H positive definite where there are more
+// coils than rows, and picks the least currents among those that make the same wrench.
+constexpr double kRegularization = 1e-9;
 
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, kMaxCoils>;
 using Wanted = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
 
-constexpr double kMissed = 1e-4;  // of the wrench: the smallness above costs less than that
+// Of the wrench: a larger miss is a limit's. The regularization costs less than that.
+constexpr double kMissed = 1e-4;
 
-// Rows in T/A; the last is the vertical force.
+// One allocation to solve: rows in T/A, wanted in T; the last row is the vertical force.
 struct Task {
   Rows rows;
   Wanted wanted;
   Wanted weight;
   double levitation = 0;  // the least of the last row
 };
-
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
 
 void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
            const CurrentLimits& limits, const AllocationWeights& weights) {
@@ -57,6 +53,7 @@ void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const Field
     throw std::domain_error("the robot has no moment: no force can be made");
 }
 
+// [B (3); F (3)]: the rows of A as in allocation.cpp, vertical force last.
 Task six_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                  const FieldAndForce& wanted, const AllocationWeights& weights) {
   const double scale = kGradientLength / moment.norm();
@@ -71,12 +68,16 @@ Task six_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
   return task;
 }
 
-// Torque over moment: the field across the axis.
+// [T_perp (2); F (3)] (facts/magnetics 2). T = m x B, so the torque over |m| about u and v, two
+// directions across the axis, is linear in the field; about the axis itself there is none.
 Task five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                   const Eigen::Vector3d& torque, const FieldAndForce& wanted,
                   const AllocationWeights& weights) {
-  const double size = moment.norm(), scale = kGradientLength / size;
-  const Eigen::Vector3d axis = moment / size, u = axis.unitOrthogonal(), v = axis.cross(u);
+  const double size = moment.norm();
+  const double scale = kGradientLength / size;
+  const Eigen::Vector3d axis = moment / size;
+  const Eigen::Vector3d u = axis.unitOrthogonal();
+  const Eigen::Vector3d v = axis.cross(u);
   Task task{Rows(5, matrix.cols()), Wanted(5), Wanted(5)};
   const Eigen::Matrix<double, 3, 5> force = scale * force_from_field(moment).rightCols<5>();
   for (Eigen::Index k = 0; k < matrix.cols(); ++k) {
@@ -90,7 +91,8 @@ Task five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
   return task;
 }
 
-// I = A' (A A')^-1 w over the living coils, or nothing where it does not exist or fit.
+// I = A' (A A')^-1 w over the working coils; false where A A' has no full rank or a limit is
+// exceeded. LDL' at the fixed size 6: a task of five rows is padded by one that asks for nothing.
 bool least_norm(const Task& task, const CurrentLimits& limits, Currents& currents) {
   const Eigen::Index rows = task.rows.rows();
   Eigen::Matrix<double, 6, 6> gram = Eigen::Matrix<double, 6, 6>::Identity();
@@ -101,7 +103,7 @@ bool least_norm(const Task& task, const CurrentLimits& limits, Currents& current
     column.head(rows) = task.rows.col(k);
     gram.noalias() += column * column.transpose();
   }
-  if (rows == 5) gram(5, 5) = gram(0, 0);  // a row that asks for nothing, of the size of the others
+  if (rows == 5) gram(5, 5) = gram(0, 0);  // of the size of the others, so that no pivot is small
   const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(gram);
   const Eigen::Matrix<double, 6, 1> pivots = solver.vectorD();
   if (!(pivots.minCoeff() > kSmallestPivot * pivots.maxCoeff())) return false;
@@ -117,8 +119,8 @@ bool least_norm(const Task& task, const CurrentLimits& limits, Currents& current
   return fits;
 }
 
-// The level of the vertical row: as wanted, or cut down to the share of the reach, but never below
-// the levitation.
+// The vertical row's right-hand side: as wanted, or cut to kVerticalShare of the reach, but never
+// below the levitation. `reach`: the largest a'I in the box, sum |a_k| limit_k.
 double vertical_level(const Task& task, double reach, bool& cut) {
   const double wanted = task.wanted[task.wanted.size() - 1];
   if (std::abs(task.levitation) > reach * (1 + 1e-12)) {
@@ -130,6 +132,9 @@ double vertical_level(const Task& task, double reach, bool& cut) {
   return cut ? std::copysign(most, wanted) : wanted;
 }
 
+// min 1/2 I'HI - c'I with H = sum w_r^2 a_r a_r' + eps 1 and c = sum w_r^2 b_r a_r over all rows
+// but the last, which becomes the equality a'I = level: the normal equations of the weighted
+// misses.
 BoxProgram program_of(const Task& task, const CurrentLimits& limits) {
   const int n = static_cast<int>(limits.size());
   const Eigen::Index soft = task.rows.rows() - 1;
@@ -155,10 +160,11 @@ BoxProgram program_of(const Task& task, const CurrentLimits& limits) {
     trace += weight * row.squaredNorm();
   }
   program.curvature.diagonal().array() +=
-      std::max(kSmallness * trace, std::numeric_limits<double>::min());
+      std::max(kRegularization * trace, std::numeric_limits<double>::min());
   return program;
 }
 
+// The least-norm solution where it fits; else the quadratic program.
 BoxAllocation solve(const Task& task, const CurrentLimits& limits) {
   BoxAllocation result;
   if (least_norm(task, limits, result.currents)) return result;
@@ -168,18 +174,19 @@ BoxAllocation solve(const Task& task, const CurrentLimits& limits) {
   for (Eigen::Index k = 0; k < n; ++k) reach += std::abs(plane[k]) * limits[k];
   const double level = vertical_level(task, reach, result.vertical_cut);
   const BoxProgram program = program_of(task, limits);
-  // Every coil its part of the vertical force, in proportion to its limit: inside the box whatever
-  // the level.
+  // A feasible start: each coil takes its part of the vertical force in proportion to its limit,
+  // I_k = sgn(a_k) limit_k level / reach. It lies in the box, and a'I = level.
   Eigen::Matrix<double, kMaxUnknowns, 1> x = Eigen::Matrix<double, kMaxUnknowns, 1>::Zero();
   const double share = reach > 0 ? std::clamp(level / reach, -1.0, 1.0) : 0;
   for (Eigen::Index k = 0; k < n; ++k) x[k] = std::copysign(share * limits[k], share * plane[k]);
-  result.iterations = improve(program, x, kMostIterations);
+  result.iterations = improve(program, x, kMaxIterations);
   result.currents = x.head(n).cwiseMin(limits).cwiseMax(-limits);
   const Wanted missed = task.rows * result.currents - task.wanted;
   result.limited = missed.norm() > kMissed * task.wanted.norm();
   return result;
 }
 
+// Adds the field and force that the currents make, and the headroom that they leave.
 BoxAllocation reported(BoxAllocation result, const FieldMatrix& matrix,
                        const Eigen::Vector3d& moment, const CurrentLimits& limits) {
   FieldGradient made = FieldGradient::Zero();
@@ -219,10 +226,12 @@ double condition_number(const FieldMatrix& matrix, const Eigen::Vector3d& moment
   for (Eigen::Index k = 0; k < limits.size(); ++k) {
     if (limits[k] == 0) rows.col(k).setZero();
   }
+  // The singular values of A are the roots of those of A A', which is 6 x 6 for any number of
+  // coils.
   const Eigen::Matrix<double, 6, 6> gram = rows * rows.transpose();
   const Eigen::Matrix<double, 6, 1> s =
       Eigen::JacobiSVD<Eigen::Matrix<double, 6, 6>>(gram).singularValues();
-  // Squares: below 1e-15 of the largest there is only rounding.
+  // These are squares: below 1e-15 of the largest there is only rounding.
   return s[5] > 1e-15 * s[0] ? std::sqrt(s[0] / s[5]) : std::numeric_limits<double>::infinity();
 }
 

@@ -1,4 +1,4 @@
-// Coil currents under limits as a quadratic programme in which the vertical force comes first.
+// Box-constrained current allocation: a quadratic program with the vertical force as an equality.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,20 +9,20 @@ namespace vitreo::control {
 /// A per coil, at least 0. A dead coil has 0: its part goes to the others.
 using CurrentLimits = Currents;
 
-/// How much a miss counts where not everything can be had: of the field in T, of the lateral force
-/// over moment times 20 mm in T.
+/// Weights of the misses where a limit is in the way: of the field in T, of the lateral force over
+/// moment times 20 mm in T.
 struct AllocationWeights {
   double field = 1;
-  double force = 3;  // a field a little weaker or turned still holds the robot; a force that points
-                     // elsewhere moves it
+  // a field a little weaker or turned still holds the robot; a force that points elsewhere moves it
+  double force = 3;
 };
 
 struct BoxAllocation {
   Currents currents;               // A, within the limits always
   Eigen::Vector3d field{0, 0, 0};  // T, that these make
   Eigen::Vector3d force{0, 0, 0};  // N, with the moment given
-  double headroom = 1;             // 1 - the largest |I| / limit over the living coils
-  int iterations = 0;              // of the programme; 0 when no limit was met
+  double headroom = 1;             // 1 - the largest |I| / limit over the working coils
+  int iterations = 0;              // of the program; 0 when no limit was met
   bool limited = false;            // a limit cost something of what was wanted
   bool vertical_cut = false;       // even of the vertical force above the levitation
 };
@@ -40,7 +40,7 @@ BoxAllocation allocate_within(const FieldMatrix& matrix, const Eigen::Vector3d& 
 
 /// For a permanent magnet, whose torque needs not a whole field: [T_perp (2); F (3)], a row less to
 /// make than above. `torque` in N m, world; its part along the moment cannot be made and is passed
-/// over. `wanted.field` is not used: who asks for no torque has the field's direction left open.
+/// over. `wanted.field` is not used: zero torque leaves the field's magnitude and sense open.
 BoxAllocation allocate_five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                                     const Eigen::Vector3d& torque, const FieldAndForce& wanted,
                                     const CurrentLimits& limits,

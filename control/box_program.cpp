@@ -1,5 +1,3 @@
-// The primal active-set method: solve on the free unknowns, walk until a limit, add it; at the end
-// of a walk let go of the limit that pulls the wrong way.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/box_program.h"
 
@@ -11,8 +9,10 @@ namespace {
 
 using Vector8 = Eigen::Matrix<double, kMaxUnknowns, 1>;
 
-// The step on the free unknowns that ends at the minimum on the plane: H_FF p = g + nu a_F with
-// a_F'p = 0.
+// The step p of the free unknowns F to the minimum on the plane, from the Karush-Kuhn-Tucker system
+// H_FF p = g_F - nu a_F, a_F'p = 0, where g = c - H x is downhill. By the Schur complement (Nocedal
+// & Wright 2006, 16.2): with H_FF = L L' (Cholesky), y = L^-1 g_F and t = L^-1 a_F, the multiplier
+// is nu = t'y / t't and p = L'^-1 (y - nu t).
 class FreeStep {
  public:
   FreeStep(const BoxProgram& program, const std::array<int, kMaxUnknowns>& free, int count,
@@ -26,12 +26,13 @@ class FreeStep {
     factorize();
     forward(step_);
     forward(across_);
-    double mixed = 0, square = 0;
+    double mixed = 0;
+    double square = 0;
     for (int i = 0; i < count; ++i) {
       mixed += across_[i] * step_[i];
       square += across_[i] * across_[i];
     }
-    // Without a free unknown that moves the level there is no plane to keep to.
+    // Where no free unknown moves the level, a_F = 0 and the equality holds whatever p is.
     plane_force_ = square > 0 ? mixed / square : 0;
     for (int i = 0; i < count; ++i) step_[i] -= plane_force_ * across_[i];
     backward(step_);
@@ -41,6 +42,8 @@ class FreeStep {
   double plane_force() const { return plane_force_; }
 
  private:
+  // Cholesky in place, row by row, with the diagonal kept as its inverse: at most 8 x 8, so plain
+  // loops cost less than a library's dispatch.
   void factorize() {
     for (int i = 0; i < count_; ++i) {
       for (int j = 0; j <= i; ++j) {
@@ -51,12 +54,14 @@ class FreeStep {
       inverse_[i] = 1 / std::sqrt(factor_[i][i]);
     }
   }
+  // v := L^-1 v.
   void forward(double* v) const {
     for (int i = 0; i < count_; ++i) {
       for (int k = 0; k < i; ++k) v[i] -= factor_[i][k] * v[k];
       v[i] *= inverse_[i];
     }
   }
+  // v := L'^-1 v.
   void backward(double* v) const {
     for (int i = count_ - 1; i >= 0; --i) {
       for (int k = i + 1; k < count_; ++k) v[i] -= factor_[k][i] * v[k];
@@ -67,11 +72,13 @@ class FreeStep {
   int count_;
   double plane_force_ = 0;
   double factor_[kMaxUnknowns][kMaxUnknowns];
-  double inverse_[kMaxUnknowns], step_[kMaxUnknowns], across_[kMaxUnknowns];
+  double inverse_[kMaxUnknowns];
+  double step_[kMaxUnknowns];
+  double across_[kMaxUnknowns];
 };
 
-// At the minimum of a face: the held unknown that would rather go inwards, the one that pulls most
-// first; or -1.
+// At the minimum of a face: the held unknown whose bound has the most negative Lagrange multiplier,
+// so that letting go of it lowers the objective; or -1, and x is optimal.
 int pulled_inwards(const BoxProgram& program, const Vector8& x,
                    const std::array<int, kMaxUnknowns>& held, double plane_force) {
   const int n = program.size;
@@ -88,6 +95,9 @@ int pulled_inwards(const BoxProgram& program, const Vector8& x,
 
 }  // namespace
 
+// The primal active-set method for convex quadratic programs (Nocedal & Wright 2006, algorithm
+// 16.3) with the bounds as the working set: every iterate is feasible, and the objective never
+// rises.
 int improve(const BoxProgram& program, Vector8& x, int most) {
   const int n = program.size;
   std::array<int, kMaxUnknowns> held{};  // -1 or 1 at a limit
@@ -104,6 +114,7 @@ int improve(const BoxProgram& program, Vector8& x, int most) {
     Vector8 downhill = program.slope;
     for (int k = 0; k < n; ++k) downhill.head(n) -= x[k] * program.curvature.col(k).head(n);
     const FreeStep step(program, free, count, downhill);
+    // The ratio test: the longest part of the step that keeps to the box, and the bound it meets.
     double reach = 1;
     int hit = -1;
     for (int i = 0; i < count; ++i) {
@@ -112,11 +123,13 @@ int improve(const BoxProgram& program, Vector8& x, int most) {
       if (std::abs(step[i]) * reach > std::abs(room)) reach = room / step[i], hit = i;
     }
     for (int i = 0; i < count; ++i) x[free[i]] += reach * step[i];
+    // A bound was met: exactly on it, and it joins the working set.
     if (hit >= 0) {
       held[free[hit]] = step[hit] > 0 ? 1 : -1;
       x[free[hit]] = held[free[hit]] * program.limit[free[hit]];
       continue;
     }
+    // The full step was taken: the minimum of this face. Let go of one bound, or be done.
     const int worst = pulled_inwards(program, x, held, step.plane_force());
     if (worst < 0) break;
     held[worst] = 0;

@@ -1,5 +1,5 @@
-// min 1/2 x'Hx - c'x within a box and on one plane, for up to eight unknowns: plain arrays, no
-// heap.
+// Convex quadratic program in a box and on one plane, for up to eight unknowns: min 1/2 x'Hx - c'x.
+// Plain arrays, no heap.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/coil_field.h"
 
+#include "control/constants.h"
+
 #include <Eigen/Geometry>
 
 #include <cmath>
@@ -12,7 +14,6 @@
 namespace vitreo::control {
 namespace {
 
-constexpr double kMu0Over4Pi = 1e-7;  // T m/A
 constexpr double kDegree = std::numbers::pi / 180;
 
 // Azimuth and elevation to a unit vector, z up (facts/magnetics 1.2).
@@ -21,8 +22,12 @@ Eigen::Vector3d unit(double azimuth, double elevation) {
           std::sin(elevation)};
 }
 
-// Rows of FieldMatrix for a dipole's moment at the offset r from it (facts/magnetics 1.3).
+// Rows of FieldMatrix for a point dipole's moment m at the offset r from it (Jackson 1998, 5.56;
+// facts/magnetics 1.3), with k = mu0/4pi:
+//   B    = k (3 (m.r) r / r^5 - m / r^3)
+//   G_ij = dB_i/dx_j = 3k/r^5 (m_i r_j + m_j r_i + (m.r) d_ij - 5 (m.r) r_i r_j / r^2)
 FieldGradient dipole_field(const Eigen::Vector3d& m, const Eigen::Vector3d& r) {
+  // inverse3 = k/r^3, along = 3k/r^5, twice = 5 (m.r)/r^2
   const double inverse2 = 1 / r.squaredNorm();
   const double inverse3 = kMu0Over4Pi * inverse2 * std::sqrt(inverse2);
   const double mr = m.dot(r);
@@ -39,7 +44,8 @@ FieldGradient dipole_field(const Eigen::Vector3d& m, const Eigen::Vector3d& r) {
   return f;
 }
 
-// Turns v by `angle` about an axis across it, itself turned by `around`.
+// v turned by `angle` about an axis across it, which stands at `around` about v: a tilt by `angle`
+// in a random direction when `around` is uniform in [0, 2 pi).
 Eigen::Vector3d tilted(const Eigen::Vector3d& v, double angle, double around) {
   const double length = v.norm();
   if (!(length > 0)) return v;
@@ -66,8 +72,9 @@ CoilField CoilField::octomag() {
   std::vector<Dipole> dipoles;
   for (int k = 0; k < 8; ++k) {
     const double azimuth = 45 * k * kDegree;
-    // Lower and upper coils take turns; the moments are not along the coils for cores magnetize
-    // each other.
+    // The eight numbers of facts/magnetics 1.2, fitted to a calibration of 2025: lower and upper
+    // coils alternate. The moments do not lie along the coils' axes, probably because each core
+    // also magnetizes its neighbors and the fit absorbs that.
     if (k % 2 == 0) {
       dipoles.push_back(
           {0.0942 * unit(azimuth, -56.3 * kDegree), -9.35 * unit(azimuth, -83.1 * kDegree)});
@@ -87,8 +94,8 @@ CoilField CoilField::perturbed(const FieldPerturbation& sigma, std::mt19937_64& 
   std::uniform_real_distribution<double> turn(0, 2 * std::numbers::pi);
   std::vector<Dipole> dipoles;
   for (const Dipole& dipole : dipoles_) {
-    // One statement a draw: the order within an expression is the compiler's, and the draws must be
-    // repeatable.
+    // One statement for each random number: the order of evaluation within an expression is
+    // unspecified, and a seed must give the same machine with every compiler.
     const double gain = 1 + sigma.gain * normal(random);
     const double x = normal(random);
     const double y = normal(random);
@@ -101,6 +108,8 @@ CoilField CoilField::perturbed(const FieldPerturbation& sigma, std::mt19937_64& 
   return CoilField(std::move(dipoles));
 }
 
+// Superposition: the cores are taken as linear, so every coil's field is proportional to its
+// current.
 FieldMatrix CoilField::matrix(const Eigen::Vector3d& position_in_world) const {
   if (!position_in_world.allFinite()) throw std::invalid_argument("position_in_world: not finite");
   FieldMatrix result(8, coils());
@@ -114,6 +123,7 @@ FieldMatrix CoilField::matrix(const Eigen::Vector3d& position_in_world) const {
   return result;
 }
 
+// Symmetric because curl B = 0, of trace zero because div B = 0.
 Eigen::Matrix3d gradient_matrix(const FieldGradient& field) {
   Eigen::Matrix3d g;
   g << field[3], field[4], field[5],  //
@@ -122,8 +132,11 @@ Eigen::Matrix3d gradient_matrix(const FieldGradient& field) {
   return g;
 }
 
+// S(m) of facts/magnetics 2, F_i = sum_j m_j dB_i/dx_j, on the five independent gradients.
 Eigen::Matrix<double, 3, 8> force_from_field(const Eigen::Vector3d& moment) {
-  const double x = moment.x(), y = moment.y(), z = moment.z();
+  const double x = moment.x();
+  const double y = moment.y();
+  const double z = moment.z();
   Eigen::Matrix<double, 3, 8> s;
   s << 0, 0, 0, x, y, z, 0, 0,  //
       0, 0, 0, 0, x, 0, y, z,   //

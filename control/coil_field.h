@@ -1,4 +1,4 @@
-// The field of a set of electromagnets, linear in their currents.
+// Dipole field model: the field and gradient of a set of electromagnets, linear in their currents.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,8 +22,8 @@ struct Dipole {
   Eigen::Vector3d moment_per_ampere;  // A m^2 / A
 };
 
-/// How far a real machine is from its model: standard deviations (facts: two calibrations of one
-/// OctoMag).
+/// Difference of a real machine from its model: standard deviations, which reproduce the difference
+/// of two calibrations of one OctoMag (facts/magnetics 1.2).
 struct FieldPerturbation {
   double gain = 0.03;                 // relative, per coil
   double position = 1.2e-3;           // m, per axis
@@ -36,8 +36,8 @@ class CoilField {
   explicit CoilField(std::vector<Dipole> dipoles);
   /// The eight-coil OctoMag as one dipole a coil (facts/magnetics 1.2).
   static CoilField octomag();
-  /// A machine drawn about this model: per coil a gain, a shift, and a turn of the moment about a
-  /// random axis across it.
+  /// A machine sampled about this model: per coil a gain, a shift, and a turn of the moment about a
+  /// random axis across it. Throws std::invalid_argument for a negative sigma.
   CoilField perturbed(const FieldPerturbation& sigma, std::mt19937_64& random) const;
   int coils() const { return static_cast<int>(dipoles_.size()); }
   /// Throws std::invalid_argument where the position is not finite or is a dipole's own.

@@ -1,32 +1,31 @@
-// The response of delay and lag to held commands, exactly.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/command_history.h"
 
+#include "control/preconditions.h"
+
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::control {
 
 CommandHistory::CommandHistory(double delay, double lag) : delay_(delay), lag_(lag) {
-  if (!std::isfinite(delay) || delay < 0)
-    throw std::invalid_argument("command_delay: must be at least 0 s");
-  if (!std::isfinite(lag) || lag < 0)
-    throw std::invalid_argument("command_lag: must be at least 0 s");
+  require(not_negative(delay), "command_delay: must be at least 0 s");
+  require(not_negative(lag), "command_lag: must be at least 0 s");
 }
 
 void CommandHistory::add(double time, const Eigen::Vector3d& velocity) {
-  if (!std::isfinite(time)) throw std::invalid_argument("command time: not finite");
-  if (!velocity.allFinite()) throw std::invalid_argument("commanded velocity: not finite");
+  require(std::isfinite(time), "command time: not finite");
+  require(velocity.allFinite(), "commanded velocity: not finite");
   const double effect = time + delay_;
   if (size_ > 0) {
     Entry& last = ring_[(first_ + size_ - 1) % kCapacity];
-    if (effect < last.effect) throw std::invalid_argument("command time: runs backwards");
+    require(effect >= last.effect, "command time: runs backwards");
     if (effect == last.effect) {
       last.velocity = velocity;
       return;
     }
   }
+  // Full: the oldest is dropped.
   if (size_ == kCapacity) {
     first_ = (first_ + 1) % kCapacity;
     --size_;
@@ -35,6 +34,8 @@ void CommandHistory::add(double time, const Eigen::Vector3d& velocity) {
   ++size_;
 }
 
+// Over `span` of one held command u, T v' = u - v has v(t) = u + (v0 - u) e^(-t/T), whose
+// integral is u t + (v0 - u) T (1 - e^(-t/T)): exact, so the steps may be of any length.
 void CommandHistory::pass(Motion& motion, const Eigen::Vector3d& commanded, double span) const {
   if (lag_ > 0) {
     const double decay = std::exp(-span / lag_);
@@ -46,6 +47,7 @@ void CommandHistory::pass(Motion& motion, const Eigen::Vector3d& commanded, doub
   }
 }
 
+// Piecewise: from one command's effect to the next, each span by pass().
 CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, double from,
                                                double to) const {
   Motion motion;
@@ -66,7 +68,7 @@ CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, 
 }
 
 void CommandHistory::forget_before(double time) {
-  // The one that acts at `time` stays.
+  // The command that acts at `time` stays: the newest that took effect by then.
   while (size_ > 1 && entry(1).effect <= time) {
     first_ = (first_ + 1) % kCapacity;
     --size_;

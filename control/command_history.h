@@ -1,4 +1,4 @@
-// What was commanded lately, and how far that moves the robot between any two moments.
+// Buffer of commanded velocities and the motion that they cause behind delay and first-order lag.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -21,10 +21,10 @@ class CommandHistory {
     Eigen::Vector3d moved{0, 0, 0};     // m
     Eigen::Vector3d velocity{0, 0, 0};  // m/s, at the end, behind the lag
   };
-  /// From a moment at which the velocity behind the lag was `velocity`. Before the first command it
-  /// was nothing.
+  /// The motion from time `from` to `to` (s), when the velocity behind the lag was `velocity` (m/s)
+  /// at `from`. Before the first command 0 was commanded.
   Motion advance(const Eigen::Vector3d& velocity, double from, double to) const;
-  /// Nothing before `time` will be asked for again.
+  /// Drops the commands that no advance() from `time` or later needs.
   void forget_before(double time);
   void clear() { size_ = 0; }
 
@@ -37,9 +37,11 @@ class CommandHistory {
   const Entry& entry(std::size_t k) const { return ring_[(first_ + k) % kCapacity]; }
   void pass(Motion& motion, const Eigen::Vector3d& commanded, double span) const;
 
-  double delay_, lag_;
+  double delay_;  // s
+  double lag_;    // s
   std::array<Entry, kCapacity> ring_;
-  std::size_t first_ = 0, size_ = 0;
+  std::size_t first_ = 0;
+  std::size_t size_ = 0;
 };
 
 }  // namespace vitreo::control

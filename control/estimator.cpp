@@ -1,25 +1,20 @@
-// The filter's equations; see docs/control.md.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/estimator.h"
+
+#include "control/preconditions.h"
 
 #include <Eigen/Cholesky>
 
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::control {
 namespace {
 
-constexpr int kPassedOverAtMost =
-    2;  // the robot may truly have been moved: the third in a row is believed
+// Measurements in a row that the gate may reject. The robot may really have been displaced, so the
+// next one is believed.
+constexpr int kMaxRejected = 2;
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
-bool not_negative(double value) { return std::isfinite(value) && value >= 0; }
-bool positive(double value) { return std::isfinite(value) && value > 0; }
-
+// The covariance must be symmetric and positive definite, which the Cholesky factorization decides.
 void check(const PositionMeasurement& measurement) {
   require(std::isfinite(measurement.time), "measurement time: not finite");
   require(measurement.position.allFinite(), "measured position: not finite");
@@ -50,7 +45,7 @@ PositionEstimator::PositionEstimator(const EstimatorSettings& settings)
 
 void PositionEstimator::reset() {
   started_ = false;
-  passed_over_ = 0;
+  rejected_ = 0;
   commands_.clear();
 }
 
@@ -58,24 +53,28 @@ void PositionEstimator::command(double time, const Eigen::Vector3d& velocity) {
   commands_.add(time, velocity);
 }
 
-// F P F' + Q over `span`: position takes up the disturbance, which walks (white noise integrated
-// exactly).
-PositionEstimator::Matrix6 PositionEstimator::grown(double span) const {
+// Kalman prediction of the covariance over t = `span`, P := F P F' + Q(t) with F = [1 t; 0 1] in
+// blocks of position and disturbance. Q is the exact integral of the continuous white noise
+// (Bar-Shalom, Li & Kirubarajan 2001, 6.2.2): with q = disturbance_walk^2, r = position_walk^2
+//   Q = [q t^3/3 + r t, q t^2/2; q t^2/2, q t] for each coordinate,
+// so that two predictions in a row are one over the sum of their spans.
+PositionEstimator::Matrix6 PositionEstimator::predicted_covariance(double span) const {
   const Eigen::Matrix3d pp = covariance_.topLeftCorner<3, 3>(),
                         pd = covariance_.topRightCorner<3, 3>(),
                         dd = covariance_.bottomRightCorner<3, 3>();
   const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
-  const double walk = settings_.disturbance_walk * settings_.disturbance_walk,
-               place = settings_.position_walk * settings_.position_walk;
+  const double walk = settings_.disturbance_walk * settings_.disturbance_walk;
+  const double position_noise = settings_.position_walk * settings_.position_walk;
   Matrix6 result;
   result.topLeftCorner<3, 3>() = pp + span * (pd + pd.transpose()) + span * span * dd +
-                                 (walk * span * span * span / 3 + place * span) * one;
+                                 (walk * span * span * span / 3 + position_noise * span) * one;
   result.topRightCorner<3, 3>() = pd + span * dd + (walk * span * span / 2) * one;
   result.bottomLeftCorner<3, 3>() = result.topRightCorner<3, 3>().transpose();
   result.bottomRightCorner<3, 3>() = dd + (walk * span) * one;
   return result;
 }
 
+// Position as measured, the disturbance's estimate kept, without correlation between them.
 void PositionEstimator::start_at(const PositionMeasurement& measurement,
                                  const Eigen::Matrix3d& disturbance) {
   state_.head<3>() = measurement.position;
@@ -83,14 +82,18 @@ void PositionEstimator::start_at(const PositionMeasurement& measurement,
   covariance_.topLeftCorner<3, 3>() = measurement.covariance;
   covariance_.bottomRightCorner<3, 3>() = disturbance;
   started_ = true;
-  passed_over_ = 0;
+  rejected_ = 0;
 }
 
+// The prediction to the measurement's time, then the update. The state is of the time at which the
+// measurement was taken, not at which it arrived: latency needs no augmented state, because at()
+// predicts from there through the buffered commands.
 bool PositionEstimator::measure(const PositionMeasurement& measurement) {
   check(measurement);
   const Eigen::Matrix3d first =
       std::pow(settings_.initial_disturbance, 2) * Eigen::Matrix3d::Identity();
   if (!started_) {
+    // From rest a second ago, which is many lags.
     commanded_ =
         commands_.advance(Eigen::Vector3d::Zero(), measurement.time - 1, measurement.time).velocity;
     time_ = measurement.time;
@@ -101,62 +104,72 @@ bool PositionEstimator::measure(const PositionMeasurement& measurement) {
   require(measurement.time >= time_, "measurement time: runs backwards");
   const double span = measurement.time - time_;
   const CommandHistory::Motion motion = commands_.advance(commanded_, time_, measurement.time);
+  // x := F x + the commanded motion, which is known; d is modelled as constant but for its noise.
   const Eigen::Vector3d predicted = state_.head<3>() + motion.moved + span * state_.tail<3>();
-  Matrix6 covariance = grown(span);
-  // What the model gets wrong about a force grows with the force: a change of the command changes
-  // the disturbance.
+  Matrix6 covariance = predicted_covariance(span);
+  // The model's error of a force grows with the force, so a change of the command changes the
+  // disturbance: its variance grows by (s |du|)^2. Under an oscillation this raises the gain, which
+  // may feed the oscillation (facts/control_limits 1).
   covariance.bottomRightCorner<3, 3>().diagonal().array() +=
       std::pow(settings_.actuation_uncertainty, 2) * (motion.velocity - commanded_).squaredNorm();
   time_ = measurement.time;
   commanded_ = motion.velocity;
   commands_.forget_before(time_);
   if (span > settings_.max_age) {
-    // Where it was says nothing any more; what pushed it is the best guess of what pushes it.
+    // The old position carries no information any more; the old disturbance is still the best
+    // guess.
     start_at(measurement, covariance.bottomRightCorner<3, 3>());
     return true;
   }
   return update(measurement, predicted, covariance);
 }
 
+// Kalman update with H = [1 0]: innovation y - H x, its covariance S = H P H' + R, the gain
+// K = P H' S^-1, and then x += K (y - H x).
 bool PositionEstimator::update(const PositionMeasurement& measurement,
                                const Eigen::Vector3d& predicted, const Matrix6& covariance) {
-  const Eigen::Vector3d surprise = measurement.position - predicted;
-  const Eigen::Matrix3d sum = covariance.topLeftCorner<3, 3>() + measurement.covariance;
-  const Eigen::LLT<Eigen::Matrix3d> solver(sum);
-  // A sure tracker's micrometers are not what the model errs by: beyond the gate is a leap, not a
-  // push.
+  const Eigen::Vector3d innovation = measurement.position - predicted;
+  const Eigen::Matrix3d innovation_covariance =
+      covariance.topLeftCorner<3, 3>() + measurement.covariance;
+  const Eigen::LLT<Eigen::Matrix3d> solver(innovation_covariance);
+  // The gate on the Mahalanobis distance of the innovation. gate_error stands for the model's
+  // error: a tracker that is sure to a micrometer must not make the gate as narrow as that.
   const Eigen::Matrix3d allowed =
-      sum + std::pow(settings_.gate_error, 2) * Eigen::Matrix3d::Identity();
+      innovation_covariance + std::pow(settings_.gate_error, 2) * Eigen::Matrix3d::Identity();
   if (settings_.gate > 0 &&
-      surprise.dot(allowed.llt().solve(surprise)) > settings_.gate * settings_.gate) {
+      innovation.dot(allowed.llt().solve(innovation)) > settings_.gate * settings_.gate) {
     state_.head<3>() = predicted;
     covariance_ = covariance;
-    if (++passed_over_ <= kPassedOverAtMost) return false;
-    // The model was wrong about what pushes it, not only about where it is: were that kept, the
-    // next would be passed over too, and so on for ever.
+    if (++rejected_ <= kMaxRejected) return false;
+    // The model was wrong about the disturbance too, not only about the position: were its
+    // covariance kept, the next measurements would be rejected as well, and so on for ever.
     const Eigen::Matrix3d first =
         std::pow(settings_.initial_disturbance, 2) * Eigen::Matrix3d::Identity();
     start_at(measurement, covariance.bottomRightCorner<3, 3>() + first);
     return true;
   }
-  passed_over_ = 0;
-  const Eigen::Matrix<double, 6, 3> gain =
-      solver.solve(covariance.topRows<3>()).transpose();  // P H' (H P H' + R)^-1
+  rejected_ = 0;
+  // K' = S^-1 (H P), P being symmetric.
+  const Eigen::Matrix<double, 6, 3> gain = solver.solve(covariance.topRows<3>()).transpose();
   state_.head<3>() = predicted;
-  state_ += gain * surprise;
-  const double push = state_.tail<3>().norm();
-  if (push > settings_.max_disturbance) state_.tail<3>() *= settings_.max_disturbance / push;
-  // Joseph's form: stays positive for good, whatever the rounding.
+  state_ += gain * innovation;
+  // Anti-windup: a robot that is held fast looks like an ever larger disturbance.
+  const double disturbance = state_.tail<3>().norm();
+  if (disturbance > settings_.max_disturbance)
+    state_.tail<3>() *= settings_.max_disturbance / disturbance;
+  // Joseph form, P := (1 - K H) P (1 - K H)' + K R K': positive whatever the rounding of K.
   Matrix6 keep = Matrix6::Identity();
   keep.leftCols<3>() -= gain;
   const Matrix6 joseph =
       keep * covariance * keep.transpose() + gain * measurement.covariance * gain.transpose();
-  // The form keeps what is symmetric positive; what rounding, or a measurement, brings in beside it
-  // would grow.
+  // It keeps a symmetric P symmetric only up to rounding, and an antisymmetric part, from there or
+  // from R, would grow.
   covariance_ = (joseph + joseph.transpose()) / 2;
   return true;
 }
 
+// Prediction only: the delayed commands that have taken effect by `time` are known exactly, and the
+// disturbance is held (the structure of a Smith predictor, with the model's error in d).
 std::optional<PositionEstimate> PositionEstimator::at(double time) const {
   require(std::isfinite(time), "time: not finite");
   if (!started_) return std::nullopt;
@@ -167,7 +180,7 @@ std::optional<PositionEstimate> PositionEstimator::at(double time) const {
   estimate.position =
       state_.head<3>() + commands_.advance(commanded_, time_, time).moved + span * state_.tail<3>();
   estimate.disturbance = state_.tail<3>();
-  estimate.covariance = grown(span);
+  estimate.covariance = predicted_covariance(span);
   estimate.age = span;
   return estimate;
 }

@@ -1,4 +1,4 @@
-// Where the robot is and what pushes it: a Kalman filter on position and disturbance velocity.
+// Position estimator: a Kalman filter on the robot's position and disturbance velocity.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,19 +14,20 @@ struct EstimatorSettings {
   double command_delay = 0.05;      // s, from a command to the first of its effect
   double command_lag = 0.0106;      // s, of the coils: 15 Hz
   double disturbance_walk = 60e-6;  // m/s per sqrt(s): how fast the model's error changes
-  double actuation_uncertainty =
-      0.2;                      // relative: how wrong the answer to a change of the command may be
-  double position_walk = 1e-6;  // m per sqrt(s): what the model knows nothing of
+  // relative standard deviation of the response to a change of the command
+  double actuation_uncertainty = 0.2;
+  double position_walk = 1e-6;        // m per sqrt(s): unmodelled motion
   double initial_disturbance = 3e-4;  // m/s, standard deviation before anything was measured
   double max_disturbance = 2e-3;      // m/s: held below, so that a robot held fast winds nothing up
   double max_age = 1;                 // s without a measurement after which nothing is known
   double gate_error = 20e-6;          // m: of the model, added to what the gate allows
-  double gate = 20;    // standard deviations beyond which a measurement is passed over; 0: never.
-                       // Wide: at a corner a wrong model surprises by many
+  // standard deviations beyond which a measurement is rejected; 0: never. Wide: at a corner a wrong
+  // model makes innovations of many
+  double gate = 20;
   void check() const;  // throws std::invalid_argument naming the setting
 };
 
-/// Taken at `time`, whenever it arrives.
+/// A measured position: taken at `time`, whenever it arrives.
 struct PositionMeasurement {
   double time = 0;                                           // s
   Eigen::Vector3d position{0, 0, 0};                         // m, world
@@ -40,9 +41,10 @@ struct PositionEstimate {
   double age = 0;  // s since the last measurement was taken
 };
 
-/// p' = u + d, d' = white noise; u is what was commanded, behind delay and lag. Measurements may
-/// come late, irregularly or not at all: the filter stands at the last one's time, and a question
-/// about any later moment is answered through the buffered commands.
+/// Kalman filter of x = [p; d], p' = u + d, d' = white noise; u is the commanded velocity behind
+/// delay and lag. Measurements may come late, irregularly or not at all, but in the order in which
+/// they were taken: the state is of the last one's time, and any later time is predicted through
+/// the buffered commands. The equations: docs/control.md.
 class PositionEstimator {
  public:
   explicit PositionEstimator(const EstimatorSettings& settings);
@@ -50,19 +52,19 @@ class PositionEstimator {
   /// winds nothing up.
   void command(double time, const Eigen::Vector3d& velocity);
   /// Throws std::invalid_argument naming what is not finite, a covariance that is not positive
-  /// definite, or time that runs backwards. False: passed over, beyond the gate; the third in a row
-  /// is taken as the new place.
+  /// definite, or time that runs backwards. False: rejected, beyond the gate; the third in a row is
+  /// taken as the new position.
   bool measure(const PositionMeasurement& measurement);
-  /// At or after the last measurement's time, the future included. Nothing before the first
-  /// measurement, and when the last is older than max_age. Throws std::invalid_argument for a time
-  /// before the last measurement.
+  /// The state at `time` (s), at or after the last measurement's, the future included. Nothing
+  /// before the first measurement, and when the last is older than max_age. Throws
+  /// std::invalid_argument for a time before the last measurement.
   std::optional<PositionEstimate> at(double time) const;
   void reset();
 
  private:
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  Matrix6 grown(double span) const;
+  Matrix6 predicted_covariance(double span) const;
   bool update(const PositionMeasurement& measurement, const Eigen::Vector3d& predicted,
               const Matrix6& covariance);
   void start_at(const PositionMeasurement& measurement,
@@ -71,8 +73,8 @@ class PositionEstimator {
   EstimatorSettings settings_;
   CommandHistory commands_;
   bool started_ = false;
-  int passed_over_ = 0;
-  double time_ = 0;
+  int rejected_ = 0;                    // in a row
+  double time_ = 0;                     // s, of the state
   Vector6 state_ = Vector6::Zero();     // position, disturbance
   Eigen::Vector3d commanded_{0, 0, 0};  // m/s behind the lag, at time_
   Matrix6 covariance_ = Matrix6::Zero();

@@ -1,26 +1,23 @@
-// One dense residual block with its own derivatives: the field's gradient is that by the dipole's
-// place, negative.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_fit.h"
 
+#include "control/constants.h"
+#include "control/field_least_squares.h"
+
 #include <ceres/cost_function.h>
-#include <ceres/problem.h>
-#include <ceres/solver.h>
 
 #include <cmath>
+#include <memory>
 #include <utility>
 
 namespace vitreo::control {
 namespace {
 
-constexpr double kMu0Over4Pi = 1e-7;     // T m/A
-constexpr double kMomentUnit = 100;      // A m^2/A: brings moments to the size of positions in m
-constexpr double kFieldUnit = 1e-3;      // T: residuals of about one
-using Parameters = std::vector<double>;  // per coil position (m) and moment (kMomentUnit), then
-                                         // background (kFieldUnit)
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+constexpr double kMomentUnit = 100;  // A m^2/A: brings moments to the size of positions in m
 
-CoilField field_of(const double* x, int coils) {
+// The unknowns x: of each coil position (m) and moment (kMomentUnit), then the background
+// (kFieldUnit).
+CoilField dipoles_from(const double* x, int coils) {
   std::vector<Dipole> dipoles;
   for (int k = 0; k < coils; ++k, x += 6) {
     dipoles.push_back(
@@ -29,9 +26,12 @@ CoilField field_of(const double* x, int coils) {
   return CoilField(std::move(dipoles));
 }
 
-class Residuals final : public ceres::CostFunction {
+// r = B(p) I + b - B_measured of all readings, one dense block with analytic derivatives. Moments
+// and background enter linearly. Moving a dipole by dp moves every field point by -dp relative to
+// it, so dB/dp_dipole = -G, the field's gradient, which the model has anyway.
+class DipoleResiduals final : public ceres::CostFunction {
  public:
-  Residuals(const std::vector<ProbeReading>& readings, int coils)
+  DipoleResiduals(const std::vector<ProbeReading>& readings, int coils)
       : readings_(readings), coils_(coils) {
     set_num_residuals(static_cast<int>(3 * readings.size()));
     mutable_parameter_block_sizes()->push_back(6 * coils + 3);
@@ -41,12 +41,13 @@ class Residuals final : public ceres::CostFunction {
                 double** jacobians) const override {
     const double* x = parameters[0];
     const int unknowns = 6 * coils_ + 3;
+    // A step that went wrong: Ceres then tries a shorter one.
     for (int i = 0; i < unknowns; ++i) {
       if (!std::isfinite(x[i])) return false;
     }
-    const CoilField field = field_of(x, coils_);
+    const CoilField field = dipoles_from(x, coils_);
     const Eigen::Map<const Eigen::Vector3d> background(x + 6 * coils_);
-    Eigen::Map<RowMajor> jacobian(jacobians ? jacobians[0] : nullptr,
+    Eigen::Map<Jacobian> jacobian(jacobians ? jacobians[0] : nullptr,
                                   jacobians ? num_residuals() : 0, unknowns);
     for (std::size_t n = 0; n < readings_.size(); ++n) {
       const ProbeReading& reading = readings_[n];
@@ -69,9 +70,10 @@ class Residuals final : public ceres::CostFunction {
   }
 
  private:
-  // B = D(r) m.
+  // D(r) of B = D(r) m: the dipole's field is linear in its moment.
   static Eigen::Matrix3d by_moment(const Eigen::Vector3d& r) {
-    const double square = r.squaredNorm(), cube = square * std::sqrt(square);
+    const double square = r.squaredNorm();
+    const double cube = square * std::sqrt(square);
     return kMu0Over4Pi / cube * (3 / square * r * r.transpose() - Eigen::Matrix3d::Identity());
   }
 
@@ -83,30 +85,19 @@ class Residuals final : public ceres::CostFunction {
 
 DipoleFit fit_dipoles(const CoilField& start, const std::vector<ProbeReading>& readings) {
   const int coils = start.coils();
+  // 6 n + 3 unknowns, three numbers a reading.
   check_readings(readings, coils, static_cast<std::size_t>(2 * coils + 1));
-  Parameters x;
+  std::vector<double> x;
   for (const Dipole& dipole : start.dipoles()) {
     x.insert(x.end(), dipole.position.begin(), dipole.position.end());
     for (const double m : dipole.moment_per_ampere) x.push_back(m / kMomentUnit);
   }
   x.resize(x.size() + 3, 0);
-  ceres::Problem problem;
-  problem.AddResidualBlock(new Residuals(readings, coils), nullptr,
-                           x.data());  // the problem owns it
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 200;
-  options.function_tolerance = 1e-14;
-  options.parameter_tolerance = 1e-12;
-  options.gradient_tolerance = 1e-14;
-  options.logging_type = ceres::SILENT;
-  options.num_threads = 1;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  const bool converged = solve_least_squares(std::make_unique<DipoleResiduals>(readings, coils), x);
   const double* background = x.data() + 6 * coils;
-  DipoleFit fit{field_of(x.data(), coils),
+  DipoleFit fit{dipoles_from(x.data(), coils),
                 kFieldUnit * Eigen::Vector3d(background[0], background[1], background[2])};
-  fit.converged = summary.termination_type == ceres::CONVERGENCE;
+  fit.converged = converged;
   const ResidualReport residual = residual_report(readings, [&fit](const ProbeReading& reading) {
     return Eigen::Vector3d(fit.field.matrix(reading.position).topRows<3>() * reading.currents +
                            fit.background);

@@ -1,4 +1,4 @@
-// Calibrates the dipole field model from probe readings.
+// Calibration of the dipole field model from probe readings.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,8 +1,7 @@
-// Forwards to whichever field model is held.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_model.h"
 
-#include <stdexcept>
+#include "control/preconditions.h"
 
 namespace vitreo::control {
 
@@ -23,16 +22,18 @@ FieldGradient FieldModel::background(const Eigen::Vector3d& position_in_world) c
 }
 
 void FieldModel::set_uniform_background(const Eigen::Vector3d& field) {
-  if (!field.allFinite()) throw std::invalid_argument("background field: not finite");
+  require(field.allFinite(), "background field: not finite");
   uniform_ = field;
 }
 
+// A fit is an interpolation: outside the box of its readings the multipoles may be anything.
 bool FieldModel::valid_at(const Eigen::Vector3d& position_in_world) const {
   const auto* multipoles = std::get_if<MultipoleField>(&model_);
   return position_in_world.allFinite() &&
          (!multipoles || multipoles->region().contains(position_in_world));
 }
 
+// The nearest point of a box: each coordinate clamped.
 Eigen::Vector3d FieldModel::nearest_valid(const Eigen::Vector3d& position_in_world) const {
   const auto* multipoles = std::get_if<MultipoleField>(&model_);
   if (!multipoles) return position_in_world;

@@ -1,7 +1,7 @@
-// Multipole sources: solid harmonics about an axis, their gradients and second derivatives in
-// closed form.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/multipole_field.h"
+
+#include "control/preconditions.h"
 
 #include <algorithm>
 #include <array>
@@ -14,12 +14,16 @@
 namespace vitreo::control {
 namespace {
 
-// First and second derivatives of the Legendre polynomials at c, orders 0 to `last`.
-struct Legendre {
-  std::array<double, kMaxMultipoleOrder + 3> first{}, second{};
+// P'_n(c) and P''_n(c) for n = 0 to `last`, by recursions that are stable for |c| <= 1:
+//   (k + 1) P_(k+1) = (2k + 1) c P_k - k P_(k-1)       (Bonnet)
+//   P'_(k+1) = P'_(k-1) + (2k + 1) P_k                 and its derivative for P''
+struct LegendreDerivatives {
+  std::array<double, kMaxMultipoleOrder + 3> first{};
+  std::array<double, kMaxMultipoleOrder + 3> second{};
 
-  Legendre(double c, int last) {
-    double before = 1, now = c;  // P_(k-1), P_k
+  LegendreDerivatives(double c, int last) {
+    double before = 1;  // P_(k-1)
+    double now = c;     // P_k
     first[1] = 1;
     for (int k = 1; k < last; ++k) {
       const auto at = static_cast<std::size_t>(k);
@@ -31,15 +35,19 @@ struct Legendre {
   }
 };
 
-// With r^ the direction from the source and ' the derivative of P_n:
+// The sum of the gradients of solid harmonics r^n P_n(cos th), regular, and r^-(n+1) P_n(cos th),
+// irregular (Jackson 1998, 3.3; Petruska, Edelmann & Nelson 2017). With z the source's axis, r^ the
+// direction from the source and ' the derivative of P_n by cos th = z.r^:
 //   grad (r^-(n+1) P_n) = r^-(n+2) (P'_n z - P'_(n+1) r^)
-//   second derivatives  = r^-(n+3) (P''_n z z - P''_(n+1) (z r^ + r^ z) + P''_(n+2) r^ r^ -
-//   P'_(n+1) 1)
+//   second derivatives  = r^-(n+3) (P''_n z z - P''_(n+1) (z r^ + r^ z)
+//                                   + P''_(n+2) r^ r^ - P'_(n+1) 1)
 // and for r^n P_n the same with r^(n-1), r^(n-2) before and orders n-1, n-2 in place of n+1, n+2.
-class Sum {
+class HarmonicSum {
  public:
-  Sum(const Eigen::Vector3d& z, const Eigen::Vector3d& away) : z_(z), away_(away) {}
+  HarmonicSum(const Eigen::Vector3d& z, const Eigen::Vector3d& away) : z_(z), away_(away) {}
 
+  // One harmonic with the factor `scale` of its gradient and `f` of its second derivatives: own1,
+  // own2 are P'_n, P''_n; next1, next2 those of the order beside it; last2 P'' two orders away.
   void add(double scale, double f, double own1, double next1, double own2, double next2,
            double last2) {
     z1_ += scale * own1;
@@ -50,6 +58,7 @@ class Sum {
     one_ -= f * next1;
   }
 
+  // B = +grad Psi, and its gradients as the rows of FieldMatrix.
   FieldGradient field() const {
     const Eigen::Vector3d b = z1_ * z_ + away1_ * away_;
     const auto g = [&](int i, int j) {
@@ -62,21 +71,31 @@ class Sum {
   }
 
  private:
-  Eigen::Vector3d z_, away_;
-  double z1_ = 0, away1_ = 0, zz_ = 0, mixed_ = 0, away2_ = 0, one_ = 0;
+  Eigen::Vector3d z_;
+  Eigen::Vector3d away_;
+  double z1_ = 0;     // of B: along z
+  double away1_ = 0;  // of B: along r^
+  double zz_ = 0;     // of the second derivatives: z z
+  double mixed_ = 0;  // z r^ + r^ z
+  double away2_ = 0;  // r^ r^
+  double one_ = 0;    // the identity
 };
 
+// B and its gradients of one source, closed form: nothing is differenced, so sources that nearly
+// cancel, or lie far away, are as exact as any other.
 FieldGradient source_field(const MultipoleSource& source, const Eigen::Vector3d& position) {
   const Eigen::Vector3d offset = position - source.position;
   const double r = offset.norm();
-  const std::size_t inner = source.regular.size(), outer = source.irregular.size();
+  const std::size_t inner = source.regular.size();
+  const std::size_t outer = source.irregular.size();
   if (!(r > 0) && outer > 0)
     throw std::invalid_argument("position_in_world: at a source of the field model");
   // At the source itself the regular harmonics are polynomials: any direction gives their value.
   const Eigen::Vector3d away = r > 0 ? Eigen::Vector3d(offset / r) : source.axis;
-  const Legendre p(source.axis.dot(away), static_cast<int>(std::max(inner, outer)) + 2);
-  Sum sum(source.axis, away);
-  double before = 0, power = 1;  // r^(n-2), r^(n-1); the first harmonic has no second derivatives
+  const LegendreDerivatives p(source.axis.dot(away), static_cast<int>(std::max(inner, outer)) + 2);
+  HarmonicSum sum(source.axis, away);
+  double before = 0;  // r^(n-2); the first harmonic has no second derivatives
+  double power = 1;   // r^(n-1)
   for (std::size_t n = 1; n <= inner; ++n) {
     const double a = source.regular[n - 1];
     sum.add(a * power, a * before, p.first[n], p.first[n - 1], p.second[n], p.second[n - 1],
@@ -92,27 +111,30 @@ FieldGradient source_field(const MultipoleSource& source, const Eigen::Vector3d&
   return sum.field();
 }
 
-FieldGradient field_of(const MultipoleField::Sources& sources, const Eigen::Vector3d& position) {
+FieldGradient sources_field(const MultipoleField::Sources& sources,
+                            const Eigen::Vector3d& position) {
   FieldGradient sum = FieldGradient::Zero();
   for (const MultipoleSource& source : sources) sum += source_field(source, position);
   return sum;
 }
 
-void check(MultipoleField::Sources& sources, const std::string& whose) {
+// Throws naming the fault; normalizes the axes.
+void check_sources(MultipoleField::Sources& sources, const std::string& whose) {
   for (MultipoleSource& source : sources) {
-    const auto require = [&](bool good, const char* what) {
+    const auto expect = [&](bool good, const char* what) {
       if (!good) throw std::invalid_argument(whose + ": " + what);
     };
-    require(source.position.allFinite(), "source position is not finite");
-    require(std::abs(source.axis.norm() - 1) < 1e-3, "source direction is not a unit vector");
-    // Left to the bit when it is unit already, so that a file written and read again is the same.
+    expect(source.position.allFinite(), "source position is not finite");
+    expect(std::abs(source.axis.norm() - 1) < 1e-3, "source direction is not a unit vector");
+    // Left as it is when it is a unit vector already, so that a file that is written and read again
+    // is the same to the bit.
     if (std::abs(source.axis.norm() - 1) > 1e-12) source.axis.normalize();
-    require(source.regular.size() <= kMaxMultipoleOrder &&
-                source.irregular.size() <= kMaxMultipoleOrder,
-            "source has coefficients beyond order 12");
+    expect(source.regular.size() <= kMaxMultipoleOrder &&
+               source.irregular.size() <= kMaxMultipoleOrder,
+           "source has coefficients beyond order 12");
     for (const auto* list : {&source.regular, &source.irregular}) {
       for (const double value : *list)
-        require(std::isfinite(value), "source coefficient is not finite");
+        expect(std::isfinite(value), "source coefficient is not finite");
     }
   }
 }
@@ -129,8 +151,9 @@ MultipoleField::MultipoleField(std::vector<Sources> coils, Sources background, c
     throw std::invalid_argument("coils: " + std::to_string(coils_.size()) + " given, 1 to " +
                                 std::to_string(kMaxCoils) + " allowed");
   }
-  for (std::size_t k = 0; k < coils_.size(); ++k) check(coils_[k], "coil " + std::to_string(k));
-  check(background_, "background");
+  for (std::size_t k = 0; k < coils_.size(); ++k)
+    check_sources(coils_[k], "coil " + std::to_string(k));
+  check_sources(background_, "background");
   if (!region_.low.allFinite() || !region_.high.allFinite() ||
       !(region_.low.array() < region_.high.array()).all()) {
     throw std::invalid_argument("region: low must be below high on every axis");
@@ -140,7 +163,9 @@ MultipoleField::MultipoleField(std::vector<Sources> coils, Sources background, c
 void MultipoleField::check_inside(const Eigen::Vector3d& p) const {
   if (!p.allFinite()) throw std::invalid_argument("position_in_world: not finite");
   if (region_.contains(p)) return;
-  const Eigen::RowVector3d at = 1e3 * p, low = 1e3 * region_.low, high = 1e3 * region_.high;
+  const Eigen::RowVector3d at = 1e3 * p;
+  const Eigen::RowVector3d low = 1e3 * region_.low;
+  const Eigen::RowVector3d high = 1e3 * region_.high;
   std::ostringstream text;
   text << "position_in_world: (" << at << ") mm is outside the field model, which holds from ("
        << low << ") to (" << high << ") mm";
@@ -151,14 +176,14 @@ FieldMatrix MultipoleField::matrix(const Eigen::Vector3d& position_in_world) con
   check_inside(position_in_world);
   FieldMatrix result(8, coils());
   for (int k = 0; k < coils(); ++k) {
-    result.col(k) = field_of(coils_[static_cast<std::size_t>(k)], position_in_world);
+    result.col(k) = sources_field(coils_[static_cast<std::size_t>(k)], position_in_world);
   }
   return result;
 }
 
 FieldGradient MultipoleField::background(const Eigen::Vector3d& position_in_world) const {
   check_inside(position_in_world);
-  return field_of(background_, position_in_world);
+  return sources_field(background_, position_in_world);
 }
 
 }  // namespace vitreo::control

@@ -1,5 +1,5 @@
-// The field of electromagnets as multipole sources: the model of Petruska, Edelmann and Nelson
-// (MPEM).
+// Multipole field model (MPEM; Petruska, Edelmann & Nelson 2017): electromagnets as sources of
+// solid harmonics.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -23,9 +23,10 @@ struct MultipoleSource {
   std::vector<double> irregular;      // B_n, T m^(n+2)/A
 };
 
-/// Where a model was fitted; beyond, it may be anything.
+/// The box in which a model was fitted, and outside which it does not hold.
 struct Region {
-  Eigen::Vector3d low{0, 0, 0}, high{0, 0, 0};  // m, world
+  Eigen::Vector3d low{0, 0, 0};   // m, world
+  Eigen::Vector3d high{0, 0, 0};  // m, world
   bool contains(const Eigen::Vector3d& position_in_world) const;
 };
 
@@ -38,10 +39,10 @@ class MultipoleField {
   /// numbers that are not finite.
   MultipoleField(std::vector<Sources> coils, Sources background, const Region& region);
   int coils() const { return static_cast<int>(coils_.size()); }
-  /// Analytic. Throws std::domain_error outside the region, naming place and region;
+  /// Analytic. Throws std::domain_error outside the region, naming position and region;
   /// std::invalid_argument where the position is not finite or is a source's own.
   FieldMatrix matrix(const Eigen::Vector3d& position_in_world) const;
-  /// What is there at zero current: T and T/m.
+  /// The field at zero current: T and T/m.
   FieldGradient background(const Eigen::Vector3d& position_in_world) const;
   const Region& region() const { return region_; }
   const std::vector<Sources>& sources() const { return coils_; }

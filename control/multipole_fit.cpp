@@ -1,16 +1,16 @@
-// Coefficients enter linearly, a source's position by its field's gradient; only the axis is
-// differenced. Coefficients are scaled by the distance at which they act, so that all unknowns are
-// of one size.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/multipole_fit.h"
 
+#include "control/constants.h"
+#include "control/field_least_squares.h"
+#include "control/preconditions.h"
+
 #include <Eigen/Geometry>
 #include <ceres/cost_function.h>
-#include <ceres/problem.h>
-#include <ceres/solver.h>
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -18,22 +18,22 @@
 namespace vitreo::control {
 namespace {
 
-constexpr double kFieldUnit = 1e-3;   // T: residuals of about one
-constexpr double kLengthUnit = 0.01;  // m: of a source's place
-constexpr double kTurn = 1e-5;        // rad, to difference by the axis
-constexpr double kFar = 1e9;          // m: the fit's own models are valid everywhere
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+constexpr double kLengthUnit = 0.01;  // m: of a source's position
+// rad, of the central difference by the axis: its error is 1e-10, and the rounding 1e-11.
+constexpr double kTurn = 1e-5;
+constexpr double kFar = 1e9;  // m: the fit's own models are valid everywhere
 
-/// One source and where its unknowns begin: place (3), tangent of the axis (2), regular, irregular
-/// coefficients.
-struct Slot {
+/// One source and its unknowns: position (3), axis (2, on the plane that touches the unit sphere at
+/// the start's axis), regular, irregular coefficients.
+struct SourceUnknowns {
   std::size_t coil = 0;
   MultipoleSource start;
   double distance = 1;  // m, from the readings' middle
-  int first = 0;
+  int first = 0;        // index of its first unknown
   int size() const { return 5 + static_cast<int>(start.regular.size() + start.irregular.size()); }
 
-  /// What a coefficient must be to make kFieldUnit per ampere at the distance.
+  /// The coefficient that makes about kFieldUnit per ampere at the distance r: A_n r^(n-1) and
+  /// B_n r^-(n+2) are fields, and k = n - 1. So all unknowns are of one size.
   double regular_unit(std::size_t k) const {
     return kFieldUnit * std::pow(distance, -static_cast<double>(k));
   }
@@ -45,7 +45,8 @@ struct Slot {
     MultipoleSource made = start;
     x += first;
     made.position = kLengthUnit * Eigen::Map<const Eigen::Vector3d>(x);
-    const Eigen::Vector3d u = start.axis.unitOrthogonal(), v = start.axis.cross(u);
+    const Eigen::Vector3d u = start.axis.unitOrthogonal();
+    const Eigen::Vector3d v = start.axis.cross(u);
     made.axis = (start.axis + x[3] * u + x[4] * v).normalized();
     x += 5;
     for (std::size_t k = 0; k < made.regular.size(); ++k) made.regular[k] = *x++ * regular_unit(k);
@@ -70,10 +71,13 @@ const Region kEverywhere{Eigen::Vector3d::Constant(-kFar), Eigen::Vector3d::Cons
 
 MultipoleField only(const MultipoleSource& source) { return {{{source}}, {}, kEverywhere}; }
 
-class Residuals final : public ceres::CostFunction {
+// As DipoleResiduals: r = B(p) I + b - B_measured in one dense block. Coefficients enter linearly;
+// the derivative by a source's position is -G; only those by the axis are differenced.
+class MultipoleResiduals final : public ceres::CostFunction {
  public:
-  Residuals(const std::vector<ProbeReading>& readings, const std::vector<Slot>& slots, int unknowns,
-            std::vector<Eigen::Vector3d> known)
+  MultipoleResiduals(const std::vector<ProbeReading>& readings,
+                     const std::vector<SourceUnknowns>& slots, int unknowns,
+                     std::vector<Eigen::Vector3d> known)
       : readings_(readings), slots_(slots), unknowns_(unknowns), known_(std::move(known)) {
     set_num_residuals(static_cast<int>(3 * readings.size()));
     mutable_parameter_block_sizes()->push_back(unknowns);
@@ -85,7 +89,7 @@ class Residuals final : public ceres::CostFunction {
     for (int i = 0; i < unknowns_; ++i)
       if (!std::isfinite(x[i])) return false;
     const bool derive = jacobians && jacobians[0];
-    Eigen::Map<RowMajor> jacobian(derive ? jacobians[0] : nullptr, derive ? num_residuals() : 0,
+    Eigen::Map<Jacobian> jacobian(derive ? jacobians[0] : nullptr, derive ? num_residuals() : 0,
                                   unknowns_);
     const Eigen::Map<const Eigen::Vector3d> background(x + unknowns_ - 3);
     for (std::size_t n = 0; n < readings_.size(); ++n) {
@@ -95,16 +99,17 @@ class Residuals final : public ceres::CostFunction {
         jacobian.block<3, 3>(static_cast<Eigen::Index>(3 * n), unknowns_ - 3).setIdentity();
     }
     try {
-      for (const Slot& slot : slots_) add(slot, x, residuals, derive ? &jacobian : nullptr);
+      for (const SourceUnknowns& slot : slots_)
+        add(slot, x, residuals, derive ? &jacobian : nullptr);
     } catch (const std::invalid_argument&) {
-      return false;  // a source has wandered onto a reading's own place: the step was too long
+      return false;  // a source lies on a reading's own position: the step was too long
     }
     return true;
   }
 
  private:
-  void add(const Slot& slot, const double* x, double* residuals,
-           Eigen::Map<RowMajor>* jacobian) const {
+  void add(const SourceUnknowns& slot, const double* x, double* residuals,
+           Eigen::Map<Jacobian>* jacobian) const {
     const MultipoleSource source = slot.source(x);
     const MultipoleField field = only(source);
     for (std::size_t n = 0; n < readings_.size(); ++n) {
@@ -118,6 +123,7 @@ class Residuals final : public ceres::CostFunction {
             -current * kLengthUnit * gradient_matrix(made);
     }
     if (!jacobian) return;
+    // Central differences by the two angles of the axis.
     std::vector<double> moved(x, x + unknowns_);
     for (int turn = 3; turn < 5; ++turn) {
       const auto at = static_cast<std::size_t>(slot.first + turn);
@@ -133,8 +139,9 @@ class Residuals final : public ceres::CostFunction {
     coefficients(slot, source, *jacobian);
   }
 
-  void coefficients(const Slot& slot, const MultipoleSource& source,
-                    Eigen::Map<RowMajor>& jacobian) const {
+  // Columns of the coefficients: the field of each alone, at its unit.
+  void coefficients(const SourceUnknowns& slot, const MultipoleSource& source,
+                    Eigen::Map<Jacobian>& jacobian) const {
     MultipoleSource unit = source;
     std::fill(unit.regular.begin(), unit.regular.end(), 0);
     std::fill(unit.irregular.begin(), unit.irregular.end(), 0);
@@ -153,8 +160,10 @@ class Residuals final : public ceres::CostFunction {
       one(unit.irregular[k], slot.irregular_unit(k));
   }
 
+  // Fills one column of the slot's coil: its field per unit of the unknown, times the current.
   template <class Field>
-  void column(const Slot& slot, int at, Eigen::Map<RowMajor>& jacobian, const Field& field) const {
+  void column(const SourceUnknowns& slot, int at, Eigen::Map<Jacobian>& jacobian,
+              const Field& field) const {
     for (std::size_t n = 0; n < readings_.size(); ++n) {
       const double current =
           readings_[n].currents[static_cast<Eigen::Index>(slot.coil)] / kFieldUnit;
@@ -165,18 +174,20 @@ class Residuals final : public ceres::CostFunction {
   }
 
   const std::vector<ProbeReading>& readings_;
-  const std::vector<Slot>& slots_;
+  const std::vector<SourceUnknowns>& slots_;
   int unknowns_;
   std::vector<Eigen::Vector3d> known_;  // T, of the start's own background sources
 };
 
-std::vector<Slot> slots_of(const MultipoleField& start, const Eigen::Vector3d& middle,
-                           int& unknowns) {
-  std::vector<Slot> slots;
+// Every source of every coil in order, and the number of unknowns, with 3 of the background.
+std::vector<SourceUnknowns> slots_of(const MultipoleField& start, const Eigen::Vector3d& middle,
+                                     int& unknowns) {
+  std::vector<SourceUnknowns> slots;
   unknowns = 0;
   for (std::size_t k = 0; k < start.sources().size(); ++k) {
     for (const MultipoleSource& source : start.sources()[k]) {
-      Slot slot{k, source, std::max((source.position - middle).norm(), kLengthUnit), unknowns};
+      SourceUnknowns slot{k, source, std::max((source.position - middle).norm(), kLengthUnit),
+                          unknowns};
       if (slot.size() == 5)
         throw std::invalid_argument("start: coil " + std::to_string(k) + " has an empty source");
       unknowns += slot.size();
@@ -187,28 +198,28 @@ std::vector<Slot> slots_of(const MultipoleField& start, const Eigen::Vector3d& m
   return slots;
 }
 
+// The box of the readings' positions: the fit interpolates within it and says nothing beyond.
 Region spanned(const std::vector<ProbeReading>& readings) {
   Region region{readings.front().position, readings.front().position};
   for (const ProbeReading& reading : readings) {
     region.low = region.low.cwiseMin(reading.position);
     region.high = region.high.cwiseMax(reading.position);
   }
-  if (!((region.high - region.low).minCoeff() > 0))
-    throw std::invalid_argument("readings: all in one plane, they span no box");
+  require((region.high - region.low).minCoeff() > 0,
+          "readings: all in one plane, they span no box");
   return region;
 }
 
 }  // namespace
 
 MultipoleField multipoles_like(const CoilField& dipoles, int order, const Region& region) {
-  if (order < 1 || order > kMaxMultipoleOrder)
-    throw std::invalid_argument("order: must be 1 to 12");
+  require(order >= 1 && order <= kMaxMultipoleOrder, "order: must be 1 to 12");
   std::vector<MultipoleField::Sources> coils;
   for (const Dipole& dipole : dipoles.dipoles()) {
     const double size = dipole.moment_per_ampere.norm();
-    if (!(size > 0)) throw std::invalid_argument("dipoles: one has no moment");
+    require(size > 0, "dipoles: one has no moment");
     std::vector<double> irregular(static_cast<std::size_t>(order), 0.0);
-    irregular.front() = 1e-7 * size;  // mu0 m / 4 pi = -B_1 axis
+    irregular.front() = kMu0Over4Pi * size;  // mu0 m / 4 pi = -B_1 axis
     coils.push_back(
         {{dipole.position, -dipole.moment_per_ampere / size, {}, std::move(irregular)}});
   }
@@ -220,34 +231,25 @@ MultipoleFit fit_multipoles(const MultipoleField& start,
   int unknowns = 0;
   check_readings(readings, start.coils(), 1);
   const Region region = spanned(readings);
-  const std::vector<Slot> slots = slots_of(start, (region.low + region.high) / 2, unknowns);
+  const std::vector<SourceUnknowns> slots =
+      slots_of(start, (region.low + region.high) / 2, unknowns);
   check_readings(readings, start.coils(), static_cast<std::size_t>((unknowns + 2) / 3));
+  // The start's own background sources are kept as they are: their field is a constant of the fit.
   const MultipoleField everywhere(start.sources(), start.background_sources(), kEverywhere);
   std::vector<Eigen::Vector3d> known;
   known.reserve(readings.size());
   for (const ProbeReading& reading : readings)
     known.push_back(everywhere.background(reading.position).head<3>());
   std::vector<double> x(static_cast<std::size_t>(unknowns), 0.0);
-  for (const Slot& slot : slots) slot.unknowns(x.data());
-  ceres::Problem problem;
-  problem.AddResidualBlock(new Residuals(readings, slots, unknowns, known), nullptr,
-                           x.data());  // the problem owns it
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 200;
-  options.function_tolerance = 1e-12;
-  options.parameter_tolerance = 1e-12;
-  options.gradient_tolerance = 1e-14;
-  options.logging_type = ceres::SILENT;
-  options.num_threads = 1;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  for (const SourceUnknowns& slot : slots) slot.unknowns(x.data());
+  const bool converged = solve_least_squares(
+      std::make_unique<MultipoleResiduals>(readings, slots, unknowns, known), x);
   std::vector<MultipoleField::Sources> coils(start.sources().size());
-  for (const Slot& slot : slots) coils[slot.coil].push_back(slot.source(x.data()));
+  for (const SourceUnknowns& slot : slots) coils[slot.coil].push_back(slot.source(x.data()));
   MultipoleFit fit{MultipoleField(std::move(coils), start.background_sources(), region),
                    kFieldUnit * Eigen::Map<const Eigen::Vector3d>(x.data() + unknowns - 3),
                    {},
-                   summary.termination_type == ceres::CONVERGENCE};
+                   converged};
   fit.residual = residual_report(readings, [&](const ProbeReading& reading) {
     return Eigen::Vector3d(fit.field.matrix(reading.position).topRows<3>() * reading.currents +
                            fit.field.background(reading.position).head<3>() + fit.background);

@@ -1,4 +1,4 @@
-// Calibrates the multipole field model from probe readings.
+// Calibration of the multipole field model from probe readings.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,8 +12,8 @@
 namespace vitreo::control {
 
 struct MultipoleFit {
-  MultipoleField field;  // valid in the box that the readings span; its own background sources as
-                         // `start` has them
+  // valid in the box that the readings span; its own background sources as `start` has them
+  MultipoleField field;
   Eigen::Vector3d background{0, 0, 0};  // T, uniform, besides
   ResidualReport residual;
   bool converged = false;

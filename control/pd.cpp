@@ -1,29 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/pd.h"
 
+#include "control/preconditions.h"
+
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::control {
-namespace {
-
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
-}  // namespace
 
 void PdGains::check() const {
-  require(std::isfinite(proportional) && proportional >= 0, "proportional: must be at least 0 1/s");
-  require(std::isfinite(derivative) && derivative >= 0, "derivative: must be at least 0");
-  require(std::isfinite(derivative_time) && derivative_time >= 0,
-          "derivative_time: must be at least 0 s");
-  require(std::isfinite(max_speed) && max_speed > 0, "max_speed: must be above 0 m/s");
-  require(std::isfinite(integral) && integral >= 0, "integral: must be at least 0 1/s^2");
+  require(not_negative(proportional), "proportional: must be at least 0 1/s");
+  require(not_negative(derivative), "derivative: must be at least 0");
+  require(not_negative(derivative_time), "derivative_time: must be at least 0 s");
+  require(positive(max_speed), "max_speed: must be above 0 m/s");
+  require(not_negative(integral), "integral: must be at least 0 1/s^2");
 }
 
 PdController::PdController(const PdGains& gains) : gains_(gains) { gains_.check(); }
 
+// u = v_ref + Kp e + Ki integral(e) + Kd (v_ref - v), e = p_ref - p (thesis 6.2 with the integral
+// of 7.3): the robot is overdamped, so the controller asks for a velocity, not for a force. v is
+// the measured velocity behind a first-order low-pass of time constant T.
 Eigen::Vector3d PdController::update(double time, const Eigen::Vector3d& measured,
                                      const Reference& reference) {
   require(std::isfinite(time), "time: not finite");
@@ -35,24 +31,27 @@ Eigen::Vector3d PdController::update(double time, const Eigen::Vector3d& measure
   if (!started_) {
     velocity_ = reference.velocity;  // nothing known yet: no derivative to act on
   } else if (time > time_) {
+    // The low-pass by backward Euler, v += h / (h + T) (dp / h - v): stable for any step h.
     const double step = time - time_;
     velocity_ +=
         step / (step + gains_.derivative_time) * ((measured - position_) / step - velocity_);
   }
-  // A second measurement of the same moment says nothing of velocity and must not move the place it
-  // is taken from.
+  // A second measurement of the same moment says nothing of velocity and must not move the position
+  // from which the next difference is taken.
   if (!started_ || time > time_) position_ = measured;
   started_ = true;
   time_ = time;
-  const Eigen::Vector3d grown = sum_ + gains_.integral * since * (reference.position - measured);
+  const Eigen::Vector3d sum = sum_ + gains_.integral * since * (reference.position - measured);
   const Eigen::Vector3d other = reference.velocity +
                                 gains_.proportional * (reference.position - measured) +
                                 gains_.derivative * (reference.velocity - velocity_);
-  Eigen::Vector3d asked = other + grown;
+  Eigen::Vector3d asked = other + sum;
+  // Anti-windup by conditional integration: at the speed limit the sum is taken over only where it
+  // leads out of the limit.
   if (asked.norm() <= gains_.max_speed || asked.norm() < (other + sum_).norm())
-    sum_ = grown;
+    sum_ = sum;
   else
-    asked = other + sum_;  // at the limit nothing is wound up
+    asked = other + sum_;
   const double speed = asked.norm();
   return speed > gains_.max_speed ? Eigen::Vector3d(asked * (gains_.max_speed / speed)) : asked;
 }

@@ -1,5 +1,5 @@
-// The thesis' position controller: proportional and derivative, with the reference's velocity fed
-// forward; and the PID of its section 7.3, with an integral, which gels that yield do not forgive.
+// Position controller of the thesis (6.2): PD with the reference's velocity fed forward, and the
+// PID of 7.3.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,8 +12,8 @@ struct PdGains {
   double derivative = 0.05;      // dimensionless: velocity asked per velocity error
   double derivative_time = 0.2;  // s, of the low-pass on the measured velocity
   double max_speed = 2e-3;       // m/s, of the velocity asked for
-  double integral =
-      0;  // 1/s^2: velocity asked per position error and time; held while the speed is limited
+  // 1/s^2: velocity asked per position error and time; held while the speed is limited
+  double integral = 0;
   void check() const;  // throws std::invalid_argument naming the gain
 };
 
@@ -28,7 +28,7 @@ struct Reference {
 class PdController {
  public:
   explicit PdController(const PdGains& gains);
-  /// The velocity to ask for, m/s. `time` in s.
+  /// The velocity to ask for, m/s, world. `time` in s, positions in m.
   Eigen::Vector3d update(double time, const Eigen::Vector3d& measured, const Reference& reference);
   void reset();
 
@@ -36,7 +36,8 @@ class PdController {
   PdGains gains_;
   bool started_ = false;
   double time_ = 0;
-  Eigen::Vector3d position_{0, 0, 0}, velocity_{0, 0, 0};
+  Eigen::Vector3d position_{0, 0, 0};
+  Eigen::Vector3d velocity_{0, 0, 0};
   Eigen::Vector3d sum_{0, 0, 0};  // m/s: what the integral asks for
 };
 

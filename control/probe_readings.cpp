@@ -9,6 +9,8 @@
 
 namespace vitreo::control {
 
+// Rank of the readings' currents with a column of ones for the background: where it is short, a
+// combination of coils cannot be told from another, and the fit would be singular.
 void check_readings(const std::vector<ProbeReading>& readings, int coils, std::size_t needed) {
   Eigen::MatrixXd currents(static_cast<Eigen::Index>(readings.size()), coils + 1);
   for (std::size_t n = 0; n < readings.size(); ++n) {
@@ -32,6 +34,7 @@ void check_readings(const std::vector<ProbeReading>& readings, int coils, std::s
       throw std::invalid_argument("readings: coil " + std::to_string(k + 1) +
                                   " never had a current");
     }
+    // Columns of unit length, so that one threshold does for all.
     currents.col(k) /= currents.col(k).norm();
   }
   currents.col(coils).normalize();
@@ -40,10 +43,12 @@ void check_readings(const std::vector<ProbeReading>& readings, int coils, std::s
   }
 }
 
+// rms over the 3 N components; the largest by the length of a reading's vector.
 ResidualReport residual_report(const std::vector<ProbeReading>& readings,
                                const std::function<Eigen::Vector3d(const ProbeReading&)>& model) {
   ResidualReport report;
-  double misses = 0, size = 0;
+  double misses = 0;
+  double size = 0;
   for (std::size_t n = 0; n < readings.size(); ++n) {
     const double miss = (model(readings[n]) - readings[n].field).norm();
     misses += miss * miss;

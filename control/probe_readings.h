@@ -1,4 +1,4 @@
-// What a field probe showed, and how well a model of the field agrees with it.
+// Field probe readings, and how well a field model agrees with them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,33 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/robot.h"
 
-#include "control/robots.h"
+#include "control/constants.h"
+#include "control/preconditions.h"
+#include "control/soft_magnet.h"
 
 #include <cmath>
-#include <numbers>
-#include <stdexcept>
 
 namespace vitreo::control {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-constexpr double kMu0 = 4e-7 * kPi;  // T m/A
-
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
-bool positive(double value) { return std::isfinite(value) && value > 0; }
-
-struct Drag {
-  double along, across;  // N s/m
+struct PerrinDrag {
+  double along;   // N s/m
+  double across;  // N s/m
 };
 
-// Perrin's prolate spheroid, a the semi-axis and e the eccentricity; q = a e. Both denominators
-// vanish as e^2 when the axes become equal, so that factor is divided out of their series there.
-Drag perrin(double viscosity, double a, double b) {
+// Stokes drag of a prolate spheroid (Oberbeck 1876, Perrin 1936; facts/magnetics 3.1) with a the
+// semi-axis, e the eccentricity, q = a e and S = (2/q) ln((a + q)/b) = (2/q) artanh e:
+//   f_par = 16 pi eta q^2 / ((2a^2 - b^2) S - 2a), f_perp = 32 pi eta q^2 / ((2a^2 - 3b^2) S + 2a).
+// Both denominators vanish as e^2 when the axes become equal; divided by 2 a e^2 they are the
+// series below, by artanh e = sum e^(2n+1) / (2n + 1). At the sphere: 6 pi eta a, Stokes.
+PerrinDrag perrin(double viscosity, double a, double b) {
   const double e2 = (a - b) * (a + b) / (a * a);
-  double along = 0, across = 0;  // the denominators (facts/magnetics 3.1) over 2 a e^2
+  double along = 0;   // denominator of f_par over 2 a e^2
+  double across = 0;  // denominator of f_perp over 2 a e^2
   if (e2 < 0.05) {
     double power = 1;
     for (int n = 0; n < 12; ++n, power *= e2) {  // 0.05^12 is below the rounding of a double
@@ -67,6 +63,8 @@ void Robot::check() const {
           "robot anisotropy: must be at least 0 and leave the factor across the axis below 1");
 }
 
+// Hard: V Br / mu0. Soft: a smooth passage from the linear law H / N to saturation,
+// M = Ms tanh(H / (N Ms)) (facts/magnetics 2).
 double Robot::moment(double field) const {
   require(std::isfinite(field) && field >= 0, "field: a magnitude, must be at least 0 T");
   const double full = solid_volume * saturation;
@@ -80,32 +78,35 @@ double Robot::net_weight(const Medium& medium) const {
 Robot coni_2mm() {
   // Two elliptical plates, 2 x 1 mm and 42 um thick, that cross along the major axis and share a
   // bar there.
-  constexpr double kThickness = 42e-6, kAxis = 1e-3, kRadius = 0.5e-3;
+  constexpr double kThickness = 42e-6;
+  constexpr double kAxis = 1e-3;
+  constexpr double kRadius = 0.5e-3;
   Robot robot;
   robot.name = "CoNi 2 mm";
   robot.semi_axis = kAxis;
   robot.semi_radius = kRadius;
-  robot.solid_volume =
-      2 * kPi * kAxis * kRadius * kThickness - 2 * kAxis * kThickness * kThickness;  // 0.128 mm^3
+  // 0.128 mm^3
+  robot.solid_volume = 2 * kPi * kAxis * kRadius * kThickness - 2 * kAxis * kThickness * kThickness;
   robot.solid_density = 8800;
   robot.saturation = 1.19e6;
-  // From the table's m(20 mT) = 7.3e-5 A m^2 by the tanh law; the factor of the plates is not of a
-  // closed form.
+  // N from the table's m(20 mT) = 7.3e-5 A m^2 (facts/magnetics 3.1) by the tanh law: crossed
+  // plates have no demagnetizing factor in closed form.
   const double share = 7.3e-5 / (robot.solid_volume * robot.saturation);
   robot.demagnetization = 0.02 / (kMu0 * robot.saturation * std::atanh(share));
-  // Its plates', in their planes: 1/2 mu0 V Ms^2 times this is the largest torque, 2.6e-6 N m
-  // (facts/magnetics: 2.1e-6).
+  // That of one plate within its plane, N_b - N_a: 1/2 mu0 V Ms^2 times this is the largest torque,
+  // 2.6e-6 N m (facts/magnetics 3.2: 2.1e-6).
   const Eigen::Vector3d plate = demagnetizing_factors({kAxis, kRadius, kThickness / 2});
   robot.anisotropy = plate[1] - plate[0];
   return robot;
 }
 
+// R = f_perp 1 + (f_par - f_perp) n n'.
 Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen::Vector3d& axis) {
   robot.check();
   medium.check();
   const double length = axis.norm();
   require(positive(length), "axis: must be finite and not zero");
-  const Drag drag = perrin(medium.dynamic_viscosity(), robot.semi_axis, robot.semi_radius);
+  const PerrinDrag drag = perrin(medium.dynamic_viscosity(), robot.semi_axis, robot.semi_radius);
   const Eigen::Vector3d n = axis / length;
   return drag.across * Eigen::Matrix3d::Identity() + (drag.along - drag.across) * n * n.transpose();
 }

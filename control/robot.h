@@ -1,4 +1,4 @@
-// What a microrobot is to forces: magnet, weight, drag.
+// Microrobot and medium: magnet, weight and drag.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,7 +18,7 @@ struct Medium {
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
-/// An elongated robot, symmetric about its axis for fluid and optics.
+/// An elongated robot: a prolate spheroid for fluid and optics.
 struct Robot {
   std::string name;
   double semi_axis = 1e-3;      // m, along the axis
@@ -33,15 +33,15 @@ struct Robot {
   /// |m| in A m^2 along the axis at the field |B| in T: hard, or soft as V Ms tanh(B / (mu0 N Ms)).
   double moment(double field) const;
   double mass() const { return solid_volume * solid_density; }  // kg
-  /// Weight less buoyancy, N, positive downwards.
+  /// Weight less buoyancy, N, positive downwards: (rho_s - rho_f) V g.
   double net_weight(const Medium& medium) const;
 };
 
 /// The 2 mm x 1 mm x 1 mm robot of two crossed elliptical CoNi plates (facts/magnetics 3.1).
 Robot coni_2mm();
 
-/// Force per velocity, N s/m: Perrin's prolate spheroid with its axis along `axis` (unit, world). f
-/// = R v.
+/// Resistance R in f = R v, N s/m: Perrin's prolate spheroid with its axis along `axis` (world, of
+/// any length). Throws std::invalid_argument for an axis that is not finite or zero.
 Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen::Vector3d& axis);
 
 }  // namespace vitreo::control

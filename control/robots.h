@@ -1,9 +1,9 @@
-// The microrobots of the thesis by name, walls, and the magnetization of a soft body in any
-// direction.
+// Named microrobots, drag beside walls and in turning, and the magnetic moment in any direction.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "control/robot.h"
+#include "control/soft_magnet.h"
 
 #include <Eigen/Core>
 
@@ -25,7 +25,8 @@ Robot robot_named(std::string_view name);
 /// center: along the wall 1 / (1 - 9R/16h + R^3/8h^3), towards it 1 / (1 - 9R/8h + R^3/2h^3).
 /// Nearer than 1.155 R the second turns round and is not true: as at 1.155 R.
 struct WallFactors {
-  double along, towards;
+  double along;
+  double towards;
 };
 WallFactors faxen(double radius, double distance);
 
@@ -44,23 +45,5 @@ double rotational_resistance(const Robot& robot, const Medium& medium);
 /// where field and axis agree. Torque m x B, force (m.grad) B.
 Eigen::Vector3d robot_moment(const Robot& robot, const Eigen::Vector3d& axis,
                              const Eigen::Vector3d& field);
-
-/// Demagnetizing factors of an ellipsoid with the semi-axes given (Carlson's integrals); they sum
-/// to 1.
-Eigen::Vector3d demagnetizing_factors(const Eigen::Vector3d& semi_axes);
-
-/// A soft ellipsoid's body: factors about its own axes, the first along the robot's.
-struct SoftBody {
-  double volume = 0;                                // m^3
-  double saturation = 0;                            // A/m
-  Eigen::Vector3d factors{1. / 3, 1. / 3, 1. / 3};  // demagnetizing
-  void check() const;  // throws std::invalid_argument naming the parameter
-};
-
-/// Moment (A m^2, in the body's frame) in the field `field_in_body` (T), the susceptibility far
-/// above 1: linear M = H / N as long as |M| < saturation, else |M| = saturation in the direction
-/// that minimizes mu0/2 M.N M - mu0 M.H (Abbott et al. 2007). Torque m x B and force (m.grad) B
-/// follow.
-Eigen::Vector3d soft_moment(const SoftBody& body, const Eigen::Vector3d& field_in_body);
 
 }  // namespace vitreo::control

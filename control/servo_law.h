@@ -1,5 +1,5 @@
-// The position servo on an estimate: reference, proportional part, disturbance canceled; and its
-// gains from the loop.
+// Position servo law on an estimate (reference velocity, proportional part, disturbance cancelled),
+// and its tuning from the dead time.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -21,7 +21,7 @@ struct ServoGains {
 Eigen::Vector3d servo_velocity(const ServoGains& gains, const Reference& reference,
                                const PositionEstimate& estimate);
 
-/// A trajectory's place at `time` and its mean velocity over the `hold` after it.
+/// A trajectory's position at `time` and its mean velocity over the `hold` after it.
 template <typename Trajectory>
 Reference held_reference(const Trajectory& trajectory, double time, double hold) {
   Reference reference = trajectory.at(time);
@@ -30,7 +30,7 @@ Reference held_reference(const Trajectory& trajectory, double time, double hold)
   return reference;
 }
 
-/// A loop as identified.
+/// Identified parameters of a servo loop.
 struct LoopIdentity {
   double measurement_latency = 0.13;  // s, from exposure to the command that knows of it
   double command_delay = 0.05;        // s
@@ -39,8 +39,8 @@ struct LoopIdentity {
   double noise = 4.3e-6;              // m, of one coordinate of one measurement
   double drag = 6.3e-3;               // N s/m
   double force_limit = 20e-6;         // N, to spare for motion
-  double instability =
-      0.22;            // 1/s, of the robot left alone (Earnshaw): 1/4.5 s for CoNi in 500 cSt
+  // 1/s, of the robot left alone (Earnshaw): 1/4.5 s for CoNi in 500 cSt
+  double instability = 0.22;
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
@@ -51,6 +51,7 @@ struct ServoTuning {
   double horizon = 0;           // s: how far ahead of now reference and estimate are taken
 };
 
+/// Gains and filter noise for a loop. Throws std::invalid_argument naming the parameter.
 ServoTuning tune(const LoopIdentity& loop);
 
 }  // namespace vitreo::control

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/stability.h"
 
+#include "control/preconditions.h"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
-#include <stdexcept>
-
 namespace vitreo::control {
 
+// F = (m.grad) B - W z with m along B: the robot turns into the field within milliseconds
+// (facts/magnetics 3.1), so the axis is taken as algebraic.
 Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medium& medium,
                          const Currents& currents, const Eigen::Vector3d& position) {
-  if (currents.size() != field.coils())
-    throw std::invalid_argument("currents: one a coil is wanted");
+  require(currents.size() == field.coils(), "currents: one a coil is wanted");
   const FieldGradient made = field.matrix(position) * currents + field.background(position);
   const double strength = made.head<3>().norm();
   const Eigen::Vector3d weight(0, 0, -robot.net_weight(medium));
@@ -20,11 +21,15 @@ Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medi
   return weight + force_from_field(moment) * made;
 }
 
+// Linearized about `position` the overdamped robot obeys p' = R^-1 (dF/dp) dp. Earnshaw's theorem:
+// at constant currents the trace of dF/dp is at least 0 (facts/magnetics 2.1), so not all
+// eigenvalues are negative.
 double instability(const FieldModel& field, const Robot& robot, const Medium& medium,
                    const Currents& currents, const Eigen::Vector3d& position) {
   constexpr double kStep = 0.1e-3;  // m: the field varies by 2 % a millimeter
   Eigen::Matrix3d stiffness;        // dF_i/dp_j
   for (int axis = 0; axis < 3; ++axis) {
+    // Central differences: the moment's own change with the field is in them.
     const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(axis);
     stiffness.col(axis) = (force_at(field, robot, medium, currents, position + step) -
                            force_at(field, robot, medium, currents, position - step)) /

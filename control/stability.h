@@ -1,4 +1,4 @@
-// How a robot that is left alone in constant currents runs away: Earnshaw's instability, as a rate.
+// Earnshaw instability of a robot in constant currents, as a rate.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,7 +9,7 @@
 
 namespace vitreo::control {
 
-/// N, world: what constant currents do to a robot at `position` whose axis lies along the field
+/// Force (N, world) of constant currents on a robot at `position` whose axis lies along the field
 /// there, weight included.
 Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medium& medium,
                          const Currents& currents, const Eigen::Vector3d& position);

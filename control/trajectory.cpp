@@ -1,31 +1,26 @@
-// A path sampled finely, and the fastest speed along it that keeps to the limits.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/trajectory.h"
+
+#include "control/preconditions.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 
 namespace vitreo::control {
 namespace {
 
-// A spiral of four turns then bends by a third of a degree from one sample to the next.
+// Samples of a piece: a spiral of four turns bends by a third of a degree from one to the next.
 constexpr std::size_t kSamples = 4096;
-// Of the acceleration may go into the bend at most this part (squared: 0.9), so that some is left
-// to speed up.
+// At most this part of the acceleration may go into the bend (its square is 0.9), so that some is
+// left to speed up and slow down.
 constexpr double kBendPart = 0.95;
-
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
 
 }  // namespace
 
 void MotionLimits::check() const {
-  require(std::isfinite(speed) && speed > 0, "speed: must be finite and above 0 m/s");
-  require(std::isfinite(acceleration) && acceleration > 0,
-          "acceleration: must be finite and above 0 m/s^2");
+  require(positive(speed), "speed: must be finite and above 0 m/s");
+  require(positive(acceleration), "acceleration: must be finite and above 0 m/s^2");
 }
 
 Trajectory Trajectory::hold_at(const Eigen::Vector3d& point) {
@@ -82,10 +77,10 @@ Trajectory Trajectory::spiral(const Spiral& shape, const MotionLimits& limits) {
       limits);
 }
 
-Trajectory Trajectory::curve(const std::function<Eigen::Vector3d(double)>& place,
+Trajectory Trajectory::curve(const std::function<Eigen::Vector3d(double)>& position,
                              const MotionLimits& limits) {
   Trajectory result;
-  result.append(place, limits);
+  result.append(position, limits);
   return result;
 }
 
@@ -97,31 +92,37 @@ Trajectory Trajectory::waypoints(const std::vector<Eigen::Vector3d>& points,
   for (std::size_t k = 0; k < points.size(); ++k) {
     require(points[k].allFinite(), "waypoints: a number is not finite");
     if (k == 0 || points[k] == points[k - 1]) continue;
-    const Eigen::Vector3d from = points[k - 1], step = points[k] - from;
+    const Eigen::Vector3d from = points[k - 1];
+    const Eigen::Vector3d step = points[k] - from;
     result.append([&](double t) { return Eigen::Vector3d(from + t * step); }, limits);
   }
   return result.knots_.empty() ? hold_at(points.front()) : result;
 }
 
+// Within a segment the acceleration along the path is constant, so s(t) = v0 t + a t^2 / 2;
+// position from s by Hermite's cubic with unit tangents, which is of fourth order in the sampling.
 Reference Trajectory::at(double time) const {
   require(!std::isnan(time), "time: not a number");
-  if (time < 0) return {knots_.front().place, Eigen::Vector3d::Zero()};
-  if (time >= duration()) return {knots_.back().place, Eigen::Vector3d::Zero()};
+  if (time < 0) return {knots_.front().position, Eigen::Vector3d::Zero()};
+  if (time >= duration()) return {knots_.back().position, Eigen::Vector3d::Zero()};
   const auto next =
       std::upper_bound(knots_.begin(), knots_.end(), time,
                        [](double value, const Knot& knot) { return value < knot.time; });
-  const Knot &b = *next, &a = *(next - 1);
-  const double span = b.distance - a.distance, passed = time - a.time;
+  const Knot& b = *next;
+  const Knot& a = *(next - 1);
+  const double span = b.distance - a.distance;
+  const double passed = time - a.time;
   const double acceleration = (b.speed - a.speed) / (b.time - a.time);
   const double u = std::clamp((a.speed + acceleration * passed / 2) * passed / span, 0.0, 1.0);
-  // Hermite's cubic between the samples.
   const double v = 1 - u;
-  return {v * v * (1 + 2 * u) * a.place + u * u * (1 + 2 * v) * b.place +
+  return {v * v * (1 + 2 * u) * a.position + u * u * (1 + 2 * v) * b.position +
               span * u * v * (v * a.tangent - u * b.tangent),
           (a.speed + acceleration * passed) * (v * a.tangent + u * b.tangent)};
 }
 
-void Trajectory::append(const std::function<Eigen::Vector3d(double)>& place,
+// Samples one piece and gives each sample its arc length (as the sum of chords), unit tangent and
+// curvature.
+void Trajectory::append(const std::function<Eigen::Vector3d(double)>& position,
                         const MotionLimits& limits) {
   limits.check();
   const std::size_t first = knots_.size();
@@ -129,23 +130,25 @@ void Trajectory::append(const std::function<Eigen::Vector3d(double)>& place,
   knots_.resize(first + kSamples + 1);
   for (std::size_t k = 0; k <= kSamples; ++k) {
     Knot& knot = knots_[first + k];
-    knot.place = place(static_cast<double>(k) / kSamples);
-    require(knot.place.allFinite(), "curve: a number is not finite");
-    knot.distance =
-        k == 0 ? begin
-               : knots_[first + k - 1].distance + (knot.place - knots_[first + k - 1].place).norm();
+    knot.position = position(static_cast<double>(k) / kSamples);
+    require(knot.position.allFinite(), "curve: a number is not finite");
+    knot.distance = k == 0 ? begin
+                           : knots_[first + k - 1].distance +
+                                 (knot.position - knots_[first + k - 1].position).norm();
     require(k == 0 || knot.distance > knots_[first + k - 1].distance, "curve: stands still");
   }
-  // Second-order differences, one-sided at the ends.
+  // The parabola through three neighbors at uneven distances h1, h2: d1, d2 are the slopes of its
+  // chords, `bend` the second derivative by arc length, whose length is the curvature. At the ends
+  // the parabola of the neighbor is extended.
   std::vector<double> curvature(kSamples + 1);
   for (std::size_t k = 0; k <= kSamples; ++k) {
     const std::size_t i = first + std::clamp<std::size_t>(k, 1, kSamples - 1);
-    const double h1 = knots_[i].distance - knots_[i - 1].distance,
-                 h2 = knots_[i + 1].distance - knots_[i].distance;
-    const Eigen::Vector3d d1 = (knots_[i].place - knots_[i - 1].place) / h1,
-                          d2 = (knots_[i + 1].place - knots_[i].place) / h2;
-    const Eigen::Vector3d bend = (d2 - d1) / ((h1 + h2) / 2),
-                          middle = (h2 * d1 + h1 * d2) / (h1 + h2);
+    const double h1 = knots_[i].distance - knots_[i - 1].distance;
+    const double h2 = knots_[i + 1].distance - knots_[i].distance;
+    const Eigen::Vector3d d1 = (knots_[i].position - knots_[i - 1].position) / h1;
+    const Eigen::Vector3d d2 = (knots_[i + 1].position - knots_[i].position) / h2;
+    const Eigen::Vector3d bend = (d2 - d1) / ((h1 + h2) / 2);
+    const Eigen::Vector3d middle = (h2 * d1 + h1 * d2) / (h1 + h2);
     knots_[first + k].tangent =
         (middle + (knots_[first + k].distance - knots_[i].distance) * bend).normalized();
     curvature[k] = bend.norm();
@@ -153,8 +156,10 @@ void Trajectory::append(const std::function<Eigen::Vector3d(double)>& place,
   shape_piece(first, limits, curvature);
 }
 
-// At rest at both ends; between, v^2 k <= part of a, and what the bend leaves of a speeds up and
-// slows down.
+// Speed along the path in the least time, by a forward and a backward pass in the phase plane (s,
+// v^2) (Bobrow, Dubowsky & Gibson 1985): the bend bounds v^2 k <= kBendPart a, and what it leaves,
+// sqrt(a^2 - (v^2 k)^2), is the slope d(v^2)/ds / 2 upwards in the first pass and downwards in the
+// second. On a straight line this is the trapezoidal profile. At rest at both ends.
 void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits,
                              const std::vector<double>& curvature) {
   const double a = limits.acceleration;
@@ -164,6 +169,8 @@ void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits,
     if (curvature[k] > 0) square[k] = std::min(square[k], kBendPart * a / curvature[k]);
   }
   square.front() = square.back() = 0;
+  // v^2 at `to` as far as the acceleration along the path allows from `from`; the bend counted at
+  // its worse end.
   const auto reach = [&](std::size_t from, std::size_t to) {
     const double bend = std::max(square[from] * curvature[from],
                                  std::min(square[to], square[from]) * curvature[to]);
@@ -173,6 +180,7 @@ void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits,
   };
   for (std::size_t k = 1; k <= kSamples; ++k) reach(k - 1, k);
   for (std::size_t k = kSamples; k > 0; --k) reach(k, k - 1);
+  // Constant acceleration over a segment: its mean speed is the mean of the two.
   double time = first > 0 ? knots_[first - 1].time : 0;
   for (std::size_t k = 0; k <= kSamples; ++k) {
     Knot& knot = knots_[first + k];

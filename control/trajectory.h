@@ -1,5 +1,4 @@
-// Trajectories that a robot can follow: places as functions of time, with speed and acceleration
-// limited.
+// Trajectories: positions as functions of time, with speed and acceleration limited.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,8 +17,8 @@ struct MotionLimits {
   void check() const;          // throws std::invalid_argument naming the limit
 };
 
-/// Widens as it climbs, like those of the thesis' 5.5: 6 mm from top to bottom, 7 mm from side to
-/// side at its widest.
+/// A spiral that widens as it climbs: 6 mm high and 7 mm wide at the top by default, as in the
+/// thesis' 5.5.
 struct Spiral {
   Eigen::Vector3d bottom{0, 0, -3e-3};  // m, world: the axis' lower end; the axis is world z
   double height = 6e-3;                 // m
@@ -50,7 +49,7 @@ class Trajectory {
   /// acceleration.
   static Trajectory spline(const std::vector<Eigen::Vector3d>& points, const MotionLimits& limits);
   /// Any smooth curve over [0, 1].
-  static Trajectory curve(const std::function<Eigen::Vector3d(double)>& place,
+  static Trajectory curve(const std::function<Eigen::Vector3d(double)>& position,
                           const MotionLimits& limits);
 
   double duration() const { return knots_.back().time; }    // s
@@ -60,11 +59,14 @@ class Trajectory {
 
  private:
   struct Knot {
-    Eigen::Vector3d place{0, 0, 0}, tangent{0, 0, 0};
-    double distance = 0, speed = 0, time = 0;
+    Eigen::Vector3d position{0, 0, 0};
+    Eigen::Vector3d tangent{0, 0, 0};
+    double distance = 0;  // m, along the path
+    double speed = 0;     // m/s
+    double time = 0;      // s
   };
   Trajectory() = default;
-  void append(const std::function<Eigen::Vector3d(double)>& place, const MotionLimits& limits);
+  void append(const std::function<Eigen::Vector3d(double)>& position, const MotionLimits& limits);
   void shape_piece(std::size_t first, const MotionLimits& limits,
                    const std::vector<double>& curvature);
 

@@ -1,17 +1,14 @@
-// An integrator of the velocity's error, limited twice.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/velocity_control.h"
 
+#include "control/preconditions.h"
+
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::control {
 namespace {
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
+// v, or the vector of its direction with the length `most`.
 Eigen::Vector3d shortened(const Eigen::Vector3d& v, double most) {
   const double length = v.norm();
   return length > most ? Eigen::Vector3d(v * (most / length)) : v;
@@ -20,18 +17,20 @@ Eigen::Vector3d shortened(const Eigen::Vector3d& v, double most) {
 }  // namespace
 
 void VelocityGains::check() const {
-  require(std::isfinite(proportional) && proportional > 0, "proportional: must be above 0 1/s");
-  require(std::isfinite(max_speed) && max_speed > 0, "max_speed: must be above 0 m/s");
-  require(std::isfinite(integral) && integral > 0, "integral: must be above 0 N/m");
-  require(std::isfinite(velocity_time) && velocity_time >= 0,
-          "velocity_time: must be at least 0 s");
-  require(std::isfinite(max_force) && max_force > 0, "max_force: must be above 0 N");
+  require(positive(proportional), "proportional: must be above 0 1/s");
+  require(positive(max_speed), "max_speed: must be above 0 m/s");
+  require(positive(integral), "integral: must be above 0 N/m");
+  require(not_negative(velocity_time), "velocity_time: must be at least 0 s");
+  require(positive(max_force), "max_force: must be above 0 N");
 }
 
 VelocityController::VelocityController(const VelocityGains& gains) : gains_(gains) {
   gains_.check();
 }
 
+// f' = K (v_wanted - v) by Euler's rule, a velocity controller as the thesis' 7.3 suggests in place
+// of its PID: the force needs no model of the medium, because its integral finds what yields it.
+// The limit on |f| is the anti-windup: nothing is summed up beyond it.
 Eigen::Vector3d VelocityController::update(double time, const Eigen::Vector3d& measured,
                                            const Reference& reference) {
   require(std::isfinite(time), "time: not finite");
@@ -41,12 +40,14 @@ Eigen::Vector3d VelocityController::update(double time, const Eigen::Vector3d& m
   require(!started_ || time >= time_, "time: runs backwards");
   if (started_ && time > time_) {
     const double step = time - time_;
+    // Low-pass of the measured velocity by backward Euler, as in PdController.
     velocity_ += step / (step + gains_.velocity_time) * ((measured - position_) / step - velocity_);
     const Eigen::Vector3d wanted =
         shortened(reference.velocity + gains_.proportional * (reference.position - measured),
                   gains_.max_speed);
     force_ = shortened(force_ + gains_.integral * step * (wanted - velocity_), gains_.max_force);
   }
+  // As in PdController: a second measurement of one moment is not a new start of the difference.
   if (!started_ || time > time_) position_ = measured;
   started_ = true;
   time_ = time;

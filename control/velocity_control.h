@@ -1,4 +1,4 @@
-// Position control by velocity, for media that yield and spring back (thesis 7.3).
+// Velocity controller for media that yield and spring back (thesis 7.3).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -29,7 +29,7 @@ class VelocityController {
   explicit VelocityController(const VelocityGains& gains);
   /// The force to make besides levitation, N.
   Eigen::Vector3d update(double time, const Eigen::Vector3d& measured, const Reference& reference);
-  /// What of the last force the allocation could make: the next begins from there.
+  /// The force that the allocation could make of the last one, N: the next begins from there.
   void limited_to(const Eigen::Vector3d& force);
   void reset();
 
@@ -37,7 +37,9 @@ class VelocityController {
   VelocityGains gains_;
   bool started_ = false;
   double time_ = 0;
-  Eigen::Vector3d position_{0, 0, 0}, velocity_{0, 0, 0}, force_{0, 0, 0};
+  Eigen::Vector3d position_{0, 0, 0};
+  Eigen::Vector3d velocity_{0, 0, 0};
+  Eigen::Vector3d force_{0, 0, 0};
 };
 
 }  // namespace vitreo::control

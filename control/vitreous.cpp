@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/vitreous.h"
 
+#include "control/constants.h"
+#include "control/preconditions.h"
 #include "control/robots.h"
 
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 
 namespace vitreo::control {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+// Thesis tables 7.1 and 7.2: agar of the artificial vitreous humors, case 1 to 11.
 constexpr std::array kAgar = {1.098, 1.27,  1.42, 1.56, 1.68, 1.80,
                               1.91,  2.014, 2.11, 2.21, 2.30};  // mg/mL
-constexpr double kPorcineModulus = 14, kRemovedModulus = 2.8;   // Pa
+// In its cavity, and after an hour outside, five times softer (Nickerson et al. 2008;
+// facts/magnetics 3.2).
+constexpr double kPorcineModulus = 14;   // Pa
+constexpr double kRemovedModulus = 2.8;  // Pa
+// The thesis has no moduli in numbers: this exponent, with the yield strain, is fitted to which
+// robot moves in which case (facts/magnetics 3.2).
 constexpr double kAgarExponent = 2.6;
-
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
-bool positive(double value) { return std::isfinite(value) && value > 0; }
 
 }  // namespace
 
@@ -67,6 +67,10 @@ Gel gel_named(std::string_view name) {
   throw std::invalid_argument("gel: '" + std::string(name) + "' is not one of " + known);
 }
 
+// Coefficients of the Maxwell element with a Bingham slider, beside a solvent (facts/magnetics
+// 3.2), of the sphere of mean radius r = (a b^2)^(1/3): c = 6 pi eta_s r, k = 6 pi G' r, c_p = 6 pi
+// eta_p r, so that only the ratios k/c = G'/eta_s and k/c_p = G'/eta_p are needed beside c. The
+// torque's yield limit, 3.5 pi a b^2 tau_y, is assumed (docs/simulated_laboratory.md).
 EmbeddedRobot::EmbeddedRobot(const Robot& robot, const Gel& gel)
     : semi_axis_(robot.semi_axis),
       semi_radius_(robot.semi_radius),
@@ -81,9 +85,12 @@ EmbeddedRobot::EmbeddedRobot(const Robot& robot, const Gel& gel)
   plastic_ = gel.storage_modulus / gel.plastic_viscosity;
 }
 
+// The silhouette of a spheroid at the angle th to its axis: pi b sqrt(b^2 cos^2 th + a^2 sin^2 th).
+// 14 = 2 / Y_c with the critical yield number 0.143 of a sphere (Beris et al. 1985).
 double EmbeddedRobot::yield_force(const Eigen::Vector3d& axis,
                                   const Eigen::Vector3d& direction) const {
-  const double along = axis.dot(direction), along2 = std::min(along * along, 1.0);
+  const double along = axis.dot(direction);
+  const double along2 = std::min(along * along, 1.0);
   const double silhouette =
       kPi * semi_radius_ *
       std::sqrt(semi_radius_ * semi_radius_ * along2 + semi_axis_ * semi_axis_ * (1 - along2));
@@ -93,17 +100,25 @@ double EmbeddedRobot::yield_force(const Eigen::Vector3d& axis,
 EmbeddedRobot::Rates EmbeddedRobot::step(const Eigen::Vector3d& axis, const Eigen::Vector3d& force,
                                          const Eigen::Vector3d& torque, double stiffness,
                                          double span) {
-  // Backwards Euler. k / c = G' / eta_s and k / c_p = G' / eta_p hold for force and torque alike,
-  // so that both scale by one factor g: s1 = g (s0 + alpha F), with f1 (1 + alpha) + beta (f1 - 1)
-  // = f_trial beyond the yield surface.
-  const double alpha = span * elastic_, beta = span * plastic_, reach = span / turning_drag_;
+  // Backward Euler over h = `span` with a return to the yield surface (Simo & Hughes 1998), of
+  //   s' = k (v - v_p), v = (F - s) / c, v_p = (1 - 1/f) s / c_p where f > 1,
+  // with alpha = h k/c and beta = h k/c_p: s1 (1 + alpha + beta (1 - 1/f1)) = s0 + alpha F. The
+  // ratios are the same for force and torque, so both scale by one factor, s1 = g (s0 + alpha F),
+  // and f1 = g f_trial obeys f1 (1 + alpha) + beta (f1 - 1) = f_trial beyond the surface, f1 > 1.
+  // Within it g = 1 / (1 + alpha).
+  const double alpha = span * elastic_;
+  const double beta = span * plastic_;
+  const double reach = span / turning_drag_;
   const Eigen::Vector3d s = force_ + alpha * force;
-  const double size = s.norm(), force_part = size > 0 ? size / yield_force(axis, s / size) : 0;
+  const double size = s.norm();
+  const double force_part = size > 0 ? size / yield_force(axis, s / size) : 0;
   const double asked = torque.norm();
   const Eigen::Vector3d about =
       asked > 0 ? Eigen::Vector3d(torque / asked) : Eigen::Vector3d::Zero();
   double g = 1 / (1 + alpha);
-  Eigen::Vector3d turned = torque, t = torque_;
+  Eigen::Vector3d turned = torque;
+  Eigen::Vector3d t = torque_;
+  // The torque depends on the angle turned, and so on g: a fixed-point iteration, four passes.
   for (int pass = 0; pass < 4; ++pass) {
     // The torque at the step's end, T1 = T - stiffness * (angle turned about it), given g.
     const double end = (asked + stiffness * reach * g * torque_.dot(about)) /

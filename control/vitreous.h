@@ -1,6 +1,5 @@
-// Gels like the vitreous: they spring back, and yield where the stress is above a limit
-// (thesis 7.1; facts/magnetics 3.2). A Maxwell and Bingham element beside a thin solvent, for the
-// force and the torque of one embedded robot.
+// Viscoplastic gel model of the vitreous, for one embedded robot: a Maxwell element with a Bingham
+// slider beside a thin solvent (thesis 7.1; facts/magnetics 3.2).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,7 +13,7 @@
 
 namespace vitreo::control {
 
-/// What of this is assumed and what is measured: docs/simulated_laboratory.md.
+/// Material parameters. Which are measured and which assumed: docs/simulated_laboratory.md.
 struct Gel {
   std::string name;
   double storage_modulus = 14;       // Pa, G'
@@ -33,18 +32,18 @@ Gel artificial_vitreous(int number);
 /// gel_1 to gel_11, porcine_vitreous (left in its cavity: 14 Pa), porcine_vitreous_removed (2.8 Pa:
 /// the moduli fall five-fold within an hour once it is taken out).
 const std::vector<std::string>& gel_names();
-/// Throws std::invalid_argument with the names there are.
+/// Throws std::invalid_argument with the known names.
 Gel gel_named(std::string_view name);
 
 /// A robot in a gel. The force on it is carried by solvent and network side by side, F = s + c v;
-/// the network's stress s grows with s' = k (v - v_p) and flows, v_p = (1 - 1/f) s / c_p, where f =
-/// sqrt((s/F_y)^2 + (t/T_y)^2) is above 1. The same for torque: t, T_y. Force and torque share one
-/// yield surface, so a robot that turns fast enough to yield the gel about it can also be pulled
-/// through it.
+/// the network's part s grows with s' = k (v - v_p) and flows with v_p = (1 - 1/f) s / c_p where
+/// f = sqrt((s/F_y)^2 + (t/T_y)^2) is above 1. The same for torque: t, T_y. Force and torque share
+/// one yield surface, so a robot that turns fast enough to yield the gel about it can also be
+/// pulled through it.
 class EmbeddedRobot {
  public:
-  EmbeddedRobot(const Robot& robot,
-                const Gel& gel);  // throws std::invalid_argument naming a parameter
+  /// Throws std::invalid_argument naming a parameter.
+  EmbeddedRobot(const Robot& robot, const Gel& gel);
   struct Rates {
     Eigen::Vector3d velocity;  // m/s
     Eigen::Vector3d turning;   // rad/s
@@ -54,21 +53,28 @@ class EmbeddedRobot {
   /// stiff magnet does not overshoot its field.
   Rates step(const Eigen::Vector3d& axis, const Eigen::Vector3d& force,
              const Eigen::Vector3d& torque, double stiffness, double span);
-  /// N: what of a steady force along `direction` (unit) the gel holds without yielding: 14 tau_y
-  /// times the robot's silhouette seen along it (Beris et al. 1985 for a sphere; 14 pi b^2 tau_y
-  /// along the axis).
+  /// N: the largest steady force along `direction` (unit) that the gel holds without yielding: 14
+  /// tau_y times the robot's silhouette seen along it (Beris et al. 1985 for a sphere; 14 pi b^2
+  /// tau_y along the axis).
   double yield_force(const Eigen::Vector3d& axis, const Eigen::Vector3d& direction) const;
   double yield_torque() const { return yield_torque_; }  // N m, across the axis: 3.5 pi a b^2 tau_y
-  const Eigen::Vector3d& force_held() const { return force_; }
+  /// Back to the state of a new one: the network has healed and carries no stress.
   void relax() {
-    force_.setZero(), torque_.setZero();
-  }  ///< as new: the network has healed, unstressed
+    force_.setZero();
+    torque_.setZero();
+  }
 
  private:
-  double semi_axis_, semi_radius_, yield_stress_, yield_torque_;
-  double drag_, turning_drag_;                        // of the solvent: N s/m, N m s
-  double elastic_, plastic_;                          // G' / eta_s and G' / eta_p: 1/s
-  Eigen::Vector3d force_{0, 0, 0}, torque_{0, 0, 0};  // s and t: N, N m, world
+  double semi_axis_;                 // m
+  double semi_radius_;               // m
+  double yield_stress_;              // Pa
+  double yield_torque_;              // N m
+  double drag_;                      // N s/m, of the solvent
+  double turning_drag_;              // N m s, of the solvent
+  double elastic_;                   // G' / eta_s, 1/s
+  double plastic_;                   // G' / eta_p, 1/s
+  Eigen::Vector3d force_{0, 0, 0};   // s: N, world
+  Eigen::Vector3d torque_{0, 0, 0};  // t: N m, world
 };
 
 }  // namespace vitreo::control

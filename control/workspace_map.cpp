@@ -1,19 +1,19 @@
-// The largest scale of each direction's least-norm currents within the limits, and the worst of the
-// directions.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/workspace_map.h"
+
+#include "control/preconditions.h"
 
 #include <Eigen/Cholesky>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 
 namespace vitreo::control {
 namespace {
 
-// Half of the 26 neighbors of a cube: the opposite of each costs the same but for the field held.
+// Half of the 26 directions to the neighbors of a cube's cell, sampling the sphere at 35 to 45
+// degrees: least-norm currents are linear, so the opposite direction has the same scale.
 std::vector<Eigen::Vector3d> directions() {
   std::vector<Eigen::Vector3d> list;
   for (int k = 14; k < 27; ++k) {
@@ -22,7 +22,8 @@ std::vector<Eigen::Vector3d> directions() {
   return list;
 }
 
-// The largest s with |fixed + s each| within the limits on both sides of it.
+// The largest s with |fixed +- s each| within the limits, both signs alike; 0 where `fixed` alone
+// exceeds them.
 double scale_within(const Currents& fixed, const Currents& each, const CurrentLimits& limits) {
   double scale = std::numeric_limits<double>::infinity();
   for (Eigen::Index k = 0; k < fixed.size(); ++k) {
@@ -33,6 +34,8 @@ double scale_within(const Currents& fixed, const Currents& each, const CurrentLi
   return std::isfinite(scale) ? scale : 0;
 }
 
+// At one position the least-norm currents I = A' (A A')^-1 w, in rows of field and of force over
+// moment, scaled to the first limit: a lower bound of what a box-constrained solution could reach.
 MapPoint map_point(const FieldMatrix& matrix, const MapRequest& request) {
   MapPoint point;
   const Eigen::Vector3d axis = request.field.normalized();
@@ -49,7 +52,8 @@ MapPoint map_point(const FieldMatrix& matrix, const MapRequest& request) {
     w << field, force;
     return Currents(a.transpose() * gram.solve(w));
   };
-  const Currents none = Currents::Zero(a.cols()), held = currents(request.field, {0, 0, 0});
+  const Currents none = Currents::Zero(a.cols());
+  const Currents held = currents(request.field, {0, 0, 0});
   point.field = point.force = std::numeric_limits<double>::infinity();
   for (const Eigen::Vector3d& direction : directions()) {
     point.field =
@@ -63,13 +67,10 @@ MapPoint map_point(const FieldMatrix& matrix, const MapRequest& request) {
 }  // namespace
 
 void MapRequest::check() const {
-  if (!low.allFinite() || !high.allFinite() || !(low.array() <= high.array()).all()) {
-    throw std::invalid_argument("map: low must not be above high");
-  }
-  if (points.minCoeff() < 1 || points.maxCoeff() > 1000)
-    throw std::invalid_argument("map points: 1 to 1000 an axis");
-  if (!field.allFinite() || !(field.norm() > 0))
-    throw std::invalid_argument("map field: must be finite and above 0 T");
+  require(low.allFinite() && high.allFinite() && (low.array() <= high.array()).all(),
+          "map: low must not be above high");
+  require(points.minCoeff() >= 1 && points.maxCoeff() <= 1000, "map points: 1 to 1000 an axis");
+  require(field.allFinite() && field.norm() > 0, "map field: must be finite and above 0 T");
 }
 
 std::vector<MapPoint> workspace_map(const FieldModel& model, const MapRequest& request) {
@@ -81,11 +82,11 @@ std::vector<MapPoint> workspace_map(const FieldModel& model, const MapRequest& r
       for (int x = 0; x < request.points.x(); ++x) {
         const Eigen::Vector3d part = Eigen::Vector3d(x, y, z).cwiseQuotient(
             (request.points.array() - 1).max(1).matrix().cast<double>());
-        const Eigen::Vector3d place = request.low + span.cwiseProduct(part);
+        const Eigen::Vector3d position = request.low + span.cwiseProduct(part);
         MapPoint point;
         point.condition = std::numeric_limits<double>::infinity();
-        if (model.valid_at(place)) point = map_point(model.matrix(place), request);
-        point.position = place;
+        if (model.valid_at(position)) point = map_point(model.matrix(position), request);
+        point.position = position;
         map.push_back(point);
       }
     }

@@ -1,4 +1,4 @@
-// What the coils can do over the workspace: reachable field and force, for plots.
+// Workspace map: the field and force that the coils can reach over a grid of positions.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,25 +11,25 @@
 
 namespace vitreo::control {
 
-/// One place of a map; what cannot be had there is 0.
+/// One position of a map; a quantity that the coils cannot make there is 0.
 struct MapPoint {
   Eigen::Vector3d position{0, 0, 0};  // m, world
-  double field = 0;      // T: the largest magnitude in the worst of 13 directions (and their
-                         // opposites), no force asked
+  // T: the largest magnitude in the worst of 13 directions (and their opposites), no force asked
+  double field = 0;
   double force = 0;      // T/m: force over moment in the worst of them, the field as asked
   double condition = 0;  // of currents to field and force over moment
 };
 
 struct MapRequest {
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(-10e-3),
-                  high = Eigen::Vector3d::Constant(10e-3);  // m, world
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(-10e-3);  // m, world
+  Eigen::Vector3d high = Eigen::Vector3d::Constant(10e-3);  // m, world
   Eigen::Vector3i points{5, 5, 5};
   Eigen::Vector3d field{10e-3, 0, 0};  // T: held while force is made, and the moment's direction
   CurrentLimits limits = CurrentLimits::Constant(8, 12);
   void check() const;  // throws std::invalid_argument naming what is wrong
 };
 
-/// x fastest, then y, then z. Places outside the model's region, and those where the coils have
+/// x fastest, then y, then z. Positions outside the model's region, and those where the coils have
 /// lost a degree of freedom, are there with zeros (and an infinite condition).
 std::vector<MapPoint> workspace_map(const FieldModel& model, const MapRequest& request);
 

@@ -1,5 +1,5 @@
-// The blur of a microscope that looks at a defocused image: its aperture's disc and its
-// diffraction, in one kernel.
+// Blur of a defocused microscope image: the aperture's disc, its diffraction and the pixel in one
+// kernel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,7 +13,7 @@ namespace vitreo::sim {
 struct Aperture {
   double numerical_aperture = 0.01;
   double wavelength = 550e-9;  // m
-  double pixel = 14.3e-6;      // m, in the plane that the microscope looks at
+  double pixel = 14.3e-6;      // m, in the object plane of the microscope
 };
 
 /// The point spread of a defocus (m along the axis), sampled by the pixels, summing to 1: the
@@ -21,8 +21,8 @@ struct Aperture {
 /// square. Odd size. CV_32F.
 cv::Mat point_spread(const Aperture& aperture, double defocus);
 
-/// Blurs CV_32F images with a kernel taken apart into few separable ones (its leading singular
-/// vectors), remembered for each tenth of a pixel of disc radius.
+/// Blurs CV_32F images with the kernel as a sum of few separable ones (its leading singular
+/// vectors), cached for each tenth of a pixel of disc radius. `defocus` in m, as in point_spread.
 class Blur {
  public:
   explicit Blur(const Aperture& aperture) : aperture_(aperture) {}
@@ -32,8 +32,9 @@ class Blur {
 
  private:
   struct Separable {
-    std::vector<cv::Mat> rows, columns;
-    int reach;
+    std::vector<cv::Mat> rows;
+    std::vector<cv::Mat> columns;
+    int reach;  // px
   };
   const Separable& kernel(double defocus);
   Aperture aperture_;

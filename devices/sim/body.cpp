@@ -11,6 +11,7 @@
 
 namespace vitreo::sim {
 
+// Rodrigues' rotation; axis and side are made orthonormal again, against drift over many steps.
 void turn_body(BodyState& body, const Eigen::Vector3d& turn) {
   const double angle = turn.norm();
   if (!(angle > 0)) return;
@@ -38,8 +39,11 @@ void BodySettings::check() const {
   if (!(dot_pitch > 0 && std::isfinite(dot_pitch))) wrong("dot_pitch must be above zero");
 }
 
+// Disc: a flat cylinder. Rod: a cylinder of length 2 (a - b) with half a ball at each end.
+// Spheroid: 4/3 pi a b^2.
 double volume_of(const BodySettings& body) {
-  const double a = body.semi_axis, b = body.semi_radius;
+  const double a = body.semi_axis;
+  const double b = body.semi_radius;
   switch (body.shape) {
     case Shape::disc:
       return 2 * M_PI * a * b * b;  // as of a flat edge; the round one takes little
@@ -51,17 +55,25 @@ double volume_of(const BodySettings& body) {
   return 4. / 3 * M_PI * a * b * b;
 }
 
+// Perrin's drag of a prolate (a > b) or oblate (a < b) spheroid (Perrin 1936; facts/magnetics 3.1):
+// the oblate forms are the prolate ones with q^2 = a^2 - b^2 < 0, whose logarithm becomes an arc
+// tangent, S = (2/|q|) atan(|q|/a).
 SpheroidDrag spheroid_drag(double viscosity, double a, double b) {
-  // Both of Perrin's forms are 0/0 at the sphere; within a thousandth of it, the sphere is as good.
+  // Both of Perrin's forms are 0/0 at the sphere; within a thousandth of it, Stokes' 6 pi eta b.
   if (std::abs(a / b - 1) < 1e-3) return {6 * M_PI * viscosity * b, 6 * M_PI * viscosity * b};
-  const double q2 = a * a - b * b, q = std::sqrt(std::abs(q2));
+  const double q2 = a * a - b * b;
+  const double q = std::sqrt(std::abs(q2));
   const double s = a > b ? 2 / q * std::log((a + q) / b) : 2 / q * std::atan2(q, a);
   return {16 * M_PI * viscosity * q2 / ((2 * a * a - b * b) * s - 2 * a),
           32 * M_PI * viscosity * q2 / ((2 * a * a - 3 * b * b) * s + 2 * a)};
 }
 
+// Support points: of an ellipsoid A A' n / sqrt(n'A A'n); of rod and disc as Minkowski sums of a
+// ball with a segment and with a flat disc.
 Eigen::Vector3d support(Shape shape, const BodyState& body, const Eigen::Vector3d& direction) {
-  const double along = body.axis.dot(direction), a = body.semi_axis, b = body.semi_radius;
+  const double along = body.axis.dot(direction);
+  const double a = body.semi_axis;
+  const double b = body.semi_radius;
   if (shape == Shape::rod) return b * direction + (along < 0 ? b - a : a - b) * body.axis;
   const Eigen::Vector3d across = direction - along * body.axis;
   if (shape == Shape::disc) {
@@ -72,6 +84,9 @@ Eigen::Vector3d support(Shape shape, const BodyState& body, const Eigen::Vector3
   return squared / std::sqrt(std::max(direction.dot(squared), 1e-300));
 }
 
+// Penetration depth of two convex bodies: the least of -u.gap over all directions u, gap being the
+// vector between the support points that face each other (the separating-axis theorem; Ericson
+// 2005, chapter 5).
 Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape,
                 const BodyState& second) {
   const Eigen::Vector3d between = second.position - first.position;
@@ -79,8 +94,11 @@ Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape,
       std::max(first.semi_axis, first.semi_radius) + std::max(second.semi_axis, second.semi_radius);
   const double distance = between.norm();
   if (distance >= reach || !(distance > 0)) return {};
-  // The separating direction: the largest of  u.between - h1(u) - h2(-u), by steps up its gradient
-  // on the sphere.
+  // Beyond both bounding balls there is no overlap. Within, the largest of
+  //   u.between - h1(u) - h2(-u)
+  // over the sphere of directions, h the support functions: by steps along its gradient, which is
+  // the gap itself (a support function's gradient is its support point), projected across u. The
+  // steps shrink, so that 24 end near the maximum; any positive value proves the bodies apart.
   Overlap best{between / distance, reach};
   Eigen::Vector3d u = best.normal;
   double stride = 1;
@@ -98,19 +116,24 @@ Overlap overlap(Shape first_shape, const BodyState& first, Shape second_shape,
 }
 
 void Cavity::check() const {
-  if (!vertex.allFinite()) throw std::invalid_argument("eye_in_world is not finite");
+  require(vertex.allFinite(), "eye_in_world is not finite");
   require_positive(radius, "retina_radius");
   require_positive(lens_depth, "lens_depth");
 }
 
 Cavity::Wall Cavity::retina(const Eigen::Vector3d& point) const {
   Eigen::Vector3d from_center = point - vertex - Eigen::Vector3d(0, 0, radius);
-  if (from_center.z() > 0) from_center.z() = 0;  // above the equator the wall is a cylinder
+  // Above the equator the wall is a cylinder.
+  if (from_center.z() > 0) from_center.z() = 0;
   const double distance = from_center.norm();
+  // In the middle every direction is as good.
   if (!(distance > 0)) return {Eigen::Vector3d::UnitZ(), radius};
   return {-from_center / distance, radius - distance};
 }
 
+// Contact as a projection: the body is moved back by the depth along the wall's normal. The depth
+// is what the normal force had pressed it in, so Coulomb's friction |F_t| <= mu F_n takes at most
+// mu * depth from the sliding of the point of contact, u + w x r.
 bool keep_inside(const Cavity& cavity, Shape shape, double friction, const Eigen::Vector3d& before,
                  const Eigen::Vector3d& turned, BodyState& body) {
   const auto push_back = [&](const Eigen::Vector3d& outward, const Eigen::Vector3d& touching,
@@ -118,14 +141,15 @@ bool keep_inside(const Cavity& cavity, Shape shape, double friction, const Eigen
     body.position -= depth * outward;
     const Eigen::Vector3d moved = body.position - before + turned.cross(touching);
     const Eigen::Vector3d sliding = moved - moved.dot(outward) * outward;
-    const double slid = sliding.norm(), held = friction * depth;
+    const double slid = sliding.norm();
+    const double held = friction * depth;
     if (slid > 0) body.position -= sliding * std::min(1.0, held / slid);
   };
   bool touches = false;
   Cavity::Wall wall = cavity.retina(body.position);
   if (wall.distance < std::max(body.semi_axis, body.semi_radius)) {
-    // The point that reaches farthest out: along the wall's normal there, which its own place
-    // decides.
+    // The point that reaches farthest out: along the wall's normal there, which the point's own
+    // position decides; a fixed-point iteration.
     Eigen::Vector3d farthest = support(shape, body, -wall.normal);
     for (int pass = 0; pass < 3; ++pass) {
       wall = cavity.retina(body.position + farthest);

@@ -1,5 +1,4 @@
-// The bodies in the simulated eye: what they are, where they lie, how they touch each other and the
-// walls.
+// Bodies in the simulated eye: settings, state, drag, and contact with each other and the walls.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,12 +9,12 @@
 
 namespace vitreo::sim {
 
-/// Where a body is and how it lies; `axis` is the axis of symmetry, along which the semi-axis is
-/// measured.
+/// Pose and size of a body; `axis` is the axis of symmetry, along which the semi-axis is measured.
 struct BodyState {
   Eigen::Vector3d position;       // m, world
   Eigen::Vector3d axis;           // unit
-  double semi_axis, semi_radius;  // m
+  double semi_axis;               // m
+  double semi_radius;             // m
   Eigen::Vector3d side{0, 1, 0};  // unit, across the axis: turns with the body
 };
 
@@ -24,12 +23,13 @@ void turn_body(BodyState& body, const Eigen::Vector3d& turn);
 
 enum class Shape { spheroid, disc, rod };  // disc and rod have round edges and ends
 
-/// Something in the eye besides the robot.
+/// A body in the eye besides the robot.
 struct BodySettings {
   std::string name;
   Shape shape = Shape::disc;
-  double semi_axis = 0.1e-3, semi_radius = 0.5e-3;  // m; of a disc: half its thickness, its radius
-  Eigen::Vector3d position{0, 0, 0};                // m, world
+  double semi_axis = 0.1e-3;          // m; of a disc: half its thickness
+  double semi_radius = 0.5e-3;        // m; of a disc: its radius
+  Eigen::Vector3d position{0, 0, 0};  // m, world
   Eigen::Vector3d axis{0, 0, 1};
   double density = 1200;                        // kg/m^3
   bool fixed = false;                           // held from outside: a needle, a calibration target
@@ -44,7 +44,8 @@ double volume_of(const BodySettings& body);  // m^3
 /// Force per velocity, N s/m, along and across the axis, of a prolate or oblate spheroid (Perrin)
 /// with these semi-axes.
 struct SpheroidDrag {
-  double along, across;
+  double along;   // N s/m
+  double across;  // N s/m
 };
 SpheroidDrag spheroid_drag(double viscosity, double semi_axis, double semi_radius);
 
@@ -66,20 +67,22 @@ struct Cavity {
   double radius = 11.5e-3;
   double lens_depth = 15.5e-3;  // from the vertex to the lens
   void check() const;           // throws std::invalid_argument naming the parameter
-  /// From the wall at the side or below towards a point: unit; and the point's distance from it.
+  /// The wall at the side or below: unit normal towards a point, and the point's distance from it,
+  /// m (negative outside).
   struct Wall {
     Eigen::Vector3d normal;
     double distance;
   };
   Wall retina(const Eigen::Vector3d& point) const;
+  /// m from the lens' plane down to a point, negative above it.
   double below_lens(const Eigen::Vector3d& point) const {
     return vertex.z() + lens_depth - point.z();
   }
 };
 
-/// Puts a body back inside; where it touches, friction eats the sliding of the point that touches,
-/// turning included. `before`: where the body was at the step's start; `turned`: rad, how it turned
-/// since. Returns whether it touches the retina.
+/// Puts a body back inside; friction takes from the sliding of the point of contact, turning
+/// included. `before`: the body's position (m) at the step's start; `turned`: its rotation vector
+/// since, rad. Returns whether it touches the retina.
 bool keep_inside(const Cavity& cavity, Shape shape, double friction, const Eigen::Vector3d& before,
                  const Eigen::Vector3d& turned, BodyState& body);
 

@@ -1,9 +1,10 @@
-// A body as the renderer meets it: one ellipsoid, or two thin ones that cross, in the frame of a
-// view.
+// Shape and reflectance of a body as the renderer draws it: one ellipsoid, or two thin ones that
+// cross.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "devices/sim/renderer.h"
+#include "devices/sim/body.h"
+#include "devices/sim/view.h"
 
 #include <Eigen/Core>
 
@@ -11,24 +12,43 @@
 
 namespace vitreo::sim {
 
-constexpr double kWellOutside =
-    1.3;  // squared distance, in units of the body, beyond which no pixel is touched
+/// Squared distance, in units of the body, beyond which no pixel is covered.
+constexpr double kWellOutside = 1.3;
 
-/// What a body is drawn as: an ellipsoid, or two thin ones that cross; frame of the view.
+/// Reflectance of a body's surface (Blinn's model) for a lamp that stands by the observer, a little
+/// to one side.
+struct BodyLook {
+  double ambient = 0.06;                 // of all directions
+  double diffuse = 0.16;                 // Lambert's, times the cosine to the lamp
+  double specular = 0.35;                // of the highlight
+  double shininess = 30;                 // exponent of the highlight
+  std::array<double, 3> color{1, 1, 1};  // red, green, blue; of all that it reflects
+  /// As the thesis' soft robots are: two elliptical plates that cross along the axis, in the planes
+  /// of the body's side and across it. 0: the whole spheroid.
+  double plate_thickness = 0;  // m
+  double dot_pitch = 0;        // m: dark dots on a grid across the axis; 0: none
+};
+
+/// The drawn shape: p.S p = 1 for one ellipsoid, or two thin ones that cross, p from the center;
+/// frame of the view.
 struct Figure {
-  Eigen::Vector3d center;
-  std::array<Eigen::Matrix3d, 2> shapes;
+  Eigen::Vector3d center;                 // m
+  std::array<Eigen::Matrix3d, 2> shapes;  // S, 1/m^2
   int count = 1;
-  Eigen::Vector3d side, across;  // directions of the dots' grid
+  // directions of the dots' grid
+  Eigen::Vector3d side;
+  Eigen::Vector3d across;
 };
 
 Figure figure_of(const View& view, const BodyState& body, const BodyLook& look);
 
-/// Shortest and nearest: how far a pixel's line passes from the figure (1 at its rim) and where it
-/// leaves it towards us.
+/// A pixel's line and a figure: the distance at which it passes the middle (1 at the rim), and the
+/// point, from the center, at which it leaves the figure towards the observer, with its outward
+/// normal.
 struct Hit {
-  double closest = 9 * 9;  // squared
-  Eigen::Vector3d place, normal;
+  double closest = 9 * 9;    // squared; far outside
+  Eigen::Vector3d position;  // m
+  Eigen::Vector3d normal;    // unit
 };
 
 Hit hit(const Figure& figure, const PixelLine& line);

@@ -30,6 +30,7 @@ void CoilBankSettings::check(int coils) const {
                                   ", only 1 to " + std::to_string(coils));
 }
 
+// The current decays towards the set-point as e^(-2 pi f t), exactly so from step to step.
 CoilBank::CoilBank(const CoilBankSettings& settings, int coils)
     : settings_(settings), keep_(std::exp(-2 * M_PI * settings.bandwidth * kCoilStep)) {
   settings_.check(coils);
@@ -38,16 +39,19 @@ CoilBank::CoilBank(const CoilBankSettings& settings, int coils)
 }
 
 void CoilBank::command(Time time, const control::Currents& set_points) {
-  if (set_points.size() != target_.size())
-    throw std::invalid_argument("commands: one for each coil is wanted");
-  if (!set_points.allFinite()) throw std::invalid_argument("commands: not finite");
+  require(set_points.size() == target_.size(), "commands: one for each coil is wanted");
+  require(set_points.allFinite(), "commands: not finite");
   const Time acts_from = time + from_seconds(settings_.delay);
-  if (!commands_.empty() && acts_from < commands_.back().acts_from)
-    throw std::invalid_argument("time runs backwards");
+  require(commands_.empty() || acts_from >= commands_.back().acts_from, "time runs backwards");
   commands_.push_back({acts_from, set_points});
   for (const int coil : settings_.dead) commands_.back().currents[coil - 1] = 0;
 }
 
+// Electrical and thermal state over one step. Copper warms and its resistance rises,
+//   R = R_0 (1 + alpha (T - T_0));
+// the supply limits the current to U / R; and, with one thermal mass a coil,
+//   C dT/dt = I^2 R - (T - T_0) / R_th
+// by Euler's rule: the time constant C R_th, 385 s by default, is far above the step.
 void CoilBank::step(Time start) {
   while (!commands_.empty() && commands_.front().acts_from <= start) {
     target_ = commands_.front().currents;
@@ -56,8 +60,7 @@ void CoilBank::step(Time start) {
   for (int coil = 0; coil < currents_.size(); ++coil) {
     const double warmth = temperatures_[coil] - settings_.ambient;
     const double resistance =
-        settings_.resistance *
-        std::max(1 + settings_.temperature_coefficient * warmth, 0.1);  // never below a tenth
+        settings_.resistance * std::max(1 + settings_.temperature_coefficient * warmth, 0.1);
     const double most = settings_.supply_voltage / resistance;
     const double target = std::clamp(target_[coil], -most, most);
     double& current = currents_[coil];
@@ -67,6 +70,7 @@ void CoilBank::step(Time start) {
   }
 }
 
+// White current noise, one sample a step; a dead coil has none.
 control::Currents CoilBank::noisy(std::mt19937_64& random) {
   control::Currents flowing = currents_;
   for (double& current : flowing) current += settings_.noise * normal_(random);

@@ -1,4 +1,4 @@
-// The coils and their amplifiers: delay, lag, noise, heat. The quantization is in the set-points,
+// Coils and their amplifiers: delay, lag, noise and heat. The quantization is in the set-points,
 // which come through the USB-3103's emulator in counts.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -31,7 +31,7 @@ class CoilBank {
   CoilBank(const CoilBankSettings& settings, int coils);
   /// New set-points, A, that act from `time` + delay on. Times must not run backwards.
   void command(Time time, const control::Currents& set_points);
-  /// One step of 1 ms from `start`.
+  /// One step of 1 ms from `start`: currents and temperatures of its end.
   void step(Time start);
   const control::Currents& currents() const { return currents_; }          // A, without the noise
   const control::Currents& temperatures() const { return temperatures_; }  // K
@@ -43,9 +43,11 @@ class CoilBank {
     control::Currents currents;
   };
   CoilBankSettings settings_;
-  double keep_;  // of the distance to the set-point, after a step
+  double keep_;  // part of the distance to the set-point that is left after a step
   std::deque<Command> commands_;
-  control::Currents target_, currents_, temperatures_;
+  control::Currents target_;
+  control::Currents currents_;
+  control::Currents temperatures_;
   std::normal_distribution<double> normal_;
 };
 

@@ -1,6 +1,5 @@
-// What is wrong with the simulated instruments, now. Whoever injects faults sets it; the
-// instruments, and the links to their emulators, look at it whenever they are used. All of it is
-// touched with the clock's baton in hand.
+// Injected faults of the simulated instruments. The session sets them; the instruments, and the
+// links to their emulators, read them at each use, all under the clock's baton.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,21 +13,21 @@
 
 namespace vitreo::sim {
 
-/// Of a camera's pictures.
+/// Faults of a camera's pictures.
 struct PictureFaults {
-  double light =
-      1;  ///< times as much as it should be: what is brighter than the sensor can tell is white
+  /// factor of the light; above the sensor's range the picture is white
+  double light = 1;
   int blur_px = 0;       ///< radius of the disc into which a point is smeared
   int floater_px = 0;    ///< radius of a dark speck that drifts through the picture; 0: none
   Time floater_since{};  ///< when it came in
 };
 
-/// Of what looks: a camera, or the pose sensor.
+/// Faults of an imaging device: a camera, or the pose sensor.
 struct ImagingFaults {
   bool unplugged = false;  ///< every call throws DeviceError{lost}
   bool silent = false;     ///< nothing comes
-  bool frozen = false;     ///< the last picture, or place, again and again under new numbers
-  bool nan = false;        ///< places that are not numbers; of the pose sensor
+  bool frozen = false;     ///< the last picture, or position, again and again under new numbers
+  bool nan = false;        ///< positions that are not numbers; of the pose sensor
   Time late{};             ///< how much later it comes
   Time jump{};             ///< how wrong the time stamps of the exposures are
   int drops = 0;           ///< each n-th never comes; 0: all come
@@ -36,9 +35,9 @@ struct ImagingFaults {
   PictureFaults picture;   ///< of a camera
 };
 
-/// Of what moves.
+/// Faults of a motor.
 struct MotionFaults {
-  bool stuck = false;  ///< it is told to move and stands still
+  bool stuck = false;  ///< it stands still when it is commanded to move
   bool limit = false;  ///< its limit switch is pressed: it stops, and does not set off
 };
 
@@ -49,8 +48,8 @@ struct Faults {
   /// By role: holds a stage where it is, or lets it go; the emulators that know how put theirs here
   /// when they are opened.
   std::map<std::string, std::function<void(bool held, Time now)>> sticks;
-  double saturation =
-      std::numeric_limits<double>::infinity();  // A, that the amplifiers give at most
+  // A: the largest current of the amplifiers
+  double saturation = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace vitreo::sim

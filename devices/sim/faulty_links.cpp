@@ -10,13 +10,14 @@
 namespace vitreo::sim {
 namespace {
 
-constexpr Time kLook =
-    std::chrono::milliseconds(20);  // how often who waits sees that the cable was pulled
+// How often a waiting read looks whether the cable was pulled.
+constexpr Time kLook = std::chrono::milliseconds(20);
 
 void check_cable(const LinkFaults& faults, const char* bus) {
   if (faults.unplugged) throw DeviceError(DeviceErrorKind::lost, bus, "is gone");
 }
 
+// Cuts a report short, or flips bits of one of its bytes.
 void spoil(const LinkFaults& faults, std::vector<std::uint8_t>& bytes) {
   if (faults.keep >= 0 && bytes.size() > static_cast<std::size_t>(faults.keep))
     bytes.resize(static_cast<std::size_t>(faults.keep));
@@ -24,6 +25,8 @@ void spoil(const LinkFaults& faults, std::vector<std::uint8_t>& bytes) {
     bytes[static_cast<std::size_t>(faults.garble)] ^= faults.flip;
 }
 
+// Reports in: late, cut, garbled or lost. A late report is held until it is due, and those after it
+// wait in their order. Reports out: lost where the instrument is deaf.
 class FaultyHidLink final : public HidLink {
  public:
   FaultyHidLink(std::unique_ptr<HidLink> link, const LinkFaults& faults, Clock& clock)
@@ -32,7 +35,8 @@ class FaultyHidLink final : public HidLink {
   void write(std::span<const std::uint8_t> report) override {
     check_cable(faults_, "hid");
     if (!faults_.deaf) return link_->write(report);
-    clock_.sleep_for(Time::zero());  // it is a wait all the same
+    // A write to a deaf instrument is a wait like any other: the baton is passed on.
+    clock_.sleep_for(Time::zero());
   }
 
   std::optional<std::vector<std::uint8_t>> read(Time timeout) override {
@@ -67,6 +71,7 @@ class FaultyHidLink final : public HidLink {
   std::deque<Held> held_;
 };
 
+// Control transfers: each takes `late`, or its whole timeout when it would not be answered in time.
 class FaultyUsbLink final : public UsbLink {
  public:
   FaultyUsbLink(std::unique_ptr<UsbLink> link, const LinkFaults& faults, Clock& clock)

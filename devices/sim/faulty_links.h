@@ -1,5 +1,5 @@
-// Links that go wrong: decorators of the wires in memory between a driver and its emulator. (A byte
-// link in memory knows its faults by itself.)
+// Fault decorators of the HID and USB links in memory between a driver and its emulator. (A byte
+// link in memory applies its faults itself.)
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

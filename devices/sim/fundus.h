@@ -1,5 +1,5 @@
-// What the retina looks like: vessels, optic disc, fovea and mottling, drawn from a seed; or a
-// photograph.
+// Fundus: reflectance of the simulated retina, procedural (vessels, optic disc, fovea, mottling) or
+// from a photograph.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,12 +15,13 @@ namespace vitreo::sim {
 /// the retina.
 class Fundus {
  public:
-  /// Procedural. `reach`: how far from the vertex along the retina it is drawn, m.
+  /// Procedural, from a seed. `reach`: m from the vertex along the retina to the map's edge.
   static Fundus drawn(std::uint64_t seed, double reach);
   /// From a photograph that spans `width` m of retina; its green channel is used. Throws
   /// std::invalid_argument when the file cannot be read as an image.
   static Fundus photograph(const std::string& file, double width);
-  /// In [0, 1]; at (x, y) m along the retina from the vertex, linearly interpolated; 0 outside.
+  /// At (x, y) m along the retina from the vertex, linearly interpolated; about 0 to 1, and 0
+  /// outside.
   float reflectance(double x, double y) const;
   const cv::Mat& map() const { return map_; }
 

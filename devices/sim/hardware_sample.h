@@ -1,4 +1,4 @@
-// One machine out of many: what its seed makes different from the model.
+// Sampled hardware: one machine of many, whose seed makes it different from the model.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace vitreo::sim {
 
-/// Streams of chance for separate purposes, so that a change in one leaves the others as they were.
+/// Random streams for separate purposes, so that a change in one leaves the others as they were.
 enum class Purpose : std::uint64_t {
   field = 1,
   moment,
@@ -27,10 +27,10 @@ enum class Purpose : std::uint64_t {
   probe
 };
 std::uint64_t seed_for(std::uint64_t seed, Purpose purpose);
-/// A number that depends on all three and looks random (the finalizer of SplitMix64).
+/// A hash of the three numbers (the finalizer of SplitMix64).
 std::uint64_t mix(std::uint64_t a, std::uint64_t b, std::uint64_t c);
 
-/// The same draw for either kind of model: each coil's gain, a shift of all its sources, a turn of
+/// A sample about either kind of model: each coil's gain, a shift of all its sources, a turn of
 /// their axes.
 control::FieldModel perturbed(const control::FieldModel& model,
                               const control::FieldPerturbation& sigma, std::mt19937_64& random);

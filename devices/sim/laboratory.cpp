@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/laboratory.h"
 
+#include "devices/sim/checks.h"
 #include "devices/sim/hardware_sample.h"
 #include "devices/time/error.h"
 
@@ -14,9 +15,9 @@
 namespace vitreo::sim {
 namespace {
 
-class SimulatedHands : public SampleHandler {
+class SimulatedSampleHandler : public SampleHandler {
  public:
-  SimulatedHands(World& world, Clock& clock) : world_(world), clock_(clock) {}
+  SimulatedSampleHandler(World& world, Clock& clock) : world_(world), clock_(clock) {}
   std::string identity() const override { return "simulated operator's hands"; }
   void insert_robot(const Eigen::Vector3d& near) override {
     world_.insert_robot(clock_.now(), near);
@@ -28,11 +29,15 @@ class SimulatedHands : public SampleHandler {
   Clock& clock_;
 };
 
-WorldSettings drawn_world(const LaboratorySettings& settings, std::uint64_t seed) {
+// The true plant: the settings with their perturbations sampled, each from a stream of its own, so
+// that a change of one sigma leaves the other samples as they were.
+WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t seed) {
   const auto stream = [seed](Purpose purpose) { return std::mt19937_64(seed_for(seed, purpose)); };
   WorldSettings world = settings.world;
-  auto field = stream(Purpose::field), moment = stream(Purpose::moment),
-       roll = stream(Purpose::roll), tuning = stream(Purpose::tuning);
+  auto field = stream(Purpose::field);
+  auto moment = stream(Purpose::moment);
+  auto roll = stream(Purpose::roll);
+  auto tuning = stream(Purpose::tuning);
   std::normal_distribution<double> normal;
   world.field = perturbed(world.field, settings.field_perturbation, field);
   world.moment_gain *= 1 + settings.moment_sigma * std::normal_distribution<double>()(moment);
@@ -43,7 +48,8 @@ WorldSettings drawn_world(const LaboratorySettings& settings, std::uint64_t seed
   return world;
 }
 
-usb3103::EmulatorSettings drawn_dac(double offset, std::uint64_t seed) {
+// Offset errors of the output channels, N(0, offset) in counts.
+usb3103::EmulatorSettings sampled_dac(double offset, std::uint64_t seed) {
   usb3103::EmulatorSettings dac;
   std::mt19937_64 random(seed_for(seed, Purpose::dac));
   std::normal_distribution<double> normal;
@@ -51,10 +57,12 @@ usb3103::EmulatorSettings drawn_dac(double offset, std::uint64_t seed) {
   return dac;
 }
 
-/// How thick two crossed elliptical plates of the robot's outline are that have its volume: V = 2
-/// pi a b t - 2 a t^2.
+// Thickness t of two crossed elliptical plates with the robot's outline and volume, which share a
+// bar of 2 a t^2 along the axis: the smaller root of V = 2 pi a b t - 2 a t^2. 0 where the outline
+// is too small.
 double plate_thickness(const control::Robot& robot) {
-  const double a = robot.semi_axis, flat = 2 * M_PI * a * robot.semi_radius;
+  const double a = robot.semi_axis;
+  const double flat = 2 * M_PI * a * robot.semi_radius;
   const double root = flat * flat - 8 * a * robot.solid_volume;
   return root > 0 ? (flat - std::sqrt(root)) / (4 * a) : 0;
 }
@@ -73,12 +81,13 @@ BodyLook look_of(const BodySettings& body) {
   return look;
 }
 
-constexpr std::array<double, 3> kFundusTint = {
-    1.45, 0.9, 0.25};  // red, green, blue of a retina whose gray is 1
+// Red, green and blue of a retina whose gray is 1.
+constexpr std::array<double, 3> kFundusTint = {1.45, 0.9, 0.25};
 
-/// m of lens travel per microstep.
+// m of lens travel per microstep.
 double ustep(const pololu_tic::Settings& lens) { return lens.step_length / lens.usteps_per_step; }
 
+// A motor that was homed before the run and stands at the nominal position, 0.
 pololu_tic::EmulatorSettings homed_motor(const pololu_tic::Settings& lens) {
   pololu_tic::EmulatorSettings motor;
   motor.position_known = true;
@@ -88,7 +97,7 @@ pololu_tic::EmulatorSettings homed_motor(const pololu_tic::Settings& lens) {
   return motor;
 }
 
-/// A backlit chamber: even light, a little brighter below.
+// A backlit chamber: even light, a little brighter below.
 cv::Mat side_ground(int width, int height) {
   cv::Mat ground(height, width, CV_32F);
   for (int v = 0; v < height; ++v)
@@ -103,42 +112,48 @@ struct Laboratory::State {
       : settings(given),
         clock(the_clock),
         seed(the_seed),
-        world(drawn_world(given, the_seed), seed_for(the_seed, Purpose::world)),
+        world(sampled_world(given, the_seed), seed_for(the_seed, Purpose::world)),
         lens(pololu_tic::make_emulator(homed_motor(given.lens), the_clock)),
         hands(world, the_clock),
         probe(
             given.probe, world,
-            [this] { return probe_place ? probe_place(clock.now()) : Eigen::Vector3d(0, 0, 0); },
+            [this] {
+              return probe_position ? probe_position(clock.now()) : Eigen::Vector3d(0, 0, 0);
+            },
             the_clock, seed_for(the_seed, Purpose::probe)) {
     if (!given.fundus.empty()) fundus = Fundus::photograph(given.fundus, given.fundus_width);
   }
 
-  /// Drawn when something first looks: it takes a tenth of a second, and a prompt need not wait for
-  /// it.
+  /// Made with the first picture: it takes a tenth of a second, for which a prompt need not wait.
   const Fundus& retina() {
     if (!fundus)
       fundus = Fundus::drawn(seed_for(seed, Purpose::fundus), 1.55 * settings.world.cavity.radius);
     return *fundus;
   }
 
-  /// Where the parts that look are at a time: the condensing lens' mover (of now), what carries the
-  /// microscope or the bare sensor; and how much light there is.
+  /// Pose of the imaging parts: condensing lens (of now), microscope or bare sensor (of the
+  /// exposure); and the light.
   struct Pose {
-    double lens = 0, sensor = 0, turn = 0, light = 1;
+    double lens = 0;
+    double sensor = 0;
+    double turn = 0;
+    double light = 1;
     bool operator==(const Pose&) const = default;
   };
   double lens_position() const { return lens->motor_usteps() * ustep(settings.lens); }
   Pose pose(Time time) const {
     if (settings.top_view == TopView::plain) return {0, 0, 0, light};
     const bool turns = settings.top_view == TopView::bare_sensor && sensor_angle;
-    return {lens_position(), sensor_place ? sensor_place(time) : 0, turns ? sensor_angle(time) : 0,
-            light};
+    return {lens_position(), sensor_position ? sensor_position(time) : 0,
+            turns ? sensor_angle(time) : 0, light};
   }
 
-  void look(const Pose& now) {
+  /// Makes the top camera's renderer for a pose. Tracing the view takes most of the time of a
+  /// picture, so it is done again only when the pose has changed.
+  void prepare_top(const Pose& now) {
     const std::uint64_t noise = seed_for(seed, Purpose::top_noise);
     const BodyLook robot = look_of(settings);
-    drawn_pose = now;
+    rendered_pose = now;
     Sensor sensor = settings.top.sensor;
     sensor.brightness *= std::max(now.light, kDarkest);
     const ImageSize& size = settings.top.size;
@@ -151,7 +166,8 @@ struct Laboratory::State {
           0, sensor, robot, noise);
       return;
     }
-    // The eye with the condensing lens where the mover has put it; who looks stays where it is.
+    // The mover shifts the condensing lens by `lens`: the air before it grows, and the observer,
+    // whose position is counted from the last surface, stays where it is.
     optics::System eye = settings.eye;
     eye.surfaces[static_cast<std::size_t>(kBeforeCondensingLens - 1)].thickness += now.lens;
     optics::Microscope observer = settings.microscope;
@@ -174,7 +190,7 @@ struct Laboratory::State {
 
   cv::Mat draw_top(Time exposed, std::uint64_t number) {
     const Pose now = pose(exposed);
-    if (!top_renderer || !(now == drawn_pose)) look(now);
+    if (!top_renderer || !(now == rendered_pose)) prepare_top(now);
     return draw(*top_renderer, settings.top, exposed, number);
   }
 
@@ -190,6 +206,8 @@ struct Laboratory::State {
     return draw(*side_renderer, settings.side, exposed, number);
   }
 
+  /// One picture: bodies at the start and the end of the exposure, the middle of which is
+  /// `exposed`.
   cv::Mat draw(Renderer& renderer, const CameraSettings& camera, Time exposed,
                std::uint64_t number) {
     const Time half = from_seconds(camera.exposure / 2);
@@ -209,31 +227,35 @@ struct Laboratory::State {
     return renderer.render(bodies, number);
   }
 
+  /// What the amplifiers give: set-points clamped by the injected saturation.
   void drive(Time now, control::Currents commands) {
     for (double& command : commands)
       command = std::clamp(command, -faults.saturation, faults.saturation);
     world.set_coil_commands(now, commands);
   }
 
-  static constexpr int kBeforeCondensingLens =
-      5;  // the surface whose thickness is the air before the lens
-  static constexpr double kDarkest =
-      1e-6;  // of the light: a sensor that sees nothing at all has no picture
+  // The surface whose thickness is the air before the condensing lens.
+  static constexpr int kBeforeCondensingLens = 5;
+  // Least part of the light: a sensor's brightness must be above 0.
+  static constexpr double kDarkest = 1e-6;
   LaboratorySettings settings;
   Clock& clock;
-  std::uint64_t seed, drawn = seed;  // of everything; of the machine
+  std::uint64_t seed;                 // of everything
+  std::uint64_t machine_seed = seed;  // of the machine, which redraw() changes
   Faults faults;
   double light = 1;
-  std::function<double(Time)> sensor_place, sensor_angle;
-  std::function<Eigen::Vector3d(Time)> probe_place;
+  std::function<double(Time)> sensor_position, sensor_angle;
+  std::function<Eigen::Vector3d(Time)> probe_position;
   World world;
   std::unique_ptr<pololu_tic::Emulator> lens;
-  SimulatedHands hands;
+  SimulatedSampleHandler hands;
   SimulatedProbe probe;
   std::optional<Fundus> fundus;
-  std::optional<Renderer> top_renderer, side_renderer;
-  Pose drawn_pose;
-  std::unique_ptr<SimulatedCamera> top, side;
+  std::optional<Renderer> top_renderer;
+  std::optional<Renderer> side_renderer;
+  Pose rendered_pose;
+  std::unique_ptr<SimulatedCamera> top;
+  std::unique_ptr<SimulatedCamera> side;
   std::unique_ptr<usb3103::Emulator> outputs;
 };
 
@@ -241,11 +263,11 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
   settings.top.check();
   settings.side.check();
   settings.eye.check();
-  if (!(settings.sensor_aperture > 0 && settings.sensor_aperture < 1))
-    throw std::invalid_argument("sensor_aperture must be in (0, 1)");
+  require(settings.sensor_aperture > 0 && settings.sensor_aperture < 1,
+          "sensor_aperture must be in (0, 1)");
   settings.lens.check();
-  if (settings.eye.size() <= State::kBeforeCondensingLens)
-    throw std::invalid_argument("eye: a system with a condensing lens before surface 6 is wanted");
+  require(settings.eye.size() > State::kBeforeCondensingLens,
+          "eye: a system with a condensing lens before surface 6 is wanted");
   state_ = std::make_unique<State>(settings, clock, seed);
   State& state = *state_;
   const auto& top = settings.top;
@@ -263,7 +285,7 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
       [&state](Time exposed, std::uint64_t number) { return state.draw_side(exposed, number); },
       state.faults.looks["side_camera"]);
   state.outputs = usb3103::make_emulator(
-      drawn_dac(settings.dac_offset, seed), [&state](const usb3103::Voltages& volts) {
+      sampled_dac(settings.dac_offset, seed), [&state](const usb3103::Voltages& volts) {
         control::Currents commands(state.settings.world.field.coils());
         for (int coil = 0; coil < commands.size(); ++coil)
           commands[coil] = volts[static_cast<std::size_t>(coil)] * state.settings.amperes_per_volt;
@@ -276,14 +298,14 @@ Camera& Laboratory::top_camera() { return *state_->top; }
 Camera& Laboratory::side_camera() { return *state_->side; }
 pololu_tic::Emulator& Laboratory::lens_motor() { return *state_->lens; }
 SampleHandler& Laboratory::sample() { return state_->hands; }
-void Laboratory::carry_sensor(std::function<double(Time)> place) {
-  state_->sensor_place = std::move(place);
+void Laboratory::carry_sensor(std::function<double(Time)> position) {
+  state_->sensor_position = std::move(position);
 }
 void Laboratory::turn_sensor(std::function<double(Time)> angle) {
   state_->sensor_angle = std::move(angle);
 }
-void Laboratory::carry_probe(std::function<Eigen::Vector3d(Time)> place) {
-  state_->probe_place = std::move(place);
+void Laboratory::carry_probe(std::function<Eigen::Vector3d(Time)> position) {
+  state_->probe_position = std::move(position);
 }
 FieldProbe& Laboratory::field_probe() { return state_->probe; }
 usb3103::Emulator& Laboratory::coil_outputs() { return *state_->outputs; }
@@ -295,7 +317,7 @@ void Laboratory::obey_lens_faults() {
 }
 
 void Laboratory::set_light(double level) {
-  if (!(std::isfinite(level))) throw std::invalid_argument("level: must be finite");
+  require(std::isfinite(level), "level: must be finite");
   state_->light = std::max(level, 0.0);
 }
 
@@ -308,8 +330,8 @@ void Laboratory::drive_coils(Time now, const std::vector<double>& currents) {
   state_->drive(now, commands);
 }
 
-Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& place, Time time) {
-  return state_->world.field(time, place).head<3>();
+Eigen::Vector3d Laboratory::field(const Eigen::Vector3d& position, Time time) {
+  return state_->world.field(time, position).head<3>();
 }
 
 void Laboratory::use_field(const control::FieldModel& field) {
@@ -321,13 +343,14 @@ void Laboratory::use_field(const control::FieldModel& field) {
   state_->settings.world.field = field;
   state_->settings.world.field.set_uniform_background(background);
   state_->settings.field_perturbation = {0, 0, 0};
-  redraw(state_->drawn);
+  redraw(state_->machine_seed);
 }
 
 void Laboratory::redraw(std::uint64_t seed) {
-  state_->drawn = seed;
-  state_->world = World(drawn_world(state_->settings, seed), seed_for(seed, Purpose::world));
+  state_->machine_seed = seed;
+  state_->world = World(sampled_world(state_->settings, seed), seed_for(seed, Purpose::world));
 }
+
 void Laboratory::set_eye(const optics::System& eye) {
   eye.check();
   State& state = *state_;
@@ -335,7 +358,7 @@ void Laboratory::set_eye(const optics::System& eye) {
     throw std::invalid_argument("eye: wants one of " + std::to_string(state.settings.eye.size()) +
                                 " surfaces, got " + std::to_string(eye.size()));
   state.settings.eye = eye;
-  state.top_renderer.reset();
+  state.top_renderer.reset();  // made again with the next picture
 }
 
 void Laboratory::change(const control::Robot& robot, const std::optional<control::Gel>& gel) {

@@ -1,6 +1,5 @@
-// The simulated laboratory: the world, and the instruments through which it can be seen and moved.
-// Whoever is given the roles (camera, amplifier, ...) cannot reach the world behind them; the truth
-// is handed out separately, for tests and reports.
+// Simulated laboratory: the world and its instruments. The roles (camera, amplifier, ...) give no
+// access to the world behind them; the truth is handed out separately, for tests and reports.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -26,28 +25,29 @@
 
 namespace vitreo::sim {
 
-/// What the top camera is: a microscope on the aerial image, a bare sensor in it (thesis chapter 4;
+/// Kind of top camera: a microscope on the aerial image, a bare sensor in it (thesis chapter 4;
 /// turned about the axis by the rotation stage, appendix A), or a microscope without an eye below
 /// it.
 enum class TopView { microscope, bare_sensor, plain };
 
 struct LaboratorySettings {
   WorldSettings world;
-  control::FieldPerturbation field_perturbation;  // of world.field, drawn from the seed
-  double moment_sigma = 0.05;  // relative, of the robot's true moment, drawn from the seed
-  double roll_sigma = 0;       // rad, about world.roll, drawn from the seed
+  control::FieldPerturbation field_perturbation;  // of world.field, sampled from the seed
+  double moment_sigma = 0.05;  // relative, of the robot's true moment, sampled from the seed
+  double roll_sigma = 0;       // rad, about world.roll, sampled from the seed
   std::optional<HandTuning> hand_tuning;  // before the run; nothing: untrimmed
-  control::FieldModel believed_field =
-      control::CoilField::octomag();  // with which the operator tuned
+  // the model with which the operator tuned
+  control::FieldModel believed_field = control::CoilField::octomag();
   optics::System eye = optics::model_eye_5_3();
   optics::Microscope microscope;
   optics::ImageScale top_image;
-  CameraSettings top, side;
+  CameraSettings top;
+  CameraSettings side;
   TopView top_view = TopView::microscope;
-  double sensor_aperture =
-      0.159;  // numerical, of the eye's pupil seen from a bare sensor (thesis 4.1)
-  bool plates =
-      true;  // soft robots are drawn as the crossed plates they are; the localizer's are ellipsoids
+  // numerical aperture of the eye's pupil, seen from a bare sensor (thesis 4.1)
+  double sensor_aperture = 0.159;
+  // soft robots are drawn as the crossed plates they are; the localizer's are ellipsoids
+  bool plates = true;
   ProbeSettings probe;
   double side_pixel = 20.4e-6;               // m per pixel
   Eigen::Vector2d side_center_px{328, 245};  // where the world's origin shows
@@ -62,50 +62,50 @@ struct LaboratorySettings {
   Eigen::Vector3d drawn_shift{0, 0, 0};  // added to where the cameras draw the robot
 };
 
-/// What really is, for the record and the tests. No type of the loop knows it.
+/// The true state, for the record and the tests. No type of the loop knows it.
 struct Truth {
-  Eigen::Vector3d position, axis;
+  Eigen::Vector3d position;             // m, world
+  Eigen::Vector3d axis;                 // unit, world
   control::Currents currents;           // A, as they flow
   control::Currents coil_temperatures;  // K
-  bool beyond_calibration =
-      false;  // the robot is outside the region of the plant's calibration: World says how
+  // the robot is outside the region of the plant's calibration: World::beyond_calibration
+  bool beyond_calibration = false;
 };
 
 class Laboratory {
  public:
-  /// Everything that is drawn by chance comes from `seed`. Throws std::invalid_argument naming a
-  /// parameter.
+  /// Everything random comes from `seed`. Throws std::invalid_argument naming a parameter.
   Laboratory(const LaboratorySettings& settings, Clock& clock, std::uint64_t seed);
   ~Laboratory();
   Camera& top_camera();
   Camera& side_camera();
-  /// The BIOM's motor, homed before the run; the lens stands at its nominal place.
+  /// The BIOM's motor, homed before the run; the lens stands at its nominal position.
   pololu_tic::Emulator& lens_motor();
   SampleHandler& sample();
   /// What the microscope or the bare sensor stands on, by drivers' emulators: m along the light
   /// from its nominal focus, and rad about the axis (bare sensor only), at a time up to a second
   /// back. Nothing: it stands still at 0.
-  void carry_sensor(std::function<double(Time)> place);
+  void carry_sensor(std::function<double(Time)> position);
   void turn_sensor(std::function<double(Time)> angle);
   /// The same for the field probe: m, world frame.
-  void carry_probe(std::function<Eigen::Vector3d(Time)> place);
+  void carry_probe(std::function<Eigen::Vector3d(Time)> position);
   FieldProbe& field_probe();
   usb3103::Emulator& coil_outputs();
-  /// The light in the eye, part of what it was made with, from now on; 1 where nobody says. The
-  /// side view has its own.
+  /// The light in the eye, part of what it was made with, from now on; 1 by default. The side
+  /// view has its own.
   void set_light(double level);
-  /// What is wrong with them, to be set at any time.
+  /// Injected faults of the instruments, to be set at any time.
   Faults& faults();
   /// After a change of faults().lens: its motor loses its steps, or its limit switch cuts it off.
   void obey_lens_faults();
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);
-  /// T, as it really is at `place` (m, world frame).
-  Eigen::Vector3d field(const Eigen::Vector3d& place, Time time);
-  /// Another machine of the same kind, as `seed` draws its field and the robot's moment; without a
-  /// robot, its currents zero until the next set-point.
+  /// T, as it really is at `position` (m, world frame).
+  Eigen::Vector3d field(const Eigen::Vector3d& position, Time time);
+  /// Another machine of the same kind, its field and the robot's moment sampled from `seed`;
+  /// without a robot, its currents zero until the next set-point.
   void redraw(std::uint64_t seed);
-  /// The machine of the last seed with coils that are exactly these, for every later draw too, in
+  /// The machine of the last seed with coils that are exactly these, for every later sample too, in
   /// the background that there is. Throws std::invalid_argument for another number of coils.
   void use_field(const control::FieldModel& field);
   /// Another eye stands there from now on, with the same retina: the same lenses, other numbers.

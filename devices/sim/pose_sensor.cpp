@@ -1,32 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/pose_sensor.h"
 
+#include "devices/sim/checks.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
 #include <limits>
 #include <random>
-#include <stdexcept>
 #include <utility>
 
 namespace vitreo::sim {
 namespace {
 
-/// A number of its own for every reading, whichever are asked for.
+// Standard normal noise of one reading, from a generator seeded with its number: the same whichever
+// readings are pulled.
 Eigen::Vector3d noise_of(std::uint64_t seed, std::uint64_t number) {
   std::seed_seq mixed{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
                       static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(number >> 32),
                       0x705e5eU};
   std::mt19937_64 random(mixed);
   std::normal_distribution<double> normal;
-  const double x = normal(random), y = normal(random), z = normal(random);  // a fixed order
+  // One statement each: the order of evaluation within an expression is unspecified.
+  const double x = normal(random);
+  const double y = normal(random);
+  const double z = normal(random);
   return {x, y, z};
 }
 
-class TruthSensor : public PoseSensor {
+// Readings are taken at k period and arrive `latency` later. A call returns the newest that has
+// arrived, or waits for the next: those between are never made.
+class SimulatedPoseSensor : public PoseSensor {
  public:
-  TruthSensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock, std::uint64_t seed,
-              const ImagingFaults& faults)
+  SimulatedPoseSensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock,
+                      std::uint64_t seed, const ImagingFaults& faults)
       : settings_(settings),
         truth_(std::move(truth)),
         clock_(clock),
@@ -52,7 +58,7 @@ class TruthSensor : public PoseSensor {
       wait_until(number * period_ + latency_);
       last_ = number;
       if (!faults_.frozen)
-        last_place_ = truth_(number * period_);  // while it can still be asked for
+        last_position_ = truth_(number * period_);  // before the world forgets it
       if (faults_.late > Time::zero()) wait_until(arrives);
       const auto each = [number](int n) { return n > 0 && number % n == 0; };
       if (faults_.silent || each(faults_.drops) || each(faults_.torn)) continue;
@@ -70,11 +76,12 @@ class TruthSensor : public PoseSensor {
     check();
   }
 
+  // Truth with white noise; the covariance is the noise's own, sigma^2 1.
   PoseReading reading(std::int64_t number, Time arrives) const {
     PoseReading reading{static_cast<std::uint64_t>(number),
                         number * period_ + faults_.jump,
                         arrives,
-                        last_place_,
+                        last_position_,
                         {}};
     reading.covariance = settings_.noise * settings_.noise * Eigen::Matrix3d::Identity();
     if (reading.position && !faults_.frozen)
@@ -89,19 +96,18 @@ class TruthSensor : public PoseSensor {
   Clock& clock_;
   std::uint64_t seed_;
   const ImagingFaults& faults_;
-  Time period_, latency_;
+  Time period_;
+  Time latency_;
   std::int64_t last_ = -1;
-  std::optional<Eigen::Vector3d> last_place_;
+  std::optional<Eigen::Vector3d> last_position_;
 };
 
 }  // namespace
 
 void PoseSensorSettings::check() const {
-  if (!(frame_rate > 0 && frame_rate <= 10000))
-    throw std::invalid_argument("frame_rate must be in (0, 10000] Hz");
-  if (!(latency >= 0 && latency < 0.4))
-    throw std::invalid_argument("latency must be in [0, 0.4) s");
-  if (!(noise > 0 && noise <= 1e-3)) throw std::invalid_argument("noise must be in (0, 1 mm]");
+  require(frame_rate > 0 && frame_rate <= 10000, "frame_rate must be in (0, 10000] Hz");
+  require(latency >= 0 && latency < 0.4, "latency must be in [0, 0.4) s");
+  require(noise > 0 && noise <= 1e-3, "noise must be in (0, 1 mm]");
 }
 
 std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth,
@@ -109,8 +115,8 @@ std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings,
                                              const ImagingFaults* faults) {
   static const ImagingFaults none;
   settings.check();
-  return std::make_unique<TruthSensor>(settings, std::move(truth), clock, seed,
-                                       faults != nullptr ? *faults : none);
+  return std::make_unique<SimulatedPoseSensor>(settings, std::move(truth), clock, seed,
+                                               faults != nullptr ? *faults : none);
 }
 
 }  // namespace vitreo::sim

@@ -1,5 +1,5 @@
-// A pose sensor that knows the truth, late and noisy: for judging control without optics. The only
-// way by which truth may reach a loop, and only into one that asks for it by name (feedback
+// Simulated pose sensor: the true position, late and noisy, for judging control without optics. The
+// only way by which truth may reach a loop, and only one that asks for it by name (feedback
 // "pose_sensor").
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -20,7 +20,7 @@ struct PoseSensorSettings {
   void check() const;            // throws std::invalid_argument naming the parameter
 };
 
-/// Where the robot is at a time that lies up to 0.5 s back; nothing without a robot.
+/// The robot's position (m, world) at a time that lies up to 0.5 s back; nothing without a robot.
 using TruePlace = std::function<std::optional<Eigen::Vector3d>(Time)>;
 
 /// `faults` outlives the sensor; null: none.

@@ -15,25 +15,28 @@ void ProbeSettings::check() const {
 }
 
 SimulatedProbe::SimulatedProbe(const ProbeSettings& settings, World& world,
-                               std::function<Eigen::Vector3d()> place, Clock& clock,
+                               std::function<Eigen::Vector3d()> position, Clock& clock,
                                std::uint64_t seed)
     : info_{{"simulated teslameter", "", ""}, 3, settings.range},
       settings_(settings),
       world_(world),
-      place_(std::move(place)),
+      position_(std::move(position)),
       clock_(clock),
       random_(seed) {
   settings_.check();
 }
 
+// The field at the end of the integration time, with white Gaussian noise on each axis. Beyond the
+// range of one axis there is no reading, as a saturated teslameter shows none.
 FieldReading SimulatedProbe::measure(Time timeout) {
-  const Time asked = clock_.now(), needed = from_seconds(settings_.integration);
+  const Time asked = clock_.now();
+  const Time needed = from_seconds(settings_.integration);
   if (needed > timeout) {
     clock_.sleep_for(timeout);
     throw DeviceError(DeviceErrorKind::timeout, "field_probe", "a reading takes longer than that");
   }
   clock_.sleep_for(needed);
-  const Eigen::Vector3d field = world_.field(clock_.now(), place_()).head<3>();
+  const Eigen::Vector3d field = world_.field(clock_.now(), position_()).head<3>();
   FieldReading reading{{}, asked};
   for (int axis = 0; axis < 3; ++axis)
     reading.field.push_back(field[axis] + settings_.noise * normal_(random_));

@@ -1,4 +1,4 @@
-// The field probe of the simulated laboratory: a direct device without a wire.
+// Simulated field probe: a three-axis teslameter, a direct device without a wire.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,11 +17,12 @@ struct ProbeSettings {
   void check() const;          // throws std::invalid_argument naming the parameter
 };
 
-/// Three axes, along the world's. It reads the field where `place` says it is.
+/// Three axes, along the world's. It measures the field at the position (m, world) that `position`
+/// returns.
 class SimulatedProbe : public FieldProbe {
  public:
   SimulatedProbe(const ProbeSettings& settings, World& world,
-                 std::function<Eigen::Vector3d()> place, Clock& clock, std::uint64_t seed);
+                 std::function<Eigen::Vector3d()> position, Clock& clock, std::uint64_t seed);
   const FieldProbeInfo& info() const override { return info_; }
   FieldReading measure(Time timeout) override;
 
@@ -29,7 +30,7 @@ class SimulatedProbe : public FieldProbe {
   FieldProbeInfo info_;
   ProbeSettings settings_;
   World& world_;
-  std::function<Eigen::Vector3d()> place_;
+  std::function<Eigen::Vector3d()> position_;
   Clock& clock_;
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;

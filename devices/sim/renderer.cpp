@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/renderer.h"
 
-#include "devices/sim/body_shape.h"
+#include "devices/sim/checks.h"
 #include "devices/sim/hardware_sample.h"
 #include "optics/rays/trace.h"
 
@@ -19,12 +19,15 @@
 namespace vitreo::sim {
 namespace {
 
-constexpr int kNormalSamples = 1 << 18;
-constexpr int kMostSmears = 9;  // instants of an exposure that are drawn at most
+constexpr int kNormalSamples = 1 << 18;  // standard normal numbers that the noise is taken from
+constexpr int kMaxSmears = 9;            // instants of an exposure that are drawn at most
 
+// Fall-off of the light by the square of the distance from the middle: the leading term of cos^4.
 cv::Mat vignette_of(int width, int height, double missing) {
   cv::Mat map(height, width, CV_32F);
-  const double u0 = (width - 1) / 2.0, v0 = (height - 1) / 2.0, corner = u0 * u0 + v0 * v0;
+  const double u0 = (width - 1) / 2.0;
+  const double v0 = (height - 1) / 2.0;
+  const double corner = u0 * u0 + v0 * v0;
   for (int v = 0; v < height; ++v)
     for (int u = 0; u < width; ++u)
       map.at<float>(v, u) =
@@ -32,22 +35,60 @@ cv::Mat vignette_of(int width, int height, double missing) {
   return map;
 }
 
-/// The steepness of the distance at a pixel, from its neighbors; in a valley between two rims (a
-/// thin figure) that of the steeper side.
+// The steepness of the distance at a pixel, by a central difference (one-sided at the window's
+// edge); in a valley between two rims (a thin figure) that of the steeper side.
 float steepness(float before, float here, float after, bool inside) {
-  const float rise = after - here, fall = here - before;
+  const float rise = after - here;
+  const float fall = here - before;
   if (inside && rise * fall < 0) return std::max(std::abs(rise), std::abs(fall));
   return inside ? (after - before) / 2 : after - before;
+}
+
+// Light from a point of a body by Blinn's reflection model (1977), ambient + diffuse n.l + specular
+// (n.h)^s, with a lamp beside the observer and h half-way between the two. On a calibration target
+// round dots, half the pitch wide, reflect 15 %.
+double light_from(const Figure& figure, const BodyLook& look, const Eigen::Vector3d& lamp,
+                  const Eigen::Vector3d& half_way, const Hit& here) {
+  const double shine = std::max(here.normal.dot(half_way), 0.0);
+  double level = look.ambient + look.diffuse * std::max(here.normal.dot(lamp), 0.0);
+  // Below 0.8 the highlight is less than a thousandth of a white surface's light.
+  if (look.specular > 0 && shine > 0.8) level += look.specular * std::pow(shine, look.shininess);
+  if (look.dot_pitch > 0) {
+    const double x = here.position.dot(figure.side) / look.dot_pitch;
+    const double y = here.position.dot(figure.across) / look.dot_pitch;
+    if (std::hypot(x - std::round(x), y - std::round(y)) < 0.25) level *= 0.15;
+  }
+  return level;
+}
+
+// Coverage of each pixel from the rim's distance in pixels, (1 - distance) / slope, which is exact
+// for a straight edge along the pixel's rows or columns; and the light times the coverage.
+void cover(const cv::Mat& distance, cv::Mat& coverage, cv::Mat& light) {
+  for (int v = 0; v < distance.rows; ++v) {
+    const float* const row = distance.ptr<float>(v);
+    const float* const above = distance.ptr<float>(std::max(v - 1, 0));
+    const float* const below = distance.ptr<float>(std::min(v + 1, distance.rows - 1));
+    const bool between_rows = v > 0 && v + 1 < distance.rows;
+    for (int u = 0; u < distance.cols; ++u) {
+      const bool between = u > 0 && u + 1 < distance.cols;
+      const float du = steepness(row[std::max(u - 1, 0)], row[u],
+                                 row[std::min(u + 1, distance.cols - 1)], between);
+      const float dv = steepness(above[u], row[u], below[u], between_rows);
+      const float slope = std::max(std::hypot(du, dv), 1e-6F);
+      const float part = std::clamp((1 - row[u]) / slope + 0.5F, 0.0F, 1.0F);
+      coverage.at<float>(v, u) = part;
+      light.at<float>(v, u) *= part;
+    }
+  }
 }
 
 }  // namespace
 
 void Sensor::check() const {
-  if (!(full_well > 0)) throw std::invalid_argument("full_well must be above zero");
-  if (!(read_noise >= 0)) throw std::invalid_argument("read_noise must not be negative");
-  if (!(brightness > 0 && brightness <= 1000))
-    throw std::invalid_argument("brightness must be in (0, 1000]");
-  if (!(vignette >= 0 && vignette < 1)) throw std::invalid_argument("vignette must be in [0, 1)");
+  require(full_well > 0, "full_well must be above zero");
+  require(read_noise >= 0, "read_noise must not be negative");
+  require(brightness > 0 && brightness <= 1000, "brightness must be in (0, 1000]");
+  require(vignette >= 0 && vignette < 1, "vignette must be in [0, 1)");
 }
 
 Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground,
@@ -60,21 +101,33 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
       look_(look),
       seed_(seed) {
   sensor_.check();
-  if (ground.cols != view_.width || ground.rows != view_.height || ground.type() != CV_32F)
-    throw std::invalid_argument("ground: a CV_32F image of the view's size is wanted");
+  require(ground.cols == view_.width && ground.rows == view_.height && ground.type() == CV_32F,
+          "ground: a CV_32F image of the view's size is wanted");
+  prepare_noise();
+  prepare_ground(std::move(ground), ground_defocus);
+}
+
+// Linear camera model (EMVA 1288): the variance in electrons is that of the shot noise, which is
+// the mean, and that of the read-out. Sigma by gray level, and a list of standard normal numbers,
+// both in fixed point: a frame's noise then costs one multiplication a pixel.
+void Renderer::prepare_noise() {
   for (int level = 0; level < 256; ++level) {
     const double electrons = sensor_.full_well * level / 255;
     const double noise =
         std::sqrt(electrons + sensor_.read_noise * sensor_.read_noise) * 255 / sensor_.full_well;
     sigma_of_level_.push_back(static_cast<std::uint16_t>(std::lround(std::min(noise, 60.0) * 256)));
   }
-  std::mt19937_64 random(mix(seed, 1, 1));
+  std::mt19937_64 random(mix(seed_, 1, 1));
   std::normal_distribution<double> normal;
-  // Rows start anywhere in one long list of samples: within an image no run repeats except by a
-  // rare chance.
+  // Rows start at random positions of one long list: within an image a run repeats only by a rare
+  // chance.
   normal_.resize(kNormalSamples + static_cast<std::size_t>(view_.width));
   for (auto& sample : normal_)
     sample = static_cast<std::int16_t>(std::lround(std::clamp(normal(random), -6.0, 6.0) * 1024));
+}
+
+// The empty scene: blurred, vignetted and tinted once, in units of 1/256 gray level.
+void Renderer::prepare_ground(cv::Mat ground, double ground_defocus) {
   vignette_ = vignette_of(view_.width, view_.height, sensor_.vignette);
   blur_.apply(ground, ground_defocus);
   ground_.create(view_.height, view_.width, CV_16U);
@@ -92,6 +145,7 @@ Renderer::Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::M
   scene_sigma_ = ground_sigma_.clone();
 }
 
+// A gray sensor weighs the colors about as luma does; a Bayer sensor has one filter a pixel.
 double Renderer::factor(const std::array<double, 3>& color, int u, int v) const {
   if (sensor_.color == SensorColor::gray) return 0.3 * color[0] + 0.6 * color[1] + 0.1 * color[2];
   return color[static_cast<std::size_t>((u & 1) + (v & 1))];  // RG over GB
@@ -103,6 +157,7 @@ cv::Mat Renderer::render(const BodyState* robot, std::uint64_t frame) {
   return render(bodies, frame);
 }
 
+// The painter's algorithm: from the farthest body to the nearest, each over what is there.
 cv::Mat Renderer::render(const std::vector<DrawnBody>& bodies, std::uint64_t frame) {
   restore_ground();
   std::vector<const DrawnBody*> from_far;
@@ -123,6 +178,7 @@ cv::Mat Renderer::render(const std::vector<DrawnBody>& bodies, std::uint64_t fra
   return colors;
 }
 
+// Undoes the last frame's bodies: only their windows differ from the empty scene.
 void Renderer::restore_ground() {
   for (const cv::Rect& window : drawn_) {
     ground_(window).copyTo(scene_(window));
@@ -131,18 +187,19 @@ void Renderer::restore_ground() {
   drawn_.clear();
 }
 
-/// m per px at a depth of the view.
+// m per px at a depth of the view, along u.
 double Renderer::scale_at(const Eigen::Vector2d& pixel, double z) const {
   const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
   const int v = std::clamp(static_cast<int>(pixel.y()), 1, view_.height - 2);
-  const PixelLine &left = view_.at(u - 1, v), &right = view_.at(u + 1, v);
+  const PixelLine& left = view_.at(u - 1, v);
+  const PixelLine& right = view_.at(u + 1, v);
   return std::hypot(right.x - left.x + z * (right.dx - left.dx),
                     right.y - left.y + z * (right.dy - left.dy)) /
          2;
 }
 
-/// The pixels that a body can touch, blur included; `extent`: how far it reaches from its center
-/// along x and y, m.
+// The pixels that a body can touch, blur included; `extent`: how far it reaches from its center
+// along x and y, m.
 cv::Rect Renderer::window_of(const Eigen::Vector3d& center, const Eigen::Vector2d& extent,
                              const Eigen::Vector2d& pixel, double defocus) {
   const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
@@ -158,38 +215,58 @@ cv::Rect Renderer::window_of(const Eigen::Vector3d& center, const Eigen::Vector2
 }
 
 void Renderer::draw(const DrawnBody& body) {
-  const BodyState& robot = body.start;
-  const Eigen::Vector3d center = view_.point_in_view(robot.position);
+  const Eigen::Vector3d center = view_.point_in_view(body.start.position);
   const auto pixel = view_.pixel_of(center);
   if (!pixel) return;  // outside the image
   const double defocus = defocus_(*pixel, center.z());
-  const Eigen::Vector3d axis = view_.view_from_world * robot.axis;
+  const Eigen::Vector3d axis = view_.view_from_world * body.start.axis;
+  // Half extent of a spheroid along an axis of the view to which its axis has the cosine `along`.
   const auto reach = [&](double along) {
-    return std::hypot(robot.semi_axis * along,
-                      robot.semi_radius * std::sqrt(std::max(1 - along * along, 0.0)));
+    return std::hypot(body.start.semi_axis * along,
+                      body.start.semi_radius * std::sqrt(std::max(1 - along * along, 0.0)));
   };
   cv::Rect window = window_of(center, {reach(axis.x()), reach(axis.y())}, *pixel, defocus);
-  int smears = 1;
-  if (const auto last = view_.pixel_of(view_.point_in_view(body.end.position)); last) {
-    const Eigen::Vector2d gone = *last - *pixel;
-    const double turned =
-        (body.end.axis - robot.axis).norm() * robot.semi_axis / scale_at(*pixel, center.z());
-    smears = std::clamp(static_cast<int>(std::ceil(2 * (gone.norm() + turned))), 1, kMostSmears);
-    const cv::Point shift(static_cast<int>(std::lround(gone.x())),
-                          static_cast<int>(std::lround(gone.y())));
-    if (smears > 1)
-      window = (window | (window + shift)) & cv::Rect(0, 0, view_.width, view_.height);
-  }
+  const int smears = smears_of(body, *pixel, center.z(), window);
   if (window.empty()) return;
-  cv::Mat coverage, light;
+  cv::Mat coverage;
+  cv::Mat light;
+  expose(body, smears, window, coverage, light);
+  blur_.apply(coverage, defocus);
+  blur_.apply(light, defocus);
+  compose(coverage, light, body.look, window);
+  drawn_.push_back(window);
+}
+
+// Number of instants that show a body's motion during the exposure, two for each pixel that it
+// moves or turns through; widens the window by the motion.
+int Renderer::smears_of(const DrawnBody& body, const Eigen::Vector2d& pixel, double z,
+                        cv::Rect& window) const {
+  const auto last = view_.pixel_of(view_.point_in_view(body.end.position));
+  if (!last) return 1;
+  const Eigen::Vector2d gone = *last - pixel;
+  const double turned =
+      (body.end.axis - body.start.axis).norm() * body.start.semi_axis / scale_at(pixel, z);
+  const int smears =
+      std::clamp(static_cast<int>(std::ceil(2 * (gone.norm() + turned))), 1, kMaxSmears);
+  const cv::Point shift(static_cast<int>(std::lround(gone.x())),
+                        static_cast<int>(std::lround(gone.y())));
+  if (smears > 1) window = (window | (window + shift)) & cv::Rect(0, 0, view_.width, view_.height);
+  return smears;
+}
+
+// Motion blur: the mean of the body's coverage and light over the middles of `smears` equal parts
+// of the exposure.
+void Renderer::expose(const DrawnBody& body, int smears, const cv::Rect& window, cv::Mat& coverage,
+                      cv::Mat& light) const {
   for (int smear = 0; smear < smears; ++smear) {
-    BodyState at = robot;
+    BodyState at = body.start;
     const double part = (smear + 0.5) / smears;
     if (smears > 1) {
-      at.position += part * (body.end.position - robot.position);
-      at.axis = (robot.axis + part * (body.end.axis - robot.axis)).normalized();
+      at.position += part * (body.end.position - body.start.position);
+      at.axis = (body.start.axis + part * (body.end.axis - body.start.axis)).normalized();
     }
-    cv::Mat one, lit;
+    cv::Mat one;
+    cv::Mat lit;
     shade(at, body.look, window, one, lit);
     if (smear == 0) {
       coverage = one;
@@ -203,12 +280,11 @@ void Renderer::draw(const DrawnBody& body) {
     coverage /= smears;
     light /= smears;
   }
-  blur_.apply(coverage, defocus);
-  blur_.apply(light, defocus);
-  compose(coverage, light, body.look, window);
-  drawn_.push_back(window);
 }
 
+// The "over" operator (Porter & Duff 1984) with light that has been multiplied by the coverage
+// already. Columns alternate between two filters of a Bayer row, which are even and odd within the
+// window.
 void Renderer::compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look,
                        const cv::Rect& window) {
   for (int v = 0; v < window.height; ++v) {
@@ -230,15 +306,15 @@ void Renderer::compose(const cv::Mat& coverage, const cv::Mat& light, const Body
   }
 }
 
-/// For each pixel of the window: how much of it the body covers, and the light from there (times
-/// the coverage).
+// For each pixel of the window: the part of it that the body covers, and the light from there,
+// times the coverage.
 void Renderer::shade(const BodyState& body, const BodyLook& look, const cv::Rect& window,
                      cv::Mat& coverage, cv::Mat& light) const {
   const Figure figure = figure_of(view_, body, look);
   const Eigen::Vector3d lamp = Eigen::Vector3d(0.25, 0.15, 1).normalized();
   const Eigen::Vector3d half_way = (lamp + Eigen::Vector3d::UnitZ()).normalized();
-  cv::Mat distance(window.size(),
-                   CV_32F);  // of the pixel's line from the figure's middle, 1 at the rim
+  // Of the pixel's line from the figure's middle, 1 at the rim.
+  cv::Mat distance(window.size(), CV_32F);
   coverage.create(window.size(), CV_32F);
   light.create(window.size(), CV_32F);
   for (int v = 0; v < window.height; ++v) {
@@ -247,39 +323,16 @@ void Renderer::shade(const BodyState& body, const BodyLook& look, const cv::Rect
     for (int u = 0; u < window.width; ++u) {
       const Hit here = hit(figure, view_.at(window.x + u, window.y + v));
       far[u] = static_cast<float>(std::sqrt(here.closest));
-      lit[u] = 0;
-      if (here.closest > kWellOutside) continue;
-      const double shine = std::max(here.normal.dot(half_way), 0.0);
-      double level = look.ambient + look.diffuse * std::max(here.normal.dot(lamp), 0.0);
-      if (look.specular > 0 && shine > 0.8)
-        level += look.specular * std::pow(shine, look.shininess);
-      if (look.dot_pitch > 0) {
-        const double x = here.place.dot(figure.side) / look.dot_pitch,
-                     y = here.place.dot(figure.across) / look.dot_pitch;
-        if (std::hypot(x - std::round(x), y - std::round(y)) < 0.25) level *= 0.15;
-      }
-      lit[u] = static_cast<float>(level);
+      lit[u] = here.closest > kWellOutside
+                   ? 0
+                   : static_cast<float>(light_from(figure, look, lamp, half_way, here));
     }
   }
-  for (int v = 0; v < window.height; ++v) {
-    const float* const row = distance.ptr<float>(v);
-    const float* const above = distance.ptr<float>(std::max(v - 1, 0));
-    const float* const below = distance.ptr<float>(std::min(v + 1, window.height - 1));
-    const bool between_rows = v > 0 && v + 1 < window.height;
-    for (int u = 0; u < window.width; ++u) {
-      const bool between = u > 0 && u + 1 < window.width;
-      const float du = steepness(row[std::max(u - 1, 0)], row[u],
-                                 row[std::min(u + 1, window.width - 1)], between);
-      const float dv = steepness(above[u], row[u], below[u], between_rows);
-      // the rim's distance in pixels, by the slope: a straight edge's share of the pixel
-      const float slope = std::max(std::hypot(du, dv), 1e-6F);
-      const float part = std::clamp((1 - row[u]) / slope + 0.5F, 0.0F, 1.0F);
-      coverage.at<float>(v, u) = part;
-      light.at<float>(v, u) *= part;
-    }
-  }
+  cover(distance, coverage, light);
 }
 
+// Fixed point: mean and sigma are in 1/256 gray level and the normal numbers in 1/1024, so
+// (sigma * normal) >> 10 is in 1/256, and + 128 rounds.
 cv::Mat Renderer::add_noise(std::uint64_t frame) const {
   cv::Mat image(view_.height, view_.width, CV_8U);
   for (int v = 0; v < view_.height; ++v) {
@@ -302,9 +355,9 @@ Eigen::Vector2d at_depth(const optics::Ray& ray, double z) {
   return (ray.origin + (z - ray.origin.z()) / ray.direction.z() * ray.direction).head<2>();
 }
 
-/// Half the distance, at depth z, of the two rays that meet in the focus plane's point of the chief
-/// ray `in_air` and cross the aperture on opposite sides; of the largest part of it that the eye's
-/// rims let through. Half the difference is free of coma, which moves both alike.
+// Half the distance, at depth z, of two marginal rays: they meet in the focus plane's point of the
+// chief ray `in_air` and cross the aperture on opposite sides, or the largest part of it that the
+// eye's rims let through. Half the difference is free of coma, which moves both alike.
 std::optional<double> half_spread(const optics::System& eye, const optics::Ray& in_air,
                                   double plane, double z, const Eigen::Vector3d& rim) {
   for (const double part : {1.0, 0.75, 0.5, 0.25}) {
@@ -323,6 +376,9 @@ std::optional<double> half_spread(const optics::System& eye, const optics::Ray& 
 
 }  // namespace
 
+// The geometric blur at depth z is the marginal rays' spread there; divided by the local
+// magnification (`per_meter`, of the vitreous over the image) it is a radius in the image, and over
+// NA a defocus. Root mean square over the tangential and the sagittal direction.
 Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microscope& microscope,
                                 const optics::ImageScale& scale) {
   return [eye, microscope, scale](const Eigen::Vector2d& pixel, double z) {
@@ -346,6 +402,8 @@ Renderer::DefocusOf eye_defocus(const optics::System& eye, const optics::Microsc
   };
 }
 
+// Ray and sphere: |o + t d| = R about the sphere's center, the root on the far side. Distance along
+// the retina is R times the angle from the vertex (azimuthal equidistant projection).
 cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
   cv::Mat ground(view.height, view.width, CV_32F);
   const Eigen::Vector3d center(0, 0, radius);
@@ -353,16 +411,17 @@ cv::Mat retina_ground(const View& view, const Fundus& fundus, double radius) {
     for (int u = 0; u < view.width; ++u) {
       const PixelLine& line = view.at(u, v);
       const Eigen::Vector3d o = Eigen::Vector3d(line.x, line.y, 0) - center, d(line.dx, line.dy, 1);
-      const double dd = d.squaredNorm(), od = o.dot(d),
-                   root = od * od - dd * (o.squaredNorm() - radius * radius);
+      const double dd = d.squaredNorm();
+      const double od = o.dot(d);
+      const double root = od * od - dd * (o.squaredNorm() - radius * radius);
       if (!(root >= 0)) {
         ground.at<float>(v, u) = 0;
         continue;
       }
-      const Eigen::Vector3d outward =
-          o + (-od - std::sqrt(root)) / dd * d;  // the far side: the retina, not the lens
-      const double across = std::hypot(outward.x(), outward.y()),
-                   angle = std::atan2(across, -outward.z());
+      // The far side, with the smaller t: the retina, not the lens.
+      const Eigen::Vector3d outward = o + (-od - std::sqrt(root)) / dd * d;
+      const double across = std::hypot(outward.x(), outward.y());
+      const double angle = std::atan2(across, -outward.z());
       const double stretch = across > 1e-9 ? radius * angle / across : 1;
       ground.at<float>(v, u) = fundus.reflectance(stretch * outward.x(), stretch * outward.y());
     }

@@ -1,9 +1,10 @@
-// Draws what a simulated camera sees: the bodies by their pixel lines over a ground that is drawn
-// once, the nearer over the farther, then blur and noise.
+// Renderer of a simulated camera: bodies by their pixel lines over a ground that is drawn once, the
+// nearer over the farther, then blur and noise.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "devices/sim/blur.h"
+#include "devices/sim/body_shape.h"
 #include "devices/sim/fundus.h"
 #include "devices/sim/view.h"
 #include "devices/sim/world.h"
@@ -20,10 +21,10 @@ namespace vitreo::sim {
 /// Gray, or red, green and blue filters in the order of Bayer (RG over GB), demosaiced.
 enum class SensorColor { gray, bayer };
 
-/// An 8-bit sensor: its noise is that of the counted electrons and of the read-out.
+/// An 8-bit sensor with shot noise and read-out noise (the linear camera model of EMVA 1288).
 struct Sensor {
   SensorColor color = SensorColor::gray;
-  std::array<double, 3> ground_tint{1, 1, 1};  // what the ground's gray is in red, green, blue
+  std::array<double, 3> ground_tint{1, 1, 1};  // the ground's red, green, blue over its gray
   double full_well = 20000;                    // electrons at gray level 255
   double read_noise = 15;                      // electrons, standard deviation
   double brightness = 255;  // gray level of reflectance 1 in the middle of the image
@@ -31,36 +32,27 @@ struct Sensor {
   void check() const;       // throws std::invalid_argument naming the parameter
 };
 
-/// How a body's surface reflects light that comes with the observer's view, a little from one side.
-struct BodyLook {
-  double ambient = 0.06, diffuse = 0.16, specular = 0.35, shininess = 30;
-  std::array<double, 3> color{1, 1, 1};  // red, green, blue; of all that it reflects
-  /// As the thesis' soft robots are: two elliptical plates that cross along the axis, in the planes
-  /// of the body's side and across it. 0: the whole spheroid.
-  double plate_thickness = 0;  // m
-  double dot_pitch = 0;        // m: dark dots on a grid across the axis; 0: none
-};
-
-/// A body as it goes through one exposure.
+/// A body during one exposure: its state at the start and at the end.
 struct DrawnBody {
-  BodyState start, end;
+  BodyState start;
+  BodyState end;
   BodyLook look;
 };
 
 class Renderer {
  public:
-  /// The robot's and the ground's defocus: in m of the plane that the camera looks at, for a pixel
-  /// and a depth in the view.
+  /// Defocus (m along the axis of the camera's object space) of a point seen at a pixel, at a depth
+  /// in the view.
   using DefocusOf = std::function<double(const Eigen::Vector2d& pixel, double z_in_view)>;
 
   /// `ground`: sharp reflectance of the empty scene, CV_32F, of the view's size; `ground_defocus`
   /// in m.
   Renderer(View view, const Aperture& aperture, DefocusOf defocus, cv::Mat ground,
            double ground_defocus, const Sensor& sensor, const BodyLook& look, std::uint64_t seed);
-  /// The image number `frame` with the robot there, or without. Same arguments, same image.
+  /// The image number `frame` with the robot, or without one (null). Same arguments, same image.
   cv::Mat render(const BodyState* robot, std::uint64_t frame);
-  /// With any bodies, smeared by how far they go; CV_8UC1, or CV_8UC3 (blue, green, red) of a color
-  /// sensor.
+  /// With any bodies, smeared by their motion during the exposure; CV_8UC1, or CV_8UC3 (blue,
+  /// green, red) of a color sensor.
   cv::Mat render(const std::vector<DrawnBody>& bodies, std::uint64_t frame);
   const View& view() const { return view_; }
 
@@ -69,11 +61,17 @@ class Renderer {
                      const Eigen::Vector2d& pixel, double defocus);
   double scale_at(const Eigen::Vector2d& pixel, double z) const;
   void draw(const DrawnBody& body);
+  int smears_of(const DrawnBody& body, const Eigen::Vector2d& pixel, double z,
+                cv::Rect& window) const;
+  void expose(const DrawnBody& body, int smears, const cv::Rect& window, cv::Mat& coverage,
+              cv::Mat& light) const;
   void shade(const BodyState& body, const BodyLook& look, const cv::Rect& window, cv::Mat& coverage,
              cv::Mat& light) const;
   void compose(const cv::Mat& coverage, const cv::Mat& light, const BodyLook& look,
                const cv::Rect& window);
   double factor(const std::array<double, 3>& color, int u, int v) const;
+  void prepare_noise();
+  void prepare_ground(cv::Mat ground, double ground_defocus);
   void restore_ground();
   cv::Mat add_noise(std::uint64_t frame) const;
 
@@ -83,10 +81,12 @@ class Renderer {
   Sensor sensor_;
   BodyLook look_;
   std::uint64_t seed_;
-  cv::Mat vignette_;                    // CV_32F, 1 in the middle
-  cv::Mat ground_, scene_;              // CV_16U: mean gray level * 256, empty and with the robot
-  cv::Mat ground_sigma_, scene_sigma_;  // CV_16U: noise * 256
-  std::vector<cv::Rect> drawn_;         // where scene_ differs from ground_
+  cv::Mat vignette_;                           // CV_32F, 1 in the middle
+  cv::Mat ground_;                             // CV_16U: mean gray level * 256, without bodies
+  cv::Mat scene_;                              // CV_16U: mean gray level * 256, with bodies
+  cv::Mat ground_sigma_;                       // CV_16U: noise * 256
+  cv::Mat scene_sigma_;                        // CV_16U: noise * 256
+  std::vector<cv::Rect> drawn_;                // where scene_ differs from ground_
   std::vector<std::uint16_t> sigma_of_level_;  // noise * 256 at each gray level
   std::vector<std::int16_t> normal_;           // standard normal samples * 1024
 };

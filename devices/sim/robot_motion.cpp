@@ -12,10 +12,11 @@
 namespace vitreo::sim {
 namespace {
 
-constexpr double kBalance = 1e-4;       // rad
+constexpr double kBalance = 1e-4;       // rad, that an axis is tipped out of an unstable balance
 constexpr double kWeakestField = 1e-6;  // T; below, nothing turns the robot
 
-/// Tips an axis that balances where the field would push it either way.
+// Tips an axis out of unstable balance, where the torque vanishes and exact arithmetic would hold
+// it for ever: against the field for a magnet, across it for a soft body, whose either end serves.
 void unbalance(Eigen::Vector3d& axis, const Eigen::Vector3d& field, bool either_end) {
   const Eigen::Vector3d along = field.normalized();
   const double part = axis.dot(along);
@@ -28,10 +29,11 @@ void unbalance(Eigen::Vector3d& axis, const Eigen::Vector3d& field, bool either_
   }
 }
 
-/// The angle from the axis to where the field wants it: its own sense for a magnet, either end for
-/// a soft body.
+// The angle from the axis to its stable direction: the field's own sense for a magnet, either end
+// for a soft body.
 double angle_to(const Eigen::Vector3d& axis, const Eigen::Vector3d& field, bool either_end) {
-  const double along = axis.dot(field), across = axis.cross(field).norm();
+  const double along = axis.dot(field);
+  const double across = axis.cross(field).norm();
   return std::atan2(across, either_end ? std::abs(along) : along);
 }
 
@@ -60,24 +62,28 @@ void RobotMotion::relax() {
   if (embedded_) embedded_->relax();
 }
 
+// moment_gain is the error of the believed magnetization, volume and hysteresis
+// (facts/magnetics 2.1, C).
 Eigen::Vector3d RobotMotion::moment(const BodyState& body, const Eigen::Vector3d& field) const {
   return moment_gain_ * control::robot_moment(robot_, body.axis, field);
 }
 
-/// Mobility times force. The wall's resistance is W R W (control::resistance_near_wall), so its
-/// mobility is W^-1 R^-1 W^-1, all of them a multiple of one and of a direction with itself.
+// Mobility times force. Beside a wall the resistance is W R W (control::resistance_near_wall), so
+// the mobility is W^-1 R^-1 W^-1; R, W and their inverses have the form a 1 + b n n', and no matrix
+// is inverted. Retina and lens one after the other, as if each stood alone: an approximation
+// between two walls.
 Eigen::Vector3d RobotMotion::velocity(const BodyState& body, const Eigen::Vector3d& force,
                                       const Cavity* cavity) const {
   const auto free = [&](const Eigen::Vector3d& f) -> Eigen::Vector3d {
     return f / across_ + (1 / along_ - 1 / across_) * body.axis.dot(f) * body.axis;
   };
   if (cavity == nullptr) return free(force);
-  constexpr double kNearest =
-      1e-9;  // m: at the wall itself Faxen's factors stay as they are at a contact
+  // m: at the wall and behind it Faxen's factors stay as at a contact.
+  constexpr double kNearest = 1e-9;
   const auto root = [&](const Eigen::Vector3d& normal, double distance) {
     const control::WallFactors factors = control::faxen(mean_radius_, std::max(distance, kNearest));
-    const double along = 1 / std::sqrt(factors.along),
-                 extra = 1 / std::sqrt(factors.towards) - along;
+    const double along = 1 / std::sqrt(factors.along);
+    const double extra = 1 / std::sqrt(factors.towards) - along;
     return [normal, along, extra](const Eigen::Vector3d& f) -> Eigen::Vector3d {
       return along * f + extra * normal.dot(f) * normal;
     };
@@ -88,12 +94,17 @@ Eigen::Vector3d RobotMotion::velocity(const BodyState& body, const Eigen::Vector
   return lens(retina(free(retina(lens(force)))));
 }
 
+// One step of m x B = z w and F = R v (overdamped). The torque falls to zero at the angle th to the
+// stable direction; taken as proportional to it, k = |T| / th, the turn is th (1 - e^(-k h / z)),
+// exact for any step and never beyond. Position by Euler's rule: it changes on the scale of seconds
+// (facts/magnetics 2.1).
 RobotMotion::Step RobotMotion::step(BodyState& body, const control::FieldGradient& field,
-                                    const Eigen::Vector3d& push, const Cavity* cavity,
+                                    const Eigen::Vector3d& extra_force, const Cavity* cavity,
                                     double span) {
   const Eigen::Vector3d b = field.head<3>();
   const bool felt = b.norm() > kWeakestField;
-  Eigen::Vector3d torque = Eigen::Vector3d::Zero(), turned = Eigen::Vector3d::Zero();
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();
+  Eigen::Vector3d turned = Eigen::Vector3d::Zero();
   double stiffness = 0;  // N m/rad: the torque over the angle that is left
   if (felt) {
     unbalance(body.axis, b, !robot_.hard);
@@ -103,11 +114,13 @@ RobotMotion::Step RobotMotion::step(BodyState& body, const control::FieldGradien
     if (!embedded_ && stiffness > 0)
       turned = torque / stiffness * -std::expm1(-stiffness * span / turning_);
   }
-  // The force is that on the moment as it lies at the step's start; in a gel, force and torque
-  // yield it together.
+  // In a fluid the robot turns first, and the force is that on the turned moment. In a gel force
+  // and torque share one yield surface, so one implicit step takes both, from the moment at the
+  // step's start.
   const Eigen::Vector3d before = body.position;
-  Eigen::Vector3d force = push - Eigen::Vector3d(0, 0, net_weight_);
+  Eigen::Vector3d force = extra_force - Eigen::Vector3d(0, 0, net_weight_);
   if (!embedded_) turn_body(body, turned);
+  // F = (m.grad) B.
   if (felt) force += control::force_from_field(moment(body, b)) * field;
   if (embedded_) {
     const control::EmbeddedRobot::Rates rates =

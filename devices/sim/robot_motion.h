@@ -1,4 +1,4 @@
-// How the robot turns and drifts in its medium: one step of the overdamped motion.
+// Robot motion in its medium: one step of the overdamped turning and drifting.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -20,17 +20,18 @@ class RobotMotion {
   RobotMotion(const control::Robot& robot, const control::Medium& fluid,
               const std::optional<control::Gel>& gel, double moment_gain);
   struct Step {
-    Eigen::Vector3d moved, turned;  // m, rad
+    Eigen::Vector3d moved;   // m
+    Eigen::Vector3d turned;  // rad, a rotation vector
   };
-  /// Moves and turns `body` by one step of `span` s in the field given (at the body's place; T,
-  /// T/m). `push`: N, on top of field and weight. Turning: torque m x B against Perrin's rotational
-  /// drag, the axis' way to the field taken exactly for a torque that falls with the angle
-  /// (implicitly in a gel), so that no step overshoots. Where the field wants it turned by just 180
-  /// degrees (a soft robot: 90), it is a ten-thousandth of a radian off: nothing real balances.
-  /// Drifting: Perrin's drag with Faxen's factors for the retina and the lens when `cavity` is
-  /// given; walls do not stiffen a gel.
-  Step step(BodyState& body, const control::FieldGradient& field, const Eigen::Vector3d& push,
-            const Cavity* cavity, double span);
+  /// Moves and turns `body` by one step of `span` s in the field given (at the body's position; T,
+  /// T/m). `extra_force`: N, on top of field and weight. Turning: torque m x B against Perrin's
+  /// rotational drag, the axis' way to the field taken exactly for a torque that falls with the
+  /// angle (implicitly in a gel), so that no step overshoots. Where the field wants it turned by
+  /// just 180 degrees (a soft robot: 90), it is a ten-thousandth of a radian off: nothing real
+  /// balances. Drifting: Perrin's drag with Faxen's factors for the retina and the lens when
+  /// `cavity` is given; walls do not stiffen a gel.
+  Step step(BodyState& body, const control::FieldGradient& field,
+            const Eigen::Vector3d& extra_force, const Cavity* cavity, double span);
   double net_weight() const { return net_weight_; }  // N, downwards
   void relax();  ///< a newly inserted robot sits in an unstressed gel
   const control::EmbeddedRobot* gel() const { return embedded_ ? &*embedded_ : nullptr; }
@@ -43,8 +44,11 @@ class RobotMotion {
   control::Robot robot_;
   double moment_gain_;
   std::optional<control::EmbeddedRobot> embedded_;
-  double net_weight_, along_, across_, turning_;  // N; drags in N s/m, N m s
-  double mean_radius_;                            // m
+  double net_weight_;   // N
+  double along_;        // N s/m: drag along the axis
+  double across_;       // N s/m: drag across the axis
+  double turning_;      // N m s: drag of turning across the axis
+  double mean_radius_;  // m
 };
 
 }  // namespace vitreo::sim

@@ -1,24 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/simulated_camera.h"
 
+#include "devices/sim/checks.h"
 #include "devices/sim/hardware_sample.h"
 #include "devices/sim/spoiled_picture.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::sim {
 
 void CameraSettings::check() const {
-  if (!(frame_rate > 0 && frame_rate <= 10000))
-    throw std::invalid_argument("frame_rate must be in (0, 10000] Hz");
-  if (!(exposure >= 0 && exposure <= 0.1 && exposure <= 1 / frame_rate))
-    throw std::invalid_argument("exposure must be in [0, 1 / frame_rate] s, and at most 0.1 s");
-  if (!(latency >= exposure / 2 && latency < 0.4))
-    throw std::invalid_argument("latency must be in [exposure / 2, 0.4) s");
-  if (!(jitter >= 0 && jitter <= 0.1)) throw std::invalid_argument("jitter must be in [0, 0.1] s");
+  require(frame_rate > 0 && frame_rate <= 10000, "frame_rate must be in (0, 10000] Hz");
+  require(exposure >= 0 && exposure <= 0.1 && exposure <= 1 / frame_rate,
+          "exposure must be in [0, 1 / frame_rate] s, and at most 0.1 s");
+  require(latency >= exposure / 2 && latency < 0.4, "latency must be in [exposure / 2, 0.4) s");
+  require(jitter >= 0 && jitter <= 0.1, "jitter must be in [0, 0.1] s");
   sensor.check();
 }
 
@@ -33,17 +31,19 @@ SimulatedCamera::SimulatedCamera(CameraInfo info, const CameraSettings& settings
       seed_(seed),
       faults_(faults) {}
 
+// Exposure at k period, arrival after the latency and a half-normal jitter that is seeded with the
+// frame's number: a frame arrives at the same time whether or not others are pulled.
 Time SimulatedCamera::arrival(std::int64_t number) const {
   const Time steady = number * period_ + latency_;
   if (!(jitter_ > 0)) return steady;
   std::mt19937_64 random(mix(seed_, static_cast<std::uint64_t>(number), 7));
   const double late = jitter_ * std::abs(std::normal_distribution<double>()(random));
-  const double most = std::min(0.9 * to_seconds(period_),
-                               0.09);  // frames come in their order, and within the history
+  // Below a period, so that frames come in their order, and within the world's history.
+  const double most = std::min(0.9 * to_seconds(period_), 0.09);
   return steady + from_seconds(std::min(late, most));
 }
 
-/// The newest that has arrived, if it was not yet returned; else the next one to arrive.
+// The newest that has arrived, if it was not yet returned; else the next one to arrive.
 std::int64_t SimulatedCamera::next() const {
   const Time now = clock_.now() - faults_.late;
   std::int64_t arrived = now < latency_ ? -1 : (now - latency_) / period_;
@@ -51,7 +51,7 @@ std::int64_t SimulatedCamera::next() const {
   return std::max(arrived, last_ + 1);
 }
 
-/// Whether a frame gets through, and if not, what became of it.
+// Whether a frame gets through; counts those that do not as lost or torn.
 bool SimulatedCamera::comes(std::int64_t number) {
   const auto each = [number](int n) { return n > 0 && number % n == 0; };
   const bool dropped = each(faults_.drops) || faults_.silent;
@@ -67,11 +67,13 @@ void SimulatedCamera::wait_until(Time due) {
   if (faults_.unplugged) throw DeviceError(DeviceErrorKind::lost, info_.identity, "is gone");
 }
 
+// Pulls the newest frame, and renders only that one. Its time stamp is the middle of the exposure.
 Frame SimulatedCamera::grab(Time timeout) {
   const Time deadline = later(clock_.now(), timeout);
   for (;;) {
     const std::int64_t number = next();
-    const Time exposed = number * period_, arrives = arrival(number);
+    const Time exposed = number * period_;
+    const Time arrives = arrival(number);
     if (later(arrives, faults_.late) > deadline) {
       wait_until(deadline);
       throw DeviceError(DeviceErrorKind::timeout, info_.identity, "no frame in time");

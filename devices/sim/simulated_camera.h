@@ -1,5 +1,5 @@
-// A camera of the simulated laboratory: it exposes at a steady rate whether or not anybody looks;
-// only a frame that is pulled is rendered.
+// Simulated camera: exposes at a steady rate, pulled or not; only a frame that is pulled is
+// rendered.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,10 +16,10 @@ struct CameraSettings {
   ImageSize size;
   double frame_rate = 15;  // Hz
   double exposure = 5e-3;  // s: what moves meanwhile is smeared
-  double latency =
-      80e-3;  // s, from the middle of the exposure until the host has the frame, at least
-  double jitter =
-      0;  // s, that come on top: |N(0,1)| times this, below a frame's period; from the seed
+  // s, from the middle of the exposure until the host has the frame, at least
+  double latency = 80e-3;
+  // s, that come on top: |N(0,1)| times this, below a frame's period; from the seed
+  double jitter = 0;
   Sensor sensor;
   void check() const;  // throws std::invalid_argument naming the parameter
 };
@@ -43,7 +43,8 @@ class SimulatedCamera : public Camera {
   CameraInfo info_;
   Clock& clock_;
   Draw draw_;
-  Time period_, latency_;
+  Time period_;
+  Time latency_;
   double jitter_;
   std::uint64_t seed_;
   const ImagingFaults& faults_;

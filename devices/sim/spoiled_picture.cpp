@@ -9,10 +9,11 @@
 namespace vitreo::sim {
 namespace {
 
-constexpr double kSpeed = 60;  // px/s, at which a floater drifts from left to right
-constexpr double kDark = 0.2;  // of the light gets through it
+constexpr double kSpeed = 60;          // px/s, at which a floater drifts from left to right
+constexpr double kTransmission = 0.2;  // of the floater
 
-/// The kernel of a lens out of focus: a disc. Odd size, CV_32F, summing to 1.
+// The point spread of a lens out of focus in geometric optics: a disc. Odd size, CV_32F, summing
+// to 1.
 cv::Mat disc(int radius_px) {
   cv::Mat kernel(2 * radius_px + 1, 2 * radius_px + 1, CV_32F);
   for (int v = -radius_px; v <= radius_px; ++v)
@@ -22,9 +23,10 @@ cv::Mat disc(int radius_px) {
   return kernel / cv::sum(kernel)[0];
 }
 
-/// It comes in on the left, crosses the middle, and comes again.
+// A dark disc that enters on the left, crosses the middle row, and enters again.
 void draw_floater(cv::Mat& picture, int radius_px, double since) {
-  const double way = picture.cols + 2.0 * radius_px, u = std::fmod(since * kSpeed, way) - radius_px;
+  const double way = picture.cols + 2.0 * radius_px;
+  const double u = std::fmod(since * kSpeed, way) - radius_px;
   const double v = 0.5 * (picture.rows - 1);
   const cv::Rect box = cv::Rect(static_cast<int>(std::floor(u)) - radius_px - 1,
                                 static_cast<int>(std::floor(v)) - radius_px - 1, 2 * radius_px + 4,
@@ -32,17 +34,18 @@ void draw_floater(cv::Mat& picture, int radius_px, double since) {
                        cv::Rect(0, 0, picture.cols, picture.rows);
   for (int y = box.y; y < box.br().y; ++y)
     for (int x = box.x; x < box.br().x; ++x) {
-      const double inside =
-          std::clamp(radius_px + 0.5 - std::hypot(x - u, y - v), 0.0, 1.0);  // with a soft edge
+      // with a soft edge
+      const double inside = std::clamp(radius_px + 0.5 - std::hypot(x - u, y - v), 0.0, 1.0);
       auto* const pixel =
           picture.ptr<unsigned char>(y) + static_cast<std::ptrdiff_t>(x) * picture.channels();
       for (int c = 0; c < picture.channels(); ++c)
-        pixel[c] = cv::saturate_cast<unsigned char>(pixel[c] * (1 - (1 - kDark) * inside));
+        pixel[c] = cv::saturate_cast<unsigned char>(pixel[c] * (1 - (1 - kTransmission) * inside));
     }
 }
 
 }  // namespace
 
+// In the order of the light's way: what floats in the eye, then the lens, then the exposure.
 cv::Mat spoiled(const cv::Mat& picture, const PictureFaults& faults, Time exposed) {
   if (faults.light == 1 && faults.blur_px == 0 && faults.floater_px == 0) return picture;
   cv::Mat worse = picture.clone();

@@ -1,4 +1,4 @@
-// What bad light, bad focus and things in the way do to a picture.
+// Picture faults applied to a frame: wrong light, wrong focus, a floater.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// What each pixel of a simulated camera looks along: one straight line in the fluid for each pixel.
+// View of a simulated camera: for each pixel one straight line in the fluid.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,16 +12,20 @@
 
 namespace vitreo::sim {
 
-/// A pixel's line in the view frame: it passes (x, y, 0) and goes along (dx, dy, 1). NaN where the
-/// pixel sees nothing.
+/// A pixel's line in the view frame: it passes (x, y, 0) and goes along (dx, dy, 1). NaN where
+/// no light reaches the pixel.
 struct PixelLine {
-  float x, y, dx, dy;
+  float x;
+  float y;
+  float dx;
+  float dy;
 };
 
 /// The lines of all pixels, row by row. The view frame's z points out of the eye towards the
 /// observer.
 struct View {
-  int width = 0, height = 0;  // px
+  int width = 0;   // px
+  int height = 0;  // px
   std::vector<PixelLine> lines;
   Eigen::Matrix3d view_from_world = Eigen::Matrix3d::Identity();
   Eigen::Vector3d origin_in_world{0, 0, 0};  // m
@@ -35,7 +39,8 @@ struct View {
 };
 
 struct ImageSize {
-  int width = 1384, height = 1036;  // px
+  int width = 1384;   // px
+  int height = 1036;  // px
 };
 
 /// Looks at the aerial image through a microscope: the isopixel lines, traced through the

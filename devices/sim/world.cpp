@@ -14,14 +14,17 @@ namespace {
 
 constexpr Time kStep = std::chrono::milliseconds(1);
 constexpr double kStepSeconds = 1e-3;
-constexpr std::int64_t kHistory = 1000;  // steps
+constexpr std::int64_t kHistory = 1000;  // steps: longer than any latency of an instrument
 
+// A unit vector across a unit axis: y or z projected, whichever is not nearly along it.
 Eigen::Vector3d any_across(const Eigen::Vector3d& axis) {
   const Eigen::Vector3d other =
       std::abs(axis.y()) < 0.9 ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ();
   return (other - other.dot(axis) * axis).normalized();
 }
 
+// Linear in position; in direction too, normalized, which within a step of 1 ms is as good as a
+// rotation.
 BodyState between(const BodyState& before, const BodyState& after, double part) {
   BodyState state = before;
   state.position += part * (after.position - before.position);
@@ -42,9 +45,9 @@ void WorldSettings::check() const {
   require_positive(moment_gain, "moment_gain");
   require_not_negative(friction, "friction");
   require_not_negative(placement_scatter, "placement_scatter");
-  if (!std::isfinite(roll)) throw std::invalid_argument("roll is not finite");
-  if (!flow.allFinite()) throw std::invalid_argument("flow is not finite");
-  if (!extra_force.allFinite()) throw std::invalid_argument("extra_force is not finite");
+  require(std::isfinite(roll), "roll is not finite");
+  require(flow.allFinite(), "flow is not finite");
+  require(extra_force.allFinite(), "extra_force is not finite");
   for (const BodySettings& body : bodies) {
     body.check();
     if (gel && !body.fixed)
@@ -69,12 +72,14 @@ World::World(const WorldSettings& settings, std::uint64_t seed)
         spheroid_drag(settings_.medium.dynamic_viscosity(), body.semi_axis, body.semi_radius);
     const double weight =
         volume_of(body) * (body.density - settings_.medium.density) * control::kGravity;
+    // Other bodies do not turn in the fluid: one mobility for all directions, the inverse of the
+    // mean drag (f_par + 2 f_perp) / 3.
     mobility_.push_back(body.fixed ? 0 : 3 / (drag.along + 2 * drag.across));
     sinking_.push_back(weight * mobility_.back());
   }
   now_.present = false;
   before_ = now_;
-  answers_ = now_.others;
+  asked_bodies_ = now_.others;
   history_.assign(kHistory, now_);
 }
 
@@ -82,11 +87,14 @@ void World::set_coil_commands(Time time, const control::Currents& commands) {
   coils_.command(time, commands);
 }
 
+// The hand puts the robot somewhere about `near`, N(0, scatter) on each axis, in an unstressed gel.
 void World::insert_robot(Time time, const Eigen::Vector3d& near) {
   advance_to(time);
   const double scatter = settings_.placement_scatter;
-  const double x = normal_(random_), y = normal_(random_),
-               z = normal_(random_);  // one statement each: a fixed order
+  // one statement each: a fixed order
+  const double x = normal_(random_);
+  const double y = normal_(random_);
+  const double z = normal_(random_);
   now_.robot.position = near + scatter * Eigen::Vector3d(x, y, z);
   now_.robot.side =
       Eigen::AngleAxisd(settings_.roll, now_.robot.axis) * any_across(now_.robot.axis);
@@ -110,8 +118,10 @@ void World::place_body(Time time, std::size_t index, const Eigen::Vector3d& posi
   remember();
 }
 
+// A ring of the last second: instruments ask for the past, at their exposures.
 void World::remember() { history_[static_cast<std::size_t>(steps_ % kHistory)] = now_; }
 
+// The steps' ends before and after `time`; the second is null at the newest step.
 std::pair<const World::Moment*, const World::Moment*> World::moments_about(Time time) {
   advance_to(time);
   const std::int64_t step = std::min(std::max<std::int64_t>(time / kStep, 0), steps_);
@@ -126,14 +136,15 @@ const BodyState* World::robot(Time time) {
   if (!at->present) return nullptr;
   const double part =
       static_cast<double>((time % kStep).count()) / static_cast<double>(kStep.count());
-  answer_ = next != nullptr && next->present && part > 0 ? between(at->robot, next->robot, part)
-                                                         : at->robot;
-  return &answer_;
+  asked_robot_ = next != nullptr && next->present && part > 0
+                     ? between(at->robot, next->robot, part)
+                     : at->robot;
+  return &asked_robot_;
 }
 
 const std::vector<BodyState>& World::bodies(Time time) {
-  answers_ = moments_about(time).first->others;
-  return answers_;
+  asked_bodies_ = moments_about(time).first->others;
+  return asked_bodies_;
 }
 
 const control::Currents& World::currents(Time time) {
@@ -146,29 +157,33 @@ const control::Currents& World::coil_temperatures(Time time) {
   return coils_.temperatures();
 }
 
-control::FieldGradient World::field(Time time, const Eigen::Vector3d& place) {
+control::FieldGradient World::field(Time time, const Eigen::Vector3d& position) {
   advance_to(time);
-  return field_at(place, coils_.currents());
+  return field_at(position, coils_.currents());
 }
 
-control::FieldGradient World::field_at(const Eigen::Vector3d& place,
+// B(p) = B(p0) + G(p0) (p - p0) outside the calibration's region, p0 the nearest position inside: a
+// multipole model diverges there, and a plant must have a field everywhere.
+control::FieldGradient World::field_at(const Eigen::Vector3d& position,
                                        const control::Currents& currents) {
   const control::FieldModel& model = settings_.field;
-  beyond_calibration_ = !model.valid_at(place);
-  if (!beyond_calibration_) return model.matrix(place) * currents + model.background(place);
+  beyond_calibration_ = !model.valid_at(position);
+  if (!beyond_calibration_) return model.matrix(position) * currents + model.background(position);
   const control::Region& region = model.multipoles()->region();
-  const Eigen::Vector3d nearest = place.cwiseMax(region.low).cwiseMin(region.high);
+  const Eigen::Vector3d nearest = position.cwiseMax(region.low).cwiseMin(region.high);
   control::FieldGradient field = model.matrix(nearest) * currents + model.background(nearest);
-  field.head<3>() += control::gradient_matrix(field) * (place - nearest);
+  field.head<3>() += control::gradient_matrix(field) * (position - nearest);
   return field;
 }
 
 void World::advance_to(Time time) {
-  // It must not pass the present, where a command may still come: a command acts no earlier than
-  // the step that starts at or after it.
+  // A step ends no later than `time`, because a command may still come at that time: it acts no
+  // earlier than the step that starts at or after it.
   while (Time(kStep * (steps_ + 1)) <= time) step();
 }
 
+// Operator splitting: coils, then the robot, the other bodies, their contacts, and the walls last,
+// so that no body ends a step outside.
 void World::step() {
   coils_.step(kStep * steps_);
   before_ = now_;
@@ -183,6 +198,7 @@ void World::step() {
   remember();
 }
 
+// A gel does not flow.
 void World::move_robot() {
   const control::FieldGradient field = field_at(now_.robot.position, coils_.noisy(random_));
   const Cavity* walls = settings_.wall_drag ? &settings_.cavity : nullptr;
@@ -197,8 +213,9 @@ void World::move_others() {
   }
 }
 
-/// Bodies that overlap are moved apart, each by its mobility; Coulomb's friction between them takes
-/// their sliding.
+// Contact of bodies as a projection: overlapping ones are moved apart along the contact's normal,
+// each by its share of the mobility (overdamped: equal and opposite forces). Coulomb's friction
+// takes from their sliding across it at most friction * depth, as in keep_inside.
 void World::push_apart() {
   const double robots_mobility =
       1 / spheroid_drag(settings_.medium.dynamic_viscosity(), settings_.robot.semi_axis,
@@ -245,7 +262,8 @@ void World::keep_all_inside() {
     const bool touches = keep_inside(cavity, body.shape, settings_.friction,
                                      before_.others[k].position, Eigen::Vector3d::Zero(), state);
     if (!touches || body.shape != Shape::disc) continue;
-    // A disc that lies on the retina lies flat: it settles a hundredth of the way each step.
+    // A disc on the retina settles flat: each step by a hundredth of the sine of its tilt, 0.1 s in
+    // all.
     const Eigen::Vector3d up = cavity.retina(state.position).normal;
     const Eigen::Vector3d flat = state.axis.dot(up) < 0 ? Eigen::Vector3d(-up) : up;
     turn_body(state, 0.01 * state.axis.cross(flat));

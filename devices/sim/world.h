@@ -1,6 +1,6 @@
-// The plant of the simulated laboratory: coils that lag and warm, a robot that turns, drifts, sinks
-// and touches, and other bodies that it can push, in the fluid or gel of the eye. It integrates
-// lazily, in steps of 1 ms, up to the latest time that anybody has asked about. World frame, SI.
+// World: the plant of the simulated laboratory. Coils that lag and warm, a robot that turns,
+// drifts, sinks and touches, and other bodies that it can push, in the fluid or gel of the eye.
+// Integrated lazily in steps of 1 ms, up to the latest time asked for. World frame, SI.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -26,7 +26,7 @@ struct WorldSettings {
   control::Robot robot = control::coni_2mm();
   double moment_gain = 1;  // true moment / the robot's nominal moment
   control::Medium medium;
-  std::optional<control::Gel> gel;  // in the medium's place
+  std::optional<control::Gel> gel;  // instead of the medium
   CoilBankSettings coils;
   Cavity cavity;
   bool wall_drag = true;              // Faxen's factors near retina and lens
@@ -34,8 +34,8 @@ struct WorldSettings {
   double placement_scatter = 0.3e-3;  // m, of the hand that inserts the robot, per axis
   double roll = 0;                    // rad, of the inserted robot's plates about its axis
   Eigen::Vector3d flow{0, 0, 0};      // m/s: convection of the fluid, which carries the bodies
-  Eigen::Vector3d extra_force{0, 0,
-                              0};    // N, on the robot: what is left of hand tuning, see Laboratory
+  // N, on the robot: what is left of hand tuning, see Laboratory
+  Eigen::Vector3d extra_force{0, 0, 0};
   std::vector<BodySettings> bodies;  // besides the robot
   void check() const;                // throws std::invalid_argument naming the parameter
 };
@@ -60,9 +60,9 @@ class World {
   const control::Currents& currents(Time time);
   const control::Currents& coil_temperatures(Time time);
   /// T and T/m, of the coils at the currents that flow, and the background.
-  control::FieldGradient field(Time time, const Eigen::Vector3d& place);
+  control::FieldGradient field(Time time, const Eigen::Vector3d& position);
   /// Whether the field was last asked for outside the region for which a calibration holds; there
-  /// it goes on from the nearest place inside with the gradient of that place.
+  /// it goes on from the nearest position inside with the gradient of that position.
   bool beyond_calibration() const { return beyond_calibration_; }
   const WorldSettings& settings() const { return settings_; }
 
@@ -79,7 +79,8 @@ class World {
   void push_apart();
   void keep_all_inside();
   void remember();
-  control::FieldGradient field_at(const Eigen::Vector3d& place, const control::Currents& currents);
+  control::FieldGradient field_at(const Eigen::Vector3d& position,
+                                  const control::Currents& currents);
   std::pair<const Moment*, const Moment*> moments_about(Time time);
 
   WorldSettings settings_;
@@ -88,13 +89,17 @@ class World {
   CoilBank coils_;
   RobotMotion motion_;
   std::int64_t steps_ = 0;  // of 1 ms, done
-  bool present_ = false, beyond_calibration_ = false;
-  Moment now_, before_;  // the state, and as it was at the step's start
+  bool beyond_calibration_ = false;
+  // the state, and as it was at the step's start
+  Moment now_;
+  Moment before_;
   Eigen::Vector3d turned_{0, 0, 0};
-  std::vector<double> sinking_, mobility_;  // of the other bodies: m/s, m/(N s)
-  std::vector<Moment> history_;             // a ring: step k at k modulo its size
-  BodyState answer_;
-  std::vector<BodyState> answers_;
+  // of the other bodies: m/s, m/(N s)
+  std::vector<double> sinking_;
+  std::vector<double> mobility_;
+  std::vector<Moment> history_;  // a ring: step k at k modulo its size
+  BodyState asked_robot_;
+  std::vector<BodyState> asked_bodies_;
 };
 
 }  // namespace vitreo::sim
