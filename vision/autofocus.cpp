@@ -2,6 +2,7 @@
 #include "vision/autofocus.h"
 
 #include "vision/autofocus_search.h"
+#include "vision/preconditions.h"
 
 #include <algorithm>
 #include <array>
@@ -13,17 +14,14 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr std::array<std::pair<AutofocusStrategy, std::string_view>, 4> kNames{{
+constexpr std::array<std::pair<AutofocusStrategy, std::string_view>, 4> kStrategies{{
     {AutofocusStrategy::sweep, "sweep"},
     {AutofocusStrategy::coarse_to_fine, "coarse_to_fine"},
     {AutofocusStrategy::golden_section, "golden_section"},
     {AutofocusStrategy::fibonacci, "fibonacci"},
 }};
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
+// The median, for an even count the mean of the middle two.
 double median_value(std::vector<FocusSample> readings) {
   std::sort(readings.begin(), readings.end(),
             [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
@@ -31,9 +29,9 @@ double median_value(std::vector<FocusSample> readings) {
   return (readings[(n - 1) / 2].value + readings[n / 2].value) / 2;
 }
 
-// With backlash the lowest positions can only be come at downwards: they are for going back to, not
-// for measuring.
-AutofocusSettings usable(AutofocusSettings settings) {
+// With backlash the lowest positions can only be reached downwards: they serve to approach from,
+// not to measure at.
+AutofocusSettings with_usable_range(AutofocusSettings settings) {
   settings.check();
   settings.low += settings.backlash;
   return settings;
@@ -42,7 +40,7 @@ AutofocusSettings usable(AutofocusSettings settings) {
 }  // namespace
 
 std::string_view name_of(AutofocusStrategy strategy) {
-  for (const auto& [one, name] : kNames) {
+  for (const auto& [one, name] : kStrategies) {
     if (one == strategy) return name;
   }
   throw std::invalid_argument("strategy: there is no such autofocus strategy");
@@ -50,7 +48,7 @@ std::string_view name_of(AutofocusStrategy strategy) {
 
 AutofocusStrategy autofocus_strategy(std::string_view name) {
   std::string names;
-  for (const auto& [strategy, own] : kNames) {
+  for (const auto& [strategy, own] : kStrategies) {
     if (own == name) return strategy;
     names += (names.empty() ? "" : ", ") + std::string(own);
   }
@@ -59,7 +57,7 @@ AutofocusStrategy autofocus_strategy(std::string_view name) {
 }
 
 void AutofocusSettings::check() const {
-  constexpr double kMostSteps = 100000;  // a night of it
+  constexpr double kMostSteps = 100000;  // a night at a reading every 0.3 s
   require(std::isfinite(low) && std::isfinite(high) && low < high,
           "low, high: must be finite, low below high");
   require(step > 0 && std::isfinite(step), "step: must be positive");
@@ -73,17 +71,21 @@ void AutofocusSettings::check() const {
 
 struct Autofocus::State {
   explicit State(const AutofocusSettings& chosen)
-      : lowest(chosen.low), settings(usable(chosen)), search(make_focus_search(settings)) {
+      : lowest(chosen.low),
+        settings(with_usable_range(chosen)),
+        search(make_focus_search(settings)) {
     target = search->next({}).value();
     under_way = settings.backlash > 0;
   }
 
+  // The next target; with backlash, a move downwards goes below it first.
   AutofocusStep go_to(double position) {
     under_way = settings.backlash > 0 && position < target;
     target = std::clamp(position, settings.low, settings.high);
     return under_way ? below() : target;
   }
   double below() const { return std::max(target - settings.backlash, lowest); }
+  // The fitted peak; without one the stage still parks at the best sample, if any was not blank.
   AutofocusDone finish() {
     done = true;
     AutofocusDone result{find_focus_peak(samples, settings.peak), std::nullopt, readings_used};
@@ -104,7 +106,8 @@ struct Autofocus::State {
   bool under_way = false;  // on the way below the target, not to measure
   bool done = false;
   int readings_used = 0;
-  std::vector<FocusSample> readings, samples;  // at this position; one for each position before
+  std::vector<FocusSample> readings;  // at this position
+  std::vector<FocusSample> samples;   // one for each position before
 };
 
 Autofocus::Autofocus(const AutofocusSettings& settings)
@@ -128,6 +131,7 @@ AutofocusStep Autofocus::next(double position, double value) {
   s.readings.push_back({position, value});
   ++s.readings_used;
   if (static_cast<int>(s.readings.size()) < s.settings.repeats) return s.target;
+  // One sample a position: mean of the stage's real positions, median of the values.
   double sum = 0;
   for (const FocusSample& reading : s.readings) sum += reading.position;
   s.samples.push_back({sum / s.settings.repeats, median_value(s.readings)});

@@ -3,26 +3,23 @@
 
 #include "vision/bytes.h"
 #include "vision/color_statistics.h"
+#include "vision/preconditions.h"
 
 #include <opencv2/core.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::vision {
 namespace {
 
-constexpr std::string_view kMagic = "VTCM";
-constexpr std::uint32_t kVersion = 1;
-constexpr std::size_t kCells =
+constexpr std::string_view kColorMagic = "VTCM";
+constexpr std::uint32_t kColorVersion = 1;
+constexpr std::size_t kTableSize =
     static_cast<std::size_t>(ColorModel::kLevels) * ColorModel::kLevels * ColorModel::kLevels;
 
-void require(bool good, const std::string& what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
+// F is within +-7.9 by the table's int8, so its thresholds are within +-8.
 Thresholds load_thresholds(ByteReader& in) {
   Thresholds t;
   t.low = in.f64(-8, 8);
@@ -44,7 +41,8 @@ void check_labeled(std::span<const LabeledImage> images) {
   require(!images.empty(), "images: none given");
   for (std::size_t k = 0; k < images.size(); ++k) {
     const std::string which = "image " + std::to_string(k + 1) + ": ";
-    const cv::Mat &image = images[k].image, &mask = images[k].mask;
+    const cv::Mat& image = images[k].image;
+    const cv::Mat& mask = images[k].mask;
     require(image.type() == CV_8UC3 && !image.empty(), which + "must be 8-bit color (BGR)");
     require(mask.type() == CV_8UC1, which + "its mask must be 8-bit gray");
     require(mask.size() == image.size(), which + "its mask has another size");
@@ -54,6 +52,8 @@ void check_labeled(std::span<const LabeledImage> images) {
   }
 }
 
+// Thesis 8.1: the decision function F by joint histograms (8.1.1), its quality (8.1) and its
+// thresholds (8.2), both on the training images.
 ColorModel ColorModel::train(std::span<const LabeledImage> images,
                              const ColorModelSettings& settings) {
   settings.check();
@@ -69,6 +69,7 @@ ColorModel ColorModel::train(std::span<const LabeledImage> images,
   return model;
 }
 
+// Table 8.2 for these images: every pair of channels with its quality (8.1), mean and deviation.
 std::vector<ChannelRank> ColorModel::rank(std::span<const LabeledImage> images,
                                           const ColorModelSettings& settings) {
   settings.check();
@@ -86,8 +87,8 @@ std::vector<ChannelRank> ColorModel::rank(std::span<const LabeledImage> images,
 
 std::string ColorModel::save() const {
   ByteWriter out;
-  out.text(kMagic);
-  out.u32(kVersion);
+  out.text(kColorMagic);
+  out.u32(kColorVersion);
   out.u32(static_cast<std::uint32_t>(channels_.space));
   out.u32(static_cast<std::uint32_t>(channels_.set));
   for (const double value :
@@ -101,19 +102,20 @@ std::string ColorModel::save() const {
 }
 
 ColorModel ColorModel::load(std::string_view bytes) {
-  ByteReader in(bytes, kMagic, kVersion, "color model");
+  ByteReader in(bytes, kColorMagic, kColorVersion, "color model");
   ColorModel model;
   model.channels_ = {static_cast<ColorSpace>(in.integer(0, static_cast<int>(ColorSpace::nrgb))),
                      static_cast<ChannelSet>(in.integer(0, static_cast<int>(ChannelSet::all)))};
+  // r of (8.1) lies in [-2, 2].
   model.quality_.mean = in.f64(-2, 2);
   model.quality_.deviation = in.f64(0, 4);
   model.flat_ = load_thresholds(in);
   model.weighted_ = load_thresholds(in);
   const int count = in.integer(1, 1000000);
   for (int k = 0; k < count; ++k) model.quality_.of_image.push_back(in.f64(-2, 2));
-  const std::string_view table = in.text(kCells);
+  const std::string_view table = in.text(kTableSize);
   in.end();
-  model.table_.resize(kCells);
+  model.table_.resize(kTableSize);
   std::transform(table.begin(), table.end(), model.table_.begin(),
                  [](char c) { return static_cast<std::int8_t>(c); });
   return model;

@@ -4,6 +4,7 @@
 #include "vision/bytes.h"
 #include "vision/moments.h"
 #include "vision/object_view.h"
+#include "vision/preconditions.h"
 
 #include <Eigen/Eigenvalues>
 #include <opencv2/core.hpp>
@@ -12,7 +13,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -22,15 +22,18 @@ namespace {
 using Vector5 = Eigen::Matrix<double, 5, 1>;
 using Matrix5 = Eigen::Matrix<double, 5, 5>;
 
-constexpr std::string_view kMagic = "VTOM";
-constexpr std::uint32_t kVersion = 1;
-// Variances no calibration goes below: a few masks can not show less. px^2, and rad^2 for the
-// angle.
-constexpr double kLeastPx2 = 0.0005, kLeastAngle2 = 1e-5;
+constexpr std::string_view kObjectMagic = "VTOM";
+constexpr std::uint32_t kObjectVersion = 1;
+// Smallest variances of a calibration: a few masks cannot show less. px^2, and rad^2 for the angle.
+constexpr double kLeastPx2 = 0.0005;
+constexpr double kLeastAngle2 = 1e-5;
 
-/// The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
+// The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
 cv::Mat largest_part(const cv::Mat& mask) {
-  cv::Mat labels, statistics, centroids, part;
+  cv::Mat labels;
+  cv::Mat statistics;
+  cv::Mat centroids;
+  cv::Mat part;
   const int count = cv::connectedComponentsWithStats(mask, labels, statistics, centroids);
   int best = 1;
   for (int k = 2; k < count; ++k)
@@ -40,43 +43,44 @@ cv::Mat largest_part(const cv::Mat& mask) {
   return part;
 }
 
+// Whether the mask touches the image's border, and so may be cut by it.
 bool at_edge(const cv::Mat& mask) {
-  const int u = mask.cols - 1, v = mask.rows - 1;
+  const int u = mask.cols - 1;
+  const int v = mask.rows - 1;
   return cv::countNonZero(mask.row(0)) + cv::countNonZero(mask.row(v)) +
              cv::countNonZero(mask.col(0)) + cv::countNonZero(mask.col(u)) >
          0;
 }
 
-/// An image whose mask is one part, and that part's ellipse.
-struct Whole {
+// An image whose mask is one part, and that part's moment ellipse.
+struct WholeMask {
   LabeledImage labeled;
   Ellipse truth;
 };
 
-/// Those that show the whole object, for its shape; all, where none does.
-std::vector<Whole> whole_ones(std::span<const LabeledImage> images) {
-  std::vector<Whole> all, whole;
+// The images that show the whole object, for its shape; all, where none does.
+std::vector<WholeMask> whole_masks(std::span<const LabeledImage> images) {
+  std::vector<WholeMask> all;
+  std::vector<WholeMask> whole;
   for (std::size_t k = 0; k < images.size(); ++k) {
     const std::string which = "image " + std::to_string(k + 1) + ": ";
-    if (images[k].image.size() != images[0].image.size())
-      throw std::invalid_argument(which + "has another size");
+    require(images[k].image.size() == images[0].image.size(), which + "has another size");
     const cv::Mat part = largest_part(images[k].mask);
     all.push_back({{images[k].image, part}, moments_of(part).ellipse({0, 0})});
     if (at_edge(part)) continue;
-    if (all.back().truth.semi_minor_px < 2.5)
-      throw std::invalid_argument(which + "its mask is thinner than 5 px");
+    require(all.back().truth.semi_minor_px >= 2.5, which + "its mask is thinner than 5 px");
     whole.push_back(all.back());
   }
-  if (whole.empty() && all[0].truth.semi_minor_px < 2.5)
-    throw std::invalid_argument("image 1: its mask is thinner than 5 px");
+  require(!whole.empty() || all[0].truth.semi_minor_px >= 2.5,
+          "image 1: its mask is thinner than 5 px");
   return whole.empty() ? all : whole;
 }
 
-// A covariance with its negative directions taken out: the difference of two estimates need not be
-// one.
-Matrix5 clipped(const Matrix5& matrix) {
-  const Vector5 unit =
-      (Vector5() << 1, 1, 1, 1, 20).finished();  // an angle weighs as the rim that it moves
+// The nearest positive semidefinite matrix (negative eigenvalues set to 0, Higham 1988), in units
+// in which an angle counts as the rim that it moves, at 20 px: the difference of two estimated
+// covariances need not be a covariance.
+Matrix5 positive_part(const Matrix5& matrix) {
+  const Vector5 unit = (Vector5() << 1, 1, 1, 1, 20).finished();
   const Eigen::SelfAdjointEigenSolver<Matrix5> solver(unit.asDiagonal() * matrix *
                                                       unit.asDiagonal());
   const Vector5 values = solver.eigenvalues().cwiseMax(0);
@@ -85,8 +89,9 @@ Matrix5 clipped(const Matrix5& matrix) {
   return unit.cwiseInverse().asDiagonal() * good * unit.cwiseInverse().asDiagonal();
 }
 
-// `errors` of single measurements, whose own covariance is `said` on average.
-Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& said) {
+// Bias of the axes and covariance of what the measurements' own covariance, `reported` on average,
+// does not explain: Cov(errors) - reported. `errors`: measured less true, of single measurements.
+Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& reported) {
   Calibration result;
   const auto count = static_cast<double>(errors.size());
   for (const Vector5& e : errors) result.semi_axes_px += e.segment<2>(2) / count;
@@ -94,9 +99,10 @@ Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& said)
     e.segment<2>(2) -= result.semi_axes_px;
     result.covariance += e * e.transpose() / std::max(count - 1, 1.0);
   }
-  if (count < 5) result.covariance *= 3;  // so few masks tell a variance hardly at all
-  result.covariance = clipped(result.covariance - said);
-  // Light moves a rim away from where it comes from; in other images it may come from another side.
+  if (count < 5) result.covariance *= 3;  // a variance from so few masks is hardly known
+  result.covariance = positive_part(result.covariance - reported);
+  // The center's error follows the direction of the light, which may differ in other images: made
+  // isotropic, and uncorrelated with axes and angle.
   const double mean = result.covariance.topLeftCorner<2, 2>().trace() / 2;
   result.covariance.topLeftCorner<2, 2>() = mean * Eigen::Matrix2d::Identity();
   result.covariance.topRightCorner<2, 3>().setZero();
@@ -106,24 +112,26 @@ Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& said)
   return result;
 }
 
-Calibration calibration_of(const ObjectModel& model, const std::vector<Whole>& images,
+// Measures every training image from its true ellipse and compares. Failures, with few normals or a
+// center off by more than 5 px, are the tracker's to reject, not the calibration's to explain.
+Calibration calibration_of(const ObjectModel& model, const std::vector<WholeMask>& images,
                            ObjectViewSettings settings, bool refine) {
   settings.refine = refine;
   ObjectView view(model, settings);
   std::vector<Vector5> errors;
-  Matrix5 said = Matrix5::Zero();
+  Matrix5 reported = Matrix5::Zero();
   for (const auto& [labeled, truth] : images) {
     const EllipsePrior prior{truth, 5, 2, settings.angle_sigma};
-    const Look look = view.look(labeled.image, truth, settings.gate_px, prior);
-    if (!look.measured || look.measured->inlier_fraction < 0.5) continue;
-    Vector5 error = look.measured->ellipse.vector() - truth.vector();
-    error[4] = std::remainder(error[4], std::numbers::pi);
+    const Observation seen = view.observe(labeled.image, truth, settings.gate_px, prior);
+    if (!seen.measured || seen.measured->inlier_fraction < 0.5) continue;
+    Vector5 error = seen.measured->ellipse.vector() - truth.vector();
+    error[4] = std::remainder(error[4], std::numbers::pi);  // an axis has no sense
     if (error.head<2>().norm() > 5) continue;
     errors.push_back(error);
-    said += look.measured->covariance;
+    reported += seen.measured->covariance;
   }
-  return from_errors(errors,
-                     errors.empty() ? said : Matrix5(said / static_cast<double>(errors.size())));
+  return from_errors(
+      errors, errors.empty() ? reported : Matrix5(reported / static_cast<double>(errors.size())));
 }
 
 void save_calibration(ByteWriter& out, const Calibration& calibration) {
@@ -150,9 +158,9 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
   view.check();
   ObjectModel model;
   model.color = ColorModel::train(images, color);
-  const std::vector<Whole> whole = whole_ones(images);
+  const std::vector<WholeMask> whole = whole_masks(images);
   std::vector<cv::Mat> masks;
-  for (const Whole& one : whole) masks.push_back(one.labeled.mask);
+  for (const WholeMask& one : whole) masks.push_back(one.labeled.mask);
   model.shape = ShapeModel::train(masks);
   model.image_size = images[0].image.size();
   for (const auto& [labeled, e] : whole) {
@@ -166,8 +174,8 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
 
 std::string ObjectModel::save() const {
   ByteWriter out;
-  out.text(kMagic);
-  out.u32(kVersion);
+  out.text(kObjectMagic);
+  out.u32(kObjectVersion);
   out.u32(static_cast<std::uint32_t>(image_size.width));
   out.u32(static_cast<std::uint32_t>(image_size.height));
   for (const double value : semi_axes_px) out.f64(value);
@@ -179,7 +187,7 @@ std::string ObjectModel::save() const {
 }
 
 ObjectModel ObjectModel::load(std::string_view bytes) {
-  ByteReader in(bytes, kMagic, kVersion, "object model");
+  ByteReader in(bytes, kObjectMagic, kObjectVersion, "object model");
   ObjectModel model;
   model.image_size.width = in.integer(1, 100000);
   model.image_size.height = in.integer(1, 100000);

@@ -1,5 +1,5 @@
-// How two views of one retina lie over each other: found from nothing, then refined to a fraction
-// of a pixel.
+// Registration of two views of one retina: searched without a guess, then refined to a fraction of
+// a pixel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,8 +22,8 @@ struct RegistrationSettings {
   double max_rotation = std::numbers::pi / 6;  ///< between two views, rad, either way
   double flatten_sigma_px = 20;                ///< structure larger than this is light, not retina
   double min_overlap = 0.1;                    ///< share of the view that must be common
-  double min_correlation =
-      0.4;             ///< of the flattened views in the overlap, at a quarter of the resolution
+  /// Of the flattened views in the overlap, at a quarter of the resolution.
+  double min_correlation = 0.4;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
@@ -31,7 +31,7 @@ struct Registration {
   Eigen::Affine2d first_from_second = Eigen::Affine2d::Identity();  ///< px
   double correlation = 0;
   double overlap = 0;   ///< share of the second view
-  double sigma_px = 0;  ///< of the overlap's points, from the noise
+  double sigma_px = 0;  ///< standard deviation of the overlap's points, from the images' noise
 };
 
 /// A view, flattened, at full, half and quarter resolution: made once, registered with many.
@@ -42,11 +42,13 @@ class RegistrationView {
   RegistrationView(const cv::Mat& view, const RegistrationSettings& settings);
   static constexpr int kLevels = 3;
   struct Level {
-    cv::Mat image, du, dv;  // CV_32F, of standard deviation about 1; its gradient
+    cv::Mat image;  // CV_32F, of standard deviation about 1
+    cv::Mat du;     // its gradient along the rows, CV_32F
+    cv::Mat dv;     // and along the columns
   };
   const Level& level(int level) const { return levels_[static_cast<std::size_t>(level)]; }
   const cv::Size& size() const { return size_; }
-  bool blank() const { return blank_; }  ///< nothing to hold on to
+  bool blank() const { return blank_; }  ///< no structure to register
 
  private:
   cv::Size size_;
@@ -54,14 +56,16 @@ class RegistrationView {
   std::array<Level, kLevels> levels_;
 };
 
-/// Without any guess: phase correlation at each of the angles, then refinement. Nothing when no
-/// place fits.
+/// Without any guess: phase correlation (Kuglin & Hines 1975), partly whitened, at each angle of a
+/// sweep and at a quarter of the resolution, then refine_registration(). Nothing when no pose fits.
+/// Throws std::invalid_argument for views of different size.
 std::optional<Registration> register_views(const RegistrationView& first,
                                            const RegistrationView& second,
                                            const RegistrationSettings& settings);
 
-/// From a guess that is right within about 8 pixels. Throws std::invalid_argument when it is not
-/// finite or not invertible.
+/// From a guess that is right within about 8 pixels: Gauss-Newton on the gray values, coarse to
+/// fine (registration_refine.h). Throws std::invalid_argument when the guess is not finite or not
+/// invertible, or for views of different size.
 std::optional<Registration> refine_registration(const RegistrationView& first,
                                                 const RegistrationView& second,
                                                 const Eigen::Affine2d& first_from_second,
