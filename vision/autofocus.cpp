@@ -69,13 +69,15 @@ void AutofocusSettings::check() const {
   peak.check();
 }
 
+// The search yields targets; on top of it this state takes `repeats` readings at each, and goes a
+// way round below a target that is approached against the backlash.
 struct Autofocus::State {
   explicit State(const AutofocusSettings& chosen)
       : lowest(chosen.low),
         settings(with_usable_range(chosen)),
         search(make_focus_search(settings)) {
     target = search->next({}).value();
-    under_way = settings.backlash > 0;
+    under_way = settings.backlash > 0;  // the stage's last direction is not known: from below
   }
 
   // The next target; with backlash, a move downwards goes below it first.
@@ -84,6 +86,7 @@ struct Autofocus::State {
     target = std::clamp(position, settings.low, settings.high);
     return under_way ? below() : target;
   }
+  // Where an upward approach starts; not below the travel limit.
   double below() const { return std::max(target - settings.backlash, lowest); }
   // The fitted peak; without one the stage still parks at the best sample, if any was not blank.
   AutofocusDone finish() {
@@ -116,12 +119,15 @@ Autofocus::~Autofocus() = default;
 Autofocus::Autofocus(Autofocus&&) noexcept = default;
 Autofocus& Autofocus::operator=(Autofocus&&) noexcept = default;
 
+// With backlash the first position is not measured at: it is where the first approach starts.
 double Autofocus::start() const {
   return state_->settings.backlash > 0 ? state_->lowest : state_->settings.low;
 }
 
 const std::vector<FocusSample>& Autofocus::samples() const { return state_->samples; }
 
+// One reading. A stage that was under way has only arrived below the target: its reading is not
+// used.
 AutofocusStep Autofocus::next(double position, double value) {
   State& s = *state_;
   if (s.done) throw std::logic_error("this autofocus search has ended");

@@ -28,12 +28,14 @@ class EvenSweep {
   EvenSweep() = default;
   EvenSweep(const Range& range, int count) : range_(range), count_(std::max(count, 3)) {}
   static EvenSweep by_step(const Range& range, double step) {
+    // The tolerance keeps a width that is a multiple of the step from gaining one by rounding.
     return {range, static_cast<int>(std::ceil(range.width() / step - 1e-9)) + 1};
   }
   double spacing() const { return range_.width() / (count_ - 1); }
   std::optional<double> next() {
     if (done_ == count_) return std::nullopt;
     const double share = static_cast<double>(done_++) / (count_ - 1);
+    // The last position is the end itself, without rounding.
     return share < 1 ? range_.low + share * range_.width() : range_.high;
   }
 
@@ -158,6 +160,7 @@ class Section final : public FocusSearch {
     if (stage_ == Stage::over) return std::nullopt;
     Inner& measured = stage_ == Stage::left ? left_ : right_;
     measured.value = samples.back().value;
+    // Both inner values are needed to compare; after the first pair each step lacks one.
     if (!right_.value) return ask(Stage::right);
     if (!left_.value) return ask(Stage::left);
     return shrink();
@@ -186,6 +189,7 @@ class Section final : public FocusSearch {
     stage_ = stage;
     return stage == Stage::left ? left_.position : right_.position;
   }
+  // One step: cuts the bracket on the side of the lower inner value.
   std::optional<double> shrink() {
     const double difference = *left_.value - *right_.value;
     if (std::abs(difference) < hysteresis_ * std::max(*left_.value, *right_.value)) {

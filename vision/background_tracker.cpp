@@ -61,6 +61,8 @@ struct BackgroundTracker::State {
   cv::Mat centroids;
 };
 
+// Every image must be as the first: the mean and OpenCV's models have one state per pixel and
+// channel.
 void BackgroundTracker::State::check_image(const cv::Mat& image) const {
   require(image.type() == CV_8UC1 || image.type() == CV_8UC3,
           "image: must be 8-bit, gray or color");
@@ -110,6 +112,8 @@ std::optional<Ellipse> BackgroundTracker::State::largest() {
   cv::morphologyEx(foreground, foreground, cv::MORPH_OPEN, element);
   cv::morphologyEx(foreground, foreground, cv::MORPH_CLOSE, element);
   const int count = cv::connectedComponentsWithStats(foreground, labels, statistics, centroids);
+  // Label 0 is the background. More than a tenth of the image is a change of the light, not a
+  // robot.
   const double most =
       settings.max_area_px > 0 ? settings.max_area_px : 0.1 * static_cast<double>(size.area());
   int best = 0;
@@ -139,6 +143,7 @@ BackgroundTracker::BackgroundTracker(const BackgroundTrackerSettings& settings)
 
 BackgroundTracker::~BackgroundTracker() = default;
 
+// OpenCV's subtractors learn at the same rate, 1 / n for the n-th image.
 void BackgroundTracker::learn(const cv::Mat& image) {
   State& s = *state_;
   s.check_image(image);

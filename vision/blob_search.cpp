@@ -76,6 +76,7 @@ cv::Mat BlobSearch::mask(const cv::Mat& image, const cv::Rect& where, int step) 
   return mask;
 }
 
+// By area, of the components whose hull ellipse has a size that the robot can have.
 std::optional<Blob> BlobSearch::largest(const cv::Mat& image, const cv::Rect& where,
                                         int step) const {
   const cv::Mat found = mask(image, where, step);
@@ -90,6 +91,7 @@ std::optional<Blob> BlobSearch::largest(const cv::Mat& image, const cv::Rect& wh
     if (blob.ellipse.semi_minor_px < 0.6 * limits_.min_semi_minor_px) continue;
     if (blob.ellipse.semi_major_px > 1.3 * limits_.max_semi_major_px + 2 * step) continue;
     if (best && best->area_px >= blob.area_px) continue;
+    // Cut: the component touches the region's border where the image goes on.
     const cv::Rect box = cv::boundingRect(outline);
     blob.cut = (box.x == 0 && where.x > 0) || (box.y == 0 && where.y > 0) ||
                (box.x + box.width == found.cols && where.x + where.width < image.cols) ||

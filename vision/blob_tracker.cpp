@@ -104,6 +104,7 @@ std::optional<EllipseMeasurement> BlobTracker::State::of_blob(const cv::Mat& ima
 std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& image) {
   const Eigen::Vector2d center = last->center_px + velocity_px;
   const cv::Rect frame(0, 0, image.cols, image.rows);
+  // Room for the robot at any angle, for the contour's normals on both sides and for one step.
   double half = last->semi_major_px + 2 * settings.search_px + velocity_px.norm();
   for (int k = 0; k < 4; ++k, half *= kGrowth) {
     const int size = 2 * static_cast<int>(half);
@@ -117,6 +118,7 @@ std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& i
   return as_predicted(image);
 }
 
+// Re-detection in the whole image, at a quarter of its rows and columns.
 std::optional<EllipseMeasurement> BlobTracker::State::anywhere(const cv::Mat& image) {
   const auto blob = search.largest(image, cv::Rect(0, 0, image.cols, image.rows), kFarStep);
   return blob ? measure(image, blob->ellipse) : std::nullopt;

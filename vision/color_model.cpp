@@ -37,6 +37,7 @@ void ColorModelSettings::check() const {
   require(weight >= 1 && weight <= 1000, "weight: must be 1 to 1000");
 }
 
+// A mask that is empty or full leaves one of the two histograms without counts.
 void check_labeled(std::span<const LabeledImage> images) {
   require(!images.empty(), "images: none given");
   for (std::size_t k = 0; k < images.size(); ++k) {
@@ -77,6 +78,7 @@ std::vector<ChannelRank> ColorModel::rank(std::span<const LabeledImage> images,
   const ColorCounts counts = count_colors(images);
   std::vector<ChannelRank> ranks;
   for (const Channels& channels : all_pairs()) {
+    // The counts are by cell of RGB, so every color space is a sum over the same cells.
     ColorModelSettings chosen = settings;
     chosen.channels = channels;
     ranks.push_back(
@@ -85,6 +87,8 @@ std::vector<ChannelRank> ColorModel::rank(std::span<const LabeledImage> images,
   return ranks;
 }
 
+// Format "VTCM", version 1: channels, quality, both pairs of thresholds, the quality of each image,
+// table.
 std::string ColorModel::save() const {
   ByteWriter out;
   out.text(kColorMagic);

@@ -31,6 +31,7 @@ std::vector<std::size_t> bins_of(const ColorModelSettings& settings) {
                                center(cell / kTableLevels % kTableLevels), center(cell >> 12));
     std::size_t bin = 0;
     for (const int k : used) {
+      // A value of exactly 1 belongs to the last bin.
       const int index = static_cast<int>(value[static_cast<std::size_t>(k)] * settings.bins);
       bin = bin * static_cast<std::size_t>(settings.bins) +
             static_cast<std::size_t>(std::clamp(index, 0, settings.bins - 1));
@@ -132,6 +133,7 @@ std::vector<float> sorted_values(const cv::Mat& f, const cv::Mat& mask) {
   return values;
 }
 
+// Share of the values above `t`.
 double share_above(const std::vector<float>& sorted, double t) {
   if (sorted.empty()) return 0;
   const auto from = std::upper_bound(sorted.begin(), sorted.end(), static_cast<float>(t));
@@ -158,6 +160,8 @@ double midpoint(const Thresholds& t) { return (t.low + t.high) / 2; }
 
 }  // namespace
 
+// Omega_o against its whole complement Omega_b, as thesis 8.1.1 defines the histograms; only
+// quality and thresholds look at the neighborhood.
 ColorCounts count_colors(std::span<const LabeledImage> images) {
   ColorCounts counts{std::vector<double>(kCells, 0.0), std::vector<double>(kCells, 0.0)};
   for (const LabeledImage& one : images) {
@@ -239,6 +243,7 @@ std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
     weighted.low +=
         midpoint(flat_part([&](double t) { return cost(t, settings.weight, 1); }, 0)) / count;
   }
+  // With little overlap of object and ground the two optima may cross.
   weighted.high = std::max(weighted.high, weighted.low);
   return {flat, weighted};
 }

@@ -136,6 +136,7 @@ void ColorTracker::State::accept(const Observation& seen, Track& track, bool ane
   if (anew) {
     velocity_px.setZero();
     turn = 0;
+    // Found again, the object keeps its slow mean; of one never seen the mean starts here.
     if (state == TrackState::searching) axes_px = {e.semi_major_px, e.semi_minor_px};
   } else {
     const double frames = unseen + 1;
@@ -161,6 +162,7 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
   const Ellipse start = expected();
   track.expected = start;
   if (!in_image(start)) return false;
+  // px, by which the position is less certain.
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
   const EllipsePrior prior{start, kCenterSigma + more, kAxesSigma,
                            settings.view.angle_sigma + 0.03 * unseen};
@@ -218,6 +220,7 @@ ColorTracker::~ColorTracker() = default;
 
 void ColorTracker::reset() { state_->state = TrackState::searching; }
 
+// The axes are the trained ones, not the operator's, whose outline is rough.
 void ColorTracker::place(const Ellipse& at) {
   State& s = *state_;
   require(s.in_image(at), "at: its center is not in the image");
@@ -244,6 +247,7 @@ std::optional<Ellipse> ColorTracker::expected() const {
   return state_->expected();
 }
 
+// tracking -> coasting for coast_frames, then lost; searching stays.
 void ColorTracker::State::not_seen() {
   if (state == TrackState::searching) return;
   ++unseen;
@@ -258,6 +262,8 @@ Track ColorTracker::miss() {
   return track;
 }
 
+// State machine: near the prediction while tracking or coasting; the frame in which coasting ends
+// is searched as a whole already.
 Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   State& s = *state_;
   require(image.type() == CV_8UC3, "image: must be 8-bit color (BGR)");

@@ -61,6 +61,7 @@ double upper_median(std::vector<double>& values) {
   return *middle;
 }
 
+// Standard deviation of a pixel at this gray level (Background::noise_of_level).
 double noise_at(const cv::Mat& noise, double level) {
   return noise.at<float>(static_cast<int>(std::clamp(level, 0.0, 255.0)));
 }
@@ -81,6 +82,7 @@ const EdgeModel::Profile& Contour::profile(std::size_t k) const {
   return profiles_[std::min(folded, half - folded)];
 }
 
+// The range of ContourSettings::blur_sigma_px that a measured blur may have.
 double Contour::allowed_blur(double sigma) const {
   constexpr double kAlwaysAllowed = 6;  // px
   const double nominal = settings_.blur_sigma_px;
@@ -250,6 +252,7 @@ void Contour::fit_edge(const Images& images, std::size_t k) {
   edge.shift_by_blur = by_blur[0];
   n.shift_px = solved[0];
   n.variance = inverse(0, 0) * std::max(edge.misfit, noise * noise);
+  // At the rim: the constant shade, updated, less the ground.
   n.contrast = body[0] + solved[1] - ground;
   n.found = std::isfinite(n.shift_px) && n.variance > 0 && n.variance < 4 &&
             std::abs(n.contrast) > settings_.min_contrast / 2 &&
@@ -319,6 +322,7 @@ std::optional<FittedEllipse> Contour::fine_round(const Images& images, const Ell
   return fitted;
 }
 
+// Of the normals that the fit kept.
 double Contour::median_contrast() const {
   std::vector<double> contrasts;
   for (const Normal& n : normals_) {
@@ -327,6 +331,8 @@ double Contour::median_contrast() const {
   return upper_median(contrasts);
 }
 
+// Coarse rounds bring the ellipse within the edge model's range, fine rounds iterate to convergence
+// of ellipse and blur; the inlier fraction is of all normals, also of those outside of the image.
 std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const cv::Mat& ground,
                                                    const cv::Mat& noise, const Ellipse& start) {
   const Images images{image, ground, noise};

@@ -39,6 +39,7 @@ class Pen {
     cv::line(canvas_, fixed(a), fixed(b), color, times * weight_, cv::LINE_AA, kFraction);
   }
 
+  // By chords: cv::ellipse rounds the angle to whole degrees and draws no dashes.
   void ellipse(const Ellipse& e, const cv::Scalar& color, bool dashed) {
     for (int k = 0; k < kSegments; ++k) {
       if (dashed && k % 6 >= 3) continue;
@@ -69,6 +70,7 @@ class Pen {
   int weight_;
 };
 
+// The ellipse, its major axis (darker) and a cross of 5 px at its center.
 void draw_tracked(Pen& pen, const Ellipse& e) {
   const Eigen::Vector2d along(std::cos(e.angle), std::sin(e.angle));
   const Eigen::Vector2d u(5.0 * pen.weight(), 0);
@@ -95,6 +97,8 @@ void draw_covariance(Pen& pen, const Ellipse& e, const Eigen::Matrix2d& covarian
   pen.ellipse({e.center_px, axes.y(), axes.x(), std::atan2(along.y(), along.x())}, kTrail, false);
 }
 
+// A bar with ticks at the bottom left and its label above, light on dark so that it reads on any
+// ground.
 void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
   const double edge = 12.0 * pen.weight();
   const double y = size.height - edge - 1;
@@ -117,6 +121,7 @@ void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
 
 }  // namespace
 
+// In the order of importance: what is drawn later covers what was drawn before.
 cv::Mat draw_overlay(const cv::Mat& image, const Overlay& overlay) {
   require(!image.empty() && (image.type() == CV_8UC1 || image.type() == CV_8UC3),
           "image: must be an 8-bit gray or BGR image");
@@ -151,6 +156,7 @@ cv::Mat crop_around(const cv::Mat& image, const Eigen::Vector2d& center_px, cv::
   require(center_px.allFinite(), "center_px: not finite");
   const int width = std::min(size.width, image.cols);
   const int height = std::min(size.height, image.rows);
+  // First pixel of a crop of `length` centered there, kept inside: pixel centers are whole numbers.
   const auto first = [](double center, int length, int whole) {
     return static_cast<int>(std::clamp(std::round(center - (length - 1) / 2.0), 0.0,
                                        static_cast<double>(whole - length)));

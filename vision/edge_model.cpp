@@ -48,6 +48,7 @@ EdgeModel::EdgeModel() {
   }
 }
 
+// Linear interpolation in the table, 16 entries per sigma.
 EdgeModel::Entry EdgeModel::at(double depth) const {
   const double index =
       std::clamp((depth - kFirstDepth) / kDepthStep, 0.0, static_cast<double>(table_.size() - 2));
@@ -86,6 +87,7 @@ EdgeModel::Blurred EdgeModel::blurred(double z, double k) const {
 // to the normal, each cut with the ellipse itself, so that the rim's curvature is in it.
 void EdgeModel::profile(double a, double b, double t, double sigma, double inside, int count,
                         Profile& out) const {
+  // The rim's point, its unit normal (the gradient of x^2 / a^2 + y^2 / b^2) and tangent.
   const Eigen::Array2d point(a * std::cos(t), b * std::sin(t));
   const Eigen::Array2d inverse(1 / (a * a), 1 / (b * b));
   const Eigen::Array2d normal = (point * inverse) / (point * inverse).matrix().norm();

@@ -117,6 +117,7 @@ StepPrior prior_of(const Ellipse& start, const EllipsePrior* prior) {
   j.row(2).tail<3>() << c * c, 2 * c * s, s * s;
   j.row(3).tail<3>() << s * s, -2 * c * s, c * c;
   j.row(4).tail<3>() << -c * s, c * c - s * s, c * s;
+  // At least 1 px, so that the prior of a circle's angle still regularizes.
   const double apart = std::max(prior->ellipse.semi_major_px - prior->ellipse.semi_minor_px, 1.0);
   Vector5 sigma;
   sigma << prior->center_px, prior->center_px, prior->semi_axes_px, prior->semi_axes_px,
@@ -148,6 +149,7 @@ Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals
       (information(normals, correlation_length, nullptr) / residual + prior.information).inverse();
   const Matrix5 j = axes_from_shape(ellipse, shape);
   Matrix5 result = j * shape * j.transpose();
+  // All but the angle: a common shift of the rim does not turn it.
   for (int k = 0; k < 4; ++k) result(k, k) += kSystematic * kSystematic;
   return (result + result.transpose()) / 2;
 }
@@ -197,6 +199,7 @@ FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals,
     if (!enough(normals) || !(pivots.minCoeff() > 1e-9 * pivots.maxCoeff())) return result;
     step = solver.solve(right);
   }
+  // The step holds center and shape; axes and angle follow from the shape's eigensystem.
   Eigen::Matrix2d shape = start.shape();
   shape += (Eigen::Matrix2d() << step[2], step[3], step[3], step[4]).finished();
   result.ellipse = Ellipse::from_shape(start.center_px + step.head<2>(), shape);
@@ -216,6 +219,7 @@ double integrated_autocorrelation(const std::vector<Normal>& normals) {
     if (n.found) mean += n.weight * n.shift_px, weights += n.weight;
   if (!(weights > 0)) return 1;
   mean /= weights;
+  // Residuals about their weighted mean; outliers have the weight 0.
   const auto off = [&](std::size_t k) { return normals[k].weight * (normals[k].shift_px - mean); };
   double sum = 1;
   for (std::size_t lag = 1; lag <= count / 6; ++lag) {

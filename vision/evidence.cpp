@@ -25,6 +25,7 @@ RowSpan row_of(const Ellipse& e, int v) {
           static_cast<int>(std::floor(middle + half)) + 1};
 }
 
+// Not the exact parallel curve, which is no ellipse: exact on the axes.
 Ellipse grown(const Ellipse& ellipse, double by_px) {
   Ellipse e = ellipse;
   e.semi_major_px = std::max(e.semi_major_px + by_px, 1.0);
@@ -32,6 +33,7 @@ Ellipse grown(const Ellipse& ellipse, double by_px) {
   return e;
 }
 
+// The region's sides are at most side_px + 1, plus a pixel on either side for the sums.
 void Evidence::reserve(int side_px) {
   const auto side = static_cast<std::size_t>(side_px) + 2;
   values_.reserve(side * side);
@@ -112,6 +114,7 @@ void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse
                   kBlocked);
       continue;
     }
+    // The ring holds the rows v - 1, v and v + 1; outside of the image a row counts as F = 0.
     if (v == std::max(first, 0)) {
       if (v > 0) read_row(image, model, v - 1);
       read_row(image, model, v);
@@ -127,6 +130,7 @@ void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse
   }
 }
 
+// NaN marks the end of what is known; callers stop there.
 double Evidence::between(double u, double v) const {
   const double fu = std::floor(u);
   const double fv = std::floor(v);

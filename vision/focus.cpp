@@ -52,6 +52,7 @@ FocusWindow::FocusWindow(FocusMeasure measure, const cv::Size& size_px, int marg
   require(margin_px >= 0 && margin_px <= kMostPx, "margin_px: must be 0 to 32768");
 }
 
+// The window's part with all its neighborhoods in the image.
 cv::Rect FocusWindow::clipped(const cv::Point& center_px) const {
   // Far outside is outside: clamped first, so that the sums below cannot overflow.
   const int u = std::clamp(center_px.x, -size_.width, image_.cols + size_.width);
@@ -63,6 +64,7 @@ cv::Rect FocusWindow::clipped(const cv::Point& center_px) const {
   return area;
 }
 
+// Measures the window with its margin once, so that move() within the margin only reads the table.
 FocusReading FocusWindow::look(const cv::Mat& image, const cv::Point& center_px) {
   check_gray(image);
   window_ = {};  // move() must not use the old table, should this throw
@@ -102,6 +104,7 @@ void FocusWindow::measure_area(const cv::Rect& area) {
   std::array<const unsigned char*, 2 * kLargestReach + 1> rows{};
   const unsigned char** const middle = rows.data() + kLargestReach;
   for (int j = 0; j < area.height; ++j) {
+    // The rows about this one, addressed from -reach to reach.
     for (int k = -rule.reach; k <= rule.reach; ++k) middle[k] = image_.ptr(area.y + j + k);
     rule.terms({middle, area.x, area.x + area.width, term_.data(), response_.data(), &scratch_});
     const unsigned char* const gray = image_.ptr(area.y + j) + area.x;
@@ -132,6 +135,7 @@ FocusWindow::Sums FocusWindow::sums() const {
   return {of(&Sums::gray), of(&Sums::term), of(&Sums::response)};
 }
 
+// The measure from the means of its terms over the window (FocusRule::value).
 FocusReading FocusWindow::reading() const {
   FocusReading reading;
   reading.pixels = window_.area();

@@ -60,6 +60,7 @@ std::vector<PeakPoint> points_of(std::span<const FocusSample> samples) {
 bool lower(const PeakPoint& a, const PeakPoint& b) { return a.y < b.y; }
 bool smoothly_lower(const PeakPoint& a, const PeakPoint& b) { return a.smooth < b.smooth; }
 
+// Relative noise of one sample, as the standard deviation of its logarithm.
 struct SampleNoise {
   double sigma;  // of one point's y
   bool known;    // from many points, not guessed from few
@@ -92,6 +93,7 @@ SampleNoise noise_of(const std::vector<PeakPoint>& p, double least) {
     }
     misses.push_back(std::abs(p[i].y - predicted) / std::sqrt(squares));
   }
+  // From fewer than three residuals no median; from fewer than eight it is uncertain.
   if (misses.size() < 3) return {least, false};
   return {std::max(kMadToSigma * median_copy(misses), least), misses.size() >= 8};
 }
@@ -196,6 +198,7 @@ std::span<const PeakPoint> about(const std::vector<PeakPoint>& p, std::size_t to
   return std::span(p).subspan(begin, end - begin);
 }
 
+// The curve still rises at an end: no interpolation, but the direction in which to go on.
 FocusPeakFit at_end(FocusPeakFit result, bool low) {
   result.answer = low ? FocusAnswer::at_low_end : FocusAnswer::at_high_end;
   return result;
@@ -237,6 +240,7 @@ FocusPeakFit find_focus_peak(std::span<const FocusSample> samples,
   const auto [low, high] = std::minmax_element(points.begin(), points.end(), smoothly_lower);
   const double highest = high->smooth;
   const double height = highest - low->smooth;
+  // Significance in units of one sample's noise.
   if (height < settings.significance * noise.sigma) return result;
   const auto top = static_cast<std::size_t>(high - points.begin());
   if (top == 0 || top + 1 == points.size()) return at_end(result, top == 0);

@@ -168,6 +168,7 @@ void LevelSet::clean(List& list, int sign) {
 // point switched.
 bool LevelSet::cycle_one(const Thresholds& thresholds) {
   const std::int16_t* f = evidence_->values().data();
+  // In the map's units: integers are compared.
   const auto high = static_cast<int>(std::lround(thresholds.high * Evidence::kScale));
   const auto low = static_cast<int>(std::lround(thresholds.low * Evidence::kScale));
   int switched = 0;
@@ -273,6 +274,7 @@ Segment LevelSet::keep_largest() {
     best = part;
     best_label = label;
   }
+  // The other parts become outside, which leaves points of L_out without an inside neighbor.
   if (label < 2) return best;
   for (std::size_t p = 0; p < size; ++p) {
     if (phi_[p] < 0 && label_[p] != best_label) phi_[p] = 3;
@@ -282,6 +284,7 @@ Segment LevelSet::keep_largest() {
   return best;
 }
 
+// The rim lies between the two lists, half a pixel from either on average.
 void LevelSet::front(std::vector<FrontPoint>& points) const {
   points.clear();
   const cv::Rect& region = evidence_->region();

@@ -128,6 +128,8 @@ cv::Mat cut_by_color(const cv::Mat& image, const cv::Mat& rough, const MaskOutli
   return cut;
 }
 
+// Borders traced through the centers of the outermost pixels (Suzuki & Abe 1985, OpenCV's
+// findContours).
 std::vector<std::vector<Eigen::Vector2d>> contours_of(const cv::Mat& mask) {
   std::vector<std::vector<cv::Point>> rims;
   cv::findContours(mask, rims, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);

@@ -47,6 +47,7 @@ using Poses = std::vector<std::optional<Eigen::Affine2d>>;
 Poses poses_from(int root, int count, const std::vector<MosaicLink>& links) {
   Poses poses(as_index(count));
   poses[as_index(root)] = Eigen::Affine2d::Identity();
+  // Along the links in either direction, until no view is added.
   for (bool grew = true; std::exchange(grew, false);) {
     for (const MosaicLink& link : links) {
       auto& first = poses[as_index(link.first)];
@@ -154,12 +155,14 @@ MosaicPlan plan_mosaic(std::span<const cv::Mat> views, const MosaicSettings& set
   MosaicPlan plan;
   plan.links = chain_of(prepared, settings.registration);
   const int count = static_cast<int>(views.size());
+  // The root that reaches the most views; of equals, the earliest.
   int root = 0;
   for (int k = 0; k < count; ++k) {
     Poses poses = poses_from(k, count, plan.links);
     if (count_of(poses) > count_of(plan.mosaic_from_view))
       plan.mosaic_from_view = std::move(poses), root = k;
   }
+  // A single view is no mosaic: nothing is joined.
   if (count_of(plan.mosaic_from_view) == 1)
     plan.mosaic_from_view.assign(as_index(count), std::nullopt);
   std::erase_if(plan.links, [&](const MosaicLink& link) {

@@ -67,6 +67,7 @@ std::array<double, N> pose_of(const Eigen::Affine2d& mosaic_from_view,
   }
 }
 
+// The affine map of transformed(), from the images of the origin and of the unit vectors.
 template <int N>
 Eigen::Affine2d affine_of(const std::array<double, N>& pose, const Eigen::Vector2d& middle) {
   Eigen::Affine2d result = Eigen::Affine2d::Identity();
@@ -106,7 +107,7 @@ void adjust(MosaicPlan& plan, const cv::Size& size, int fixed) {
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = 100;
   options.logging_type = ceres::SILENT;
-  options.num_threads = 1;
+  options.num_threads = 1;  // repeatable sums
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   for (std::size_t k = 0; k < poses.size(); ++k) {
@@ -175,6 +176,8 @@ std::vector<Eigen::Vector2d> common_points(const Eigen::Affine2d& first_from_sec
   return points;
 }
 
+// Adjust, drop the worst contradicting link, adjust again: greedy outlier rejection beyond Huber's
+// loss.
 void adjust_mosaic(MosaicPlan& plan, const cv::Size& view_size, int fixed, ViewModel model) {
   do {
     if (model == ViewModel::euclidean)

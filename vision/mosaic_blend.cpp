@@ -24,6 +24,7 @@ struct Bounds {
   void add(const Eigen::Vector2d& p) { low = low.cwiseMin(p), high = high.cwiseMax(p); }
 };
 
+// An affine image of the view's rectangle is bounded by its corners' images.
 Bounds bounds_of(const Eigen::Affine2d& to_view, const cv::Size& size) {
   Bounds bounds;
   const double right = size.width - 1;
@@ -172,6 +173,7 @@ Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan,
       mosaic.gains[k] = 1;
   }
   mosaic.cover = canvas.weight > 0;
+  // Pixels without a view have the sum 0; the floor keeps them 0.
   cv::Mat divisor = cv::max(canvas.weight, 1e-12);
   if (views[0].channels() == 3) cv::merge(std::vector<cv::Mat>{divisor, divisor, divisor}, divisor);
   cv::divide(canvas.sum, divisor, canvas.sum);

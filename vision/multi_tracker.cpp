@@ -157,6 +157,7 @@ void MultiTracker::State::paint_one(std::size_t k) {
   }
 }
 
+// Maps all claims anew. Only what was painted is cleared, not the whole map.
 void MultiTracker::State::paint() {
   clear();
   for (std::size_t k = 0; k < objects.size(); ++k)
@@ -278,6 +279,8 @@ MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects)
 
 MultiTracker::~MultiTracker() = default;
 
+// Claims by prediction, one pass in the order of confidence, a second one for objects that touch,
+// then the overlaps.
 const std::vector<Track>& MultiTracker::update(const cv::Mat& image) {
   State& s = *state_;
   if (s.map.size() != image.size()) {

@@ -153,6 +153,8 @@ void save_part(ByteWriter& out, const std::string& part) {
 
 }  // namespace
 
+// Colors first: shape and calibration are measured with them. The calibrations use the training
+// images themselves, so they show the bias, not how far it generalizes.
 ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
                                const ColorModelSettings& color, const ObjectViewSettings& view) {
   view.check();
@@ -172,6 +174,8 @@ ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
   return model;
 }
 
+// Format "VTOM", version 1: image size, mean axes, both calibrations, then color and shape model,
+// each with its length.
 std::string ObjectModel::save() const {
   ByteWriter out;
   out.text(kObjectMagic);

@@ -36,6 +36,7 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
     : model_(&model),
       settings_(settings),
       thresholds_(settings.thresholds.value_or(model.color.weighted_thresholds())),
+      // Twice the object's length and room for a gate that has grown while coasting.
       max_side_px_(static_cast<int>(4 * model.semi_axes_px.x() + 6 * settings.gate_px) + 16),
       level_set_(settings.level_set),
       rim_(settings.rim) {
@@ -79,6 +80,7 @@ Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, d
   result.segment = level_set_.keep_largest();
   Ellipse at = result.segment.ellipse;
   double area = result.segment.area_px;
+  // The prior's ellipse is taken only for refinement; else the moments of what cycle three left.
   if (settings_.shape_prior && area > 0 && !level_set_.leaked()) {
     level_set_.front(front_);
     const ShapeFit fit =
@@ -98,6 +100,7 @@ Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, d
     result.measured = rim_.measure(evidence_, like ? at : expected, prior);
   } else if (at.semi_minor_px > 1) {
     result.measured =
+        // Moments have no covariance of their own: the calibration adds one.
         EllipseMeasurement{at, Eigen::Matrix<double, 5, 5>::Zero(), like ? 1.0 : 0.0, 0};
   }
   if (result.measured) count_support(result.measured->ellipse, result);

@@ -176,6 +176,7 @@ Candidate search_pose(const RegistrationView& first, const RegistrationView& sec
   const int turns = static_cast<int>(std::ceil(settings.max_rotation / kAngleStep));
   Candidate best;
   for (int k = -turns; k <= turns; ++k) {
+    // Steps of at most kAngleStep that include both ends and 0.
     const double angle = turns == 0 ? 0 : k * settings.max_rotation / turns;
     const Eigen::Affine2d turn = turn_about_center(b.size(), angle);
     for (const Eigen::Vector2d& shift : peaks_of(correlation_of(a, spectrum_of(warped(b, turn))))) {
@@ -191,6 +192,7 @@ Candidate search_pose(const RegistrationView& first, const RegistrationView& sec
   return best;
 }
 
+// To a pyramid level `by` times as fine: the linear part is the same at all levels.
 void scale_shift(Eigen::Affine2d& transform, double by) { transform.translation() *= by; }
 
 }  // namespace

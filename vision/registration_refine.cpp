@@ -147,6 +147,7 @@ Eigen::Affine2d change_of(const Vector6& d, const ViewFrame& frame, ViewModel mo
 
 }  // namespace
 
+// n step^2 pixels of the first view lie in the second, of its b.total().
 ViewOverlap overlap_of(const RegistrationView& first, const RegistrationView& second,
                        const Eigen::Affine2d& second_from_first, int level, int step) {
   const cv::Mat& a = first.level(level).image;
@@ -176,6 +177,7 @@ std::optional<double> refine_at_level(const RegistrationView& first, const Regis
     // before.
     second_from_first = second_from_first * change_of(change, ViewFrame(a.image), model).inverse();
     const double rms = std::sqrt(e.squares / e.weights);
+    // The noise is estimated in each round; at first the views are standardized to 1.
     outlier = kOutlier * std::max(rms, 0.05);
     const Eigen::MatrixXd inverse =
         solver.solve(Eigen::MatrixXd::Identity(freedoms.cols(), freedoms.cols()));

@@ -237,6 +237,7 @@ ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& pre
   const std::size_t count = (front.size() + step - 1) / step;
   const Eigen::Vector4d sigma(settings.center_px, settings.center_px, settings.angle,
                               settings.scale);
+  // Geometric, so that the last round has last_px.
   const double shrink =
       std::pow(settings.last_px / settings.first_px, 1.0 / std::max(settings.iterations - 1, 1));
   double tukey = settings.first_px;
@@ -303,6 +304,8 @@ Ellipse ShapeModel::ellipse_of(const ShapeFit& fit) const {
       fit.pose.center_px + unit * (turn * Eigen::Vector2d(mx - half, my - half)), shape);
 }
 
+// Format "VTSM", version 1: modes, explained variance, eigenvalues, then mean and four modes of
+// each sample.
 std::string ShapeModel::save() const {
   ByteWriter out;
   out.text(kShapeMagic);
