@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/autofocus.h"
+#include "vision/autofocus_settings.h"
 
 #include <memory>
 #include <optional>

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/focus.h"
+#include "vision/focus_measure.h"
 
 #include <cstdint>
 #include <string_view>

@@ -3,7 +3,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/mosaic.h"
+#include "vision/mosaic_plan.h"
+
+#include <opencv2/core/types.hpp>
 
 namespace vitreo::vision {
 

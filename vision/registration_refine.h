@@ -2,7 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/registration.h"
+#include "vision/registration_view.h"
+
+#include <Eigen/Geometry>
+
+#include <optional>
 
 namespace vitreo::vision {
 
