@@ -2,28 +2,17 @@
 #include "vision/autofocus.h"
 
 #include "vision/autofocus_search.h"
+#include "vision/preconditions.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
-#include <string>
 #include <utility>
 
 namespace vitreo::vision {
 namespace {
 
-constexpr std::array<std::pair<AutofocusStrategy, std::string_view>, 4> kNames{{
-    {AutofocusStrategy::sweep, "sweep"},
-    {AutofocusStrategy::coarse_to_fine, "coarse_to_fine"},
-    {AutofocusStrategy::golden_section, "golden_section"},
-    {AutofocusStrategy::fibonacci, "fibonacci"},
-}};
-
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
+// The median, for an even count the mean of the middle two.
 double median_value(std::vector<FocusSample> readings) {
   std::sort(readings.begin(), readings.end(),
             [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
@@ -31,9 +20,9 @@ double median_value(std::vector<FocusSample> readings) {
   return (readings[(n - 1) / 2].value + readings[n / 2].value) / 2;
 }
 
-// With backlash the lowest positions can only be come at downwards: they are for going back to, not
-// for measuring.
-AutofocusSettings usable(AutofocusSettings settings) {
+// With backlash the lowest positions can only be reached downwards: they serve to approach from,
+// not to measure at.
+AutofocusSettings with_usable_range(AutofocusSettings settings) {
   settings.check();
   settings.low += settings.backlash;
   return settings;
@@ -41,49 +30,26 @@ AutofocusSettings usable(AutofocusSettings settings) {
 
 }  // namespace
 
-std::string_view name_of(AutofocusStrategy strategy) {
-  for (const auto& [one, name] : kNames) {
-    if (one == strategy) return name;
-  }
-  throw std::invalid_argument("strategy: there is no such autofocus strategy");
-}
-
-AutofocusStrategy autofocus_strategy(std::string_view name) {
-  std::string names;
-  for (const auto& [strategy, own] : kNames) {
-    if (own == name) return strategy;
-    names += (names.empty() ? "" : ", ") + std::string(own);
-  }
-  throw std::invalid_argument("strategy: there is no autofocus strategy \"" + std::string(name) +
-                              "\"; there are " + names);
-}
-
-void AutofocusSettings::check() const {
-  constexpr double kMostSteps = 100000;  // a night of it
-  require(std::isfinite(low) && std::isfinite(high) && low < high,
-          "low, high: must be finite, low below high");
-  require(step > 0 && std::isfinite(step), "step: must be positive");
-  require((high - low) / step <= kMostSteps, "step: more than 100000 steps from low to high");
-  require(coarse >= 5 && coarse <= 10000, "coarse: must be 5 to 10000 positions");
-  require(repeats >= 1 && repeats <= 1000, "repeats: must be 1 to 1000");
-  require(backlash >= 0 && backlash <= (high - low) / 2, "backlash: must be 0 to half the travel");
-  require(hysteresis >= 0 && hysteresis < 1, "hysteresis: must be 0 to 1");
-  peak.check();
-}
-
+// The search yields targets; on top of it this state takes `repeats` readings at each, and goes a
+// way round below a target that is approached against the backlash.
 struct Autofocus::State {
   explicit State(const AutofocusSettings& chosen)
-      : lowest(chosen.low), settings(usable(chosen)), search(make_focus_search(settings)) {
+      : lowest(chosen.low),
+        settings(with_usable_range(chosen)),
+        search(make_focus_search(settings)) {
     target = search->next({}).value();
-    under_way = settings.backlash > 0;
+    under_way = settings.backlash > 0;  // the stage's last direction is not known: from below
   }
 
+  // The next target; with backlash, a move downwards goes below it first.
   AutofocusStep go_to(double position) {
     under_way = settings.backlash > 0 && position < target;
     target = std::clamp(position, settings.low, settings.high);
     return under_way ? below() : target;
   }
+  // Where an upward approach starts; not below the travel limit.
   double below() const { return std::max(target - settings.backlash, lowest); }
+  // The fitted peak; without one the stage still parks at the best sample, if any was not blank.
   AutofocusDone finish() {
     done = true;
     AutofocusDone result{find_focus_peak(samples, settings.peak), std::nullopt, readings_used};
@@ -104,7 +70,8 @@ struct Autofocus::State {
   bool under_way = false;  // on the way below the target, not to measure
   bool done = false;
   int readings_used = 0;
-  std::vector<FocusSample> readings, samples;  // at this position; one for each position before
+  std::vector<FocusSample> readings;  // at this position
+  std::vector<FocusSample> samples;   // one for each position before
 };
 
 Autofocus::Autofocus(const AutofocusSettings& settings)
@@ -113,12 +80,15 @@ Autofocus::~Autofocus() = default;
 Autofocus::Autofocus(Autofocus&&) noexcept = default;
 Autofocus& Autofocus::operator=(Autofocus&&) noexcept = default;
 
+// With backlash the first position is not measured at: it is where the first approach starts.
 double Autofocus::start() const {
   return state_->settings.backlash > 0 ? state_->lowest : state_->settings.low;
 }
 
 const std::vector<FocusSample>& Autofocus::samples() const { return state_->samples; }
 
+// One reading. A stage that was under way has only arrived below the target: its reading is not
+// used.
 AutofocusStep Autofocus::next(double position, double value) {
   State& s = *state_;
   if (s.done) throw std::logic_error("this autofocus search has ended");
@@ -128,6 +98,7 @@ AutofocusStep Autofocus::next(double position, double value) {
   s.readings.push_back({position, value});
   ++s.readings_used;
   if (static_cast<int>(s.readings.size()) < s.settings.repeats) return s.target;
+  // One sample a position: mean of the stage's real positions, median of the values.
   double sum = 0;
   for (const FocusSample& reading : s.readings) sum += reading.position;
   s.samples.push_back({sum / s.settings.repeats, median_value(s.readings)});

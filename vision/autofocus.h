@@ -1,52 +1,26 @@
-// Autofocus as state machines: told where the stage is and what the focus measure says there, they
-// answer where to go.
+// Autofocus search: state machine that takes a stage position with its focus measure and returns
+// the next position.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "vision/autofocus_settings.h"
 #include "vision/focus_peak.h"
 
 #include <memory>
 #include <optional>
-#include <string_view>
 #include <variant>
 #include <vector>
 
 namespace vitreo::vision {
 
-enum class AutofocusStrategy {
-  sweep,           ///< every step from low to high: slow, and finds the peak whatever the curve
-  coarse_to_fine,  ///< sweeps of ever smaller step about the best of the one before: the default
-  golden_section,  ///< a coarse sweep, then the bracket shrinks by the golden ratio
-  fibonacci,       ///< the same on whole steps
-};
-std::string_view name_of(AutofocusStrategy strategy);
-/// By name, as written above. Throws std::invalid_argument that lists the names.
-AutofocusStrategy autofocus_strategy(std::string_view name);
-
-/// Positions in any one unit.
-struct AutofocusSettings {
-  AutofocusStrategy strategy = AutofocusStrategy::coarse_to_fine;
-  double low = 0, high = 1;  ///< travel limits: no position outside is ever asked for
-  double step = 0.01;        ///< the finest
-  int coarse = 11;           ///< positions of a first sweep; 5 at least
-  int repeats =
-      1;  ///< readings a position, of which the median counts: against flicker and passing floaters
-  double backlash = 0;  ///< a move downwards first goes this much too far, so that all positions
-                        ///< are come at upwards
-  double hysteresis =
-      0.02;  ///< values that differ by less, relatively, do not decide which side is better
-  FocusPeakSettings peak;
-  void check() const;  ///< throws std::invalid_argument naming the setting
-};
-
 struct AutofocusDone {
   FocusPeakFit fit;  ///< found: fit.peak has best position and sigma; else why not
-  std::optional<double>
-      park;  ///< where to go: the peak, else the best that was measured; nothing when all was blank
+  /// Final position: the peak, else the best that was measured; nothing when all was blank.
+  std::optional<double> park;
   int readings = 0;  ///< that were used
 };
-using AutofocusStep =
-    std::variant<double, AutofocusDone>;  ///< a position to go to and measure at, or the end
+/// A position to go to and measure at, or the end.
+using AutofocusStep = std::variant<double, AutofocusDone>;
 
 /// One search. Pure: the caller moves the stage and measures.
 class Autofocus {

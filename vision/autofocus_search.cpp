@@ -10,14 +10,15 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr int kRefinement = 4;  // each sweep's step to that of the next
+constexpr int kRefinement = 4;  // ratio of a sweep's step to that of the next
 
 struct Range {
-  double low, high;
+  double low;
+  double high;
   double width() const { return high - low; }
 };
 
-Range within(const Range& range, const Range& limits) {
+Range intersection(const Range& range, const Range& limits) {
   return {std::max(range.low, limits.low), std::min(range.high, limits.high)};
 }
 
@@ -27,26 +28,31 @@ class EvenSweep {
   EvenSweep() = default;
   EvenSweep(const Range& range, int count) : range_(range), count_(std::max(count, 3)) {}
   static EvenSweep by_step(const Range& range, double step) {
+    // The tolerance keeps a width that is a multiple of the step from gaining one by rounding.
     return {range, static_cast<int>(std::ceil(range.width() / step - 1e-9)) + 1};
   }
   double spacing() const { return range_.width() / (count_ - 1); }
   std::optional<double> next() {
     if (done_ == count_) return std::nullopt;
     const double share = static_cast<double>(done_++) / (count_ - 1);
+    // The last position is the end itself, without rounding.
     return share < 1 ? range_.low + share * range_.width() : range_.high;
   }
 
  private:
   Range range_{0, 0};
-  int count_ = 3, done_ = 0;
+  int count_ = 3;
+  int done_ = 0;
 };
 
+// The sample of largest value from index `from` on.
 const FocusSample& best_of(const std::vector<FocusSample>& samples, std::size_t from = 0) {
   return *std::max_element(
       samples.begin() + static_cast<std::ptrdiff_t>(from), samples.end(),
       [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
 }
 
+// Exhaustive search: every step from low to high.
 class Sweep final : public FocusSearch {
  public:
   explicit Sweep(const AutofocusSettings& s)
@@ -57,8 +63,9 @@ class Sweep final : public FocusSearch {
   EvenSweep sweep_;
 };
 
-// The first sweep of the other two. While nothing stands out, the peak may be narrower than the
-// sweep's spacing: it is swept again half as wide, down to the finest step.
+// The first, coarse sweep of the other strategies. While no sample stands out, the peak may be
+// narrower than the sweep's spacing: it is swept again at half the spacing, down to the finest
+// step.
 class Bracketing {
  public:
   explicit Bracketing(const AutofocusSettings& s)
@@ -74,6 +81,7 @@ class Bracketing {
   }
   double spacing() const { return sweep_.spacing(); }
   const Range& limits() const { return limits_; }
+  // Whether the best exceeds the median by the hysteresis: most of a coarse sweep is out of focus.
   bool stands_out(const std::vector<FocusSample>& samples) const {
     std::vector<double> values;
     values.reserve(samples.size());
@@ -83,17 +91,21 @@ class Bracketing {
     const double best = best_of(samples).value;
     return best > 0 && best - *middle > hysteresis_ * best;
   }
+  // A unimodal curve has its maximum between the best sample's neighbors.
   Range bracket(const std::vector<FocusSample>& samples) const {
     const double best = best_of(samples).position;
-    return within({best - spacing(), best + spacing()}, limits_);
+    return intersection({best - spacing(), best + spacing()}, limits_);
   }
 
  private:
   Range limits_;
-  double step_, hysteresis_;
+  double step_;
+  double hysteresis_;
   EvenSweep sweep_;
 };
 
+// Sweeps of ever smaller step around the best sample, each kRefinement times finer than the one
+// before.
 class CoarseToFine final : public FocusSearch {
  public:
   explicit CoarseToFine(const AutofocusSettings& s) : step_(s.step), coarse_(s) {}
@@ -115,18 +127,22 @@ class CoarseToFine final : public FocusSearch {
     const double best = best_of(samples, swept_).position;
     swept_ = samples.size();
     spacing_ = std::max(spacing / kRefinement, step_);
-    sweep_ =
-        EvenSweep::by_step(within({best - spacing, best + spacing}, coarse_.limits()), spacing_);
+    sweep_ = EvenSweep::by_step(intersection({best - spacing, best + spacing}, coarse_.limits()),
+                                spacing_);
     return sweep_.next();
   }
 
-  double step_, spacing_ = 0;
+  double step_;
+  double spacing_ = 0;
   std::size_t swept_ = 0;
   Bracketing coarse_;
   EvenSweep sweep_;
 };
 
-// Golden section and Fibonacci search: two inner positions, of which one is kept each time.
+// Golden-section and Fibonacci search (Kiefer 1953) of a unimodal curve: a bracket with two inner
+// positions; the outer part beside the lower one is cut off, the other inner position stays. A new
+// inner position mirrors it, low + high - kept, so each step costs one reading and shrinks the
+// bracket by 1 / phi, or by a ratio of Fibonacci numbers.
 class Section final : public FocusSearch {
  public:
   explicit Section(const AutofocusSettings& s)
@@ -144,6 +160,7 @@ class Section final : public FocusSearch {
     if (stage_ == Stage::over) return std::nullopt;
     Inner& measured = stage_ == Stage::left ? left_ : right_;
     measured.value = samples.back().value;
+    // Both inner values are needed to compare; after the first pair each step lacks one.
     if (!right_.value) return ask(Stage::right);
     if (!left_.value) return ask(Stage::left);
     return shrink();
@@ -156,11 +173,12 @@ class Section final : public FocusSearch {
     std::optional<double> value;
   };
 
-  // Fibonacci: the bracket is cut into as many steps, about the finest, as the first Fibonacci
-  // number that holds it.
+  // Fibonacci: the bracket is divided into F_n steps, F_n the first Fibonacci number with F_n step
+  // >= width, and the inner positions stand at F_(n-1) / F_n, so all positions lie on whole steps.
   void begin(const Range& bracket) {
     range_ = bracket;
-    int small = 1, large = 1;
+    int small = 1;
+    int large = 1;
     while (large * step_ < range_.width()) small = std::exchange(large, small + large);
     const double ratio = golden_ ? 1 / std::numbers::phi : static_cast<double>(small) / large;
     left_ = {range_.high - ratio * range_.width(), {}};
@@ -171,11 +189,12 @@ class Section final : public FocusSearch {
     stage_ = stage;
     return stage == Stage::left ? left_.position : right_.position;
   }
+  // One step: cuts the bracket on the side of the lower inner value.
   std::optional<double> shrink() {
     const double difference = *left_.value - *right_.value;
     if (std::abs(difference) < hysteresis_ * std::max(*left_.value, *right_.value)) {
-      stage_ = Stage::over;  // noise would choose the side; the parabola through all samples knows
-                             // better
+      // Noise would choose the side; the parabola through all samples is more reliable.
+      stage_ = Stage::over;
       return (left_.position + right_.position) / 2;
     }
     (difference > 0 ? range_.high : range_.low) = difference > 0 ? right_.position : left_.position;
@@ -191,11 +210,13 @@ class Section final : public FocusSearch {
   }
 
   bool golden_;
-  double step_, hysteresis_;
+  double step_;
+  double hysteresis_;
   Stage stage_ = Stage::coarse;
   Bracketing coarse_;
   Range range_{0, 0};
-  Inner left_, right_;
+  Inner left_;
+  Inner right_;
 };
 
 }  // namespace

@@ -1,8 +1,8 @@
-// How each autofocus strategy chooses its next position from what was measured so far.
+// Autofocus strategies: choice of the next position from the samples measured so far.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/autofocus.h"
+#include "vision/autofocus_settings.h"
 
 #include <memory>
 #include <optional>
@@ -18,7 +18,7 @@ class FocusSearch {
   virtual std::optional<double> next(const std::vector<FocusSample>& samples) = 0;
 };
 
-/// Within settings.low and settings.high.
+/// The strategy of `settings`, within settings.low and settings.high.
 std::unique_ptr<FocusSearch> make_focus_search(const AutofocusSettings& settings);
 
 }  // namespace vitreo::vision

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/background.h"
 
+#include "vision/preconditions.h"
+
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -12,22 +14,25 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr int kLevels = 256;
-constexpr double kRounding =
-    1.0 / 12;  // variance of rounding to whole gray levels: no image has less noise
+constexpr int kGrayLevels = 256;
+// Variance of a uniform distribution one gray level wide, that of rounding: no image has less
+// noise.
+constexpr double kRounding = 1.0 / 12;
 
-struct Pool {
-  std::array<double, kLevels> variance{}, weight{};
+// Noise variances summed by gray level, with the number of summands.
+struct NoisePool {
+  std::array<double, kGrayLevels> variance{};
+  std::array<double, kGrayLevels> weight{};
   void add(double level, double value) {
-    const auto bin = static_cast<std::size_t>(std::clamp(std::lround(level), 0L, kLevels - 1L));
+    const auto bin = static_cast<std::size_t>(std::clamp(std::lround(level), 0L, kGrayLevels - 1L));
     variance[bin] += value;
     weight[bin] += 1;
   }
 };
 
-// From the scatter of each pixel over the images.
-Pool over_images(const cv::Mat& sum, const cv::Mat& squares, int count) {
-  Pool pool;
+// The unbiased sample variance of each pixel over the images, (sum x^2 - (sum x)^2 / n) / (n - 1).
+NoisePool noise_over_images(const cv::Mat& sum, const cv::Mat& squares, int count) {
+  NoisePool pool;
   for (int v = 0; v < sum.rows; ++v) {
     const float* s = sum.ptr<float>(v);
     const double* q = squares.ptr<double>(v);
@@ -39,10 +44,10 @@ Pool over_images(const cv::Mat& sum, const cv::Mat& squares, int count) {
   return pool;
 }
 
-// From one image: neighbors along a row see nearly the same thing, so half their squared difference
-// is noise. What texture adds errs on the side of too much.
-Pool over_neighbors(const cv::Mat& image) {
-  Pool pool;
+// From one image: neighbors along a row have nearly the same expectation, so half their squared
+// difference, E (x - y)^2 / 2 = sigma^2, is noise. What texture adds errs on the side of too much.
+NoisePool noise_over_neighbors(const cv::Mat& image) {
+  NoisePool pool;
   for (int v = 0; v < image.rows; ++v) {
     const float* row = image.ptr<float>(v);
     for (int u = 1; u < image.cols; ++u) {
@@ -53,25 +58,34 @@ Pool over_neighbors(const cv::Mat& image) {
   return pool;
 }
 
-// Read noise is the same at all levels, shot noise grows with the level: variance = a + b level,
-// both at least 0. The line also speaks for levels that the empty scene does not show, as a
-// robot's.
-cv::Mat fitted(const Pool& pool) {
-  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
-  for (std::size_t k = 2; k < kLevels - 2; ++k) {  // at the ends the sensor clips its own noise
-    const double w = pool.weight[k], level = static_cast<double>(k);
+// Linear camera model (photon transfer, EMVA 1288): read noise is the same at all levels, the
+// variance of shot noise grows with the level: variance = a + b level, both at least 0, by least
+// squares over all pixels. The line also extends to levels that the empty scene lacks, as a
+// robot's. Returns the standard deviations, one per gray level.
+cv::Mat fit_noise(const NoisePool& pool) {
+  double n = 0;
+  double x = 0;
+  double y = 0;
+  double xx = 0;
+  double xy = 0;
+  // Not the two levels at either end: there the sensor clips its own noise.
+  for (std::size_t k = 2; k < kGrayLevels - 2; ++k) {
+    const double w = pool.weight[k];
+    const double level = static_cast<double>(k);
     n += w, x += w * level, xx += w * level * level;
     y += pool.variance[k], xy += level * pool.variance[k];
   }
+  // slope = (n Sxy - Sx Sy) / (n Sxx - Sx^2), unless one level holds all pixels.
   const double spread = n * xx - x * x;
   double slope = spread > 1e-9 * n * n ? std::max((n * xy - x * y) / spread, 0.0) : 0;
   double start = n > 0 ? (y - slope * x) / n : kRounding;
+  // A negative read variance is none: the line then goes through the origin and the mean.
   if (start < 0) {
     start = 0;
     slope = y / x;
   }
-  cv::Mat noise(1, kLevels, CV_32F);
-  for (int k = 0; k < kLevels; ++k) {
+  cv::Mat noise(1, kGrayLevels, CV_32F);
+  for (int k = 0; k < kGrayLevels; ++k) {
     noise.at<float>(k) = static_cast<float>(std::sqrt(std::max(start + slope * k, kRounding)));
   }
   return noise;
@@ -80,11 +94,10 @@ cv::Mat fitted(const Pool& pool) {
 }  // namespace
 
 void Background::learn(const cv::Mat& image) {
-  if (image.empty() || image.type() != CV_8UC1)
-    throw std::invalid_argument("image: must be 8-bit gray");
-  if (count_ > 0 && image.size() != sum_.size())
-    throw std::invalid_argument("image: its size differs from the first");
+  require(!image.empty() && image.type() == CV_8UC1, "image: must be 8-bit gray");
+  require(count_ == 0 || image.size() == sum_.size(), "image: its size differs from the first");
   if (count_ == 0) {
+    // 32 bits hold the sum exactly up to 2^24 / 255 images; the squares need 64.
     sum_ = cv::Mat::zeros(image.size(), CV_32F);
     sum_of_squares_ = cv::Mat::zeros(image.size(), CV_64F);
   }
@@ -102,10 +115,11 @@ const cv::Mat& Background::mean() const {
 }
 
 const cv::Mat& Background::noise_of_level() const {
-  mean();
-  if (noise_.empty())
-    noise_ =
-        fitted(count_ > 1 ? over_images(sum_, sum_of_squares_, count_) : over_neighbors(mean_));
+  mean();  // throws before the first image, and fills mean_
+  if (noise_.empty()) {
+    noise_ = fit_noise(count_ > 1 ? noise_over_images(sum_, sum_of_squares_, count_)
+                                  : noise_over_neighbors(mean_));
+  }
   return noise_;
 }
 

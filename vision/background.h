@@ -1,5 +1,5 @@
-// What the empty scene looks like, and how much each pixel's gray value scatters. Learnt once,
-// before the robot is in, so that a robot that holds still is never absorbed.
+// Background model: mean image of the empty scene and the pixel noise at each gray level. Learnt
+// once, before the robot is in, so that a robot that holds still is never absorbed.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,16 +13,19 @@ class Background {
   /// type.
   void learn(const cv::Mat& image);
   int count() const { return count_; }
-  const cv::Mat& mean()
-      const;  ///< CV_32F, gray levels. Throws std::logic_error before the first image.
+  /// CV_32F, gray levels. Throws std::logic_error before the first image.
+  const cv::Mat& mean() const;
   /// Standard deviation of one image's pixel noise, gray levels, pooled over the image by gray
-  /// level (256 entries, CV_32F 1x256).
+  /// level (256 entries, CV_32F 1x256): the square root of a line in the level, read noise and shot
+  /// noise (background.cpp).
   const cv::Mat& noise_of_level() const;
 
  private:
   int count_ = 0;
-  cv::Mat sum_, sum_of_squares_;
-  mutable cv::Mat mean_, noise_;
+  cv::Mat sum_;
+  cv::Mat sum_of_squares_;
+  mutable cv::Mat mean_;
+  mutable cv::Mat noise_;
 };
 
 }  // namespace vitreo::vision

@@ -2,6 +2,7 @@
 #include "vision/background_tracker.h"
 
 #include "vision/moments.h"
+#include "vision/preconditions.h"
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -14,25 +15,21 @@
 namespace vitreo::vision {
 namespace {
 
-struct Named {
+struct NamedKind {
   BackgroundKind kind;
   const char* name;
 };
-constexpr std::array<Named, 4> kNames{{{BackgroundKind::fixed, "fixed"},
-                                       {BackgroundKind::running, "running"},
-                                       {BackgroundKind::mog2, "mog2"},
-                                       {BackgroundKind::knn, "knn"}}};
-
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
+constexpr std::array<NamedKind, 4> kKinds{{{BackgroundKind::fixed, "fixed"},
+                                           {BackgroundKind::running, "running"},
+                                           {BackgroundKind::mog2, "mog2"},
+                                           {BackgroundKind::knn, "knn"}}};
 
 }  // namespace
 
-std::string name_of(BackgroundKind kind) { return kNames[static_cast<std::size_t>(kind)].name; }
+std::string name_of(BackgroundKind kind) { return kKinds[static_cast<std::size_t>(kind)].name; }
 
 BackgroundKind background_kind(const std::string& name) {
-  for (const Named& one : kNames)
+  for (const NamedKind& one : kKinds)
     if (name == one.name) return one.kind;
   throw std::invalid_argument("kind: there is fixed, running, mog2, knn; got " + name);
 }
@@ -55,9 +52,17 @@ struct BackgroundTracker::State {
   int learnt = 0;
   cv::Size size;
   int type = 0;
-  cv::Mat mean, level, difference, foreground, labels, statistics, centroids;  // mean: CV_32F
+  cv::Mat mean;   // CV_32F
+  cv::Mat level;  // the mean, rounded
+  cv::Mat difference;
+  cv::Mat foreground;
+  cv::Mat labels;
+  cv::Mat statistics;
+  cv::Mat centroids;
 };
 
+// Every image must be as the first: the mean and OpenCV's models have one state per pixel and
+// channel.
 void BackgroundTracker::State::check_image(const cv::Mat& image) const {
   require(image.type() == CV_8UC1 || image.type() == CV_8UC3,
           "image: must be 8-bit, gray or color");
@@ -66,17 +71,22 @@ void BackgroundTracker::State::check_image(const cv::Mat& image) const {
           "image: is not of the size and kind learnt");
 }
 
+// Exponential mean m <- (1 - rate) m + rate I where `where` is not 0 (everywhere, if empty); with
+// the rate 1 / n of learn() the plain mean of n images.
 void BackgroundTracker::State::learn_plain(const cv::Mat& image, double rate,
                                            const cv::Mat& where) {
   if (mean.empty()) image.convertTo(mean, CV_32F);
   cv::accumulateWeighted(image, mean, rate, where);
 }
 
+// Foreground: the subtractor's own decision, or |I - mean| above the threshold in the channel that
+// differs most. The running mean is updated only where there is no foreground, so that a robot that
+// holds still is not absorbed.
 void BackgroundTracker::State::find_foreground(const cv::Mat& image) {
   if (subtractor) {
     subtractor->apply(image, foreground, settings.rate);
-    cv::threshold(foreground, foreground, 200, 255,
-                  cv::THRESH_BINARY);  // 127 is what they take for a shadow
+    // 255 is foreground, 127 a shadow.
+    cv::threshold(foreground, foreground, 200, 255, cv::THRESH_BINARY);
     return;
   }
   mean.convertTo(level, CV_8U);
@@ -95,14 +105,19 @@ void BackgroundTracker::State::find_foreground(const cv::Mat& image) {
   }
 }
 
+// The moment ellipse of the largest connected component of admissible area. Opening and closing by
+// 5 px is the "morphological filtering" of thesis 5.5.
 std::optional<Ellipse> BackgroundTracker::State::largest() {
   const cv::Mat element = cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5});
   cv::morphologyEx(foreground, foreground, cv::MORPH_OPEN, element);
   cv::morphologyEx(foreground, foreground, cv::MORPH_CLOSE, element);
   const int count = cv::connectedComponentsWithStats(foreground, labels, statistics, centroids);
+  // Label 0 is the background. More than a tenth of the image is a change of the light, not a
+  // robot.
   const double most =
       settings.max_area_px > 0 ? settings.max_area_px : 0.1 * static_cast<double>(size.area());
-  int best = 0, best_area = 0;
+  int best = 0;
+  int best_area = 0;
   for (int k = 1; k < count; ++k) {
     const int area = statistics.at<int>(k, cv::CC_STAT_AREA);
     if (area >= settings.min_area_px && area <= most && area > best_area)
@@ -128,6 +143,7 @@ BackgroundTracker::BackgroundTracker(const BackgroundTrackerSettings& settings)
 
 BackgroundTracker::~BackgroundTracker() = default;
 
+// OpenCV's subtractors learn at the same rate, 1 / n for the n-th image.
 void BackgroundTracker::learn(const cv::Mat& image) {
   State& s = *state_;
   s.check_image(image);

@@ -1,6 +1,6 @@
-// The background subtraction of the thesis' experiments (5.5) and its usual rivals, as plain as
-// they are used: what differs from the empty scene, its largest part, that part's moments. No
-// covariance: they have none to give.
+// Background-subtraction trackers: that of the thesis' experiments (section 5.5) and its usual
+// rivals, as plainly as they are used: difference from the empty scene, largest component, its
+// moments. They estimate no covariance.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,10 +15,10 @@
 namespace vitreo::vision {
 
 enum class BackgroundKind {
-  fixed,    ///< the mean of what was learnt, for good
-  running,  ///< a mean that takes on `rate` of every frame where nothing stands out
-  mog2,     ///< OpenCV's mixture of Gaussians a pixel (Zivkovic)
-  knn,      ///< OpenCV's nearest neighbors a pixel (Zivkovic)
+  fixed,    ///< the mean of the images learnt, never changed
+  running,  ///< exponential mean: takes on `rate` of every frame where there is no foreground
+  mog2,     ///< OpenCV's mixture of Gaussians per pixel (Zivkovic 2004)
+  knn,      ///< OpenCV's nearest neighbors per pixel (Zivkovic & van der Heijden 2006)
 };
 std::string name_of(BackgroundKind kind);
 /// By name, as written above. Throws std::invalid_argument that lists the names.
@@ -38,9 +38,9 @@ class BackgroundTracker {
   explicit BackgroundTracker(const BackgroundTrackerSettings& settings);
   ~BackgroundTracker();
   /// An 8-bit image, gray or color, without the object. Throws std::invalid_argument for another
-  /// type, or one that is not as the first.
+  /// type, or a size or type other than the first's.
   void learn(const cv::Mat& image);
-  /// The largest thing that differs, or nothing. Throws std::logic_error before anything was
+  /// The largest component that differs, or nothing. Throws std::logic_error before anything was
   /// learnt, else as learn.
   std::optional<Ellipse> update(const cv::Mat& image);
 

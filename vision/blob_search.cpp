@@ -12,9 +12,9 @@ namespace {
 
 using Points = std::vector<cv::Point>;
 
-// The ellipse with the moments of the outline's hull: highlights open a robot's mask, its hull
-// closes it.
-Ellipse ellipse_of(const Points& outline, const cv::Rect& where, int step, double& area) {
+// The ellipse with the moments of the outline's convex hull, in px of the image: highlights open a
+// robot's mask, its hull closes it. Axes and angle as MomentSums::ellipse. `area` in px^2.
+Ellipse hull_ellipse(const Points& outline, const cv::Rect& where, int step, double& area) {
   Points hull;
   cv::convexHull(outline, hull);
   const cv::Moments m = cv::moments(hull);
@@ -23,8 +23,11 @@ Ellipse ellipse_of(const Points& outline, const cv::Rect& where, int step, doubl
   area = m.m00 * step * step;
   if (!(m.m00 > 0)) return {};
   const Eigen::Vector2d center(where.x + step * m.m10 / m.m00, where.y + step * m.m01 / m.m00);
-  const double xx = m.mu20 / m.m00, yy = m.mu02 / m.m00, xy = m.mu11 / m.m00;
-  const double mean = (xx + yy) / 2, spread = std::hypot((xx - yy) / 2, xy);
+  const double xx = m.mu20 / m.m00;
+  const double yy = m.mu02 / m.m00;
+  const double xy = m.mu11 / m.m00;
+  const double mean = (xx + yy) / 2;
+  const double spread = std::hypot((xx - yy) / 2, xy);
   return {center, step * 2 * std::sqrt(mean + spread) + grow,
           step * 2 * std::sqrt(std::max(mean - spread, 0.0)) + grow,
           std::atan2(2 * xy, xx - yy) / 2};
@@ -32,10 +35,12 @@ Ellipse ellipse_of(const Points& outline, const cv::Rect& where, int step, doubl
 
 }  // namespace
 
+// The band of gray levels that each pixel of the empty scene may show, rounded outwards: beyond
+// `threshold_sigma` standard deviations, and `min_contrast`, a pixel is foreground.
 BlobSearch::BlobSearch(const Background& background, const BlobLimits& limits) : limits_(limits) {
   const cv::Mat& mean = background.mean();
   const cv::Mat& noise = background.noise_of_level();
-  // The mean of a few images has noise of its own.
+  // The mean of n images has noise of its own: the difference has the variance (1 + 1 / n) sigma^2.
   const double sigmas = limits.threshold_sigma * std::sqrt(1 + 1.0 / background.count());
   low_.create(mean.size(), CV_8U);
   high_.create(mean.size(), CV_8U);
@@ -51,6 +56,7 @@ BlobSearch::BlobSearch(const Background& background, const BlobLimits& limits) :
   }
 }
 
+// Foreground of every `step`-th pixel, as 255 and 0; the closing fills one-pixel gaps.
 cv::Mat BlobSearch::mask(const cv::Mat& image, const cv::Rect& where, int step) const {
   cv::Mat mask((where.height + step - 1) / step, (where.width + step - 1) / step, CV_8U);
   for (int j = 0; j < mask.rows; ++j) {
@@ -61,6 +67,7 @@ cv::Mat BlobSearch::mask(const cv::Mat& image, const cv::Rect& where, int step) 
     unsigned char* out = mask.ptr<unsigned char>(j);
     for (int i = 0; i < mask.cols; ++i) {
       const int u = step * i;
+      // Without a branch, so that the compiler vectorizes: -1 is 255.
       out[i] = static_cast<unsigned char>(
           -(static_cast<int>(gray[u] < low[u]) | static_cast<int>(gray[u] > high[u])));
     }
@@ -69,6 +76,7 @@ cv::Mat BlobSearch::mask(const cv::Mat& image, const cv::Rect& where, int step) 
   return mask;
 }
 
+// By area, of the components whose hull ellipse has a size that the robot can have.
 std::optional<Blob> BlobSearch::largest(const cv::Mat& image, const cv::Rect& where,
                                         int step) const {
   const cv::Mat found = mask(image, where, step);
@@ -78,11 +86,12 @@ std::optional<Blob> BlobSearch::largest(const cv::Mat& image, const cv::Rect& wh
   for (const Points& outline : outlines) {
     if (outline.size() < 6) continue;
     Blob blob;
-    blob.ellipse = ellipse_of(outline, where, step, blob.area_px);
-    // Generous: the mask's edge is not the rim; the contour decides.
+    blob.ellipse = hull_ellipse(outline, where, step, blob.area_px);
+    // Wider than the limits: the mask's edge is not the rim; the contour decides.
     if (blob.ellipse.semi_minor_px < 0.6 * limits_.min_semi_minor_px) continue;
     if (blob.ellipse.semi_major_px > 1.3 * limits_.max_semi_major_px + 2 * step) continue;
     if (best && best->area_px >= blob.area_px) continue;
+    // Cut: the component touches the region's border where the image goes on.
     const cv::Rect box = cv::boundingRect(outline);
     blob.cut = (box.x == 0 && where.x > 0) || (box.y == 0 && where.y > 0) ||
                (box.x + box.width == found.cols && where.x + where.width < image.cols) ||

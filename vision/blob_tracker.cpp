@@ -3,28 +3,27 @@
 
 #include "vision/blob_search.h"
 #include "vision/contour.h"
+#include "vision/preconditions.h"
 
 #include <cmath>
-#include <stdexcept>
 #include <utility>
 
 namespace vitreo::vision {
 namespace {
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
+// px between the pixels read, near the last position and in the whole image.
+constexpr int kNearStep = 2;
+constexpr int kFarStep = 4;
+// Of the searched region, when the robot is not in it or is cut by its border.
+constexpr double kGrowth = 1.6;
+// Relative change of an axis that can happen from one image to the next.
+constexpr double kAxisChange = 0.06;
+// Share of the rim that must be found for a robot partly hidden to be taken for the same one.
+constexpr double kVisibleRim = 0.5;
 
-constexpr int kNearStep = 2, kFarStep = 4;  // px between the pixels that are looked at
-constexpr double kGrowth = 1.6;  // of the region, when the robot is not in it or sticks out
-constexpr double kAlike =
-    0.06;  // of an axis: by more it does not change from one image to the next
-constexpr double kMostlySeen =
-    0.5;  // of the rim: so much of it must be in line to be taken for the same robot
-
-bool alike(const Ellipse& a, const Ellipse& b) {
-  return std::abs(a.semi_major_px / b.semi_major_px - 1) < kAlike &&
-         std::abs(a.semi_minor_px / b.semi_minor_px - 1) < kAlike;
+bool same_axes(const Ellipse& a, const Ellipse& b) {
+  return std::abs(a.semi_major_px / b.semi_major_px - 1) < kAxisChange &&
+         std::abs(a.semi_minor_px / b.semi_minor_px - 1) < kAxisChange;
 }
 
 }  // namespace
@@ -53,7 +52,7 @@ struct BlobTracker::State {
 
   std::optional<EllipseMeasurement> measure(const cv::Mat& image, const Ellipse& start);
   std::optional<EllipseMeasurement> near_last(const cv::Mat& image);
-  std::optional<EllipseMeasurement> as_due(const cv::Mat& image);
+  std::optional<EllipseMeasurement> as_predicted(const cv::Mat& image);
   std::optional<EllipseMeasurement> of_blob(const cv::Mat& image, const Ellipse& blob);
   std::optional<EllipseMeasurement> anywhere(const cv::Mat& image);
 
@@ -65,6 +64,7 @@ struct BlobTracker::State {
   Eigen::Vector2d velocity_px{0, 0};  // per image
 };
 
+// The contour around `start`, if it is a robot by contrast, position and size.
 std::optional<EllipseMeasurement> BlobTracker::State::measure(const cv::Mat& image,
                                                               const Ellipse& start) {
   auto found = contour.measure(image, background.mean(), background.noise_of_level(), start);
@@ -77,31 +77,34 @@ std::optional<EllipseMeasurement> BlobTracker::State::measure(const cv::Mat& ima
   return found;
 }
 
-/// The robot as it was, where it is due.
-std::optional<EllipseMeasurement> BlobTracker::State::as_due(const cv::Mat& image) {
-  Ellipse due = *last;
-  due.center_px += velocity_px;
-  auto found = measure(image, due);
-  if (!found || found->inlier_fraction < kMostlySeen || !alike(found->ellipse, *last))
+// The contour from the last ellipse moved by constant velocity; accepted only if it is the same
+// robot.
+std::optional<EllipseMeasurement> BlobTracker::State::as_predicted(const cv::Mat& image) {
+  Ellipse predicted = *last;
+  predicted.center_px += velocity_px;
+  auto found = measure(image, predicted);
+  if (!found || found->inlier_fraction < kVisibleRim || !same_axes(found->ellipse, *last))
     return std::nullopt;
   return found;
 }
 
-/// What drifts up to the robot makes one blob with it, whose ellipse is neither's: from there the
-/// fit ends beside the rim. From where the robot is due its own rim is found, and what hides a part
-/// of that falls out of line.
+// Debris that drifts up to the robot makes one blob with it, whose ellipse is neither's: from there
+// the fit ends beside the rim. From the predicted ellipse the robot's own rim is found, and normals
+// where it is hidden become outliers.
 std::optional<EllipseMeasurement> BlobTracker::State::of_blob(const cv::Mat& image,
                                                               const Ellipse& blob) {
   const auto found = measure(image, blob);
-  if (found && alike(found->ellipse, *last)) return found;
-  const auto due = as_due(image);
-  return due ? due : found;
+  if (found && same_axes(found->ellipse, *last)) return found;
+  const auto predicted = as_predicted(image);
+  return predicted ? predicted : found;
 }
 
-// The region follows the prediction and grows until it holds all of what it found.
+// Blob search in a square around the prediction (constant velocity), which grows until it holds all
+// of the blob it found, four times at most.
 std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& image) {
   const Eigen::Vector2d center = last->center_px + velocity_px;
   const cv::Rect frame(0, 0, image.cols, image.rows);
+  // Room for the robot at any angle, for the contour's normals on both sides and for one step.
   double half = last->semi_major_px + 2 * settings.search_px + velocity_px.norm();
   for (int k = 0; k < 4; ++k, half *= kGrowth) {
     const int size = 2 * static_cast<int>(half);
@@ -112,9 +115,10 @@ std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& i
     const auto blob = search.largest(image, where, kNearStep);
     if (blob && !blob->cut) return of_blob(image, blob->ellipse);
   }
-  return as_due(image);
+  return as_predicted(image);
 }
 
+// Re-detection in the whole image, at a quarter of its rows and columns.
 std::optional<EllipseMeasurement> BlobTracker::State::anywhere(const cv::Mat& image) {
   const auto blob = search.largest(image, cv::Rect(0, 0, image.cols, image.rows), kFarStep);
   return blob ? measure(image, blob->ellipse) : std::nullopt;
@@ -122,7 +126,7 @@ std::optional<EllipseMeasurement> BlobTracker::State::anywhere(const cv::Mat& im
 
 BlobTracker::BlobTracker(Background background, const BlobTrackerSettings& settings) {
   settings.check();
-  if (background.count() == 0) throw std::invalid_argument("background: has learnt no image");
+  require(background.count() > 0, "background: has learnt no image");
   state_ = std::make_unique<State>(std::move(background), settings);
 }
 
@@ -135,15 +139,14 @@ void BlobTracker::reset() {
 
 std::optional<EllipseMeasurement> BlobTracker::update(const cv::Mat& image) {
   State& s = *state_;
-  if (image.type() != CV_8UC1) throw std::invalid_argument("image: must be 8-bit gray");
-  if (image.size() != s.background.mean().size()) {
-    throw std::invalid_argument("image: its size differs from the background's");
-  }
+  require(image.type() == CV_8UC1, "image: must be 8-bit gray");
+  require(image.size() == s.background.mean().size(),
+          "image: its size differs from the background's");
   std::optional<EllipseMeasurement> found;
   if (s.last) found = s.near_last(image);
   if (!found) found = s.anywhere(image);
   if (!found) {
-    s.velocity_px.setZero();  // it may have turned; the place is still the best guess
+    s.velocity_px.setZero();  // it may have turned; its last position is still the best guess
     return found;
   }
   s.velocity_px = s.last ? Eigen::Vector2d(found->ellipse.center_px - s.last->center_px)

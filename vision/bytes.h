@@ -1,4 +1,4 @@
-// Little-endian byte strings for saved models, with a check sum: read back exactly or refused.
+// Byte strings of saved models: little-endian, with a checksum; read back exactly or refused.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,8 +12,8 @@
 
 namespace vitreo::vision {
 
-inline std::uint64_t checksum_of(
-    std::string_view bytes) {  // FNV-1a: against damage, not against malice
+/// FNV-1a of 64 bits (Fowler, Noll & Vo): against damage, not against malice.
+inline std::uint64_t checksum_of(std::string_view bytes) {
   std::uint64_t sum = 14695981039346656037ULL;
   for (const char c : bytes) sum = (sum ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
   return sum;
@@ -30,7 +30,7 @@ class ByteWriter {
   void u32(std::uint32_t value) { number(value, 4); }
   void f32(float value) { number(std::bit_cast<std::uint32_t>(value), 4); }
   void f64(double value) { number(std::bit_cast<std::uint64_t>(value), 8); }
-  /// The bytes and, last, their check sum.
+  /// The bytes and, last, their checksum.
   std::string sealed() const {
     ByteWriter end;
     end.number(checksum_of(bytes_), 8);
@@ -45,7 +45,7 @@ class ByteWriter {
 /// such value.
 class ByteReader {
  public:
-  /// Checks the first four letters, the version after them and the check sum at the end.
+  /// Checks the first four letters, the version after them and the checksum at the end.
   ByteReader(std::string_view bytes, std::string_view magic, std::uint32_t version,
              std::string what)
       : what_(std::move(what)) {
@@ -93,7 +93,8 @@ class ByteReader {
  private:
   template <class Float>
   Float checked(Float value, Float low, Float high) const {
-    if (!(value >= low && value <= high)) fail("holds a number out of range");  // or none at all
+    // Written so that NaN fails too.
+    if (!(value >= low && value <= high)) fail("holds a number out of range");
     return value;
   }
   std::string what_;

@@ -1,6 +1,5 @@
-// What colors the object has and what colors the ground has, learnt from images with masks
-// (thesis 8.1), compiled into one table: a pixel's log-likelihood ratio is one look-up, whatever
-// the color space.
+// Color model of object and background, learnt from images with masks (thesis 8.1) and compiled
+// into one table: a pixel's log-likelihood ratio is one look-up, whatever the color space.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -23,26 +22,28 @@ struct LabeledImage {
 
 /// (8.1) of each image, with the mean and the standard deviation over the images; in [-2, 2].
 struct Quality {
-  double mean = 0, deviation = 0;
+  double mean = 0;
+  double deviation = 0;
   std::vector<double> of_image;
 };
 
-/// Of F = log(P(u|object) / P(u|ground)): object above `high`, ground below `low`, between them
-/// undecided.
+/// t_l and t_h of thesis 8.1.2, of F = log(P(u|object) / P(u|ground)): object above `high`, ground
+/// below `low`, between them undecided.
 struct Thresholds {
-  double low = 0, high = 0;
+  double low = 0;
+  double high = 0;
   bool operator==(const Thresholds&) const = default;
 };
 
 struct ColorModelSettings {
-  Channels
-      channels;   ///< all three of RGB unless told: through the table they cost no more than a pair
-  int bins = 32;  ///< of the histogram, along each channel
+  /// All three of RGB by default: through the table they cost no more than a pair.
+  Channels channels;
+  int bins = 32;                ///< of the histogram, along each channel
   double smoothing_bins = 0.6;  ///< standard deviation of the Gaussian on the histograms
-  int neighborhood_px =
-      12;  ///< radius of the disc w in (8.1): how far around the object the ground counts
-  double weight =
-      8;  ///< of a wrong decision against an undecided pixel, in the weighted reading of (8.2)
+  /// Radius of the disc omega of thesis 8.1.1: how far around the object the ground counts.
+  int neighborhood_px = 12;
+  /// Of a wrong decision against an undecided pixel, in the weighted reading of (8.2).
+  double weight = 8;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
@@ -80,13 +81,14 @@ class ColorModel {
   /// the same g; so this is how far that optimum is flat: the ends of {t : g(t) <= min g + 0.001},
   /// averaged over the images.
   const Thresholds& flat_thresholds() const { return flat_; }
-  /// (8.2) with the wrong decisions weighed more than the undecided, which opens a gap of itself.
+  /// (8.2) with wrong decisions weighted more than undecided ones, which opens a gap by itself.
   const Thresholds& weighted_thresholds() const { return weighted_; }
 
  private:
   Channels channels_;
   Quality quality_;
-  Thresholds flat_, weighted_;
+  Thresholds flat_;
+  Thresholds weighted_;
   std::vector<std::int8_t> table_;
 };
 

@@ -13,6 +13,7 @@ using Triple = std::array<double, 3>;
 constexpr std::array kSpaces{ColorSpace::rgb, ColorSpace::yuv, ColorSpace::yiq,
                              ColorSpace::hsv, ColorSpace::xyz, ColorSpace::nrgb};
 
+// The channels' letters as in table 8.2.
 std::array<std::string, 3> letters_of(ColorSpace space) {
   switch (space) {
     case ColorSpace::rgb:
@@ -31,8 +32,11 @@ std::array<std::string, 3> letters_of(ColorSpace space) {
   return {"nR", "nG", "nB"};
 }
 
+// Hexcone model (Smith 1978). The hue of gray is undefined, taken as 0; red sits at both ends.
 Triple hsv(double r, double g, double b) {
-  const double high = std::max({r, g, b}), low = std::min({r, g, b}), spread = high - low;
+  const double high = std::max({r, g, b});
+  const double low = std::min({r, g, b});
+  const double spread = high - low;
   if (spread <= 0) return {0, 0, high};
   double hue = 0;  // sixths of a turn
   if (high == r) {
@@ -45,23 +49,31 @@ Triple hsv(double r, double g, double b) {
   return {(hue < 0 ? hue + 6 : hue) / 6, spread / high, high};
 }
 
+// Y' of ITU-R BT.601.
 double luma(double r, double g, double b) { return 0.299 * r + 0.587 * g + 0.114 * b; }
 
+// BT.601 color differences, scaled to [0, 1] as Cb and Cr: B - Y reaches +-(1 - 0.114) = 0.886, R -
+// Y reaches +-(1 - 0.299) = 0.701.
 Triple yuv(double r, double g, double b) {
   const double y = luma(r, g, b);
   return {y, 0.5 + (b - y) / (2 * 0.886), 0.5 + (r - y) / (2 * 0.701)};
 }
 
+// NTSC 1953: I reaches +-0.596 and Q +-0.523, from which they are scaled to [0, 1].
 Triple yiq(double r, double g, double b) {
-  const double i = 0.596 * r - 0.274 * g - 0.322 * b, q = 0.211 * r - 0.523 * g + 0.312 * b;
+  const double i = 0.596 * r - 0.274 * g - 0.322 * b;
+  const double q = 0.211 * r - 0.523 * g + 0.312 * b;
   return {luma(r, g, b), 0.5 + i / (2 * 0.596), 0.5 + q / (2 * 0.523)};
 }
 
+// CIE XYZ of sRGB primaries, each divided by its white point (D65: 0.9505, 1, 1.0887). Applied to
+// the camera's values as they are, without sRGB's transfer function.
 Triple xyz(double r, double g, double b) {
   return {(0.4125 * r + 0.3576 * g + 0.1804 * b) / 0.9505, 0.2127 * r + 0.7152 * g + 0.0722 * b,
           (0.0193 * r + 0.1192 * g + 0.9502 * b) / 1.0887};
 }
 
+// Chromaticities r / (r + g + b) and so on; black is taken as gray.
 Triple nrgb(double r, double g, double b) {
   const double sum = r + g + b;
   return sum > 0 ? Triple{r / sum, g / sum, b / sum} : Triple{1.0 / 3, 1.0 / 3, 1.0 / 3};

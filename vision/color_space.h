@@ -1,4 +1,4 @@
-// The color spaces of thesis table 8.2 and the channels of one that a model looks at.
+// Color spaces of thesis table 8.2, and the subset of channels that a model uses.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,7 +18,7 @@ struct Channels {
   bool operator==(const Channels&) const = default;
 };
 
-/// "RG", "YV", "HS", "RGB"; of nRGB "nRnG".
+/// "RG", "YV", "HS", "RGB"; for nRGB "nRnG".
 std::string name_of(const Channels& channels);
 /// The reverse of name_of. Throws std::invalid_argument naming what is offered instead.
 Channels channels_of(const std::string& name);
@@ -26,8 +26,9 @@ Channels channels_of(const std::string& name);
 std::vector<Channels> all_pairs();
 /// Indices of the channels used, 2 or 3 of them.
 std::vector<int> indices_of(ChannelSet set);
-/// The three channels of `space`, each scaled to [0, 1]; r, g, b in [0, 1]. Linear in the camera's
-/// values: no gamma.
+/// The three channels of `space`, each scaled to [0, 1]; r, g, b in [0, 1], as the camera gives
+/// them: no gamma is applied or removed. Matrices: ITU-R BT.601 (YUV), NTSC 1953 (YIQ), sRGB with
+/// D65 (XYZ).
 std::array<double, 3> convert(ColorSpace space, double r, double g, double b);
 
 }  // namespace vitreo::vision

@@ -11,25 +11,27 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr std::size_t kLevels = ColorModel::kLevels;
-constexpr std::size_t kCells = kLevels * kLevels * kLevels;
-// Probability added to every bin of both histograms: below it a bin's share is chance, and a color
-// that neither has shown comes out as F = 0.
-constexpr double kFloor = 2e-5;
+constexpr std::size_t kTableLevels = ColorModel::kLevels;
+constexpr std::size_t kCells = kTableLevels * kTableLevels * kTableLevels;
+// Probability added to every bin of both histograms (additive smoothing): below it a bin's share is
+// chance, and a color that occurred in neither comes out as F = 0.
+constexpr double kProbabilityFloor = 2e-5;
 constexpr double kFlat = 1e-3;  // how far above its minimum g(t) still counts as flat
 
 // The histogram bin of every cell.
 std::vector<std::size_t> bins_of(const ColorModelSettings& settings) {
   const std::vector<int> used = indices_of(settings.channels.set);
   std::vector<std::size_t> bins(kCells);
+  // A level stands for the four gray levels 4 k to 4 k + 3, whose center is 4 k + 1.5.
   const auto center = [](std::size_t level) {
     return (4.0 * static_cast<double>(level) + 1.5) / 255;
   };
   for (std::size_t cell = 0; cell < kCells; ++cell) {
-    const auto value = convert(settings.channels.space, center(cell % kLevels),
-                               center(cell / kLevels % kLevels), center(cell >> 12));
+    const auto value = convert(settings.channels.space, center(cell % kTableLevels),
+                               center(cell / kTableLevels % kTableLevels), center(cell >> 12));
     std::size_t bin = 0;
     for (const int k : used) {
+      // A value of exactly 1 belongs to the last bin.
       const int index = static_cast<int>(value[static_cast<std::size_t>(k)] * settings.bins);
       bin = bin * static_cast<std::size_t>(settings.bins) +
             static_cast<std::size_t>(std::clamp(index, 0, settings.bins - 1));
@@ -39,8 +41,8 @@ std::vector<std::size_t> bins_of(const ColorModelSettings& settings) {
   return bins;
 }
 
-// One Gaussian pass along the axis whose neighbors are `stride` apart. A hue's ends are not joined:
-// red objects split.
+// One Gaussian pass along the axis whose neighbors are `stride` apart, ends repeated. A hue's two
+// ends are not joined, so a red object's histogram is split there.
 void smooth_along(std::vector<double>& histogram, std::size_t stride, int bins,
                   const std::vector<double>& kernel) {
   const int reach = static_cast<int>(kernel.size()) - 1;
@@ -58,7 +60,8 @@ void smooth_along(std::vector<double>& histogram, std::size_t stride, int bins,
   }
 }
 
-void smooth(std::vector<double>& histogram, const ColorModelSettings& settings) {
+// Separable Gaussian smoothing, cut at two standard deviations: a Parzen window on the histogram.
+void smooth_histogram(std::vector<double>& histogram, const ColorModelSettings& settings) {
   if (settings.smoothing_bins < 0.1) return;
   const int reach = static_cast<int>(std::ceil(2 * settings.smoothing_bins));
   std::vector<double> kernel;
@@ -75,6 +78,7 @@ void smooth(std::vector<double>& histogram, const ColorModelSettings& settings) 
   }
 }
 
+// P(u | x in Omega) of thesis 8.1.1: the normalized joint histogram of the used channels.
 std::vector<double> histogram_of(const std::vector<double>& counts,
                                  const std::vector<std::size_t>& bins,
                                  const ColorModelSettings& settings) {
@@ -89,10 +93,11 @@ std::vector<double> histogram_of(const std::vector<double>& counts,
     sum += counts[cell];
   }
   for (double& h : histogram) h /= sum;
-  smooth(histogram, settings);
+  smooth_histogram(histogram, settings);
   return histogram;
 }
 
+// F of every pixel.
 cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table) {
   cv::Mat f(image.size(), CV_32F);
   for (int v = 0; v < image.rows; ++v) {
@@ -106,6 +111,7 @@ cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table)
   return f;
 }
 
+// Omega_n of thesis 8.1.1: the mask dilated by a disc omega, without the mask.
 cv::Mat neighborhood(const cv::Mat& mask, int radius) {
   const cv::Mat disc =
       cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * radius + 1, 2 * radius + 1});
@@ -115,6 +121,7 @@ cv::Mat neighborhood(const cv::Mat& mask, int radius) {
   return grown;
 }
 
+// F over a mask in ascending order: shares above a threshold are then one binary search.
 std::vector<float> sorted_values(const cv::Mat& f, const cv::Mat& mask) {
   std::vector<float> values;
   for (int v = 0; v < f.rows; ++v) {
@@ -126,19 +133,22 @@ std::vector<float> sorted_values(const cv::Mat& f, const cv::Mat& mask) {
   return values;
 }
 
+// Share of the values above `t`.
 double share_above(const std::vector<float>& sorted, double t) {
   if (sorted.empty()) return 0;
   const auto from = std::upper_bound(sorted.begin(), sorted.end(), static_cast<float>(t));
   return static_cast<double>(sorted.end() - from) / static_cast<double>(sorted.size());
 }
 
-// The ends of where `cost` stays within `slack` of its minimum over the thresholds looked at.
+// The ends of the range where `cost` stays within `slack` of its minimum, over thresholds of F from
+// -4 to 4 in steps of 1/32, half a step of the table.
 Thresholds flat_part(const std::function<double(double)>& cost, double slack) {
-  constexpr double kRange = 4, kStep = 1.0 / 32;
+  constexpr double kEnd = 4;
+  constexpr double kThresholdStep = 1.0 / 32;
   double least = std::numeric_limits<double>::infinity();
-  for (double t = -kRange; t <= kRange; t += kStep) least = std::min(least, cost(t));
-  Thresholds ends{kRange, -kRange};
-  for (double t = -kRange; t <= kRange; t += kStep) {
+  for (double t = -kEnd; t <= kEnd; t += kThresholdStep) least = std::min(least, cost(t));
+  Thresholds ends{kEnd, -kEnd};
+  for (double t = -kEnd; t <= kEnd; t += kThresholdStep) {
     if (cost(t) > least + slack) continue;
     ends.low = std::min(ends.low, t);
     ends.high = std::max(ends.high, t);
@@ -146,10 +156,12 @@ Thresholds flat_part(const std::function<double(double)>& cost, double slack) {
   return ends;
 }
 
-double middle(const Thresholds& t) { return (t.low + t.high) / 2; }
+double midpoint(const Thresholds& t) { return (t.low + t.high) / 2; }
 
 }  // namespace
 
+// Omega_o against its whole complement Omega_b, as thesis 8.1.1 defines the histograms; only
+// quality and thresholds look at the neighborhood.
 ColorCounts count_colors(std::span<const LabeledImage> images) {
   ColorCounts counts{std::vector<double>(kCells, 0.0), std::vector<double>(kCells, 0.0)};
   for (const LabeledImage& one : images) {
@@ -165,13 +177,15 @@ ColorCounts count_colors(std::span<const LabeledImage> images) {
   return counts;
 }
 
+// F = log(P(u|object) / P(u|ground)) of thesis 8.2.1, cycle one, of every cell, clamped to +-127 /
+// 16.
 std::vector<std::int8_t> compile_table(const ColorCounts& counts,
                                        const ColorModelSettings& settings) {
   const std::vector<std::size_t> bins = bins_of(settings);
   std::vector<double> f = histogram_of(counts.object, bins, settings);
   const std::vector<double> ground = histogram_of(counts.ground, bins, settings);
   for (std::size_t k = 0; k < f.size(); ++k)
-    f[k] = std::log((f[k] + kFloor) / (ground[k] + kFloor));
+    f[k] = std::log((f[k] + kProbabilityFloor) / (ground[k] + kProbabilityFloor));
   std::vector<std::int8_t> table(kCells);
   for (std::size_t cell = 0; cell < kCells; ++cell) {
     const double scaled = std::clamp(f[bins[cell]] * ColorModel::kScale, -127.0, 127.0);
@@ -180,14 +194,17 @@ std::vector<std::int8_t> compile_table(const ColorCounts& counts,
   return table;
 }
 
+// (8.1) r_j = c_o + c_n - m_o - m_n with the binary rule F > 0, for which m_o = 1 - c_o and c_n = 1
+// - m_n. Deviation over the images with divisor n.
 Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::int8_t>& table,
                    int neighborhood_px) {
   Quality quality;
   for (const LabeledImage& one : images) {
     const cv::Mat f = table_image(one.image, table);
-    const auto object = sorted_values(f, one.mask),
-               ground = sorted_values(f, neighborhood(one.mask, neighborhood_px));
-    const double co = share_above(object, 0), mn = share_above(ground, 0);
+    const auto object = sorted_values(f, one.mask);
+    const auto ground = sorted_values(f, neighborhood(one.mask, neighborhood_px));
+    const double co = share_above(object, 0);
+    const double mn = share_above(ground, 0);
     quality.of_image.push_back(co + (1 - mn) - (1 - co) - mn);  // (8.1)
   }
   const auto count = static_cast<double>(quality.of_image.size());
@@ -198,18 +215,23 @@ Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::
   return quality;
 }
 
+// (8.2) with c_o, m_n counted at t_h and c_n, m_o at t_l separates into g(t_h) + g(t_l), where g(t)
+// = missed(t)^2 + false(t)^2; hence the two readings of ColorModel::flat_thresholds() and
+// weighted_thresholds(). Averaged over the images, as the thesis does.
 std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
                                         const std::vector<std::int8_t>& table,
                                         const ColorModelSettings& settings) {
-  Thresholds flat, weighted;
+  Thresholds flat;
+  Thresholds weighted;
   const auto count = static_cast<double>(images.size());
   for (const LabeledImage& one : images) {
     cv::Mat f = table_image(one.image, table);
-    cv::blur(f, f, {3, 3});  // as Evidence
+    cv::blur(f, f, {3, 3});  // as Evidence does: thresholds of unsmoothed F fail on smoothed F
     const auto object = sorted_values(f, one.mask);
     const auto ground = sorted_values(f, neighborhood(one.mask, settings.neighborhood_px));
     const auto cost = [&](double t, double of_missed, double of_false) {
-      const double missed = 1 - share_above(object, t), wrong = share_above(ground, t);
+      const double missed = 1 - share_above(object, t);
+      const double wrong = share_above(ground, t);
       return of_missed * missed * missed + of_false * wrong * wrong;
     };
     const Thresholds ends = flat_part([&](double t) { return cost(t, 1, 1); }, kFlat);
@@ -217,10 +239,11 @@ std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
     flat.high += ends.high / count;
     // At t_h a missed object pixel is only undecided, at t_l a ground pixel is.
     weighted.high +=
-        middle(flat_part([&](double t) { return cost(t, 1, settings.weight); }, 0)) / count;
+        midpoint(flat_part([&](double t) { return cost(t, 1, settings.weight); }, 0)) / count;
     weighted.low +=
-        middle(flat_part([&](double t) { return cost(t, settings.weight, 1); }, 0)) / count;
+        midpoint(flat_part([&](double t) { return cost(t, settings.weight, 1); }, 0)) / count;
   }
+  // With little overlap of object and ground the two optima may cross.
   weighted.high = std::max(weighted.high, weighted.low);
   return {flat, weighted};
 }

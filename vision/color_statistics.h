@@ -1,5 +1,5 @@
-// The sums behind a color model: counts of colors, histograms, and how well their ratio tells
-// object from ground.
+// Color statistics behind a color model: counts, histograms, the quality measure (8.1) and the
+// thresholds (8.2).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,15 +9,16 @@
 
 namespace vitreo::vision {
 
-/// How often each cell of the table (ColorModel::cell_of) was seen. Every histogram is a sum over
+/// How often each cell of the table (ColorModel::cell_of) occurred. Every histogram is a sum over
 /// cells, so the images are read once whatever the number of color spaces.
 struct ColorCounts {
-  std::vector<double> object, ground;
+  std::vector<double> object;
+  std::vector<double> ground;
 };
 
 ColorCounts count_colors(std::span<const LabeledImage> images);
 /// Joint histograms of the settings' channels, smoothed; F of each cell, times ColorModel::kScale.
-/// A color that neither has shown gets F = 0.
+/// A color that occurred in neither gets F = 0.
 std::vector<std::int8_t> compile_table(const ColorCounts& counts,
                                        const ColorModelSettings& settings);
 /// (8.1): a pixel is object where F > 0. The ground is what lies within `neighborhood_px` of the

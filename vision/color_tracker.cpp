@@ -2,31 +2,29 @@
 #include "vision/color_tracker.h"
 
 #include "vision/object_search.h"
+#include "vision/preconditions.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 #include <utility>
 
 namespace vitreo::vision {
 namespace {
 
-constexpr double kSlow = 0.03;      // of the axes' mean, a frame
-constexpr double kSteady = 0.6;     // of a velocity, from the last step; the rest from before
-constexpr double kMostSize = 0.35;  // of an axis against the masks' mean, relative
-constexpr double kAxesSigma = 1.0;  // px, of semi-axes against their slow mean
-// A first look from a rough place that lands this near and sees this much of the rim needs no
-// second one.
-constexpr double kMostlySeen = 0.45;
-constexpr double kRough = 4.0, kSure = 0.8;
-constexpr double kCenterSigma = 5.0;  // px, of the place expected
+constexpr double kAxesGain = 0.03;     // share of a new measurement in the slow mean of the axes
+constexpr double kVelocityGain = 0.6;  // share of the last step in the velocity
+constexpr double kMostSize = 0.35;     // of an axis against the masks' mean, relative
+constexpr double kAxesSigma = 1.0;     // px, of semi-axes against their slow mean
+// Inlier fraction above which the rim is visible enough for its inside to be judged.
+constexpr double kJudgedRim = 0.45;
+// A measurement from a rough position that ends this near to it (px) with this inlier fraction
+// needs no second one.
+constexpr double kRough = 4.0;
+constexpr double kSure = 0.8;
+constexpr double kCenterSigma = 5.0;  // px, of the predicted center
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
-bool within(double value, double mean, double share) {
+bool within_share(double value, double mean, double share) {
   return std::abs(value - mean) <= share * mean;
 }
 
@@ -69,10 +67,10 @@ struct ColorTracker::State : TrackMemory {
   Ellipse expected() const;
   bool near_expected(const cv::Mat& image, const Owned& owned, Track& track);
   bool anywhere(const cv::Mat& image, const Owned& owned, Track& track);
-  bool good(const Look& look, const Ellipse& start, const Eigen::Vector2d& axes, double jump,
+  bool good(const Observation& seen, const Ellipse& start, const Eigen::Vector2d& axes, double jump,
             double inliers) const;
   bool in_image(const Ellipse& e) const;
-  void accept(const Look& look, Track& track, bool anew);
+  void accept(const Observation& seen, Track& track, bool anew);
   EllipseMeasurement calibrated(const EllipseMeasurement& raw) const;
 
   ObjectModel model;
@@ -88,7 +86,8 @@ bool ColorTracker::State::in_image(const Ellipse& e) const {
          e.center_px.y() <= model.image_size.height - 1;
 }
 
-// Constant velocity, which fades while it is not seen.
+// Constant velocity and turn rate, for three frames at most: while coasting longer the prediction
+// stays where it is.
 Ellipse ColorTracker::State::expected() const {
   const double frames = std::min(unseen + 1, 3);
   Ellipse e{last.center_px + frames * velocity_px, axes_px.x(), axes_px.y(),
@@ -97,25 +96,29 @@ Ellipse ColorTracker::State::expected() const {
   return e;
 }
 
-bool ColorTracker::State::good(const Look& look, const Ellipse& start, const Eigen::Vector2d& axes,
-                               double jump, double inliers) const {
-  if (look.leaked || !look.measured || look.measured->inlier_fraction < inliers) return false;
-  const Ellipse& e = look.measured->ellipse;
+// Validation gate of a measurement: share of the rim, jump from the prediction, change of the axes
+// against their slow mean and against training, colors of the inside.
+bool ColorTracker::State::good(const Observation& seen, const Ellipse& start,
+                               const Eigen::Vector2d& axes, double jump, double inliers) const {
+  if (seen.leaked || !seen.measured || seen.measured->inlier_fraction < inliers) return false;
+  const Ellipse& e = seen.measured->ellipse;
   if (!in_image(e) || (e.center_px - start.center_px).norm() > jump) return false;
-  if (!within(e.semi_major_px, axes.x(), settings.axis_change)) return false;
-  if (!within(e.semi_minor_px, axes.y(), settings.axis_change)) return false;
+  if (!within_share(e.semi_major_px, axes.x(), settings.axis_change)) return false;
+  if (!within_share(e.semi_minor_px, axes.y(), settings.axis_change)) return false;
   const Eigen::Vector2d trained =
       model.semi_axes_px + (settings.view.refine ? model.rim : model.segment).semi_axes_px;
-  if (!within(e.semi_major_px, trained.x(), kMostSize) ||
-      !within(e.semi_minor_px, trained.y(), kMostSize))
+  if (!within_share(e.semi_major_px, trained.x(), kMostSize) ||
+      !within_share(e.semi_minor_px, trained.y(), kMostSize))
     return false;
   // Where the rim is hidden the inside may be too; a whole rim around ground is a crossing of
   // vessels.
-  if (look.measured->inlier_fraction > kMostlySeen && look.against > settings.max_against)
+  if (seen.measured->inlier_fraction > kJudgedRim && seen.against > settings.max_against)
     return false;
-  return look.support >= settings.min_support;
+  return seen.support >= settings.min_support;
 }
 
+// Subtracts the mean bias of the axes found in training and adds the covariance of the rest, which
+// the scatter along the rim does not contain.
 EllipseMeasurement ColorTracker::State::calibrated(const EllipseMeasurement& raw) const {
   const Calibration& calibration = settings.view.refine ? model.rim : model.segment;
   EllipseMeasurement result = raw;
@@ -126,49 +129,57 @@ EllipseMeasurement ColorTracker::State::calibrated(const EllipseMeasurement& raw
   return result;
 }
 
-void ColorTracker::State::accept(const Look& look, Track& track, bool anew) {
-  const Ellipse& e = look.measured->ellipse;
+// Updates motion and axes by first-order low-pass filters, x <- (1 - g) x + g new; the velocity is
+// per frame, over the frames since the last measurement.
+void ColorTracker::State::accept(const Observation& seen, Track& track, bool anew) {
+  const Ellipse& e = seen.measured->ellipse;
   if (anew) {
     velocity_px.setZero();
     turn = 0;
+    // Found again, the object keeps its slow mean; of one never seen the mean starts here.
     if (state == TrackState::searching) axes_px = {e.semi_major_px, e.semi_minor_px};
   } else {
     const double frames = unseen + 1;
     const Eigen::Vector2d step = (e.center_px - last.center_px) / frames;
     const double turned = std::remainder(e.angle - last.angle, std::numbers::pi) / frames;
-    velocity_px = step + (1 - kSteady) * (velocity_px - step);
-    turn = std::clamp(turned + (1 - kSteady) * (turn - turned), -0.15, 0.15);
-    // A half hidden object's axes are those expected: nothing to learn from them.
-    if (look.measured->inlier_fraction > 0.7)
-      axes_px += kSlow * (Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) - axes_px);
+    velocity_px = step + (1 - kVelocityGain) * (velocity_px - step);
+    turn = std::clamp(turned + (1 - kVelocityGain) * (turn - turned), -0.15, 0.15);
+    // A half hidden object's axes are those of the prior: they carry no information.
+    if (seen.measured->inlier_fraction > 0.7)
+      axes_px += kAxesGain * (Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) - axes_px);
   }
   last = e;
   unseen = 0;
   state = TrackState::tracking;
-  track.measured = calibrated(*look.measured);
-  track.support = look.support;
-  track.area_px = look.segment.area_px;
-  track.iterations = look.iterations;
+  track.measured = calibrated(*seen.measured);
+  track.support = seen.support;
+  track.area_px = seen.segment.area_px;
+  track.iterations = seen.iterations;
 }
 
+// One measurement at the prediction; gate, jump and prior widen with every frame without one.
 bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned, Track& track) {
   const Ellipse start = expected();
   track.expected = start;
   if (!in_image(start)) return false;
+  // px, by which the position is less certain.
   const double more = settings.coast_px * std::min(unseen, settings.coast_frames);
   const EllipsePrior prior{start, kCenterSigma + more, kAxesSigma,
                            settings.view.angle_sigma + 0.03 * unseen};
-  // A front that a vessel has led astray gets a second chance, without it.
+  // A vessel may have led the front astray: then the rim is searched at the prediction instead.
   for (const bool from_front : {true, false}) {
-    const Look look =
-        view.look(image, start, settings.view.gate_px + more, prior, owned, from_front);
-    if (!good(look, start, axes_px, settings.jump_px + more, settings.min_inliers)) continue;
-    accept(look, track, false);
+    const Observation seen =
+        view.observe(image, start, settings.view.gate_px + more, prior, owned, from_front);
+    if (!good(seen, start, axes_px, settings.jump_px + more, settings.min_inliers)) continue;
+    accept(seen, track, false);
     return true;
   }
   return false;
 }
 
+// Re-detection: the search's candidates in order, each measured; the first good one is taken. The
+// prior is wide, as the candidate's position is good to some px and its angle to some tenths of
+// rad.
 bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
@@ -176,24 +187,24 @@ bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Tra
       known ? axes_px
             : Eigen::Vector2d(model.semi_axes_px +
                               (settings.view.refine ? model.rim : model.segment).semi_axes_px);
-  const auto& places = search.find(image, model.color, known ? last.center_px : middle,
-                                   settings.candidates, owned.map, owned.self);
-  for (Ellipse start : places) {
+  const auto& candidates = search.find(image, model.color, known ? last.center_px : middle,
+                                       settings.candidates, owned.map, owned.self);
+  for (Ellipse start : candidates) {
     start.semi_major_px = axes.x();
     start.semi_minor_px = axes.y();
-    Look look;
-    // Twice at most: from the rough place, then from what that gave.
+    Observation seen;
+    // Twice at most: from the rough position, then from the first result.
     for (int round = 0; round < 2; ++round) {
       if (!in_image(start)) break;
       const EllipsePrior prior{start, 8, 2.5, 0.4};
-      look = view.look(image, start, settings.view.gate_px, prior, owned);
-      if (!look.measured) break;
-      const bool near = (look.measured->ellipse.center_px - start.center_px).norm() < kRough;
-      start = look.measured->ellipse;
-      if (near && look.measured->inlier_fraction > kSure) break;
+      seen = view.observe(image, start, settings.view.gate_px, prior, owned);
+      if (!seen.measured) break;
+      const bool near = (seen.measured->ellipse.center_px - start.center_px).norm() < kRough;
+      start = seen.measured->ellipse;
+      if (near && seen.measured->inlier_fraction > kSure) break;
     }
-    if (!good(look, start, axes, settings.jump_px, settings.min_inliers_new)) continue;
-    accept(look, track, true);
+    if (!good(seen, start, axes, settings.jump_px, settings.min_inliers_new)) continue;
+    accept(seen, track, true);
     return true;
   }
   return false;
@@ -201,8 +212,7 @@ bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Tra
 
 ColorTracker::ColorTracker(ObjectModel model, const ColorTrackerSettings& settings) {
   settings.check();
-  if (model.color.table().empty() || model.shape.samples().empty())
-    throw std::invalid_argument("model: is not trained");
+  require(!model.color.table().empty() && !model.shape.samples().empty(), "model: is not trained");
   state_ = std::make_unique<State>(std::move(model), settings);
 }
 
@@ -210,6 +220,7 @@ ColorTracker::~ColorTracker() = default;
 
 void ColorTracker::reset() { state_->state = TrackState::searching; }
 
+// The axes are the trained ones, not the operator's, whose outline is rough.
 void ColorTracker::place(const Ellipse& at) {
   State& s = *state_;
   require(s.in_image(at), "at: its center is not in the image");
@@ -236,6 +247,7 @@ std::optional<Ellipse> ColorTracker::expected() const {
   return state_->expected();
 }
 
+// tracking -> coasting for coast_frames, then lost; searching stays.
 void ColorTracker::State::not_seen() {
   if (state == TrackState::searching) return;
   ++unseen;
@@ -250,6 +262,8 @@ Track ColorTracker::miss() {
   return track;
 }
 
+// State machine: near the prediction while tracking or coasting; the frame in which coasting ends
+// is searched as a whole already.
 Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   State& s = *state_;
   require(image.type() == CV_8UC3, "image: must be 8-bit color (BGR)");

@@ -1,5 +1,5 @@
-// Tracks one object by its color and shape (thesis chapter 8), says how sure it is, and says so
-// when it is not.
+// Color and shape tracker of one object (thesis chapter 8): an ellipse with covariance, or an
+// explicit loss of track.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,42 +15,42 @@
 
 namespace vitreo::vision {
 
-/// searching: not found yet. tracking: seen in this frame. coasting: not seen, still looked for
-/// where it should be. lost: looked for in the whole image.
+/// searching: not found yet. tracking: measured in this frame. coasting: not found, still searched
+/// at the predicted position. lost: searched in the whole image.
 enum class TrackState { searching, tracking, coasting, lost };
 std::string name_of(TrackState state);
 
 struct ColorTrackerSettings {
   ObjectViewSettings view;
-  double min_inliers = 0.35;      ///< share of the rim that must be seen while tracking
+  double min_inliers = 0.35;      ///< share of the rim that must be found while tracking
   double min_inliers_new = 0.55;  ///< and where it is first found, or found again
-  double min_support = 0.35;      ///< share of the inside that must look like the object
-  double max_against = 0.15;  ///< share of the inside that may be clearly the ground's, where most
-                              ///< of the rim is seen
-  double axis_change = 0.3;   ///< of an axis against its slow mean, relative
-  double jump_px = 14;        ///< from where it was expected
-  int coast_frames = 3;       ///< before the whole image is searched
-  double coast_px = 2;        ///< by which gate and jump grow with each coasted frame
-  int candidates = 3;         ///< places looked at in a searched image
-  void check() const;         ///< throws std::invalid_argument naming the setting
+  double min_support = 0.35;      ///< share of the inside whose colors are the object's
+  /// Share of the inside that may be clearly the ground's, where most of the rim is found.
+  double max_against = 0.15;
+  double axis_change = 0.3;  ///< of an axis against its slow mean, relative
+  double jump_px = 14;       ///< from the predicted center
+  int coast_frames = 3;      ///< before the whole image is searched
+  double coast_px = 2;       ///< by which gate and jump grow with each coasted frame
+  int candidates = 3;        ///< candidates measured in a searched image
+  void check() const;        ///< throws std::invalid_argument naming the setting
 };
 
-/// What a tracker knows of its object's motion: enough to take a frame back.
+/// Motion state of a tracker: enough to undo a frame.
 struct TrackMemory {
   TrackState state = TrackState::searching;
   Ellipse last;                       ///< as measured, not calibrated
   Eigen::Vector2d velocity_px{0, 0};  ///< per frame
   double turn = 0;                    ///< rad per frame
   Eigen::Vector2d axes_px{0, 0};      ///< slow mean of the measured semi-axes
-  int unseen = 0;                     ///< frames since it was last seen
+  int unseen = 0;                     ///< frames since the last measurement
 };
 
 struct Track {
   TrackState state = TrackState::searching;
-  std::optional<EllipseMeasurement>
-      measured;  ///< only while tracking; calibrated, covariance with the bias term
-  std::optional<Ellipse> expected;  ///< where it was looked for; nothing while searching
-  double support = 0;               ///< share of the inside that looks like the object
+  /// Only while tracking; calibrated, the covariance with the bias term.
+  std::optional<EllipseMeasurement> measured;
+  std::optional<Ellipse> expected;  ///< the prediction; nothing while searching
+  double support = 0;               ///< share of the inside whose colors are the object's
   double area_px = 0;               ///< of the level set's largest part
   int iterations = 0;
 };
@@ -63,21 +63,21 @@ class ColorTracker {
   /// Throws std::invalid_argument when the image is not CV_8UC3 of the size trained. No allocation
   /// after the first image; the same images give the same tracks.
   Track update(const cv::Mat& image, const Owned& owned = {});
-  void reset();  ///< forgets where it was
-  /// Tells it where the object is, as a person points; it is tracked from there. Throws
+  void reset();  ///< back to searching
+  /// Sets the object's ellipse, as an operator points at it; it is tracked from there. Throws
   /// std::invalid_argument for an ellipse whose center is not in the image or whose axes are not
   /// positive.
   void place(const Ellipse& at);
 
   TrackState state() const;
-  /// Where it should be in the next frame; nothing while searching.
+  /// The prediction for the next frame; nothing while searching.
   std::optional<Ellipse> expected() const;
   const ObjectModel& model() const;
   const TrackMemory& memory() const;
-  /// Goes on from there as though what came later had not been.
+  /// Resumes from an earlier memory() as if the frames since then had not been.
   void restore(const TrackMemory& memory);
-  /// The next frame does not show it, says somebody who knows more: coasting, then lost. The track
-  /// says the same.
+  /// Counts the next frame as one without a measurement (the multi-tracker's verdict): coasting,
+  /// then lost, which the track returned reports.
   Track miss();
 
  private:

@@ -10,22 +10,29 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr int kCoarseRounds = 2, kMostCoarseRounds = 4, kFineRounds = 5;
-constexpr double kSettled = 0.03;  // px: a round that moves the rim less is the last
-constexpr double kClearlyMore =
-    1.3;  // blur than was told: what is told is the better start when it is about right
-// A body brightens from its rim inwards by about these parts of its contrast, as a root and
-// straight.
-constexpr double kRootSpread = 0.5, kStraightSpread = 1;
+constexpr int kCoarseRounds = 2;
+constexpr int kMostCoarseRounds = 4;
+constexpr int kFineRounds = 5;
+constexpr double kLastMovePx = 0.03;  // a round that moves center and axes by less is the last
+// Ratio of estimated to nominal blur from which the estimate is the better start.
+constexpr double kClearlyMore = 1.3;
+// Prior of the shading: from the rim inwards a body brightens by about these parts of its contrast,
+// as a root and linearly.
+constexpr double kRootSpread = 0.5;
+constexpr double kStraightSpread = 1;
 
 template <class T>
-double interpolated(const cv::Mat& image, double u, double v) {
-  const int i = static_cast<int>(u), j = static_cast<int>(v);
-  const double a = u - i, b = v - j;
-  const T *top = image.ptr<T>(j) + i, *bottom = image.ptr<T>(j + 1) + i;
+double bilinear(const cv::Mat& image, double u, double v) {
+  const int i = static_cast<int>(u);
+  const int j = static_cast<int>(v);
+  const double a = u - i;
+  const double b = v - j;
+  const T* top = image.ptr<T>(j) + i;
+  const T* bottom = image.ptr<T>(j + 1) + i;
   return (1 - b) * ((1 - a) * top[0] + a * top[1]) + b * ((1 - a) * bottom[0] + a * bottom[1]);
 }
 
+// Whether bilinear() has its four pixels.
 bool inside_image(const cv::Mat& image, const Eigen::Vector2d& p) {
   return p.x() >= 0 && p.y() >= 0 && p.x() < image.cols - 1 && p.y() < image.rows - 1;
 }
@@ -33,26 +40,28 @@ bool inside_image(const cv::Mat& image, const Eigen::Vector2d& p) {
 // `count` values 1 px apart outwards, the first `inside` px within the rim. False when they leave
 // the image.
 template <class Samples>
-bool sample(const cv::Mat& image, const cv::Mat& ground, const Normal& n, double inside, int count,
-            Samples& out) {
+bool sample_normal(const cv::Mat& image, const cv::Mat& ground, const Normal& n, double inside,
+                   int count, Samples& out) {
   const Eigen::Vector2d first = n.rim_px - inside * n.outward;
   if (!inside_image(image, first) || !inside_image(image, first + (count - 1) * n.outward))
     return false;
   for (int j = 0; j < count; ++j) {
     const Eigen::Vector2d p = first + j * n.outward;
-    out.image[static_cast<std::size_t>(j)] = interpolated<unsigned char>(image, p.x(), p.y());
-    out.ground[static_cast<std::size_t>(j)] = interpolated<float>(ground, p.x(), p.y());
+    out.image[static_cast<std::size_t>(j)] = bilinear<unsigned char>(image, p.x(), p.y());
+    out.ground[static_cast<std::size_t>(j)] = bilinear<float>(ground, p.x(), p.y());
   }
   return true;
 }
 
-double median_of(std::vector<double>& values) {
+// The upper median for an even count; 0 of none.
+double upper_median(std::vector<double>& values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
+// Standard deviation of a pixel at this gray level (Background::noise_of_level).
 double noise_at(const cv::Mat& noise, double level) {
   return noise.at<float>(static_cast<int>(std::clamp(level, 0.0, 255.0)));
 }
@@ -66,24 +75,29 @@ Contour::Contour(const ContourSettings& settings)
       samples_(normals_.size()),
       edges_(normals_.size()) {}
 
+// Normals at t, pi - t, pi + t and 2 pi - t have the same profile: folded into the first quarter.
 const EdgeModel::Profile& Contour::profile(std::size_t k) const {
-  const std::size_t half = normals_.size() / 2, folded = k > half ? normals_.size() - k : k;
+  const std::size_t half = normals_.size() / 2;
+  const std::size_t folded = k > half ? normals_.size() - k : k;
   return profiles_[std::min(folded, half - folded)];
 }
 
+// The range of ContourSettings::blur_sigma_px that a measured blur may have.
 double Contour::allowed_blur(double sigma) const {
-  constexpr double kAlwaysFound = 6;  // px
-  const double told = settings_.blur_sigma_px;
-  return std::clamp(sigma, 0.4 * told, std::max(2.5 * told, kAlwaysFound));
+  constexpr double kAlwaysAllowed = 6;  // px
+  const double nominal = settings_.blur_sigma_px;
+  return std::clamp(sigma, 0.4 * nominal, std::max(2.5 * nominal, kAlwaysAllowed));
 }
 
-// From outside inwards, so that highlights within cannot mislead: where the difference from the
-// ground has come half way to what it reaches just inside, and how steep it is there (gray levels
-// per px).
+// Half-contrast crossing: a symmetric blur leaves a step's half height at the step. Searched from
+// outside inwards, so that highlights within cannot mislead: the position, by linear interpolation,
+// where the difference from the ground is half of its maximum just inside, and the slope there
+// (gray levels per px).
 void Contour::half_crossing(const Images& images, Normal& n, double& slope) const {
   Samples s;
-  const int reach = static_cast<int>(settings_.search_px), count = 2 * reach + 1;
-  if (!sample(images.image, images.ground, n, reach, count, s)) return;
+  const int reach = static_cast<int>(settings_.search_px);
+  const int count = 2 * reach + 1;
+  if (!sample_normal(images.image, images.ground, n, reach, count, s)) return;
   std::array<double, EdgeModel::kMaxSamples> d{};
   const auto at = [&](int j) -> double& { return d[static_cast<std::size_t>(j)]; };
   for (int j = 0; j < count; ++j) {
@@ -91,13 +105,15 @@ void Contour::half_crossing(const Images& images, Normal& n, double& slope) cons
   }
   const double noise = noise_at(images.noise, s.ground[static_cast<std::size_t>(reach)]);
   const double threshold = std::max(settings_.min_contrast / 2, 4 * noise);
+  // The outermost two neighbors that differ from the ground, to the same side.
   int first = count - 2;
   const auto within = [&](int j) {
     return std::abs(at(j)) > threshold && at(j) * at(j - 1) > threshold * threshold;
   };
   while (first >= 1 && !within(first)) --first;
-  if (first < 1 || first == count - 2) return;  // nothing there, or the rim lies further out
+  if (first < 1 || first == count - 2) return;  // no edge, or the rim lies further out
   const double sign = at(first) > 0 ? 1 : -1;
+  // The extremum within 3 sigma of it, which is the contrast of an edge blurred by sigma.
   int top = first;
   const int deepest = std::max(first - static_cast<int>(3 * sigma_) - 1, 0);
   for (int j = first; j >= deepest; --j) {
@@ -109,15 +125,17 @@ void Contour::half_crossing(const Images& images, Normal& n, double& slope) cons
   const double fraction = (sign * at(j - 1) - half) / (sign * at(j - 1) - sign * at(j));
   n.found = std::isfinite(fraction);
   n.shift_px = j - 1 + fraction - reach;
-  n.variance = 0.25;
+  n.variance = 0.25;  // half a px: the fit scales it to the scatter it finds
   n.contrast = at(top);
   slope = sign * (at(std::max(j - 2, 0)) - at(std::min(j + 1, count - 1))) / 3;
 }
 
-// A step blurred by sigma is contrast / (sqrt(2 pi) sigma) steep where it has come half way.
+// All normals' half crossings and the ellipse through them. The blur from their slope: a step of
+// contrast c blurred by sigma has the slope c / (sqrt(2 pi) sigma) at half height.
 bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
   place_normals(ellipse, normals_);
-  std::vector<double> contrasts, slopes;
+  std::vector<double> contrasts;
+  std::vector<double> slopes;
   for (Normal& n : normals_) {
     double slope = 0;
     half_crossing(images, n, slope);
@@ -125,16 +143,17 @@ bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
     contrasts.push_back(std::abs(n.contrast));
     slopes.push_back(slope);
   }
-  const double steep = median_of(slopes) * std::sqrt(2 * std::numbers::pi);
-  const double seen = steep > 0 ? median_of(contrasts) / steep : 0, told = settings_.blur_sigma_px;
-  sigma_ = seen > kClearlyMore * told ? allowed_blur(seen) : told;
+  const double steep = upper_median(slopes) * std::sqrt(2 * std::numbers::pi);
+  const double estimated = steep > 0 ? upper_median(contrasts) / steep : 0;
+  const double nominal = settings_.blur_sigma_px;
+  sigma_ = estimated > kClearlyMore * nominal ? allowed_blur(estimated) : nominal;
   const FittedEllipse fitted = fit_ellipse(ellipse, normals_);
   if (fitted.valid) ellipse = fitted.ellipse;
   return fitted.valid;
 }
 
-// Of a body further out of focus than was told, a round looks too shallowly below the rim: the next
-// one knows better.
+// Rounds until the blur settles: with too small a blur half_crossing() searches the contrast too
+// close to the rim, and the next round has the better estimate.
 bool Contour::coarse_rounds(const Images& images, Ellipse& ellipse) {
   sigma_ = settings_.blur_sigma_px;
   for (int k = 0; k < kMostCoarseRounds; ++k) {
@@ -145,8 +164,8 @@ bool Contour::coarse_rounds(const Images& images, Ellipse& ellipse) {
   return true;
 }
 
-// Lamps flicker: what the ground outside the robot differs from the learnt one, in the median over
-// all normals.
+// Lamps flicker: difference of the ground from the learnt one, as the median over the three
+// outermost samples of all normals.
 double Contour::ground_offset() const {
   std::vector<double> off;
   for (std::size_t k = 0; k < normals_.size(); ++k) {
@@ -155,15 +174,17 @@ double Contour::ground_offset() const {
       off.push_back(samples_[k].image[j] - samples_[k].ground[j]);
     }
   }
-  return median_of(off);
+  return upper_median(off);
 }
 
+// What the image has of the body's own light, where the body covers `cover` of the pixel: image =
+// (1 - cover) ground + body, after Porter & Duff's "over".
 double Contour::light(std::size_t k, std::size_t j, double cover) const {
   return samples_[k].image[j] - offset_ - (1 - cover) * samples_[k].ground[j];
 }
 
-// Least squares for the body's brightness with the rim where it is now: normal equations, and the
-// right-hand side last.
+// Least squares of the body's brightness with the rim at its current position: normal equations,
+// the right-hand side in the last column.
 Eigen::Matrix4d Contour::brightness_sums(std::size_t k) const {
   const EdgeModel::Profile& model = profile(k);
   Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
@@ -175,22 +196,23 @@ Eigen::Matrix4d Contour::brightness_sums(std::size_t k) const {
   return sum;
 }
 
-// The brightness at the rim and its rises inwards. `prior` is what the normal equations gain
-// because the rises are not likely to exceed some part of the contrast: it keeps them apart where
-// noise and blur leave them alike.
+// The brightness at the rim and its rises inwards (root, linear). `prior` is the Tikhonov term
+// (noise / (spread contrast))^2 on the rises, a Gaussian prior in units of the noise: it separates
+// them where noise and blur make them nearly collinear.
 Eigen::Vector3d Contour::brightness(std::size_t k, double noise, Eigen::Vector3d& prior) const {
   const Eigen::Matrix4d sum = brightness_sums(k);
   const double contrast =
       std::max(std::abs(sum(0, 3) / sum(0, 0) - ground_at_rim(k)), settings_.min_contrast / 2);
-  const double likely = std::max(noise, 0.5) / contrast;
+  const double likely = std::max(noise, 0.5) / contrast;  // never less than half a gray level
   prior = {0, std::pow(likely / kRootSpread, 2), std::pow(likely / kStraightSpread, 2)};
   Eigen::Matrix3d normal = sum.topLeftCorner<3, 3>();
   normal.diagonal() += prior;
   return normal.inverse() * sum.topRightCorner<3, 1>();
 }
 
-// Normal equations of one Gauss-Newton step: the rim's shift, three of brightness, the blur; the
-// misfit last. The light from a pixel is (1 - cover) ground + the body's.
+// Normal equations of one Gauss-Newton step in (shift of the rim, three of brightness, blur), the
+// residual in the last row and column: sum of trust (J, r)' (J, r). Model of a pixel: (1 - cover)
+// ground + body . value, whose derivative by shift and blur therefore has the ground in it.
 Contour::StepSums Contour::step_sums(std::size_t k, const Eigen::Vector3d& body) const {
   const EdgeModel::Profile& model = profile(k);
   StepSums sum = StepSums::Zero();
@@ -205,58 +227,70 @@ Contour::StepSums Contour::step_sums(std::size_t k, const Eigen::Vector3d& body)
   return sum;
 }
 
-// The rim's shift with the body's brightness eliminated; the blur's column is kept for all normals
-// together.
-void Contour::place_edge(const Images& images, std::size_t k) {
+// Solves a normal for shift and brightness and eliminates both from the blur's equation (Schur
+// complement): `gradient` and `hessian` of the blur can then be added up over the normals, and
+// `shift_by_blur` corrects the shift once the common blur is known.
+void Contour::fit_edge(const Images& images, std::size_t k) {
   Edge& edge = edges_[k];
   Normal& n = normals_[k];
-  const double ground = ground_at_rim(k), noise = noise_at(images.noise, ground);
+  const double ground = ground_at_rim(k);
+  const double noise = noise_at(images.noise, ground);
   Eigen::Vector3d prior;
   const Eigen::Vector3d body = brightness(k, noise, prior);
   StepSums sum = step_sums(k, body);
   sum.diagonal().segment<3>(1) += prior;
   sum.block<3, 1>(1, 5) -= prior.cwiseProduct(body);
   const Eigen::Matrix4d inverse = sum.topLeftCorner<4, 4>().inverse();
-  const Eigen::Vector4d column = sum.block<4, 1>(0, 4), pull = sum.block<4, 1>(0, 5);
-  const Eigen::Vector4d solved = inverse * pull, by_blur = inverse * column;
-  edge.misfit = std::max(sum(5, 5) - pull.dot(solved), 0.0) / std::max(count_ - 4.0, 1.0);
-  edge.pull = sum(4, 5) - column.dot(solved);
-  edge.stiffness = sum(4, 4) - column.dot(by_blur);
+  const Eigen::Vector4d column = sum.block<4, 1>(0, 4);
+  const Eigen::Vector4d right = sum.block<4, 1>(0, 5);
+  const Eigen::Vector4d solved = inverse * right;
+  const Eigen::Vector4d by_blur = inverse * column;
+  // Residual variance with count - 4 degrees of freedom.
+  edge.misfit = std::max(sum(5, 5) - right.dot(solved), 0.0) / std::max(count_ - 4.0, 1.0);
+  edge.gradient = sum(4, 5) - column.dot(solved);
+  edge.hessian = sum(4, 4) - column.dot(by_blur);
   edge.shift_by_blur = by_blur[0];
   n.shift_px = solved[0];
   n.variance = inverse(0, 0) * std::max(edge.misfit, noise * noise);
+  // At the rim: the constant shade, updated, less the ground.
   n.contrast = body[0] + solved[1] - ground;
   n.found = std::isfinite(n.shift_px) && n.variance > 0 && n.variance < 4 &&
             std::abs(n.contrast) > settings_.min_contrast / 2 &&
             std::abs(n.shift_px) < settings_.search_px / 2;
 }
 
-// Highlights, vessels that were not learnt, other bodies: normals that the model does not describe.
+// Drops normals that the model does not describe (highlights, vessels that were not learnt, other
+// bodies): those with a residual of more than four times the median one.
 void Contour::drop_misfits() {
   std::vector<double> misfits;
   for (std::size_t k = 0; k < normals_.size(); ++k) {
     if (normals_[k].found) misfits.push_back(edges_[k].misfit);
   }
-  const double largest = 16 * std::max(median_of(misfits), 0.25);
+  const double largest = 16 * std::max(upper_median(misfits), 0.25);
   for (std::size_t k = 0; k < normals_.size(); ++k) normals_[k].found &= edges_[k].misfit < largest;
 }
 
+// One Gauss-Newton step of the common blur, limited to 40 % up and 30 % down, and the shifts that
+// go with it.
 void Contour::improve_blur() {
-  double pull = 0, stiffness = 0;
+  double gradient = 0;
+  double hessian = 0;
   for (std::size_t k = 0; k < normals_.size(); ++k) {
     if (!normals_[k].found) continue;
-    pull += edges_[k].trust * edges_[k].pull;
-    stiffness += edges_[k].trust * edges_[k].stiffness;
+    gradient += edges_[k].trust * edges_[k].gradient;
+    hessian += edges_[k].trust * edges_[k].hessian;
   }
-  if (!(stiffness > 0)) return;
-  const double wanted = std::clamp(sigma_ + pull / stiffness, 0.7 * sigma_, 1.4 * sigma_);
+  if (!(hessian > 0)) return;
+  const double wanted = std::clamp(sigma_ + gradient / hessian, 0.7 * sigma_, 1.4 * sigma_);
   const double next = allowed_blur(wanted);
   for (std::size_t k = 0; k < normals_.size(); ++k)
     normals_[k].shift_px -= edges_[k].shift_by_blur * (next - sigma_);
   sigma_ = next;
 }
 
-void Contour::look(const Images& images, const Ellipse& ellipse) {
+// Normals, model profiles and samples for a round, from 2.5 sigma + 3 px within the rim, but not
+// past 0.7 of the semi-minor axis, to 2.5 sigma + 3 px outside.
+void Contour::sample_profiles(const Images& images, const Ellipse& ellipse) {
   inside_ = std::min(2.5 * sigma_ + 3, 0.7 * ellipse.semi_minor_px);
   count_ = std::min(static_cast<int>(inside_ + 2.5 * sigma_ + 3) + 1, EdgeModel::kMaxSamples);
   for (std::size_t k = 0; k < normals_.size(); ++k)
@@ -270,15 +304,16 @@ void Contour::look(const Images& images, const Ellipse& ellipse) {
   }
   for (std::size_t k = 0; k < normals_.size(); ++k) {
     normals_[k].found =
-        sample(images.image, images.ground, normals_[k], inside_, count_, samples_[k]);
+        sample_normal(images.image, images.ground, normals_[k], inside_, count_, samples_[k]);
   }
   offset_ = ground_offset();
 }
 
+// One round of block-wise Gauss-Newton: edges and blur at the current ellipse, then the ellipse.
 std::optional<FittedEllipse> Contour::fine_round(const Images& images, const Ellipse& ellipse) {
-  look(images, ellipse);
+  sample_profiles(images, ellipse);
   for (std::size_t k = 0; k < normals_.size(); ++k) {
-    if (normals_[k].found) place_edge(images, k);
+    if (normals_[k].found) fit_edge(images, k);
   }
   drop_misfits();
   improve_blur();
@@ -287,14 +322,17 @@ std::optional<FittedEllipse> Contour::fine_round(const Images& images, const Ell
   return fitted;
 }
 
+// Of the normals that the fit kept.
 double Contour::median_contrast() const {
   std::vector<double> contrasts;
   for (const Normal& n : normals_) {
     if (n.found && n.weight > 0) contrasts.push_back(std::abs(n.contrast));
   }
-  return median_of(contrasts);
+  return upper_median(contrasts);
 }
 
+// Coarse rounds bring the ellipse within the edge model's range, fine rounds iterate to convergence
+// of ellipse and blur; the inlier fraction is of all normals, also of those outside of the image.
 std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const cv::Mat& ground,
                                                    const cv::Mat& noise, const Ellipse& start) {
   const Images images{image, ground, noise};
@@ -308,7 +346,7 @@ std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const c
     const Eigen::Matrix<double, 5, 1> moved = fitted->ellipse.vector() - ellipse.vector();
     ellipse = fitted->ellipse;
     result.covariance = fitted->covariance;
-    if (moved.head<4>().cwiseAbs().maxCoeff() < kSettled && std::abs(sigma_ / before - 1) < 0.02)
+    if (moved.head<4>().cwiseAbs().maxCoeff() < kLastMovePx && std::abs(sigma_ / before - 1) < 0.02)
       break;
   }
   result.ellipse = ellipse;

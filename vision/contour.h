@@ -1,4 +1,4 @@
-// The robot's rim in an image, to a fraction of a pixel.
+// Contour measurement: the robot's elliptic rim in a gray image, to a fraction of a pixel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,15 +16,18 @@ namespace vitreo::vision {
 
 struct ContourSettings {
   int normals = 64;
-  double search_px = 8, blur_sigma_px = 2, min_contrast = 8;
+  double search_px = 8;
+  double blur_sigma_px = 2;
+  double min_contrast = 8;
 };
 
-/// First where each normal crosses half the contrast to the ground, which finds the rim from some
-/// pixels away; then, at each normal, the rim's place by least squares of what a body in front of
-/// that ground would look like (EdgeModel), which a shaded body, a bent rim and a patterned ground
-/// do not shift. The blur is one more unknown, common to all normals: it starts at `blur_sigma_px`,
-/// or, where the half crossings are clearly less steep, at what they tell, and may come out between
-/// 0.4 times `blur_sigma_px` and 2.5 times that or 6 px, whichever is more.
+/// Coarse: where each normal crosses half the contrast to the ground, which finds the rim from some
+/// pixels away. Fine: at each normal the rim's shift by least squares of the image against what a
+/// body in front of that ground would look like (EdgeModel), which a shaded body, a curved rim and
+/// a patterned ground do not bias. The blur is one more unknown, common to all normals: it starts
+/// at `blur_sigma_px`, or, where the half crossings are clearly less steep, at the blur they imply,
+/// and may come out between 0.4 times `blur_sigma_px` and 2.5 times that or 6 px, whichever is
+/// more.
 class Contour {
  public:
   explicit Contour(const ContourSettings& settings);
@@ -35,13 +38,20 @@ class Contour {
 
  private:
   struct Images {
-    const cv::Mat &image, &ground, &noise;
+    const cv::Mat& image;
+    const cv::Mat& ground;
+    const cv::Mat& noise;
   };
   struct Samples {  // along one normal, from inside outwards, 1 px apart
-    std::array<double, EdgeModel::kMaxSamples> image, ground;
+    std::array<double, EdgeModel::kMaxSamples> image;
+    std::array<double, EdgeModel::kMaxSamples> ground;
   };
-  struct Edge {  // what one normal says in a round: of itself, and of the blur
-    double trust = 0, misfit = 0, pull = 0, stiffness = 0, shift_by_blur = 0;
+  struct Edge {                // one normal's result of a round, with the blur's reduced equation
+    double trust = 0;          // weight of the normal in the round before
+    double misfit = 0;         // residual variance, gray levels^2
+    double gradient = 0;       // of the blur, with shift and brightness eliminated
+    double hessian = 0;        // the same, second derivative
+    double shift_by_blur = 0;  // change of the solved shift per px of blur
   };
   using StepSums = Eigen::Matrix<double, 6, 6>;
   bool coarse_rounds(const Images& images, Ellipse& ellipse);
@@ -49,7 +59,7 @@ class Contour {
   void half_crossing(const Images& images, Normal& normal, double& slope) const;
   double allowed_blur(double sigma) const;
   std::optional<FittedEllipse> fine_round(const Images& images, const Ellipse& ellipse);
-  void look(const Images& images, const Ellipse& ellipse);
+  void sample_profiles(const Images& images, const Ellipse& ellipse);
   double ground_offset() const;
   double ground_at_rim(std::size_t k) const {
     return samples_[k].ground[static_cast<std::size_t>(inside_)];
@@ -58,7 +68,7 @@ class Contour {
   Eigen::Matrix4d brightness_sums(std::size_t k) const;
   Eigen::Vector3d brightness(std::size_t k, double noise, Eigen::Vector3d& prior) const;
   StepSums step_sums(std::size_t k, const Eigen::Vector3d& body) const;
-  void place_edge(const Images& images, std::size_t k);
+  void fit_edge(const Images& images, std::size_t k);
   void drop_misfits();
   void improve_blur();
   const EdgeModel::Profile& profile(std::size_t k) const;
@@ -66,11 +76,12 @@ class Contour {
 
   ContourSettings settings_;
   EdgeModel model_;
-  double sigma_ = 2, inside_ = 0;  // px
-  double offset_ = 0;              // gray levels
-  int count_ = 0;
-  std::vector<EdgeModel::Profile>
-      profiles_;  // of a quarter of the normals: the others are their mirror images
+  double sigma_ = 2;   // blur, px
+  double inside_ = 0;  // depth of the first sample within the rim, px
+  double offset_ = 0;  // of the ground from the learnt one, gray levels
+  int count_ = 0;      // samples per normal
+  // Of a quarter of the normals: the others are their mirror images.
+  std::vector<EdgeModel::Profile> profiles_;
   std::vector<Normal> normals_;
   std::vector<Samples> samples_;
   std::vector<Edge> edges_;

@@ -1,27 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/draw.h"
 
+#include "vision/preconditions.h"
+
 #include <Eigen/Eigenvalues>
 #include <opencv2/imgproc.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 
 namespace vitreo::vision {
 namespace {
 
-const cv::Scalar kTracked(80, 220, 60), kExpected(255, 190, 60), kTrail(60, 170, 255),
-    kTarget(60, 60, 255);  // BGR
-const cv::Scalar kInk(255, 255, 255), kShade(20, 20, 20);
-constexpr int kFraction = 4;  // bits of a pixel that OpenCV's drawing takes
-constexpr int kSegments = 180;
+// Colors, BGR.
+const cv::Scalar kTracked(80, 220, 60);
+const cv::Scalar kExpected(255, 190, 60);
+const cv::Scalar kTrail(60, 170, 255);
+const cv::Scalar kTarget(60, 60, 255);
+const cv::Scalar kInk(255, 255, 255);
+const cv::Scalar kShade(20, 20, 20);
+constexpr int kFraction = 4;    // fractional bits of OpenCV's drawing coordinates
+constexpr int kSegments = 180;  // of an ellipse: 2 degrees each
 
 class Pen {
  public:
   explicit Pen(cv::Mat& canvas) : canvas_(canvas) {
-    // One weight to the eye, however large the picture is shown: 1 px in 640.
+    // The same weight on a page or screen whatever the image's size: 1 px in 640.
     weight_ =
         std::max(1, static_cast<int>(std::lround(std::max(canvas.cols, canvas.rows) / 640.0)));
   }
@@ -29,10 +34,12 @@ class Pen {
 
   void line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const cv::Scalar& color,
             int times = 1) {
+    // Far outside, OpenCV's fixed-point coordinates would overflow.
     if (!a.allFinite() || !b.allFinite() || std::max(a.norm(), b.norm()) > 1e5) return;
     cv::line(canvas_, fixed(a), fixed(b), color, times * weight_, cv::LINE_AA, kFraction);
   }
 
+  // By chords: cv::ellipse rounds the angle to whole degrees and draws no dashes.
   void ellipse(const Ellipse& e, const cv::Scalar& color, bool dashed) {
     for (int k = 0; k < kSegments; ++k) {
       if (dashed && k % 6 >= 3) continue;
@@ -63,9 +70,11 @@ class Pen {
   int weight_;
 };
 
+// The ellipse, its major axis (darker) and a cross of 5 px at its center.
 void draw_tracked(Pen& pen, const Ellipse& e) {
-  const Eigen::Vector2d along(std::cos(e.angle), std::sin(e.angle)), u(5.0 * pen.weight(), 0),
-      v(0, 5.0 * pen.weight());
+  const Eigen::Vector2d along(std::cos(e.angle), std::sin(e.angle));
+  const Eigen::Vector2d u(5.0 * pen.weight(), 0);
+  const Eigen::Vector2d v(0, 5.0 * pen.weight());
   pen.line(e.center_px - e.semi_major_px * along, e.center_px + e.semi_major_px * along,
            kTracked * 0.6);
   pen.ellipse(e, kTracked, false);
@@ -73,8 +82,12 @@ void draw_tracked(Pen& pen, const Ellipse& e) {
   pen.line(e.center_px - v, e.center_px + v, kTracked);
 }
 
-constexpr double kMagnified = 10, kDeviations95 = 2.4477;  // the root of chi^2 of two at 95 %
+constexpr double kMagnified = 10;
+// Square root of the 95 % quantile of chi^2 with two degrees of freedom, 5.991.
+constexpr double kDeviations95 = 2.4477;
 
+// The 95 % confidence ellipse of a center: its semi-axes are the roots of the covariance's
+// eigenvalues, ascending as Eigen sorts them, times kDeviations95.
 void draw_covariance(Pen& pen, const Ellipse& e, const Eigen::Matrix2d& covariance) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
   solver.computeDirect(covariance);
@@ -84,9 +97,15 @@ void draw_covariance(Pen& pen, const Ellipse& e, const Eigen::Matrix2d& covarian
   pen.ellipse({e.center_px, axes.y(), axes.x(), std::atan2(along.y(), along.x())}, kTrail, false);
 }
 
+// A bar with ticks at the bottom left and its label above, light on dark so that it reads on any
+// ground.
 void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
-  const double edge = 12.0 * pen.weight(), y = size.height - edge - 1, tick = 4.0 * pen.weight();
-  const Eigen::Vector2d left(edge, y), right(edge + overlay.scale_bar_px, y), up(0, tick);
+  const double edge = 12.0 * pen.weight();
+  const double y = size.height - edge - 1;
+  const double tick = 4.0 * pen.weight();
+  const Eigen::Vector2d left(edge, y);
+  const Eigen::Vector2d right(edge + overlay.scale_bar_px, y);
+  const Eigen::Vector2d up(0, tick);
   for (const bool shade : {true, false}) {
     const cv::Scalar& color = shade ? kShade : kInk;
     const int times = shade ? 4 : 2;
@@ -102,9 +121,10 @@ void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
 
 }  // namespace
 
+// In the order of importance: what is drawn later covers what was drawn before.
 cv::Mat draw_overlay(const cv::Mat& image, const Overlay& overlay) {
-  if (image.empty() || (image.type() != CV_8UC1 && image.type() != CV_8UC3))
-    throw std::invalid_argument("image: must be an 8-bit gray or BGR image");
+  require(!image.empty() && (image.type() == CV_8UC1 || image.type() == CV_8UC3),
+          "image: must be an 8-bit gray or BGR image");
   cv::Mat canvas;
   if (image.channels() == 1)
     cv::cvtColor(image, canvas, cv::COLOR_GRAY2BGR);
@@ -131,11 +151,12 @@ cv::Mat draw_overlay(const cv::Mat& image, const Overlay& overlay) {
 }
 
 cv::Mat crop_around(const cv::Mat& image, const Eigen::Vector2d& center_px, cv::Size size) {
-  if (image.empty()) throw std::invalid_argument("image: is empty");
-  if (size.width < 1 || size.height < 1)
-    throw std::invalid_argument("size: must be at least one pixel");
-  if (!center_px.allFinite()) throw std::invalid_argument("center_px: not finite");
-  const int width = std::min(size.width, image.cols), height = std::min(size.height, image.rows);
+  require(!image.empty(), "image: is empty");
+  require(size.width >= 1 && size.height >= 1, "size: must be at least one pixel");
+  require(center_px.allFinite(), "center_px: not finite");
+  const int width = std::min(size.width, image.cols);
+  const int height = std::min(size.height, image.rows);
+  // First pixel of a crop of `length` centered there, kept inside: pixel centers are whole numbers.
   const auto first = [](double center, int length, int whole) {
     return static_cast<int>(std::clamp(std::round(center - (length - 1) / 2.0), 0.0,
                                        static_cast<double>(whole - length)));

@@ -1,4 +1,4 @@
-// Pictures for people.
+// Drawing of tracking results on images, and crops of images.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,14 +13,13 @@
 namespace vitreo::vision {
 
 struct Overlay {
-  std::optional<Ellipse> tracked;            ///< drawn solid with center cross and major axis
-  std::optional<Ellipse> expected;           ///< drawn dashed: where the estimated pose would show
-  std::vector<Eigen::Vector2d> trail_px;     ///< where it has been
+  std::optional<Ellipse> tracked;         ///< drawn solid with center cross and major axis
+  std::optional<Ellipse> expected;        ///< drawn dashed: where the estimated pose would appear
+  std::vector<Eigen::Vector2d> trail_px;  ///< past centers
   std::optional<Eigen::Vector2d> target_px;  ///< drawn as a ring
   double scale_bar_px = 0;                   ///< length of the scale bar; 0 = none
   std::string scale_bar_label;               ///< e.g. "1 mm at the aerial image"
-  /// Of the tracked center, px^2: its 95 % ellipse is drawn ten times as large, or nobody would see
-  /// it.
+  /// Of the tracked center, px^2: its 95 % ellipse is drawn ten times as large, to be visible.
   std::optional<Eigen::Matrix2d> covariance_px2;
   std::vector<std::vector<Eigen::Vector2d>> contours_px;  ///< closed lines
   std::string caption;  ///< at the top left, such as the tracker's state

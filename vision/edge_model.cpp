@@ -8,32 +8,38 @@
 namespace vitreo::vision {
 namespace {
 
-// Depths in units of the blur between which the table stands; below, nothing of the body shows.
-constexpr double kFirst = -5, kLast = 30, kStep = 1.0 / 16;
+// Range and step of the table's depths, in units of the blur; below, nothing of the body shows.
+constexpr double kFirstDepth = -5;
+constexpr double kLastDepth = 30;
+constexpr double kDepthStep = 1.0 / 16;
 
-// Seven-point Gauss-Hermite, for a standard normal: exact to the 13th power.
+// Seven-point Gauss-Hermite quadrature for a standard normal (Abramowitz & Stegun 25.4.46, nodes
+// times sqrt 2, weights over sqrt pi): exact to the 13th power.
 constexpr std::array<double, 7> kNodes = {
     -3.750439717725742, -2.366759410734541, -1.154405394739968, 0,
     1.154405394739968,  2.366759410734541,  3.750439717725742};
-constexpr std::array<double, 7> kWeights = {
+constexpr std::array<double, 7> kNodeWeights = {
     5.482688559722e-4, 3.0757123967586e-2, 0.240123178605013, 0.457142857142857,
     0.240123178605013, 3.0757123967586e-2, 5.482688559722e-4};
 
 // Where n^2 reaches this a specular highlight may begin: a sample there counts half.
 constexpr double kTrusted = 0.25;
 
-double density(double z) { return std::exp(-z * z / 2) / std::sqrt(2 * std::numbers::pi); }
+double normal_density(double z) { return std::exp(-z * z / 2) / std::sqrt(2 * std::numbers::pi); }
 
 }  // namespace
 
 EdgeModel::EdgeModel() {
-  for (double z = kFirst; z <= kLast + kStep / 2; z += kStep) {
-    Entry entry{std::erfc(-z / std::numbers::sqrt2) / 2, 0, 0, 0, density(z)};
-    // Integral of sqrt(y) density(z - y) over y > 0, with y = x^2 so that nothing is singular at
-    // the rim.
+  for (double z = kFirstDepth; z <= kLastDepth + kDepthStep / 2; z += kDepthStep) {
+    // A step blurred by a unit Gaussian is the normal distribution Phi(z).
+    Entry entry{std::erfc(-z / std::numbers::sqrt2) / 2, 0, 0, 0, normal_density(z)};
+    // root(z) = integral of sqrt(y) phi(z - y) over y > 0, with y = x^2 so that nothing is singular
+    // at the rim; root1 and root2, its derivatives, by phi'(z - y) = u phi and phi'' = (u^2 - 1)
+    // phi, u = y - z.
     const double dx = 0.01;
     for (double x = std::sqrt(std::max(z - 7, 0.0)); x * x < z + 7; x += dx) {
-      const double u = x * x - z, weight = 2 * x * x * density(u) * dx;
+      const double u = x * x - z;
+      const double weight = 2 * x * x * normal_density(u) * dx;
       entry.root += weight;
       entry.root1 += u * weight;
       entry.root2 += (u * u - 1) * weight;
@@ -42,23 +48,31 @@ EdgeModel::EdgeModel() {
   }
 }
 
+// Linear interpolation in the table, 16 entries per sigma.
 EdgeModel::Entry EdgeModel::at(double depth) const {
-  const double place =
-      std::clamp((depth - kFirst) / kStep, 0.0, static_cast<double>(table_.size() - 2));
-  const auto k = static_cast<std::size_t>(place);
-  const double f = place - static_cast<double>(k);
-  const Entry &a = table_[k], &b = table_[k + 1];
+  const double index =
+      std::clamp((depth - kFirstDepth) / kDepthStep, 0.0, static_cast<double>(table_.size() - 2));
+  const auto k = static_cast<std::size_t>(index);
+  const double f = index - static_cast<double>(k);
+  const Entry& a = table_[k];
+  const Entry& b = table_[k + 1];
   return {a.step + f * (b.step - a.step), a.root + f * (b.root - a.root),
           a.root1 + f * (b.root1 - a.root1), a.root2 + f * (b.root2 - a.root2),
           a.density + f * (b.density - a.density)};
 }
 
+// 1, n and n^2 over the depth y, blurred by a unit Gaussian, at the depth z. On a chord of length 1
+// / k (all in units of the blur) n^2 goes as y (1 - k y) and n as its root, sqrt(y) (1 - k y / 2 -
+// k^2 y^2 / 8), to second order.
 EdgeModel::Blurred EdgeModel::blurred(double z, double k) const {
   const Entry e = at(z);
-  // Blurred powers of depth, each by its lower ones. The chord's far end bends n by sqrt(1 - k y),
-  // n^2 by 1 - k y.
-  const double root3 = z * e.root + e.root1, root5 = z * root3 + 1.5 * e.root;  // y^1.5, y^2.5
-  const double ramp = z * e.step + e.density, square = z * ramp + e.step;       // y, y^2
+  // Blurred powers of the depth M_p = (y^p * phi)(z), each from lower ones: M_(p+1) = z M_p + M_p'
+  // and M_p' = p M_(p-1). root3: p = 1.5, root5: p = 2.5.
+  const double root3 = z * e.root + e.root1;
+  const double root5 = z * root3 + 1.5 * e.root;
+  // p = 1 and 2.
+  const double ramp = z * e.step + e.density;
+  const double square = z * ramp + e.step;
   Blurred b;
   b.value = Eigen::Vector3d(e.step, e.root - k / 2 * root3 - k * k / 8 * root5, ramp - k * square);
   b.first = Eigen::Vector3d(e.density, e.root1 - 0.75 * k * e.root - 0.3125 * k * k * root3,
@@ -69,31 +83,39 @@ EdgeModel::Blurred EdgeModel::blurred(double z, double k) const {
   return b;
 }
 
+// The blur along the normal is analytic (blurred()); across it, by quadrature over lines parallel
+// to the normal, each cut with the ellipse itself, so that the rim's curvature is in it.
 void EdgeModel::profile(double a, double b, double t, double sigma, double inside, int count,
                         Profile& out) const {
-  const Eigen::Array2d point(a * std::cos(t), b * std::sin(t)), inverse(1 / (a * a), 1 / (b * b));
+  // The rim's point, its unit normal (the gradient of x^2 / a^2 + y^2 / b^2) and tangent.
+  const Eigen::Array2d point(a * std::cos(t), b * std::sin(t));
+  const Eigen::Array2d inverse(1 / (a * a), 1 / (b * b));
   const Eigen::Array2d normal = (point * inverse) / (point * inverse).matrix().norm();
   const Eigen::Array2d tangent(-normal.y(), normal.x());
   std::fill_n(out.begin(), count, EdgeSample{});
   const double quadratic = (normal * normal * inverse).sum();
   for (std::size_t i = 0; i < kNodes.size(); ++i) {
-    // Where a line beside the normal meets the rim: quadratic n^2 + 2 linear n + constant = 0.
+    // Where a line beside the normal meets the rim, at s along it: quadratic s^2 + 2 linear s +
+    // constant = 0.
     const Eigen::Array2d beside = point + sigma * kNodes[i] * tangent;
-    const double linear = (beside * normal * inverse).sum(),
-                 constant = (beside * beside * inverse).sum() - 1;
+    const double linear = (beside * normal * inverse).sum();
+    const double constant = (beside * beside * inverse).sum() - 1;
     const double root = linear * linear - quadratic * constant;
-    if (root <= 0) continue;  // that line passes the body
-    const double rim = (-linear + std::sqrt(root)) / quadratic,
-                 chord = 2 * std::sqrt(root) / quadratic;
-    // n^2 = 1 - rho^2 = quadratic * depth * (chord - depth): n rises as a root, n^2 straight; in
+    if (root <= 0) continue;  // that line misses the body
+    const double rim = (-linear + std::sqrt(root)) / quadratic;
+    const double chord = 2 * std::sqrt(root) / quadratic;
+    // n^2 = 1 - rho^2 = quadratic * depth * (chord - depth): n rises as a root, n^2 linearly; in
     // units of the blur.
-    const double w = kWeights[i], straight = quadratic * chord * sigma, k = sigma / chord;
+    const double w = kNodeWeights[i];
+    const double straight = quadratic * chord * sigma;
+    const double k = sigma / chord;
     const Eigen::Vector3d scale(w, w * std::sqrt(straight), w * straight);
-    // The blur's growth is diffusion, by the second derivatives along and across; across, by the
-    // nodes' own x^2 - 1.
+    // Heat equation: a Gaussian blur's derivative by sigma is sigma times the Laplacian. Across the
+    // normal the second derivative is the mean of (x^2 - 1) f(x) over the nodes (Stein's identity).
     const double across = kNodes[i] * kNodes[i] - 1;
     for (int j = 0; j < count; ++j) {
-      const double depth = rim + inside - j, z = depth / sigma;
+      const double depth = rim + inside - j;
+      const double z = depth / sigma;
       const Blurred shades = blurred(z, k);
       EdgeSample& s = out[static_cast<std::size_t>(j)];
       if (2 * i + 1 == kNodes.size() && depth > 0) {

@@ -1,5 +1,5 @@
-// How the rim of a blurred ellipse looks along its normals: what an edge must be compared with to
-// be placed to a fraction of a pixel, however bent the rim and however the body is shaded.
+// Edge model: profile of a blurred, shaded ellipse along a normal of its rim, which an edge is
+// compared with to be located to a fraction of a pixel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,14 +10,16 @@
 
 namespace vitreo::vision {
 
-/// At one place on a normal: the share of the pixel's light that comes from the body, and the same
-/// weighed with n and with n^2, n being how far the body's surface faces the observer (0 at the
-/// rim, 1 in the middle): a lit round body's brightness is smooth in n, so from the rim inwards it
-/// rises as a root before it rises straight. With each its change as the rim moves outwards (per
-/// px) and as the blur grows (per px of sigma).
+/// At one position on a normal: the share of the pixel's light that comes from the body, and the
+/// same weighted with n and with n^2, n being the component of the body's surface normal towards
+/// the camera (0 at the rim, 1 in the middle): a lit round body's brightness is smooth in n, so
+/// from the rim inwards it rises as a root before it rises linearly. With each its change as the
+/// rim moves outwards (per px) and as the blur grows (per px of sigma).
 struct EdgeSample {
-  using Shades = Eigen::Vector3d;  // weighed with 1, n, n^2
-  Shades value = Shades::Zero(), by_shift = Shades::Zero(), by_blur = Shades::Zero();
+  using Shades = Eigen::Vector3d;  // weighted with 1, n, n^2
+  Shades value = Shades::Zero();
+  Shades by_shift = Shades::Zero();
+  Shades by_blur = Shades::Zero();
   double trust = 1;  // deep inside the body the three shades no longer describe it
 };
 
@@ -37,10 +39,16 @@ class EdgeModel {
   // Of depth below the rim in units of the blur: a blurred step, a blurred square root, and their
   // derivatives.
   struct Entry {
-    double step, root, root1, root2, density;
+    double step;
+    double root;
+    double root1;
+    double root2;
+    double density;
   };
   struct Blurred {  // 1, n and n^2 at a depth, with their first and second derivatives by it
-    Eigen::Vector3d value, first, second;
+    Eigen::Vector3d value;
+    Eigen::Vector3d first;
+    Eigen::Vector3d second;
   };
   Entry at(double depth) const;
   Blurred blurred(double depth, double blur_per_chord) const;

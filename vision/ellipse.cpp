@@ -14,19 +14,24 @@ Eigen::Matrix<double, 5, 1> Ellipse::vector() const {
 }
 
 Eigen::Vector2d Ellipse::point(double t) const {
-  const double x = semi_major_px * std::cos(t), y = semi_minor_px * std::sin(t);
+  const double x = semi_major_px * std::cos(t);
+  const double y = semi_minor_px * std::sin(t);
   return center_px + Eigen::Vector2d(x * std::cos(angle) - y * std::sin(angle),
                                      x * std::sin(angle) + y * std::cos(angle));
 }
 
+// S = a e e' + b f f' with the unit vectors e, f of the axes.
 Eigen::Matrix2d Ellipse::shape() const {
-  const Eigen::Vector2d e(std::cos(angle), std::sin(angle)), f(-e.y(), e.x());
+  const Eigen::Vector2d e(std::cos(angle), std::sin(angle));
+  const Eigen::Vector2d f(-e.y(), e.x());
   return semi_major_px * e * e.transpose() + semi_minor_px * f * f.transpose();
 }
 
+// Eigenvalues and major direction of a symmetric 2 x 2 matrix in closed form.
 Ellipse Ellipse::from_shape(const Eigen::Vector2d& center_px, const Eigen::Matrix2d& shape) {
-  const double mean = (shape(0, 0) + shape(1, 1)) / 2, half = (shape(0, 0) - shape(1, 1)) / 2,
-               off = shape(0, 1);
+  const double mean = (shape(0, 0) + shape(1, 1)) / 2;
+  const double half = (shape(0, 0) - shape(1, 1)) / 2;
+  const double off = shape(0, 1);
   const double spread = std::hypot(half, off);
   double angle = spread > 0 ? std::atan2(off, half) / 2 : 0;  // in [-pi/2, pi/2]
   if (angle <= -std::numbers::pi / 2) angle = std::numbers::pi / 2;

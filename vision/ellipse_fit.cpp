@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/ellipse_fit.h"
 
+#include "vision/robust.h"
+
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
@@ -15,64 +17,75 @@ namespace {
 using Vector5 = Eigen::Matrix<double, 5, 1>;
 using Matrix5 = Eigen::Matrix<double, 5, 5>;
 
-constexpr int kReweightings = 6;
-constexpr double kTukey = 4.685;        // the usual 95 % efficiency
+constexpr int kFitRounds = 6;
 constexpr double kSmallestScale = 0.1;  // px: below it nothing is an outlier
-constexpr double kFloor = 0.05;         // px: what the model of a rim may miss at one normal
+constexpr double kModelError = 0.05;    // px: what the model of a rim may miss at one normal
 constexpr double kSystematic = 0.02;    // px: what it may miss all round
 constexpr double kFewest = 0.35;        // of the normals, that must agree
 constexpr std::size_t kMostNormals = 1024;
 
-// How the rim's distance along a normal follows center and shape matrix (xx, xy, yy).
-Vector5 row_of(const Normal& n) {
+// Jacobian of the rim's distance along a normal by center and shape matrix (Sxx, Sxy, Syy): a rim
+// point c + S q moves by dc + dS q, of which the component along the unit normal n counts. The
+// tangential part is second order, so this is the geometric (orthogonal) distance to first order.
+Vector5 jacobian_row(const Normal& n) {
   Vector5 row;
   row << n.outward, n.outward.x() * n.circle.x(),
       n.outward.x() * n.circle.y() + n.outward.y() * n.circle.x(), n.outward.y() * n.circle.y();
   return row;
 }
 
-double weight_of(const Normal& n) { return n.weight / (n.variance + kFloor * kFloor); }
+// Inverse variance times the robust weight.
+double information_weight(const Normal& n) {
+  return n.weight / (n.variance + kModelError * kModelError);
+}
 
-Matrix5 information(const std::vector<Normal>& normals, double together, Vector5* right) {
+// Normal equations J' W J and, in `right`, J' W d. Errors that `correlation_length` neighbors share
+// count once.
+Matrix5 information(const std::vector<Normal>& normals, double correlation_length, Vector5* right) {
   Matrix5 sum = Matrix5::Zero();
   if (right != nullptr) right->setZero();
   for (const Normal& n : normals) {
     if (!n.found || n.weight <= 0) continue;
-    const Vector5 row = row_of(n);
-    const double w = weight_of(n) / together;
+    const Vector5 row = jacobian_row(n);
+    const double w = information_weight(n) / correlation_length;
     sum.noalias() += w * row * row.transpose();
     if (right != nullptr) *right += w * n.shift_px * row;
   }
   return sum;
 }
 
-// Median absolute deviation, as a standard deviation.
+// Median absolute residual, as the standard deviation of a normal distribution.
 double scale_of(const std::vector<Normal>& normals, const Vector5& step) {
   std::array<double, kMostNormals> off{};  // on the stack: nothing is allocated per image
   auto end = off.begin();
   for (const Normal& n : normals) {
-    if (n.found) *end++ = std::abs(n.shift_px - row_of(n).dot(step));
+    if (n.found) *end++ = std::abs(n.shift_px - jacobian_row(n).dot(step));
   }
   const auto middle = off.begin() + (end - off.begin()) / 2;
   std::nth_element(off.begin(), middle, end);
-  return std::max(1.4826 * *middle, kSmallestScale);
+  return std::max(kMadToSigma * *middle, kSmallestScale);
 }
 
-void reweigh(std::vector<Normal>& normals, const Vector5& step, bool gently) {
+// Robust weights of the residuals in units of their scale s: Cauchy 1 / (1 + (r / s)^2) if
+// `gently`, else Tukey's biweight (1 - (r / (c s))^2)^2.
+void reweight(std::vector<Normal>& normals, const Vector5& step, bool gently) {
   const double scale = scale_of(normals, step);
   for (Normal& n : normals) {
     if (!n.found) continue;
-    const double off = std::abs(n.shift_px - row_of(n).dot(step)) / scale;
+    const double off = std::abs(n.shift_px - jacobian_row(n).dot(step)) / scale;
     const double inside = 1 - off * off / (kTukey * kTukey);
-    // The first rounds keep a say for all (Cauchy), else a bad start would lock in.
+    // The first rounds reject no normal altogether: from a bad start the wrong ones would go.
     n.weight = gently ? 1 / (1 + off * off) : (inside > 0 ? inside * inside : 0);
   }
 }
 
-// Derivatives of (u, v, a, b, angle) by (u, v, Sxx, Sxy, Syy). Where the axes are alike the angle
-// becomes "anything", a uniform pi wide, instead of dividing by nothing.
+// Derivatives of (u, v, a, b, angle) by (u, v, Sxx, Sxy, Syy), by first-order perturbation of the
+// eigenvectors e, f of S: da = e' dS e, db = f' dS f, dangle = e' dS f / (a - b). Where the axes
+// are equal within their uncertainty, the divisor is regularized such that the angle's variance
+// tends to pi^2 / 12, that of a uniform distribution over pi, instead of to infinity.
 Matrix5 axes_from_shape(const Ellipse& ellipse, const Matrix5& covariance) {
-  const double c = std::cos(ellipse.angle), s = std::sin(ellipse.angle);
+  const double c = std::cos(ellipse.angle);
+  const double s = std::sin(ellipse.angle);
   Matrix5 j = Matrix5::Zero();
   j(0, 0) = j(1, 1) = 1;
   j.row(2).tail<3>() << c * c, 2 * c * s, s * s;
@@ -85,21 +98,26 @@ Matrix5 axes_from_shape(const Ellipse& ellipse, const Matrix5& covariance) {
   return j;
 }
 
-// A prior as the fit counts: of the step in (u, v, Sxx, Sxy, Syy) from `start`.
+// A prior in the fit's unknowns: of the step in (u, v, Sxx, Sxy, Syy) from `start`.
 struct StepPrior {
   Matrix5 information = Matrix5::Zero();
   Vector5 right = Vector5::Zero();
 };
 
+// The prior's information J' Sigma^-1 J and right-hand side, J as in axes_from_shape() at the
+// prior's angle, but for the turn, which counts as the displacement of the rim (a - b) dangle.
 StepPrior prior_of(const Ellipse& start, const EllipsePrior* prior) {
   StepPrior result;
   if (prior == nullptr) return result;
-  const double c = std::cos(prior->ellipse.angle), s = std::sin(prior->ellipse.angle);
-  Matrix5 j = Matrix5::Zero();  // (u, v, a, b, turn times difference of the axes) by the step
+  const double c = std::cos(prior->ellipse.angle);
+  const double s = std::sin(prior->ellipse.angle);
+  // (u, v, a, b, turn times difference of the axes) by the step.
+  Matrix5 j = Matrix5::Zero();
   j(0, 0) = j(1, 1) = 1;
   j.row(2).tail<3>() << c * c, 2 * c * s, s * s;
   j.row(3).tail<3>() << s * s, -2 * c * s, c * c;
   j.row(4).tail<3>() << -c * s, c * c - s * s, c * s;
+  // At least 1 px, so that the prior of a circle's angle still regularizes.
   const double apart = std::max(prior->ellipse.semi_major_px - prior->ellipse.semi_minor_px, 1.0);
   Vector5 sigma;
   sigma << prior->center_px, prior->center_px, prior->semi_axes_px, prior->semi_axes_px,
@@ -113,24 +131,30 @@ StepPrior prior_of(const Ellipse& start, const EllipsePrior* prior) {
   return result;
 }
 
+// (J' W J / s^2 + prior)^-1, s^2 the reduced chi-square of the residuals with 5 parameters,
+// propagated to center, axes and angle. s^2 is at least 1/4, lest a few normals that happen to
+// agree shrink it. kSystematic is what no scatter along the rim shows.
 Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals,
-                      const Vector5& step, const StepPrior& prior, double together) {
-  double squares = 0, count = 0;
+                      const Vector5& step, const StepPrior& prior, double correlation_length) {
+  double squares = 0;
+  double count = 0;
   for (const Normal& n : normals) {
     if (!n.found || n.weight <= 0) continue;
-    const double off = n.shift_px - row_of(n).dot(step);
-    squares += weight_of(n) * off * off;
+    const double off = n.shift_px - jacobian_row(n).dot(step);
+    squares += information_weight(n) * off * off;
     count += n.weight;
   }
   const double residual = std::max(squares / std::max(count - 5, 1.0), 0.25);
   const Matrix5 shape =
-      (information(normals, together, nullptr) / residual + prior.information).inverse();
+      (information(normals, correlation_length, nullptr) / residual + prior.information).inverse();
   const Matrix5 j = axes_from_shape(ellipse, shape);
   Matrix5 result = j * shape * j.transpose();
+  // All but the angle: a common shift of the rim does not turn it.
   for (int k = 0; k < 4; ++k) result(k, k) += kSystematic * kSystematic;
   return (result + result.transpose()) / 2;
 }
 
+// Five unknowns and some normals to spare: at least 8, and the share kFewest of all.
 bool enough(const std::vector<Normal>& normals) {
   const auto agree = [](const Normal& n) { return n.found && n.weight > 0; };
   const auto count = static_cast<double>(std::count_if(normals.begin(), normals.end(), agree));
@@ -140,8 +164,11 @@ bool enough(const std::vector<Normal>& normals) {
 }  // namespace
 
 void place_normals(const Ellipse& ellipse, std::vector<Normal>& normals) {
-  const Eigen::Matrix2d shape = ellipse.shape(), inverse = shape.inverse();
+  const Eigen::Matrix2d shape = ellipse.shape();
+  const Eigen::Matrix2d inverse = shape.inverse();
   for (std::size_t k = 0; k < normals.size(); ++k) {
+    // The circle's point at t from the major axis, whose image S q is Ellipse::point(t); the
+    // gradient of |S^-1 (p - c)| there is along S^-1 q.
     const double t =
         2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(normals.size());
     Normal& n = normals[k];
@@ -152,43 +179,52 @@ void place_normals(const Ellipse& ellipse, std::vector<Normal>& normals) {
   }
 }
 
+// The distances are linear in the step, so every round solves one weighted linear problem; a caller
+// repeats with new normals where the step is not small (Gauss-Newton).
 FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals,
-                          const EllipsePrior* prior, double together) {
+                          const EllipsePrior* prior, double correlation_length) {
   FittedEllipse result{start, Matrix5::Zero(), false};
   for (Normal& n : normals) n.weight = n.found ? 1 : 0;
   if (!enough(normals) || normals.size() > kMostNormals) return result;
   const StepPrior known = prior_of(start, prior);
   Vector5 step = Vector5::Zero();
-  for (int k = 0; k < kReweightings; ++k) {
-    reweigh(normals, step, k < 3);
+  for (int k = 0; k < kFitRounds; ++k) {
+    reweight(normals, step, k < 3);
     Vector5 right;
-    const Matrix5 seen = information(normals, together, &right);
+    const Matrix5 seen = information(normals, correlation_length, &right);
     const Eigen::LDLT<Matrix5> solver(seen + known.information);
     right += known.right;
+    // A rim seen on one side only may leave a direction undetermined.
     const Vector5 pivots = solver.vectorD();
     if (!enough(normals) || !(pivots.minCoeff() > 1e-9 * pivots.maxCoeff())) return result;
     step = solver.solve(right);
   }
+  // The step holds center and shape; axes and angle follow from the shape's eigensystem.
   Eigen::Matrix2d shape = start.shape();
   shape += (Eigen::Matrix2d() << step[2], step[3], step[3], step[4]).finished();
   result.ellipse = Ellipse::from_shape(start.center_px + step.head<2>(), shape);
   if (!step.allFinite() || !(result.ellipse.semi_minor_px > 1)) return result;
-  result.covariance = covariance_of(result.ellipse, normals, step, known, together);
+  result.covariance = covariance_of(result.ellipse, normals, step, known, correlation_length);
   result.valid = result.covariance.allFinite();
   return result;
 }
 
-double error_correlation(const std::vector<Normal>& normals) {
+// tau = 1 + 2 sum_k rho_k: the variance of a mean of n values with the autocorrelation rho is tau /
+// n times that of one. Lags up to a sixth of the rim.
+double integrated_autocorrelation(const std::vector<Normal>& normals) {
   const std::size_t count = normals.size();
-  double mean = 0, weights = 0;
+  double mean = 0;
+  double weights = 0;
   for (const Normal& n : normals)
     if (n.found) mean += n.weight * n.shift_px, weights += n.weight;
   if (!(weights > 0)) return 1;
   mean /= weights;
+  // Residuals about their weighted mean; outliers have the weight 0.
   const auto off = [&](std::size_t k) { return normals[k].weight * (normals[k].shift_px - mean); };
   double sum = 1;
   for (std::size_t lag = 1; lag <= count / 6; ++lag) {
-    double products = 0, squares = 0;
+    double products = 0;
+    double squares = 0;
     for (std::size_t k = 0; k < count; ++k) {
       const std::size_t next = (k + lag) % count;
       if (!normals[k].found || !normals[next].found) continue;

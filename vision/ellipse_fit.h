@@ -1,4 +1,4 @@
-// Moves an ellipse to where distances along its normals say, however many of them are wrong.
+// Robust geometric ellipse fit: correction of an ellipse from distances measured along its normals.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace vitreo::vision {
 
-/// One contour point looked for: the rim's normal there and what was found along it.
+/// One contour point: the rim's normal there and what was found along it.
 struct Normal {
   Eigen::Vector2d circle{1, 0};   // on the unit circle that the ellipse's shape maps to the rim
   Eigen::Vector2d rim_px{0, 0};   // the ellipse's point
@@ -19,7 +19,7 @@ struct Normal {
   double shift_px = 0;  // of the true rim along `outward`
   double variance = 0;  // px^2, of shift_px
   double contrast = 0;  // gray levels, object less ground
-  double weight = 0;    // 0 to 1: how far it is in line with the others; set by the fit
+  double weight = 0;    // 0 to 1: consistency with the others (IRLS); set by the fit
 };
 
 /// `count` normals at equal steps of the ellipse's parameter from its major axis.
@@ -31,25 +31,29 @@ struct FittedEllipse {
   bool valid = false;
 };
 
-/// What is known of the ellipse before its normals are looked at; an infinite deviation says
-/// nothing.
+/// Gaussian prior of the ellipse; an infinite deviation carries no information.
 struct EllipsePrior {
   Ellipse ellipse;
-  double center_px = 0, semi_axes_px = 0,
-         angle = 0;  ///< standard deviations; the angle's counts as the axes differ
+  /// Standard deviations; the angle's acts in proportion to the difference of the axes.
+  double center_px = 0;
+  double semi_axes_px = 0;
+  double angle = 0;
 };
 
-/// Iteratively re-weighted least squares (Tukey) on the normals' distances, around `start`; sets
-/// the normals' weights. Not valid when fewer than a third of the normals agree or the result is no
-/// ellipse. Without `prior` they alone count. At most 1024 normals. `together`: how many
-/// neighboring normals err as one, as error_correlation() says; the prior then counts for more and
-/// the covariance grows as much.
+/// Geometric fit: iteratively re-weighted least squares (Cauchy, then Tukey) of the distances along
+/// the normals, linearized around `start` in center and shape matrix; sets the normals' weights.
+/// Not an algebraic fit of a conic (Halir & Flusser 1998, Fitzgibbon et al. 1999): the residuals
+/// are distances in px, each with its own variance. Not valid when fewer than 35 % of the normals,
+/// or than 8, agree or the result is no ellipse. Without `prior` the normals alone count. At most
+/// 1024 normals. `correlation_length`: number of neighboring normals with a common error, as
+/// integrated_autocorrelation() estimates it; the normals' information is divided by it, so the
+/// prior counts for more and the covariance grows.
 FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals,
-                          const EllipsePrior* prior = nullptr, double together = 1);
+                          const EllipsePrior* prior = nullptr, double correlation_length = 1);
 
-/// 1 for normals that scatter each on its own; more where a vessel, a shadow or smoothing moves
-/// neighbors together: the sum of the autocorrelation of what `shift_px` leaves around the rim, of
-/// normals that agree (cyclic, at equal steps).
-double error_correlation(const std::vector<Normal>& normals);
+/// Integrated autocorrelation 1 + 2 sum_k rho_k of the residuals `shift_px` around the rim (cyclic,
+/// at equal steps, weighted), cut at the first rho_k that is not positive (cf. Geyer 1992): 1 for
+/// independent normals, more where a vessel, a shadow or smoothing moves neighbors together.
+double integrated_autocorrelation(const std::vector<Normal>& normals);
 
 }  // namespace vitreo::vision

@@ -8,18 +8,24 @@
 namespace vitreo::vision {
 
 RowSpan row_of(const Ellipse& e, int v) {
-  // The quadratic form of the rim, solved along the row.
-  const double c = std::cos(e.angle), s = std::sin(e.angle), dv = v - e.center_px.y();
-  const double ia = 1 / (e.semi_major_px * e.semi_major_px),
-               ib = 1 / (e.semi_minor_px * e.semi_minor_px);
-  const double xx = c * c * ia + s * s * ib, xy = c * s * (ia - ib), yy = s * s * ia + c * c * ib;
+  // The rim's quadratic form xx du^2 + 2 xy du dv + yy dv^2 = 1, solved for du along the row.
+  const double c = std::cos(e.angle);
+  const double s = std::sin(e.angle);
+  const double dv = v - e.center_px.y();
+  const double ia = 1 / (e.semi_major_px * e.semi_major_px);
+  const double ib = 1 / (e.semi_minor_px * e.semi_minor_px);
+  const double xx = c * c * ia + s * s * ib;
+  const double xy = c * s * (ia - ib);
+  const double yy = s * s * ia + c * c * ib;
   const double root = xy * xy * dv * dv - xx * (yy * dv * dv - 1);
   if (!(root > 0)) return {};
-  const double middle = e.center_px.x() - xy * dv / xx, half = std::sqrt(root) / xx;
+  const double middle = e.center_px.x() - xy * dv / xx;
+  const double half = std::sqrt(root) / xx;
   return {static_cast<int>(std::ceil(middle - half)),
           static_cast<int>(std::floor(middle + half)) + 1};
 }
 
+// Not the exact parallel curve, which is no ellipse: exact on the axes.
 Ellipse grown(const Ellipse& ellipse, double by_px) {
   Ellipse e = ellipse;
   e.semi_major_px = std::max(e.semi_major_px + by_px, 1.0);
@@ -27,6 +33,7 @@ Ellipse grown(const Ellipse& ellipse, double by_px) {
   return e;
 }
 
+// The region's sides are at most side_px + 1, plus a pixel on either side for the sums.
 void Evidence::reserve(int side_px) {
   const auto side = static_cast<std::size_t>(side_px) + 2;
   values_.reserve(side * side);
@@ -34,12 +41,13 @@ void Evidence::reserve(int side_px) {
   sums_.reserve(3 * side);
 }
 
-// Sums over three columns of row v, which lies in the image, into its place in the ring.
+// Sums of F over three columns of row v, which lies in the image, into its slot of the ring of
+// three. Pixels outside of the image count as F = 0.
 void Evidence::read_row(const cv::Mat& image, const ColorModel& model, int v) {
   const std::int8_t* table = model.table().data();
   const auto width = static_cast<std::size_t>(region_.width);
-  const int first = std::max(region_.x - 1, 0),
-            end = std::min(region_.x + region_.width + 1, image.cols);
+  const int first = std::max(region_.x - 1, 0);
+  const int end = std::min(region_.x + region_.width + 1, image.cols);
   const unsigned char* from = image.ptr<unsigned char>(v) + 3 * static_cast<std::ptrdiff_t>(first);
   std::fill(row_.begin(), row_.begin() + static_cast<std::ptrdiff_t>(width + 2), std::int8_t{0});
   std::int8_t* to = row_.data() + (first - (region_.x - 1));
@@ -51,6 +59,8 @@ void Evidence::read_row(const cv::Mat& image, const ColorModel& model, int v) {
     sums[k] = static_cast<std::int16_t>(f[k] + f[k + 1] + f[k + 2]);
 }
 
+// One row of the map: the 3 x 3 sum within the gate, kBlocked elsewhere and on other objects'
+// pixels.
 void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
                         unsigned char self) {
   const auto width = static_cast<std::size_t>(region_.width);
@@ -59,7 +69,9 @@ void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const 
   span.end = std::min({span.end, region_.x + region_.width - kMargin, image.cols});
   std::int16_t* to = values_.data() + index_of(region_.x, v);
   std::fill(to, to + width, kBlocked);
-  const std::int16_t *a = sums_.data(), *b = a + width, *c = b + width;
+  const std::int16_t* a = sums_.data();
+  const std::int16_t* b = a + width;
+  const std::int16_t* c = b + width;
   for (int u = span.first; u < span.end; ++u) {
     const auto k = static_cast<std::size_t>(u - region_.x);
     to[k] = static_cast<std::int16_t>(a[k] + b[k] + c[k]);
@@ -71,25 +83,30 @@ void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const 
   }
 }
 
+// Row by row with a ring of three rows of sums, so that every pixel's F is looked up once. The
+// gate's bounding box has the half sides hypot(a cos, b sin) and hypot(a sin, b cos).
 void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate,
                     int max_side_px, const cv::Mat& owned, unsigned char self) {
-  const double c = std::cos(gate.angle), s = std::sin(gate.angle), a = gate.semi_major_px,
-               b = gate.semi_minor_px;
+  const double c = std::cos(gate.angle);
+  const double s = std::sin(gate.angle);
+  const double a = gate.semi_major_px;
+  const double b = gate.semi_minor_px;
   const int most = max_side_px / 2;
   const int half_u =
       std::min(static_cast<int>(std::ceil(std::hypot(a * c, b * s))) + kMargin + 1, most);
   const int half_v =
       std::min(static_cast<int>(std::ceil(std::hypot(a * s, b * c))) + kMargin + 1, most);
-  const int u0 = static_cast<int>(std::lround(gate.center_px.x())),
-            v0 = static_cast<int>(std::lround(gate.center_px.y()));
+  const int u0 = static_cast<int>(std::lround(gate.center_px.x()));
+  const int v0 = static_cast<int>(std::lround(gate.center_px.y()));
   region_ = {u0 - half_u, v0 - half_v, 2 * half_u + 1, 2 * half_v + 1};
-  const auto width = static_cast<std::size_t>(region_.width),
-             height = static_cast<std::size_t>(region_.height);
+  const auto width = static_cast<std::size_t>(region_.width);
+  const auto height = static_cast<std::size_t>(region_.height);
   if (values_.size() < width * height) values_.resize(width * height);
   if (row_.size() < width + 2) row_.resize(width + 2);
   if (sums_.size() < 3 * width) sums_.resize(3 * width);
   std::fill(sums_.begin(), sums_.end(), std::int16_t{0});
-  const int first = region_.y + kMargin, end = region_.y + region_.height - kMargin;
+  const int first = region_.y + kMargin;
+  const int end = region_.y + region_.height - kMargin;
   for (int v = region_.y; v < region_.y + region_.height; ++v) {
     const bool inside = v >= std::max(first, 0) && v < std::min(end, image.rows);
     if (!inside) {
@@ -97,6 +114,7 @@ void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse
                   kBlocked);
       continue;
     }
+    // The ring holds the rows v - 1, v and v + 1; outside of the image a row counts as F = 0.
     if (v == std::max(first, 0)) {
       if (v > 0) read_row(image, model, v - 1);
       read_row(image, model, v);
@@ -112,9 +130,12 @@ void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse
   }
 }
 
+// NaN marks the end of what is known; callers stop there.
 double Evidence::between(double u, double v) const {
-  const double fu = std::floor(u), fv = std::floor(v);
-  const int i = static_cast<int>(fu), j = static_cast<int>(fv);
+  const double fu = std::floor(u);
+  const double fv = std::floor(v);
+  const int i = static_cast<int>(fu);
+  const int j = static_cast<int>(fv);
   if (i < region_.x || j < region_.y || i + 1 >= region_.x + region_.width ||
       j + 1 >= region_.y + region_.height) {
     return std::numeric_limits<double>::quiet_NaN();
@@ -124,7 +145,8 @@ double Evidence::between(double u, double v) const {
   if (p[0] == kBlocked || p[1] == kBlocked || q[0] == kBlocked || q[1] == kBlocked) {
     return std::numeric_limits<double>::quiet_NaN();
   }
-  const double x = u - fu, y = v - fv;
+  const double x = u - fu;
+  const double y = v - fv;
   return ((p[0] * (1 - x) + p[1] * x) * (1 - y) + (q[0] * (1 - x) + q[1] * x) * y) / kScale;
 }
 

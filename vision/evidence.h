@@ -1,5 +1,5 @@
-// A color model's F in a region around where the object is expected, smoothed, with what can not be
-// the object blocked.
+// Evidence map: a color model's log-likelihood ratio F in a region around the predicted object,
+// smoothed, with all that cannot be the object blocked.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +15,8 @@ namespace vitreo::vision {
 
 /// Which columns [first, end) of row `v` lie in the ellipse; none: first == end.
 struct RowSpan {
-  int first = 0, end = 0;
+  int first = 0;
+  int end = 0;
 };
 RowSpan row_of(const Ellipse& ellipse, int v);
 
@@ -40,15 +41,14 @@ class Evidence {
             const cv::Mat& owned = {}, unsigned char self = 0);
 
   const cv::Rect& region() const { return region_; }
-  std::int16_t at(int u, int v) const {
-    return values_[index_of(u, v)];
-  }  ///< image coordinates, in the region
+  /// At a pixel of the image, in the region.
+  std::int16_t at(int u, int v) const { return values_[index_of(u, v)]; }
   std::size_t index_of(int u, int v) const {
     return static_cast<std::size_t>(v - region_.y) * static_cast<std::size_t>(region_.width) +
            static_cast<std::size_t>(u - region_.x);
   }
   const std::vector<std::int16_t>& values() const { return values_; }  ///< by rows of the region
-  /// F at a place between pixels, or NaN where a pixel beside it is blocked or not in the region.
+  /// F between pixels, bilinear, or NaN where a pixel beside it is blocked or not in the region.
   double between(double u, double v) const;
 
  private:

@@ -2,6 +2,7 @@
 #include "vision/focus.h"
 
 #include "vision/focus_terms.h"
+#include "vision/preconditions.h"
 
 #include <algorithm>
 #include <array>
@@ -11,66 +12,65 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr int kSmallest = 4;      // px a side: below, the mean of a measure is chance
-constexpr int kLargestReach = 3;  // of all rules
+constexpr int kSmallestWindow = 4;  // px a side: in fewer pixels the mean of a measure is chance
+constexpr int kLargestReach = 3;    // of all rules
 
-// What can be measured: the image without the rim that the neighborhood of a pixel needs.
+// The image without the border that the neighborhood of a pixel needs.
 cv::Rect interior(const cv::Mat& image, int reach) {
   return {reach, reach, image.cols - 2 * reach, image.rows - 2 * reach};
 }
 
-// OpenCV's & of rectangles overflows for absurd ones, and an empty one loses its place: kept to
-// sane numbers here.
-cv::Rect cut(const cv::Rect& area, const cv::Rect& to) {
+// Intersection in 64 bits: OpenCV's & of rectangles overflows for extreme ones. Empty is {}.
+cv::Rect intersection(const cv::Rect& area, const cv::Rect& to) {
   const auto end = [](int start, int length) { return static_cast<std::int64_t>(start) + length; };
-  const int left = std::max(area.x, to.x), top = std::max(area.y, to.y);
+  const int left = std::max(area.x, to.x);
+  const int top = std::max(area.y, to.y);
   const auto right = std::min(end(area.x, area.width), end(to.x, to.width));
   const auto bottom = std::min(end(area.y, area.height), end(to.y, to.height));
   if (right <= left || bottom <= top) return {};
   return {left, top, static_cast<int>(right - left), static_cast<int>(bottom - top)};
 }
 
-cv::Rect grown(const cv::Rect& area, int by) {
+cv::Rect widened(const cv::Rect& area, int by) {
   return {area.x - by, area.y - by, area.width + 2 * by, area.height + 2 * by};
 }
 
-void check_image(const cv::Mat& image) {
-  if (image.empty() || image.dims != 2 || image.type() != CV_8UC1)
-    throw std::invalid_argument(
-        "image: a focus measure wants an 8-bit gray image that is not empty");
+void check_gray(const cv::Mat& image) {
+  require(!image.empty() && image.dims == 2 && image.type() == CV_8UC1,
+          "image: a focus measure wants an 8-bit gray image that is not empty");
 }
 
 }  // namespace
 
 FocusWindow::FocusWindow(FocusMeasure measure, const cv::Size& size_px, int margin_px)
     : measure_(measure), size_(size_px), margin_(margin_px) {
-  rule_of(measure);
-  constexpr int kLargest = 1 << 15;  // px: no camera's image is larger
-  if (std::min(size_px.width, size_px.height) < kSmallest ||
-      std::max(size_px.width, size_px.height) > kLargest)
-    throw std::invalid_argument("size_px: a focus window has 4 to 32768 pixels a side");
-  if (margin_px < 0 || margin_px > kLargest)
-    throw std::invalid_argument("margin_px: must be 0 to 32768");
+  rule_of(measure);                 // throws for a number that is no measure
+  constexpr int kMostPx = 1 << 15;  // no camera's image is larger
+  require(std::min(size_px.width, size_px.height) >= kSmallestWindow &&
+              std::max(size_px.width, size_px.height) <= kMostPx,
+          "size_px: a focus window has 4 to 32768 pixels a side");
+  require(margin_px >= 0 && margin_px <= kMostPx, "margin_px: must be 0 to 32768");
 }
 
+// The window's part with all its neighborhoods in the image.
 cv::Rect FocusWindow::clipped(const cv::Point& center_px) const {
   // Far outside is outside: clamped first, so that the sums below cannot overflow.
   const int u = std::clamp(center_px.x, -size_.width, image_.cols + size_.width);
   const int v = std::clamp(center_px.y, -size_.height, image_.rows + size_.height);
   const cv::Rect whole(u - size_.width / 2, v - size_.height / 2, size_.width, size_.height);
-  const cv::Rect area = cut(whole, interior(image_, rule_of(measure_).reach));
-  if (area.width < kSmallest || area.height < kSmallest)
-    throw std::invalid_argument(
-        "center_px: fewer than 4 x 4 pixels of the focus window lie in the image");
+  const cv::Rect area = intersection(whole, interior(image_, rule_of(measure_).reach));
+  require(area.width >= kSmallestWindow && area.height >= kSmallestWindow,
+          "center_px: fewer than 4 x 4 pixels of the focus window lie in the image");
   return area;
 }
 
+// Measures the window with its margin once, so that move() within the margin only reads the table.
 FocusReading FocusWindow::look(const cv::Mat& image, const cv::Point& center_px) {
-  check_image(image);
-  window_ = {};
+  check_gray(image);
+  window_ = {};  // move() must not use the old table, should this throw
   image_ = image;
   const cv::Rect area = clipped(center_px);
-  measure_area(cut(grown(area, margin_), interior(image_, rule_of(measure_).reach)));
+  measure_area(intersection(widened(area, margin_), interior(image_, rule_of(measure_).reach)));
   window_ = area;
   std::int64_t full = 0;
   for (int v = area.y; v < area.y + area.height; ++v) {
@@ -85,16 +85,18 @@ FocusReading FocusWindow::move(const cv::Point& center_px) {
   if (window_.empty())
     throw std::logic_error("a focus window must look at an image before it can move");
   const cv::Rect area = clipped(center_px);
-  if (cut(area, known_) != area) return look(cv::Mat(image_), center_px);
+  if (intersection(area, known_) != area) return look(cv::Mat(image_), center_px);
   window_ = area;
   return reading();
 }
 
+// The integral images (summed-area tables, Crow 1984) of gray level, term and response over `area`:
+// T(i, j) = sum of all pixels above row j and left of column i.
 void FocusWindow::measure_area(const cv::Rect& area) {
   known_ = area;
   const FocusRule& rule = rule_of(measure_);
-  const auto width = static_cast<std::size_t>(area.width),
-             height = static_cast<std::size_t>(area.height);
+  const auto width = static_cast<std::size_t>(area.width);
+  const auto height = static_cast<std::size_t>(area.height);
   term_.resize(width);
   response_.assign(width, 0);
   table_.resize((width + 1) * (height + 1));
@@ -102,6 +104,7 @@ void FocusWindow::measure_area(const cv::Rect& area) {
   std::array<const unsigned char*, 2 * kLargestReach + 1> rows{};
   const unsigned char** const middle = rows.data() + kLargestReach;
   for (int j = 0; j < area.height; ++j) {
+    // The rows about this one, addressed from -reach to reach.
     for (int k = -rule.reach; k <= rule.reach; ++k) middle[k] = image_.ptr(area.y + j + k);
     rule.terms({middle, area.x, area.x + area.width, term_.data(), response_.data(), &scratch_});
     const unsigned char* const gray = image_.ptr(area.y + j) + area.x;
@@ -117,12 +120,13 @@ void FocusWindow::measure_area(const cv::Rect& area) {
   }
 }
 
-// Of four corners: whatever the window's size, and however far it moved.
+// Sum over the window from four corners of the table, T(r, b) - T(l, b) - T(r, t) + T(l, t): the
+// same cost whatever the window's size and motion.
 FocusWindow::Sums FocusWindow::sums() const {
-  const auto left = static_cast<std::size_t>(window_.x - known_.x),
-             top = static_cast<std::size_t>(window_.y - known_.y);
-  const std::size_t right = left + static_cast<std::size_t>(window_.width),
-                    stride = static_cast<std::size_t>(known_.width) + 1;
+  const auto left = static_cast<std::size_t>(window_.x - known_.x);
+  const auto top = static_cast<std::size_t>(window_.y - known_.y);
+  const std::size_t right = left + static_cast<std::size_t>(window_.width);
+  const std::size_t stride = static_cast<std::size_t>(known_.width) + 1;
   const Sums* const above = table_.data() + top * stride;
   const Sums* const below = above + static_cast<std::size_t>(window_.height) * stride;
   const auto of = [&](std::int64_t Sums::*part) {
@@ -131,6 +135,7 @@ FocusWindow::Sums FocusWindow::sums() const {
   return {of(&Sums::gray), of(&Sums::term), of(&Sums::response)};
 }
 
+// The measure from the means of its terms over the window (FocusRule::value).
 FocusReading FocusWindow::reading() const {
   FocusReading reading;
   reading.pixels = window_.area();
@@ -144,10 +149,10 @@ FocusReading FocusWindow::reading() const {
 }
 
 FocusReading focus(const cv::Mat& image, const cv::Rect& where, FocusMeasure measure) {
-  check_image(image);
-  const cv::Rect area = cut(where, {0, 0, image.cols, image.rows});
-  if (area.width < kSmallest || area.height < kSmallest)
-    throw std::invalid_argument("where: fewer than 4 x 4 pixels of it lie in the image");
+  check_gray(image);
+  const cv::Rect area = intersection(where, {0, 0, image.cols, image.rows});
+  require(area.width >= kSmallestWindow && area.height >= kSmallestWindow,
+          "where: fewer than 4 x 4 pixels of it lie in the image");
   FocusWindow window(measure, area.size(), 0);
   return window.look(image, {area.x + area.width / 2, area.y + area.height / 2});
 }

@@ -1,5 +1,5 @@
-// Where a focus measure peaks, between the steps, and how sure that is. No peak and a peak at the
-// end are answers too.
+// Focus peak: position of a focus measure's maximum between the samples, with its standard
+// deviation, or the finding that there is none or that it lies beyond an end.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,8 +16,7 @@ struct FocusSample {
 
 struct FocusPeak {
   double position = 0;
-  double sigma = 0;  ///< one standard deviation: noise of the samples, and how far the curve is
-                     ///< from a parabola
+  double sigma = 0;  ///< one standard deviation: noise of the samples and misfit of the parabola
   double value = 0;  ///< of the fitted curve at the peak
 };
 
@@ -36,16 +35,17 @@ struct FocusPeakFit {
 };
 
 struct FocusPeakSettings {
-  double depth = 0.7;  ///< the parabola is fitted down to exp(-depth) of the peak, and to three
-                       ///< samples at least
-  double least_noise =
-      0.002;  ///< relative, of one sample: a few samples may look better than they are
-  double significance = 7;  ///< the peak stands this many standard deviations of noise above the
-                            ///< lowest, both smoothed
-  void check() const;       ///< throws std::invalid_argument naming the setting
+  /// The parabola is fitted down to exp(-depth) of the peak, and to three samples at least.
+  double depth = 0.7;
+  /// Relative, of one sample: a few samples may scatter less than their noise.
+  double least_noise = 0.002;
+  /// Standard deviations of noise by which the peak exceeds the lowest sample, both smoothed.
+  double significance = 7;
+  void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
-/// A parabola through the logarithm of the measure, by least squares that outliers do not pull.
+/// Gaussian interpolation as in shape from focus (Nayar & Nakagawa 1994), here by robust least
+/// squares (Tukey) over all samples near the peak: a parabola through the logarithm of the measure.
 /// Positions in any order, with repeats. Throws std::invalid_argument when a position or a value is
 /// not finite.
 FocusPeakFit find_focus_peak(std::span<const FocusSample> samples,

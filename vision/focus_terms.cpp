@@ -9,23 +9,27 @@
 namespace vitreo::vision {
 namespace {
 
+// I^2, from which the variance is mean(I^2) - mean(I)^2.
 void square_terms(const FocusRow& r) {
   const unsigned char* const row = r.rows[0];
   for (int u = r.begin; u < r.end; ++u) r.term[u - r.begin] = row[u] * row[u];
 }
 
+// Tenengrad (Tenenbaum 1970, Krotkov 1987): squared magnitude of Sobel's gradient, no threshold.
 void sobel_terms(const FocusRow& r) {
   const unsigned char *const a = r.rows[-1], *const b = r.rows[0], *const c = r.rows[1];
   for (int u = r.begin; u < r.end; ++u) {
-    const int right = a[u + 1] + 2 * b[u + 1] + c[u + 1], left = a[u - 1] + 2 * b[u - 1] + c[u - 1];
-    const int below = c[u - 1] + 2 * c[u] + c[u + 1], above = a[u - 1] + 2 * a[u] + a[u + 1];
+    const int right = a[u + 1] + 2 * b[u + 1] + c[u + 1];
+    const int left = a[u - 1] + 2 * b[u - 1] + c[u - 1];
+    const int below = c[u - 1] + 2 * c[u] + c[u + 1];
+    const int above = a[u - 1] + 2 * a[u] + a[u + 1];
     r.term[u - r.begin] = (right - left) * (right - left) + (below - above) * (below - above);
   }
 }
 
-// The binomial (1 4 6 4 1) has the variance 1 px^2 and folds with Sobel's (1 2 1) and (-1 0 1) into
-// two kernels of 7. A gradient is kept in units of 1/16, 1/1024 of it to one gray level a pixel:
-// far below the noise, and squares fit.
+// Tenengrad of the smoothed image. The binomial (1 4 6 4 1) has the variance 1 px^2 and convolves
+// with Sobel's (1 2 1) to (1 6 15 20 15 6 1) and with (-1 0 1) to (-1 -4 -5 0 5 4 1). Gradients are
+// divided by 16, to 128 per gray level and pixel, so that their squares fit 32 bits.
 void smoothed_sobel_terms(const FocusRow& r) {
   const int count = r.end - r.begin + 6;
   if (static_cast<int>(r.scratch->size()) < 2 * count)
@@ -35,8 +39,9 @@ void smoothed_sobel_terms(const FocusRow& r) {
   const unsigned char* row[7];
   for (int k = 0; k < 7; ++k) row[k] = r.rows[k - 3] + r.begin - 3;
   for (int i = 0; i < count; ++i) {
-    const int ends = row[0][i] + row[6][i], next = row[1][i] + row[5][i],
-              inner = row[2][i] + row[4][i];
+    const int ends = row[0][i] + row[6][i];
+    const int next = row[1][i] + row[5][i];
+    const int inner = row[2][i] + row[4][i];
     smooth[i] = ends + 6 * next + 15 * inner + 20 * row[3][i];
     slope[i] = row[6][i] - row[0][i] + 4 * (row[5][i] - row[1][i]) + 5 * (row[4][i] - row[2][i]);
   }
@@ -45,11 +50,13 @@ void smoothed_sobel_terms(const FocusRow& r) {
                    5 * (smooth[i + 1] - smooth[i - 1]);
     const int gy = slope[i - 3] + slope[i + 3] + 6 * (slope[i - 2] + slope[i + 2]) +
                    15 * (slope[i - 1] + slope[i + 1]) + 20 * slope[i];
-    const int x = gx / 16, y = gy / 16;
+    const int x = gx / 16;
+    const int y = gy / 16;
     r.term[i - 3] = x * x + y * y;
   }
 }
 
+// Brenner et al. 1976: squared difference of pixels two apart.
 void brenner_terms(const FocusRow& r) {
   const unsigned char* const row = r.rows[0];
   for (int u = r.begin; u < r.end; ++u) {
@@ -58,6 +65,7 @@ void brenner_terms(const FocusRow& r) {
   }
 }
 
+// 4-neighbor Laplacian; its variance is the measure of Pech-Pacheco et al. 2000.
 void laplacian_terms(const FocusRow& r) {
   const unsigned char *const a = r.rows[-1], *const b = r.rows[0], *const c = r.rows[1];
   for (int u = r.begin; u < r.end; ++u) {
@@ -67,6 +75,8 @@ void laplacian_terms(const FocusRow& r) {
   }
 }
 
+// Modified Laplacian |I_uu| + |I_vv| with step 1 (Nayar & Nakagawa 1994): the two directions cannot
+// cancel.
 void modified_laplacian_terms(const FocusRow& r) {
   const unsigned char *const a = r.rows[-1], *const b = r.rows[0], *const c = r.rows[1];
   for (int u = r.begin; u < r.end; ++u)
@@ -74,6 +84,8 @@ void modified_laplacian_terms(const FocusRow& r) {
         std::abs(2 * b[u] - b[u - 1] - b[u + 1]) + std::abs(2 * b[u] - a[u] - c[u]);
 }
 
+// Vollath's F4 (1987): autocorrelation at lag 1 less that at lag 2; noise, uncorrelated, is in
+// neither.
 void vollath_terms(const FocusRow& r) {
   const unsigned char* const row = r.rows[0];
   for (int u = r.begin; u < r.end; ++u) r.term[u - r.begin] = row[u] * (row[u + 1] - row[u + 2]);
@@ -85,9 +97,12 @@ double over(double numerator, double denominator) {
 }
 double term_itself(double, double term, double) { return term; }
 double term_over_mean_squared(double mean, double term, double) { return over(term, mean * mean); }
+// Normalized variance (Groen et al. 1985; the most robust in Sun et al. 2004): the thesis' measure
+// (section 4.4.1).
 double variance_over_mean(double mean, double term, double) {
   return over(term - mean * mean, mean);
 }
+// Scales with neither exposure nor lamp, as variance goes with the square of the light.
 double variance_over_squared(double mean, double term, double) {
   return over(term - mean * mean, mean * mean);
 }
@@ -95,7 +110,7 @@ double response_variance(double, double term, double response) {
   return term - response * response;
 }
 
-constexpr std::array<FocusRule, 8> kRules{{
+constexpr std::array<FocusRule, 8> kFocusRules{{
     {FocusMeasure::normalized_variance, "normalized_variance", 0, square_terms, variance_over_mean},
     {FocusMeasure::variance_over_mean_squared, "variance_over_mean_squared", 0, square_terms,
      variance_over_squared},
@@ -112,7 +127,7 @@ constexpr std::array<FocusRule, 8> kRules{{
 }  // namespace
 
 const FocusRule& rule_of(FocusMeasure measure) {
-  for (const FocusRule& rule : kRules) {
+  for (const FocusRule& rule : kFocusRules) {
     if (rule.measure == measure) return rule;
   }
   throw std::invalid_argument("measure: no focus measure has the number " +
@@ -122,8 +137,8 @@ const FocusRule& rule_of(FocusMeasure measure) {
 const std::vector<FocusMeasure>& focus_measures() {
   static const std::vector<FocusMeasure> kAll = [] {
     std::vector<FocusMeasure> all;
-    all.reserve(kRules.size());
-    for (const FocusRule& rule : kRules) all.push_back(rule.measure);
+    all.reserve(kFocusRules.size());
+    for (const FocusRule& rule : kFocusRules) all.push_back(rule.measure);
     return all;
   }();
   return kAll;
@@ -133,7 +148,7 @@ std::string_view name_of(FocusMeasure measure) { return rule_of(measure).name; }
 
 FocusMeasure focus_measure(std::string_view name) {
   std::string names;
-  for (const FocusRule& rule : kRules) {
+  for (const FocusRule& rule : kFocusRules) {
     if (rule.name == name) return rule.measure;
     names += (names.empty() ? "" : ", ") + std::string(rule.name);
   }

@@ -1,8 +1,8 @@
-// What one pixel adds to a focus measure, and how the sums over a window become the measure.
+// Terms of the focus measures: a pixel's contribution, and the measure from the sums over a window.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/focus.h"
+#include "vision/focus_measure.h"
 
 #include <cstdint>
 #include <string_view>
@@ -10,13 +10,15 @@
 
 namespace vitreo::vision {
 
-/// One row of pixels and the rows about it. Integers throughout, so that a strip taken off is
-/// exactly what was added.
+/// One row of pixels and the rows about it. Integers throughout, so that the difference of two
+/// table entries is exact.
 struct FocusRow {
   const unsigned char* const* rows;  ///< rows[-reach] to rows[reach]
-  int begin, end;                    ///< columns
-  std::int32_t *term,
-      *response;  ///< out, from index 0; response only where a rule has one, else untouched
+  int begin;                         ///< first column
+  int end;                           ///< behind the last
+  /// Out, from index 0; response only where a rule has one, else untouched.
+  std::int32_t* term;
+  std::int32_t* response;
   std::vector<std::int32_t>* scratch;
 };
 

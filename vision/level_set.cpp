@@ -2,22 +2,18 @@
 #include "vision/level_set.h"
 
 #include "vision/moments.h"
+#include "vision/preconditions.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <stdexcept>
 #include <utility>
 
 namespace vitreo::vision {
 namespace {
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
-
-// A Gaussian of sigma 1.2 px in integers; only the sign of the sum counts.
-constexpr std::array kGauss{1, 3, 4, 3, 1};
+// A Gaussian of sigma 1.2 px, 4 exp(-x^2 / (2 sigma^2)) rounded; only the sign of a sum counts.
+constexpr std::array kSmoothingKernel{1, 3, 4, 3, 1};
 
 }  // namespace
 
@@ -31,7 +27,7 @@ void LevelSetSettings::check() const {
 
 LevelSet::LevelSet(const LevelSetSettings& settings) : settings_(settings) {
   settings.check();
-  // A pass adds at most three neighbors a point before the length is looked at.
+  // A pass adds at most three neighbors a point before the length is checked.
   const auto most = 4 * static_cast<std::size_t>(settings.max_points);
   for (List* list : {&in_, &out_, &kept_, &added_}) list->reserve(most);
   flag_.resize(most);
@@ -45,6 +41,8 @@ void LevelSet::reserve(int side_px) {
   stack_.reserve(size);
 }
 
+// phi = -3 inside the ellipse, +3 elsewhere, then the two lists. Row by row between kMargin and the
+// region's end: a pixel of the front always has its 5 x 5 neighborhood in the region.
 void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   evidence_ = &evidence;
   const cv::Rect& region = evidence.region();
@@ -61,10 +59,10 @@ void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   out_.clear();
   leaked_ = false;
   iterations_ = 0;
-  const int top = region.y + Evidence::kMargin,
-            bottom = region.y + region.height - Evidence::kMargin;
-  const int left = region.x + Evidence::kMargin,
-            right = region.x + region.width - Evidence::kMargin;
+  const int top = region.y + Evidence::kMargin;
+  const int bottom = region.y + region.height - Evidence::kMargin;
+  const int left = region.x + Evidence::kMargin;
+  const int right = region.x + region.width - Evidence::kMargin;
   const std::int16_t* f = evidence.values().data();
   for (int v = top; v < bottom; ++v) {
     const RowSpan span = row_of(ellipse, v);
@@ -77,11 +75,12 @@ void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   list_front(static_cast<int>(evidence.index_of(left, top)), static_cast<int>(size));
 }
 
-// Finds the front of a phi that is 3 outside and -3 inside, of `size` pixels the first and last
-// `skip` of which are outside.
+// L_in and L_out of thesis 8.2.1, by their definitions, for a phi that is 3 outside and -3 inside,
+// of `size` pixels the first and last `skip` of which are outside.
 void LevelSet::list_front(int skip, int size) {
   const std::array<int, 4> around{-1, 1, -stride_, stride_};
-  const int first = skip, end = size - skip;
+  const int first = skip;
+  const int end = size - skip;
   for (int p = first; p < end; ++p) {
     std::int8_t* phi = phi_.data() + p;
     if (*phi > 0 || (phi[-1] < 0 && phi[1] < 0 && phi[-stride_] < 0 && phi[stride_] < 0)) continue;
@@ -99,6 +98,8 @@ void LevelSet::list_front(int skip, int size) {
   }
 }
 
+// switch_in() of thesis 8.2.1 for the points of L_out that are flagged: to L_in, and their exterior
+// 4-neighbors to L_out. By two vectors that swap: nothing is erased from the middle of a list.
 void LevelSet::switch_in() {
   kept_.clear();
   added_.clear();
@@ -121,6 +122,8 @@ void LevelSet::switch_in() {
   std::swap(out_, kept_);
 }
 
+// switch_out() of thesis 8.2.1 for the flagged points of L_in: to L_out, and their interior
+// 4-neighbors to L_in.
 void LevelSet::switch_out() {
   kept_.clear();
   added_.clear();
@@ -159,9 +162,13 @@ void LevelSet::clean(List& list, int sign) {
   if (in_.size() + out_.size() > static_cast<std::size_t>(settings_.max_points)) leaked_ = true;
 }
 
-// One pass over both lists; true when nothing wanted to switch.
+// Cycle one of thesis 8.2.1, one iteration: x in L_out switches in if F(x) > t_h, x in L_in
+// switches out if F(x) < t_l; with t_l = t_h = 0 it is Shi & Karl's data-driven cycle, which
+// descends the region energy. Blocked pixels have the lowest F and never switch in. True when no
+// point switched.
 bool LevelSet::cycle_one(const Thresholds& thresholds) {
   const std::int16_t* f = evidence_->values().data();
+  // In the map's units: integers are compared.
   const auto high = static_cast<int>(std::lround(thresholds.high * Evidence::kScale));
   const auto low = static_cast<int>(std::lround(thresholds.low * Evidence::kScale));
   int switched = 0;
@@ -174,16 +181,20 @@ bool LevelSet::cycle_one(const Thresholds& thresholds) {
   return switched == 0;
 }
 
+// The sign of (G * phi)(p), by the separable kernel's outer product.
 int LevelSet::smoothed(int p) const {
   int sum = 0;
   for (int j = 0; j < 5; ++j) {
     const std::int8_t* row = phi_.data() + p + (j - 2) * stride_ - 2;
-    sum += kGauss[static_cast<std::size_t>(j)] *
+    sum += kSmoothingKernel[static_cast<std::size_t>(j)] *
            (row[0] + row[4] + 3 * (row[1] + row[3]) + 4 * row[2]);
   }
   return sum;
 }
 
+// Cycle two, one iteration: x in L_out switches in if (G * phi)(x) < 0, x in L_in out if it is > 0
+// (Shi & Karl 2005). Filtering phi by a Gaussian is motion by mean curvature to first order
+// (Merriman, Bence & Osher 1992), the descent of the front's length.
 void LevelSet::cycle_two() {
   const std::int16_t* f = evidence_->values().data();
   for (std::size_t k = 0; k < out_.size(); ++k)
@@ -195,6 +206,8 @@ void LevelSet::cycle_two() {
   clean(out_, 1);
 }
 
+// N_a iterations of cycle one, or until it has converged, then N_g of cycle two; repeated `rounds`
+// times at most, as smoothing may open the way for the data again.
 void LevelSet::evolve(const Thresholds& thresholds) {
   bool settled = false;
   for (int round = 0; round < settings_.rounds && !settled; ++round) {
@@ -204,6 +217,8 @@ void LevelSet::evolve(const Thresholds& thresholds) {
   }
 }
 
+// Table 8.1: N_s iterations in which x in L_out switches in if phi*(x) < 0, and x in L_in out if
+// phi*(x) > 0, each followed by the deletion of points that left the front (clean()).
 void LevelSet::pull_to(const PlacedShape& prior) {
   const std::int16_t* f = evidence_->values().data();
   const cv::Rect& region = evidence_->region();
@@ -219,6 +234,7 @@ void LevelSet::pull_to(const PlacedShape& prior) {
   }
 }
 
+// Flood fill (4-connected) of the part of the inside with `seed`: labels it, sums moments and F.
 Segment LevelSet::flood(int seed, unsigned char label) {
   MomentSums sums;
   std::int64_t evidence = 0;
@@ -242,6 +258,7 @@ Segment LevelSet::flood(int seed, unsigned char label) {
           static_cast<double>(evidence) / static_cast<double>(sums.count) / Evidence::kScale};
 }
 
+// Every part of the inside has points in L_in, so the list seeds the flood fills.
 Segment LevelSet::keep_largest() {
   const auto size =
       static_cast<std::size_t>(stride_) * static_cast<std::size_t>(evidence_->region().height);
@@ -250,13 +267,14 @@ Segment LevelSet::keep_largest() {
   unsigned char label = 0, best_label = 0;
   for (const int p : in_) {
     if (label_[static_cast<std::size_t>(p)] != 0) continue;
-    // 254 parts are dust; whatever else is there can not be larger than what a body is.
+    // The labels are bytes. Of 254 parts and more, none is a body.
     if (++label == 255) break;
     const Segment part = flood(p, label);
     if (part.area_px <= best.area_px) continue;
     best = part;
     best_label = label;
   }
+  // The other parts become outside, which leaves points of L_out without an inside neighbor.
   if (label < 2) return best;
   for (std::size_t p = 0; p < size; ++p) {
     if (phi_[p] < 0 && label_[p] != best_label) phi_[p] = 3;
@@ -266,6 +284,7 @@ Segment LevelSet::keep_largest() {
   return best;
 }
 
+// The rim lies between the two lists, half a pixel from either on average.
 void LevelSet::front(std::vector<FrontPoint>& points) const {
   points.clear();
   const cv::Rect& region = evidence_->region();

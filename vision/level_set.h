@@ -1,5 +1,5 @@
-// The fast two-list level set of Shi and Karl with the thesis' two thresholds (8.2.1) and its third
-// cycle (table 8.1).
+// Level set: the fast two-list method of Shi & Karl (2005, 2008) with the thesis' two thresholds
+// (8.2.1) and its third cycle (table 8.1).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,10 +17,10 @@ struct LevelSetSettings {
   int iterations = 30;  ///< of cycle one before cycle two gets its turn (N_a)
   int smoothing = 3;    ///< iterations of cycle two (N_g)
   int rounds = 2;       ///< of both cycles, at most
-  int prior_iterations =
-      3;  ///< of cycle three (N_s); few, so that the object may differ from the prior
-  int max_points =
-      4096;            ///< of both lists together; a longer front is a leak and stops the evolution
+  /// Of cycle three (N_s); few, so that the object may differ from the prior.
+  int prior_iterations = 3;
+  /// Of both lists together; a longer front is a leak and stops the evolution.
+  int max_points = 4096;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
@@ -31,6 +31,11 @@ struct Segment {
   double evidence = 0;  ///< mean F of the part
 };
 
+/// Minimizes the region energy of front C with inside A and outside B,
+///   E = -int_A log P(u|object) - int_B log P(u|ground) + lambda |C|
+/// (region competition, Zhu & Yuille 1996), by switching pixels across the front: cycle one follows
+/// the data terms, whose speed is F, cycle two the length, and cycle three pulls to the shape
+/// prior. No PDE is solved; phi has four values.
 class LevelSet {
  public:
   explicit LevelSet(const LevelSetSettings& settings);
@@ -70,8 +75,13 @@ class LevelSet {
   bool leaked_ = false;
   int iterations_ = 0;
   std::vector<std::int8_t> phi_;
-  std::vector<unsigned char> label_, flag_;
-  List in_, out_, kept_, added_, stack_;
+  std::vector<unsigned char> label_;
+  std::vector<unsigned char> flag_;
+  List in_;
+  List out_;
+  List kept_;
+  List added_;
+  List stack_;
 };
 
 }  // namespace vitreo::vision

@@ -1,5 +1,4 @@
-// Masks of an object from what a person can say without painting: an ellipse, a polygon, points on
-// and off it.
+// Object masks from an operator's outline: ellipses, polygons, points on and off the object.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,7 +13,8 @@ namespace vitreo::vision {
 struct MaskOutline {
   std::vector<Ellipse> ellipses;
   std::vector<std::vector<Eigen::Vector2d>> polygons_px;
-  std::vector<Eigen::Vector2d> on_px, off_px;  ///< points that are surely on the object, surely not
+  std::vector<Eigen::Vector2d> on_px;   ///< points that are surely on the object
+  std::vector<Eigen::Vector2d> off_px;  ///< points that are surely not
 };
 
 /// CV_8UC1, 255 within any of the outlines: pixels whose center is inside. Throws
@@ -22,11 +22,12 @@ struct MaskOutline {
 /// corners, or when no pixel of the image is inside.
 cv::Mat mask_of(const MaskOutline& outline, const cv::Size& size);
 
-/// What of the image (CV_8UC3) is the object by its colors, around a rough mask: GrabCut (Rother
-/// 2004) in which nothing farther than `margin_px` outside of the rough mask, or near an off-point,
-/// can be the object, and what is deeper than that inside, or near an on-point, surely is. Its
-/// largest part, without holes. Repeatable: it draws from a generator of fixed seed. Throws
-/// std::invalid_argument for another type, a mask of another size, or when nothing is left.
+/// Segmentation of the object in the image (CV_8UC3) by its colors, around a rough mask: GrabCut
+/// (Rother, Kolmogorov & Blake 2004) in which nothing farther than `margin_px` outside of the rough
+/// mask, or near an off-point, can be the object, and what is deeper than that inside, or near an
+/// on-point, surely is. Its largest part, without holes. Repeatable: OpenCV's generator gets a
+/// fixed seed. Throws std::invalid_argument for another type, a mask of another size, or when
+/// nothing is left.
 cv::Mat cut_by_color(const cv::Mat& image, const cv::Mat& rough, const MaskOutline& points,
                      double margin_px);
 

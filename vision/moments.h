@@ -1,4 +1,4 @@
-// The ellipse that has the moments of a set of pixels.
+// Moment ellipse: the ellipse with the second moments of a set of pixels.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,21 +13,29 @@
 namespace vitreo::vision {
 
 struct MomentSums {
-  std::int64_t count = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0;
+  std::int64_t count = 0;
+  std::int64_t u = 0;
+  std::int64_t v = 0;
+  std::int64_t uu = 0;
+  std::int64_t uv = 0;
+  std::int64_t vv = 0;
   void add(std::int64_t x, std::int64_t y) {
     ++count;
     u += x, v += y, uu += x * x, uv += x * y, vv += y * y;
   }
-  /// Of pixels counted from `origin`, each `pitch` wide; a semi-axis is twice the standard
-  /// deviation along it.
+  /// Of pixels counted from `origin`, each `pitch` wide. A uniform ellipse has the variance a^2 / 4
+  /// along its semi-axis a, so a semi-axis is twice the standard deviation along it; axes and angle
+  /// are the eigensystem of the 2 x 2 covariance in closed form.
   Ellipse ellipse(const Eigen::Vector2d& origin, double pitch = 1) const {
     if (count == 0) return {};
     const auto n = static_cast<double>(count);
-    const double mu = static_cast<double>(u) / n, mv = static_cast<double>(v) / n;
-    const double xx = static_cast<double>(uu) / n - mu * mu,
-                 yy = static_cast<double>(vv) / n - mv * mv;
+    const double mu = static_cast<double>(u) / n;
+    const double mv = static_cast<double>(v) / n;
+    const double xx = static_cast<double>(uu) / n - mu * mu;
+    const double yy = static_cast<double>(vv) / n - mv * mv;
     const double xy = static_cast<double>(uv) / n - mu * mv;
-    const double mean = (xx + yy) / 2, spread = std::hypot((xx - yy) / 2, xy);
+    const double mean = (xx + yy) / 2;
+    const double spread = std::hypot((xx - yy) / 2, xy);
     const double angle = spread > 0 ? std::atan2(2 * xy, xx - yy) / 2 : 0;
     return {origin + pitch * Eigen::Vector2d(mu, mv),
             pitch * 2 * std::sqrt(std::max(mean + spread, 0.0)),

@@ -2,25 +2,26 @@
 #include "vision/mosaic.h"
 
 #include "vision/mosaic_adjust.h"
+#include "vision/preconditions.h"
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <utility>
 
 namespace vitreo::vision {
 namespace {
 
-constexpr double kLost =
-    15;  // px: refined farther than this from where the others put it, a link is another place
+// px: a link that refines farther than this from where the others put it joins another part of the
+// retina.
+constexpr double kFarOff = 15;
 
-std::size_t at(int k) { return static_cast<std::size_t>(k); }
+std::size_t as_index(int k) { return static_cast<std::size_t>(k); }
 
-void check_views(std::span<const cv::Mat> views) {
-  if (views.size() < 2) throw std::invalid_argument("views: a mosaic wants at least two");
+void check_uniform(std::span<const cv::Mat> views) {
+  require(views.size() >= 2, "views: a mosaic wants at least two");
   for (const cv::Mat& view : views) {
-    if (view.size() != views[0].size() || view.type() != views[0].type())
-      throw std::invalid_argument("views: must be of one size and type");
+    require(view.size() == views[0].size() && view.type() == views[0].type(),
+            "views: must be of one size and type");
   }
 }
 
@@ -30,7 +31,7 @@ std::vector<MosaicLink> chain_of(const std::vector<RegistrationView>& views,
   std::vector<MosaicLink> links;
   for (int second = 1; second < static_cast<int>(views.size()); ++second) {
     for (int first = second - 1; first >= 0; --first) {
-      const auto found = register_views(views[at(first)], views[at(second)], settings);
+      const auto found = register_views(views[as_index(first)], views[as_index(second)], settings);
       if (!found) continue;
       links.push_back({first, second, *found});
       break;
@@ -39,28 +40,32 @@ std::vector<MosaicLink> chain_of(const std::vector<RegistrationView>& views,
   return links;
 }
 
-using Places = std::vector<std::optional<Eigen::Affine2d>>;
+using Poses = std::vector<std::optional<Eigen::Affine2d>>;
 
-// From one view along the links.
-Places places_from(int root, int count, const std::vector<MosaicLink>& links) {
-  Places places(at(count));
-  places[at(root)] = Eigen::Affine2d::Identity();
+// Poses by composition along the links, from the view `root` at the origin; of the views it
+// reaches.
+Poses poses_from(int root, int count, const std::vector<MosaicLink>& links) {
+  Poses poses(as_index(count));
+  poses[as_index(root)] = Eigen::Affine2d::Identity();
+  // Along the links in either direction, until no view is added.
   for (bool grew = true; std::exchange(grew, false);) {
     for (const MosaicLink& link : links) {
-      auto &first = places[at(link.first)], &second = places[at(link.second)];
+      auto& first = poses[as_index(link.first)];
+      auto& second = poses[as_index(link.second)];
       const Eigen::Affine2d& first_from_second = link.registration.first_from_second;
       if (first && !second) second = *first * first_from_second, grew = true;
       if (second && !first) first = *second * first_from_second.inverse(), grew = true;
     }
   }
-  return places;
+  return poses;
 }
 
-int count_of(const Places& places) {
+int count_of(const Poses& poses) {
   return static_cast<int>(
-      std::count_if(places.begin(), places.end(), [](const auto& p) { return p.has_value(); }));
+      std::count_if(poses.begin(), poses.end(), [](const auto& p) { return p.has_value(); }));
 }
 
+// Share of the second view that the first covers, on a 12 x 12 grid.
 double overlap_share(const Eigen::Affine2d& first_from_second, const cv::Size& size) {
   constexpr int kSide = 12;
   int inside = 0;
@@ -75,19 +80,21 @@ double overlap_share(const Eigen::Affine2d& first_from_second, const cv::Size& s
   return inside / static_cast<double>(kSide * kSide);
 }
 
-struct Guess {
-  int first, second;
+struct LinkGuess {
+  int first;
+  int second;
   double overlap;
   Eigen::Affine2d first_from_second;
 };
 
-// Pairs that the chain's places say overlap, the largest overlaps first.
-std::vector<Guess> guesses_of(const MosaicPlan& plan, const cv::Size& size, double least) {
-  std::vector<Guess> guesses;
+// Pairs that overlap by the chain's poses and are not linked yet, the largest overlaps first.
+std::vector<LinkGuess> guesses_of(const MosaicPlan& plan, const cv::Size& size, double least) {
+  std::vector<LinkGuess> guesses;
   const int count = static_cast<int>(plan.mosaic_from_view.size());
   for (int second = 0; second < count; ++second) {
     for (int first = 0; first < second; ++first) {
-      const auto &a = plan.mosaic_from_view[at(first)], &b = plan.mosaic_from_view[at(second)];
+      const auto& a = plan.mosaic_from_view[as_index(first)];
+      const auto& b = plan.mosaic_from_view[as_index(second)];
       const bool linked = std::any_of(
           plan.links.begin(), plan.links.end(),
           [&](const MosaicLink& link) { return link.first == first && link.second == second; });
@@ -98,29 +105,32 @@ std::vector<Guess> guesses_of(const MosaicPlan& plan, const cv::Size& size, doub
     }
   }
   std::stable_sort(guesses.begin(), guesses.end(),
-                   [](const Guess& a, const Guess& b) { return a.overlap > b.overlap; });
+                   [](const LinkGuess& a, const LinkGuess& b) { return a.overlap > b.overlap; });
   return guesses;
 }
 
-// A chain bends with each link's error; views that meet again later straighten it. Where the guess
-// from the places is too far off, the pair is searched for anew.
+// Loop closure: a chain accumulates every link's error, which links between views that meet again
+// later correct. Where the guess from the chain is too far off, the pair is registered without it.
 void close_loops(MosaicPlan& plan, const std::vector<RegistrationView>& views,
                  const MosaicSettings& settings) {
   std::vector<int> links(views.size(), 0);
-  for (const MosaicLink& link : plan.links) ++links[at(link.first)], ++links[at(link.second)];
+  for (const MosaicLink& link : plan.links)
+    ++links[as_index(link.first)], ++links[as_index(link.second)];
   const cv::Size size = views[0].size();
   const Eigen::Vector2d middle(size.width / 2.0, size.height / 2.0);
-  for (const Guess& guess : guesses_of(plan, size, settings.link_overlap)) {
-    if (std::max(links[at(guess.first)], links[at(guess.second)]) >= settings.links_per_view)
+  for (const LinkGuess& guess : guesses_of(plan, size, settings.link_overlap)) {
+    if (std::max(links[as_index(guess.first)], links[as_index(guess.second)]) >=
+        settings.links_per_view)
       continue;
-    const RegistrationView &first = views[at(guess.first)], &second = views[at(guess.second)];
+    const RegistrationView& first = views[as_index(guess.first)];
+    const RegistrationView& second = views[as_index(guess.second)];
     auto found = refine_registration(first, second, guess.first_from_second, settings.registration);
     if (!found) found = register_views(first, second, settings.registration);
     if (!found) continue;
-    if ((found->first_from_second * middle - guess.first_from_second * middle).norm() > kLost)
+    if ((found->first_from_second * middle - guess.first_from_second * middle).norm() > kFarOff)
       continue;
     plan.links.push_back({guess.first, guess.second, *found});
-    ++links[at(guess.first)], ++links[at(guess.second)];
+    ++links[as_index(guess.first)], ++links[as_index(guess.second)];
   }
 }
 
@@ -128,33 +138,36 @@ void close_loops(MosaicPlan& plan, const std::vector<RegistrationView>& views,
 
 void MosaicSettings::check() const {
   registration.check();
-  if (!(link_overlap > 0 && link_overlap < 1))
-    throw std::invalid_argument("link_overlap: must be between 0 and 1");
-  if (links_per_view < 2) throw std::invalid_argument("links_per_view: must be 2 at least");
-  if (!(max_pixels >= 1 && max_pixels <= 1e9))
-    throw std::invalid_argument("max_pixels: must be 1 to 1e9");
+  require(link_overlap > 0 && link_overlap < 1, "link_overlap: must be between 0 and 1");
+  require(links_per_view >= 2, "links_per_view: must be 2 at least");
+  require(max_pixels >= 1 && max_pixels <= 1e9, "max_pixels: must be 1 to 1e9");
 }
 
 int MosaicPlan::joined() const { return count_of(mosaic_from_view); }
 
+// Chain in time, largest connected group of views, loop closure, global adjustment.
 MosaicPlan plan_mosaic(std::span<const cv::Mat> views, const MosaicSettings& settings) {
   settings.check();
-  check_views(views);
+  check_uniform(views);
   std::vector<RegistrationView> prepared;
   prepared.reserve(views.size());
   for (const cv::Mat& view : views) prepared.emplace_back(view, settings.registration);
   MosaicPlan plan;
   plan.links = chain_of(prepared, settings.registration);
   const int count = static_cast<int>(views.size());
+  // The root that reaches the most views; of equals, the earliest.
   int root = 0;
   for (int k = 0; k < count; ++k) {
-    Places places = places_from(k, count, plan.links);
-    if (count_of(places) > count_of(plan.mosaic_from_view))
-      plan.mosaic_from_view = std::move(places), root = k;
+    Poses poses = poses_from(k, count, plan.links);
+    if (count_of(poses) > count_of(plan.mosaic_from_view))
+      plan.mosaic_from_view = std::move(poses), root = k;
   }
-  if (count_of(plan.mosaic_from_view) == 1) plan.mosaic_from_view.assign(at(count), std::nullopt);
-  std::erase_if(plan.links,
-                [&](const MosaicLink& link) { return !plan.mosaic_from_view[at(link.first)]; });
+  // A single view is no mosaic: nothing is joined.
+  if (count_of(plan.mosaic_from_view) == 1)
+    plan.mosaic_from_view.assign(as_index(count), std::nullopt);
+  std::erase_if(plan.links, [&](const MosaicLink& link) {
+    return !plan.mosaic_from_view[as_index(link.first)];
+  });
   if (plan.links.empty()) return plan;
   close_loops(plan, prepared, settings);
   adjust_mosaic(plan, views[0].size(), root, settings.registration.model);

@@ -1,58 +1,28 @@
-// One picture of the retina from many views of a sensor that turns or shifts in the aerial image
-// (thesis appendix A).
+// Retinal mosaic: one picture from many views of a sensor that rotates or translates in the aerial
+// image (thesis A.1).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/registration.h"
+#include "vision/mosaic_plan.h"
 
 #include <Eigen/Geometry>
 #include <opencv2/core/mat.hpp>
 
-#include <optional>
 #include <span>
 #include <vector>
 
 namespace vitreo::vision {
 
-struct MosaicSettings {
-  RegistrationSettings registration;
-  double link_overlap =
-      0.25;  ///< views that overlap by this share are linked, neighbors in time or not
-  int links_per_view = 6;   ///< of those the ones with the largest overlap
-  double max_pixels = 4e7;  ///< of the mosaic
-  void check() const;       ///< throws std::invalid_argument naming the setting
-};
-
-struct MosaicLink {
-  int first = 0, second = 0;  ///< views
-  Registration registration;
-  double rms_px =
-      0;             ///< between the views' adjusted places and this registration, over the overlap
-  bool used = true;  ///< false: contradicts the others, and was left out
-};
-
-struct MosaicPlan {
-  std::vector<std::optional<Eigen::Affine2d>>
-      mosaic_from_view;  ///< nothing: could not be joined to the most
-  std::vector<MosaicLink> links;
-  int spare_links =
-      0;  ///< beyond those that hold the views together: with none, rms_px is 0 and says nothing
-  double rms_px = 0;    ///< of the used links: how well the views agree on one plane
-  double worst_px = 0;  ///< of one used link
-  double sigma_px = 0;  ///< of one registration, from the noise, root mean square
-  int joined() const;
-};
-
-/// Where the views lie, by all links together (Ceres). The first joined view keeps its own frame.
+/// Poses of the views, by all links together (Ceres). The first joined view keeps its own frame.
 /// Neighbors in time are tried first, then all before. Throws std::invalid_argument for fewer than
 /// two views, or of different size or type.
 MosaicPlan plan_mosaic(std::span<const cv::Mat> views, const MosaicSettings& settings = {});
 
 struct Mosaic {
   cv::Mat image;  ///< of the views' type
-  cv::Mat cover;  ///< CV_8U: 255 where a view shows something
+  cv::Mat cover;  ///< CV_8U: 255 where any view covers the mosaic
   Eigen::Affine2d image_from_mosaic = Eigen::Affine2d::Identity();
-  std::vector<double> gains;  ///< each view's light was multiplied by; 1 for those left out
+  std::vector<double> gains;  ///< factor on each view's gray levels; 1 for those left out
 };
 
 /// Views weighted towards their middle, evened in brightness where they overlap. Throws

@@ -15,18 +15,20 @@ namespace {
 
 constexpr double kHuber = 0.5;  // px: more than registration noise
 constexpr double kContradiction =
-    3;                    // px: a link this far off joined two places that only look alike
-constexpr int kGrid = 5;  // points a side
+    3;                             // px: a link this far off joined two similar parts of the retina
+constexpr int kPointsPerSide = 5;  // of the grid of common points
 
-// Mosaic from view. Euclidean: angle and shift of the view's middle, which keeps the two apart.
-// Affine: the six numbers, the linear part by half the view's width, so that all are in pixels.
+// A view's point in the mosaic, by the view's pose. Euclidean (N = 3): angle, and position of the
+// view's center, about which a turn and a shift are uncorrelated. Affine (N = 6): linear part times
+// half the view's width, and position of the center, so that all six are in pixels.
 template <int N, typename T>
-Eigen::Matrix<T, 2, 1> placed(const T* pose, const Eigen::Vector2d& p,
-                              const Eigen::Vector2d& middle) {
+Eigen::Matrix<T, 2, 1> transformed(const T* pose, const Eigen::Vector2d& p,
+                                   const Eigen::Vector2d& middle) {
   const Eigen::Vector2d d = p - middle;
   if constexpr (N == 3) {
     using std::cos, std::sin;
-    const T c = cos(pose[0]), s = sin(pose[0]);
+    const T c = cos(pose[0]);
+    const T s = sin(pose[0]);
     return {c * d.x() - s * d.y() + pose[1], s * d.x() + c * d.y() + pose[2]};
   } else {
     const Eigen::Vector2d e = d / middle.x();
@@ -35,19 +37,23 @@ Eigen::Matrix<T, 2, 1> placed(const T* pose, const Eigen::Vector2d& p,
   }
 }
 
+// Distance in the mosaic between the two images of one point of the retina.
 template <int N>
 struct LinkResidual {
-  Eigen::Vector2d in_first, in_second, middle;
+  Eigen::Vector2d in_first;
+  Eigen::Vector2d in_second;
+  Eigen::Vector2d middle;
   template <typename T>
   bool operator()(const T* first, const T* second, T* residual) const {
     const Eigen::Matrix<T, 2, 1> miss =
-        placed<N>(first, in_first, middle) - placed<N>(second, in_second, middle);
+        transformed<N>(first, in_first, middle) - transformed<N>(second, in_second, middle);
     residual[0] = miss[0];
     residual[1] = miss[1];
     return true;
   }
 };
 
+// Parameters of transformed(). The nearest rotation to A has the angle atan2(a21 - a12, a11 + a22).
 template <int N>
 std::array<double, N> pose_of(const Eigen::Affine2d& mosaic_from_view,
                               const Eigen::Vector2d& middle) {
@@ -61,28 +67,31 @@ std::array<double, N> pose_of(const Eigen::Affine2d& mosaic_from_view,
   }
 }
 
+// The affine map of transformed(), from the images of the origin and of the unit vectors.
 template <int N>
 Eigen::Affine2d affine_of(const std::array<double, N>& pose, const Eigen::Vector2d& middle) {
   Eigen::Affine2d result = Eigen::Affine2d::Identity();
-  const Eigen::Vector2d zero = placed<N>(pose.data(), {0, 0}, middle);
-  const Eigen::Vector2d u = placed<N>(pose.data(), {1, 0}, middle),
-                        v = placed<N>(pose.data(), {0, 1}, middle);
+  const Eigen::Vector2d zero = transformed<N>(pose.data(), {0, 0}, middle);
+  const Eigen::Vector2d u = transformed<N>(pose.data(), {1, 0}, middle);
+  const Eigen::Vector2d v = transformed<N>(pose.data(), {0, 1}, middle);
   result.linear() << u - zero, v - zero;
   result.translation() = zero;
   return result;
 }
 
+// min over the poses of sum_links sum_points huber(|T_first p_first - T_second p_second|^2), by
+// Levenberg-Marquardt; the view `fixed` removes the freedom of the whole mosaic (gauge).
 template <int N>
-void solve(MosaicPlan& plan, const cv::Size& size, int fixed) {
+void adjust(MosaicPlan& plan, const cv::Size& size, int fixed) {
   const Eigen::Vector2d middle((size.width - 1) / 2.0, (size.height - 1) / 2.0);
   std::vector<std::array<double, N>> poses;
-  for (const auto& place : plan.mosaic_from_view)
-    poses.push_back(pose_of<N>(place.value_or(Eigen::Affine2d::Identity()), middle));
+  for (const auto& pose : plan.mosaic_from_view)
+    poses.push_back(pose_of<N>(pose.value_or(Eigen::Affine2d::Identity()), middle));
   ceres::Problem problem;
   for (const MosaicLink& link : plan.links) {
     if (!link.used) continue;
-    const auto first = static_cast<std::size_t>(link.first),
-               second = static_cast<std::size_t>(link.second);
+    const auto first = static_cast<std::size_t>(link.first);
+    const auto second = static_cast<std::size_t>(link.second);
     for (const Eigen::Vector2d& p : common_points(link.registration.first_from_second, size)) {
       auto* const residual =
           new LinkResidual<N>{link.registration.first_from_second * p, p, middle};
@@ -98,7 +107,7 @@ void solve(MosaicPlan& plan, const cv::Size& size, int fixed) {
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = 100;
   options.logging_type = ceres::SILENT;
-  options.num_threads = 1;
+  options.num_threads = 1;  // repeatable sums
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   for (std::size_t k = 0; k < poses.size(); ++k) {
@@ -106,7 +115,8 @@ void solve(MosaicPlan& plan, const cv::Size& size, int fixed) {
   }
 }
 
-double rms_of(const MosaicLink& link, const MosaicPlan& plan, const cv::Size& size) {
+// Root mean square over the link's points of the distance between its registration and the poses.
+double link_rms(const MosaicLink& link, const MosaicPlan& plan, const cv::Size& size) {
   const Eigen::Affine2d& first = *plan.mosaic_from_view[static_cast<std::size_t>(link.first)];
   const Eigen::Affine2d& second = *plan.mosaic_from_view[static_cast<std::size_t>(link.second)];
   const std::vector<Eigen::Vector2d> points =
@@ -117,11 +127,14 @@ double rms_of(const MosaicLink& link, const MosaicPlan& plan, const cv::Size& si
   return points.empty() ? 0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-void report(MosaicPlan& plan, const cv::Size& size) {
-  double squares = 0, variances = 0, worst = 0;
+// The links' residuals and the plan's; a spanning tree of the joined views needs joined - 1 links.
+void set_residuals(MosaicPlan& plan, const cv::Size& size) {
+  double squares = 0;
+  double variances = 0;
+  double worst = 0;
   int used = 0;
   for (MosaicLink& link : plan.links) {
-    link.rms_px = rms_of(link, plan, size);
+    link.rms_px = link_rms(link, plan, size);
     if (!link.used) continue;
     squares += link.rms_px * link.rms_px;
     variances += link.registration.sigma_px * link.registration.sigma_px;
@@ -134,8 +147,8 @@ void report(MosaicPlan& plan, const cv::Size& size) {
   plan.spare_links = std::max(used - (plan.joined() - 1), 0);
 }
 
-// The worst contradiction goes, one at a time: it may be what pulled the others off. A link that
-// alone holds a view contradicts nothing and stays.
+// Drops the worst link, one at a time, as it may be the cause of the others' residuals. A link that
+// alone holds a view has no residual and stays.
 bool drop_worst(MosaicPlan& plan) {
   MosaicLink* worst = nullptr;
   for (MosaicLink& link : plan.links) {
@@ -151,10 +164,10 @@ bool drop_worst(MosaicPlan& plan) {
 std::vector<Eigen::Vector2d> common_points(const Eigen::Affine2d& first_from_second,
                                            const cv::Size& view_size) {
   std::vector<Eigen::Vector2d> points;
-  for (int j = 0; j < kGrid; ++j) {
-    for (int i = 0; i < kGrid; ++i) {
-      const Eigen::Vector2d p(i * (view_size.width - 1.0) / (kGrid - 1),
-                              j * (view_size.height - 1.0) / (kGrid - 1));
+  for (int j = 0; j < kPointsPerSide; ++j) {
+    for (int i = 0; i < kPointsPerSide; ++i) {
+      const Eigen::Vector2d p(i * (view_size.width - 1.0) / (kPointsPerSide - 1),
+                              j * (view_size.height - 1.0) / (kPointsPerSide - 1));
       const Eigen::Vector2d q = first_from_second * p;
       if (q.x() >= 0 && q.y() >= 0 && q.x() <= view_size.width - 1 && q.y() <= view_size.height - 1)
         points.push_back(p);
@@ -163,13 +176,15 @@ std::vector<Eigen::Vector2d> common_points(const Eigen::Affine2d& first_from_sec
   return points;
 }
 
+// Adjust, drop the worst contradicting link, adjust again: greedy outlier rejection beyond Huber's
+// loss.
 void adjust_mosaic(MosaicPlan& plan, const cv::Size& view_size, int fixed, ViewModel model) {
   do {
     if (model == ViewModel::euclidean)
-      solve<3>(plan, view_size, fixed);
+      adjust<3>(plan, view_size, fixed);
     else
-      solve<6>(plan, view_size, fixed);
-    report(plan, view_size);
+      adjust<6>(plan, view_size, fixed);
+    set_residuals(plan, view_size);
   } while (drop_worst(plan));
 }
 

@@ -1,14 +1,18 @@
-// The global adjustment of a mosaic: the places of all views that agree best with all links between
-// them.
+// Global adjustment of a mosaic (bundle adjustment): the poses of all views that agree best with
+// all links between them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/mosaic.h"
+#include "vision/mosaic_plan.h"
+
+#include <opencv2/core/types.hpp>
 
 namespace vitreo::vision {
 
 /// Improves plan.mosaic_from_view, of which the view `fixed` stays, and fills the links' and the
-/// plan's residuals. Every link joins views that have a place.
+/// plan's residuals. Every link joins views that have a pose. Least squares with Huber's loss over
+/// a 5 x 5 grid of points per link, Ceres; then the worst link is dropped while one is off by more
+/// than 3 px.
 void adjust_mosaic(MosaicPlan& plan, const cv::Size& view_size, int fixed, ViewModel model);
 
 /// Points of the second view, on a grid, that lie in the first as well.

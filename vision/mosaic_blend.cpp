@@ -1,6 +1,7 @@
-// The picture of a mosaic whose views have their places.
+// Blending of a mosaic's views, whose poses are known, into one picture.
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/mosaic.h"
+#include "vision/preconditions.h"
 
 #include <Eigen/Cholesky>
 #include <opencv2/core.hpp>
@@ -13,26 +14,30 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr double kKeepLight = 0.01;  // pulls gains to 1 where no overlap says otherwise
-constexpr int kSampling = 8;         // px between the samples that gains are found from
+constexpr double kKeepLight =
+    0.01;                     // Tikhonov term: draws gains to 1 where no overlap determines them
+constexpr int kSampling = 8;  // px between the samples that gains are estimated from
 
 struct Bounds {
-  Eigen::Vector2d low{1e30, 1e30}, high{-1e30, -1e30};
+  Eigen::Vector2d low{1e30, 1e30};
+  Eigen::Vector2d high{-1e30, -1e30};
   void add(const Eigen::Vector2d& p) { low = low.cwiseMin(p), high = high.cwiseMax(p); }
 };
 
+// An affine image of the view's rectangle is bounded by its corners' images.
 Bounds bounds_of(const Eigen::Affine2d& to_view, const cv::Size& size) {
   Bounds bounds;
-  const double right = size.width - 1, bottom = size.height - 1;
+  const double right = size.width - 1;
+  const double bottom = size.height - 1;
   for (const Eigen::Vector2d& corner : {Eigen::Vector2d(0, 0), Eigen::Vector2d(right, 0),
                                         Eigen::Vector2d(0, bottom), Eigen::Vector2d(right, bottom)})
     bounds.add(to_view * corner);
   return bounds;
 }
 
-// 0 at the rim, 1 in the middle, smooth between: a vignetted corner or a wrong light at the rim
-// leaves no seam.
-cv::Mat weight_of(const cv::Size& size) {
+// Feathering: a product of squared tents, 0 at the rim and 1 in the middle, so that a vignetted
+// corner or a wrong light at the rim leaves no seam.
+cv::Mat feather(const cv::Size& size) {
   cv::Mat weight(size, CV_32F);
   for (int v = 0; v < size.height; ++v) {
     for (int u = 0; u < size.width; ++u) {
@@ -44,12 +49,13 @@ cv::Mat weight_of(const cv::Size& size) {
   return weight;
 }
 
+// Green of a color view, as registration uses it.
 double gray_at(const cv::Mat& view, int u, int v) {
   return view.channels() == 3 ? view.at<cv::Vec3b>(v, u)[1] : view.at<unsigned char>(v, u);
 }
 
-// Mean logarithm of first over second where both look. Both vignettes are in it, which mean the
-// same on average.
+// Mean logarithm of first over second over their overlap. Both views' vignettes are in it, and
+// cancel on average.
 std::optional<double> log_ratio(const cv::Mat& first, const cv::Mat& second,
                                 const Eigen::Affine2d& first_from_second) {
   double sum = 0;
@@ -59,10 +65,10 @@ std::optional<double> log_ratio(const cv::Mat& first, const cv::Mat& second,
       const Eigen::Vector2d p = first_from_second * Eigen::Vector2d(u, v);
       if (!(p.x() >= 0 && p.y() >= 0 && p.x() <= first.cols - 1 && p.y() <= first.rows - 1))
         continue;
-      const double a = gray_at(first, static_cast<int>(p.x()), static_cast<int>(p.y())),
-                   b = gray_at(second, u, v);
+      const double a = gray_at(first, static_cast<int>(p.x()), static_cast<int>(p.y()));
+      const double b = gray_at(second, u, v);
       if (a < 1 || b < 1 || a > 254 || b > 254)
-        continue;  // black and saturated say nothing about the lamp
+        continue;  // black and saturated pixels carry no ratio
       sum += std::log(a / b);
       ++count;
     }
@@ -70,7 +76,9 @@ std::optional<double> log_ratio(const cv::Mat& first, const cv::Mat& second,
   return count == 0 ? std::nullopt : std::optional(sum / count);
 }
 
-// Least squares of log g_second - log g_first = log(first/second) over all links.
+// Gain compensation (as Brown & Lowe 2007, on logarithms): least squares of log g_second - log
+// g_first = log(first / second) over all links, with the prior log g = 0. The matrix is the graph's
+// Laplacian.
 std::vector<double> gains_of(std::span<const cv::Mat> views, const MosaicPlan& plan) {
   const auto n = static_cast<Eigen::Index>(views.size());
   Eigen::MatrixXd information = kKeepLight * Eigen::MatrixXd::Identity(n, n);
@@ -94,22 +102,25 @@ std::vector<double> gains_of(std::span<const cv::Mat> views, const MosaicPlan& p
 }
 
 void check_plan(std::span<const cv::Mat> views, const MosaicPlan& plan) {
-  if (views.empty() || views.size() != plan.mosaic_from_view.size())
-    throw std::invalid_argument("plan: must be made of these views");
-  if (plan.joined() == 0) throw std::invalid_argument("plan: no two views could be joined");
+  require(!views.empty() && views.size() == plan.mosaic_from_view.size(),
+          "plan: must be made of these views");
+  require(plan.joined() > 0, "plan: no two views could be joined");
   for (const cv::Mat& view : views) {
-    if (view.size() != views[0].size() || view.type() != views[0].type() || view.empty() ||
-        (view.type() != CV_8UC1 && view.type() != CV_8UC3))
-      throw std::invalid_argument("views: must be 8-bit gray or BGR, of one size and type");
+    require(view.size() == views[0].size() && view.type() == views[0].type() && !view.empty() &&
+                (view.type() == CV_8UC1 || view.type() == CV_8UC3),
+            "views: must be 8-bit gray or BGR, of one size and type");
   }
 }
 
 struct Canvas {
-  cv::Mat sum, weight;
+  cv::Mat sum;
+  cv::Mat weight;
 };
 
-void paint(Canvas& canvas, const cv::Mat& view, const cv::Mat& view_weight, double gain,
-           const Eigen::Affine2d& image_from_view) {
+// Adds a warped view to the weighted sum, within its bounding box. Replicated borders keep the
+// color where the weight, warped alike, fades to 0.
+void add_view(Canvas& canvas, const cv::Mat& view, const cv::Mat& view_weight, double gain,
+              const Eigen::Affine2d& image_from_view) {
   const Bounds bounds = bounds_of(image_from_view, view.size());
   const cv::Point low(static_cast<int>(std::floor(bounds.low.x())),
                       static_cast<int>(std::floor(bounds.low.y())));
@@ -119,7 +130,8 @@ void paint(Canvas& canvas, const cv::Mat& view, const cv::Mat& view_weight, doub
   const Eigen::Affine2d area_from_view = Eigen::Translation2d(-area.x, -area.y) * image_from_view;
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> m = area_from_view.matrix().topRows<2>();
   const cv::Mat matrix(2, 3, CV_64F, m.data());
-  cv::Mat color, weight;
+  cv::Mat color;
+  cv::Mat weight;
   view.convertTo(color, CV_32F, gain);
   cv::warpAffine(color, color, matrix, area.size(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   cv::warpAffine(view_weight, weight, matrix, area.size(), cv::INTER_LINEAR, cv::BORDER_CONSTANT);
@@ -131,18 +143,19 @@ void paint(Canvas& canvas, const cv::Mat& view, const cv::Mat& view_weight, doub
 
 }  // namespace
 
+// Weighted mean sum(w g I) / sum(w) of the views on the integer grid of their bounding box.
 Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan,
                     const MosaicSettings& settings) {
   settings.check();
   check_plan(views, plan);
   Bounds bounds;
-  for (const auto& place : plan.mosaic_from_view) {
-    if (!place) continue;
-    const Bounds own = bounds_of(*place, views[0].size());
+  for (const auto& pose : plan.mosaic_from_view) {
+    if (!pose) continue;
+    const Bounds own = bounds_of(*pose, views[0].size());
     bounds.add(own.low), bounds.add(own.high);
   }
-  const Eigen::Vector2d low = bounds.low.array().floor(),
-                        extent = bounds.high.array().ceil() - low.array() + 1;
+  const Eigen::Vector2d low = bounds.low.array().floor();
+  const Eigen::Vector2d extent = bounds.high.array().ceil() - low.array() + 1;
   if (!(extent.x() * extent.y() <= settings.max_pixels))
     throw std::length_error("the mosaic would have more pixels than max_pixels");
   Mosaic mosaic;
@@ -151,15 +164,16 @@ Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan,
   const cv::Size size(static_cast<int>(extent.x()), static_cast<int>(extent.y()));
   Canvas canvas{cv::Mat::zeros(size, CV_MAKETYPE(CV_32F, views[0].channels())),
                 cv::Mat::zeros(size, CV_32F)};
-  const cv::Mat weight = weight_of(views[0].size());
+  const cv::Mat weight = feather(views[0].size());
   for (std::size_t k = 0; k < views.size(); ++k) {
     if (plan.mosaic_from_view[k])
-      paint(canvas, views[k], weight, mosaic.gains[k],
-            mosaic.image_from_mosaic * *plan.mosaic_from_view[k]);
+      add_view(canvas, views[k], weight, mosaic.gains[k],
+               mosaic.image_from_mosaic * *plan.mosaic_from_view[k]);
     else
       mosaic.gains[k] = 1;
   }
   mosaic.cover = canvas.weight > 0;
+  // Pixels without a view have the sum 0; the floor keeps them 0.
   cv::Mat divisor = cv::max(canvas.weight, 1e-12);
   if (views[0].channels() == 3) cv::merge(std::vector<cv::Mat>{divisor, divisor, divisor}, divisor);
   cv::divide(canvas.sum, divisor, canvas.sum);

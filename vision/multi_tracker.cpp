@@ -2,6 +2,7 @@
 #include "vision/multi_tracker.h"
 
 #include "vision/evidence.h"
+#include "vision/preconditions.h"
 
 #include <opencv2/core.hpp>
 
@@ -14,31 +15,39 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr double kHalo = 2.0;  // px around an ellipse that are its own too: blur is nobody else's
-constexpr double kTouching = 5.0;   // px between rims: nearer ones are measured twice
-constexpr double kSameBody = 0.35;  // share of the smaller ellipse in another: they claim one thing
-constexpr double kAlike = 0.25;     // share of the colors that are for both
-constexpr int kSureF = static_cast<int>(ColorModel::kScale);  // F = 1: for the object, by e to one
-// A lost object is believed where it is this many times nearer to where it should be than any other
-// lost one alike.
+constexpr double kHalo = 2.0;      // px around an ellipse that belong to it too: its blur
+constexpr double kTouching = 5.0;  // px between rims: nearer objects are measured twice
+// Share of the smaller ellipse within another from which both are the same body.
+constexpr double kSameBody = 0.35;
+constexpr double kAlike = 0.25;  // share of common colors from which two objects are alike
+constexpr int kSureF = static_cast<int>(ColorModel::kScale);  // F = 1: for the object by e to one
+// A lost object counts as found again where it is this many times nearer to its own last position
+// than to that of any other lost one alike.
 constexpr double kNearer = 2.0;
 
-/// About the distance to the rim, px, negative inside.
+// Signed distance to the rim to first order, (g - 1) / |grad g| with g = sqrt(x^2 / a^2 + y^2 /
+// b^2) (Taubin 1991), px, negative inside; c and s: the ellipse's cosine and sine.
 double rim_distance(const Ellipse& e, double c, double s, double u, double v) {
-  const double du = u - e.center_px.x(), dv = v - e.center_px.y();
-  const double x = c * du + s * dv, y = c * dv - s * du;
-  const double a2 = e.semi_major_px * e.semi_major_px, b2 = e.semi_minor_px * e.semi_minor_px;
+  const double du = u - e.center_px.x();
+  const double dv = v - e.center_px.y();
+  const double x = c * du + s * dv;
+  const double y = c * dv - s * du;
+  const double a2 = e.semi_major_px * e.semi_major_px;
+  const double b2 = e.semi_minor_px * e.semi_minor_px;
   const double level = std::sqrt(x * x / a2 + y * y / b2);
   const double slope = std::sqrt(x * x / (a2 * a2) + y * y / (b2 * b2));
   return slope > 0 ? (level - 1) * level / slope : -e.semi_minor_px;
 }
 
-/// Share of the smaller one's samples that lie in the other.
-double overlap(const Ellipse& one, const Ellipse& other) {
+// Share of the smaller ellipse that lies in the other, by 64 samples of equal area on Vogel's
+// (1979) spiral: radii sqrt((q + 1/2) / n), steps of the golden angle.
+double shared_area(const Ellipse& one, const Ellipse& other) {
   const bool swap =
       one.semi_major_px * one.semi_minor_px > other.semi_major_px * other.semi_minor_px;
-  const Ellipse &small = swap ? other : one, &large = swap ? one : other;
-  const double c = std::cos(large.angle), s = std::sin(large.angle);
+  const Ellipse& small = swap ? other : one;
+  const Ellipse& large = swap ? one : other;
+  const double c = std::cos(large.angle);
+  const double s = std::sin(large.angle);
   int inside = 0;
   constexpr int kSamples = 64;
   for (int q = 0; q < kSamples; ++q) {
@@ -51,11 +60,13 @@ double overlap(const Ellipse& one, const Ellipse& other) {
   return static_cast<double>(inside) / kSamples;
 }
 
+// Whether any of 32 rim points of one is nearer than kTouching to the other's rim, or inside.
 bool touching(const Ellipse& one, const Ellipse& other) {
   if ((one.center_px - other.center_px).norm() >
       one.semi_major_px + other.semi_major_px + kTouching)
     return false;
-  const double c = std::cos(other.angle), s = std::sin(other.angle);
+  const double c = std::cos(other.angle);
+  const double s = std::sin(other.angle);
   for (int k = 0; k < 32; ++k) {
     const Eigen::Vector2d p = one.point(0.19635 * k);
     if (rim_distance(other, c, s, p.x(), p.y()) < kTouching) return true;
@@ -63,11 +74,14 @@ bool touching(const Ellipse& one, const Ellipse& other) {
   return false;
 }
 
-/// Share of the colors sure for the one with fewer that are sure for the other too.
+// Of the colors sure for the object with fewer of them, the share that is sure for the other too.
 double common_colors(const ColorModel& one, const ColorModel& other) {
-  int first = 0, second = 0, both = 0;
+  int first = 0;
+  int second = 0;
+  int both = 0;
   for (std::size_t i = 0; i < one.table().size(); ++i) {
-    const bool a = one.table()[i] > kSureF, b = other.table()[i] > kSureF;
+    const bool a = one.table()[i] > kSureF;
+    const bool b = other.table()[i] > kSureF;
     first += a, second += b, both += a && b;
   }
   return static_cast<double>(both) / std::max(std::min(first, second), 1);
@@ -79,10 +93,10 @@ struct MultiTracker::State {
   struct Object {
     explicit Object(const TrackedObject& from) : tracker(from.model, from.settings) {}
     ColorTracker tracker;
-    TrackMemory before;            // this frame
-    std::optional<Ellipse> claim;  // what it owns now
-    double confidence = 0;         // of the last frame
-    cv::Rect painted;
+    TrackMemory before;            // state before this frame
+    std::optional<Ellipse> claim;  // ellipse of the pixels it owns now
+    double confidence = 0;         // inlier fraction of the last frame
+    cv::Rect painted;              // of the map
   };
 
   bool alike(std::size_t i, std::size_t j) const { return alike_[i * objects.size() + j]; }
@@ -93,7 +107,7 @@ struct MultiTracker::State {
   void measure(std::size_t k, const cv::Mat& image);
   void measure_touching_again(const cv::Mat& image);
   bool believable(std::size_t k) const;
-  void part_those_in_one_place();
+  void resolve_overlaps();
   void take_back(std::size_t k);
 
   std::vector<std::unique_ptr<Object>> objects;
@@ -111,7 +125,8 @@ void MultiTracker::State::clear() {
   }
 }
 
-// The pixels within kHalo of the claim and nearer to it than to every other claim.
+// Marks the pixels within kHalo of the claim and nearer to it than to every other claim: a Voronoi
+// diagram of the ellipses; of two at the same distance the first has the pixel.
 void MultiTracker::State::paint_one(std::size_t k) {
   const Ellipse wide = grown(*objects[k]->claim, kHalo);
   const int reach = static_cast<int>(wide.semi_major_px) + 2;
@@ -123,7 +138,8 @@ void MultiTracker::State::paint_one(std::size_t k) {
   for (std::size_t j = 0; j < objects.size(); ++j)
     if (j != k && objects[j]->claim && touching(wide, *objects[j]->claim)) rivals[count++] = j;
   const Ellipse& own = *objects[k]->claim;
-  const double c = std::cos(own.angle), s = std::sin(own.angle);
+  const double c = std::cos(own.angle);
+  const double s = std::sin(own.angle);
   for (int v = objects[k]->painted.y; v < objects[k]->painted.br().y; ++v) {
     const RowSpan span = row_of(wide, v);
     auto* row = map.ptr<unsigned char>(v);
@@ -141,12 +157,15 @@ void MultiTracker::State::paint_one(std::size_t k) {
   }
 }
 
+// Maps all claims anew. Only what was painted is cleared, not the whole map.
 void MultiTracker::State::paint() {
   clear();
   for (std::size_t k = 0; k < objects.size(); ++k)
     if (objects[k]->claim) paint_one(k);
 }
 
+// Tracked before coasting before lost, then by inlier fraction: the surer objects claim pixels
+// first.
 void MultiTracker::State::sort_by_confidence() {
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
   const auto rank = [this](std::size_t k) {
@@ -155,12 +174,14 @@ void MultiTracker::State::sort_by_confidence() {
     return base + 0.5 * objects[k]->confidence;
   };
   std::sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
-    const double a = rank(i), b = rank(j);
+    const double a = rank(i);
+    const double b = rank(j);
     return a > b || (a == b && i < j);
   });
 }
 
-// Found anew: is it this one, or another that looks the same and is missing too?
+// Identity of an object found anew: false where it may as well be another one of like colors that
+// is missing too.
 bool MultiTracker::State::believable(std::size_t k) const {
   const Object& object = *objects[k];
   const bool anew =
@@ -172,14 +193,15 @@ bool MultiTracker::State::believable(std::size_t k) const {
     if (j == k || !alike(k, j)) continue;
     const TrackMemory& other = objects[j]->before;
     if (other.state == TrackState::searching || other.state == TrackState::tracking) continue;
-    if (!known) return false;  // the missing one has the better right
-    const double own = (at - object.before.last.center_px).norm(),
-                 theirs = (at - other.last.center_px).norm();
+    if (!known) return false;  // the missing one was tracked before: it takes precedence
+    const double own = (at - object.before.last.center_px).norm();
+    const double theirs = (at - other.last.center_px).norm();
     if (kNearer * own > theirs) return false;
   }
   return true;
 }
 
+// Undoes this frame for an object and counts it as missed.
 void MultiTracker::State::take_back(std::size_t k) {
   objects[k]->tracker.restore(objects[k]->before);
   tracks[k] = objects[k]->tracker.miss();
@@ -187,6 +209,7 @@ void MultiTracker::State::take_back(std::size_t k) {
   objects[k]->confidence = 0;
 }
 
+// Tracks one object with the others' pixels blocked, and renews its claim.
 void MultiTracker::State::measure(std::size_t k, const cv::Mat& image) {
   Object& object = *objects[k];
   tracks[k] = object.tracker.update(image, {map, static_cast<unsigned char>(k + 1)});
@@ -202,6 +225,8 @@ void MultiTracker::State::measure(std::size_t k, const cv::Mat& image) {
   paint();
 }
 
+// Second pass for objects that touch: their common border now comes from this frame's ellipses
+// instead of the predicted ones.
 void MultiTracker::State::measure_touching_again(const cv::Mat& image) {
   std::fill(again.begin(), again.end(), false);
   for (std::size_t i = 0; i < objects.size(); ++i) {
@@ -218,12 +243,13 @@ void MultiTracker::State::measure_touching_again(const cv::Mat& image) {
   }
 }
 
-// Two that claim one thing: of different colors the surer one is right; alike, nobody knows.
-void MultiTracker::State::part_those_in_one_place() {
+// Two objects on one body: of different colors the surer one keeps it; of like colors neither, as
+// it cannot be decided.
+void MultiTracker::State::resolve_overlaps() {
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       if (!objects[i]->claim || !objects[j]->claim) continue;
-      if (overlap(*objects[i]->claim, *objects[j]->claim) < kSameBody) continue;
+      if (shared_area(*objects[i]->claim, *objects[j]->claim) < kSameBody) continue;
       const bool first_is_surer = objects[i]->confidence > objects[j]->confidence;
       if (alike(i, j) || !first_is_surer) take_back(i);
       if (alike(i, j) || first_is_surer) take_back(j);
@@ -233,12 +259,12 @@ void MultiTracker::State::part_those_in_one_place() {
 
 MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects)
     : state_(std::make_unique<State>()) {
-  if (objects.empty() || objects.size() > kMostObjects)
-    throw std::invalid_argument("objects: must be 1 to " + std::to_string(kMostObjects));
+  require(!objects.empty() && objects.size() <= kMostObjects,
+          "objects: must be 1 to " + std::to_string(kMostObjects));
   State& s = *state_;
   for (const TrackedObject& one : objects) {
-    if (one.model.image_size != objects[0].model.image_size)
-      throw std::invalid_argument("objects: their models are for images of different sizes");
+    require(one.model.image_size == objects[0].model.image_size,
+            "objects: their models are for images of different sizes");
     s.objects.push_back(std::make_unique<State::Object>(one));
   }
   s.alike_.resize(objects.size() * objects.size());
@@ -253,6 +279,8 @@ MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects)
 
 MultiTracker::~MultiTracker() = default;
 
+// Claims by prediction, one pass in the order of confidence, a second one for objects that touch,
+// then the overlaps.
 const std::vector<Track>& MultiTracker::update(const cv::Mat& image) {
   State& s = *state_;
   if (s.map.size() != image.size()) {
@@ -268,7 +296,7 @@ const std::vector<Track>& MultiTracker::update(const cv::Mat& image) {
   s.paint();
   for (const std::size_t k : s.order) s.measure(k, image);
   s.measure_touching_again(image);
-  s.part_those_in_one_place();
+  s.resolve_overlaps();
   s.paint();
   return s.tracks;
 }

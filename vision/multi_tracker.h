@@ -1,5 +1,5 @@
-// Several objects in one image, of different color or of the same, touching or not (thesis 8.3.1):
-// each is masked from what the others own, and none takes another's place without saying so.
+// Multi-object tracker (thesis 8.3.1): several objects in one image, of different color or of the
+// same, touching or not; each is masked from the pixels of the others.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,11 +17,11 @@ struct TrackedObject {
   ColorTrackerSettings settings;
 };
 
-/// Every pixel belongs to whose expected ellipse is nearest; so two that touch share a border that
-/// shape and prediction draw, whatever their colors. Where it matters a frame is measured twice,
-/// the second time by the ellipses just measured. Objects whose colors are alike can be told apart
-/// only by where they were: when two of them run into one another both are lost, and one that was
-/// lost counts as found only where it can not be the other.
+/// Every pixel belongs to the object whose predicted ellipse is nearest; so two that touch share a
+/// border that shape and prediction draw, whatever their colors. Objects that touch are measured
+/// twice, the second time with the ellipses just measured. Objects of similar colors are
+/// distinguished only by their positions: when two of them merge both are lost, and one that was
+/// lost counts as found only where it cannot be the other.
 class MultiTracker {
  public:
   static constexpr int kMostObjects = 32;
@@ -32,13 +32,12 @@ class MultiTracker {
   /// One track an object, in their order. Errors as ColorTracker::update. No allocation after the
   /// first image; the same images give the same tracks.
   const std::vector<Track>& update(const cv::Mat& image);
-  /// Says where one is, as ColorTracker::place; throws std::out_of_range for an object there is
-  /// not.
+  /// As ColorTracker::place for one object; throws std::out_of_range for an index there is not.
   void place(std::size_t object, const Ellipse& at);
   void reset();
   /// CV_8UC1: 0, or the number of the object, from 1, that has the pixel. Of the last image.
   const cv::Mat& owners() const;
-  /// Whether two objects' colors are alike, so that only place tells them apart.
+  /// Whether two objects' colors are alike, so that only position distinguishes them.
   bool alike(std::size_t one, std::size_t other) const;
 
  private:

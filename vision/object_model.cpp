@@ -2,129 +2,12 @@
 #include "vision/object_model.h"
 
 #include "vision/bytes.h"
-#include "vision/moments.h"
-#include "vision/object_view.h"
-
-#include <Eigen/Eigenvalues>
-#include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
-
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-#include <stdexcept>
-#include <utility>
-#include <vector>
 
 namespace vitreo::vision {
 namespace {
 
-using Vector5 = Eigen::Matrix<double, 5, 1>;
-using Matrix5 = Eigen::Matrix<double, 5, 5>;
-
-constexpr std::string_view kMagic = "VTOM";
-constexpr std::uint32_t kVersion = 1;
-// Variances no calibration goes below: a few masks can not show less. px^2, and rad^2 for the
-// angle.
-constexpr double kLeastPx2 = 0.0005, kLeastAngle2 = 1e-5;
-
-/// The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
-cv::Mat largest_part(const cv::Mat& mask) {
-  cv::Mat labels, statistics, centroids, part;
-  const int count = cv::connectedComponentsWithStats(mask, labels, statistics, centroids);
-  int best = 1;
-  for (int k = 2; k < count; ++k)
-    if (statistics.at<int>(k, cv::CC_STAT_AREA) > statistics.at<int>(best, cv::CC_STAT_AREA))
-      best = k;
-  cv::compare(labels, best, part, cv::CMP_EQ);
-  return part;
-}
-
-bool at_edge(const cv::Mat& mask) {
-  const int u = mask.cols - 1, v = mask.rows - 1;
-  return cv::countNonZero(mask.row(0)) + cv::countNonZero(mask.row(v)) +
-             cv::countNonZero(mask.col(0)) + cv::countNonZero(mask.col(u)) >
-         0;
-}
-
-/// An image whose mask is one part, and that part's ellipse.
-struct Whole {
-  LabeledImage labeled;
-  Ellipse truth;
-};
-
-/// Those that show the whole object, for its shape; all, where none does.
-std::vector<Whole> whole_ones(std::span<const LabeledImage> images) {
-  std::vector<Whole> all, whole;
-  for (std::size_t k = 0; k < images.size(); ++k) {
-    const std::string which = "image " + std::to_string(k + 1) + ": ";
-    if (images[k].image.size() != images[0].image.size())
-      throw std::invalid_argument(which + "has another size");
-    const cv::Mat part = largest_part(images[k].mask);
-    all.push_back({{images[k].image, part}, moments_of(part).ellipse({0, 0})});
-    if (at_edge(part)) continue;
-    if (all.back().truth.semi_minor_px < 2.5)
-      throw std::invalid_argument(which + "its mask is thinner than 5 px");
-    whole.push_back(all.back());
-  }
-  if (whole.empty() && all[0].truth.semi_minor_px < 2.5)
-    throw std::invalid_argument("image 1: its mask is thinner than 5 px");
-  return whole.empty() ? all : whole;
-}
-
-// A covariance with its negative directions taken out: the difference of two estimates need not be
-// one.
-Matrix5 clipped(const Matrix5& matrix) {
-  const Vector5 unit =
-      (Vector5() << 1, 1, 1, 1, 20).finished();  // an angle weighs as the rim that it moves
-  const Eigen::SelfAdjointEigenSolver<Matrix5> solver(unit.asDiagonal() * matrix *
-                                                      unit.asDiagonal());
-  const Vector5 values = solver.eigenvalues().cwiseMax(0);
-  const Matrix5 good =
-      solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
-  return unit.cwiseInverse().asDiagonal() * good * unit.cwiseInverse().asDiagonal();
-}
-
-// `errors` of single measurements, whose own covariance is `said` on average.
-Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& said) {
-  Calibration result;
-  const auto count = static_cast<double>(errors.size());
-  for (const Vector5& e : errors) result.semi_axes_px += e.segment<2>(2) / count;
-  for (Vector5 e : errors) {
-    e.segment<2>(2) -= result.semi_axes_px;
-    result.covariance += e * e.transpose() / std::max(count - 1, 1.0);
-  }
-  if (count < 5) result.covariance *= 3;  // so few masks tell a variance hardly at all
-  result.covariance = clipped(result.covariance - said);
-  // Light moves a rim away from where it comes from; in other images it may come from another side.
-  const double mean = result.covariance.topLeftCorner<2, 2>().trace() / 2;
-  result.covariance.topLeftCorner<2, 2>() = mean * Eigen::Matrix2d::Identity();
-  result.covariance.topRightCorner<2, 3>().setZero();
-  result.covariance.bottomLeftCorner<3, 2>().setZero();
-  result.covariance.diagonal().head<4>().array() += kLeastPx2;
-  result.covariance(4, 4) += kLeastAngle2;
-  return result;
-}
-
-Calibration calibration_of(const ObjectModel& model, const std::vector<Whole>& images,
-                           ObjectViewSettings settings, bool refine) {
-  settings.refine = refine;
-  ObjectView view(model, settings);
-  std::vector<Vector5> errors;
-  Matrix5 said = Matrix5::Zero();
-  for (const auto& [labeled, truth] : images) {
-    const EllipsePrior prior{truth, 5, 2, settings.angle_sigma};
-    const Look look = view.look(labeled.image, truth, settings.gate_px, prior);
-    if (!look.measured || look.measured->inlier_fraction < 0.5) continue;
-    Vector5 error = look.measured->ellipse.vector() - truth.vector();
-    error[4] = std::remainder(error[4], std::numbers::pi);
-    if (error.head<2>().norm() > 5) continue;
-    errors.push_back(error);
-    said += look.measured->covariance;
-  }
-  return from_errors(errors,
-                     errors.empty() ? said : Matrix5(said / static_cast<double>(errors.size())));
-}
+constexpr std::string_view kObjectMagic = "VTOM";
+constexpr std::uint32_t kObjectVersion = 1;
 
 void save_calibration(ByteWriter& out, const Calibration& calibration) {
   for (const double value : calibration.semi_axes_px) out.f64(value);
@@ -145,29 +28,12 @@ void save_part(ByteWriter& out, const std::string& part) {
 
 }  // namespace
 
-ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
-                               const ColorModelSettings& color, const ObjectViewSettings& view) {
-  view.check();
-  ObjectModel model;
-  model.color = ColorModel::train(images, color);
-  const std::vector<Whole> whole = whole_ones(images);
-  std::vector<cv::Mat> masks;
-  for (const Whole& one : whole) masks.push_back(one.labeled.mask);
-  model.shape = ShapeModel::train(masks);
-  model.image_size = images[0].image.size();
-  for (const auto& [labeled, e] : whole) {
-    model.semi_axes_px +=
-        Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) / static_cast<double>(whole.size());
-  }
-  model.rim = calibration_of(model, whole, view, true);
-  model.segment = calibration_of(model, whole, view, false);
-  return model;
-}
-
+// Format "VTOM", version 1: image size, mean axes, both calibrations, then color and shape model,
+// each with its length.
 std::string ObjectModel::save() const {
   ByteWriter out;
-  out.text(kMagic);
-  out.u32(kVersion);
+  out.text(kObjectMagic);
+  out.u32(kObjectVersion);
   out.u32(static_cast<std::uint32_t>(image_size.width));
   out.u32(static_cast<std::uint32_t>(image_size.height));
   for (const double value : semi_axes_px) out.f64(value);
@@ -179,7 +45,7 @@ std::string ObjectModel::save() const {
 }
 
 ObjectModel ObjectModel::load(std::string_view bytes) {
-  ByteReader in(bytes, kMagic, kVersion, "object model");
+  ByteReader in(bytes, kObjectMagic, kObjectVersion, "object model");
   ObjectModel model;
   model.image_size.width = in.integer(1, 100000);
   model.image_size.height = in.integer(1, 100000);

@@ -1,5 +1,5 @@
-// All that a color tracker must know of its object, learnt from images with masks and saved as
-// bytes.
+// Object model of a color tracker: colors, shape and calibration, learnt from images with masks and
+// saved as bytes.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,24 +14,24 @@
 
 namespace vitreo::vision {
 
-/// How a tracker looks at one frame.
+/// Settings of one measurement in one frame.
 struct ObjectViewSettings {
   bool shape_prior = true;  ///< cycle three of the level set
   bool refine = true;       ///< the rim to a fraction of a pixel; else the level set's moments
   std::optional<Thresholds> thresholds;  ///< instead of the color model's weighted ones
-  double gate_px = 9;                    ///< how far outside the expected rim the object may be
-  double angle_sigma = 0.1;              ///< rad, of the expected angle
+  double gate_px = 9;                    ///< how far outside the predicted rim the object may be
+  double angle_sigma = 0.1;              ///< rad, of the predicted angle
   LevelSetSettings level_set;
   RadialRimSettings rim;
   ShapeFitSettings shape_fit;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
-/// What a way of measuring says too much or too little, on the training images, against the masks.
+/// Bias and bias covariance of a kind of measurement, on the training images, against the masks.
 struct Calibration {
   Eigen::Vector2d semi_axes_px{0, 0};  ///< mean of measured less true
-  /// Of what is left, of Ellipse::vector(): the part of the error that is the same all round and
-  /// all frame long (shadow, highlight, shading), which the scatter along the rim can not show.
+  /// Of the remaining error of Ellipse::vector(): the part that is common to the whole rim (shadow,
+  /// highlight, shading), which the scatter along the rim cannot show.
   Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
 };
 
@@ -40,8 +40,8 @@ struct ObjectModel {
   ShapeModel shape;
   cv::Size image_size;
   Eigen::Vector2d semi_axes_px{0, 0};  ///< mean over the masks
-  Calibration rim,
-      segment;  ///< of refined and of unrefined measurements, by ObjectViewSettings::refine
+  Calibration rim;                     ///< of measurements with ObjectViewSettings::refine
+  Calibration segment;                 ///< of those without
 
   /// Colors from all of the masks; shape and calibration from the largest part of each, of those
   /// that no edge of the image cuts while there is one. Throws std::invalid_argument as
@@ -49,8 +49,8 @@ struct ObjectModel {
   static ObjectModel train(std::span<const LabeledImage> images, const ColorModelSettings& color,
                            const ObjectViewSettings& view);
   std::string save() const;
-  static ObjectModel load(
-      std::string_view bytes);  ///< std::invalid_argument for anything that save() did not write
+  /// Throws std::invalid_argument for anything that save() did not write.
+  static ObjectModel load(std::string_view bytes);
 };
 
 }  // namespace vitreo::vision

@@ -10,13 +10,15 @@
 namespace vitreo::vision {
 namespace {
 
-constexpr int kMost = static_cast<int>(
-    2.5 * ColorModel::kScale);  // |F| that counts: a highlight must not outvote a body
-constexpr double kFull = 0.35;  // mean F, over kMost, of a box that may be the object
-constexpr double kFar = 0.15;   // of a full box's score lost at one image width's distance
+// Bound of |F|: a highlight must not outweigh a body.
+constexpr int kMostTableF = static_cast<int>(2.5 * ColorModel::kScale);
+constexpr double kFullBox = 0.35;     // mean F over kMostTableF of a box that may be the object
+constexpr double kFarPenalty = 0.15;  // of a full box's score at one image width's distance
 
 }  // namespace
 
+// A cell of about 2/7 of the semi-minor axis and a box of 0.7 of it either way: the box's corners
+// stay about within the object.
 ObjectSearch::ObjectSearch(const Ellipse& size)
     : step_(std::clamp(static_cast<int>(size.semi_minor_px / 3.5), 2, 8)),
       half_(std::max(static_cast<int>(std::lround(0.7 * size.semi_minor_px / step_)), 1)),
@@ -24,13 +26,14 @@ ObjectSearch::ObjectSearch(const Ellipse& size)
   found_.reserve(16);
 }
 
+// F of every cell and its integral image (Crow 1984).
 void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv::Mat& owned,
                         unsigned char self) {
   const std::int8_t* table = model.table().data();
-  const int second = step_ / 2;  // two pixels of each cell: half the noise of one
+  const int second = step_ / 2;  // two pixels of each cell: half the variance of one
   for (int j = 0; j < rows_; ++j) {
-    const auto *first = image.ptr<cv::Vec3b>(j * step_),
-               *other = image.ptr<cv::Vec3b>(j * step_ + second);
+    const auto* first = image.ptr<cv::Vec3b>(j * step_);
+    const auto* other = image.ptr<cv::Vec3b>(j * step_ + second);
     std::int16_t* to = f_.data() + static_cast<std::ptrdiff_t>(j) * columns_;
     const std::int32_t* above = sums_.data() + static_cast<std::ptrdiff_t>(j) * (columns_ + 1);
     std::int32_t* sum = sums_.data() + static_cast<std::ptrdiff_t>(j + 1) * (columns_ + 1);
@@ -38,12 +41,14 @@ void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv:
     std::int32_t row = 0;
     sum[0] = 0;
     for (int i = 0; i < columns_; ++i) {
-      const cv::Vec3b &a = first[i * step_], &b = other[i * step_ + second];
+      const cv::Vec3b& a = first[i * step_];
+      const cv::Vec3b& b = other[i * step_ + second];
       int value = (table[ColorModel::cell_of(a[0], a[1], a[2])] +
                    table[ColorModel::cell_of(b[0], b[1], b[2])]) /
                   2;
-      if (owner != nullptr && owner[i * step_] != 0 && owner[i * step_] != self) value = -kMost;
-      value = std::clamp(value, -kMost, kMost);
+      if (owner != nullptr && owner[i * step_] != 0 && owner[i * step_] != self)
+        value = -kMostTableF;
+      value = std::clamp(value, -kMostTableF, kMostTableF);
       to[i] = static_cast<std::int16_t>(value);
       row += value;
       sum[i + 1] = above[i + 1] + row;
@@ -51,9 +56,12 @@ void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv:
   }
 }
 
+// Sum of F over the box around a cell, cut to the image: four corners of the integral image.
 int ObjectSearch::box(int i, int j) const {
-  const int i0 = std::max(i - half_, 0), i1 = std::min(i + half_ + 1, columns_);
-  const int j0 = std::max(j - half_, 0), j1 = std::min(j + half_ + 1, rows_);
+  const int i0 = std::max(i - half_, 0);
+  const int i1 = std::min(i + half_ + 1, columns_);
+  const int j0 = std::max(j - half_, 0);
+  const int j1 = std::min(j + half_ + 1, rows_);
   const auto at = [&](int x, int y) {
     return sums_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_ + 1) +
                  static_cast<std::size_t>(x)];
@@ -61,25 +69,28 @@ int ObjectSearch::box(int i, int j) const {
   return at(i1, j1) - at(i0, j1) - at(i1, j0) + at(i0, j0);
 }
 
+// Mean F of each box over kMostTableF, less a penalty that grows with the distance from `near_px`;
+// -1 for a box that cannot be the object.
 void ObjectSearch::score(const Eigen::Vector2d& near_px) {
   const int side = 2 * half_ + 1;
-  const float per_box = 1.0F / static_cast<float>(side * side * kMost);
-  const float per_px = static_cast<float>(kFar) / static_cast<float>(columns_ * step_);
+  const float per_box = 1.0F / static_cast<float>(side * side * kMostTableF);
+  const float per_px = static_cast<float>(kFarPenalty) / static_cast<float>(columns_ * step_);
   for (int j = 0; j < rows_; ++j) {
     for (int i = 0; i < columns_; ++i) {
       const float full = static_cast<float>(box(i, j)) * per_box;
       float& score = score_[static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_) +
                             static_cast<std::size_t>(i)];
       score = -1;
-      if (full < static_cast<float>(kFull)) continue;
-      const float du = static_cast<float>(i * step_ - near_px.x()),
-                  dv = static_cast<float>(j * step_ - near_px.y());
+      if (full < static_cast<float>(kFullBox)) continue;
+      const float du = static_cast<float>(i * step_ - near_px.x());
+      const float dv = static_cast<float>(j * step_ - near_px.y());
       score = full - per_px * std::sqrt(du * du + dv * dv);
     }
   }
 }
 
-// The axes of what lies around a full box: moments of the cells for the object, within reach of it.
+// Center and angle around a full box: moments of the cells with F > 0 within reach of it, three
+// times from the center just found. The axes stay those searched for.
 Ellipse ObjectSearch::settle(int i, int j) const {
   Ellipse at{{i, j}, size_.semi_major_px / step_, size_.semi_minor_px / step_, 0};
   double reach = 1.2 * at.semi_major_px;
@@ -99,8 +110,8 @@ Ellipse ObjectSearch::settle(int i, int j) const {
     if (sums.count == 0) break;
     at = sums.ellipse({0, 0});
   }
-  const Eigen::Vector2d middle =
-      Eigen::Vector2d::Constant(step_ / 4.0);  // between the two pixels of a cell
+  // The mean of a cell's two pixels lies step / 4 beside the first, in u and v.
+  const Eigen::Vector2d middle = Eigen::Vector2d::Constant(step_ / 4.0);
   return {at.center_px * step_ + middle, size_.semi_major_px, size_.semi_minor_px, at.angle};
 }
 
@@ -121,8 +132,11 @@ const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const Color
   for (int k = 0; k < std::min(most, 16); ++k) {
     const auto best = std::max_element(score_.begin(), score_.end());
     if (!(*best > -1)) break;
-    const int at = static_cast<int>(best - score_.begin()), i = at % columns_, j = at / columns_;
+    const int at = static_cast<int>(best - score_.begin());
+    const int i = at % columns_;
+    const int j = at / columns_;
     found_.push_back(settle(i, j));
+    // Non-maximum suppression within one semi-major axis.
     const int away = static_cast<int>(size_.semi_major_px / step_) + 1;
     for (int y = std::max(j - away, 0); y < std::min(j + away + 1, rows_); ++y) {
       const auto row = score_.begin() + static_cast<std::ptrdiff_t>(y) * columns_;

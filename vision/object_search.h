@@ -1,5 +1,5 @@
-// Where in the whole image something of the object's color and size stands, roughly and fast
-// (thesis 8.3.1).
+// Object search: rough and fast detection in the whole image by the object's color and size (thesis
+// 8.3.1).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,15 +14,15 @@
 namespace vitreo::vision {
 
 /// Sums of F on a coarse grid over boxes that fit into the object: the fullest boxes, and the axes
-/// of what is around them. Vessels are narrower than such a box, which tells them from the object
-/// without labeling.
+/// of what is around them. Vessels are narrower than such a box, which distinguishes them from the
+/// object without labeling.
 class ObjectSearch {
  public:
-  /// `size`: semi-axes of the object, px; where it stands does not matter.
+  /// `size`: semi-axes of the object, px; its center and angle are not read.
   explicit ObjectSearch(const Ellipse& size);
-  /// At most `most` places, best first, of the searched size. `near_px`: where it is expected,
-  /// which decides between places alike. `owned` as Evidence::look. Allocates only when the image
-  /// is larger than all before.
+  /// At most `most` candidates, best first, of the searched size. `near_px`: the expected center,
+  /// which decides between similar candidates. `owned` as Evidence::look. Allocates only when the
+  /// image is larger than all before.
   const std::vector<Ellipse>& find(const cv::Mat& image, const ColorModel& model,
                                    const Eigen::Vector2d& near_px, int most,
                                    const cv::Mat& owned = {}, unsigned char self = 0);
@@ -33,10 +33,12 @@ class ObjectSearch {
   int box(int i, int j) const;
   void score(const Eigen::Vector2d& near_px);
   Ellipse settle(int i, int j) const;
-  int step_, half_;
-  Ellipse size_;
-  int columns_ = 0, rows_ = 0;
-  std::vector<std::int16_t> f_;
+  int step_;
+  int half_;
+  Ellipse size_;  // px
+  int columns_ = 0;
+  int rows_ = 0;
+  std::vector<std::int16_t> f_;     // of each cell, ColorModel::kScale F, clamped
   std::vector<std::int32_t> sums_;  // integral image, one row and column more
   std::vector<float> score_;
   std::vector<Ellipse> found_;

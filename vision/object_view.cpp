@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vision/object_view.h"
 
+#include "vision/preconditions.h"
+
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::vision {
 namespace {
 
-// A segment this much smaller or larger than expected is a piece, or a leak: not where a rim is
-// looked for.
-constexpr double kSmallest = 0.75, kLargest = 1.35;
-constexpr int kClear = static_cast<int>(Evidence::kScale);  // F = -1: the ground's, by e to one
+// Ratios of a segment's area to the predicted one beyond which it is a piece, or a leak: then the
+// rim is searched at the prediction.
+constexpr double kSmallestShare = 0.75;
+constexpr double kLargestShare = 1.35;
+constexpr int kClear = static_cast<int>(Evidence::kScale);  // F = -1: the ground's by e to one
 
 double area_of(const Ellipse& e) {
   return 3.14159265358979323846 * e.semi_major_px * e.semi_minor_px;
@@ -22,9 +24,6 @@ double area_of(const Ellipse& e) {
 void ObjectViewSettings::check() const {
   level_set.check();
   rim.check();
-  const auto require = [](bool good, const char* what) {
-    if (!good) throw std::invalid_argument(what);
-  };
   require(gate_px >= 2 && gate_px <= 100, "gate_px: must be 2 to 100");
   require(angle_sigma > 0 && angle_sigma <= 10, "angle_sigma: must be above 0, at most 10 rad");
   require(shape_fit.iterations >= 1 && shape_fit.iterations <= 50,
@@ -37,6 +36,7 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
     : model_(&model),
       settings_(settings),
       thresholds_(settings.thresholds.value_or(model.color.weighted_thresholds())),
+      // Twice the object's length and room for a gate that has grown while coasting.
       max_side_px_(static_cast<int>(4 * model.semi_axes_px.x() + 6 * settings.gate_px) + 16),
       level_set_(settings.level_set),
       rim_(settings.rim) {
@@ -46,9 +46,12 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
   front_.reserve(4 * static_cast<std::size_t>(settings.level_set.max_points));
 }
 
-void ObjectView::weigh(const Ellipse& ellipse, Look& look) const {
+// Shares of the ellipse's pixels for and against the object, over every second pixel and row.
+void ObjectView::count_support(const Ellipse& ellipse, Observation& observation) const {
   const cv::Rect& region = evidence_.region();
-  int count = 0, for_it = 0, against = 0;
+  int count = 0;
+  int for_it = 0;
+  int against = 0;
   const int top = static_cast<int>(ellipse.center_px.y() - ellipse.semi_major_px);
   const int bottom = static_cast<int>(ellipse.center_px.y() + ellipse.semi_major_px) + 1;
   for (int v = top; v < bottom; v += 2) {
@@ -61,13 +64,15 @@ void ObjectView::weigh(const Ellipse& ellipse, Look& look) const {
       against += f < -kClear && f != Evidence::kBlocked;
     }
   }
-  look.support = static_cast<double>(for_it) / std::max(count, 1);
-  look.against = static_cast<double>(against) / std::max(count, 1);
+  observation.support = static_cast<double>(for_it) / std::max(count, 1);
+  observation.against = static_cast<double>(against) / std::max(count, 1);
 }
 
-Look ObjectView::look(const cv::Mat& image, const Ellipse& expected, double gate_px,
-                      const EllipsePrior& prior, const Owned& owned, bool from_front) {
-  Look result;
+// Thesis 8.2 in order: F within the gate, cycles one and two, the shape prior from the front (8.4)
+// and cycle three; then, beyond the thesis, the sub-pixel rim around the shape.
+Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, double gate_px,
+                                const EllipsePrior& prior, const Owned& owned, bool from_front) {
+  Observation result;
   evidence_.look(image, model_->color, grown(expected, gate_px), max_side_px_, owned.map,
                  owned.self);
   level_set_.start(evidence_, expected);
@@ -75,6 +80,7 @@ Look ObjectView::look(const cv::Mat& image, const Ellipse& expected, double gate
   result.segment = level_set_.keep_largest();
   Ellipse at = result.segment.ellipse;
   double area = result.segment.area_px;
+  // The prior's ellipse is taken only for refinement; else the moments of what cycle three left.
   if (settings_.shape_prior && area > 0 && !level_set_.leaked()) {
     level_set_.front(front_);
     const ShapeFit fit =
@@ -88,14 +94,16 @@ Look ObjectView::look(const cv::Mat& image, const Ellipse& expected, double gate
   result.leaked = level_set_.leaked();
   result.iterations = level_set_.iterations();
   const double share = area / area_of(expected);
-  const bool like = from_front && share > kSmallest && share < kLargest && at.semi_minor_px > 2;
+  const bool like =
+      from_front && share > kSmallestShare && share < kLargestShare && at.semi_minor_px > 2;
   if (settings_.refine) {
     result.measured = rim_.measure(evidence_, like ? at : expected, prior);
   } else if (at.semi_minor_px > 1) {
     result.measured =
+        // Moments have no covariance of their own: the calibration adds one.
         EllipseMeasurement{at, Eigen::Matrix<double, 5, 5>::Zero(), like ? 1.0 : 0.0, 0};
   }
-  if (result.measured) weigh(result.measured->ellipse, result);
+  if (result.measured) count_support(result.measured->ellipse, result);
   return result;
 }
 

@@ -1,4 +1,4 @@
-// One look at one frame: evidence within a gate, level set, shape prior, rim.
+// Observation of one object in one frame: evidence within a gate, level set, shape prior, rim.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,19 +12,18 @@
 
 namespace vitreo::vision {
 
-/// Pixels that other trackers' objects have: CV_8UC1 of the image's size, not 0 and not `self` =
-/// not to be entered.
+/// Pixels that belong to other trackers' objects: CV_8UC1 of the image's size, not 0 and not `self`
+/// = not to be entered.
 struct Owned {
   cv::Mat map;
   unsigned char self = 0;
 };
 
-struct Look {
+struct Observation {
   std::optional<EllipseMeasurement> measured;  ///< not yet calibrated
   Segment segment;
   std::optional<ShapeFit> shape;
-  double support =
-      0;  ///< share of the measured ellipse's pixels that are for the object and not blocked
+  double support = 0;  ///< share of the measured ellipse's pixels with F > 0 that are not blocked
   double against = 0;  ///< share of them that are clearly the ground's
   bool leaked = false;
   int iterations = 0;
@@ -32,16 +31,16 @@ struct Look {
 
 class ObjectView {
  public:
-  ObjectView(const ObjectModel& model,
-             const ObjectViewSettings& settings);  ///< `model` must outlive it
-  /// Starts at `expected` and stays within `gate_px` of its rim; `prior` draws the refined ellipse.
-  /// The rim is looked for around the level set's front, or, told otherwise, around what is
-  /// expected.
-  Look look(const cv::Mat& image, const Ellipse& expected, double gate_px,
-            const EllipsePrior& prior, const Owned& owned = {}, bool from_front = true);
+  /// `model` must outlive it.
+  ObjectView(const ObjectModel& model, const ObjectViewSettings& settings);
+  /// Starts at `expected` and stays within `gate_px` of its rim; `prior` regularizes the refined
+  /// ellipse. The rim is searched around the level set's front, or, without `from_front`, around
+  /// `expected`.
+  Observation observe(const cv::Mat& image, const Ellipse& expected, double gate_px,
+                      const EllipsePrior& prior, const Owned& owned = {}, bool from_front = true);
 
  private:
-  void weigh(const Ellipse& ellipse, Look& look) const;
+  void count_support(const Ellipse& ellipse, Observation& observation) const;
   const ObjectModel* model_;
   ObjectViewSettings settings_;
   Thresholds thresholds_;

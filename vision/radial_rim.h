@@ -1,4 +1,4 @@
-// The object's rim on the color evidence, to a fraction of a pixel.
+// Radial rim: the object's rim on the color evidence, to a fraction of a pixel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,10 +18,10 @@ struct RadialRimSettings {
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
-/// On each normal the cut that leaves the most evidence for the object inside and for the ground
-/// outside, which a highlight at the rim or a vessel beside it moves less than the nearest change
-/// of sign; then the ellipse through the cuts by robust least squares, drawn weakly to what was
-/// expected.
+/// On each normal the cut of maximum likelihood: the change point with the largest sum of F inside
+/// less the sum outside, which a highlight at the rim or a vessel beside it moves less than the
+/// nearest change of sign; then the ellipse through the cuts by robust least squares (fit_ellipse),
+/// with a weak prior at the prediction.
 class RadialRim {
  public:
   explicit RadialRim(const RadialRimSettings& settings);

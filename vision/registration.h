@@ -1,67 +1,33 @@
-// How two views of one retina lie over each other: found from nothing, then refined to a fraction
-// of a pixel.
+// Registration of two views of one retina: searched without a guess, then refined to a fraction of
+// a pixel.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Geometry>
-#include <opencv2/core/mat.hpp>
+#include "vision/registration_view.h"
 
-#include <array>
-#include <numbers>
+#include <Eigen/Geometry>
+
 #include <optional>
 
 namespace vitreo::vision {
-
-enum class ViewModel {
-  euclidean,  ///< a sensor that turns and shifts in the aerial image's plane
-  affine,     ///< also scale and shear: a tilted sensor
-};
-
-struct RegistrationSettings {
-  ViewModel model = ViewModel::euclidean;
-  double max_rotation = std::numbers::pi / 6;  ///< between two views, rad, either way
-  double flatten_sigma_px = 20;                ///< structure larger than this is light, not retina
-  double min_overlap = 0.1;                    ///< share of the view that must be common
-  double min_correlation =
-      0.4;             ///< of the flattened views in the overlap, at a quarter of the resolution
-  void check() const;  ///< throws std::invalid_argument naming the setting
-};
 
 struct Registration {
   Eigen::Affine2d first_from_second = Eigen::Affine2d::Identity();  ///< px
   double correlation = 0;
   double overlap = 0;   ///< share of the second view
-  double sigma_px = 0;  ///< of the overlap's points, from the noise
+  double sigma_px = 0;  ///< standard deviation of the overlap's points, from the images' noise
 };
 
-/// A view, flattened, at full, half and quarter resolution: made once, registered with many.
-class RegistrationView {
- public:
-  /// 8-bit gray, or BGR, of which green counts: it shows vessels best. Throws std::invalid_argument
-  /// for another type, or for fewer than 64 pixels a side.
-  RegistrationView(const cv::Mat& view, const RegistrationSettings& settings);
-  static constexpr int kLevels = 3;
-  struct Level {
-    cv::Mat image, du, dv;  // CV_32F, of standard deviation about 1; its gradient
-  };
-  const Level& level(int level) const { return levels_[static_cast<std::size_t>(level)]; }
-  const cv::Size& size() const { return size_; }
-  bool blank() const { return blank_; }  ///< nothing to hold on to
-
- private:
-  cv::Size size_;
-  bool blank_ = false;
-  std::array<Level, kLevels> levels_;
-};
-
-/// Without any guess: phase correlation at each of the angles, then refinement. Nothing when no
-/// place fits.
+/// Without any guess: phase correlation (Kuglin & Hines 1975), partly whitened, at each angle of a
+/// sweep and at a quarter of the resolution, then refine_registration(). Nothing when no pose fits.
+/// Throws std::invalid_argument for views of different size.
 std::optional<Registration> register_views(const RegistrationView& first,
                                            const RegistrationView& second,
                                            const RegistrationSettings& settings);
 
-/// From a guess that is right within about 8 pixels. Throws std::invalid_argument when it is not
-/// finite or not invertible.
+/// From a guess that is right within about 8 pixels: Gauss-Newton on the gray values, coarse to
+/// fine (registration_refine.h). Throws std::invalid_argument when the guess is not finite or not
+/// invertible, or for views of different size.
 std::optional<Registration> refine_registration(const RegistrationView& first,
                                                 const RegistrationView& second,
                                                 const Eigen::Affine2d& first_from_second,

@@ -14,37 +14,47 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kIterations = 30;
-constexpr double kConverged = 1e-3;  // px of the level
-constexpr double kFewest = 400;      // pixels of overlap
-constexpr double kOutlier =
-    2;  // standard deviations of the difference at which a pixel's weight is halved
-constexpr double kSmoothing =
-    4 * std::numbers::pi;  // pixels that share their noise: images are smoothed by sigma 1 px
+constexpr double kConvergedPx = 1e-3;  // px of the level
+constexpr double kFewestPixels = 400;  // pixels of overlap
+constexpr double kOutlier = 2;  // standard deviations of the difference at which a weight is halved
+// Pixels that share their noise, 4 pi sigma^2 for an image smoothed by a Gaussian of sigma 1 px.
+constexpr double kSharedNoise = 4 * std::numbers::pi;
 
 // Calls f(column, row, gray value of the second view there) for the pixels of the first that the
-// second covers.
+// second covers, by bilinear interpolation.
 template <typename F>
 void for_overlap(const cv::Mat& first, const cv::Mat& second,
                  const Eigen::Affine2d& second_from_first, int step, F f) {
-  const double right = second.cols - 1.001, bottom = second.rows - 1.001;
+  const double right = second.cols - 1.001;
+  const double bottom = second.rows - 1.001;
   const Eigen::Vector2d along = second_from_first.linear().col(0);
   for (int v = 1; v < first.rows - 1; v += step) {
     const Eigen::Vector2d start = second_from_first * Eigen::Vector2d(0, v);
     for (int u = 1; u < first.cols - 1; u += step) {
-      const double x = start.x() + u * along.x(), y = start.y() + u * along.y();
+      const double x = start.x() + u * along.x();
+      const double y = start.y() + u * along.y();
       if (!(x >= 0 && y >= 0 && x <= right && y <= bottom)) continue;
-      const int i = static_cast<int>(x), j = static_cast<int>(y);
-      const double s = x - i, t = y - j;
-      const float *const a = second.ptr<float>(j) + i, *const b = second.ptr<float>(j + 1) + i;
+      const int i = static_cast<int>(x);
+      const int j = static_cast<int>(y);
+      const double s = x - i;
+      const double t = y - j;
+      const float* const a = second.ptr<float>(j) + i;
+      const float* const b = second.ptr<float>(j + 1) + i;
       f(u, v, (1 - t) * ((1 - s) * a[0] + s * a[1]) + t * ((1 - s) * b[0] + s * b[1]));
     }
   }
 }
 
-// Means and deviations of both in the overlap: a lamp that brightened, or another contrast, is no
-// difference.
-struct Moments {
-  double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+// Means and deviations of both views in the overlap, to standardize them: a brighter lamp, or
+// another contrast, is then no difference, as in ECC (Evangelidis & Psarakis 2008). correlation():
+// Pearson's.
+struct PairMoments {
+  double n = 0;
+  double a = 0;
+  double b = 0;
+  double aa = 0;
+  double bb = 0;
+  double ab = 0;
   void add(double x, double y) { n += 1, a += x, b += y, aa += x * x, bb += y * y, ab += x * y; }
   double mean_a() const { return a / n; }
   double mean_b() const { return b / n; }
@@ -53,39 +63,53 @@ struct Moments {
   double correlation() const { return (ab / n - mean_a() * mean_b()) / (sigma_a() * sigma_b()); }
 };
 
-Moments moments_of(const cv::Mat& first, const cv::Mat& second,
-                   const Eigen::Affine2d& second_from_first, int step) {
-  Moments m;
+PairMoments pair_moments(const cv::Mat& first, const cv::Mat& second,
+                         const Eigen::Affine2d& second_from_first, int step) {
+  PairMoments m;
   for_overlap(first, second, second_from_first, step,
               [&](int u, int v, double gray) { m.add(first.at<float>(v, u), gray); });
   return m;
 }
 
-struct Equations {
+struct RefineEquations {
   Matrix6 information = Matrix6::Zero();
   Vector6 right = Vector6::Zero();
-  double squares = 0, weights = 0, count = 0;
+  double squares = 0;
+  double weights = 0;
+  double count = 0;
 };
 
-// Normalized, so that an element of the affine change moves the view's rim by one pixel.
-struct Frame {
-  double u, v, scale;
-  explicit Frame(const cv::Mat& image)
+// Coordinates about the view's center in units of half its longer side, so that an element of the
+// affine change moves the border by one pixel.
+struct ViewFrame {
+  double u;
+  double v;
+  double scale;
+  explicit ViewFrame(const cv::Mat& image)
       : u((image.cols - 1) / 2.0),
         v((image.rows - 1) / 2.0),
         scale(std::max(image.cols, image.rows) / 2.0) {}
 };
 
-Equations equations_of(const RegistrationView::Level& first, const cv::Mat& second,
-                       const Eigen::Affine2d& second_from_first, const Moments& m, double outlier) {
-  Equations e;
-  const Frame frame(first.image);
-  const double a = m.mean_a(), b = m.mean_b(), sa = m.sigma_a(), sb = m.sigma_b();
+// Normal equations of the inverse compositional step (Baker & Matthews 2004) for the six of an
+// affine change of the first view: J = grad(first) d(warp) / d(p), residual second(warp) - first,
+// both standardized; weights 1 / (1 + (r / c)^2) (Cauchy).
+RefineEquations refine_equations(const RegistrationView::Level& first, const cv::Mat& second,
+                                 const Eigen::Affine2d& second_from_first, const PairMoments& m,
+                                 double outlier) {
+  RefineEquations e;
+  const ViewFrame frame(first.image);
+  const double a = m.mean_a();
+  const double b = m.mean_b();
+  const double sa = m.sigma_a();
+  const double sb = m.sigma_b();
   Vector6 sum = Vector6::Zero();
   for_overlap(first.image, second, second_from_first, 1, [&](int u, int v, double gray) {
     const double miss = (gray - b) / sb - (first.image.at<float>(v, u) - a) / sa;
-    const double gu = first.du.at<float>(v, u) / sa, gv = first.dv.at<float>(v, u) / sa;
-    const double x = (u - frame.u) / frame.scale, y = (v - frame.v) / frame.scale;
+    const double gu = first.du.at<float>(v, u) / sa;
+    const double gv = first.dv.at<float>(v, u) / sa;
+    const double x = (u - frame.u) / frame.scale;
+    const double y = (v - frame.v) / frame.scale;
     const double w = 1 / (1 + miss * miss / (outlier * outlier));
     Vector6 row;
     row << gu * x, gu * y, gu, gv * x, gv * y, gv;
@@ -100,7 +124,7 @@ Equations equations_of(const RegistrationView::Level& first, const cv::Mat& seco
   return e;
 }
 
-// Which combinations of the six the model may change: all, or a small turn and the shifts.
+// Basis of the model's changes within the six: all, or a small turn (-y, x) and the two shifts.
 Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms_of(ViewModel model) {
   if (model == ViewModel::affine) return Matrix6::Identity();
   Eigen::Matrix<double, 6, 3> freedoms = Eigen::Matrix<double, 6, 3>::Zero();
@@ -109,7 +133,8 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms_of(ViewModel model) {
   return freedoms;
 }
 
-Eigen::Affine2d change_of(const Vector6& d, const Frame& frame, ViewModel model) {
+// The warp of a step; Euclidean: an exact rotation by the small turn, so that no scale creeps in.
+Eigen::Affine2d change_of(const Vector6& d, const ViewFrame& frame, ViewModel model) {
   Eigen::Affine2d change = Eigen::Affine2d::Identity();
   if (model == ViewModel::euclidean)
     change.linear() = Eigen::Rotation2Dd(d[3] / frame.scale).toRotationMatrix();
@@ -122,10 +147,12 @@ Eigen::Affine2d change_of(const Vector6& d, const Frame& frame, ViewModel model)
 
 }  // namespace
 
+// n step^2 pixels of the first view lie in the second, of its b.total().
 ViewOverlap overlap_of(const RegistrationView& first, const RegistrationView& second,
                        const Eigen::Affine2d& second_from_first, int level, int step) {
-  const cv::Mat &a = first.level(level).image, &b = second.level(level).image;
-  const Moments m = moments_of(a, b, second_from_first, step);
+  const cv::Mat& a = first.level(level).image;
+  const cv::Mat& b = second.level(level).image;
+  const PairMoments m = pair_moments(a, b, second_from_first, step);
   if (m.n < 2) return {};
   return {m.correlation(), m.n * step * step / static_cast<double>(b.total())};
 }
@@ -136,25 +163,30 @@ std::optional<double> refine_at_level(const RegistrationView& first, const Regis
   const RegistrationView::Level& a = first.level(level);
   const cv::Mat& b = second.level(level).image;
   const Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms = freedoms_of(model);
-  double sigma = 0, outlier = kOutlier;
+  double sigma = 0;
+  double outlier = kOutlier;
   for (int k = 0; k < kIterations; ++k) {
-    const Moments m = moments_of(a.image, b, second_from_first, 2);
-    if (4 * m.n < kFewest) return std::nullopt;
-    const Equations e = equations_of(a, b, second_from_first, m, outlier);
+    const PairMoments m = pair_moments(a.image, b, second_from_first, 2);
+    if (4 * m.n < kFewestPixels) return std::nullopt;
+    const RefineEquations e = refine_equations(a, b, second_from_first, m, outlier);
     const Eigen::LDLT<Eigen::MatrixXd> solver(freedoms.transpose() * e.information * freedoms);
     if (solver.info() != Eigen::Success || solver.rcond() < 1e-9) return std::nullopt;
     const Vector6 change = freedoms * solver.solve(freedoms.transpose() * e.right);
     if (!change.allFinite()) return std::nullopt;
-    // The template is the one that was moved: its change, taken back, comes first (inverse
-    // compositional).
-    second_from_first = second_from_first * change_of(change, Frame(a.image), model).inverse();
+    // Inverse compositional: the step was taken on the first view, so its inverse is applied
+    // before.
+    second_from_first = second_from_first * change_of(change, ViewFrame(a.image), model).inverse();
     const double rms = std::sqrt(e.squares / e.weights);
+    // The noise is estimated in each round; at first the views are standardized to 1.
     outlier = kOutlier * std::max(rms, 0.05);
     const Eigen::MatrixXd inverse =
         solver.solve(Eigen::MatrixXd::Identity(freedoms.cols(), freedoms.cols()));
-    const Matrix6 covariance = freedoms * inverse * freedoms.transpose() * (rms * rms * kSmoothing);
+    // A step's covariance is (J' W J)^-1 s^2 for independent pixels, kSharedNoise times that here.
+    // sigma: per coordinate of a point at the border, |x| = |y| = 1, correlations neglected.
+    const Matrix6 covariance =
+        freedoms * inverse * freedoms.transpose() * (rms * rms * kSharedNoise);
     sigma = std::sqrt(covariance.diagonal().sum() / 2);
-    if (change.lpNorm<Eigen::Infinity>() < kConverged) break;
+    if (change.lpNorm<Eigen::Infinity>() < kConvergedPx) break;
   }
   return sigma;
 }

@@ -1,22 +1,29 @@
-// Gauss-Newton on the gray values of two flattened views: the last step of a registration.
+// Registration refinement: Gauss-Newton on the gray values of two flattened views.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "vision/registration.h"
+#include "vision/registration_view.h"
+
+#include <Eigen/Geometry>
+
+#include <optional>
 
 namespace vitreo::vision {
 
 struct ViewOverlap {
-  double correlation = 0, share = 0;
+  double correlation = 0;
+  double share = 0;
 };
 
-/// Of the two views at this level, sampled at every `step`-th pixel; `second_from_first` in pixels
-/// of the level.
+/// Pearson's correlation of the two views in their overlap at this level, and the overlap's share;
+/// sampled at every `step`-th pixel; `second_from_first` in pixels of the level.
 ViewOverlap overlap_of(const RegistrationView& first, const RegistrationView& second,
                        const Eigen::Affine2d& second_from_first, int level, int step);
 
-/// Improves `second_from_first`, in pixels of the level; the standard deviation of the overlap's
-/// points, px of the level, or nothing when the views slid off each other.
+/// Improves `second_from_first`, in pixels of the level: inverse compositional Gauss-Newton (Baker
+/// & Matthews 2004) on gray values standardized over the overlap, with Cauchy weights. Returns the
+/// standard deviation of a point at the view's border, px of the level, or nothing when the views
+/// slid off each other.
 std::optional<double> refine_at_level(const RegistrationView& first, const RegistrationView& second,
                                       Eigen::Affine2d& second_from_first, int level,
                                       ViewModel model);

@@ -3,6 +3,7 @@
 
 #include "vision/bytes.h"
 #include "vision/moments.h"
+#include "vision/preconditions.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -10,38 +11,43 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 namespace vitreo::vision {
 namespace {
 
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
-using Sample = ShapeModel::Sample;
+using ShapeSample = ShapeModel::Sample;
 
-constexpr std::string_view kMagic = "VTSM";
-constexpr std::uint32_t kVersion = 1;
-constexpr int kGrid = ShapeModel::kGrid;
-constexpr std::size_t kSamples = static_cast<std::size_t>(kGrid) * kGrid;
-constexpr double kPerUnit = (kGrid - 1) / (2 * ShapeModel::kReach);  // grid steps per unit of scale
-constexpr double kPointSigma = 0.7;  // px: a front pixel's distance to the true rim
+constexpr std::string_view kShapeMagic = "VTSM";
+constexpr std::uint32_t kShapeVersion = 1;
+constexpr int kShapeGrid = ShapeModel::kGrid;
+constexpr std::size_t kSamples = static_cast<std::size_t>(kShapeGrid) * kShapeGrid;
+constexpr double kPerUnit =
+    (kShapeGrid - 1) / (2 * ShapeModel::kReach);  // grid steps per unit of scale
+constexpr double kPointSigma = 0.7;               // px: a front pixel's distance to the true rim
 
-// Values of mean and modes at a place of the grid, and their derivatives per unit of scale.
-struct Looked {
-  std::array<float, 5> value, by_x, by_y;
+// Values of mean and modes at a position of the grid, and their derivatives per unit of scale.
+struct ModeValues {
+  std::array<float, 5> value;
+  std::array<float, 5> by_x;
+  std::array<float, 5> by_y;
 };
 
-Looked look(const std::vector<Sample>& samples, double x, double y) {
-  const double gx = std::clamp((x + ShapeModel::kReach) * kPerUnit, 0.0, kGrid - 1.001);
-  const double gy = std::clamp((y + ShapeModel::kReach) * kPerUnit, 0.0, kGrid - 1.001);
-  const auto i = static_cast<std::size_t>(gx), j = static_cast<std::size_t>(gy);
-  const auto fx = static_cast<float>(gx - static_cast<double>(i)),
-             fy = static_cast<float>(gy - static_cast<double>(j));
-  const Sample *p = &samples[j * kGrid + i], *q = p + kGrid;
-  Looked at;
+// Bilinear in the grid; x, y in units of the scale. Outside of the grid, the values at its border.
+ModeValues interpolate(const std::vector<ShapeSample>& samples, double x, double y) {
+  const double gx = std::clamp((x + ShapeModel::kReach) * kPerUnit, 0.0, kShapeGrid - 1.001);
+  const double gy = std::clamp((y + ShapeModel::kReach) * kPerUnit, 0.0, kShapeGrid - 1.001);
+  const auto i = static_cast<std::size_t>(gx);
+  const auto j = static_cast<std::size_t>(gy);
+  const auto fx = static_cast<float>(gx - static_cast<double>(i));
+  const auto fy = static_cast<float>(gy - static_cast<double>(j));
+  const ShapeSample* p = &samples[j * kShapeGrid + i];
+  const ShapeSample* q = p + kShapeGrid;
+  ModeValues at;
   for (std::size_t k = 0; k < 5; ++k) {
-    const float top = p[0][k] + fx * (p[1][k] - p[0][k]),
-                bottom = q[0][k] + fx * (q[1][k] - q[0][k]);
+    const float top = p[0][k] + fx * (p[1][k] - p[0][k]);
+    const float bottom = q[0][k] + fx * (q[1][k] - q[0][k]);
     at.value[k] = top + fy * (bottom - top);
     at.by_y[k] = (bottom - top) * static_cast<float>(kPerUnit);
     at.by_x[k] =
@@ -50,7 +56,9 @@ Looked look(const std::vector<Sample>& samples, double x, double y) {
   return at;
 }
 
-double mix(const std::array<float, 5>& values, const std::array<double, kMaxModes>& weights) {
+// (8.3): mean + sum a_i v_i, the modes in units of their standard deviations.
+double weighted_sum(const std::array<float, 5>& values,
+                    const std::array<double, kMaxModes>& weights) {
   double sum = values[0];
   for (std::size_t k = 0; k < kMaxModes; ++k) sum += weights[k] * values[k + 1];
   return sum;
@@ -58,7 +66,9 @@ double mix(const std::array<float, 5>& values, const std::array<double, kMaxMode
 
 // Signed distance of a mask to its rim, px, negative inside.
 cv::Mat signed_distance(const cv::Mat& mask) {
-  cv::Mat inside, outside, object = mask != 0;
+  cv::Mat inside;
+  cv::Mat outside;
+  cv::Mat object = mask != 0;
   cv::distanceTransform(object, inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
   cv::distanceTransform(~object, outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
   // The transform counts from pixel center to pixel center: the rim is half a pixel before each.
@@ -73,47 +83,84 @@ cv::Mat signed_distance(const cv::Mat& mask) {
   return distance;
 }
 
-// The signed distance on the model's grid, in units of the scale.
-Eigen::VectorXd registered(const cv::Mat& distance, const ShapePose& pose) {
-  const double c = std::cos(pose.angle), s = std::sin(pose.angle), step = pose.scale_px / kPerUnit;
+// The signed distance on the model's grid, in units of the scale: the similarity that maps the pose
+// to the origin, angle 0 and scale 1.
+Eigen::VectorXd register_distance(const cv::Mat& distance, const ShapePose& pose) {
+  const double c = std::cos(pose.angle);
+  const double s = std::sin(pose.angle);
+  const double step = pose.scale_px / kPerUnit;
   cv::Mat image_from_grid =
       (cv::Mat_<double>(2, 3) << c * step, -s * step, 0, s * step, c * step, 0);
-  const double half = (kGrid - 1) / 2.0;
+  const double half = (kShapeGrid - 1) / 2.0;
   image_from_grid.at<double>(0, 2) = pose.center_px.x() - (c - s) * step * half;
   image_from_grid.at<double>(1, 2) = pose.center_px.y() - (s + c) * step * half;
   cv::Mat grid;
-  cv::warpAffine(distance, grid, image_from_grid, {kGrid, kGrid},
+  cv::warpAffine(distance, grid, image_from_grid, {kShapeGrid, kShapeGrid},
                  cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
   Eigen::VectorXd values(static_cast<Eigen::Index>(kSamples));
   for (Eigen::Index k = 0; k < values.size(); ++k) {
-    values[k] =
-        grid.at<float>(static_cast<int>(k) / kGrid, static_cast<int>(k) % kGrid) / pose.scale_px;
+    values[k] = grid.at<float>(static_cast<int>(k) / kShapeGrid, static_cast<int>(k) % kShapeGrid) /
+                pose.scale_px;
   }
   return values;
 }
 
-struct Equations {
+// The radius of the circle of the ellipse's area pi a b is sqrt(a b).
+ShapePose pose_from(const Ellipse& e) {
+  return {e.center_px, e.angle, std::sqrt(std::max(e.semi_major_px * e.semi_minor_px, 1.0))};
+}
+
+// One column per mask: its signed distance, registered by centroid, major axis and area.
+Eigen::MatrixXd registered_shapes(std::span<const cv::Mat> masks) {
+  const auto count = static_cast<Eigen::Index>(masks.size());
+  Eigen::MatrixXd shapes(static_cast<Eigen::Index>(kSamples), count);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const cv::Mat& mask = masks[static_cast<std::size_t>(k)];
+    const int on = mask.type() == CV_8UC1 ? cv::countNonZero(mask) : 0;
+    require(on > 0 && on < mask.rows * mask.cols,
+            "mask " + std::to_string(k + 1) + ": must be 8-bit gray, neither empty nor full");
+    const cv::Mat distance = signed_distance(mask);
+    ShapePose pose = pose_from(moments_of(mask).ellipse({0, 0}));
+    shapes.col(k) = register_distance(distance, pose);
+    if (k == 0) continue;
+    // A major axis has no sense: the one more like the masks before is taken.
+    const Eigen::VectorXd mean = shapes.leftCols(k).rowwise().mean();
+    pose.angle += 3.14159265358979323846;
+    const Eigen::VectorXd turned = register_distance(distance, pose);
+    if ((turned - mean).squaredNorm() < (shapes.col(k) - mean).squaredNorm())
+      shapes.col(k) = turned;
+  }
+  return shapes;
+}
+
+struct ShapeEquations {
   Matrix8 matrix = Matrix8::Zero();
   Vector8 right = Vector8::Zero();
   double cost = 0;
-  int in_line = 0;
+  int inliers = 0;
 };
 
-// One point's share of the normal equations for (u, v, angle, log scale, weights); (8.6) with a
-// Tukey norm.
-void add_point(Equations& sum, const std::vector<Sample>& samples, const ShapeFit& fit,
+// One front point's share of the normal equations of -log (8.6) for (u, v, angle, log scale,
+// weights): the residual is s phi*(x, y) - distance with (x, y) = R' (p - c) / s. In place of the
+// Laplacian of (8.6) Tukey's rho(r) = t^2 / 6 (1 - (1 - (r / t)^2)^3), whose weight is (1 - (r /
+// t)^2)^2: parts of the front on vessels, or missing behind an occlusion, do not pull.
+void add_point(ShapeEquations& sum, const std::vector<ShapeSample>& samples, const ShapeFit& fit,
                const FrontPoint& point, const Eigen::Vector2d& turn, double tukey) {
-  const double du = point.u - fit.pose.center_px.x(), dv = point.v - fit.pose.center_px.y(),
-               s = fit.pose.scale_px;
-  const double x = (turn.x() * du + turn.y() * dv) / s, y = (turn.x() * dv - turn.y() * du) / s;
-  const Looked at = look(samples, x, y);
-  const double value = mix(at.value, fit.weights), gx = mix(at.by_x, fit.weights),
-               gy = mix(at.by_y, fit.weights);
-  const double off = s * value - point.distance, share = 1 - off * off / (tukey * tukey);
+  const double du = point.u - fit.pose.center_px.x();
+  const double dv = point.v - fit.pose.center_px.y();
+  const double s = fit.pose.scale_px;
+  const double x = (turn.x() * du + turn.y() * dv) / s;
+  const double y = (turn.x() * dv - turn.y() * du) / s;
+  const ModeValues at = interpolate(samples, x, y);
+  const double value = weighted_sum(at.value, fit.weights);
+  const double gx = weighted_sum(at.by_x, fit.weights);
+  const double gy = weighted_sum(at.by_y, fit.weights);
+  const double off = s * value - point.distance;
+  const double share = 1 - off * off / (tukey * tukey);
   sum.cost +=
       tukey * tukey / 6 * (share > 0 ? 1 - share * share * share : 1) / (kPointSigma * kPointSigma);
   if (share <= 0) return;
-  ++sum.in_line;
+  ++sum.inliers;
   Vector8 row;
   row << turn.y() * gy - turn.x() * gx, -turn.y() * gx - turn.x() * gy, s * (gx * y - gy * x),
       s * (value - gx * x - gy * y), s * at.value[1], s * at.value[2], s * at.value[3],
@@ -129,57 +176,41 @@ PlacedShape::PlacedShape(const ShapeModel& model, const ShapeFit& fit)
     : model_(&model), fit_(fit), cos_(std::cos(fit.pose.angle)), sin_(std::sin(fit.pose.angle)) {}
 
 double PlacedShape::at(double u, double v) const {
-  const double du = u - fit_.pose.center_px.x(), dv = v - fit_.pose.center_px.y(),
-               s = fit_.pose.scale_px;
-  return s * mix(look(model_->samples(), (cos_ * du + sin_ * dv) / s, (cos_ * dv - sin_ * du) / s)
-                     .value,
-                 fit_.weights);
+  const double du = u - fit_.pose.center_px.x();
+  const double dv = v - fit_.pose.center_px.y();
+  const double s = fit_.pose.scale_px;
+  return s * weighted_sum(interpolate(model_->samples(), (cos_ * du + sin_ * dv) / s,
+                                      (cos_ * dv - sin_ * du) / s)
+                              .value,
+                          fit_.weights);
 }
 
-ShapePose ShapeModel::pose_of(const Ellipse& e) const {
-  return {e.center_px, e.angle, std::sqrt(std::max(e.semi_major_px * e.semi_minor_px, 1.0))};
-}
+ShapePose ShapeModel::pose_of(const Ellipse& e) const { return pose_from(e); }
 
+// Principal components by the Gram matrix (method of snapshots, Sirovich 1987): there are far fewer
+// masks than samples, and an eigenvector w of X'X / n with the eigenvalue l gives the eigenshape X
+// w of the covariance X X' / n, with |X w|^2 = n l. Leventon et al. 2000 have the same from the SVD
+// of X.
 ShapeModel ShapeModel::train(std::span<const cv::Mat> masks) {
-  if (masks.empty()) throw std::invalid_argument("masks: none given");
-  const auto count = static_cast<Eigen::Index>(masks.size()),
-             size = static_cast<Eigen::Index>(kSamples);
-  Eigen::MatrixXd shapes(size, count);
-  ShapeModel model;
-  for (Eigen::Index k = 0; k < count; ++k) {
-    const cv::Mat& mask = masks[static_cast<std::size_t>(k)];
-    const int on = mask.type() == CV_8UC1 ? cv::countNonZero(mask) : 0;
-    if (on == 0 || on == mask.rows * mask.cols) {
-      throw std::invalid_argument("mask " + std::to_string(k + 1) +
-                                  ": must be 8-bit gray, neither empty nor full");
-    }
-    const cv::Mat distance = signed_distance(mask);
-    ShapePose pose = model.pose_of(moments_of(mask).ellipse({0, 0}));
-    shapes.col(k) = registered(distance, pose);
-    if (k == 0) continue;
-    // A major axis has no sense: take the one that looks more like the others.
-    const Eigen::VectorXd mean = shapes.leftCols(k).rowwise().mean();
-    pose.angle += 3.14159265358979323846;
-    const Eigen::VectorXd turned = registered(distance, pose);
-    if ((turned - mean).squaredNorm() < (shapes.col(k) - mean).squaredNorm())
-      shapes.col(k) = turned;
-  }
+  require(!masks.empty(), "masks: none given");
+  Eigen::MatrixXd shapes = registered_shapes(masks);
+  const Eigen::Index count = shapes.cols();
   const Eigen::VectorXd mean = shapes.rowwise().mean();
   shapes.colwise() -= mean;
-  // Few masks, many samples: the eigenshapes are combinations of the masks.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(shapes.transpose() * shapes /
                                                               static_cast<double>(count));
-  model.samples_.assign(kSamples, Sample{});
+  ShapeModel model;
+  model.samples_.assign(kSamples, ShapeSample{});
   for (std::size_t p = 0; p < kSamples; ++p)
     model.samples_[p][0] = static_cast<float>(mean[static_cast<Eigen::Index>(p)]);
   const double total = std::max(solver.eigenvalues().sum(), 1e-12);
+  // Eigen sorts ascending. n centered shapes have n - 1 modes at most.
   for (int m = 0; m < kMaxModes && m < count - 1; ++m) {
     const double value = solver.eigenvalues()[count - 1 - m];
     if (!(value > 1e-6 * total) || !(value > 1e-9)) break;
     const Eigen::VectorXd mode = shapes * solver.eigenvectors().col(count - 1 - m);
     const auto column = static_cast<std::size_t>(m);
-    // ||mode||^2 = count value, and a weight of 1 is one standard deviation, sqrt(value), along the
-    // unit mode.
+    // X w / sqrt(n) has the norm sqrt(l): a weight of 1 is one standard deviation.
     const double unit = 1 / std::sqrt(static_cast<double>(count));
     for (std::size_t p = 0; p < kSamples; ++p) {
       model.samples_[p][column + 1] = static_cast<float>(unit * mode[static_cast<Eigen::Index>(p)]);
@@ -191,6 +222,11 @@ ShapeModel ShapeModel::train(std::span<const cv::Mat> masks) {
   return model;
 }
 
+// Maximum a posteriori (8.4) by Gauss-Newton on -log of (8.5): the front (8.6), robust by
+// re-weighting with a scale that narrows from first_px to last_px; the weights' Gaussian (8.8),
+// with Sigma_k the unit matrix as they count in standard deviations; and for the pose a Gaussian
+// motion prior around the prediction instead of the uniform (8.9). Steps are limited, as the
+// linearization holds for small ones.
 ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& predicted,
                          const ShapeFitSettings& settings) const {
   ShapeFit fit;
@@ -201,11 +237,12 @@ ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& pre
   const std::size_t count = (front.size() + step - 1) / step;
   const Eigen::Vector4d sigma(settings.center_px, settings.center_px, settings.angle,
                               settings.scale);
+  // Geometric, so that the last round has last_px.
   const double shrink =
       std::pow(settings.last_px / settings.first_px, 1.0 / std::max(settings.iterations - 1, 1));
   double tukey = settings.first_px;
   for (int i = 0; i < settings.iterations; ++i, tukey *= shrink) {
-    Equations sum;
+    ShapeEquations sum;
     const Eigen::Vector2d turn(std::cos(fit.pose.angle), std::sin(fit.pose.angle));
     for (std::size_t k = 0; k < front.size(); k += step)
       add_point(sum, samples_, fit, front[k], turn, tukey);
@@ -213,12 +250,12 @@ ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& pre
     from_prior << fit.pose.center_px - predicted.center_px, fit.pose.angle - predicted.angle,
         std::log(fit.pose.scale_px / predicted.scale_px), fit.weights[0], fit.weights[1],
         fit.weights[2], fit.weights[3];
-    Vector8 stiffness = Vector8::Ones();  // (8.8): the weights count in standard deviations
+    Vector8 stiffness = Vector8::Ones();  // inverse variances; 1 for the weights: (8.8)
     stiffness.head<4>() = sigma.cwiseProduct(sigma).cwiseInverse();
     sum.matrix.diagonal() += stiffness;
     sum.right -= stiffness.cwiseProduct(from_prior);
     fit.log_posterior = -sum.cost - 0.5 * from_prior.dot(stiffness.cwiseProduct(from_prior));
-    fit.in_line = static_cast<double>(sum.in_line) / static_cast<double>(count);
+    fit.in_line = static_cast<double>(sum.inliers) / static_cast<double>(count);
     const Vector8 move = sum.matrix.selfadjointView<Eigen::Lower>().ldlt().solve(sum.right);
     if (!move.allFinite()) break;
     fit.pose.center_px += move.head<2>();
@@ -232,11 +269,18 @@ ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& pre
   return fit;
 }
 
+// Second moments of the inside over every second sample of the grid, each covered by 1/2 - phi /
+// spacing as the rim crosses it; then S = sqrt(4 covariance), turned to the pose.
 Ellipse ShapeModel::ellipse_of(const ShapeFit& fit) const {
-  double n = 0, sx = 0, sy = 0, xx = 0, xy = 0, yy = 0;
-  for (int j = 0; j < kGrid; j += 2) {
-    for (int i = 0; i < kGrid; i += 2) {
-      const Sample& sample = samples_[static_cast<std::size_t>(j * kGrid + i)];
+  double n = 0;
+  double sx = 0;
+  double sy = 0;
+  double xx = 0;
+  double xy = 0;
+  double yy = 0;
+  for (int j = 0; j < kShapeGrid; j += 2) {
+    for (int i = 0; i < kShapeGrid; i += 2) {
+      const ShapeSample& sample = samples_[static_cast<std::size_t>(j * kShapeGrid + i)];
       double value = sample[0];
       for (std::size_t k = 0; k < kMaxModes; ++k) value += fit.weights[k] * sample[k + 1];
       const double cover = std::clamp(0.5 - value * kPerUnit / 2, 0.0, 1.0);
@@ -245,8 +289,10 @@ Ellipse ShapeModel::ellipse_of(const ShapeFit& fit) const {
     }
   }
   if (!(n > 0)) return {};
-  const double mx = sx / n, my = sy / n, unit = fit.pose.scale_px / kPerUnit,
-               half = (kGrid - 1) / 2.0;
+  const double mx = sx / n;
+  const double my = sy / n;
+  const double unit = fit.pose.scale_px / kPerUnit;
+  const double half = (kShapeGrid - 1) / 2.0;
   Eigen::Matrix2d spread;
   spread << xx / n - mx * mx, xy / n - mx * my, xy / n - mx * my, yy / n - my * my;
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
@@ -258,27 +304,29 @@ Ellipse ShapeModel::ellipse_of(const ShapeFit& fit) const {
       fit.pose.center_px + unit * (turn * Eigen::Vector2d(mx - half, my - half)), shape);
 }
 
+// Format "VTSM", version 1: modes, explained variance, eigenvalues, then mean and four modes of
+// each sample.
 std::string ShapeModel::save() const {
   ByteWriter out;
-  out.text(kMagic);
-  out.u32(kVersion);
+  out.text(kShapeMagic);
+  out.u32(kShapeVersion);
   out.u32(static_cast<std::uint32_t>(modes_));
   out.f64(explained_);
   for (const double value : eigenvalues_) out.f64(value);
-  for (const Sample& sample : samples_) {
+  for (const ShapeSample& sample : samples_) {
     for (std::size_t k = 0; k < 5; ++k) out.f32(sample[k]);
   }
   return out.sealed();
 }
 
 ShapeModel ShapeModel::load(std::string_view bytes) {
-  ByteReader in(bytes, kMagic, kVersion, "shape model");
+  ByteReader in(bytes, kShapeMagic, kShapeVersion, "shape model");
   ShapeModel model;
   model.modes_ = in.integer(0, kMaxModes);
   model.explained_ = in.f64(0, 1 + 1e-9);
   for (double& value : model.eigenvalues_) value = in.f64(0, 1e9);
-  model.samples_.assign(kSamples, Sample{});
-  for (Sample& sample : model.samples_) {
+  model.samples_.assign(kSamples, ShapeSample{});
+  for (ShapeSample& sample : model.samples_) {
     for (std::size_t k = 0; k < 5; ++k) sample[k] = in.f32(-100, 100);
   }
   in.end();

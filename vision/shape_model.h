@@ -1,5 +1,5 @@
-// What outlines the object shows: signed distances of registered masks, their mean and eigenshapes
-// (8.3), and the most probable of these outlines given a front (8.4) to (8.9).
+// Statistical shape model: mean and eigenshapes (8.3) of the signed distances of registered masks,
+// and the most probable shape given a front (8.4).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,7 +18,9 @@ namespace vitreo::vision {
 
 /// A pixel near the front and its signed distance to it, px, negative inside.
 struct FrontPoint {
-  float u = 0, v = 0, distance = 0;
+  float u = 0;
+  float v = 0;
+  float distance = 0;
 };
 
 constexpr int kMaxModes = 4;
@@ -31,24 +33,29 @@ struct ShapePose {
 
 struct ShapeFit {
   ShapePose pose;
-  std::array<double, kMaxModes>
-      weights{};       ///< a_i of (8.3), in units of the mode's standard deviation
-  double in_line = 0;  ///< share of the points within the robust norm
-  double log_posterior =
-      0;  ///< of (8.5), up to a constant: the robust (8.6), (8.8), and the motion prior
+  /// a_i of (8.3), in units of the mode's standard deviation.
+  std::array<double, kMaxModes> weights{};
+  double in_line = 0;  ///< inliers: share of the points within the robust norm
+  /// Of (8.5), up to a constant: the robust (8.6), (8.8), and the motion prior in place of (8.9).
+  /// As in_line, of the pose and weights before the last step.
+  double log_posterior = 0;
 };
 
 struct ShapeFitSettings {
   int iterations = 6;
-  double first_px = 8, last_px = 2.5;  ///< scale of the Tukey norm, narrowing from one to the other
-  int max_points = 128;                ///< of the front that are used, evenly spread over the list
-  double center_px = 6, angle = 0.15,
-         scale = 0.08;  ///< standard deviations of the motion prior; (8.9) is their limit
+  /// Scale of the Tukey norm, narrowing from one to the other.
+  double first_px = 8;
+  double last_px = 2.5;
+  int max_points = 128;  ///< of the front that are used, evenly spread over the list
+  /// Standard deviations of the motion prior (scale: of its logarithm); (8.9) is their limit.
+  double center_px = 6;
+  double angle = 0.15;
+  double scale = 0.08;
 };
 
 class ShapeModel;
 
-/// phi* of (8.3) at its pose, px.
+/// phi* of (8.3) at its pose, px, negative inside.
 class PlacedShape {
  public:
   PlacedShape(const ShapeModel& model, const ShapeFit& fit);
@@ -57,7 +64,8 @@ class PlacedShape {
  private:
   const ShapeModel* model_;
   ShapeFit fit_;
-  double cos_, sin_;
+  double cos_;
+  double sin_;
 };
 
 class ShapeModel {
@@ -66,14 +74,16 @@ class ShapeModel {
   static constexpr double kReach = 2.6;  // half side of the grid, in units of the shape's scale
   using Sample = std::array<float, 8>;   // mean, then the modes times their standard deviation
 
-  /// Registers the masks by centroid, major axis and area. Throws std::invalid_argument for none,
-  /// or for a mask that is not CV_8UC1, empty or full.
+  /// Registers the masks by centroid, major axis and area (the thesis registers the surfaces by
+  /// image correlation), then takes the principal components of their signed distances. Throws
+  /// std::invalid_argument for none, or for a mask that is not CV_8UC1, empty or full.
   static ShapeModel train(std::span<const cv::Mat> masks);
   std::string save() const;
-  static ShapeModel load(
-      std::string_view bytes);  ///< std::invalid_argument for anything that save() did not write
+  /// Throws std::invalid_argument for anything that save() did not write.
+  static ShapeModel load(std::string_view bytes);
 
-  /// The pose and weights of highest posterior, around `predicted`.
+  /// The pose and weights of highest posterior (8.4), around `predicted`. The histogram term (8.7)
+  /// is not evaluated: colors act through the front, which F has driven.
   ShapeFit fit(std::span<const FrontPoint> front, const ShapePose& predicted,
                const ShapeFitSettings& settings) const;
   /// The ellipse with the moments of the fitted shape's inside.

@@ -1,0 +1,156 @@
+// Training of an object model: colors, shape and calibration from images with masks.
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/moments.h"
+#include "vision/object_model.h"
+#include "vision/object_view.h"
+#include "vision/preconditions.h"
+
+#include <Eigen/Eigenvalues>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace vitreo::vision {
+namespace {
+
+using Vector5 = Eigen::Matrix<double, 5, 1>;
+using Matrix5 = Eigen::Matrix<double, 5, 5>;
+
+// Smallest variances of a calibration: a few masks cannot show less. px^2, and rad^2 for the angle.
+constexpr double kLeastPx2 = 0.0005;
+constexpr double kLeastAngle2 = 1e-5;
+
+// The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
+cv::Mat largest_part(const cv::Mat& mask) {
+  cv::Mat labels;
+  cv::Mat statistics;
+  cv::Mat centroids;
+  cv::Mat part;
+  const int count = cv::connectedComponentsWithStats(mask, labels, statistics, centroids);
+  int best = 1;
+  for (int k = 2; k < count; ++k)
+    if (statistics.at<int>(k, cv::CC_STAT_AREA) > statistics.at<int>(best, cv::CC_STAT_AREA))
+      best = k;
+  cv::compare(labels, best, part, cv::CMP_EQ);
+  return part;
+}
+
+// Whether the mask touches the image's border, and so may be cut by it.
+bool at_edge(const cv::Mat& mask) {
+  const int u = mask.cols - 1;
+  const int v = mask.rows - 1;
+  return cv::countNonZero(mask.row(0)) + cv::countNonZero(mask.row(v)) +
+             cv::countNonZero(mask.col(0)) + cv::countNonZero(mask.col(u)) >
+         0;
+}
+
+// An image whose mask is one part, and that part's moment ellipse.
+struct WholeMask {
+  LabeledImage labeled;
+  Ellipse truth;
+};
+
+// The images that show the whole object, for its shape; all, where none does.
+std::vector<WholeMask> whole_masks(std::span<const LabeledImage> images) {
+  std::vector<WholeMask> all;
+  std::vector<WholeMask> whole;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const std::string which = "image " + std::to_string(k + 1) + ": ";
+    require(images[k].image.size() == images[0].image.size(), which + "has another size");
+    const cv::Mat part = largest_part(images[k].mask);
+    all.push_back({{images[k].image, part}, moments_of(part).ellipse({0, 0})});
+    if (at_edge(part)) continue;
+    require(all.back().truth.semi_minor_px >= 2.5, which + "its mask is thinner than 5 px");
+    whole.push_back(all.back());
+  }
+  require(!whole.empty() || all[0].truth.semi_minor_px >= 2.5,
+          "image 1: its mask is thinner than 5 px");
+  return whole.empty() ? all : whole;
+}
+
+// The nearest positive semidefinite matrix (negative eigenvalues set to 0, Higham 1988), in units
+// in which an angle counts as the rim that it moves, at 20 px: the difference of two estimated
+// covariances need not be a covariance.
+Matrix5 positive_part(const Matrix5& matrix) {
+  const Vector5 unit = (Vector5() << 1, 1, 1, 1, 20).finished();
+  const Eigen::SelfAdjointEigenSolver<Matrix5> solver(unit.asDiagonal() * matrix *
+                                                      unit.asDiagonal());
+  const Vector5 values = solver.eigenvalues().cwiseMax(0);
+  const Matrix5 good =
+      solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
+  return unit.cwiseInverse().asDiagonal() * good * unit.cwiseInverse().asDiagonal();
+}
+
+// Bias of the axes and covariance of what the measurements' own covariance, `reported` on average,
+// does not explain: Cov(errors) - reported. `errors`: measured less true, of single measurements.
+Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& reported) {
+  Calibration result;
+  const auto count = static_cast<double>(errors.size());
+  for (const Vector5& e : errors) result.semi_axes_px += e.segment<2>(2) / count;
+  for (Vector5 e : errors) {
+    e.segment<2>(2) -= result.semi_axes_px;
+    result.covariance += e * e.transpose() / std::max(count - 1, 1.0);
+  }
+  if (count < 5) result.covariance *= 3;  // a variance from so few masks is hardly known
+  result.covariance = positive_part(result.covariance - reported);
+  // The center's error follows the direction of the light, which may differ in other images: made
+  // isotropic, and uncorrelated with axes and angle.
+  const double mean = result.covariance.topLeftCorner<2, 2>().trace() / 2;
+  result.covariance.topLeftCorner<2, 2>() = mean * Eigen::Matrix2d::Identity();
+  result.covariance.topRightCorner<2, 3>().setZero();
+  result.covariance.bottomLeftCorner<3, 2>().setZero();
+  result.covariance.diagonal().head<4>().array() += kLeastPx2;
+  result.covariance(4, 4) += kLeastAngle2;
+  return result;
+}
+
+// Measures every training image from its true ellipse and compares. Failures, with few normals or a
+// center off by more than 5 px, are the tracker's to reject, not the calibration's to explain.
+Calibration calibration_of(const ObjectModel& model, const std::vector<WholeMask>& images,
+                           ObjectViewSettings settings, bool refine) {
+  settings.refine = refine;
+  ObjectView view(model, settings);
+  std::vector<Vector5> errors;
+  Matrix5 reported = Matrix5::Zero();
+  for (const auto& [labeled, truth] : images) {
+    const EllipsePrior prior{truth, 5, 2, settings.angle_sigma};
+    const Observation seen = view.observe(labeled.image, truth, settings.gate_px, prior);
+    if (!seen.measured || seen.measured->inlier_fraction < 0.5) continue;
+    Vector5 error = seen.measured->ellipse.vector() - truth.vector();
+    error[4] = std::remainder(error[4], std::numbers::pi);  // an axis has no sense
+    if (error.head<2>().norm() > 5) continue;
+    errors.push_back(error);
+    reported += seen.measured->covariance;
+  }
+  return from_errors(
+      errors, errors.empty() ? reported : Matrix5(reported / static_cast<double>(errors.size())));
+}
+
+}  // namespace
+
+// Colors first: shape and calibration are measured with them. The calibrations use the training
+// images themselves, so they show the bias, not how far it generalizes.
+ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
+                               const ColorModelSettings& color, const ObjectViewSettings& view) {
+  view.check();
+  ObjectModel model;
+  model.color = ColorModel::train(images, color);
+  const std::vector<WholeMask> whole = whole_masks(images);
+  std::vector<cv::Mat> masks;
+  for (const WholeMask& one : whole) masks.push_back(one.labeled.mask);
+  model.shape = ShapeModel::train(masks);
+  model.image_size = images[0].image.size();
+  for (const auto& [labeled, e] : whole) {
+    model.semi_axes_px +=
+        Eigen::Vector2d(e.semi_major_px, e.semi_minor_px) / static_cast<double>(whole.size());
+  }
+  model.rim = calibration_of(model, whole, view, true);
+  model.segment = calibration_of(model, whole, view, false);
+  return model;
+}
+
+}  // namespace vitreo::vision

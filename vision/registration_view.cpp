@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vision/registration_view.h"
+
+#include "vision/preconditions.h"
+
+#include <Eigen/Cholesky>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace vitreo::vision {
+namespace {
+
+constexpr int kSmallestSide = 64;
+constexpr double kLeastContrast = 0.002;  // of the flattened view: below, it is blank
+
+cv::Mat gray_of(const cv::Mat& view) {
+  require(!view.empty() && view.dims == 2 && (view.type() == CV_8UC1 || view.type() == CV_8UC3),
+          "view: wants an 8-bit gray or BGR image that is not empty");
+  require(std::min(view.cols, view.rows) >= kSmallestSide, "view: wants at least 64 pixels a side");
+  cv::Mat gray;
+  if (view.channels() == 3)
+    cv::extractChannel(view, gray, 1);
+  else
+    gray = view;
+  cv::Mat result;
+  gray.convertTo(result, CV_32F);
+  return result;
+}
+
+// Vignette as a polynomial: least squares of all x^i y^j with i + j up to 4. The wide mean below
+// cannot follow it at the border, and the remainder, the same in every view, would correlate views
+// that have nothing else in common.
+cv::Mat vignette_of(const cv::Mat& light) {
+  using Terms = Eigen::Matrix<double, 15, 1>;
+  const auto terms_at = [&](int u, int v) {
+    const double x = 2.0 * u / light.cols - 1;
+    const double y = 2.0 * v / light.rows - 1;
+    Terms terms;
+    int k = 0;
+    for (int i = 0; i <= 4; ++i) {
+      for (int j = 0; i + j <= 4; ++j) terms[k++] = std::pow(x, i) * std::pow(y, j);
+    }
+    return terms;
+  };
+  Eigen::Matrix<double, 15, 15> information = Eigen::Matrix<double, 15, 15>::Zero();
+  Terms right = Terms::Zero();
+  for (int v = 0; v < light.rows; ++v) {
+    for (int u = 0; u < light.cols; ++u) {
+      const Terms terms = terms_at(u, v);
+      information.selfadjointView<Eigen::Lower>().rankUpdate(terms);
+      right += light.at<float>(v, u) * terms;
+    }
+  }
+  const Terms c = information.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+  cv::Mat vignette(light.size(), CV_32F);
+  for (int v = 0; v < light.rows; ++v) {
+    for (int u = 0; u < light.cols; ++u)
+      vignette.at<float>(v, u) = static_cast<float>(std::max(c.dot(terms_at(u, v)), 1.0));
+  }
+  return vignette;
+}
+
+// Flat-field correction: the view, smoothed by 1 px, over its vignette times a wide Gaussian mean,
+// both estimated on a small copy: uneven light goes, vessels stay.
+cv::Mat flattened(const cv::Mat& gray, double sigma_px) {
+  const double shrink = std::max(1.0, sigma_px / 3);
+  const cv::Size size(std::max(8, static_cast<int>(gray.cols / shrink)),
+                      std::max(8, static_cast<int>(gray.rows / shrink)));
+  cv::Mat light;
+  cv::Mat result;
+  cv::resize(gray, light, size, 0, 0, cv::INTER_AREA);
+  const cv::Mat vignette = vignette_of(light);
+  cv::divide(light, vignette, light);
+  cv::GaussianBlur(light, light, {0, 0}, sigma_px * size.width / gray.cols, 0, cv::BORDER_REFLECT);
+  cv::multiply(light, vignette, light);
+  cv::resize(light, light, gray.size(), 0, 0, cv::INTER_LINEAR);
+  cv::GaussianBlur(gray, result, {0, 0}, 1);
+  light = cv::max(light, 1.0);
+  cv::divide(result, light, result);
+  return result;
+}
+
+}  // namespace
+
+void RegistrationSettings::check() const {
+  require(max_rotation >= 0 && max_rotation <= std::numbers::pi, "max_rotation: must be 0 to pi");
+  require(flatten_sigma_px >= 3 && flatten_sigma_px <= 1000, "flatten_sigma_px: must be 3 to 1000");
+  require(min_overlap > 0 && min_overlap < 1, "min_overlap: must be between 0 and 1");
+  require(min_correlation > 0 && min_correlation < 1, "min_correlation: must be between 0 and 1");
+}
+
+// Flattened and standardized, then a Gaussian pyramid with central differences.
+RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettings& settings)
+    : size_(view.size()) {
+  settings.check();
+  cv::Mat flat = flattened(gray_of(view), settings.flatten_sigma_px);
+  cv::Scalar mean;
+  cv::Scalar contrast;
+  cv::meanStdDev(flat, mean, contrast);
+  blank_ = !(contrast[0] > kLeastContrast);
+  flat = (flat - mean[0]) / (blank_ ? 1 : contrast[0]);
+  for (Level& level : levels_) {
+    level.image = flat.clone();
+    cv::Sobel(flat, level.du, CV_32F, 1, 0, 1, 0.5);
+    cv::Sobel(flat, level.dv, CV_32F, 0, 1, 1, 0.5);
+    cv::pyrDown(flat, flat);
+  }
+}
+
+}  // namespace vitreo::vision
