@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/aberrations.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/first_order.h"
 
 #include <cmath>
@@ -16,14 +17,15 @@ struct Paraxial {
 };
 
 struct Pair {
-  Paraxial marginal, chief;
+  Paraxial marginal;
+  Paraxial chief;
 };
 
 /// Marginal ray from the axis to the rim of the stop, chief ray from the object's edge through the
 /// stop's center, both at surface 2.
 Pair start(const System& system, double object_height, double depth) {
-  const double index = system.surfaces.front().index,
-               way = system.surfaces.front().thickness - depth;
+  const double index = system.surfaces.front().index;
+  const double way = system.surfaces.front().thickness - depth;
   // Height at the stop = b10 (n u) + b11 y of the object.
   const Eigen::Matrix2d b =
       system_matrix(system, 2, system.stop->surface) * transfer_matrix(way, index);
@@ -33,8 +35,12 @@ Pair start(const System& system, double object_height, double depth) {
 }
 
 struct Refraction {
-  double before, behind;     // indices
-  double curvature, fourth;  // 1/m; coefficient of r^4 beyond the sphere's, m^-3
+  // indices
+  double before;
+  double behind;
+  // 1/m; coefficient of r^4 beyond the sphere's, m^-3
+  double curvature;
+  double fourth;
 };
 
 double slope_behind(const Refraction& at, const Paraxial& ray) {
@@ -43,12 +49,15 @@ double slope_behind(const Refraction& at, const Paraxial& ray) {
 
 /// Welford's sums of one surface; H is the Lagrange invariant n (u hbar - ubar h).
 SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
-  const double h = rays.marginal.height, hbar = rays.chief.height, c = at.curvature;
-  const double a = at.before * (h * c + rays.marginal.slope),
-               abar = at.before * (hbar * c + rays.chief.slope);
+  const double h = rays.marginal.height;
+  const double hbar = rays.chief.height;
+  const double c = at.curvature;
+  const double a = at.before * (h * c + rays.marginal.slope);
+  const double abar = at.before * (hbar * c + rays.chief.slope);
+  // D(u/n)
   const double by_slope =
-      slope_behind(at, rays.marginal) / at.behind - rays.marginal.slope / at.before;  // D(u/n)
-  const double by_index = 1 / at.behind - 1 / at.before;                              // D(1/n)
+      slope_behind(at, rays.marginal) / at.behind - rays.marginal.slope / at.before;
+  const double by_index = 1 / at.behind - 1 / at.before;  // D(1/n)
   const double by_square = 1 / (at.behind * at.behind) - 1 / (at.before * at.before);
   SeidelSums sums;
   sums.spherical = -a * a * h * by_slope;
@@ -99,7 +108,7 @@ double Aberrations::distortion_height() const {
 Aberrations third_order_aberrations(const System& system, double object_height, double depth) {
   system.check();
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
-  if (!std::isfinite(object_height)) throw std::invalid_argument("object_height: must be finite");
+  detail::require_finite(object_height, "object_height");
   const auto image = axial_image(system, depth);
   if (!image) throw std::invalid_argument("depth: the image of it lies at infinity");
   Pair rays = start(system, object_height, depth);

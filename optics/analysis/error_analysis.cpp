@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/error_analysis.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 #include "optics/system/first_order.h"
 
@@ -113,13 +114,10 @@ AxialFocus traced_focus() {
 }
 
 void AxisErrorOptions::check() const {
-  if (!(depth_to > 0 && std::isfinite(depth_to)))
-    throw std::invalid_argument("depth_to: must be positive");
+  detail::require_positive(depth_to, "depth_to");
   if (depths < 3 || depths > 10000)
     throw std::invalid_argument("depths: must lie within 3 and 10000");
-  if (!(retinal_depth_error >= 0 && std::isfinite(retinal_depth_error))) {
-    throw std::invalid_argument("retinal_depth_error: must not be negative");
-  }
+  detail::require_not_negative(retinal_depth_error, "retinal_depth_error");
 }
 
 EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
@@ -146,8 +144,8 @@ std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
                                        const EyeError& error) {
   std::vector<Sensitivity> list;
   for (const Uncertainty& one : uncertainties) {
-    (void)parameter(prescription,
-                    one.parameter);  // an unknown name is a mistake, not an eye without an answer
+    // an unknown name is a mistake, not an eye without an answer
+    (void)parameter(prescription, one.parameter);
     list.push_back({one.parameter, error_at(prescription, one, -1, error),
                     error_at(prescription, one, 1, error)});
   }

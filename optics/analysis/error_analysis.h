@@ -42,8 +42,9 @@ EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
 
 struct Sensitivity {
   std::string parameter;
-  std::optional<double> minus,
-      plus;  // error with the parameter one sigma less, one more; nothing: no answer there
+  // error with the parameter one sigma less, one more; nothing: no answer there
+  std::optional<double> minus;
+  std::optional<double> plus;
   double worst() const;  // the larger one; infinite when one has no answer
 };
 
@@ -53,9 +54,15 @@ std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
                                        const EyeError& error);
 
 struct ErrorStatistics {
-  int count = 0, failed = 0;  // eyes with an answer, and without
-  double mean = 0, rms = 0, median = 0, percentile_95 = 0,
-         max = 0;  // m, of those with one; 0 when there is none
+  // eyes with an answer, and without
+  int count = 0;
+  int failed = 0;
+  // m, of those with one; 0 when there is none
+  double mean = 0;
+  double rms = 0;
+  double median = 0;
+  double percentile_95 = 0;
+  double max = 0;
 };
 ErrorStatistics statistics(const std::vector<PerturbedEye>& eyes, const EyeError& error);
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/field_curves.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,7 +13,8 @@ namespace {
 
 /// The plane that distortion is read in, and what it is measured against.
 struct OnAxis {
-  double focus, magnification;
+  double focus;
+  double magnification;
 };
 
 OnAxis on_axis(const PupilTracer& tracer, const std::vector<Eigen::Vector2d>& samples, double depth,
@@ -19,9 +22,8 @@ OnAxis on_axis(const PupilTracer& tracer, const std::vector<Eigen::Vector2d>& sa
   constexpr double kNearAxis = 1e-4;  // rad: distortion grows as its square
   const auto middle = point_at_field(tracer.system(), 0, depth);
   const auto beside = point_at_field(tracer.system(), kNearAxis, depth);
-  if (!(middle && beside && tracer.trace(*middle, samples, spot) && spot.rays() > 1)) {
-    throw std::invalid_argument("depth: no image on the axis");
-  }
+  detail::require(middle && beside && tracer.trace(*middle, samples, spot) && spot.rays() > 1,
+                  "depth: no image on the axis");
   const double focus = spot.moments().best_focus();
   if (!tracer.trace(*beside, samples, spot))
     throw std::invalid_argument("depth: no image near the axis");
@@ -61,7 +63,8 @@ std::vector<FieldPoint> field_curves(const PupilTracer& tracer, const std::vecto
 }
 
 double field_curvature_span(const std::vector<FieldPoint>& curve) {
-  double least = std::numeric_limits<double>::infinity(), most = -least;
+  double least = std::numeric_limits<double>::infinity();
+  double most = -least;
   for (const FieldPoint& point : curve) {
     if (!(point.transmitted > 0)) continue;
     least = std::min(least, point.best_focus);

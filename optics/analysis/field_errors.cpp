@@ -2,6 +2,7 @@
 #include "optics/analysis/field_errors.h"
 
 #include "optics/maps/thesis_curves.h"
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 
 #include <algorithm>
@@ -14,10 +15,6 @@ namespace {
 
 constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
 constexpr double kReach = 3;  // vitreous lengths; the cubics beyond their ends cross anywhere
-
-void require(bool good, const char* why) {
-  if (!good) throw std::invalid_argument(why);
-}
 
 /// Of a grid over the field; points without an error are counted.
 class FieldErrors {
@@ -35,8 +32,10 @@ class FieldErrors {
   }
 
  private:
-  int count_ = 0, answered_ = 0;
-  double sum_ = 0, max_ = 0;
+  int count_ = 0;
+  int answered_ = 0;
+  double sum_ = 0;
+  double max_ = 0;
 };
 
 std::optional<double> worse(const std::optional<double>& one, const std::optional<double>& other) {
@@ -47,7 +46,8 @@ std::optional<double> worse(const std::optional<double>& one, const std::optiona
 /// A point of the field and where its image is sharp.
 struct Seen {
   Eigen::Vector3d point;
-  double focus, height;
+  double focus;
+  double height;
 };
 
 struct SeenField {
@@ -87,14 +87,15 @@ struct Believed {
 
 Believed believe(const Prescription& believed, const FieldErrorOptions& options) {
   WideAngleSettings settings;
-  settings.max_angle = options.max_angle, settings.max_depth = options.depth_to;
+  settings.max_angle = options.max_angle;
+  settings.max_depth = options.depth_to;
   const AxialFocus focus = traced_focus();
   std::vector<OnAxisPoint> own;
   for (int i = 0; i < options.depths; ++i) {
     const double depth = options.depth_to * i / (options.depths - 1);
     const auto sensor = focus(believed.system, depth);
-    require(sensor.has_value() && std::isfinite(*sensor),
-            "believed: the eye has no images of all these depths");
+    detail::require(sensor.has_value() && std::isfinite(*sensor),
+                    "believed: the eye has no images of all these depths");
     own.push_back({*sensor, depth - believed.system.surfaces.front().thickness});
   }
   ThesisSettings fit;
@@ -114,8 +115,8 @@ std::optional<double> error_of(const Believed& believed, const SeenField& seen,
     const double focus = one.focus + shift;
     std::optional<double> pole_shift = 0;
     if (calibrated != nullptr) {
-      const auto now = calibrated->object_from_sensor(focus),
-                 before = believed.law.object_from_sensor(focus);
+      const auto now = calibrated->object_from_sensor(focus);
+      const auto before = believed.law.object_from_sensor(focus);
       pole_shift = now && before ? std::optional(*now - *before) : std::nullopt;
     }
     const auto found = pole_shift ? believed.curves.point_beyond(focus, one.height, *pole_shift)
@@ -146,16 +147,15 @@ std::optional<double> error_of(const Believed& believed, const SeenField& seen,
 }  // namespace
 
 void FieldErrorOptions::check() const {
-  require(max_angle > 0 && max_angle < std::numbers::pi / 2,
-          "max_angle: must lie between 0 and 90 degrees");
-  require(depth_to > 0 && std::isfinite(depth_to), "depth_to: must be positive");
-  require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
-  require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
-  require(rings >= 1, "rings: must be at least 1");
-  require(arms >= 2, "arms: must be at least 2");
-  require(focus_error >= 0 && std::isfinite(focus_error), "focus_error: must not be negative");
-  require(retinal_depth_error >= 0 && std::isfinite(retinal_depth_error),
-          "retinal_depth_error: must not be negative");
+  detail::require(max_angle > 0 && max_angle < std::numbers::pi / 2,
+                  "max_angle: must lie between 0 and 90 degrees");
+  detail::require_positive(depth_to, "depth_to");
+  detail::require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
+  detail::require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
+  detail::require(rings >= 1, "rings: must be at least 1");
+  detail::require(arms >= 2, "arms: must be at least 2");
+  detail::require_not_negative(focus_error, "focus_error");
+  detail::require_not_negative(retinal_depth_error, "retinal_depth_error");
 }
 
 EyeError field_error(const Prescription& believed, const FieldErrorOptions& options) {

@@ -17,8 +17,12 @@ enum class ErrorMeasure { max, mean };
 struct FieldErrorOptions {
   double max_angle = 35 * std::numbers::pi / 180;  // rad, at the stop's center
   double depth_to = 8e-3;                          // m; depths from the retina to here
-  int angles = 8, depths = 11;                     // of the grid, at least 3
-  int rings = 6, arms = 12;                        // of each bundle: disc_samples
+  // of the grid, at least 3
+  int angles = 8;
+  int depths = 11;
+  // of each bundle: disc_samples
+  int rings = 6;
+  int arms = 12;
   double focus_error = 0;   // m, by which the sensor is misplaced, the worse of both signs (4.2e)
   bool calibrated = false;  // biometrically, on the eye's own retina
   double retinal_depth_error = 0;  // m, of that calibration; the worse of both signs counts
@@ -41,8 +45,12 @@ struct PoseErrorOptions {
   double max_m = 9.9e-3;  // m, of the aerial image
   Spheroid robot{0.5e-3, 0.5e-3};                  // the sphere of 1 mm of section 5.4
   double max_angle = 35 * std::numbers::pi / 180;  // rad, at the stop's center
-  double depth_from = 1e-3, depth_to = 8e-3;       // m before the retina
-  int angles = 8, depths = 8;                      // of the grid, at least 3
+  // m before the retina
+  double depth_from = 1e-3;
+  double depth_to = 8e-3;
+  // of the grid, at least 3
+  int angles = 8;
+  int depths = 8;
   /// Isopixel lines of both eyes as the chains have them, not the thesis' single viewpoint (5.2) to
   /// (5.11).
   bool exact = false;

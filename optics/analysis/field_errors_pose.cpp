@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/field_errors.h"
 #include "optics/calibration/camera_calibration.h"
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 
 #include <algorithm>
@@ -35,8 +36,10 @@ std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const Ellip
 std::optional<double> error_over_field(const PoseSettings& truth, const PoseSettings& believed,
                                        const System& system, const PoseErrorOptions& options) {
   constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
-  int count = 0, answered = 0;
-  double sum = 0, max = 0;
+  int count = 0;
+  int answered = 0;
+  double sum = 0;
+  double max = 0;
   for (int i = 0; i < options.angles; ++i) {
     for (int j = 0; j < options.depths; ++j) {
       const double depth =
@@ -50,7 +53,8 @@ std::optional<double> error_over_field(const PoseSettings& truth, const PoseSett
       if (!found) continue;
       ++answered;
       const double off = (*found - *point).norm();
-      sum += off, max = std::max(max, off);
+      sum += off;
+      max = std::max(max, off);
     }
   }
   if (answered == 0 || answered < (1 - kMostMissing) * count) return std::nullopt;
@@ -75,19 +79,16 @@ std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSett
 }  // namespace
 
 void PoseErrorOptions::check() const {
-  const auto require = [](bool good, const char* why) {
-    if (!good) throw std::invalid_argument(why);
-  };
   microscope.check();
-  require(std::isfinite(max_m) && max_m > 0, "max_m: must be positive");
-  require(max_angle > 0 && max_angle < std::numbers::pi / 2,
-          "max_angle: must lie between 0 and 90 degrees");
-  require(depth_from >= 0 && depth_to > depth_from && std::isfinite(depth_to),
-          "depth_to: must be beyond depth_from");
-  require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
-  require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
-  require(retinal_depth_error >= 0 && retinal_depth_error <= depth_from,
-          "retinal_depth_error: must not be negative, nor more than depth_from");
+  detail::require_positive(max_m, "max_m");
+  detail::require(max_angle > 0 && max_angle < std::numbers::pi / 2,
+                  "max_angle: must lie between 0 and 90 degrees");
+  detail::require(depth_from >= 0 && depth_to > depth_from && std::isfinite(depth_to),
+                  "depth_to: must be beyond depth_from");
+  detail::require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
+  detail::require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
+  detail::require(retinal_depth_error >= 0 && retinal_depth_error <= depth_from,
+                  "retinal_depth_error: must not be negative, nor more than depth_from");
 }
 
 EyeError pose_error(const Prescription& believed, const PoseErrorOptions& options) {

@@ -2,6 +2,7 @@
 #include "optics/analysis/layout.h"
 
 #include "optics/analysis/layout_heights.h"
+#include "optics/numerics/preconditions.h"
 
 #include <algorithm>
 #include <array>
@@ -14,7 +15,8 @@ namespace vitreo::optics {
 namespace {
 
 constexpr double kPad = 0.04;  // of the drawing's width, left and right
-constexpr double kHeaderPx = 54, kFooterPx = 92;
+constexpr double kHeaderPx = 54;
+constexpr double kFooterPx = 92;
 constexpr int kProfileSteps = 48;
 constexpr std::array<const char*, 7> kRayColors{"#b5332e", "#1f6f8b", "#4d7c33", "#9a6a12",
                                                 "#6a4c93", "#3a3a8c", "#8c3a6b"};
@@ -93,7 +95,11 @@ class Drawing {
   std::span<const LayoutRay> rays_;
   const LayoutOptions& options_;
   std::vector<double> heights_;
-  double left_ = 0, right_ = 0, half_height_ = 0, scale_ = 1, bottom_px_ = 0;
+  double left_ = 0;
+  double right_ = 0;
+  double half_height_ = 0;
+  double scale_ = 1;
+  double bottom_px_ = 0;
   std::string out_;
 };
 
@@ -143,7 +149,8 @@ void Drawing::draw_media() {
   for (int i = 0; i + 1 < system_.size(); ++i) {
     const std::string fill = tint(system_.surfaces[i].index);
     if (fill == "none") continue;
-    std::vector<Eigen::Vector2d> outline = profile(i), behind = profile(i + 1);
+    std::vector<Eigen::Vector2d> outline = profile(i);
+    std::vector<Eigen::Vector2d> behind = profile(i + 1);
     outline.insert(outline.end(), behind.rbegin(), behind.rend());
     out_ += "<polygon points=\"" + points(outline) + "\" fill=\"" + fill + "\" stroke=\"" + fill +
             "\" stroke-width=\"0.6\"/>\n";
@@ -175,7 +182,8 @@ void Drawing::draw_surfaces() {
   // The rims of what is solid.
   for (int i = 1; i + 1 < system_.size(); ++i) {
     if (system_.surfaces[i].index < 1.01) continue;
-    const auto front = profile(i), behind = profile(i + 1);
+    const auto front = profile(i);
+    const auto behind = profile(i + 1);
     const bool lens = heights_[i] == heights_[i + 1];
     for (const auto& [a, b] :
          {std::pair(front.front(), behind.front()), std::pair(front.back(), behind.back())}) {
@@ -188,7 +196,8 @@ void Drawing::draw_surfaces() {
 
 void Drawing::draw_stop() {
   if (!system_.stop) return;
-  const double z = system_.vertex(system_.stop->surface), r = system_.stop->radius;
+  const double z = system_.vertex(system_.stop->surface);
+  const double r = system_.stop->radius;
   const double rim = std::max(heights_[system_.stop->surface - 1], 1.6 * r);
   for (double side : {1.0, -1.0}) {
     out_ += "<line x1=\"" + number(x(z)) + "\" y1=\"" + number(y(side * r)) + "\" x2=\"" +
@@ -218,7 +227,9 @@ void Drawing::draw_scale_bar() {
   for (double step : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0}) {
     if (step * kMm <= 0.2 * (right_ - left_)) length = step * kMm;
   }
-  const double px = x(left_), py = bottom_px_ + 34, end = px + length * scale_;
+  const double px = x(left_);
+  const double py = bottom_px_ + 34;
+  const double end = px + length * scale_;
   out_ += "<path d=\"M" + number(px) + " " + number(py - 4) + "v8 M" + number(px) + " " +
           number(py) + "H" + number(end) + " M" + number(end) + " " + number(py - 4) +
           "v8\" fill=\"none\" stroke=\"#111\" stroke-width=\"1.4\"/>\n";
@@ -227,7 +238,8 @@ void Drawing::draw_scale_bar() {
 }
 
 void Drawing::draw_legend() {
-  double px = x(left_), py = bottom_px_ + 66;
+  double px = x(left_);
+  double py = bottom_px_ + 66;
   for (int i = 0; i < system_.size(); ++i) {
     const double index = system_.surfaces[i].index;
     if (index < 1.01) continue;
@@ -252,7 +264,8 @@ void Drawing::draw_labels() {
   int row = 0;
   for (int i = 0; i < system_.size(); ++i) {
     const Eigen::Vector2d rim = profile(i).front();
-    const double px = x(rim.x()), py = y(rim.y());
+    const double px = x(rim.x());
+    const double py = y(rim.y());
     row = px - before < kNear && px > before - kNear ? (row + 1) % 3 : 0;
     before = px;
     const double top = py - 9 - 14 * row;
@@ -292,8 +305,7 @@ std::string Drawing::svg() {
 }  // namespace
 
 void LayoutOptions::check() const {
-  if (!(width_px >= 100 && width_px <= 20000))
-    throw std::invalid_argument("width_px: must lie within 100 and 20000");
+  detail::require(width_px >= 100 && width_px <= 20000, "width_px: must lie within 100 and 20000");
   for (const LayoutMark& mark : marks) {
     if (!std::isfinite(mark.z) || !(mark.half_height >= 0 && std::isfinite(mark.half_height))) {
       throw std::invalid_argument("marks: must be finite");
@@ -307,7 +319,7 @@ std::string layout_svg(const System& system, std::span<const LayoutRay> rays,
   options.check();
   for (const LayoutRay& ray : rays) {
     for (const Eigen::Vector2d& point : ray.path) {
-      if (!point.allFinite()) throw std::invalid_argument("rays: must be finite");
+      detail::require(point.allFinite(), "rays: must be finite");
     }
   }
   return Drawing(system, rays, options).svg();

@@ -58,7 +58,8 @@ std::vector<double> layout_heights(const System& system, std::span<const LayoutR
   // Both sides of a lens are as high as the higher one; the humours between lenses are drawn as
   // they come. From the outside in, so that a cornea goes with the contact lens on it.
   for (int i = count - 2; i >= 1; --i) {
-    const Surface &front = system.surfaces[i], &behind = system.surfaces[i + 1];
+    const Surface& front = system.surfaces[i];
+    const Surface& behind = system.surfaces[i + 1];
     const bool solid = front.index > system.surfaces[i - 1].index;
     if (!solid) continue;
     const double both =

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "optics/analysis/layout.h"
+#include "optics/analysis/layout_rays.h"
 
 #include <span>
 #include <vector>

@@ -1,6 +1,7 @@
-// The rays of a layout drawing.
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/analysis/layout.h"
+#include "optics/analysis/layout_rays.h"
+
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 
 #include <cmath>
@@ -10,7 +11,7 @@ namespace vitreo::optics {
 
 LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group) {
   system.check();
-  if (!std::isfinite(end_z)) throw std::invalid_argument("end_z: must be finite");
+  detail::require_finite(end_z, "end_z");
   LayoutRay drawn;
   drawn.group = group;
   const auto add = [&](const Eigen::Vector3d& p) { drawn.path.emplace_back(p.z(), p.x()); };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/viewing.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/trace.h"
 #include "optics/system/first_order.h"
 
@@ -102,7 +103,8 @@ bool passes(const System& system, double angle, int from_surface, double clear_r
 NumericalAperture numerical_aperture(const System& system) {
   const Stop& stop = stop_of(system);
   const double m = std::abs(retina_image(system).magnification);
-  const double index = system.surfaces.front().index, distance = system.surfaces.front().thickness;
+  const double index = system.surfaces.front().index;
+  const double distance = system.surfaces.front().thickness;
   const auto sine = [](double tangent) { return std::sin(std::atan(tangent)); };
   NumericalAperture aperture;
   aperture.object_beam = index * sine(stop.radius / distance);
@@ -117,14 +119,15 @@ NumericalAperture numerical_aperture(const System& system) {
 }
 
 DepthOfFocus depth_of_focus(const System& system, double confusion) {
-  if (!(confusion > 0 && std::isfinite(confusion))) {
-    throw std::invalid_argument("confusion: must be finite and positive");
-  }
+  detail::require(confusion > 0 && std::isfinite(confusion),
+                  "confusion: must be finite and positive");
   const NumericalAperture aperture = numerical_aperture(system);
   const double spread = (1 + std::abs(retina_image(system).magnification)) * confusion;
-  const double vitreous = system.surfaces.front().index, behind = system.surfaces.back().index;
+  const double vitreous = system.surfaces.front().index;
+  const double behind = system.surfaces.back().index;
+  // (4.1)
   return {vitreous / aperture.oslo * spread, behind / aperture.oslo * spread,
-          vitreous / aperture.object_beam * spread};  // (4.1)
+          vitreous / aperture.object_beam * spread};
 }
 
 DepthOfField depth_of_field(const System& system, double confusion, double range) {
@@ -137,9 +140,7 @@ DepthOfField depth_of_field(const System& system, double confusion, double range
 
 ChiefRay chief_ray_at_stop(const System& system, double angle) {
   const Stop& stop = stop_of(system);
-  if (!(std::abs(angle) < std::numbers::pi / 2)) {
-    throw std::invalid_argument("angle: must lie within -pi/2 and pi/2");
-  }
+  detail::require(std::abs(angle) < std::numbers::pi / 2, "angle: must lie within -pi/2 and pi/2");
   const Eigen::Vector3d center(0, 0, system.vertex(stop.surface));
   const Eigen::Vector3d out(std::sin(angle), 0, std::cos(angle));
   ChiefRay chief;
@@ -165,28 +166,31 @@ ChiefRay chief_ray_at_stop(const System& system, double angle) {
 
 FieldOfView direct_field_of_view(const System& system, double observer_distance) {
   const Stop& stop = stop_of(system);
-  if (!(observer_distance > 0 && std::isfinite(observer_distance))) {
-    throw std::invalid_argument("observer_distance: must be finite and positive");
-  }
+  detail::require(observer_distance > 0 && std::isfinite(observer_distance),
+                  "observer_distance: must be finite and positive");
   // The stop seen from outside: imaged through its own surface and what follows.
   const Eigen::Matrix2d a = system_matrix(system, stop.surface);
   const double behind = system.surfaces.back().index;
-  const double pupil = -behind * a(1, 0) / a(0, 0), radius = std::abs(stop.radius / a(0, 0));
+  const double pupil = -behind * a(1, 0) / a(0, 0);
+  const double radius = std::abs(stop.radius / a(0, 0));
   return {
       2 * std::atan(radius / (observer_distance - pupil)),
       "entrance pupil seen from " + std::to_string(observer_distance * 1e3) + " mm before the eye"};
 }
 
 FieldOfView vignetted_field_of_view(const System& system, int from_surface, double clear_radius) {
-  constexpr double kStep = 0.25 * std::numbers::pi / 180, kWidest = 80 * std::numbers::pi / 180;
+  constexpr double kStep = 0.25 * std::numbers::pi / 180;
+  constexpr double kWidest = 80 * std::numbers::pi / 180;
   constexpr double kFine = 1e-9;
   stop_of(system);
   if (from_surface < 2 || from_surface >= system.size()) {
     throw std::invalid_argument("from_surface: must be a refracting surface before the last");
   }
-  if (!(clear_radius > 0)) throw std::invalid_argument("clear_radius: must be positive");
-  ChiefRay inside, tried;
-  double good = 0, bad = kWidest;
+  detail::require(clear_radius > 0, "clear_radius: must be positive");
+  ChiefRay inside;
+  ChiefRay tried;
+  double good = 0;
+  double bad = kWidest;
   for (double angle = kStep; angle < kWidest; angle += kStep) {
     if (!passes(system, angle, from_surface, clear_radius, tried)) {
       bad = angle;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/calibration.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/first_order.h"
 
 #include <Eigen/Cholesky>
@@ -25,7 +26,8 @@ void check_point(const OnAxisPoint& point, const char* name) {
 
 /// d_o and its derivatives by f, PP1, PP2; false at the pole.
 bool derivatives(const OnAxisLaw& law, double d_ls, double& d_o, Eigen::Vector3d& by) {
-  const double s_i = d_ls - law.second_principal_point + law.sensor_shift, f = law.focal_length;
+  const double s_i = d_ls - law.second_principal_point + law.sensor_shift;
+  const double f = law.focal_length;
   const double rest = s_i - f;
   if (std::abs(rest) < kPole) return false;
   d_o = -f * law.object_index * s_i / rest + law.first_principal_point + law.object_shift;
@@ -37,7 +39,8 @@ bool derivatives(const OnAxisLaw& law, double d_ls, double& d_o, Eigen::Vector3d
 struct Normal {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
   Eigen::Vector3d vector = Eigen::Vector3d::Zero();
-  double squares = 0, largest = 0;
+  double squares = 0;
+  double largest = 0;
 };
 
 /// Normal equations at the law; false when a point falls on its pole.
@@ -115,7 +118,8 @@ void minimum_norm(OnAxisLaw& law, const OnAxisPoint& retina) {
     double d_o = 0;
     Eigen::Vector3d by;
     if (!derivatives(law, retina.sensor, d_o, by)) break;
-    const Eigen::Vector2d gradient(-by[2], 1), now(law.sensor_shift, law.object_shift);
+    const Eigen::Vector2d gradient(-by[2], 1);
+    const Eigen::Vector2d now(law.sensor_shift, law.object_shift);
     const Eigen::Vector2d next =
         gradient * ((gradient.dot(now) + retina.object - d_o) / gradient.squaredNorm());
     if (!next.allFinite()) break;
@@ -138,7 +142,7 @@ void OnAxisLaw::check() const {
   finite("sensor_shift", sensor_shift);
   finite("object_shift", object_shift);
   if (focal_length == 0) throw std::invalid_argument("focal_length: must not be zero");
-  if (!(object_index >= 1)) throw std::invalid_argument("object_index: must be at least 1");
+  detail::require(object_index >= 1, "object_index: must be at least 1");
 }
 
 std::optional<double> OnAxisLaw::object_from_sensor(double d_ls) const {

@@ -46,8 +46,8 @@ struct OnAxisFit {
   OnAxisLaw law;
   double rms_residual = 0;  // m, of d_o
   double max_residual = 0;
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of f, PP1, PP2, m^2, from the residuals;
-                                                         // zero without spare points
+  // of f, PP1, PP2, m^2, from the residuals; zero without spare points
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
 /// f, PP1 and PP2 fitted to points by least squares of d_o: the refinement of 4.3, "because of the

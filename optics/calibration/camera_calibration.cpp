@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/camera_calibration.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Geometry>
 
 #include <algorithm>
@@ -19,9 +21,12 @@ Complex upright(const Eigen::Vector2d& m) { return {-m.x(), m.y()}; }
 Complex pixel(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
 struct Similarity {
-  Complex factor, center;
-  double squares = 0, largest = 0,
-         spread = 0;  // spread: sum of squared distances of the plane's points from their mean
+  Complex factor;
+  Complex center;
+  // spread: sum of squared distances of the plane's points from their mean
+  double squares = 0;
+  double largest = 0;
+  double spread = 0;
 };
 
 /// pixel = center + factor * w, with w mirrored first when asked.
@@ -30,7 +35,9 @@ Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
     return mirrored ? std::conj(upright(pair.m)) : upright(pair.m);
   };
   const auto count = static_cast<double>(pairs.size());
-  Complex mean_w, mean_p, cross;
+  Complex mean_w;
+  Complex mean_p;
+  Complex cross;
   for (const PointPair& pair : pairs) {
     mean_w += plane(pair) / count;
     mean_p += pixel(pair.pixel_px) / count;
@@ -53,7 +60,8 @@ Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
 
 void check_pairs(std::span<const PointPair> pairs) {
   if (pairs.size() < 2) throw std::invalid_argument("pairs: scale and rotation need two");
-  double across_m = 0, across_px = 0;
+  double across_m = 0;
+  double across_px = 0;
   for (const PointPair& pair : pairs) {
     if (!pair.m.allFinite() || !pair.pixel_px.allFinite())
       throw std::invalid_argument("pairs: must be finite");
@@ -85,7 +93,8 @@ template <class Error>
 std::optional<double> zero_between(const Error& error, double low, double high) {
   constexpr int kBisections = 60;
   constexpr double kReached = 1e-7;  // m; what ends at the edge of the seen has not got there
-  const auto at_low = error(low), at_high = error(high);
+  const auto at_low = error(low);
+  const auto at_high = error(high);
   if (!at_low && !at_high) return std::nullopt;
   if (at_low && at_high && (*at_low > 0) == (*at_high > 0)) return std::nullopt;
   const bool low_is_above = at_low ? *at_low > 0 : !(*at_high > 0);
@@ -104,7 +113,9 @@ std::optional<double> zero_between(const Error& error, double low, double high) 
 /// scale.
 double scale_for(const PoseSettings& settings, const EllipseVector& observed,
                  const Eigen::Vector3d& axis, double known_z) {
-  constexpr double kSmallest = 0.7, kLargest = 1.4, kStep = 1.02;
+  constexpr double kSmallest = 0.7;
+  constexpr double kLargest = 1.4;
+  constexpr double kStep = 1.02;
   const auto error = [&](double scale) -> std::optional<double> {
     const auto z = depth_at(scaled(settings, scale), observed, axis);
     return z ? std::optional(*z - known_z) : std::nullopt;
@@ -134,14 +145,14 @@ Eigen::Vector2d CameraFit::m_from_pixel(const Eigen::Vector2d& pixel_px) const {
 CameraFit fit_camera(std::span<const PointPair> pairs) {
   constexpr double kClearlyBetter = 0.01;
   check_pairs(pairs);
-  const Similarity straight = similarity(pairs, false), mirrored = similarity(pairs, true);
+  const Similarity straight = similarity(pairs, false);
+  const Similarity mirrored = similarity(pairs, true);
   const auto count = static_cast<double>(pairs.size());
   const double floor = 1e-6 * count;  // px^2: two points, or all on a line, fit either way
   if (straight.squares > floor && mirrored.squares < kClearlyBetter * straight.squares) {
     throw std::invalid_argument("pairs: the image is mirrored; swap a sign of m or of the pixels");
   }
-  if (!(std::abs(straight.factor) > 0))
-    throw std::invalid_argument("pairs: the pixels do not follow the points");
+  detail::require(std::abs(straight.factor) > 0, "pairs: the pixels do not follow the points");
   CameraFit fit;
   fit.image.pixel = 1 / std::abs(straight.factor);
   fit.image.center_px = {straight.center.real(), straight.center.imag()};
@@ -149,8 +160,8 @@ CameraFit fit_camera(std::span<const PointPair> pairs) {
   fit.rms_residual_px = std::sqrt(straight.squares / count);
   fit.max_residual_px = straight.largest;
   if (pairs.size() > 2) {
-    const double variance =
-        straight.squares / (2 * count - 4);  // of one coordinate; four parameters
+    // of one coordinate; four parameters
+    const double variance = straight.squares / (2 * count - 4);
     const double of_factor = std::sqrt(variance / straight.spread);
     Complex mean;
     for (const PointPair& pair : pairs) mean += upright(pair.m) / count;
@@ -169,7 +180,7 @@ PoseSettings PoseCalibration::applied(PoseSettings settings) const {
 PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis_in_eye, double known_z,
                                PoseCorrection correction) {
-  if (!std::isfinite(known_z)) throw std::invalid_argument("known_z: must be finite");
+  detail::require_finite(known_z, "known_z");
   PoseCalibration calibration;
   if (correction == PoseCorrection::image_scale) {
     calibration.image_scale = scale_for(settings, observed, axis_in_eye, known_z);

@@ -121,8 +121,9 @@ EyeEstimate estimate_eye(const Prescription& prescription, const std::vector<Unc
         "measured: are not as many as the model gives for the prescription");
   }
   const int residuals = static_cast<int>(measured.size()) + static_cast<int>(priors.size());
+  // Ceres owns both
   auto* cost = new ceres::DynamicNumericDiffCostFunction<Residuals, ceres::CENTRAL>(
-      new Residuals{prescription, priors, model, measured, sigmas});  // Ceres owns both
+      new Residuals{prescription, priors, model, measured, sigmas});
   cost->AddParameterBlock(static_cast<int>(priors.size()));
   cost->SetNumResiduals(residuals);
   std::vector<double> x(priors.size(), 0.0);

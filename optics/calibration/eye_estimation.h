@@ -26,8 +26,8 @@ struct EstimatedParameter {
   double value = 0;        // SI
   double sigma = 0;        // one sigma after the measurements
   double prior_sigma = 0;  // and before
-  double learned =
-      0;  // 1 - (sigma / prior_sigma)^2: 0, the data say nothing about it; 1, they say everything
+  // 1 - (sigma / prior_sigma)^2: 0, the data say nothing about it; 1, they say everything
+  double learned = 0;
 };
 
 struct EyeEstimate {

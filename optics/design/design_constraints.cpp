@@ -22,7 +22,8 @@ std::string in_mm(double value) {
 
 std::string Designer::violated_profile(std::size_t surface) const {
   const Surface& s = now_.system.surfaces[surface];
-  const double reach = problem_.reach[surface], rim = s.sag(reach);
+  const double reach = problem_.reach[surface];
+  const double rim = s.sag(reach);
   if (!std::isfinite(rim))
     return start_.surfaces[surface] + " does not reach out to " + in_mm(reach);
   double last = 0;
@@ -37,7 +38,8 @@ std::string Designer::violated_profile(std::size_t surface) const {
 }
 
 std::string Designer::violated_gap(std::size_t i) const {
-  const Surface &front = now_.system.surfaces[i], &behind = now_.system.surfaces[i + 1];
+  const Surface& front = now_.system.surfaces[i];
+  const Surface& behind = now_.system.surfaces[i + 1];
   const double reach = std::max(problem_.reach[i], problem_.reach[i + 1]);
   const double least = front.index > kGlass ? options_.min_edge_thickness : 0;
   for (int k = 1; k <= DesignProblem::kChecks; ++k) {

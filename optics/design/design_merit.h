@@ -4,8 +4,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "optics/design/design_options.h"
 #include "optics/design/design_surface.h"
-#include "optics/design/lens_design.h"
 
 #include <Eigen/Core>
 
@@ -30,7 +30,8 @@ struct ShapeVariable {
 /// Rays of one field behind the surface before the first one that changes, in its vertex frame;
 /// half the bundle, as it is symmetric about the plane of axis and field.
 struct DesignBundle {
-  std::vector<Eigen::Vector3d> origin, direction;
+  std::vector<Eigen::Vector3d> origin;
+  std::vector<Eigen::Vector3d> direction;
   std::vector<double> weight;
 };
 
@@ -40,13 +41,17 @@ struct DesignProblem {
   std::size_t from = 0;               // the bundles stand behind this surface
   std::vector<DesignBundle> bundles;  // of the fields that count in this round
   std::vector<double> reach;          // m, of each surface: out to where it must be sound
-  double flatness_weight, spot_weight, max_spot, min_edge_thickness, min_center_thickness;
+  double flatness_weight;
+  double spot_weight;
+  double max_spot;
+  double min_edge_thickness;
+  double min_center_thickness;
   DesignKeeps keeps;
   double kept = 0;  // m, of what is kept
 
   static constexpr double kUnit = 1e-4;  // m
-  static constexpr double kStrict =
-      1e3;  // a constraint's weight: what it gives way stays below a micrometer
+  // a constraint's weight: what it gives way stays below a micrometer
+  static constexpr double kStrict = 1e3;
   static constexpr int kChecks = 16;  // places along a profile where constraints are tested
 
   bool designed(std::size_t surface) const {
@@ -97,7 +102,8 @@ std::vector<DesignSurface<T>> shaped(const DesignProblem& problem, const T* x) {
 
 template <class T>
 struct DesignFocus {
-  T distance, rms;
+  T distance;
+  T rms;
 };
 
 /// Best focus in closed form and the rms radius there, as SpotMoments has them. False when a ray is
@@ -106,21 +112,33 @@ template <class T>
 bool focus_design(const DesignProblem& problem, const std::vector<DesignSurface<T>>& surfaces,
                   const DesignBundle& bundle, DesignFocus<T>& focus) {
   using std::sqrt;
-  constexpr double kTip =
-      1e-18;  // m^2; rounds the cone's tip off, where the rms radius has no derivative
-  T total(0), x(0), u(0), xx(0), xu(0), uu(0);  // the mean of y is zero by symmetry
+  // m^2; rounds the cone's tip off, where the rms radius has no derivative
+  constexpr double kTip = 1e-18;
+  // the mean of y is zero by symmetry
+  T total(0);
+  T x(0);
+  T u(0);
+  T xx(0);
+  T xu(0);
+  T uu(0);
   for (std::size_t i = 0; i < bundle.origin.size(); ++i) {
-    Vector3<T> origin = bundle.origin[i].cast<T>(), direction = bundle.direction[i].cast<T>();
+    Vector3<T> origin = bundle.origin[i].cast<T>();
+    Vector3<T> direction = bundle.direction[i].cast<T>();
     if (!trace_design(surfaces, problem.from, origin, direction)) return false;
-    const T ux = direction.x() / direction.z(), uy = direction.y() / direction.z();
-    const T px = origin.x() - origin.z() * ux, py = origin.y() - origin.z() * uy;
+    const T ux = direction.x() / direction.z();
+    const T uy = direction.y() / direction.z();
+    const T px = origin.x() - origin.z() * ux;
+    const T py = origin.y() - origin.z() * uy;
     const double w = bundle.weight[i];
     total += T(w);
-    x += w * px, u += w * ux;
-    xx += w * (px * px + py * py), xu += w * (px * ux + py * uy), uu += w * (ux * ux + uy * uy);
+    x += w * px;
+    u += w * ux;
+    xx += w * (px * px + py * py);
+    xu += w * (px * ux + py * uy);
+    uu += w * (ux * ux + uy * uy);
   }
-  const T place = xx / total - x * x / (total * total),
-          slope = uu / total - u * u / (total * total);
+  const T place = xx / total - x * x / (total * total);
+  const T slope = uu / total - u * u / (total * total);
   const T mixed = xu / total - x * u / (total * total);
   focus.distance = -mixed / slope;
   const T square = place + mixed * focus.distance;
@@ -131,9 +149,12 @@ bool focus_design(const DesignProblem& problem, const std::vector<DesignSurface<
 /// (4.5), (4.6) with derivatives: 1 / f.
 template <class T>
 T power(const std::vector<DesignSurface<T>>& surfaces) {
-  T angle(0), height(1);  // n * angle
+  // n * angle
+  T angle(0);
+  T height(1);
   for (std::size_t i = 1; i < surfaces.size(); ++i) {
-    const double before = surfaces[i - 1].index, behind = surfaces[i].index;
+    const double before = surfaces[i - 1].index;
+    const double behind = surfaces[i].index;
     angle -= (behind - before) * surfaces[i].curvature * height;
     if (i + 1 < surfaces.size()) height += angle * surfaces[i].thickness / behind;
   }

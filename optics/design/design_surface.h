@@ -13,10 +13,12 @@ namespace vitreo::optics::detail {
 
 template <class T>
 struct DesignSurface {
-  T curvature, conic;
+  T curvature;
+  T conic;
   std::array<T, 4> aspheric;
   T thickness;
-  double index, semi_diameter;
+  double index;
+  double semi_diameter;
   bool asphere;  // also one whose coefficients are zero now, if one of them is to change
 };
 

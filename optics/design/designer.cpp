@@ -96,8 +96,10 @@ Designer::Designer(const Prescription& start, const LensDesignOptions& options)
     first = std::min(first, shape.kind == ShapeKind::thickness ? shape.surface + 1 : shape.surface);
   }
   problem_.from = first - 1;
-  problem_.flatness_weight = options.flatness_weight, problem_.spot_weight = options.spot_weight;
-  problem_.max_spot = options.max_spot, problem_.keeps = options.keeps;
+  problem_.flatness_weight = options.flatness_weight;
+  problem_.spot_weight = options.spot_weight;
+  problem_.max_spot = options.max_spot;
+  problem_.keeps = options.keeps;
   problem_.min_edge_thickness = options.min_edge_thickness;
   problem_.min_center_thickness = options.min_center_thickness;
 }
@@ -114,7 +116,8 @@ std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double a
     if (sample.y() < -kOnPlane) continue;
     const double weight = sample.y() < kOnPlane ? 1 : 2;
     const auto ray = tracer.aim(*object, sample);
-    Eigen::Vector3d origin = ray ? ray->origin : Eigen::Vector3d::Zero(), direction(0, 0, 1);
+    Eigen::Vector3d origin = ray ? ray->origin : Eigen::Vector3d::Zero();
+    Eigen::Vector3d direction(0, 0, 1);
     if (ray) direction = ray->direction;
     bool through = ray.has_value();
     for (std::size_t i = 1; through && i < surfaces.size(); ++i) {
@@ -131,7 +134,8 @@ std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double a
       continue;
     }
     ++lost;
-    made.origin.resize(made.weight.size()), made.direction.resize(made.weight.size());
+    made.origin.resize(made.weight.size());
+    made.direction.resize(made.weight.size());
   }
   return made;
 }
@@ -229,7 +233,8 @@ void Designer::adopt(const std::vector<double>& x) {
     Surface& s = now_.system.surfaces[i];
     if (problem_.designed(i)) {
       if (s.radius * surfaces[i].curvature != 1) s.radius = 1 / surfaces[i].curvature;
-      s.conic = surfaces[i].conic, s.aspheric = surfaces[i].aspheric;
+      s.conic = surfaces[i].conic;
+      s.aspheric = surfaces[i].aspheric;
     }
     if (problem_.thickness_designed(i)) s.thickness = surfaces[i].thickness;
   }
@@ -249,8 +254,8 @@ LensDesign Designer::report(bool settled, int iterations) const {
   made.after = lens_image(now_.system, options_);
   made.iterations = iterations;
   for (const DesignVariable& variable : options_.variables) {
-    const double before = parameter(start_, variable.parameter),
-                 after = parameter(now_, variable.parameter);
+    const double before = parameter(start_, variable.parameter);
+    const double after = parameter(now_, variable.parameter);
     const auto touches = [&](double bound) {
       return std::isfinite(bound) && std::abs(after - bound) <= kTouches * std::abs(bound);
     };
@@ -306,7 +311,8 @@ LensDesign Designer::run(const Way& way) {
     }
     const Rays next = gather(fields);
     settled = complete && converged && next == rays && std::abs(last - cost) <= kSettled * cost;
-    rays = next, last = cost;
+    rays = next;
+    last = cost;
   }
   return report(settled, iterations);
 }

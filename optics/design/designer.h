@@ -3,7 +3,7 @@
 #pragma once
 
 #include "optics/design/design_merit.h"
-#include "optics/design/lens_design.h"
+#include "optics/design/design_result.h"
 
 #include <optional>
 #include <string>
@@ -15,7 +15,8 @@ namespace vitreo::optics::detail {
 /// Which way is taken to the optimum: everything at once may get lost far from it, fields from the
 /// axis outwards and low orders first get into other valleys.
 struct Way {
-  bool fields_grow, orders_grow;
+  bool fields_grow;
+  bool orders_grow;
 };
 
 /// A design in the making.
@@ -39,7 +40,8 @@ class Designer {
   std::string violated_gap(std::size_t surface) const;
   std::string violated_profile(std::size_t surface) const;
   LensDesign report(bool settled, int iterations) const;
-  Prescription start_, now_;
+  Prescription start_;
+  Prescription now_;
   LensDesignOptions options_;
   std::string unsound_;  // why the last step was not taken
   DesignProblem problem_;

@@ -21,7 +21,8 @@ int radials_of(int harmonic, int rings) { return std::max(rings - (harmonic + 1)
 
 /// T_0 .. T_(n-1) at x, and their derivatives.
 void chebyshev(double x, int n, double* t, double* d) {
-  t[0] = 1, d[0] = 0;
+  t[0] = 1;
+  d[0] = 0;
   if (n > 1) t[1] = x, d[1] = 1;
   for (int k = 2; k < n; ++k) {
     t[k] = 2 * x * t[k - 1] - t[k - 2];
@@ -36,7 +37,8 @@ double ring_radius(int ring, int rings) {
 }  // namespace
 
 Eigen::Vector2d SkewTable::sample_place(int ring, int rings, int arm) {
-  const double rho = ring_radius(ring, rings), azimuth = 2 * std::numbers::pi * arm / kArms;
+  const double rho = ring_radius(ring, rings);
+  const double azimuth = 2 * std::numbers::pi * arm / kArms;
   return {rho * std::cos(azimuth), rho * std::sin(azimuth)};
 }
 
@@ -58,11 +60,13 @@ SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths)
           (q == 0 ? 1.0 : 2.0) / depths * std::cos(q * std::numbers::pi * (k + 0.5) / depths);
     }
   }
-  double t[Chebyshev2::kMaxNodes], d[Chebyshev2::kMaxNodes];
+  double t[Chebyshev2::kMaxNodes];
+  double d[Chebyshev2::kMaxNodes];
   for (std::size_t first = 0; first < terms_.size();) {
     const auto [k, j0, sine] = terms_[first];
     const int radials = radials_of(k, rings);
-    Eigen::MatrixXd radial(rings, radials), seen(rings, kValues * depths);
+    Eigen::MatrixXd radial(rings, radials);
+    Eigen::MatrixXd seen(rings, kValues * depths);
     for (int i = 0; i < rings; ++i) {
       const double rho = ring_radius(i, rings);
       chebyshev(2 * rho * rho - 1, radials, t, d);
@@ -117,7 +121,8 @@ void SkewTable::trim() {
 
 void SkewTable::basis(const Eigen::Vector2d& at,
                       Eigen::Matrix<double, Eigen::Dynamic, 3>& out) const {
-  double t[Chebyshev2::kMaxNodes], d[Chebyshev2::kMaxNodes];
+  double t[Chebyshev2::kMaxNodes];
+  double d[Chebyshev2::kMaxNodes];
   chebyshev(2 * at.squaredNorm() - 1, radials_, t, d);
   const std::complex<double> z(at.x(), at.y());
   std::array<std::complex<double>, kHarmonics + 2> power{};  // z^(k-1), the first unused
@@ -127,13 +132,14 @@ void SkewTable::basis(const Eigen::Vector2d& at,
   for (std::size_t i = 0; i < terms_.size(); ++i) {
     const Term& term = terms_[i];
     // d z^k = k z^(k-1) (d xi + i d eta)
-    const std::complex<double> value = power[term.harmonic + 1],
-                               by_xi = double(term.harmonic) * power[term.harmonic];
+    const std::complex<double> value = power[term.harmonic + 1];
+    const std::complex<double> by_xi = double(term.harmonic) * power[term.harmonic];
     const std::complex<double> by_eta = by_xi * std::complex<double>(0, 1);
     const auto part = [&](const std::complex<double>& x) {
       return term.sine ? x.imag() : x.real();
     };
-    const double radial = t[term.radial], per = 4 * d[term.radial] * part(value);
+    const double radial = t[term.radial];
+    const double per = 4 * d[term.radial] * part(value);
     const auto row = static_cast<Eigen::Index>(i);
     out(row, 0) = part(value) * radial;
     out(row, 1) = part(by_xi) * radial + per * at.x();
@@ -145,7 +151,8 @@ SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& place) const {
   Eigen::Matrix<double, Eigen::Dynamic, 3> field;
   basis(place.head<2>(), field);
   Eigen::Matrix<double, Eigen::Dynamic, 2> depth(depths_, 2);
-  double t[Chebyshev2::kMaxNodes], d[Chebyshev2::kMaxNodes];
+  double t[Chebyshev2::kMaxNodes];
+  double d[Chebyshev2::kMaxNodes];
   chebyshev(place.z(), depths_, t, d);
   for (int k = 0; k < depths_; ++k) depth(k, 0) = t[k], depth(k, 1) = d[k];
   const auto count = static_cast<Eigen::Index>(terms_.size());
@@ -166,7 +173,8 @@ SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& place) const {
 Eigen::Vector2d SkewTable::stop(const Eigen::Vector3d& place) const {
   Eigen::Matrix<double, Eigen::Dynamic, 3> field;
   basis(place.head<2>(), field);
-  double t[Chebyshev2::kMaxNodes], d[Chebyshev2::kMaxNodes];
+  double t[Chebyshev2::kMaxNodes];
+  double d[Chebyshev2::kMaxNodes];
   chebyshev(place.z(), depths_, t, d);
   const Eigen::Map<const Eigen::VectorXd> depth(t, depths_);
   const auto count = static_cast<Eigen::Index>(terms_.size());

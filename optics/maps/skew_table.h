@@ -36,12 +36,14 @@ class SkewTable {
 
  private:
   struct Term {
-    int harmonic, radial;
+    int harmonic;
+    int radial;
     bool sine;
   };
   void trim();
   void basis(const Eigen::Vector2d& at, Eigen::Matrix<double, Eigen::Dynamic, 3>& out) const;
-  int depths_ = 0, radials_ = 0;
+  int depths_ = 0;
+  int radials_ = 0;
   std::vector<Term> terms_;
   Eigen::MatrixXd coefficients_;  // a block of terms for each value; depth orders across
 };

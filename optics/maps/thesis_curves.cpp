@@ -2,6 +2,7 @@
 #include "optics/maps/thesis_curves.h"
 
 #include "optics/numerics/linear.h"
+#include "optics/numerics/preconditions.h"
 
 #include <Eigen/Dense>
 
@@ -22,7 +23,8 @@ constexpr int kFewest = 5;
 std::optional<double> root(const std::function<std::optional<double>(double)>& f, double from,
                            double to) {
   constexpr int kHalvings = 50;
-  const auto first = f(from), last = f(to);
+  const auto first = f(from);
+  const auto last = f(to);
   if (!(first && last && *first * *last <= 0)) return std::nullopt;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (from + to) / 2;
@@ -65,11 +67,14 @@ std::vector<Plane> isopixel_points(const WideAngleMap& map, double height, int s
 
 /// A point's distance from the conic, to first order, and its change with radius and pole.
 struct Distance {
-  double value, per_radius, per_pole;
+  double value;
+  double per_radius;
+  double per_pole;
 };
 
 Distance distance(double radius, double conic, double pole, const Plane& at) {
-  const double u = at.z - pole, normal = (1 + conic) * u - radius;
+  const double u = at.z - pole;
+  const double normal = (1 + conic) * u - radius;
   const double steepness = 2 * std::hypot(at.r, normal);
   return {(at.r * at.r + (1 + conic) * u * u - 2 * radius * u) / steepness, -2 * u / steepness,
           -2 * normal / steepness};
@@ -105,7 +110,11 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
 }
 
 IsopixelCurve fit_line(const std::vector<Plane>& points, double height) {
-  double n = 0, z = 0, r = 0, zz = 0, zr = 0;
+  double n = 0;
+  double z = 0;
+  double r = 0;
+  double zz = 0;
+  double zr = 0;
   for (const Plane& at : points) n += 1, z += at.z, r += at.r, zz += at.z * at.z, zr += at.z * at.r;
   IsopixelCurve made;
   made.height = height;
@@ -122,7 +131,7 @@ Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
   const auto count = static_cast<Eigen::Index>(x.size());
   if (count < kFewest) throw std::invalid_argument("map: too small for the thesis' cubics");
   Cubic made;
-  made.from = *std::min_element(x.begin(), x.end()),
+  made.from = *std::min_element(x.begin(), x.end());
   made.to = *std::max_element(x.begin(), x.end());
   Eigen::MatrixX4d powers(count, 4);
   for (Eigen::Index i = 0; i < count; ++i) {
@@ -139,7 +148,8 @@ Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
 
 template <class Row>
 Cubic fit_column(const std::vector<Row>& rows, double Row::*x, double Row::*y) {
-  std::vector<double> xs, ys;
+  std::vector<double> xs;
+  std::vector<double> ys;
   for (const Row& row : rows) xs.push_back(row.*x), ys.push_back(row.*y);
   return fit_cubic(xs, ys);
 }
@@ -147,17 +157,18 @@ Cubic fit_column(const std::vector<Row>& rows, double Row::*x, double Row::*y) {
 }  // namespace
 
 void ThesisSettings::check() const {
-  if (!std::isfinite(conic)) throw std::invalid_argument("conic: must be finite");
-  if (surfaces < kFewest) throw std::invalid_argument("surfaces: must be at least 5");
-  if (curves < kFewest) throw std::invalid_argument("curves: must be at least 5");
-  if (samples < kFewest) throw std::invalid_argument("samples: must be at least 5");
+  detail::require_finite(conic, "conic");
+  detail::require_at_least(surfaces, kFewest, "surfaces");
+  detail::require_at_least(curves, kFewest, "curves");
+  detail::require_at_least(samples, kFewest, "samples");
 }
 
 ThesisCurves fit_thesis_curves(const WideAngleMap& map, const ThesisSettings& settings) {
   settings.check();
   ThesisCurves made;
   made.conic = settings.conic;
-  const auto retina = map.at({0, 0}), deepest = map.at({0, map.max_depth()});
+  const auto retina = map.at({0, 0});
+  const auto deepest = map.at({0, map.max_depth()});
   const auto edge = map.at({map.max_angle(), 0});
   if (!(retina && deepest && edge)) throw std::invalid_argument("map: has no value at its corners");
   for (int i = 0; i < settings.surfaces; ++i) {
@@ -188,11 +199,15 @@ std::optional<WideAngleMap::Plane> ThesisCurves::point(double focus, double heig
 
 std::optional<WideAngleMap::Plane> ThesisCurves::point_beyond(double focus, double height,
                                                               double pole_shift) const {
-  const double R = radius(focus), z0 = pole(focus) + pole_shift, a = intercept(height),
-               s = slope(height);
+  const double R = radius(focus);
+  const double z0 = pole(focus) + pole_shift;
+  const double a = intercept(height);
+  const double s = slope(height);
   // (a + s z)^2 = 2 R (z - z0) - (1 + k) (z - z0)^2, with u = z - z0 and r0 = a + s z0
   const double r0 = a + s * z0;
-  const double A = s * s + 1 + conic, B = r0 * s - R, C = r0 * r0;
+  const double A = s * s + 1 + conic;
+  const double B = r0 * s - R;
+  const double C = r0 * r0;
   const double discriminant = B * B - A * C;
   if (!(discriminant >= 0)) return std::nullopt;
   // The crossing near the pole, without cancellation, also where the surface is curved away from

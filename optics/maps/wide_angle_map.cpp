@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/maps/wide_angle_map.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -12,11 +14,11 @@ namespace vitreo::optics {
 namespace {
 
 constexpr double kSlack = 1e-9;  // m: a point computed to lie on the table's edge is on it
-constexpr double kStray =
-    0.05;  // of the table's sides: how far Newton's method may stray on its way
+// of the table's sides: how far Newton's method may stray on its way
+constexpr double kStray = 0.05;
 constexpr double kMaxTail = 0.5e-6;  // m
-constexpr double kMaxRoundTrip =
-    5e-6;  // m; nearer to a fold the inverse would be off by more, so there is none
+// m; nearer to a fold the inverse would be off by more, so there is none
+constexpr double kMaxRoundTrip = 5e-6;
 constexpr int kMaxSteps = 30;
 constexpr double kConverged = 1e-12;  // m, of an image
 
@@ -65,22 +67,20 @@ double focus_through(const System& system, const Microscope& microscope,
 void WideAngleSettings::check() const {
   const auto positive = [](double x) { return std::isfinite(x) && x > 0; };
   if (microscope) microscope->check();
-  if (!(positive(max_angle) && max_angle < std::numbers::pi / 2)) {
-    throw std::invalid_argument("max_angle: must lie between 0 and 90 degrees");
-  }
-  if (!positive(max_depth)) throw std::invalid_argument("max_depth: must be positive");
-  if (rings < 1) throw std::invalid_argument("rings: must be at least 1");
-  if (arms < 2) throw std::invalid_argument("arms: must be at least 2");
+  detail::require(positive(max_angle) && max_angle < std::numbers::pi / 2,
+                  "max_angle: must lie between 0 and 90 degrees");
+  detail::require_positive(max_depth, "max_depth");
+  detail::require_at_least(rings, 1, "rings");
+  detail::require_at_least(arms, 2, "arms");
   const auto fits = [](int nodes) { return nodes >= 4 && nodes <= detail::Chebyshev2::kMaxNodes; };
-  if (!fits(angle_nodes)) throw std::invalid_argument("angle_nodes: must lie between 4 and 32");
-  if (!fits(depth_nodes)) throw std::invalid_argument("depth_nodes: must lie between 4 and 32");
+  detail::require(fits(angle_nodes), "angle_nodes: must lie between 4 and 32");
+  detail::require(fits(depth_nodes), "depth_nodes: must lie between 4 and 32");
 }
 
 System with_lens_distance(const System& system, double distance) {
   if (system.size() < 4) throw std::invalid_argument("surfaces: the system has no condensing lens");
-  if (!(std::isfinite(distance) && distance >= 0)) {
-    throw std::invalid_argument("lens_distance: must be finite and not negative");
-  }
+  detail::require(std::isfinite(distance) && distance >= 0,
+                  "lens_distance: must be finite and not negative");
   System moved = system;
   moved.surfaces[moved.surfaces.size() - 3].thickness = distance;
   return moved;
@@ -96,10 +96,13 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
       depth_nodes_(settings.depth_nodes),
       stop_z_(tracer_.system().vertex(stop_surface(system))),
       stop_radius_(system.stop ? system.stop->radius : std::numeric_limits<double>::infinity()) {
-  const int parts = symmetric_ ? 160 : 10;           // of the angle, one at a time
-  constexpr int kManyAngles = 26, kManyDepths = 18;  // where the nodes asked for are not enough
+  const int parts = symmetric_ ? 160 : 10;  // of the angle, one at a time
+  // where the nodes asked for are not enough
+  constexpr int kManyAngles = 26;
+  constexpr int kManyDepths = 18;
   const auto largest = [&](int most, auto&& fits) {  // part that fits, found by halving
-    int good = parts / 10 - 1, bad = most + 1;
+    int good = parts / 10 - 1;
+    int bad = most + 1;
     while (bad - good > 1) {
       const int middle = bad > most ? most : (good + bad) / 2;
       (fits(settings.max_angle * middle / parts) ? good : bad) = middle;
@@ -110,7 +113,7 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
   };
   const int whole = largest(parts, [&](double angle) { return bundles_pass(angle); });
   if (build(settings.max_angle * whole / parts)) return;
-  angle_nodes_ = std::max(angle_nodes_, kManyAngles),
+  angle_nodes_ = std::max(angle_nodes_, kManyAngles);
   depth_nodes_ = std::max(depth_nodes_, kManyDepths);
   const int good = largest(whole, [&](double angle) { return build(angle); });
   if (max_angle_ != settings.max_angle * good / parts) build(settings.max_angle * good / parts);
@@ -137,12 +140,13 @@ bool WideAngleMap::bundles_pass(double angle) {
 std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& point,
                                                       PupilTracer& tracer, Spot& spot) const {
   constexpr int kMaxFocusSteps = 20;
-  constexpr double kSettled =
-      1e-10;  // m, of the microscope's place; a tenth or less of it moves the image
+  // m, of the microscope's place; a tenth or less of it moves the image
+  constexpr double kSettled = 1e-10;
   constexpr double kNearly = 1e-6;  // m
   const bool moves = settings_.microscope && std::isfinite(settings_.microscope->pupil_distance);
   Microscope microscope = settings_.microscope.value_or(Microscope{});
-  double last_place = 0, last_off = 0;
+  double last_place = 0;
+  double last_off = 0;
   bool coarse = moves;  // until the place is nearly found
   for (int step = 0; step < kMaxFocusSteps; ++step) {
     if (moves) tracer.set_pupil(Pupil::of_microscope(tracer.system(), microscope));
@@ -151,12 +155,13 @@ std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& poi
     const double focus = spot.moments().best_focus();
     if (!std::isfinite(focus)) return std::nullopt;
     const AerialPoint aerial{spot.chief_at(focus), focus};
-    const double place = microscope.focus,
-                 off = focus_through(tracer.system(), microscope, aerial) - place;
+    const double place = microscope.focus;
+    const double off = focus_through(tracer.system(), microscope, aerial) - place;
     if (!coarse && (!moves || std::abs(off) < kSettled)) return aerial;
     const double slope = step == 0 ? -1 : (off - last_off) / (place - last_place);
     microscope.focus = place - off / (std::isfinite(slope) && slope < -0.1 ? slope : -1);
-    last_place = place, last_off = off;
+    last_place = place;
+    last_off = off;
     coarse = coarse && std::abs(off) > kNearly;
   }
   return std::nullopt;
@@ -194,8 +199,8 @@ bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
     const double angle = max_angle_ * std::sqrt((u + 1) / 2);
     for (Eigen::Index j = 0; j < focus.cols(); ++j) {
       const double v = detail::Chebyshev2::node(static_cast<int>(j), depth_nodes_);
-      const double left = distance_(u, 0).value - settings_.max_depth * (v + 1) / 2,
-                   r = left * std::sin(angle);
+      const double left = distance_(u, 0).value - settings_.max_depth * (v + 1) / 2;
+      const double r = left * std::sin(angle);
       const auto aerial = focus_bundle({r, 0, stop_z_ - left * std::cos(angle)}, tracer_, spot);
       if (!aerial) return false;
       focus(i, j) = aerial->focus;
@@ -207,8 +212,11 @@ bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
 }
 
 bool WideAngleMap::build_flat() {
-  const int rows = angle_nodes_, columns = depth_nodes_;
-  Eigen::MatrixXd focus(rows, columns), scale(rows, columns), stop(rows, columns);
+  const int rows = angle_nodes_;
+  const int columns = depth_nodes_;
+  Eigen::MatrixXd focus(rows, columns);
+  Eigen::MatrixXd scale(rows, columns);
+  Eigen::MatrixXd stop(rows, columns);
   if (!trace_flat(focus, scale, stop)) return false;
   focus_ = detail::Chebyshev2(focus);
   scale_ = detail::Chebyshev2(scale);
@@ -242,23 +250,28 @@ WideAngleMap::Plane WideAngleMap::plane_point(const Place& place) const {
 std::optional<WideAngleMap::Place> WideAngleMap::place_of(const Plane& point) const {
   require_symmetry();
   if (!(point.z < stop_z_)) return std::nullopt;
-  const double angle = std::atan2(point.r, stop_z_ - point.z),
-               left = std::hypot(point.r, stop_z_ - point.z);
+  const double angle = std::atan2(point.r, stop_z_ - point.z);
+  const double left = std::hypot(point.r, stop_z_ - point.z);
   if (!(angle <= max_angle_ + kSlack / left)) return std::nullopt;
-  const double inside = std::clamp(angle, 0.0, max_angle_), depth = distance(inside) - left;
+  const double inside = std::clamp(angle, 0.0, max_angle_);
+  const double depth = distance(inside) - left;
   if (!(depth >= -kSlack && depth <= max_depth() + kSlack)) return std::nullopt;
   return Place{inside, std::clamp(depth, 0.0, max_depth())};
 }
 
 WideAngleMap::Meridional WideAngleMap::evaluate(const Place& place) const {
   const double part = place.angle / max_angle_;
-  const double u = 2 * part * part - 1, v = 2 * place.depth / settings_.max_depth - 1;
-  const double du = 4 * part / max_angle_, dv = 2 / settings_.max_depth;
-  const auto focus = focus_(u, v), scale = scale_(u, v);
+  const double u = 2 * part * part - 1;
+  const double v = 2 * place.depth / settings_.max_depth - 1;
+  const double du = 4 * part / max_angle_;
+  const double dv = 2 / settings_.max_depth;
+  const auto focus = focus_(u, v);
+  const auto scale = scale_(u, v);
   const auto distance = distance_(u, 0);
-  const double sine = std::sin(place.angle), left = distance.value - place.depth;
-  const double r = left * sine,
-               r_per_angle = left * std::cos(place.angle) + distance.du * du * sine;
+  const double sine = std::sin(place.angle);
+  const double left = distance.value - place.depth;
+  const double r = left * sine;
+  const double r_per_angle = left * std::cos(place.angle) + distance.du * du * sine;
   Meridional made;
   made.focus = focus.value;
   made.height = scale.value * r;
@@ -287,7 +300,8 @@ std::optional<WideAngleMap::FlatSearch::Solution> WideAngleMap::solve(
     const Meridional now = evaluate(place);
     const Eigen::Vector2d off(image.x() - now.focus, image.y() - now.height);
     if (off.norm() < kConverged) {
-      const double aside = edge() / distance(0), along = edge();
+      const double aside = edge() / distance(0);
+      const double along = edge();
       const bool inside = place.angle >= -aside && place.angle <= max_angle_ + aside &&
                           place.depth >= -along && place.depth <= max_depth() + along;
       if (!inside) return std::nullopt;

@@ -28,11 +28,14 @@ struct WideAngleSettings {
   /// rad, at the center of the eye's stop; of a chain without one, of the vertex plane where the
   /// tables have it, surface 3 (2, when that is the last).
   double max_angle = 35 * std::numbers::pi / 180;
-  double max_depth = 8e-3;    // m before the retina, along the line to the stop's center
-  int rings = 12, arms = 24;  // of the bundle: disc_samples
-  int angle_nodes = 18,
-      depth_nodes = 14;  // of the table, 4 to 32; more are taken where they do not do
-  void check() const;    // throws std::invalid_argument naming the parameter
+  double max_depth = 8e-3;  // m before the retina, along the line to the stop's center
+  // of the bundle: disc_samples
+  int rings = 12;
+  int arms = 24;
+  // of the table, 4 to 32; more are taken where they do not do
+  int angle_nodes = 18;
+  int depth_nodes = 14;
+  void check() const;  // throws std::invalid_argument naming the parameter
 };
 
 /// The system with its last two surfaces moved. Throws std::invalid_argument for fewer than four
@@ -40,8 +43,8 @@ struct WideAngleSettings {
 System with_lens_distance(const System& system, double distance);
 
 struct AerialPoint {
-  Eigen::Vector2d m{
-      0, 0};  // m, eye frame; d_op with its azimuth, at the point's own best focus; may be inverted
+  // m, eye frame; d_op with its azimuth, at the point's own best focus; may be inverted
+  Eigen::Vector2d m{0, 0};
   double focus = 0;  // m; d_ls, from the last vertex along z to the best focus
 };
 
@@ -81,13 +84,19 @@ class WideAngleMap {
   // In the meridional plane, without azimuth: for drawing the curves. These throw
   // std::invalid_argument naming the microscope for a map that is not rotationally symmetric.
   struct Plane {
-    double r, z;  // m
+    // m
+    double r;
+    double z;
   };
   struct Place {
-    double angle, depth;  // rad, m
+    // rad, m
+    double angle;
+    double depth;
   };
   struct Meridional {
-    double focus, height;       // m; height is negative for an inverted image
+    // m; height is negative for an inverted image
+    double focus;
+    double height;
     Eigen::Matrix2d per_place;  // derivative of both by angle and depth
   };
   /// Nothing outside the table or where the map folds.
@@ -97,10 +106,10 @@ class WideAngleMap {
   std::optional<Place> place_of(const Plane& point) const;
 
  private:
-  using FlatSearch =
-      detail::CellSearch<2>;  // image: d_ls, height; unit: angle and depth over their ends
-  using SkewSearch = detail::CellSearch<3>;  // image: mx, my, d_ls; unit: rho, azimuth over a turn,
-                                             // depth over its end
+  // image: d_ls, height; unit: angle and depth over their ends
+  using FlatSearch = detail::CellSearch<2>;
+  // image: mx, my, d_ls; unit: rho, azimuth over a turn, depth over its end
+  using SkewSearch = detail::CellSearch<3>;
   std::optional<AerialPoint> focus_bundle(const Eigen::Vector3d& point, PupilTracer& tracer,
                                           Spot& spot) const;
   bool bundles_pass(double angle);
@@ -126,11 +135,18 @@ class WideAngleMap {
   WideAngleSettings settings_;
   bool symmetric_;
   PupilTracer tracer_;
-  std::vector<Eigen::Vector2d> samples_, coarse_;
-  int angle_nodes_, depth_nodes_;
-  double stop_z_, stop_radius_, max_angle_ = 0, tail_ = 0;
-  double inverted_ = 1;               // -1 when the image is
-  detail::Chebyshev2 focus_, scale_;  // of (angle^2, depth); scale: height / distance from the axis
+  std::vector<Eigen::Vector2d> samples_;
+  std::vector<Eigen::Vector2d> coarse_;
+  int angle_nodes_;
+  int depth_nodes_;
+  double stop_z_;
+  double stop_radius_;
+  double max_angle_ = 0;
+  double tail_ = 0;
+  double inverted_ = 1;  // -1 when the image is
+  // of (angle^2, depth); scale: height / distance from the axis
+  detail::Chebyshev2 focus_;
+  detail::Chebyshev2 scale_;
   detail::Chebyshev2 stop_;      // the chief ray's distance from the axis in the stop / the point's
   detail::Chebyshev2 distance_;  // of angle^2
   detail::SkewTable skew_;

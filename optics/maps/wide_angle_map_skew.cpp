@@ -30,9 +30,10 @@ Eigen::Vector3d unit_of_place(const Eigen::Vector3d& place) {
 }  // namespace
 
 Eigen::Vector3d WideAngleMap::skew_point(const Eigen::Vector3d& place) const {
-  const double rho = place.head<2>().norm(), angle = rho * max_angle_;
-  const double left = distance(angle) - max_depth() * (place.z() + 1) / 2,
-               r = left * std::sin(angle);
+  const double rho = place.head<2>().norm();
+  const double angle = rho * max_angle_;
+  const double left = distance(angle) - max_depth() * (place.z() + 1) / 2;
+  const double r = left * std::sin(angle);
   const Eigen::Vector2d across =
       rho > 0 ? Eigen::Vector2d(place.head<2>() * (r / rho)) : Eigen::Vector2d(0, 0);
   return {across.x(), across.y(), stop_z_ - left * std::cos(angle)};
@@ -40,10 +41,12 @@ Eigen::Vector3d WideAngleMap::skew_point(const Eigen::Vector3d& place) const {
 
 std::optional<Eigen::Vector3d> WideAngleMap::skew_place(const Eigen::Vector3d& point) const {
   if (!(point.z() < stop_z_)) return std::nullopt;
-  const double r = point.head<2>().norm(), left = std::hypot(r, stop_z_ - point.z());
+  const double r = point.head<2>().norm();
+  const double left = std::hypot(r, stop_z_ - point.z());
   const double angle = std::atan2(r, stop_z_ - point.z());
   if (!(angle <= max_angle_ + kSlack / left)) return std::nullopt;
-  const double inside = std::min(angle, max_angle_), depth = distance(inside) - left;
+  const double inside = std::min(angle, max_angle_);
+  const double depth = distance(inside) - left;
   if (!(depth >= -kSlack && depth <= max_depth() + kSlack)) return std::nullopt;
   const Eigen::Vector2d across =
       r > 0 ? Eigen::Vector2d(point.head<2>() / r) : Eigen::Vector2d(0, 0);
@@ -55,8 +58,8 @@ std::optional<Eigen::Vector3d> WideAngleMap::skew_place(const Eigen::Vector3d& p
 /// Of the table against traced bundles between its nodes, where it is worst: by the rim and by both
 /// ends of depth. What is deep in the iris' shadow does not count. m
 double WideAngleMap::skew_error() const {
-  constexpr double kRadii[] = {0.3, 0.7, 0.9, 0.97, 0.995},
-                   kDepths[] = {-0.98, -0.6, 0.05, 0.7, 0.985};
+  constexpr double kRadii[] = {0.3, 0.7, 0.9, 0.97, 0.995};
+  constexpr double kDepths[] = {-0.98, -0.6, 0.05, 0.7, 0.985};
   constexpr double kShadow = 1.2;  // of the stop's radius
   PupilTracer tracer = tracer_;
   Spot spot;
@@ -76,7 +79,8 @@ double WideAngleMap::skew_error() const {
 }
 
 bool WideAngleMap::build_skew() {
-  const int rings = angle_nodes_, depths = depth_nodes_;
+  const int rings = angle_nodes_;
+  const int depths = depth_nodes_;
   Eigen::MatrixXd samples(rings * SkewTable::kArms * depths, SkewTable::kValues);
   Spot spot;
   Eigen::Index row = 0;
@@ -123,7 +127,8 @@ std::optional<WideAngleMap::SkewSearch::Solution> WideAngleMap::solve(
     const Eigen::Vector3d off = image - now.value;
     const double rho = place.head<2>().norm();
     if (off.norm() < kConverged) {
-      const double aside = edge() / (distance(0) * max_angle_), along = 2 * edge() / max_depth();
+      const double aside = edge() / (distance(0) * max_angle_);
+      const double along = 2 * edge() / max_depth();
       if (!(rho <= 1 + aside && std::abs(place.z()) <= 1 + along)) return std::nullopt;
       if (rho > 1) place.head<2>() /= rho;
       place.z() = std::clamp(place.z(), -1.0, 1.0);

@@ -35,7 +35,8 @@ class CellSearch {
   /// a quarter for what bends between.
   template <class Map>
   CellSearch(const std::array<int, N>& cells, Map&& sample) : counts_(cells) {
-    int total = 1, nodes = 1;
+    int total = 1;
+    int nodes = 1;
     for (int count : cells) total *= count, nodes *= 2 * count + 1;
     std::vector<Sample> lattice;
     for (int i = 0; i < nodes; ++i) {
@@ -97,12 +98,16 @@ class CellSearch {
   static constexpr int kBins = 24;
 
   struct Cell {
-    Point low, high;              // in the unit cube
-    Point image_low, image_high;  // of its image
-    bool folds = false;           // the determinant changes its sign, or nearly
+    // in the unit cube
+    Point low;
+    Point high;
+    // of its image
+    Point image_low;
+    Point image_high;
+    bool folds = false;  // the determinant changes its sign, or nearly
     Point image_middle;
-    Eigen::Matrix<double, N, N>
-        cell_per_image;  // in widths of the cell, by differences; not of a cell that folds
+    // in widths of the cell, by differences; not of a cell that folds
+    Eigen::Matrix<double, N, N> cell_per_image;
     /// Whether the linear map about the middle leads into the cell or to within half its width.
     bool may_hold(const Point& image) const {
       constexpr double kReach = 1.0;
@@ -143,19 +148,21 @@ class CellSearch {
         at += stride * (first[d] + i % 3);
       return lattice[static_cast<std::size_t>(at)];
     };
-    cell.image_low.setConstant(infinite), cell.image_high.setConstant(-infinite);
+    cell.image_low.setConstant(infinite);
+    cell.image_high.setConstant(-infinite);
     double least = infinite;
     bool hidden = true;
     for (int i = 0; i < kLattice; ++i) {
       const Sample& at = node(i);
-      cell.image_low = cell.image_low.cwiseMin(at.image),
+      cell.image_low = cell.image_low.cwiseMin(at.image);
       cell.image_high = cell.image_high.cwiseMax(at.image);
       least = std::min(least, at.determinant * way_);
       hidden = hidden && at.hidden;
     }
     if (hidden) return;
     const Point wider = (cell.image_high - cell.image_low) * kWiden;
-    cell.image_low -= wider, cell.image_high += wider;
+    cell.image_low -= wider;
+    cell.image_high += wider;
     cell.folds = !(least > kNearly * scale_);
     constexpr int kMiddle = kLattice / 2;
     cell.image_middle = node(kMiddle).image;
@@ -169,7 +176,8 @@ class CellSearch {
 
   void sort_into_bins() {
     const double infinite = std::numeric_limits<double>::infinity();
-    from_.setConstant(infinite), to_.setConstant(-infinite);
+    from_.setConstant(infinite);
+    to_.setConstant(-infinite);
     for (const Cell& cell : cells_) {
       from_ = from_.cwiseMin(cell.image_low.template head<2>());
       to_ = to_.cwiseMax(cell.image_high.template head<2>());
@@ -197,8 +205,11 @@ class CellSearch {
   std::array<int, N> counts_{};
   std::vector<Cell> cells_;
   std::vector<std::vector<int>> bins_;
-  Eigen::Vector2d from_{0, 0}, to_{0, 0};  // of the first two of an image
-  double way_ = 1, scale_ = 0;
+  // of the first two of an image
+  Eigen::Vector2d from_{0, 0};
+  Eigen::Vector2d to_{0, 0};
+  double way_ = 1;
+  double scale_ = 0;
   bool one_to_one_ = false;
 };
 

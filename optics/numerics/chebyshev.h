@@ -11,7 +11,9 @@
 namespace vitreo::optics::detail {
 
 struct ValueAndGradient {
-  double value, du, dv;
+  double value;
+  double du;
+  double dv;
 };
 
 class Chebyshev2 {
@@ -28,13 +30,18 @@ class Chebyshev2 {
 
   /// u and v in [-1, 1].
   ValueAndGradient operator()(double u, double v) const {
-    const auto rows = coefficients_.rows(), columns = coefficients_.cols();
-    double tu[kMaxNodes], du[kMaxNodes], tv[kMaxNodes], dv[kMaxNodes];
+    const auto rows = coefficients_.rows();
+    const auto columns = coefficients_.cols();
+    double tu[kMaxNodes];
+    double du[kMaxNodes];
+    double tv[kMaxNodes];
+    double dv[kMaxNodes];
     polynomials(u, rows, tu, du);
     polynomials(v, columns, tv, dv);
     ValueAndGradient sum{0, 0, 0};
     for (Eigen::Index j = 0; j < columns; ++j) {
-      double value = 0, slope = 0;
+      double value = 0;
+      double slope = 0;
       for (Eigen::Index i = 0; i < rows; ++i) {
         value += coefficients_(i, j) * tu[i];
         slope += coefficients_(i, j) * du[i];
@@ -65,7 +72,8 @@ class Chebyshev2 {
     return made;
   }
   static void polynomials(double x, Eigen::Index n, double* t, double* d) {
-    t[0] = 1, d[0] = 0;
+    t[0] = 1;
+    d[0] = 0;
     if (n > 1) t[1] = x, d[1] = 1;
     for (Eigen::Index k = 2; k < n; ++k) {
       t[k] = 2 * x * t[k - 1] - t[k - 2];

@@ -16,7 +16,8 @@ constexpr double kTurn = 2 * std::numbers::pi;
 
 /// Two unit vectors across `w`.
 struct Across {
-  Vector e1, e2;
+  Vector e1;
+  Vector e2;
   explicit Across(const Vector& w) {
     Eigen::Index least = 0;
     w.cwiseAbs().minCoeff(&least);
@@ -32,11 +33,13 @@ struct Across {
 Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, double far) {
   constexpr int kSteps = 60;
   constexpr double kExact = 1e-9;  // rad; the outline moves by its square
-  double low = 0, high = std::numbers::pi / 2,
-         t = std::asin(std::fmin(1.0, body.support(c).dot(c) / far));
+  double low = 0;
+  double high = std::numbers::pi / 2;
+  double t = std::asin(std::fmin(1.0, body.support(c).dot(c) / far));
   Vector point(0, 0, 0);
   for (int i = 0; i < kSteps; ++i) {
-    const double cosine = std::cos(t), sine = std::sin(t);
+    const double cosine = std::cos(t);
+    const double sine = std::sin(t);
     const Vector n = cosine * c + sine * w;
     point = body.support(n);
     const double excess = point.dot(n) - far * sine;
@@ -53,7 +56,8 @@ Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, doubl
 std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, double far,
                                       int count) {
   std::vector<Vector> points;
-  const double sine = 1 / far, cosine = std::sqrt(1 - sine * sine);
+  const double sine = 1 / far;
+  const double cosine = std::sqrt(1 - sine * sine);
   for (int i = 0; i < count; ++i)
     points.push_back(cosine * across.at(kTurn * i / count) + sine * w);
   return points;
@@ -63,10 +67,13 @@ std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, dou
 /// edge to start at.
 Vector cut(const std::vector<Vector>& polygon, const Across& across, double angle,
            std::size_t& from) {
-  const Vector along = across.at(angle), side = across.at(angle + kTurn / 4);
+  const Vector along = across.at(angle);
+  const Vector side = across.at(angle + kTurn / 4);
   for (std::size_t tried = 0; tried <= polygon.size(); ++tried) {
-    const Vector &a = polygon[from], &b = polygon[(from + 1) % polygon.size()];
-    const double before = side.dot(a), after = side.dot(b);
+    const Vector& a = polygon[from];
+    const Vector& b = polygon[(from + 1) % polygon.size()];
+    const double before = side.dot(a);
+    const double after = side.dot(b);
     if (before <= 0 && after > 0 && along.dot(a + b) > 0)
       return a + (b - a) * (before / (before - after));
     from = (from + 1) % polygon.size();
@@ -77,7 +84,8 @@ Vector cut(const std::vector<Vector>& polygon, const Across& across, double angl
 std::vector<Vector> general_outline(const ObjectModel& body, const Across& across, const Vector& w,
                                     double far, int count) {
   constexpr int kNormals = 240;
-  std::vector<Vector> polygon, points;
+  std::vector<Vector> polygon;
+  std::vector<Vector> points;
   for (int i = 0; i < kNormals; ++i)
     polygon.push_back(touching(body, across.at(kTurn * i / kNormals), w, far));
   std::size_t edge = 0;
@@ -93,7 +101,8 @@ bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
   Eigen::Vector2d first(0, 0);
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
   for (std::size_t i = 0; i < rim.size(); ++i) {
-    const Eigen::Vector2d a = rim[i] - origin, b = rim[(i + 1) % rim.size()] - origin;
+    const Eigen::Vector2d a = rim[i] - origin;
+    const Eigen::Vector2d b = rim[(i + 1) % rim.size()] - origin;
     const double part = (a.x() * b.y() - a.y() * b.x()) / 2;
     area += part;
     first += part / 3 * (a + b);
@@ -112,7 +121,8 @@ bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
 }
 
 struct OnCircle {
-  double angle, length;
+  double angle;
+  double length;
 };
 
 /// One Gauss-Newton step, and its size; each point counts for the arc it stands for.
@@ -129,8 +139,8 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
   Eigen::Matrix<double, 5, 5> matrix = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   for (std::size_t i = 0; i < count; ++i) {
-    const double after = there[(i + 1) % count].angle,
-                 before = there[(i + count - 1) % count].angle;
+    const double after = there[(i + 1) % count].angle;
+    const double before = there[(i + count - 1) % count].angle;
     const double weight = std::abs(std::remainder(after - before, kTurn));
     const double angle = there[i].angle;
     Eigen::Matrix<double, 5, 1> by;
@@ -154,8 +164,8 @@ std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector
   const Vector seen_from = viewpoint.cwiseQuotient(body.semi_axes);
   const double far = seen_from.norm();
   const Vector w = seen_from / far;
-  constexpr double kNearest =
-      1.05;  // of the distance at which the body's plane of support holds the viewpoint
+  // of the distance at which the body's plane of support holds the viewpoint
+  constexpr double kNearest = 1.05;
   if (!(far > kNearest * body.support(w).dot(w))) return std::nullopt;
   const Across across(w);
   auto points = body.ellipsoid() ? ellipsoid_outline(across, w, far, count)
@@ -189,8 +199,9 @@ std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim
   for (int i = 0; i < kSteps; ++i) {
     if (correct(rim, center, shape) < kSmall) break;
   }
-  const double uu = shape.row(0).squaredNorm(), vv = shape.row(1).squaredNorm(),
-               uv = shape.row(0).dot(shape.row(1));
+  const double uu = shape.row(0).squaredNorm();
+  const double vv = shape.row(1).squaredNorm();
+  const double uv = shape.row(0).dot(shape.row(1));
   const double sum = std::sqrt(uu + vv + 2 * std::abs(shape.determinant()));  // a + b
   SmoothEllipse ellipse;
   // (a^2 - b^2) / 2 cos 2t = (uu - vv) / 2, and a - b = (a^2 - b^2) / (a + b)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/ellipse_weight.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Dense>
 
 #include <cmath>
@@ -24,7 +26,8 @@ Matrix5 derivative(double half_difference) {
 /// Smooth coordinates turned so that the elongation is along the observed direction.
 Matrix5 turned(double angle) {
   Matrix5 turn = Matrix5::Identity();
-  const double cosine = std::cos(2 * angle), sine = std::sin(2 * angle);
+  const double cosine = std::cos(2 * angle);
+  const double sine = std::sin(2 * angle);
   turn(3, 3) = cosine, turn(3, 4) = sine;
   turn(4, 3) = -sine, turn(4, 4) = cosine;
   return turn;
@@ -46,7 +49,7 @@ EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
                              const Matrix5& covariance) {
   constexpr double kSigmas = 3;  // of the difference of the axes, below which there is no direction
   constexpr double kKnown = 0.25;  // rad
-  if (!covariance.allFinite()) throw std::invalid_argument("covariance: must be finite");
+  detail::require(covariance.allFinite(), "covariance: must be finite");
   if ((covariance - covariance.transpose()).cwiseAbs().maxCoeff() >
       1e-9 * covariance.cwiseAbs().maxCoeff()) {
     throw std::invalid_argument("covariance: must be symmetric");

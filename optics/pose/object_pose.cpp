@@ -2,6 +2,7 @@
 #include "optics/pose/object_pose.h"
 
 #include "optics/numerics/linear.h"
+#include "optics/numerics/preconditions.h"
 #include "optics/pose/convex_silhouette.h"
 #include "optics/pose/ellipse_weight.h"
 #include "optics/pose/pose_search.h"
@@ -54,22 +55,14 @@ void check_start(const ObjectPoseSettings& settings, const PoseStart& start) {
   if (!rotation) throw std::invalid_argument("orientation: must be a rotation");
 }
 
-void check_ellipse(const EllipseVector& observed) {
-  if (!observed.allFinite()) throw std::invalid_argument("observed: must be finite");
-  if (!(observed[3] > 0 && observed[2] >= observed[3])) {
-    throw std::invalid_argument("observed: needs semi-major >= semi-minor > 0");
-  }
-}
-
 Eigen::MatrixXd point_weights(std::span<const SeenPoint> points) {
   const auto count = static_cast<Eigen::Index>(points.size());
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(2 * count, 2 * count);
   for (Eigen::Index i = 0; i < count; ++i) {
     const SeenPoint& point = points[static_cast<std::size_t>(i)];
-    if (!(point.in_body.allFinite() && point.pixel_px.allFinite() &&
-          point.covariance.allFinite())) {
-      throw std::invalid_argument("points: must be finite");
-    }
+    detail::require(
+        point.in_body.allFinite() && point.pixel_px.allFinite() && point.covariance.allFinite(),
+        "points: must be finite");
     const Eigen::LLT<Eigen::Matrix2d> factor(point.covariance);
     const bool symmetric = std::abs(point.covariance(0, 1) - point.covariance(1, 0)) <=
                            1e-9 * point.covariance.trace();
@@ -113,48 +106,11 @@ double spread(const Eigen::VectorXd& pixels) {
 
 }  // namespace
 
-void ObjectPoseSettings::check() const {
-  if (!exact) projection.check();
-  image.check();
-  object.check();
-  if (!(orientation_sigma > 0)) throw std::invalid_argument("orientation_sigma: must be positive");
-  if (!(scale_sigma >= 0)) throw std::invalid_argument("scale_sigma: must not be negative");
-  if (contour_points < 12 || contour_points > 256) {
-    throw std::invalid_argument("contour_points: must lie between 12 and 256");
-  }
-  if (!(max_residual_px > 0)) throw std::invalid_argument("max_residual_px: must be positive");
-  if (!(equal_chi2 >= 0)) throw std::invalid_argument("equal_chi2: must not be negative");
-}
-
-const char* to_string(PoseStatus status) {
-  switch (status) {
-    case PoseStatus::found:
-      return "found";
-    case PoseStatus::ambiguous:
-      return "ambiguous";
-    case PoseStatus::misfit:
-      return "misfit";
-    case PoseStatus::not_converged:
-      return "not_converged";
-    case PoseStatus::outside:
-      return "outside";
-  }
-  return "outside";
-}
-
-Eigen::Matrix3d orientation_along(const Eigen::Vector3d& axis_in_eye) {
-  if (!(axis_in_eye.allFinite() && axis_in_eye.norm() > 0)) {
-    throw std::invalid_argument("axis_in_eye: must be finite and not zero");
-  }
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis_in_eye)
-      .toRotationMatrix();
-}
-
 std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
                                             const BodyPose& pose, double scale) {
   settings.check();
   check_start(settings, {pose.position_in_eye, pose.orientation});
-  if (!(std::isfinite(scale) && scale > 0)) throw std::invalid_argument("scale: must be positive");
+  detail::require_positive(scale, "scale");
   const ProjectionModel look(settings.projection, settings.exact, settings.image);
   if (!look.inside(pose.position_in_eye)) return std::nullopt;
   const auto shown = shown_ellipse(settings, look, {pose.position_in_eye, pose.orientation, scale});
@@ -165,7 +121,7 @@ std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
 ObjectPose locate_object(const ObjectPoseSettings& settings, const EllipseVector& observed,
                          const EllipseCovariance& covariance, const PoseStart& start) {
   settings.check();
-  check_ellipse(observed);
+  detail::check_ellipse(observed);
   check_start(settings, start);
   const ProjectionModel look(settings.projection, settings.exact, settings.image);
   const SmoothEllipse seen = detail::smooth_ellipse(observed);

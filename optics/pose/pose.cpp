@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/pose.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/pose/ellipse_weight.h"
 #include "optics/pose/silhouette.h"
 #include "optics/projection/projection_model.h"
@@ -18,8 +19,8 @@
 namespace vitreo::optics {
 namespace {
 
-constexpr double kMmPerM =
-    1e3;  // the solver works in mm, so that steps in depth and across are of a size
+// the solver works in mm, so that steps in depth and across are of a size
+constexpr double kMmPerM = 1e3;
 using Jacobian = Eigen::Matrix<double, 5, 3>;
 
 /// The terms of (5.15), in px: model less observation. With a weight, independent terms of unit
@@ -37,8 +38,8 @@ class EllipseResidual {
         detail::Vector3<T>(position_mm[0], position_mm[1], position_mm[2]) / kMmPerM;
     detail::ImageEllipse<T> shown;
     if (!detail::project_ellipse(settings_, circle_, position, axis_, shown)) {
-      std::fill_n(residuals, 5,
-                  T(kOutside));  // TinySolver does not ask whether an evaluation failed
+      // TinySolver does not ask whether an evaluation failed
+      std::fill_n(residuals, 5, T(kOutside));
       return false;
     }
     if (weight_) {
@@ -76,7 +77,8 @@ class EllipseResidual {
   T angle_term(const detail::ImageEllipse<T>& shown) const {
     using std::atan2;
     constexpr double kCircle = 1e-4;  // px^2
-    const double cosine = std::cos(2 * observed_[4]), sine = std::sin(2 * observed_[4]);
+    const double cosine = std::cos(2 * observed_[4]);
+    const double sine = std::sin(2 * observed_[4]);
     const T along = shown.twice_angle_cos * cosine + shown.twice_angle_sin * sine;
     const T across = shown.twice_angle_sin * cosine - shown.twice_angle_cos * sine;
     if (along * along + across * across < kCircle * kCircle) return T(0);
@@ -94,17 +96,9 @@ class EllipseResidual {
 using AutoDiff = ceres::TinySolverAutoDiffFunction<EllipseResidual, 5, 3>;
 using Solver = ceres::TinySolver<AutoDiff>;
 
-void check_ellipse(const EllipseVector& observed) {
-  if (!observed.allFinite()) throw std::invalid_argument("observed: must be finite");
-  if (!(observed[3] > 0 && observed[2] >= observed[3])) {
-    throw std::invalid_argument("observed: needs semi-major >= semi-minor > 0");
-  }
-}
-
 void check_covariance(const EllipseCovariance& covariance) {
-  if (!covariance.allFinite()) throw std::invalid_argument("covariance: must be finite");
-  if (!(covariance.diagonal().minCoeff() >= 0))
-    throw std::invalid_argument("covariance: has a negative variance");
+  detail::require(covariance.allFinite(), "covariance: must be finite");
+  detail::require(covariance.diagonal().minCoeff() >= 0, "covariance: has a negative variance");
   const double asymmetry = (covariance - covariance.transpose()).cwiseAbs().maxCoeff();
   if (asymmetry > 1e-9 * covariance.cwiseAbs().maxCoeff()) {
     throw std::invalid_argument("covariance: must be symmetric");
@@ -113,8 +107,7 @@ void check_covariance(const EllipseCovariance& covariance) {
 
 Eigen::Vector3d unit_axis(const Eigen::Vector3d& axis) {
   const double length = axis.norm();
-  if (!(std::isfinite(length) && length > 0))
-    throw std::invalid_argument("axis_in_eye: must be finite and not zero");
+  detail::require(std::isfinite(length) && length > 0, "axis_in_eye: must be finite and not zero");
   return axis / length;
 }
 
@@ -166,29 +159,11 @@ Solver::Options solver_options() {
 
 }  // namespace
 
-void PoseSettings::check() const {
-  if (!exact) projection.check();
-  image.check();
-  if (!(std::isfinite(robot.semi_axis) && robot.semi_axis > 0)) {
-    throw std::invalid_argument("semi_axis: must be positive");
-  }
-  if (!(std::isfinite(robot.semi_radius) && robot.semi_radius > 0)) {
-    throw std::invalid_argument("semi_radius: must be positive");
-  }
-  if (!(std::isfinite(angle_weight) && angle_weight >= 0)) {
-    throw std::invalid_argument("angle_weight: must not be negative");
-  }
-  if (contour_points < 8 || contour_points > detail::kMaxContourPoints) {
-    throw std::invalid_argument("contour_points: must lie between 8 and 64");
-  }
-  if (!(max_residual_px > 0)) throw std::invalid_argument("max_residual_px: must be positive");
-}
-
 std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
                                               const Eigen::Vector3d& position_in_eye,
                                               const Eigen::Vector3d& axis_in_eye) {
   settings.check();
-  if (!position_in_eye.allFinite()) throw std::invalid_argument("position_in_eye: must be finite");
+  detail::require(position_in_eye.allFinite(), "position_in_eye: must be finite");
   const Eigen::Vector3d axis = unit_axis(axis_in_eye);
   if (!inside(settings, position_in_eye)) return std::nullopt;
   detail::ImageEllipse<double> ellipse;
@@ -203,9 +178,9 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
                                    const Eigen::Vector3d& axis_in_eye,
                                    const Eigen::Vector3d& start_in_eye) {
   settings.check();
-  check_ellipse(observed);
+  detail::check_ellipse(observed);
   check_covariance(covariance);
-  if (!start_in_eye.allFinite()) throw std::invalid_argument("start_in_eye: must be finite");
+  detail::require(start_in_eye.allFinite(), "start_in_eye: must be finite");
   EllipseResidual residual(settings, observed, unit_axis(axis_in_eye));
   detail::EllipseWeight weight;
   if (settings.weighted) {
@@ -243,7 +218,7 @@ std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
   constexpr double kTolerated = 1.2;
   constexpr int kHalvings = 24;  // of some 15 mm: a nanometer
   settings.check();
-  check_ellipse(observed);
+  detail::check_ellipse(observed);
   const Eigen::Vector3d axis = unit_axis(axis_in_eye);
   const detail::ProjectionModel look(settings.projection, settings.exact, settings.image);
   const auto sight = look.line_of_sight(observed.head<2>());
@@ -253,13 +228,14 @@ std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
   };
   const detail::Circle circle(settings.contour_points);
   const double wanted = std::sqrt(observed[2] * observed[3]);
-  const auto excess = [&](double z) {  // shown size over observed; growing with z; beyond the
-                                       // projection it is too large
+  // shown size over observed; growing with z; beyond the projection it is too large
+  const auto excess = [&](double z) {
     detail::ImageEllipse<double> shown;
     if (!detail::project_ellipse(settings, circle, on_line(z), axis, shown)) return 2 * kTolerated;
     return std::sqrt(shown.semi_major * shown.semi_minor) / wanted;
   };
-  double low = 0, high = look.max_z();
+  double low = 0;
+  double high = look.max_z();
   if (excess(low) > kTolerated || excess(high) < 1 / kTolerated) return std::nullopt;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;

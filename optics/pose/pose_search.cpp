@@ -132,12 +132,13 @@ std::vector<Eigen::Vector3d> Search::places(const Eigen::Matrix3d& orientation) 
   const auto on_line = [&](double z) -> Eigen::Vector3d {
     return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
   };
-  double low = 0, high = look_.max_z();
+  double low = 0;
+  double high = look_.max_z();
   for (int i = 0; i < kHalvings && measured_.size > 0; ++i) {
     const double middle = (low + high) / 2;
     const auto shown = measured_.size_px({on_line(middle), orientation, 1});
-    (shown && *shown < measured_.size ? low : high) =
-        middle;  // beyond the projection it is too near
+    // beyond the projection it is too near
+    (shown && *shown < measured_.size ? low : high) = middle;
   }
   const double guess = (low + high) / 2;
   std::vector<Eigen::Vector3d> made{on_line(guess)};
@@ -165,7 +166,8 @@ std::vector<BodyState> Search::starts() const {
 std::optional<BodyState> Search::mirrored(const BodyState& state) const {
   const auto viewpoint = look_.viewpoint(state.position);
   if (!viewpoint) return std::nullopt;
-  const Eigen::Vector3d w = (*viewpoint - state.position).normalized(), n = measured_.mirror;
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
+  const Eigen::Vector3d n = measured_.mirror;
   const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2 * w * w.transpose();
   const Eigen::Matrix3d own = Eigen::Matrix3d::Identity() - 2 * n * n.transpose();
   return BodyState{state.position, across * state.orientation * own, state.scale};
@@ -197,8 +199,8 @@ std::vector<BodyState> Search::scanned(const BodyState& state) const {
   constexpr int kTilts = 24;  // of half a turn: 7.5 degrees
   const auto viewpoint = look_.viewpoint(state.position);
   if (!viewpoint) return {};
-  const Eigen::Vector3d w = (*viewpoint - state.position).normalized(),
-                        axis = state.orientation.col(2);
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
+  const Eigen::Vector3d axis = state.orientation.col(2);
   Eigen::Vector3d aside = axis - axis.dot(w) * w;
   if (!(aside.norm() > 0.01)) aside = w.unitOrthogonal();
   aside.normalize();
@@ -217,7 +219,8 @@ std::vector<BodyState> Search::scanned(const BodyState& state) const {
       if (terms) cost[i] = terms->squaredNorm();
     }
     for (int i = 0; i < kTilts; ++i) {
-      const double before = cost[(i + kTilts - 1) % kTilts], after = cost[(i + 1) % kTilts];
+      const double before = cost[(i + kTilts - 1) % kTilts];
+      const double after = cost[(i + 1) % kTilts];
       if (std::isfinite(cost[i]) && cost[i] <= before && cost[i] <= after) made.push_back(*seen[i]);
     }
   }
@@ -238,7 +241,9 @@ Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
 /// zero, has a larger sigma.
 double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
                        double sigma) const {
-  constexpr double kEnough = 0.7, kFarther = 1.5, kHeld = 1e3;
+  constexpr double kEnough = 0.7;
+  constexpr double kFarther = 1.5;
+  constexpr double kHeld = 1e3;
   const Eigen::VectorXd units = parameter_units(free_);
   for (double far = sigma; far < 1; far *= kFarther) {
     const auto held = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
@@ -308,8 +313,8 @@ PoseCandidate Search::candidate(const Minimum& minimum) const {
 
 ObjectPose Search::run() {
   constexpr std::size_t kMost = 12;
-  constexpr double kFarOff =
-      5;  // sigma of what is known of the orientation: a tilted start would end where it is
+  // sigma of what is known of the orientation: a tilted start would end where it is
+  constexpr double kFarOff = 5;
   const bool tilts = rotates_ && !(settings_.orientation_sigma * kFarOff < kTilt);
   for (const BodyState& start : starts()) {
     follow(start);

@@ -12,7 +12,8 @@
 namespace vitreo::optics::detail {
 namespace {
 
-constexpr int kFirstRotation = 3, kSize = 6;
+constexpr int kFirstRotation = 3;
+constexpr int kSize = 6;
 
 /// Small enough that the projection is straight over it, large enough that rounding (1e-11 px) does
 /// not show.
@@ -26,7 +27,8 @@ std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
   for (Eigen::Index i = 0; i < count; ++i) {
     const double step = difference_step(free[static_cast<std::size_t>(i)]);
     const Eigen::VectorXd along = step * Eigen::VectorXd::Unit(count, i);
-    const auto more = residuals(moved(at, free, along)), less = residuals(moved(at, free, -along));
+    const auto more = residuals(moved(at, free, along));
+    const auto less = residuals(moved(at, free, -along));
     if (!more || !less) return std::nullopt;
     jacobian.col(i) = (*more - *less) / (2 * step);
   }
@@ -105,7 +107,9 @@ bool go(const BodyResiduals& residuals, const FreeParameters& free, const Eigen:
     const BodyState there = moved(from, free, factor * step);
     const auto found = residuals(there);
     if (!found || !(found->squaredNorm() < best.cost)) return i > 0;
-    best.state = there, best.residuals = *found, best.cost = found->squaredNorm();
+    best.state = there;
+    best.residuals = *found;
+    best.cost = found->squaredNorm();
   }
   return true;
 }
@@ -117,8 +121,8 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
   constexpr int kIterations = 100;
   constexpr int kSlow = 6;  // steps after which Gauss and Newton should have been there
   constexpr double kHopeless = 1e12;
-  constexpr double kRough =
-      1e-4;  // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
+  // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
+  constexpr double kRough = 1e-4;
   const auto first = residuals(start);
   if (!first) return std::nullopt;
   const Eigen::VectorXd units = parameter_units(free);
@@ -135,7 +139,9 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
     bool better = false;
     for (; !best.converged && damping < kHopeless && !better; damping *= 8) {
       const Eigen::VectorXd step = steps.damped(damping);
-      constexpr double kLongest = 1.2, kNone = 1e-12;  // units
+      // units
+      constexpr double kLongest = 1.2;
+      constexpr double kNone = 1e-12;
       const double length = step.cwiseAbs().maxCoeff();
       if (length < kNone) break;
       const Eigen::VectorXd by = std::fmin(1, kLongest / length) * units.cwiseProduct(step);
@@ -153,13 +159,15 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
 
 Observed observed_from(const Eigen::MatrixXd& jacobian, const FreeParameters& free,
                        const Widen& widen) {
-  constexpr double kShare = 0.02, kWeak = 0.1;
+  constexpr double kShare = 0.02;
+  constexpr double kWeak = 0.1;
   constexpr double kWholeTurn = 15.7;  // units of 0.4 rad
   const Eigen::VectorXd units = parameter_units(free);
   const auto count = static_cast<Eigen::Index>(free.size());
   const Eigen::MatrixXd scaled = jacobian * units.asDiagonal();
   const Spectrum spectrum = spectrum_of(scaled.transpose() * scaled);
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count), unobservable(count, 0);
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count);
+  Eigen::MatrixXd unobservable(count, 0);
   Eigen::Array<bool, Eigen::Dynamic, 1> lost =
       Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(count, false);
   for (Eigen::Index i = 0; i < count; ++i) {

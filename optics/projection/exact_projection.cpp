@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/projection/exact_projection.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -26,7 +28,7 @@ ExactProjection::ExactProjection(const System& system, const Microscope& microsc
                                  bool tabulated) {
   system.check();
   microscope.check();
-  if (!(std::isfinite(max_m) && max_m > 0)) throw std::invalid_argument("max_m: must be positive");
+  detail::require_positive(max_m, "max_m");
   const bool telecentric = !std::isfinite(microscope.pupil_distance);
   symmetric_ =
       !tabulated && microscope.tilt.isZero(0) && (telecentric || microscope.decenter.isZero(0));
@@ -96,7 +98,7 @@ bool ExactProjection::see(const Eigen::Vector3d& point, Seen& seen) const {
 
 std::optional<ExactProjection::WithJacobian> ExactProjection::project_with_jacobian(
     const Eigen::Vector3d& point_in_eye) const {
-  if (!point_in_eye.allFinite()) throw std::invalid_argument("point_in_eye: must be finite");
+  detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
   constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
   const double r = point_in_eye.head<2>().norm();
   if (!(point_in_eye.z() >= retina_.sag(r) - kRounding))
@@ -118,7 +120,7 @@ std::optional<Eigen::Vector2d> ExactProjection::project(const Eigen::Vector3d& p
 }
 
 std::optional<Ray> ExactProjection::line(const Eigen::Vector2d& m, double z) const {
-  if (!(m.allFinite() && std::isfinite(z))) throw std::invalid_argument("m: must be finite");
+  detail::require(m.allFinite() && std::isfinite(z), "m: must be finite");
   const Eigen::Vector2d in_table = m + shift_;
   if (symmetric_ ? !radial_.covers(in_table) : !grid_.covers(in_table)) return std::nullopt;
   const detail::IsopixelLine line = symmetric_ ? radial_.line(in_table) : grid_.line(in_table);

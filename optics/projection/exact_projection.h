@@ -50,7 +50,8 @@ class ExactProjection {
     Seen seen;
     if (!see(value(point), seen)) return false;
     m = lift(seen, point);
-    m.x() -= shift_.x(), m.y() -= shift_.y();
+    m.x() -= shift_.x();
+    m.y() -= shift_.y();
     return true;
   }
 
@@ -64,7 +65,8 @@ class ExactProjection {
     const double power = -per_z.trace() / 2;  // 1/m, of the distance along z
     if (!(power > 0)) return false;
     detail::Vector2<T> off = lift(seen, point);
-    off.x() -= seen.m.x(), off.y() -= seen.m.y();
+    off.x() -= seen.m.x();
+    off.y() -= seen.m.y();
     const Eigen::Matrix2d& change = seen.line.slope_per_m;
     const double far = 1 / power;
     viewpoint.x() =
@@ -102,8 +104,11 @@ class ExactProjection {
   Eigen::Vector2d shift_{0, 0};  // m; of the table against the microscope's object plane
   detail::RadialLines radial_;
   detail::GridLines grid_;
-  Surface retina_, lens_;
-  double lens_vertex_, max_z_ = 0, max_residual_ = 0;
+  Surface retina_;
+  Surface lens_;
+  double lens_vertex_;
+  double max_z_ = 0;
+  double max_residual_ = 0;
 };
 
 }  // namespace vitreo::optics

@@ -31,7 +31,8 @@ double reach_of(const TraceLine& trace, double max_m) {
 
 RadialLines::RadialLines(const TraceLine& trace, double max_m) : max_m_(reach_of(trace, max_m)) {
   constexpr int kSamples = 48;
-  Eigen::MatrixXd powers(kSamples, kTerms), ratios(kSamples, 2);
+  Eigen::MatrixXd powers(kSamples, kTerms);
+  Eigen::MatrixXd ratios(kSamples, 2);
   for (int i = 0; i < kSamples; ++i) {
     const double x = std::cos(std::numbers::pi * (i + 0.5) / kSamples);
     const double m = max_m_ * std::sqrt((x + 1) / 2);
@@ -56,10 +57,13 @@ RadialLines::Values RadialLines::values(double m2) const {
   const double x = m2 * per - 1;
   Values v{0, 0, 0, 0};
   for (int k = terms_ - 1; k >= 0; --k) {
-    v.a_per = v.a_per * x + v.a, v.s_per = v.s_per * x + v.s;
-    v.a = v.a * x + a_[k], v.s = v.s * x + s_[k];
+    v.a_per = v.a_per * x + v.a;
+    v.s_per = v.s_per * x + v.s;
+    v.a = v.a * x + a_[k];
+    v.s = v.s * x + s_[k];
   }
-  v.a_per *= per, v.s_per *= per;
+  v.a_per *= per;
+  v.s_per *= per;
   return v;
 }
 
@@ -81,7 +85,8 @@ IsopixelLine RadialLines::line(const Eigen::Vector2d& m, const Values& v) {
 bool RadialLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m,
                         IsopixelLine& line) const {
   constexpr double kConverged = 1e-9;  // of max_m^2; the step after such a step is below rounding
-  const double r2 = point.head<2>().squaredNorm(), limit = max_m_ * max_m_;
+  const double r2 = point.head<2>().squaredNorm();
+  const double limit = max_m_ * max_m_;
   double m2 = 0;
   for (int step = 0; step < kMaxSteps; ++step) {
     const Values v = values(m2);
@@ -123,7 +128,8 @@ bool GridLines::covers(const Eigen::Vector2d& m) const {
 }
 
 IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
-  double weight[2][4], change[2][4];
+  double weight[2][4];
+  double change[2][4];
   int first[2];
   for (int axis = 0; axis < 2; ++axis) {
     const double place = m[axis] / step_ + kNodes / 2;
@@ -131,12 +137,18 @@ IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
     const double t = place - first[axis] - 1;  // from the second of four nodes; in [0, 1]
     double* w = weight[axis];
     double* d = change[axis];
-    w[0] = -t * (t - 1) * (t - 2) / 6, w[1] = (t + 1) * (t - 1) * (t - 2) / 2;
-    w[2] = -(t + 1) * t * (t - 2) / 2, w[3] = (t + 1) * t * (t - 1) / 6;
-    d[0] = -(3 * t * t - 6 * t + 2) / 6, d[1] = (3 * t * t - 4 * t - 1) / 2;
-    d[2] = -(3 * t * t - 2 * t - 2) / 2, d[3] = (3 * t * t - 1) / 6;
+    w[0] = -t * (t - 1) * (t - 2) / 6;
+    w[1] = (t + 1) * (t - 1) * (t - 2) / 2;
+    w[2] = -(t + 1) * t * (t - 2) / 2;
+    w[3] = (t + 1) * t * (t - 1) / 6;
+    d[0] = -(3 * t * t - 6 * t + 2) / 6;
+    d[1] = (3 * t * t - 4 * t - 1) / 2;
+    d[2] = -(3 * t * t - 2 * t - 2) / 2;
+    d[3] = (3 * t * t - 1) / 6;
   }
-  Eigen::Vector4d value = Eigen::Vector4d::Zero(), per_x = value, per_y = value;
+  Eigen::Vector4d value = Eigen::Vector4d::Zero();
+  Eigen::Vector4d per_x = value;
+  Eigen::Vector4d per_y = value;
   for (int j = 0; j < 4; ++j) {
     const Eigen::Vector4d* row =
         &nodes_[static_cast<std::size_t>((first[1] + j) * kNodes + first[0])];
@@ -149,7 +161,8 @@ IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
     per_y += change[1][j] * across;
   }
   IsopixelLine made;
-  made.at_retina = value.head<2>(), made.slope = value.tail<2>();
+  made.at_retina = value.head<2>();
+  made.slope = value.tail<2>();
   made.at_retina_per_m << per_x.head<2>() / step_, per_y.head<2>() / step_;
   made.slope_per_m << per_x.tail<2>() / step_, per_y.tail<2>() / step_;
   return made;

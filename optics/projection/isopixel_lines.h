@@ -13,15 +13,20 @@
 namespace vitreo::optics::detail {
 
 struct IsopixelLine {
-  Eigen::Vector2d at_retina, slope;              // m at z = 0; dx/dz, dy/dz
-  Eigen::Matrix2d at_retina_per_m, slope_per_m;  // their derivatives by m
+  // m at z = 0; dx/dz, dy/dz
+  Eigen::Vector2d at_retina;
+  Eigen::Vector2d slope;
+  // their derivatives by m
+  Eigen::Matrix2d at_retina_per_m;
+  Eigen::Matrix2d slope_per_m;
   Eigen::Vector2d at(double z) const { return at_retina + z * slope; }
   Eigen::Matrix2d per_m(double z) const { return at_retina_per_m + z * slope_per_m; }
 };
 
 /// The traced line of m; nothing when the ray is lost.
 struct TracedLine {
-  Eigen::Vector2d at_retina, slope;
+  Eigen::Vector2d at_retina;
+  Eigen::Vector2d slope;
   Eigen::Vector2d at(double z) const { return at_retina + z * slope; }
 };
 using TraceLine = std::function<std::optional<TracedLine>(const Eigen::Vector2d& m)>;
@@ -43,13 +48,19 @@ class RadialLines {
  private:
   static constexpr int kTerms = 16;
   struct Values {
-    double a, s, a_per, s_per;  // A, S and their derivatives by |m|^2
+    // A, S and their derivatives by |m|^2
+    double a;
+    double s;
+    double a_per;
+    double s_per;
   };
   Values values(double m2) const;
   static IsopixelLine line(const Eigen::Vector2d& m, const Values& v);
   double max_m_ = 0;
-  int terms_ = 0;                         // those that matter
-  std::array<double, kTerms> a_{}, s_{};  // in powers of 2 |m|^2 / max_m^2 - 1
+  int terms_ = 0;  // those that matter
+  // in powers of 2 |m|^2 / max_m^2 - 1
+  std::array<double, kTerms> a_{};
+  std::array<double, kTerms> s_{};
 };
 
 /// Lines without symmetry: four functions on a square grid of m, interpolated by cubics.
@@ -66,7 +77,8 @@ class GridLines {
 
  private:
   static constexpr int kNodes = 81;  // a side; odd, so that one is the middle
-  double max_m_ = 0, step_ = 0;
+  double max_m_ = 0;
+  double step_ = 0;
   std::vector<Eigen::Vector4d> nodes_;  // at_retina x, y, slope x, y; NaN where lost
 };
 

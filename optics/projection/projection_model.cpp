@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/projection/projection_model.h"
 
-#include "optics/projection/projection.h"
-
 namespace vitreo::optics::detail {
 
 std::optional<Eigen::Vector2d> ProjectionModel::pixel(const Eigen::Vector3d& point) const {

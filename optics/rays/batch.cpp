@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/rays/batch.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/refraction.h"
 
 #include <algorithm>
@@ -42,13 +43,16 @@ detail::TraceBlock kernel_for(CpuLevel level) {
 
 detail::KernelSurface compile(const System& system, int number, double vertex, bool outwards) {
   const Surface& surface = system.surfaces[number - 1];
-  const double before = system.surfaces[number - 2].index, behind = surface.index;
+  const double before = system.surfaces[number - 2].index;
+  const double behind = surface.index;
   detail::KernelSurface made;
   made.vertex = vertex;
   made.curvature = 1 / surface.radius;
   made.conic = surface.conic;
-  made.a4 = surface.aspheric[0], made.a6 = surface.aspheric[1];
-  made.a8 = surface.aspheric[2], made.a10 = surface.aspheric[3];
+  made.a4 = surface.aspheric[0];
+  made.a6 = surface.aspheric[1];
+  made.a8 = surface.aspheric[2];
+  made.a10 = surface.aspheric[3];
   made.ratio = outwards ? before / behind : behind / before;
   made.clip2 = surface.semi_diameter * surface.semi_diameter;
   made.holds_stop = system.stop && system.stop->surface == number;
@@ -100,8 +104,12 @@ CpuLevel best_cpu_level() {
 }
 
 void put(RayBlock& block, int i, const Ray& ray) {
-  block.x[i] = ray.origin.x(), block.y[i] = ray.origin.y(), block.z[i] = ray.origin.z();
-  block.dx[i] = ray.direction.x(), block.dy[i] = ray.direction.y(), block.dz[i] = ray.direction.z();
+  block.x[i] = ray.origin.x();
+  block.y[i] = ray.origin.y();
+  block.z[i] = ray.origin.z();
+  block.dx[i] = ray.direction.x();
+  block.dy[i] = ray.direction.y();
+  block.dz[i] = ray.direction.z();
   block.lost[i] = block.stop_x[i] = block.stop_y[i] = 0;
 }
 
@@ -115,7 +123,7 @@ TraceResult result(const RayBlock& block, int i) {
 }
 
 RayBatch::RayBatch(int count) : size_(count) {
-  if (count < 0) throw std::invalid_argument("count: must not be negative");
+  detail::require(count >= 0, "count: must not be negative");
   blocks_.resize(static_cast<std::size_t>((count + RayBlock::kSize - 1) / RayBlock::kSize));
   for (RayBlock& block : blocks_) {
     for (int i = 0; i < RayBlock::kSize; ++i) optics::put(block, i, {{0, 0, 0}, {0, 0, 1}});

@@ -60,7 +60,9 @@ class BatchTracer {
   void trace(const std::vector<detail::KernelSurface>& surfaces, std::size_t count, bool outwards,
              RayBlock& rays) const;
   detail::TraceBlock kernel_;
-  std::vector<detail::KernelSurface> outwards_, inwards_, to_stop_;
+  std::vector<detail::KernelSurface> outwards_;
+  std::vector<detail::KernelSurface> inwards_;
+  std::vector<detail::KernelSurface> to_stop_;
 };
 
 }  // namespace vitreo::optics

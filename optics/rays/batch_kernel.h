@@ -9,29 +9,48 @@ namespace vitreo::optics {
 /// 64 rays, one array a component; eye frame, m, directions of unit length.
 struct RayBlock {
   static constexpr int kSize = 64;
-  alignas(64) double x[kSize], y[kSize], z[kSize];  // a point of the ray; behind a surface: on it
-  alignas(64) double dx[kSize], dy[kSize], dz[kSize];  // its direction
-  alignas(64) double lost[kSize];  // 0: alive; else 8 * surface + status, as a number that vectors
-                                   // can compare
-  alignas(64) double stop_x[kSize],
-      stop_y[kSize];  // where it crossed the stop's plane, if it came so far
+  // a point of the ray; behind a surface: on it
+  alignas(64) double x[kSize];
+  alignas(64) double y[kSize];
+  alignas(64) double z[kSize];
+  // its direction
+  alignas(64) double dx[kSize];
+  alignas(64) double dy[kSize];
+  alignas(64) double dz[kSize];
+  // 0: alive; else 8 * surface + status, as a number that vectors can compare
+  alignas(64) double lost[kSize];
+  // where it crossed the stop's plane, if it came so far
+  alignas(64) double stop_x[kSize];
+  alignas(64) double stop_y[kSize];
 };
 
 namespace detail {
 
 struct KernelSurface {
-  double vertex;            // m
-  double curvature, conic;  // 1/m
-  double a4, a6, a8, a10;   // m^-3 ...
-  double ratio;             // index before / index behind, as the rays go
-  double clip2, stop2;      // m^2, squared radii; infinite when there is none
-  int number;               // counted from 1, the retina
-  bool asphere, holds_stop;
+  double vertex;  // m
+  // 1/m
+  double curvature;
+  double conic;
+  // m^-3 ...
+  double a4;
+  double a6;
+  double a8;
+  double a10;
+  double ratio;  // index before / index behind, as the rays go
+  // m^2, squared radii; infinite when there is none
+  double clip2;
+  double stop2;
+  int number;  // counted from 1, the retina
+  bool asphere;
+  bool holds_stop;
 };
 
 /// TraceStatus as the kernel writes it.
-constexpr int kLostMissed = 1, kLostReflected = 2, kLostClipped = 3, kLostWrongSheet = 4,
-              kLostNoConvergence = 5;
+constexpr int kLostMissed = 1;
+constexpr int kLostReflected = 2;
+constexpr int kLostClipped = 3;
+constexpr int kLostWrongSheet = 4;
+constexpr int kLostNoConvergence = 5;
 
 /// Takes all rays of the block through the surfaces in the order given. A lost ray stays where it
 /// was lost.

@@ -11,8 +11,8 @@ namespace vitreo::optics::detail {
 namespace {
 
 constexpr int kLanes = RayBlock::kSize;
-constexpr double kBackwards =
-    -1e-12;  // m: a path this short is rounding, a longer one means that the surfaces cross
+// m: a path this short is rounding, a longer one means that the surfaces cross
+constexpr double kBackwards = -1e-12;
 
 #define VITREO_INLINE inline __attribute__((always_inline))
 #ifdef __clang__
@@ -23,14 +23,25 @@ constexpr double kBackwards =
 
 /// Where a ray meets a surface and what it meets there; all lengths from the vertex.
 struct Meeting {
-  double to_plane, px, py;  // along the ray to the vertex plane; where
-  double s;                 // from there on to the surface
-  double qx, qy, qz, q;     // a normal (any length, z > 0) and the direction's product with it
-  double code;              // why the ray is lost; 0 when it is not
+  // along the ray to the vertex plane; where
+  double to_plane;
+  double px;
+  double py;
+  double s;  // from there on to the surface
+  // a normal (any length, z > 0) and the direction's product with it
+  double qx;
+  double qy;
+  double qz;
+  double q;
+  double code;  // why the ray is lost; 0 when it is not
 };
 
 struct Codes {
-  double missed, reflected, clipped, wrong_sheet, no_convergence;
+  double missed;
+  double reflected;
+  double clipped;
+  double wrong_sheet;
+  double no_convergence;
 };
 
 VITREO_INLINE double code_of(const KernelSurface& surface, int status) {
@@ -45,7 +56,8 @@ VITREO_INLINE Codes codes_of(const KernelSurface& f) {
 /// s = C / (-B + sqrt(B^2 - AC)): no cancellation where A -> 0. D . normal is that same root.
 VITREO_INLINE void meet_conic(const KernelSurface& f, const Codes& codes, double dx, double dy,
                               double dz, Meeting& m) {
-  const double c = f.curvature, k1 = 1 + f.conic;
+  const double c = f.curvature;
+  const double k1 = 1 + f.conic;
   const double a = c * (1.0 + f.conic * dz * dz);
   const double b = c * (m.px * dx + m.py * dy) - dz;
   const double e = c * (m.px * m.px + m.py * m.py);
@@ -69,15 +81,22 @@ VITREO_INLINE void meet_conic(const KernelSurface& f, const Codes& codes, double
 template <bool kStop>
 VITREO_INLINE void pass(const KernelSurface& f, const Codes& codes, const Meeting& m, RayBlock& r,
                         int i) {
-  const double dx = r.dx[i], dy = r.dy[i], dz = r.dz[i];
-  const double hx = m.px + m.s * dx, hy = m.py + m.s * dy, hz = m.s * dz;
+  const double dx = r.dx[i];
+  const double dy = r.dy[i];
+  const double dz = r.dz[i];
+  const double hx = m.px + m.s * dx;
+  const double hy = m.py + m.s * dy;
+  const double hz = m.s * dz;
   const double g2 = m.qx * m.qx + m.qy * m.qy + m.qz * m.qz;
   const double inside = g2 * (1.0 - f.ratio * f.ratio) + f.ratio * f.ratio * m.q * m.q;
   const double root = __builtin_sqrt(inside);
   const double bend = ((m.q < 0.0 ? -root : root) - f.ratio * m.q) / g2;
-  const double ex = f.ratio * dx + bend * m.qx, ey = f.ratio * dy + bend * m.qy,
-               ez = f.ratio * dz + bend * m.qz;
-  double code = 0.0, sx = 0.0, sy = 0.0;
+  const double ex = f.ratio * dx + bend * m.qx;
+  const double ey = f.ratio * dy + bend * m.qy;
+  const double ez = f.ratio * dz + bend * m.qz;
+  double code = 0.0;
+  double sx = 0.0;
+  double sy = 0.0;
   if constexpr (kStop) {
     // The hole lies in the vertex plane: before the surface or behind it, whichever the sag says.
     const bool plane_first = (hz >= 0.0) == (dz > 0.0);
@@ -136,20 +155,31 @@ VITREO_INLINE void profile(const KernelSurface& f, double r2, double& sag, doubl
 }
 
 struct NewtonLanes {
-  alignas(64) double to_plane[kLanes], px[kLanes], py[kLanes], s[kLanes], state[kLanes];
+  alignas(64) double to_plane[kLanes];
+  alignas(64) double px[kLanes];
+  alignas(64) double py[kLanes];
+  alignas(64) double s[kLanes];
+  alignas(64) double state[kLanes];
 };
-constexpr double kRunning = 0.0, kDone = 1.0, kNowhere = 2.0;
+constexpr double kRunning = 0.0;
+constexpr double kDone = 1.0;
+constexpr double kNowhere = 2.0;
 
 /// One Newton step for the lanes still running; how many still are. A lane is frozen by its own
 /// test only, so its bits do not depend on its neighbors.
 long long newton_step(const KernelSurface& f, const RayBlock& r, NewtonLanes& n) {
-  constexpr double kSmallStep =
-      1e-10;  // m: convergence is quadratic, so after such a step the error is below 1e-16 m
+  // m: convergence is quadratic, so after such a step the error is below 1e-16 m
+  constexpr double kSmallStep = 1e-10;
   VITREO_LANES
   for (int i = 0; i < kLanes; ++i) {
-    const double dx = r.dx[i], dy = r.dy[i], dz = r.dz[i], s = n.s[i];
-    const double x = n.px[i] + s * dx, y = n.py[i] + s * dy;
-    double sag, slope_over_r;
+    const double dx = r.dx[i];
+    const double dy = r.dy[i];
+    const double dz = r.dz[i];
+    const double s = n.s[i];
+    const double x = n.px[i] + s * dx;
+    const double y = n.py[i] + s * dy;
+    double sag;
+    double slope_over_r;
     profile(f, x * x + y * y, sag, slope_over_r);
     const double step = (s * dz - sag) / (dz - slope_over_r * (x * dx + y * dy));
     const double size = step < 0.0 ? -step : step;
@@ -174,7 +204,9 @@ void cross_asphere(const KernelSurface& f, RayBlock& r) {
     Meeting m;
     to_vertex_plane(f, r, i, m);
     meet_conic(f, codes, r.dx[i], r.dy[i], r.dz[i], m);
-    n.to_plane[i] = m.to_plane, n.px[i] = m.px, n.py[i] = m.py;
+    n.to_plane[i] = m.to_plane;
+    n.px[i] = m.px;
+    n.py[i] = m.py;
     n.s[i] = m.code != 0.0 ? 0.0 : m.s;  // where the conic is missed, start from the tangent plane
     n.state[i] = r.lost[i] != 0.0 ? kDone : kRunning;
   }
@@ -183,11 +215,18 @@ void cross_asphere(const KernelSurface& f, RayBlock& r) {
   VITREO_LANES
   for (int i = 0; i < kLanes; ++i) {
     Meeting m;
-    m.to_plane = n.to_plane[i], m.px = n.px[i], m.py = n.py[i], m.s = n.s[i];
-    const double x = m.px + m.s * r.dx[i], y = m.py + m.s * r.dy[i];
-    double sag, slope_over_r;
+    m.to_plane = n.to_plane[i];
+    m.px = n.px[i];
+    m.py = n.py[i];
+    m.s = n.s[i];
+    const double x = m.px + m.s * r.dx[i];
+    const double y = m.py + m.s * r.dy[i];
+    double sag;
+    double slope_over_r;
     profile(f, x * x + y * y, sag, slope_over_r);
-    m.qx = -slope_over_r * x, m.qy = -slope_over_r * y, m.qz = 1.0;
+    m.qx = -slope_over_r * x;
+    m.qy = -slope_over_r * y;
+    m.qz = 1.0;
     m.q = r.dz[i] + m.qx * r.dx[i] + m.qy * r.dy[i];
     m.code = n.state[i] == kRunning ? codes.no_convergence : 0.0;
     m.code = n.state[i] == kNowhere ? codes.missed : m.code;

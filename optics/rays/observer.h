@@ -22,8 +22,8 @@ struct Microscope {
   // eye's side
   double pupil_distance = std::numeric_limits<double>::infinity();
   Eigen::Vector2d decenter{0, 0};  // m, its axis against the eye's, in the focus plane
-  Eigen::Vector2d tilt{
-      0, 0};           // rad, its axis turned about x, then about y, where it meets the focus plane
+  // rad, its axis turned about x, then about y, where it meets the focus plane
+  Eigen::Vector2d tilt{0, 0};
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 

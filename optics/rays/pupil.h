@@ -32,8 +32,8 @@ struct Pupil {
   double z = 0;                  // m, eye frame, of the plane
   Eigen::Vector2d center{0, 0};  // m; at infinity: slopes dx/dz, dy/dz
   double radius = 0;             // m; at infinity: slope
-  static Pupil of_stop(const System& system,
-                       Kind kind = Kind::stop);  // throws std::invalid_argument without a stop
+  // throws std::invalid_argument without a stop
+  static Pupil of_stop(const System& system, Kind kind = Kind::stop);
   static Pupil of_microscope(const System& system, const Microscope& microscope);
 };
 
@@ -82,7 +82,9 @@ class PupilTracer {
   void add(const RayBlock& rays, int count, Spot& spot) const;
   System system_;
   Pupil pupil_;
-  BatchTracer real_, open_;  // open_: no stop clips
+  // open_: no stop clips
+  BatchTracer real_;
+  BatchTracer open_;
   double last_vertex_;
   bool fills_stop() const {
     return pupil_.kind == Pupil::Kind::stop || pupil_.kind == Pupil::Kind::real_stop;

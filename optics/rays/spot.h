@@ -14,7 +14,9 @@ namespace vitreo::optics {
 /// radius.
 struct SpotMoments {
   int rays = 0;
-  Eigen::Vector2d mean{0, 0}, mean_slope{0, 0};           // m; dx/dz, dy/dz
+  // m; dx/dz, dy/dz
+  Eigen::Vector2d mean{0, 0};
+  Eigen::Vector2d mean_slope{0, 0};
   Eigen::Matrix2d place = Eigen::Matrix2d::Zero();        // m^2, covariance of places
   Eigen::Matrix2d place_slope = Eigen::Matrix2d::Zero();  // m, of places and slopes, made symmetric
   Eigen::Matrix2d slope = Eigen::Matrix2d::Zero();        // of slopes
@@ -33,9 +35,13 @@ struct SpotMoments {
 
 /// A traced bundle; only rays that came through.
 struct Spot {
-  std::vector<Eigen::Vector2d> place, slope;       // m, in the last vertex plane; dx/dz, dy/dz
-  int lost = 0;                                    // vignetted, missed, totally reflected
-  Eigen::Vector2d chief{0, 0}, chief_slope{0, 0};  // the ray through the pupil's center
+  // m, in the last vertex plane; dx/dz, dy/dz
+  std::vector<Eigen::Vector2d> place;
+  std::vector<Eigen::Vector2d> slope;
+  int lost = 0;  // vignetted, missed, totally reflected
+  // the ray through the pupil's center
+  Eigen::Vector2d chief{0, 0};
+  Eigen::Vector2d chief_slope{0, 0};
   int rays() const { return static_cast<int>(place.size()); }
   Eigen::Vector2d chief_stop{0, 0};  // m, where that one crosses the system's stop; 0 without one
   Eigen::Vector2d chief_at(double distance) const { return chief + distance * chief_slope; }

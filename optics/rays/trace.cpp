@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/rays/trace.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/refraction.h"
 
 #include <cmath>
@@ -10,12 +11,11 @@ namespace vitreo::optics {
 namespace {
 
 void check_ray(const Ray& ray) {
-  constexpr double kUnit =
-      1e-6;  // of |direction|^2: catches what was never normalized, not what was rounded
-  if (!ray.origin.allFinite()) throw std::invalid_argument("ray: its origin is not finite");
-  if (!(std::abs(ray.direction.squaredNorm() - 1) < kUnit)) {
-    throw std::invalid_argument("ray: its direction is not a unit vector");
-  }
+  // of |direction|^2: catches what was never normalized, not what was rounded
+  constexpr double kUnit = 1e-6;
+  detail::require(ray.origin.allFinite(), "ray: its origin is not finite");
+  detail::require(std::abs(ray.direction.squaredNorm() - 1) < kUnit,
+                  "ray: its direction is not a unit vector");
 }
 
 /// Crosses surface `number` (vertex at z) outwards or inwards; on loss says so in `result` and

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/first_order.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <cmath>
 #include <stdexcept>
 
@@ -55,7 +57,8 @@ Eigen::Matrix2d system_matrix(const System& system, int from, int to) {
     throw std::invalid_argument("to: the system has no surface " + std::to_string(to));
   Eigen::Matrix2d matrix = Eigen::Matrix2d::Identity();
   for (int i = from - 1; i < to; ++i) {
-    const Surface &before = system.surfaces[i - 1], &at = system.surfaces[i];
+    const Surface& before = system.surfaces[i - 1];
+    const Surface& at = system.surfaces[i];
     if (i >= from) matrix = transfer_matrix(before.thickness, before.index) * matrix;
     matrix = refraction_matrix(before.index, at.index, at.radius) * matrix;
   }
@@ -64,7 +67,9 @@ Eigen::Matrix2d system_matrix(const System& system, int from, int to) {
 
 std::optional<CardinalPoints> cardinal_points(const System& system) {
   const Eigen::Matrix2d a = system_matrix(system);
-  const double power = -a(0, 1), front = front_index(system), back = back_index(system);
+  const double power = -a(0, 1);
+  const double front = front_index(system);
+  const double back = back_index(system);
   if (std::abs(power) < kAfocal) return std::nullopt;
   CardinalPoints points;
   points.focal_length = 1 / power;  // (4.6)
@@ -91,8 +96,9 @@ std::optional<AxialImage> axial_image(const System& system, double depth) {
 }
 
 std::optional<double> secant_slope(const System& system, double depth) {
-  if (!(depth > 0)) throw std::invalid_argument("depth: must be positive");
-  const auto from = axial_image(system, 0), to = axial_image(system, depth);
+  detail::require(depth > 0, "depth: must be positive");
+  const auto from = axial_image(system, 0);
+  const auto to = axial_image(system, depth);
   if (!from || !to || (from->magnification > 0) != (to->magnification > 0)) return std::nullopt;
   return (to->distance - from->distance) / depth;
 }

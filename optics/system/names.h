@@ -30,7 +30,9 @@ inline int edit_distance(std::string_view a, std::string_view b) {
 /// "; did you mean a, b or c?" with the up to three known names that are nearest. Empty when none
 /// is known.
 inline std::string suggestions(std::string_view wrong, const std::vector<std::string>& known) {
-  constexpr std::size_t kMost = 3, kLongest = 80;  // a longer name is a mistake of another kind
+  // a longer name is a mistake of another kind
+  constexpr std::size_t kMost = 3;
+  constexpr std::size_t kLongest = 80;
   std::vector<std::pair<int, std::string>> ranked;
   ranked.reserve(known.size());
   for (const std::string& name : known)

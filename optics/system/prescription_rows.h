@@ -25,7 +25,9 @@ struct PrescriptionRow {
 };
 
 struct PrescriptionTable {
-  std::string name, title, source;
+  std::string name;
+  std::string title;
+  std::string source;
   std::vector<PrescriptionRow> rows;  // the first is the retina
   int stop_surface = 0;               // counted from 1; 0: no stop
   double stop_radius = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/prescriptions.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/names.h"
 
 #include <array>
@@ -18,7 +19,10 @@ constexpr double kPlane = std::numeric_limits<double>::infinity();
 struct Row {
   const char* surface;
   const char* medium;  // behind it
-  double radius_mm, conic, thickness_mm, index;
+  double radius_mm;
+  double conic;
+  double thickness_mm;
+  double index;
   std::array<double, 4> aspheric_mm{};
 };
 
@@ -89,8 +93,8 @@ Rows condensing_lens(double index) {
 
 Rows aspheric_condensing_lens() {
   Rows rows = condensing_lens(1.523);
-  rows[0].aspheric_mm = {4.078e-5, -1.542e-7, -2.647e-9,
-                         2.023e-11};  // as printed: along +z, as the radius' sign
+  // as printed: along +z, as the radius' sign
+  rows[0].aspheric_mm = {4.078e-5, -1.542e-7, -2.647e-9, 2.023e-11};
   return rows;
 }
 
@@ -193,9 +197,8 @@ Prescription prescription(std::string_view name) {
 }
 
 Prescription accommodated(Prescription relaxed, double accommodation) {
-  if (!(accommodation >= 0 && accommodation <= 10)) {
-    throw std::invalid_argument("accommodation: must lie within 0 and 10 dioptres");
-  }
+  detail::require(accommodation >= 0 && accommodation <= 10,
+                  "accommodation: must lie within 0 and 10 dioptres");
   constexpr double kMm = 1e-3;
   const double l = std::log(accommodation + 1);
   const auto changed = [&](const char* name, double by) {

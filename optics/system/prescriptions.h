@@ -23,8 +23,8 @@ struct Prescription {
   std::string title;                  // for people
   std::string source;                 // where the numbers are from, and what was assumed
   std::vector<std::string> surfaces;  // names, one per surface: "retina", "lens.posterior", ...
-  std::vector<std::string>
-      media;  // names of what lies behind each surface: "vitreous", "lens", ...
+  // names of what lies behind each surface: "vitreous", "lens", ...
+  std::vector<std::string> media;
   System system;
   /// Throws std::invalid_argument when names are missing or used twice, or the system is not sound.
   void check() const;

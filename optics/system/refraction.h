@@ -6,6 +6,7 @@
 #pragma once
 
 #include "optics/numerics/scalar.h"
+#include "optics/system/profile.h"
 #include "optics/system/ray.h"
 #include "optics/system/system.h"
 
@@ -17,27 +18,11 @@
 
 namespace vitreo::optics::detail {
 
-/// The profile at a distance from the axis; both NaN where the surface does not reach.
-template <class T>
-struct Profile {
-  T sag;           // (3.1), m
-  T slope_over_r;  // (d sag / d r) / r, 1/m: regular on the axis
-};
-
 inline double curvature_of(const Surface& surface) { return 1 / surface.radius; }
 
 template <class AnySurface, class T>
 Profile<T> profile(const AnySurface& surface, const T& r2) {
-  using std::sqrt;
-  const auto c = curvature_of(surface);
-  const T q = 1.0 - (1.0 + surface.conic) * c * c * r2;
-  if (!(q >= 0.0))
-    return {T(std::numeric_limits<double>::quiet_NaN()),
-            T(std::numeric_limits<double>::quiet_NaN())};
-  const T root = sqrt(q);
-  const auto& [a4, a6, a8, a10] = surface.aspheric;
-  return {c * r2 / (1.0 + root) + r2 * r2 * (a4 + r2 * (a6 + r2 * (a8 + r2 * a10))),
-          c / root + r2 * (4.0 * a4 + r2 * (6.0 * a6 + r2 * (8.0 * a8 + r2 * (10.0 * a10))))};
+  return profile(curvature_of(surface), surface.conic, surface.aspheric, r2);
 }
 
 inline bool is_asphere(const Surface& surface) {
@@ -122,8 +107,8 @@ struct Crossing {
 /// Takes the ray from where it is to behind the surface; leaves it alone when it is lost.
 template <class AnySurface, class T>
 TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>& direction) {
-  constexpr double kBackwards =
-      -1e-12;  // m: a path this short is rounding, a longer one means that the surfaces cross
+  // m: a path this short is rounding, a longer one means that the surfaces cross
+  constexpr double kBackwards = -1e-12;
   if (direction.z() == 0.0) return TraceStatus::missed;
   const T to_plane = -origin.z() / direction.z();
   const Vector3<T> plane_point(origin.x() + to_plane * direction.x(),

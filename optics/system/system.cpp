@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/system.h"
 
-#include "optics/system/refraction.h"
+#include "optics/system/profile.h"
 
 #include <algorithm>
 #include <cmath>
@@ -49,7 +49,9 @@ void check_gap(const Surface& front, const Surface& behind, int number) {
 
 }  // namespace
 
-double Surface::sag(double r) const { return detail::profile(*this, r * r).sag; }
+double Surface::sag(double r) const {
+  return detail::profile(1 / radius, conic, aspheric, r * r).sag;
+}
 
 double System::vertex(int surface) const {
   if (surface < 1 || surface > size()) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/tolerance.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -58,8 +60,8 @@ std::vector<Uncertainty> applicable(const std::vector<Uncertainty>& uncertaintie
   for (const Uncertainty& one : uncertainties) {
     const auto is_it = [&](const Parameter& its) {
       const bool air = its.value == 1 && its.name.ends_with(".index");
-      const bool flat =
-          its.value == 0 || !std::isfinite(its.value);  // no fraction of it is uncertain
+      // no fraction of it is uncertain
+      const bool flat = its.value == 0 || !std::isfinite(its.value);
       return its.name == one.parameter && !air && !flat;
     };
     if (std::any_of(known.begin(), known.end(), is_it)) those.push_back(one);
@@ -77,7 +79,7 @@ std::vector<PerturbedEye> monte_carlo(const Prescription& prescription,
                                       const std::vector<Uncertainty>& uncertainties, int count,
                                       std::mt19937_64& random) {
   constexpr int kTriesPerEye = 1000;
-  if (count < 0) throw std::invalid_argument("count: must not be negative");
+  detail::require(count >= 0, "count: must not be negative");
   std::vector<PerturbedEye> eyes;
   for (long tries = 0; static_cast<int>(eyes.size()) < count; ++tries) {
     if (tries >= static_cast<long>(kTriesPerEye) * count) {

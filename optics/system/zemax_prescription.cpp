@@ -32,8 +32,8 @@ std::vector<Surface> reversed(const std::vector<Surface>& forward) {
 double stop_radius_from_pupil(const ZemaxFile& file) {
   System before;  // object space to the stop's plane
   before.surfaces.assign(file.surfaces.begin(), file.surfaces.begin() + file.stop + 1);
-  before.surfaces.front().thickness =
-      0;  // it may be infinite, and does not matter to parallel rays
+  // it may be infinite, and does not matter to parallel rays
+  before.surfaces.front().thickness = 0;
   for (Surface& surface : before.surfaces)
     surface.semi_diameter = std::numeric_limits<double>::infinity();
   return std::abs(system_matrix(before)(1, 1)) * *file.entrance_pupil_diameter / 2;
