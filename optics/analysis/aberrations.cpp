@@ -43,11 +43,16 @@ struct Refraction {
   double fourth;
 };
 
+/// Paraxial refraction, n' u' = n u - h c (n' - n).
 double slope_behind(const Refraction& at, const Paraxial& ray) {
   return (at.before * ray.slope - ray.height * at.curvature * (at.behind - at.before)) / at.behind;
 }
 
-/// Welford's sums of one surface; H is the Lagrange invariant n (u hbar - ubar h).
+/// Seidel sums of one surface (Welford 1986, ch. 8), with A = n i = n (h c + u), Abar likewise of
+/// the chief ray, D(.) the change at the surface and H = n (u hbar - ubar h) the Lagrange
+/// invariant:
+///  S_I = -A^2 h D(u/n), S_II = -A Abar h D(u/n), S_III = -Abar^2 h D(u/n), S_IV = -H^2 c D(1/n).
+/// An asphere adds 8 a4' (n' - n) h^4 to S_I, and powers of hbar / h times that to the others.
 SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
   const double h = rays.marginal.height;
   const double hbar = rays.chief.height;
@@ -75,6 +80,7 @@ SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
   return sums;
 }
 
+/// Refraction and transfer to the next surface.
 Paraxial advanced(const Paraxial& ray, const Refraction& at, double thickness) {
   const double slope = slope_behind(at, ray);
   return {ray.height + slope * thickness, slope};
@@ -91,6 +97,8 @@ SeidelSums& SeidelSums::operator+=(const SeidelSums& other) {
   return *this;
 }
 
+/// From the wavefront at the rim of the pupil to focus: longitudinal shifts divide by n' u'^2, in
+/// terms of n'u' as n' / (n' u')^2.
 double Aberrations::longitudinal_spherical() const {
   return -index * total.spherical / (2 * marginal_slope * marginal_slope);
 }
@@ -120,10 +128,12 @@ Aberrations third_order_aberrations(const System& system, double object_height, 
   for (int i = 1; i < system.size(); ++i) {
     const Surface& surface = system.surfaces[i];
     const double c = 1 / surface.radius;
+    // A conic's r^4 term beyond the sphere's is k c^3 / 8, from the expansion of (3.1).
     const Refraction at{system.surfaces[i - 1].index, surface.index, c,
                         c * c * c * surface.conic / 8 + surface.aspheric[0]};
     result.surfaces.push_back(sums_of(at, rays, lagrange));
     result.total += result.surfaces.back();
+    // Petzval's sum: curvature of the image is n' * sum c D(1/n).
     petzval += c * (1 / at.behind - 1 / at.before);
     const double thickness = i + 1 < system.size() ? surface.thickness : 0;
     rays = {advanced(rays.marginal, at, thickness), advanced(rays.chief, at, thickness)};

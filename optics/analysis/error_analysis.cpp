@@ -14,7 +14,8 @@
 namespace vitreo::optics {
 namespace {
 
-/// Foci of one eye: depth from surface 2 against sensor. Empty when one of them is missing.
+/// Foci of one eye at equal steps of depth: d_o (from surface 2, negative) against d_ls. Empty when
+/// one of them is missing.
 std::vector<OnAxisPoint> foci(const System& system, const AxialFocus& focus,
                               const AxisErrorOptions& options) {
   std::vector<OnAxisPoint> points;
@@ -27,6 +28,7 @@ std::vector<OnAxisPoint> foci(const System& system, const AxialFocus& focus,
   return points;
 }
 
+/// Largest |d_o by the law - d_o| over the points.
 std::optional<double> worst_of(const OnAxisLaw& law, const std::vector<OnAxisPoint>& points) {
   double worst = 0;
   for (const OnAxisPoint& point : points) {
@@ -37,6 +39,8 @@ std::optional<double> worst_of(const OnAxisLaw& law, const std::vector<OnAxisPoi
   return worst;
 }
 
+/// Thesis 4.3: calibrated on the retina with its depth known to retinal_depth_error, the first
+/// point being the retina.
 std::optional<double> worst_calibrated(const OnAxisLaw& law, const std::vector<OnAxisPoint>& points,
                                        const AxisErrorOptions& options) {
   double worst = 0;
@@ -74,6 +78,7 @@ ErrorStatistics summary(std::vector<double> errors, int failed) {
     result.mean += error / result.count;
     squares += error * error / result.count;
   }
+  // Quantiles by linear interpolation between order statistics.
   const auto at = [&](double share) {
     const double place = share * (result.count - 1);
     const auto below = static_cast<std::size_t>(place);
@@ -120,6 +125,7 @@ void AxisErrorOptions::check() const {
   detail::require_not_negative(retinal_depth_error, "retinal_depth_error");
 }
 
+/// Thesis 4.2 on the axis: the true eye forms the images, the assumed eye's law takes them back.
 EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
                     const AxisErrorOptions& options) {
   options.check();
@@ -139,6 +145,7 @@ double Sensitivity::worst() const {
   return std::max(*minus, *plus);
 }
 
+/// Thesis 4.2: each parameter perturbed by its uncertainty alone, in both senses.
 std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
                                        const std::vector<Uncertainty>& uncertainties,
                                        const EyeError& error) {
@@ -161,6 +168,8 @@ ErrorStatistics statistics(const std::vector<PerturbedEye>& eyes, const EyeError
   return summary(std::move(errors), failed);
 }
 
+/// Knowing one parameter exactly removes its share of the error's variance. The same sampled eyes
+/// for all parameters, so that differences are not of sampling.
 std::vector<MeasurementValue> variance_attribution(
     const Prescription& prescription, const std::vector<Uncertainty>& uncertainties,
     const std::function<EyeError(const Prescription&)>& make_error, int count,

@@ -11,12 +11,13 @@
 namespace vitreo::optics {
 namespace {
 
-/// The plane that distortion is read in, and what it is measured against.
+/// The plane in which distortion is measured, and the magnification that it is measured against.
 struct OnAxis {
   double focus;
   double magnification;
 };
 
+/// Magnification from an object near the axis, by its chief ray in the plane of the on-axis focus.
 OnAxis on_axis(const PupilTracer& tracer, const std::vector<Eigen::Vector2d>& samples, double depth,
                Spot& spot) {
   constexpr double kNearAxis = 1e-4;  // rad: distortion grows as its square
@@ -30,6 +31,7 @@ OnAxis on_axis(const PupilTracer& tracer, const std::vector<Eigen::Vector2d>& sa
   return {focus, spot.chief_at(focus).x() / beside->x()};
 }
 
+/// The object lies in the x-z plane: tangential is the width along x, sagittal along y.
 FieldPoint image_of(const Eigen::Vector3d& object, const OnAxis& axis, const Spot& spot) {
   const SpotMoments moments = spot.moments();
   FieldPoint made;
@@ -39,6 +41,7 @@ FieldPoint image_of(const Eigen::Vector3d& object, const OnAxis& axis, const Spo
   made.sagittal = moments.best_focus_along(Eigen::Vector2d::UnitY());
   made.chief_height = spot.chief_at(made.best_focus).x();
   made.rms = moments.rms(made.best_focus);
+  // Distortion: height in the plane of the on-axis focus over the ideal height, less one.
   const double ideal = axis.magnification * object.x();
   made.distortion = ideal == 0 ? 0 : spot.chief_at(axis.focus).x() / ideal - 1;
   return made;

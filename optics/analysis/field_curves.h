@@ -1,5 +1,5 @@
-// How the image of the retina changes with the field: best focus, its astigmatism, distortion,
-// vignetting.
+// Field curves: best focus, its astigmatism, distortion and vignetting of the retina's image
+// against the field angle.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// Errors of localization by pose in an eye that is not the believed one (table 5.2).
+// Errors of localization by pose when the eye is not the assumed one (table 5.2).
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/field_errors.h"
 #include "optics/calibration/camera_calibration.h"
@@ -14,10 +14,11 @@ namespace {
 
 const Eigen::Vector3d kAxis(1, 0, 0);  // of the robot; a sphere's does not matter
 
+/// Step 2 of the sensitivity analysis of thesis 5.4: the isopixel lines of this eye.
 PoseSettings looking_through(const System& system, const PoseErrorOptions& options) {
   PoseSettings settings;
   settings.robot = options.robot;
-  settings.max_residual_px = 1e3;  // a wrong eye fits badly; that is what is asked
+  settings.max_residual_px = 1e3;  // a wrong eye fits badly; its error is wanted all the same
   if (options.exact) {
     settings.exact = ExactProjection(system, options.microscope, options.max_m);
   } else {
@@ -26,6 +27,7 @@ PoseSettings looking_through(const System& system, const PoseErrorOptions& optio
   return settings;
 }
 
+/// Step 4 of thesis 5.4: the position by (5.15) with the assumed eye.
 std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const EllipseVector& shown) {
   const auto start = first_guess(believed, shown, kAxis);
   if (!start) return std::nullopt;
@@ -33,6 +35,8 @@ std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const Ellip
   return found ? std::optional(found->position_in_eye) : std::nullopt;
 }
 
+/// Steps 3 and 4 of thesis 5.4 over a grid of the field: projected with the true eye, located with
+/// the assumed one.
 std::optional<double> error_over_field(const PoseSettings& truth, const PoseSettings& believed,
                                        const System& system, const PoseErrorOptions& options) {
   constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
@@ -61,6 +65,7 @@ std::optional<double> error_over_field(const PoseSettings& truth, const PoseSett
   return options.measure == ErrorMeasure::max ? max : sum / answered;
 }
 
+/// The worse of both signs of the retinal depth error.
 std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSettings& believed,
                                        const System& system, const PoseErrorOptions& options) {
   const auto shown = project_spheroid(truth, {0, 0, options.depth_from}, kAxis);

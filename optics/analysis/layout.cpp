@@ -8,6 +8,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -21,6 +22,7 @@ constexpr int kProfileSteps = 48;
 constexpr std::array<const char*, 7> kRayColors{"#b5332e", "#1f6f8b", "#4d7c33", "#9a6a12",
                                                 "#6a4c93", "#3a3a8c", "#8c3a6b"};
 
+/// std::to_chars: the same text in every locale.
 std::string number(double value, int decimals = 2) {
   std::array<char, 64> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), value,
@@ -29,6 +31,7 @@ std::string number(double value, int decimals = 2) {
   return {text.data(), end};
 }
 
+/// XML's reserved characters; control characters, most of which it forbids, become blanks.
 std::string escaped(const std::string& text) {
   std::string safe;
   for (char c : text) {
@@ -103,6 +106,7 @@ class Drawing {
   std::string out_;
 };
 
+/// One scale for both axes: the drawing's width holds the system's length.
 void Drawing::measure() {
   const auto take = [&](double z, double height) {
     left_ = std::min(left_, z);
@@ -127,7 +131,8 @@ std::vector<Eigen::Vector2d> Drawing::profile(int i) const {
   const double vertex = system_.vertex(i + 1);
   for (int step = 0; step <= kProfileSteps; ++step) {
     // Dense at the rims, where a steep surface turns away.
-    const double r = heights_[i] * std::sin((1 - 2.0 * step / kProfileSteps) * 1.5707963267948966);
+    const double r =
+        heights_[i] * std::sin((1 - 2.0 * step / kProfileSteps) * std::numbers::pi / 2);
     const double sag = system_.surfaces[i].sag(std::abs(r));
     if (std::isfinite(sag)) path.emplace_back(vertex + sag, r);
   }
@@ -223,6 +228,7 @@ void Drawing::draw_marks() {
 
 void Drawing::draw_scale_bar() {
   constexpr double kMm = 1e-3;
+  // The longest round length of at most a fifth of the system.
   double length = kMm;
   for (double step : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0}) {
     if (step * kMm <= 0.2 * (right_ - left_)) length = step * kMm;
@@ -278,6 +284,7 @@ void Drawing::draw_labels() {
   }
 }
 
+/// Later elements cover earlier ones: media first, labels last.
 std::string Drawing::svg() {
   const double height = bottom_px_ + kFooterPx + 20;
   const std::string size = number(options_.width_px, 0) + "\" height=\"" + number(height, 0);

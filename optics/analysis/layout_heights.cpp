@@ -14,12 +14,14 @@ constexpr double kFlat = 4e-3;     // m, of a plane that no ray meets
 constexpr double kNearEquator = 0.97;
 constexpr double kThinnest = 0.04e-3;  // m, of what is left of a medium at the rim
 
+/// A conic ends at its equator, r = R / sqrt(1 + k); one with k <= -1 does not end.
 double reach(const Surface& surface) {
   const double bend = 1 + surface.conic;
   if (std::isinf(surface.radius) || bend <= 0) return std::numeric_limits<double>::infinity();
   return kNearEquator * std::abs(surface.radius) / std::sqrt(bend);
 }
 
+/// From the rays that meet the surface, else from its radius; a stop must fit on it.
 double wanted(const System& system, int i, std::span<const LayoutRay> rays) {
   const Surface& surface = system.surfaces[i];
   double height = 0;

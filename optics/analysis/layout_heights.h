@@ -1,4 +1,4 @@
-// How high each surface of a layout drawing is.
+// Heights of the surfaces of a layout drawing.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

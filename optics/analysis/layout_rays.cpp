@@ -44,6 +44,7 @@ std::vector<LayoutRay> field_fans(const System& system, std::span<const double> 
   for (double angle : angles) {
     const auto point = point_at_field(system, angle, depth);
     for (int i = 0; point && i < count; ++i) {
+      // A meridional fan across the stop, rim to rim.
       const double across = count == 1 ? 0 : 2.0 * i / (count - 1) - 1;
       const auto ray = pupil.aim(*point, {across, 0});
       if (ray) rays.push_back(ray_path(open, *ray, end_z, group));

@@ -19,7 +19,7 @@ struct LayoutRay {
   int group = 0;
 };
 
-/// The way of a ray from the vitreous, through all surfaces, to the plane z = `end_z` (m); up to
+/// The path of a ray from the vitreous, through all surfaces, to the plane z = `end_z` (m); up to
 /// where it is lost.
 LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group = 0);
 

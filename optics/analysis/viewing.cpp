@@ -25,8 +25,8 @@ AxialImage retina_image(const System& system) {
   return *image;
 }
 
-/// n sin of the traced ray from the retina's vertex through surface 2's vertex plane at `radius`; 0
-/// when it is lost.
+/// n sin(u') of the traced ray from the retina's vertex through surface 2's vertex plane at
+/// `radius`; 0 when it is lost.
 double traced_image_aperture(System system, double radius) {
   const double distance = system.surfaces.front().thickness;
   system.stop.reset();  // this beam is defined by surface 2; elsewhere it is wider than the stop
@@ -51,8 +51,9 @@ System from_stop(const System& system, int stop) {
   return part;
 }
 
-/// Where a ray in the vitreous, going towards -z, meets the retina; the sphere or conic itself,
-/// Newton from the vertex plane. Nothing when it does not.
+/// Intersection of a ray in the vitreous, going towards -z, with the retina: the secant slope over
+/// 0.1 um in Newton's method, from the vertex plane, so that it also serves aspheres. Nothing when
+/// it does not converge.
 std::optional<Eigen::Vector3d> on_retina(const Surface& retina, const Ray& ray) {
   constexpr int kSteps = 50;
   constexpr double kConverged = 1e-12;  // m
@@ -63,7 +64,7 @@ std::optional<Eigen::Vector3d> on_retina(const Surface& retina, const Ray& ray) 
       const Eigen::Vector3d p = ray.origin + at * ray.direction;
       return p.z() - retina.sag(p.head<2>().norm());
     };
-    if (std::isnan(gap(s))) {  // beyond the equator: come nearer
+    if (std::isnan(gap(s))) {  // beyond the equator: shorten the step
       s *= 0.95;
       continue;
     }
@@ -100,6 +101,7 @@ bool passes(const System& system, double angle, int from_surface, double clear_r
 
 }  // namespace
 
+/// OSLO's rule and the self-consistent alternatives (docs/optics.md).
 NumericalAperture numerical_aperture(const System& system) {
   const Stop& stop = stop_of(system);
   const double m = std::abs(retina_image(system).magnification);
@@ -114,10 +116,13 @@ NumericalAperture numerical_aperture(const System& system) {
   const double height =
       (system_matrix(system, 2, stop.surface) * transfer_matrix(distance, index))(1, 0) * index;
   aperture.object_stop = index * sine(stop.radius / std::abs(height));
+  // Abbe's sine condition: n sin u = |m| n' sin u'.
   aperture.image_stop = aperture.object_stop / m;
   return aperture;
 }
 
+/// (4.1), delta = (n / A_N) (1 + m) c; the thesis pairs the vitreous' index with the image side's
+/// A_N.
 DepthOfFocus depth_of_focus(const System& system, double confusion) {
   detail::require(confusion > 0 && std::isfinite(confusion),
                   "confusion: must be finite and positive");
@@ -130,6 +135,8 @@ DepthOfFocus depth_of_focus(const System& system, double confusion) {
           vitreous / aperture.object_beam * spread};
 }
 
+/// Depth of focus over the slope of image distance against depth: the secant of figure 3.4(b), or
+/// m^2 n_i / n_v at the retina.
 DepthOfField depth_of_field(const System& system, double confusion, double range) {
   const DepthOfFocus focus = depth_of_focus(system, confusion);
   const auto secant = secant_slope(system, range);
@@ -171,6 +178,8 @@ FieldOfView direct_field_of_view(const System& system, double observer_distance)
   // The stop seen from outside: imaged through its own surface and what follows.
   const Eigen::Matrix2d a = system_matrix(system, stop.surface);
   const double behind = system.surfaces.back().index;
+  // Image of the stop through these surfaces: position -n_i a10 / a00 and magnification 1 / a00, as
+  // in axial_image.
   const double pupil = -behind * a(1, 0) / a(0, 0);
   const double radius = std::abs(stop.radius / a(0, 0));
   return {
@@ -178,6 +187,7 @@ FieldOfView direct_field_of_view(const System& system, double observer_distance)
       "entrance pupil seen from " + std::to_string(observer_distance * 1e3) + " mm before the eye"};
 }
 
+/// Marches outwards to the first lost or clipped chief ray, then bisects.
 FieldOfView vignetted_field_of_view(const System& system, int from_surface, double clear_radius) {
   constexpr double kStep = 0.25 * std::numbers::pi / 180;
   constexpr double kWidest = 80 * std::numbers::pi / 180;

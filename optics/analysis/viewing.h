@@ -1,5 +1,5 @@
-// How much light, depth and field a way of looking into the eye has: numerical aperture, depth of
-// focus and of field (thesis 4.1), field of view (3.1).
+// Light, depth and field of ways to view the retina: numerical aperture, depth of focus and of
+// field (thesis 4.1), field of view (3.1).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -63,7 +63,7 @@ struct ChiefRay {
 /// an angle outside (-pi/2, pi/2).
 ChiefRay chief_ray_at_stop(const System& system, double angle);
 
-/// What limits each way of looking; the defaults are our assumptions, the thesis gives none.
+/// Limits of each way of viewing; the defaults are our assumptions, the thesis gives none.
 struct FieldAssumptions {
   double observer_distance = 15e-3;    // m, direct: observer's pupil before the cornea
   double contact_radius = 2.1e-3;      // m, vitrectomy: clear radius of the contact lens' flat face

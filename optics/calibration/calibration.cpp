@@ -16,7 +16,7 @@
 namespace vitreo::optics {
 namespace {
 
-constexpr double kPole = 1e-9;  // m; this near to its pole the law says nothing
+constexpr double kPole = 1e-9;  // m; this near to its pole the law gives nothing
 
 void check_point(const OnAxisPoint& point, const char* name) {
   if (!std::isfinite(point.sensor) || !std::isfinite(point.object)) {
@@ -24,7 +24,9 @@ void check_point(const OnAxisPoint& point, const char* name) {
   }
 }
 
-/// d_o and its derivatives by f, PP1, PP2; false at the pole.
+/// (4.10) to (4.12): d_o and its derivatives by f, PP1, PP2; false at the pole s_i = f. By (4.11)
+/// ds_o/df = -n_v s_i^2 / (s_i - f)^2 and ds_o/ds_i = n_v f^2 / (s_i - f)^2; PP2 enters s_i with a
+/// minus.
 bool derivatives(const OnAxisLaw& law, double d_ls, double& d_o, Eigen::Vector3d& by) {
   const double s_i = d_ls - law.second_principal_point + law.sensor_shift;
   const double f = law.focal_length;
@@ -43,7 +45,8 @@ struct Normal {
   double largest = 0;
 };
 
-/// Normal equations at the law; false when a point falls on its pole.
+/// Normal equations J^T J, J^T r of the residuals of d_o at the law; false when a point falls on
+/// its pole.
 bool linearize(const OnAxisLaw& law, std::span<const OnAxisPoint> points, Normal& normal) {
   normal = {};
   for (const OnAxisPoint& point : points) {
@@ -66,6 +69,7 @@ OnAxisLaw moved(OnAxisLaw law, const Eigen::Vector3d& step) {
   return law;
 }
 
+/// A fit of three parameters needs three abscissas.
 void check_points(std::span<const OnAxisPoint> points) {
   constexpr double kDistinct = 1e-7;  // m
   std::vector<double> sensors;
@@ -80,8 +84,8 @@ void check_points(std::span<const OnAxisPoint> points) {
   }
 }
 
-/// Levenberg-Marquardt; the three parameters are of one size, so the damping needs no scales of its
-/// own.
+/// Levenberg-Marquardt with Marquardt's scaling by the diagonal, for the refinement of f, PP1 and
+/// PP2 (thesis 4.3).
 Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
   constexpr int kSteps = 200;
   constexpr double kSmall = 1e-13;  // m
@@ -109,8 +113,8 @@ Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
   throw std::invalid_argument("points: the fit does not converge; they do not follow a lens' law");
 }
 
-/// Smallest step of (e_dls, e_do) that keeps the constraint, by Newton with the constraint's
-/// linearization.
+/// Smallest (e_dls, e_do) that fulfills the law at the retina: Newton's method, each time the point
+/// nearest to zero on the linearized constraint g . e = rest, e = g rest / |g|^2.
 void minimum_norm(OnAxisLaw& law, const OnAxisPoint& retina) {
   constexpr int kSteps = 100;
   constexpr double kSmall = 1e-15;  // m
@@ -174,6 +178,7 @@ OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> point
   start.check();
   check_points(points);
   OnAxisFit fit{start, 0, 0, Eigen::Matrix3d::Zero()};
+  // e_do and e_dls act as shifts of PP1 and PP2, so they are no parameters beside them.
   fit.law.first_principal_point += fit.law.object_shift;
   fit.law.second_principal_point -= fit.law.sensor_shift;
   fit.law.object_shift = fit.law.sensor_shift = 0;
@@ -181,6 +186,7 @@ OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> point
   const auto count = static_cast<double>(points.size());
   fit.rms_residual = std::sqrt(at.squares / count);
   fit.max_residual = at.largest;
+  // (J^T J)^-1 times the residual variance, with n - 3 degrees of freedom.
   if (points.size() > 3) fit.covariance = at.matrix.inverse() * (at.squares / (count - 3));
   return fit;
 }

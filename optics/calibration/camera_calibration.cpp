@@ -29,7 +29,9 @@ struct Similarity {
   double spread = 0;
 };
 
-/// pixel = center + factor * w, with w mirrored first when asked.
+/// Least squares of pixel = center + factor * w in complex numbers (a similarity: |factor| pixels
+/// per m, arg the rotation), in closed form: factor = sum conj(w) p / sum |w|^2 about the means, as
+/// Umeyama (1991) in the plane. w is mirrored first when asked.
 Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
   const auto plane = [&](const PointPair& pair) {
     return mirrored ? std::conj(upright(pair.m)) : upright(pair.m);
@@ -72,6 +74,7 @@ void check_pairs(std::span<const PointPair> pairs) {
     throw std::invalid_argument("pairs: all lie in one place");
 }
 
+/// z of the robot by (5.15).
 std::optional<double> depth_at(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis) {
   const auto start = first_guess(settings, observed, axis);
@@ -86,13 +89,14 @@ PoseSettings scaled(PoseSettings settings, double scale) {
   return settings;
 }
 
-/// The scale between `low` and `high` at which the error is zero; the localizer may answer nothing
-/// at one of them, as below the retina, or above a robot that lies on it: then the zero is sought
-/// between that side and what it sees.
+/// The scale between `low` and `high` at which the error is zero, by bisection. The localizer may
+/// give no answer at one of them, as below the retina, or above a robot that lies on it: then the
+/// zero is sought between that side and where it answers.
 template <class Error>
 std::optional<double> zero_between(const Error& error, double low, double high) {
   constexpr int kBisections = 60;
-  constexpr double kReached = 1e-7;  // m; what ends at the edge of the seen has not got there
+  constexpr double kReached =
+      1e-7;  // m; a bisection that ends at the edge of the answers is no zero
   const auto at_low = error(low);
   const auto at_high = error(high);
   if (!at_low && !at_high) return std::nullopt;
@@ -120,6 +124,7 @@ double scale_for(const PoseSettings& settings, const EllipseVector& observed,
     const auto z = depth_at(scaled(settings, scale), observed, axis);
     return z ? std::optional(*z - known_z) : std::nullopt;
   };
+  // Outwards from 1 in steps of 2 %, on both sides in turn.
   for (double scale = 1; scale < kLargest; scale *= kStep) {
     for (double low : {scale / kStep, 1 / scale}) {
       if (low < kSmallest) continue;
@@ -142,6 +147,7 @@ Eigen::Vector2d CameraFit::m_from_pixel(const Eigen::Vector2d& pixel_px) const {
   return image.m_from_pixel(Eigen::Rotation2Dd(-rotation) * from_center + image.center_px);
 }
 
+/// A mirrored similarity that fits a hundred times better shows a sign error in the pairs.
 CameraFit fit_camera(std::span<const PointPair> pairs) {
   constexpr double kClearlyBetter = 0.01;
   check_pairs(pairs);
@@ -162,9 +168,12 @@ CameraFit fit_camera(std::span<const PointPair> pairs) {
   if (pairs.size() > 2) {
     // of one coordinate; four parameters
     const double variance = straight.squares / (2 * count - 4);
+    // Standard deviation of the factor's parts: sigma / sqrt(sum |w|^2).
     const double of_factor = std::sqrt(variance / straight.spread);
     Complex mean;
     for (const PointPair& pair : pairs) mean += upright(pair.m) / count;
+    // |factor| = 1 / pixel, so sigma(pixel) = sigma(factor) pixel^2 and sigma(rotation) = sigma /
+    // |factor|.
     fit.scale_sigma = of_factor * fit.image.pixel * fit.image.pixel;
     fit.rotation_sigma = of_factor * fit.image.pixel;
     fit.center_sigma_px.setConstant(

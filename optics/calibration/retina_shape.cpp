@@ -25,8 +25,8 @@ std::vector<int> free_parameters(const RetinaFitOptions& options) {
   return free;
 }
 
-/// F / |grad F| with F = r^2 - 2 R w + (1+k) w^2, and its derivatives with |grad F| held: enough
-/// for least squares of small distances.
+/// Distance to first order (Sampson 1982): F / |grad F| with F = r^2 - 2 R w + (1+k) w^2, and its
+/// derivatives with |grad F| held: enough for least squares of small distances.
 double distance(const Parameters& p, const Eigen::Vector3d& point, Parameters& by) {
   const double x = point.x() - p[0];
   const double y = point.y() - p[1];
@@ -43,7 +43,8 @@ double distance(const Parameters& p, const Eigen::Vector3d& point, Parameters& b
   throw std::invalid_argument(std::string("points: ") + why);
 }
 
-/// Algebraic start: r^2 = 2 R w - (1+k) w^2 is linear in the coefficients of 1, x, y, z, z^2.
+/// Algebraic start: r^2 = 2 R w - (1+k) w^2 is linear in the coefficients of 1, x, y, z, z^2. It
+/// minimizes F instead of the distance, so it is biased with noise, but needs no start.
 Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options,
                      double scale) {
   const Eigen::Index count = static_cast<Eigen::Index>(points.size());
@@ -95,6 +96,7 @@ struct State {
   double largest = 0;
 };
 
+/// Normal equations of the distances.
 State linearize(const Parameters& p, std::span<const Eigen::Vector3d> points, double scale) {
   State state;
   for (const Eigen::Vector3d& point : points) {
@@ -109,6 +111,7 @@ State linearize(const Parameters& p, std::span<const Eigen::Vector3d> points, do
   return state;
 }
 
+/// Inverse over the free parameters; zero where a parameter is held.
 Normal inverse_of(const Normal& matrix, const std::vector<int>& free) {
   const auto n = static_cast<Eigen::Index>(free.size());
   Eigen::MatrixXd reduced = matrix(free, free);
@@ -129,6 +132,7 @@ void check(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& opti
 
 }  // namespace
 
+/// Gauss-Newton from the algebraic fit.
 RetinaFit fit_retina(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options) {
   constexpr int kSteps = 50;
   constexpr double kSmall = 1e-13;

@@ -1,6 +1,5 @@
-// The shape and depth of a retina from points on it, as MRI gives them or a localizer that followed
-// it (thesis 4.4).
-// SPDX-License-Identifier: Apache-2.0
+// Shape and depth of a retina from points on it, as MRI gives them or a localizer that followed it
+// (thesis 4.4).
 #pragma once
 
 #include <Eigen/Core>

@@ -1,6 +1,6 @@
-// What a lens design minimizes, for doubles and for Ceres' Jets: best foci and spots of bundles
-// traced through it, and penalties where a constraint is not kept. Lengths in m; residuals in units
-// of kUnit.
+// Merit of a lens design, for doubles and for Ceres' Jets: best foci and spots of bundles traced
+// through it, and penalties where a constraint is not kept (thesis 3.2: the aspheric terms that
+// flatten the image). Lengths in m; residuals in units of kUnit.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -54,19 +54,19 @@ struct DesignProblem {
   static constexpr double kStrict = 1e3;
   static constexpr int kChecks = 16;  // places along a profile where constraints are tested
 
-  bool designed(std::size_t surface) const {
+  bool is_variable(std::size_t surface) const {
     return std::any_of(variables.begin(), variables.end(), [&](const ShapeVariable& v) {
       return v.surface == surface && v.kind != ShapeKind::thickness;
     });
   }
-  bool thickness_designed(std::size_t surface) const {
+  bool thickness_is_variable(std::size_t surface) const {
     return std::any_of(variables.begin(), variables.end(), [&](const ShapeVariable& v) {
       return v.surface == surface && v.kind == ShapeKind::thickness;
     });
   }
   /// Whether surface, the next one, or what is between changes.
-  bool gap_designed(std::size_t surface) const {
-    return designed(surface) || designed(surface + 1) || thickness_designed(surface);
+  bool gap_is_variable(std::size_t surface) const {
+    return is_variable(surface) || is_variable(surface + 1) || thickness_is_variable(surface);
   }
 };
 
@@ -106,8 +106,8 @@ struct DesignFocus {
   T rms;
 };
 
-/// Best focus in closed form and the rms radius there, as SpotMoments has them. False when a ray is
-/// lost.
+/// Best focus in closed form, s = -cov(x, u) / var u, and the rms radius there, var x - cov^2 / var
+/// u, as SpotMoments has them. False when a ray is lost.
 template <class T>
 bool focus_design(const DesignProblem& problem, const std::vector<DesignSurface<T>>& surfaces,
                   const DesignBundle& bundle, DesignFocus<T>& focus) {
@@ -146,7 +146,8 @@ bool focus_design(const DesignProblem& problem, const std::vector<DesignSurface<
   return true;
 }
 
-/// (4.5), (4.6) with derivatives: 1 / f.
+/// 1 / f by (4.5), (4.6) with derivatives: the paraxial ray of height 1 and angle 0 through all
+/// surfaces; its last n u is a12 = -1 / f.
 template <class T>
 T power(const std::vector<DesignSurface<T>>& surfaces) {
   // n * angle
@@ -161,6 +162,8 @@ T power(const std::vector<DesignSurface<T>>& surfaces) {
   return -angle;
 }
 
+/// Exterior penalty of value >= least: a residual linear in the violation, stiff enough to hold to
+/// a micrometer.
 template <class T>
 T below(const T& value, double least) {
   return value < least ? T((least - value) * (DesignProblem::kStrict / DesignProblem::kUnit))
@@ -175,6 +178,7 @@ class DesignResiduals {
                   std::vector<T>& out)
       : problem_(problem), surfaces_(surfaces), out_(out) {}
 
+  /// Flatness (focus less the mean focus), spot size and the limit of it for each field.
   bool fields() {
     std::vector<DesignFocus<T>> foci(problem_.bundles.size());
     T mean(0);
@@ -193,6 +197,7 @@ class DesignResiduals {
     return true;
   }
 
+  /// The equality constraint, as a stiff residual.
   void kept() {
     const double scale = DesignProblem::kStrict / DesignProblem::kUnit;
     if (problem_.keeps == DesignKeeps::image_distance)
@@ -206,7 +211,7 @@ class DesignResiduals {
   void profiles() {
     constexpr double kLeastRoot2 = 0.01;  // under the root of (3.1): short of the equator
     for (std::size_t i = 1; i < surfaces_.size(); ++i) {
-      if (!problem_.designed(i)) continue;
+      if (!problem_.is_variable(i)) continue;
       const double reach = problem_.reach[i];
       const auto& s = surfaces_[i];
       const Profile<T> rim = profile(s, T(reach * reach));
@@ -222,9 +227,10 @@ class DesignResiduals {
     }
   }
 
+  /// Edge thickness out to the aperture, and center thickness.
   void gaps() {
     for (std::size_t i = 1; i + 1 < surfaces_.size(); ++i) {
-      if (!problem_.gap_designed(i)) continue;
+      if (!problem_.gap_is_variable(i)) continue;
       const double reach = std::max(problem_.reach[i], problem_.reach[i + 1]);
       for (int k = 1; k <= DesignProblem::kChecks; ++k) {
         const T r2(reach * reach * k * k / (DesignProblem::kChecks * DesignProblem::kChecks));
@@ -236,7 +242,7 @@ class DesignResiduals {
       }
     }
     for (std::size_t i = 0; i + 1 < surfaces_.size(); ++i) {
-      if (problem_.thickness_designed(i))
+      if (problem_.thickness_is_variable(i))
         out_.push_back(below(surfaces_[i].thickness, problem_.min_center_thickness));
     }
   }

@@ -31,6 +31,8 @@ const char* to_string(DesignStatus status) {
   return "unknown";
 }
 
+/// Merit of the header, over the fields from which rays come through: flatness is the spread of
+/// best foci about their mean, spots their rms radii.
 LensImage lens_image(const System& system, const LensDesignOptions& options) {
   options.check();
   const PupilTracer tracer(system, Pupil::of_stop(system));

@@ -12,7 +12,7 @@
 
 namespace vitreo::optics {
 
-/// converged: least merit, all constraints kept. The others name what stands in the way, and the
+/// converged: least merit, all constraints kept. The others name the obstacle, and the
 /// prescription is the best so far. rays_lost: a field's bundle does not come through whole.
 /// constraint_violated: no lens near the start keeps all constraints.
 enum class DesignStatus { converged, not_converged, rays_lost, constraint_violated };

@@ -1,5 +1,5 @@
-// Surfaces whose shapes are numbers with derivatives: what detail/refraction.h needs to trace a
-// lens that is being designed. Lengths in m.
+// Surfaces whose shapes are variables with derivatives, in the form that system/refraction.h
+// traces. Lengths in m.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -23,6 +23,7 @@ constexpr Named kShapes[] = {{".radius", ShapeKind::curvature},
                              {".a10", ShapeKind::a10},
                              {".thickness", ShapeKind::thickness}};
 
+/// By the prescription's name or the surface's number; surface 1, the retina, is no variable.
 ShapeVariable find_shape(const Prescription& prescription, const std::string& name) {
   (void)parameter(prescription, name);  // refuses an unknown one, with suggestions
   for (std::size_t i = 1; i < prescription.system.surfaces.size(); ++i) {
@@ -37,7 +38,8 @@ ShapeVariable find_shape(const Prescription& prescription, const std::string& na
                               " cannot be designed; a radius, conic, a4 to a10 or thickness can");
 }
 
-/// What a variable is per unit of x: about kUnit of sag at the rim.
+/// Scale of a variable per unit of x: about kUnit of sag at the rim, so that the solver's variables
+/// are of one size. Curvature c has sag c r^2 / 2, a_2k has a_2k r^2k.
 double scale_of(ShapeKind kind, double reach) {
   switch (kind) {
     case ShapeKind::curvature:
@@ -57,7 +59,8 @@ double to_shape(ShapeKind kind, double parameter) {
   return kind == ShapeKind::curvature ? 1 / parameter : parameter;
 }
 
-/// Bounds of the shape's number.
+/// Bounds of the shape's value. 1 / R falls with R while R keeps its sign, so the bounds change
+/// places.
 std::pair<double, double> bounds_of(const DesignVariable& variable, ShapeKind kind) {
   if (kind != ShapeKind::curvature) return {variable.lower, variable.upper};
   if (std::isinf(variable.lower) && std::isinf(variable.upper))
@@ -104,8 +107,9 @@ Designer::Designer(const Prescription& start, const LensDesignOptions& options)
   problem_.min_center_thickness = options.min_center_thickness;
 }
 
-/// Half of one field's bundle, aimed at the stop through the lens as it is now; `lost` of its rays
-/// do not come through.
+/// Half of one field's bundle (the other is its mirror image, hence weight 2), aimed at the stop
+/// through the present lens and kept behind the last surface that does not change; `lost` of its
+/// rays do not come through. Notes how far out the rays meet each surface.
 std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double angle, int& lost) {
   constexpr double kOnPlane = 1e-9;  // of the unit disc
   const auto object = point_at_field(now_.system, angle, options_.depth);
@@ -140,7 +144,7 @@ std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double a
   return made;
 }
 
-/// The bundles of the first `fields` fields for the next round, and how far all reach.
+/// The bundles of the first `fields` fields for the next round, and how far out all of them reach.
 Designer::Rays Designer::gather(std::size_t fields) {
   constexpr std::size_t kFewest = 6;  // rays that still make a spot
   const PupilTracer tracer(now_.system, Pupil::of_stop(now_.system));
@@ -185,7 +189,8 @@ struct MeritFunctor {
   }
 };
 
-/// Variables of an order above `highest` stay.
+/// One round: least squares by Ceres with automatic derivatives, within bounds. Aspheric terms of
+/// an order above `highest` are held.
 bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations, double& cost) {
   constexpr int kStride = 8;
   std::vector<double> first;
@@ -215,7 +220,8 @@ bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations,
   options.linear_solver_type = ceres::DENSE_QR;
   options.logging_type = ceres::SILENT;
   options.max_num_iterations = std::max(1, options_.max_iterations - iterations);
-  options.max_num_consecutive_invalid_steps = 30;  // a step that loses a ray is only too long
+  options.max_num_consecutive_invalid_steps =
+      30;  // a step that loses a ray is too long, no failure
   options.function_tolerance = 1e-7;
   options.parameter_tolerance = 1e-10;
   ceres::Solver::Summary summary;
@@ -225,18 +231,18 @@ bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations,
   return summary.termination_type == ceres::CONVERGENCE;
 }
 
-/// Takes the solver's shapes over; not when they make no system, which `unsound_` then says.
+/// Adopts the solver's shapes, unless they make no system; `unsound_` then names the fault.
 void Designer::adopt(const std::vector<double>& x) {
   const Prescription last = now_;
   const auto surfaces = shaped(problem_, x.data());
   for (std::size_t i = 1; i < surfaces.size(); ++i) {
     Surface& s = now_.system.surfaces[i];
-    if (problem_.designed(i)) {
+    if (problem_.is_variable(i)) {
       if (s.radius * surfaces[i].curvature != 1) s.radius = 1 / surfaces[i].curvature;
       s.conic = surfaces[i].conic;
       s.aspheric = surfaces[i].aspheric;
     }
-    if (problem_.thickness_designed(i)) s.thickness = surfaces[i].thickness;
+    if (problem_.thickness_is_variable(i)) s.thickness = surfaces[i].thickness;
   }
   try {
     now_.system.check();
@@ -268,7 +274,7 @@ LensDesign Designer::report(bool settled, int iterations) const {
   if (made.after.lost_fields > 0) {
     made.status = DesignStatus::rays_lost;
     made.reason = std::to_string(made.after.lost_fields) + " of " +
-                  std::to_string(options_.angles.size()) + " fields lose rays on their way";
+                  std::to_string(options_.angles.size()) + " fields lose rays on their path";
   } else if (!made.reason.empty()) {
     made.status = DesignStatus::constraint_violated;
   } else if (!settled) {
@@ -278,12 +284,15 @@ LensDesign Designer::report(bool settled, int iterations) const {
   return made;
 }
 
-LensDesign Designer::run(const Way& way) {
+/// Rays are aimed through the lens as it is, then held while the shapes are solved for; rounds
+/// repeat until cost and set of rays settle. By the path, a field or the next order joins each
+/// round, as thesis 3.2 determines a4, a6, a8, a10 in sequence.
+LensDesign Designer::run(const Path& path) {
   constexpr int kMaxRounds = 60;
   constexpr double kSettled = 1e-5;  // of the cost, from one round to the next
   const std::size_t all = options_.angles.size();
-  std::size_t fields = way.fields_grow ? std::min<std::size_t>(2, all) : all;
-  ShapeKind highest = way.orders_grow ? ShapeKind::a4 : ShapeKind::a10;
+  std::size_t fields = path.fields_grow ? std::min<std::size_t>(2, all) : all;
+  ShapeKind highest = path.orders_grow ? ShapeKind::a4 : ShapeKind::a10;
   const LensImage image = lens_image(start_.system, options_);
   problem_.kept =
       options_.keeps == DesignKeeps::focal_length ? image.focal_length : image.image_distance;

@@ -1,4 +1,5 @@
-// One way from a lens to its optimum: rounds of aiming, solving and looking again.
+// Designer: one continuation path from a lens to its optimum, in rounds of ray aiming, solving and
+// checking.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,18 +13,18 @@
 
 namespace vitreo::optics::detail {
 
-/// Which way is taken to the optimum: everything at once may get lost far from it, fields from the
-/// axis outwards and low orders first get into other valleys.
-struct Way {
+/// The continuation path to the optimum: everything at once may diverge far from it; fields from
+/// the axis outwards and low orders first lead to other minima.
+struct Path {
   bool fields_grow;
   bool orders_grow;
 };
 
-/// A design in the making.
+/// State of a design between rounds.
 class Designer {
  public:
   Designer(const Prescription& start, const LensDesignOptions& options);
-  LensDesign run(const Way& way);
+  LensDesign run(const Path& path);
 
  private:
   struct Rays {

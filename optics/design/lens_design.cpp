@@ -20,11 +20,12 @@ bool better(const LensDesign& one, const LensDesign& other) {
 
 }  // namespace
 
+/// A local optimizer from one start: four continuation paths, the best end counts.
 LensDesign design_lens(const Prescription& start, const LensDesignOptions& options) {
   LensDesign best = detail::Designer(start, options).run({false, false});
-  for (const detail::Way& way :
-       {detail::Way{true, false}, detail::Way{false, true}, detail::Way{true, true}}) {
-    LensDesign other = detail::Designer(start, options).run(way);
+  for (const detail::Path& path :
+       {detail::Path{true, false}, detail::Path{false, true}, detail::Path{true, true}}) {
+    LensDesign other = detail::Designer(start, options).run(path);
     if (better(other, best)) best = std::move(other);
   }
   return best;

@@ -16,10 +16,11 @@
 namespace vitreo::optics::detail {
 namespace {
 
-/// How many radial polynomials go with a harmonic: the total degree is about the same for all.
+/// Number of radial polynomials of a harmonic. rho^k times a polynomial of degree j in rho^2 has
+/// degree k + 2 j; the total degree is about the same for all harmonics.
 int radials_of(int harmonic, int rings) { return std::max(rings - (harmonic + 1) / 2, 1); }
 
-/// T_0 .. T_(n-1) at x, and their derivatives.
+/// T_0 .. T_(n-1) at x, and their derivatives, by T_k = 2 x T_(k-1) - T_(k-2).
 void chebyshev(double x, int n, double* t, double* d) {
   t[0] = 1;
   d[0] = 0;
@@ -30,6 +31,7 @@ void chebyshev(double x, int n, double* t, double* d) {
   }
 }
 
+/// The rings are Chebyshev nodes in 2 rho^2 - 1, the variable of the radial polynomials.
 double ring_radius(int ring, int rings) {
   return std::sqrt((Chebyshev2::node(ring, rings) + 1) / 2);
 }
@@ -63,6 +65,7 @@ SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths)
   double t[Chebyshev2::kMaxNodes];
   double d[Chebyshev2::kMaxNodes];
   for (std::size_t first = 0; first < terms_.size();) {
+    // One harmonic, cosine or sine: its terms stand together.
     const auto [k, j0, sine] = terms_[first];
     const int radials = radials_of(k, rings);
     Eigen::MatrixXd radial(rings, radials);
@@ -76,6 +79,7 @@ SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths)
         const double angle = 2 * std::numbers::pi * arm * k / kArms;
         const double weight =
             (k == 0 ? 1.0 : 2.0) / kArms * (sine ? std::sin(angle) : std::cos(angle));
+        // Discrete Fourier transform over the arms of a ring.
         harmonic += weight * samples.middleRows((i * kArms + arm) * depths, depths).transpose();
       }
       const Eigen::MatrixXd in_depth = harmonic * to_depth.transpose();
@@ -92,8 +96,7 @@ SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths)
   trim();
 }
 
-/// Leaves the terms out that are nothing beside rounding: most of the higher harmonics of a slight
-/// tilt.
+/// Drops the terms that are below rounding: most of the higher harmonics of a slight tilt.
 void SkewTable::trim() {
   constexpr double kNothing = 1e-14;  // m
   const auto count = static_cast<Eigen::Index>(terms_.size());
@@ -138,6 +141,7 @@ void SkewTable::basis(const Eigen::Vector2d& at,
     const auto part = [&](const std::complex<double>& x) {
       return term.sine ? x.imag() : x.real();
     };
+    // d T_j(2 rho^2 - 1) / d xi = 4 xi T_j'.
     const double radial = t[term.radial];
     const double per = 4 * d[term.radial] * part(value);
     const auto row = static_cast<Eigen::Index>(i);
@@ -147,6 +151,8 @@ void SkewTable::basis(const Eigen::Vector2d& at,
   }
 }
 
+/// The sum over the depth orders first: it is shared by the value and both derivatives in the
+/// field.
 SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& place) const {
   Eigen::Matrix<double, Eigen::Dynamic, 3> field;
   basis(place.head<2>(), field);
@@ -170,6 +176,7 @@ SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& place) const {
   return image;
 }
 
+/// Values 3 and 4: the chief ray in the plane of the stop.
 Eigen::Vector2d SkewTable::stop(const Eigen::Vector3d& place) const {
   Eigen::Matrix<double, Eigen::Dynamic, 3> field;
   basis(place.head<2>(), field);

@@ -10,9 +10,8 @@
 namespace vitreo::optics::detail {
 
 /// Real harmonics of the azimuth up to order K, Re and Im of (xi + i eta)^k, times Chebyshev
-/// polynomials of 2 rho^2 - 1, times those of v: polynomials in xi, eta and v, smooth on the axis.
-/// rho^2 = xi^2 + eta^2 <= 1, v in
-/// [-1, 1].
+/// polynomials of 2 rho^2 - 1, times those of v: polynomials in xi, eta and v, smooth on the axis
+/// (as Zernike's are). rho^2 = xi^2 + eta^2 <= 1, v in [-1, 1].
 class SkewTable {
  public:
   static constexpr int kHarmonics = 7;              // K

@@ -18,7 +18,7 @@ using Place = WideAngleMap::Place;
 using Plane = WideAngleMap::Plane;
 constexpr int kFewest = 5;
 
-/// Where f(x) = 0 between two ends, by halving; nothing when f has the same sign or no value at
+/// The zero of f between two ends, by bisection; nothing when f has the same sign or no value at
 /// both.
 std::optional<double> root(const std::function<std::optional<double>(double)>& f, double from,
                            double to) {
@@ -35,6 +35,8 @@ std::optional<double> root(const std::function<std::optional<double>(double)>& f
   return (from + to) / 2;
 }
 
+/// Points in focus at one sensor position d_ls: for each field angle the depth at which the map's
+/// focus is `focus` (thesis 3.2: the isofocus surface).
 std::vector<Plane> isofocus_points(const WideAngleMap& map, double focus, int samples) {
   std::vector<Plane> points;
   for (int i = 0; i < samples; ++i) {
@@ -50,6 +52,8 @@ std::vector<Plane> isofocus_points(const WideAngleMap& map, double focus, int sa
   return points;
 }
 
+/// Points imaged at one height d_op: for each depth the field angle at which the map's height is
+/// `height` (thesis 3.2: the isopixel curve).
 std::vector<Plane> isopixel_points(const WideAngleMap& map, double height, int samples) {
   std::vector<Plane> points;
   for (int i = 0; i < samples; ++i) {
@@ -65,7 +69,8 @@ std::vector<Plane> isopixel_points(const WideAngleMap& map, double height, int s
   return points;
 }
 
-/// A point's distance from the conic, to first order, and its change with radius and pole.
+/// A point's distance from the conic F = r^2 + (1 + k) u^2 - 2 R u = 0, u = z - z0, to first order:
+/// F / |grad F| (Sampson 1982), and its change with radius and pole, |grad F| held.
 struct Distance {
   double value;
   double per_radius;
@@ -80,9 +85,9 @@ Distance distance(double radius, double conic, double pole, const Plane& at) {
           -2 * normal / steepness};
 }
 
-/// Least squares of the distances by Gauss-Newton; the conic constant k is held. The start is the
-/// linear fit of r^2 + (1 + k) z^2 = 2 A z - B, where A = R + (1 + k) z0 and B = (1 + k) z0^2 + 2 R
-/// z0.
+/// 3.2.1: radius and pole of one isofocus surface by least squares of the distances, Gauss-Newton;
+/// the conic constant k is held. The start is the linear fit of r^2 + (1 + k) z^2 = 2 A z - B,
+/// where A = R + (1 + k) z0 and B = (1 + k) z0^2 + 2 R z0.
 IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, double focus) {
   constexpr int kSteps = 10;
   const auto count = static_cast<Eigen::Index>(points.size());
@@ -93,6 +98,8 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
     off[i] = points[i].r * points[i].r + (1 + conic) * points[i].z * points[i].z;
   }
   const Eigen::Vector2d ab = detail::least_squares(jacobian, off);
+  // z0 from (1 + k) z0^2 - 2 A z0 + B = 0, the smaller root without cancellation; then R = A - (1 +
+  // k) z0.
   const double root = std::sqrt(std::max(ab[0] * ab[0] - (1 + conic) * ab[1], 0.0));
   const double start = ab[1] / (ab[0] + (ab[0] < 0 ? -root : root));
   Eigen::Vector2d p(ab[0] - (1 + conic) * start, start);
@@ -109,6 +116,7 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
   return made;
 }
 
+/// 3.2.1: slope and intercept of one isopixel curve, by the normal equations of r = a + s z.
 IsopixelCurve fit_line(const std::vector<Plane>& points, double height) {
   double n = 0;
   double z = 0;
@@ -127,6 +135,7 @@ IsopixelCurve fit_line(const std::vector<Plane>& points, double height) {
   return made;
 }
 
+/// 3.2.1: a polynomial of third order for each parameter.
 Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
   const auto count = static_cast<Eigen::Index>(x.size());
   if (count < kFewest) throw std::invalid_argument("map: too small for the thesis' cubics");
@@ -163,6 +172,8 @@ void ThesisSettings::check() const {
   detail::require_at_least(samples, kFewest, "samples");
 }
 
+/// 3.2.1 and figure 3.6: surfaces at equal steps of d_ls from the retina's image to the deepest
+/// point's, curves at equal steps of d_op, then a cubic for each of the four parameters.
 ThesisCurves fit_thesis_curves(const WideAngleMap& map, const ThesisSettings& settings) {
   settings.check();
   ThesisCurves made;
@@ -197,6 +208,7 @@ std::optional<WideAngleMap::Plane> ThesisCurves::point(double focus, double heig
   return point_beyond(focus, height);
 }
 
+/// 4.1: the position is the intersection of the isopixel curve with the isofocus surface.
 std::optional<WideAngleMap::Plane> ThesisCurves::point_beyond(double focus, double height,
                                                               double pole_shift) const {
   const double R = radius(focus);

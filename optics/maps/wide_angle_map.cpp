@@ -22,13 +22,14 @@ constexpr double kMaxRoundTrip = 5e-6;
 constexpr int kMaxSteps = 30;
 constexpr double kConverged = 1e-12;  // m, of an image
 
+/// The stop's surface; of a system without one, where the thesis' tables have it.
 int stop_surface(const System& system) {
   return system.stop ? system.stop->surface : std::min(3, system.size());
 }
 
-/// With its lens in place. For a microscope the stop lets everything through, so that the table
-/// reaches past the iris' shadow, whose edge is no smooth curve in it; the shadow is told from the
-/// chief ray.
+/// The system with its lens at the distance asked for. For a microscope the stop lets everything
+/// through, so that the table reaches past the iris' shadow, whose edge is no smooth curve in it;
+/// whether a point lies in the shadow is decided by its chief ray.
 System resolved(const System& system, const WideAngleSettings& settings) {
   constexpr double kWide = 1;  // m
   settings.check();
@@ -54,8 +55,8 @@ bool is_symmetric(const std::optional<Microscope>& microscope) {
           (microscope->decenter.isZero(0) || !std::isfinite(microscope->pupil_distance)));
 }
 
-/// Where along z the microscope's plane of focus must meet its axis so that it holds the aerial
-/// point. m
+/// The z at which the microscope's plane of focus must meet its axis so that it holds the aerial
+/// point; m.
 double focus_through(const System& system, const Microscope& microscope,
                      const AerialPoint& aerial) {
   const Eigen::Vector3d axis = chief_ray_in_air(system, microscope, {0, 0}).direction;
@@ -111,6 +112,7 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
       throw std::invalid_argument("max_angle: bundles are vignetted nearly everywhere");
     return good;
   };
+  // First as far as bundles pass, then as far as the table is good enough.
   const int whole = largest(parts, [&](double angle) { return bundles_pass(angle); });
   if (build(settings.max_angle * whole / parts)) return;
   angle_nodes_ = std::max(angle_nodes_, kManyAngles);
@@ -119,7 +121,8 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
   if (max_angle_ != settings.max_angle * good / parts) build(settings.max_angle * good / parts);
 }
 
-/// Whether whole bundles get through along the rim of the field.
+/// Whether whole bundles get through along the rim of the field: at three depths, and for a skew
+/// map at all azimuths.
 bool WideAngleMap::bundles_pass(double angle) {
   constexpr int kDepths = 3;
   Spot spot;
@@ -135,19 +138,20 @@ bool WideAngleMap::bundles_pass(double angle) {
   return true;
 }
 
-/// A microscope's pupil moves with its focus, so that is found first: by secants, from fixed-point
-/// steps.
+/// Best focus of one point's bundle. A microscope's pupil moves with its focus, so the focus f =
+/// g(f) is found by the secant method, the first step a fixed-point step; a coarse bundle serves
+/// until it is nearly found.
 std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& point,
                                                       PupilTracer& tracer, Spot& spot) const {
   constexpr int kMaxFocusSteps = 20;
-  // m, of the microscope's place; a tenth or less of it moves the image
+  // m, of the microscope's position; a tenth or less of it moves the image
   constexpr double kSettled = 1e-10;
   constexpr double kNearly = 1e-6;  // m
   const bool moves = settings_.microscope && std::isfinite(settings_.microscope->pupil_distance);
   Microscope microscope = settings_.microscope.value_or(Microscope{});
-  double last_place = 0;
+  double last_position = 0;
   double last_off = 0;
-  bool coarse = moves;  // until the place is nearly found
+  bool coarse = moves;  // until the position is nearly found
   for (int step = 0; step < kMaxFocusSteps; ++step) {
     if (moves) tracer.set_pupil(Pupil::of_microscope(tracer.system(), microscope));
     if (!tracer.trace(point, coarse ? coarse_ : samples_, spot) || spot.lost > 0)
@@ -155,12 +159,12 @@ std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& poi
     const double focus = spot.moments().best_focus();
     if (!std::isfinite(focus)) return std::nullopt;
     const AerialPoint aerial{spot.chief_at(focus), focus};
-    const double place = microscope.focus;
-    const double off = focus_through(tracer.system(), microscope, aerial) - place;
+    const double position = microscope.focus;
+    const double off = focus_through(tracer.system(), microscope, aerial) - position;
     if (!coarse && (!moves || std::abs(off) < kSettled)) return aerial;
-    const double slope = step == 0 ? -1 : (off - last_off) / (place - last_place);
-    microscope.focus = place - off / (std::isfinite(slope) && slope < -0.1 ? slope : -1);
-    last_place = place;
+    const double slope = step == 0 ? -1 : (off - last_off) / (position - last_position);
+    microscope.focus = position - off / (std::isfinite(slope) && slope < -0.1 ? slope : -1);
+    last_position = position;
     last_off = off;
     coarse = coarse && std::abs(off) > kNearly;
   }
@@ -172,7 +176,8 @@ bool WideAngleMap::build(double max_angle) {
   return measure_distances() && (symmetric_ ? build_flat() : build_skew());
 }
 
-/// Of the retina from the stop's center, which has an axis whoever looks.
+/// Distances of the retina from the stop's center, as a polynomial in angle^2: even, as the eye is
+/// rotationally symmetric whatever the viewing system.
 bool WideAngleMap::measure_distances() {
   const int rows = angle_nodes_;
   Eigen::MatrixXd distance(rows, 1);
@@ -191,6 +196,8 @@ double WideAngleMap::distance(double angle) const {
   return distance_(2 * part * part - 1, 0).value;
 }
 
+/// Bundles at the Chebyshev nodes in (angle^2, depth). Heights are divided by the point's distance
+/// from the axis, which leaves even functions without a zero on the axis.
 bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
                               Eigen::MatrixXd& stop) {
   Spot spot;
@@ -211,6 +218,7 @@ bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
   return true;
 }
 
+/// Symmetric map: interpolation, its error by the last coefficients, and cells for the inverse.
 bool WideAngleMap::build_flat() {
   const int rows = angle_nodes_;
   const int columns = depth_nodes_;
@@ -241,6 +249,8 @@ void WideAngleMap::require_symmetry() const {
         "microscope: tilted or decentered, its map has no meridional plane");
 }
 
+/// Polar coordinates about the stop's center: the field angle, and the distance of the retina less
+/// the depth.
 WideAngleMap::Plane WideAngleMap::plane_point(const Place& place) const {
   require_symmetry();
   const double left = distance(std::clamp(place.angle, 0.0, max_angle_)) - place.depth;
@@ -259,6 +269,8 @@ std::optional<WideAngleMap::Place> WideAngleMap::place_of(const Plane& point) co
   return Place{inside, std::clamp(depth, 0.0, max_depth())};
 }
 
+/// Values and derivatives by the chain rule: u = 2 (angle / max_angle)^2 - 1, v = 2 depth /
+/// max_depth - 1; height = scale * r with r = (distance - depth) sin(angle).
 WideAngleMap::Meridional WideAngleMap::evaluate(const Place& place) const {
   const double part = place.angle / max_angle_;
   const double u = 2 * part * part - 1;
@@ -280,6 +292,7 @@ WideAngleMap::Meridional WideAngleMap::evaluate(const Place& place) const {
   return made;
 }
 
+/// Whether the chief ray misses the eye's stop, which is open in the traced system.
 bool WideAngleMap::in_shadow(const Place& place) const {
   if (!std::isfinite(stop_radius_) || !settings_.microscope) return false;
   const double part = place.angle / max_angle_;
@@ -293,6 +306,8 @@ WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const Place& place) const 
   return {{there.focus, there.height}, there.per_place.determinant(), in_shadow(place)};
 }
 
+/// Newton's method in (angle, depth), kept near the table. A solution outside it by less than
+/// edge() is taken to lie on its boundary.
 std::optional<WideAngleMap::FlatSearch::Solution> WideAngleMap::solve(
     const FlatSearch::Point& image, const FlatSearch::Point& start) const {
   Place place{start.x() * max_angle_, start.y() * max_depth()};
@@ -331,6 +346,8 @@ std::optional<WideAngleMap::Meridional> WideAngleMap::at(const Place& place) con
   return made;
 }
 
+/// Inverse of at(). Near a fold the inverse of the Jacobian grows, and with it the table's error in
+/// the eye; beyond kMaxRoundTrip there is no answer.
 std::optional<WideAngleMap::Place> WideAngleMap::find(double focus, double height) const {
   require_symmetry();
   const FlatSearch::Point image(focus, height);
@@ -339,6 +356,7 @@ std::optional<WideAngleMap::Place> WideAngleMap::find(double focus, double heigh
   if (!found) return std::nullopt;
   const Place place{found->unit.x() * max_angle_, found->unit.y() * max_depth()};
   Eigen::Matrix2d per_meter = evaluate(place).per_place;
+  // An angle becomes a length across.
   per_meter.col(0) /= distance(place.angle);
   if (!(2 * tail_ * per_meter.inverse().norm() < kMaxRoundTrip)) return std::nullopt;
   return place;

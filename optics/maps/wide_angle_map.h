@@ -1,5 +1,5 @@
-// Where an intraocular point is imaged sharply, and back: the whole wide-angle image formation
-// (thesis 3.2) as a table. Frame: the eye frame; lengths in m.
+// Wide-angle map (thesis 3.2): from an intraocular point to its sharp aerial image and back, as a
+// table of traced bundles. Frame: the eye frame; lengths in m.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,10 +17,11 @@
 namespace vitreo::optics {
 
 struct WideAngleSettings {
-  /// Who looks: nothing is a bare sensor at the aerial image, and the bundle is the one that fills
-  /// the eye's stop. A microscope takes its own small bundle, and as it is focused it moves along z
-  /// with its pupil, so that the point's best focus lies in its plane; a point whose chief ray the
-  /// eye's stop blocks is in the iris' shadow and outside. It may be decentered and tilted.
+  /// The viewing system: nothing is a bare sensor at the aerial image, and the bundle is the one
+  /// that fills the eye's stop. A microscope takes its own small bundle, and as it is focused it
+  /// moves along z with its pupil, so that the point's best focus lies in its plane; a point whose
+  /// chief ray the eye's stop blocks is in the iris' shadow and outside. It may be decentered and
+  /// tilted.
   std::optional<Microscope> microscope;
   /// m, from the eye's last vertex to the condensing lens (the last two surfaces); nothing: as
   /// prescribed.
@@ -50,7 +51,7 @@ struct AerialPoint {
 
 /// (field, depth) -> (d_ls, d_op) by bundles traced at nodes, interpolated; inverted by Newton.
 /// Rotationally symmetric, in (angle, depth), or, for a tilted microscope and a decentered one with
-/// a finite pupil, in two angles and the depth. Outside its validity it says nothing; it never
+/// a finite pupil, in two angles and the depth. Outside its validity it gives nothing; it never
 /// extrapolates. The boundary belongs to it: a place that misses it by less than edge() is taken to
 /// lie on it.
 class WideAngleMap {
@@ -77,8 +78,8 @@ class WideAngleMap {
   /// in the eye.
   double edge() const { return 1e-9 + 4 * tail_; }
   bool symmetric() const { return symmetric_; }
-  /// The lens in its place; for a microscope the stop is opened, or one put in: its shadow is told
-  /// apart.
+  /// With the lens at its distance; for a microscope the stop is opened, or one added: its shadow
+  /// is found by the chief ray.
   const System& system() const { return tracer_.system(); }
 
   // In the meridional plane, without azimuth: for drawing the curves. These throw

@@ -1,4 +1,4 @@
-// The wide-angle map of a tilted or decentered microscope: in two angles and the depth.
+// Wide-angle map of a tilted or decentered microscope, in two field angles and the depth.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/maps/wide_angle_map.h"
 
@@ -16,7 +16,8 @@ using detail::SkewTable;
 constexpr double kSlack = 1e-9;  // m: a point computed to lie on the table's edge is on it
 constexpr double kTurn = 2 * std::numbers::pi;
 
-/// Cells are counted along radius and azimuth.
+/// From the unit cube of the cells (radius, azimuth over a turn, depth) to the table's (xi, eta,
+/// v).
 Eigen::Vector3d place_of_unit(const Eigen::Vector3d& unit) {
   return {unit.x() * std::cos(kTurn * unit.y()), unit.x() * std::sin(kTurn * unit.y()),
           2 * unit.z() - 1};
@@ -29,6 +30,8 @@ Eigen::Vector3d unit_of_place(const Eigen::Vector3d& place) {
 
 }  // namespace
 
+/// (xi, eta) is the field angle over its maximum with its azimuth; v the depth, from -1 at the
+/// retina to 1.
 Eigen::Vector3d WideAngleMap::skew_point(const Eigen::Vector3d& place) const {
   const double rho = place.head<2>().norm();
   const double angle = rho * max_angle_;
@@ -55,8 +58,8 @@ std::optional<Eigen::Vector3d> WideAngleMap::skew_place(const Eigen::Vector3d& p
                          std::clamp(2 * depth / max_depth() - 1, -1.0, 1.0));
 }
 
-/// Of the table against traced bundles between its nodes, where it is worst: by the rim and by both
-/// ends of depth. What is deep in the iris' shadow does not count. m
+/// The table's largest error against traced bundles between its nodes, where it is worst: by the
+/// rim and by both ends of depth; m. What is deep in the iris' shadow does not count.
 double WideAngleMap::skew_error() const {
   constexpr double kRadii[] = {0.3, 0.7, 0.9, 0.97, 0.995};
   constexpr double kDepths[] = {-0.98, -0.6, 0.05, 0.7, 0.985};
@@ -78,6 +81,8 @@ double WideAngleMap::skew_error() const {
   return worst;
 }
 
+/// As build_flat, over rings, arms and depths. The table's error is measured, not taken from its
+/// last coefficients.
 bool WideAngleMap::build_skew() {
   const int rings = angle_nodes_;
   const int depths = depth_nodes_;
@@ -116,6 +121,8 @@ WideAngleMap::SkewSearch::Sample WideAngleMap::skew_sample(const Eigen::Vector3d
   return {there.value, there.per_place.determinant(), skew_.stop(place).norm() > stop_radius_};
 }
 
+/// Newton's method in (xi, eta, v), kept near the table; these are regular on the axis, as angle
+/// and azimuth are not.
 std::optional<WideAngleMap::SkewSearch::Solution> WideAngleMap::solve(
     const SkewSearch::Point& image, const SkewSearch::Point& start) const {
   constexpr int kMaxSteps = 30;

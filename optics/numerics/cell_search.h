@@ -1,5 +1,6 @@
-// Where a smooth map of N variables takes a value, and whether there alone: cells of the unit cube
-// with boxes round their images, for starting Newton's method in each that may hold a solution.
+// Solutions of a smooth map of N variables, and whether they are unique: cells of the unit cube
+// with boxes round their images, for starting Newton's method in each cell that may hold a
+// solution.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,13 +17,18 @@
 namespace vitreo::optics::detail {
 
 template <int N>
+/// Exclusion by cells: the cube is cut into cells, each with a box that holds its image. A target
+/// can only have a solution in the cells whose boxes hold it. Where the determinant of the
+/// derivative keeps its sign in a cell, the map is taken to be one-to-one there and one start
+/// suffices; a cell in which it changes (a fold) is started from all of its lattice points. The
+/// boxes are sampled, not proven: they hold for maps that are smooth on the scale of a cell.
 class CellSearch {
  public:
   using Point = Eigen::Matrix<double, N, 1>;
   struct Sample {
     Point image;
     double determinant = 0;  // of the map's derivative
-    bool hidden = false;     // its image is not seen: it is no solution of anything
+    bool hidden = false;     // its image is blocked (in the iris' shadow): no solution
   };
   struct Solution {
     Point unit;   // in the unit cube
@@ -46,8 +52,10 @@ class CellSearch {
       }
       lattice.push_back(sample(unit));
     }
+    // The determinant in the cube's middle sets the map's orientation and the scale of "nearly
+    // zero".
     const double typical = sample(Point(Point::Constant(0.5))).determinant;
-    way_ = typical < 0 ? -1 : 1;
+    orientation_ = typical < 0 ? -1 : 1;
     scale_ = std::abs(typical);
     for (int i = 0; i < total; ++i) add(i, lattice);
     sort_into_bins();
@@ -73,7 +81,9 @@ class CellSearch {
       for (int start = 0; start < starts; ++start) {
         const auto found = solve(cell.folds ? cell.lattice(start) : cell.middle());
         if (!found || found->there.hidden) continue;
-        if (!(found->there.determinant * way_ > kNearFold * scale_)) return std::nullopt;
+        // Too near a fold, or on the other branch: two solutions merge there, and neither is
+        // certain.
+        if (!(found->there.determinant * orientation_ > kNearFold * scale_)) return std::nullopt;
         if (one && (found->place - one->place).norm() > kSame) return std::nullopt;
         if (!one) one = found;
       }
@@ -156,7 +166,7 @@ class CellSearch {
       const Sample& at = node(i);
       cell.image_low = cell.image_low.cwiseMin(at.image);
       cell.image_high = cell.image_high.cwiseMax(at.image);
-      least = std::min(least, at.determinant * way_);
+      least = std::min(least, at.determinant * orientation_);
       hidden = hidden && at.hidden;
     }
     if (hidden) return;
@@ -170,10 +180,13 @@ class CellSearch {
     for (int d = 0, stride = 1; d < N; stride *= 3, ++d) {
       image_per_cell.col(d) = node(kMiddle + stride).image - node(kMiddle - stride).image;
     }
+    // Central differences over the cell: the linear map that may_hold() inverts.
     cell.cell_per_image = image_per_cell.inverse();
     cells_.push_back(cell);
   }
 
+  // A uniform grid over the first two coordinates of the images, so that a search does not test
+  // every cell's box.
   void sort_into_bins() {
     const double infinite = std::numeric_limits<double>::infinity();
     from_.setConstant(infinite);
@@ -184,21 +197,21 @@ class CellSearch {
     }
     bins_.assign(kBins * kBins, {});
     for (int i = 0; i < static_cast<int>(cells_.size()); ++i) {
-      const Eigen::Vector2i a = place_in_bins(cells_[i].image_low.template head<2>());
-      const Eigen::Vector2i b = place_in_bins(cells_[i].image_high.template head<2>());
+      const Eigen::Vector2i a = bin_index(cells_[i].image_low.template head<2>());
+      const Eigen::Vector2i b = bin_index(cells_[i].image_high.template head<2>());
       for (int x = a.x(); x <= b.x(); ++x) {
         for (int y = a.y(); y <= b.y(); ++y) bins_[x * kBins + y].push_back(i);
       }
     }
   }
-  Eigen::Vector2i place_in_bins(const Eigen::Vector2d& image) const {
+  Eigen::Vector2i bin_index(const Eigen::Vector2d& image) const {
     const Eigen::Array2d part = (image - from_).array() / (to_ - from_).array();
     return (part * kBins).cwiseMin(kBins - 1.0).cwiseMax(0.0).template cast<int>().matrix();
   }
   const std::vector<int>* bin_of(const Point& image) const {
     const Eigen::Vector2d at = image.template head<2>();
     if (!((at.array() >= from_.array()).all() && (at.array() <= to_.array()).all())) return nullptr;
-    const Eigen::Vector2i place = place_in_bins(at);
+    const Eigen::Vector2i place = bin_index(at);
     return &bins_[place.x() * kBins + place.y()];
   }
 
@@ -208,7 +221,7 @@ class CellSearch {
   // of the first two of an image
   Eigen::Vector2d from_{0, 0};
   Eigen::Vector2d to_{0, 0};
-  double way_ = 1;
+  double orientation_ = 1;
   double scale_ = 0;
   bool one_to_one_ = false;
 };

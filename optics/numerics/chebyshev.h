@@ -1,5 +1,4 @@
-// A smooth function of two variables on a rectangle, by Chebyshev's polynomials: value and
-// gradient.
+// Chebyshev interpolation of a function of two variables on a rectangle: value and gradient.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,6 +15,9 @@ struct ValueAndGradient {
   double dv;
 };
 
+/// f(u, v) = sum c_ij T_i(u) T_j(v), interpolated at the roots of T_n; for a smooth function the
+/// error falls as the last coefficients do (Trefethen, Approximation Theory and Approximation
+/// Practice, 2013).
 class Chebyshev2 {
  public:
   static constexpr int kMaxNodes = 32;
@@ -60,6 +62,8 @@ class Chebyshev2 {
   }
 
  private:
+  // Discrete cosine transform from values at the nodes to coefficients: c_k = (2 - [k = 0]) / n *
+  // sum_i f(x_i) cos(k pi (i + 1/2) / n).
   static Eigen::MatrixXd transform(Eigen::Index n) {
     Eigen::MatrixXd made(n, n);
     for (Eigen::Index k = 0; k < n; ++k) {
@@ -71,6 +75,7 @@ class Chebyshev2 {
     }
     return made;
   }
+  // T_k and their derivatives by the recurrence T_k = 2 x T_(k-1) - T_(k-2).
   static void polynomials(double x, Eigen::Index n, double* t, double* d) {
     t[0] = 1;
     d[0] = 0;

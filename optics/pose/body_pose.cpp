@@ -38,6 +38,7 @@ const char* to_string(PoseStatus status) {
   return "outside";
 }
 
+/// The shortest such rotation, about z x axis.
 Eigen::Matrix3d orientation_along(const Eigen::Vector3d& axis_in_eye) {
   detail::require(axis_in_eye.allFinite() && axis_in_eye.norm() > 0,
                   "axis_in_eye: must be finite and not zero");

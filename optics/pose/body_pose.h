@@ -32,7 +32,7 @@ struct ObjectPoseSettings {
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
-/// A place and a rotation. `orientation` takes the body's frame to the eye's.
+/// A position and a rotation. `orientation` takes the body's frame to the eye's.
 struct BodyPose {
   Eigen::Vector3d position_in_eye{0, 0, 0};  // m
   Eigen::Matrix3d orientation = Eigen::Matrix3d::Identity();
@@ -46,7 +46,7 @@ struct PoseCandidate {
   double scale = 1;  // of the size, where it is free
   /// Of position (m, 0 to 2), rotation about the body's own axes (rad, 3 to 5) and logarithm of the
   /// size (6), by J^T W J at the minimum; zero where held. Infinite, without covariances, where the
-  /// measurement does not tell.
+  /// measurement does not determine them.
   Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
   /// Directions that are not observed, in units of 3 mm, 0.4 rad, 20 %: a sigma above one. A body's
   /// symmetry axis is one.
@@ -61,7 +61,7 @@ enum class PoseStatus {
   found,
   ambiguous,      // several candidates explain the measurement equally; the best first
   misfit,         // the best one does not explain it: residual_px above the limit
-  not_converged,  // the best place reached is the candidate; its covariance is infinite
+  not_converged,  // the best position reached is the candidate; its covariance is infinite
   outside,        // no start could be seen through the projection: no candidate
 };
 const char* to_string(PoseStatus status);

@@ -27,9 +27,9 @@ struct Across {
   Vector at(double angle) const { return std::cos(angle) * e1 + std::sin(angle) * e2; }
 };
 
-/// The plane that holds the viewpoint (far * w) and touches the body has normal n = c cos t + w sin
-/// t with h(n) = n . viewpoint, h the support function. Safeguarded Newton; the equation is nearly
-/// far sin t = h.
+/// A point of the outline. The plane that holds the viewpoint (far * w) and touches the body has
+/// the normal n = c cos t + w sin t with h(n) = n . viewpoint, where h is the support function and
+/// its gradient the point of contact. Safeguarded Newton; the equation is nearly far sin t = h.
 Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, double far) {
   constexpr int kSteps = 60;
   constexpr double kExact = 1e-9;  // rad; the outline moves by its square
@@ -53,6 +53,8 @@ Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, doubl
   return point;
 }
 
+/// Where the ellipsoid is the unit sphere, s . s = 1 and s . (far w) = 1 hold on the outline: a
+/// circle at height 1 / far along w.
 std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, double far,
                                       int count) {
   std::vector<Vector> points;
@@ -78,9 +80,12 @@ Vector cut(const std::vector<Vector>& polygon, const Across& across, double angl
       return a + (b - a) * (before / (before - after));
     from = (from + 1) % polygon.size();
   }
-  return polygon[from];  // cannot be: the polygon goes round the line of sight
+  return polygon[from];  // unreachable: the polygon goes round the line of sight
 }
 
+/// Points of contact for normals at equal angles make a polygon; the outline's points are its
+/// crossings with half-planes at equal angles round the line of sight, as corners gather many
+/// normals in one point.
 std::vector<Vector> general_outline(const ObjectModel& body, const Across& across, const Vector& w,
                                     double far, int count) {
   constexpr int kNormals = 240;
@@ -93,7 +98,9 @@ std::vector<Vector> general_outline(const ObjectModel& body, const Across& acros
   return points;
 }
 
-/// Center and shape of the ellipse with the polygon's area moments.
+/// Center and shape of the ellipse with the polygon's area moments, by Green's theorem as sums over
+/// its edges. Of an ellipse with semi-axes a, b the second moments are a^2 / 4, b^2 / 4, hence the
+/// factor 2 at the root.
 bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
              Eigen::Matrix2d& shape) {
   const Eigen::Vector2d origin = rim.front();
@@ -125,7 +132,9 @@ struct OnCircle {
   double length;
 };
 
-/// One Gauss-Newton step, and its size; each point counts for the arc it stands for.
+/// One Gauss-Newton step for the least-squares ellipse; returns the step's size. Where the ellipse
+/// is the unit circle the rim's distance from it is fitted by 1, cos, sin, cos 2, sin 2 of the
+/// angle: the size, shift and stretch of an ellipse. Each point counts for the arc it stands for.
 double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
                Eigen::Matrix2d& shape) {
   const Eigen::Matrix2d inverse = shape.inverse();
@@ -152,13 +161,15 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
   center += shape * step.head<2>();
   Eigen::Matrix2d growth;
   growth << 1 + step[2] + step[3], step[4], step[4], 1 + step[2] - step[3];
-  const Eigen::Matrix2d grown = shape * growth;
-  shape = square_root(grown * grown.transpose());
+  // Only shape * shape^T matters; its symmetric root drops the rotation of the parameter.
+  const Eigen::Matrix2d stretched = shape * growth;
+  shape = square_root(stretched * stretched.transpose());
   return step.norm();
 }
 
 }  // namespace
 
+/// In the space where the semi-axes are 1, since tangency is preserved by affine maps.
 std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector& viewpoint,
                                            int count) {
   const Vector seen_from = viewpoint.cwiseQuotient(body.semi_axes);
@@ -174,6 +185,8 @@ std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector
   return points;
 }
 
+/// (a - b) / 2 times (cos 2 phi, sin 2 phi): the second-harmonic vector, which is zero for a circle
+/// instead of undefined.
 SmoothEllipse smooth_ellipse(const Eigen::Matrix<double, 5, 1>& e) {
   SmoothEllipse smooth;
   const double half = (e[2] - e[3]) / 2;
@@ -190,6 +203,8 @@ Eigen::Matrix<double, 5, 1> center_axes_angle(const SmoothEllipse& e) {
   return made;
 }
 
+/// Start: the ellipse of the area's moments. The axes follow from shape * shape^T without an
+/// eigenvalue decomposition, which would not be smooth at a circle.
 std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim) {
   constexpr int kSteps = 8;        // from the moments' ellipse; nearly an ellipse, a rim needs two
   constexpr double kSmall = 1e-6;  // the next step is its square

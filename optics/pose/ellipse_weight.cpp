@@ -33,6 +33,7 @@ Matrix5 turned(double angle) {
   return turn;
 }
 
+/// W with W^T W = C^-1, from the Cholesky factor C = L L^T: W = L^-1 (whitening).
 template <int kSize>
 Eigen::Matrix<double, kSize, kSize> inverse_root(
     const Eigen::Matrix<double, kSize, kSize>& covariance) {
@@ -45,6 +46,7 @@ Eigen::Matrix<double, kSize, kSize> inverse_root(
 
 }  // namespace
 
+/// With d = (a - b) / 2, smooth(3, 3) is the variance of d along the observed direction.
 EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
                              const Matrix5& covariance) {
   constexpr double kSigmas = 3;  // of the difference of the axes, below which there is no direction
@@ -57,6 +59,7 @@ EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
   inverse_root<4>(covariance.topLeftCorner<4, 4>());  // of the lengths by themselves, or refused
   const double half = (observed[2] - observed[3]) / 2;
   const Matrix5 by = derivative(half);
+  // First-order propagation: J C J^T.
   Matrix5 smooth = by * covariance * by.transpose();
   EllipseWeight weight{Matrix5::Zero(), 5};
   const bool round = half * half < kSigmas * kSigmas * smooth(3, 3);
@@ -68,6 +71,7 @@ EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
     return weight;
   }
   if (round) {
+    // No direction in which the ellipse is long: the elongation's two components count alike.
     smooth.row(4).setZero();
     smooth.col(4).setZero();
     smooth(4, 4) = smooth(3, 3);

@@ -19,7 +19,7 @@ double power(double base, double exponent) {
 
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
-/// (x^q + y^q)^(1/q), of what is not negative.
+/// (x^q + y^q)^(1/q) of numbers that are not negative, scaled against overflow.
 double norm(double x, double y, double q) {
   if (q == 2) return std::sqrt(x * x + y * y);
   if (q == 1) return x + y;
@@ -29,8 +29,9 @@ double norm(double x, double y, double q) {
 
 }  // namespace
 
-/// The gradient of the support function, which is the dual norm: the exponent 2/e becomes q = 2/(2
-/// - e).
+/// The gradient of the support function h(n) = max n . p. The body is the unit ball of nested
+/// p-norms with exponents 2 / e, so h is the dual norm, whose exponent is q = 2 / (2 - e) from 1/p
+/// + 1/q = 1, and the gradient's components are powers (n_i / |n|)^(q - 1).
 Eigen::Vector3d ObjectModel::support(const Eigen::Vector3d& n) const {
   const double across = 2 / (2 - exponent_across);
   const double along = 2 / (2 - exponent_along);

@@ -1,6 +1,6 @@
-// Where a body of known shape is, and how it lies, from the ellipse it shows or from points on it:
-// thesis 5.3 weighed by what the tracker knows, for ellipsoids, cylinders, superquadrics and
-// points, with what cannot be told told apart.
+// Pose of a body of known shape from the ellipse that it shows or from points on it: thesis 5.3,
+// weighted by the tracker's covariance, for ellipsoids, cylinders, superquadrics and points.
+// Ambiguous poses and unobserved directions are reported.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,7 +17,7 @@ namespace vitreo::optics {
 std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
                                             const BodyPose& pose, double scale = 1);
 
-/// Weighted least squares (docs/localization.md). The tracker's angle counts for nothing where the
+/// Weighted least squares (docs/localization.md). The tracker's angle has no weight where the
 /// ellipse is round. Without a start's position from the center's line of sight, at the depth where
 /// the size fits and 3 mm before and behind; with `rotate` from tilted starts too (without an
 /// orientation from six), and from the mirror image of what was found, tilted the other way against

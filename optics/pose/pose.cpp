@@ -38,7 +38,7 @@ class EllipseResidual {
         detail::Vector3<T>(position_mm[0], position_mm[1], position_mm[2]) / kMmPerM;
     detail::ImageEllipse<T> shown;
     if (!detail::project_ellipse(settings_, circle_, position, axis_, shown)) {
-      // TinySolver does not ask whether an evaluation failed
+      // TinySolver does not check whether an evaluation failed
       std::fill_n(residuals, 5, T(kOutside));
       return false;
     }
@@ -58,6 +58,8 @@ class EllipseResidual {
   static constexpr double kOutside = 1e6;  // px; any step out there is refused
 
   template <class T>
+  // Differences in smooth coordinates (ellipse_weight.h), by (a^2 - b^2) / 2 = (a + b) (a - b) / 2:
+  // the shown second-harmonic vector over a + b.
   void weighted_terms(const detail::ImageEllipse<T>& shown, T* residuals) const {
     const T sum = shown.semi_major + shown.semi_minor;
     const double half = (observed_[2] - observed_[3]) / 2;
@@ -71,8 +73,9 @@ class EllipseResidual {
     }
   }
 
-  /// Half the model's difference of axes times the angle between model and observation, which is
-  /// thus modulo pi and in px, and fades out where the model is a circle and has no angle.
+  /// The angle's term of (5.15): half the model's difference of axes times the angle between model
+  /// and observation, which is thus modulo pi and in px, and fades out where the model is a circle
+  /// and has no angle.
   template <class T>
   T angle_term(const detail::ImageEllipse<T>& shown) const {
     using std::atan2;
@@ -121,8 +124,10 @@ Eigen::Matrix3d in_m(const Eigen::Matrix3d& information) {
   return information.inverse() / (kMmPerM * kMmPerM);
 }
 
-/// The observation's covariance through the estimator; nothing when some direction is not observed
-/// at all.
+/// Covariance of the position: (J^T C^-1 J)^-1 for the weighted estimator, whose residuals are
+/// whitened; for (5.15) the observation's covariance C through the estimator, G C G^T with the gain
+/// G = (J^T J)^-1 J^T D. D is the derivative of the residuals by the observation, up to sign.
+/// Nothing when some direction is not observed at all.
 std::optional<Eigen::Matrix3d> propagate(const PoseSettings& settings, const EllipseVector& shown,
                                          const Jacobian& jacobian,
                                          const EllipseCovariance& covariance) {
@@ -138,6 +143,7 @@ std::optional<Eigen::Matrix3d> propagate(const PoseSettings& settings, const Ell
   return gain * covariance * gain.transpose() / (kMmPerM * kMmPerM);
 }
 
+/// atan2 gives twice the angle in [-pi, pi]; -pi and pi are one direction.
 EllipseVector as_vector(const detail::ImageEllipse<double>& ellipse) {
   EllipseVector result;
   double angle = std::atan2(ellipse.twice_angle_sin, ellipse.twice_angle_cos) / 2;
@@ -173,6 +179,8 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
   return as_vector(ellipse);
 }
 
+/// Levenberg-Marquardt (Ceres' TinySolver) with automatic derivatives; thesis 5.5 minimizes (5.15)
+/// by the same method.
 std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
                                    const EllipseCovariance& covariance,
                                    const Eigen::Vector3d& axis_in_eye,
@@ -202,6 +210,7 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   if (!inside(settings, estimate.position_in_eye)) return std::nullopt;
   Jacobian jacobian;
   if (!function(position_mm.data(), terms.data(), jacobian.data())) return std::nullopt;
+  // The residual is reported in px, whatever the weights.
   residual.weigh(nullptr);
   if (!residual(position_mm.data(), terms.data())) return std::nullopt;
   estimate.residual_px = std::sqrt(terms.squaredNorm() / 5);
@@ -212,6 +221,8 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   return estimate;
 }
 
+/// The shown size sqrt(a b) grows with z along the line of sight of the ellipse's center; bisection
+/// for the observed size.
 std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
                                            const EllipseVector& observed,
                                            const Eigen::Vector3d& axis_in_eye) {
@@ -220,8 +231,8 @@ std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
   settings.check();
   detail::check_ellipse(observed);
   const Eigen::Vector3d axis = unit_axis(axis_in_eye);
-  const detail::ProjectionModel look(settings.projection, settings.exact, settings.image);
-  const auto sight = look.line_of_sight(observed.head<2>());
+  const detail::ProjectionModel camera(settings.projection, settings.exact, settings.image);
+  const auto sight = camera.line_of_sight(observed.head<2>());
   if (!sight) return std::nullopt;
   const auto on_line = [&](double z) -> Eigen::Vector3d {
     return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
@@ -235,7 +246,7 @@ std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
     return std::sqrt(shown.semi_major * shown.semi_minor) / wanted;
   };
   double low = 0;
-  double high = look.max_z();
+  double high = camera.max_z();
   if (excess(low) > kTolerated || excess(high) < 1 / kTolerated) return std::nullopt;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;

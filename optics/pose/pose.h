@@ -1,5 +1,5 @@
-// Where an ellipsoid of known size and orientation is, from the one ellipse it shows: thesis 5.3,
-// minimizing (5.15).
+// Position of an ellipsoid of known size and orientation from the one ellipse that it shows: thesis
+// 5.3, minimizing (5.15).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -30,7 +30,7 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
 /// leaves the projection's validity, or fits badly. `covariance` is that of `observed`. Unless
 /// `weighted` it does not weigh the terms, which are (5.15)'s own, but is carried through that
 /// estimator: (J^T J)^-1 J^T C J (J^T J)^-1. Weighted: (J^T C^-1 J)^-1, and C must be positive
-/// definite. It knows nothing of errors of the model or of the axis. Throws std::invalid_argument
+/// definite. Errors of the model or of the axis are not in it. Throws std::invalid_argument
 /// naming a bad argument. Needs no heap.
 std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
                                    const EllipseCovariance& covariance,

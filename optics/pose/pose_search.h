@@ -1,4 +1,4 @@
-// From several starts to the poses that explain a measurement, and whether there is one, several or
+// Multi-start search for the poses that explain a measurement, and whether there is one, several or
 // none.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -14,10 +14,10 @@
 
 namespace vitreo::optics::detail {
 
-/// Which rotations of the body leave it as it was.
+/// Rotations of the body that leave it unchanged.
 enum class Symmetry { none, half_turns, about_z };
 
-/// What was measured, whatever it is.
+/// A measurement of any kind: an ellipse, or points.
 struct Measurement {
   // shown less observed
   std::function<std::optional<Eigen::VectorXd>(const BodyState&)> difference_px;

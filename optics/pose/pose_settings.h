@@ -27,7 +27,8 @@ struct PoseSettings {
   SingleViewpoint projection;
   ImageScale image;
   Spheroid robot;
-  // of the angle term in (5.15), in units of the half difference of the axes: field knows it better
+  // of the angle term in (5.15), in units of the half difference of the axes: the field's direction
+  // is known better
   double angle_weight = 0.1;
   int contour_points = 24;     // on the model's silhouette, 8 to 64
   double max_residual_px = 8;  // above this rms the answer is "nothing"
@@ -35,7 +36,7 @@ struct PoseSettings {
   /// no error of the simplification is left.
   std::optional<ExactProjection> exact{};
   /// Least squares weighted by the observation's covariance in place of (5.15): the most probable
-  /// place when that is right. The angle counts for nothing where the ellipse is round;
+  /// position when that is right. The angle has no weight where the ellipse is round;
   /// `angle_weight` is not used.
   bool weighted = false;
   void check() const;  // throws std::invalid_argument naming the parameter

@@ -15,10 +15,11 @@ namespace {
 constexpr int kFirstRotation = 3;
 constexpr int kSize = 6;
 
-/// Small enough that the projection is straight over it, large enough that rounding (1e-11 px) does
-/// not show.
+/// Steps of central differences, in m, rad and 1: small enough that the projection is straight over
+/// them, large enough that rounding (1e-11 px) does not show.
 double difference_step(int parameter) { return parameter < kFirstRotation ? 1e-6 : 1e-4; }
 
+/// Central differences: an error of second order in the step.
 std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
                                              const FreeParameters& free, const BodyState& at,
                                              Eigen::Index rows) {
@@ -37,6 +38,8 @@ std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
 
 }  // namespace
 
+/// Retraction: position and logarithm of the size are added to, the orientation is multiplied by
+/// the exponential of a rotation vector (Rodrigues), so no parametrization has a singular attitude.
 BodyState moved(const BodyState& state, const FreeParameters& free, const Eigen::VectorXd& step) {
   BodyState there = state;
   Eigen::Vector3d turn(0, 0, 0);
@@ -72,7 +75,8 @@ namespace {
 constexpr double kSlight = 1e-9;  // damping
 constexpr int kDoublings = 12;
 
-/// Steps of Levenberg and Marquardt from one place, in units.
+/// Levenberg-Marquardt steps from one state, in the parameters' natural units:
+/// (J^T J + lambda D) x = -J^T r with Marquardt's scaling D = diag(J^T J) and a floor.
 class DampedSteps {
  public:
   DampedSteps(const Eigen::MatrixXd& scaled, const Eigen::VectorXd& residuals)
@@ -95,12 +99,12 @@ class DampedSteps {
   Eigen::VectorXd gradient_;
 };
 
-/// Takes a step if it is a gain. Gauss-Newton knows the residuals' slopes and not their bends:
-/// where what is left over is large against the noise and bends, as a body's length does with its
-/// tilt seen from straight above, its steps are too short by a factor that stays, and a hundred are
-/// not enough. So a gain is doubled for as long as that is one too.
-bool go(const BodyResiduals& residuals, const FreeParameters& free, const Eigen::VectorXd& step,
-        int doublings, Minimum& best) {
+/// Takes a step if it lowers the cost. Gauss-Newton has the residuals' slopes and not their
+/// curvature: where a residual that stays is large against the noise and curved, as a body's length
+/// is in its tilt seen from straight above, its steps are too short by a factor that stays, and a
+/// hundred are not enough. So a step is doubled for as long as that lowers the cost again.
+bool line_search(const BodyResiduals& residuals, const FreeParameters& free,
+                 const Eigen::VectorXd& step, int doublings, Minimum& best) {
   const BodyState from = best.state;
   double factor = 1;
   for (int i = 0; i <= doublings; ++i, factor *= 2) {
@@ -119,7 +123,7 @@ bool go(const BodyResiduals& residuals, const FreeParameters& free, const Eigen:
 std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParameters& free,
                                 const BodyState& start) {
   constexpr int kIterations = 100;
-  constexpr int kSlow = 6;  // steps after which Gauss and Newton should have been there
+  constexpr int kSlow = 6;  // iterations after which Gauss-Newton should have converged
   constexpr double kHopeless = 1e12;
   // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
   constexpr double kRough = 1e-4;
@@ -133,7 +137,8 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
     if (!jacobian) return best;  // at the edge of what can be seen
     best.jacobian = *jacobian;
     const DampedSteps steps(*jacobian * units.asDiagonal(), best.residuals);
-    // What a step promises that is hardly damped; a short one because it is damped is no minimum.
+    // Convergence by the predicted decrease of a step that is hardly damped: a step that is short
+    // because of its damping is no sign of a minimum.
     const double promised = steps.gain(steps.damped(kSlight));
     best.converged = !(promised > 1e-10 * (1e-2 + best.cost));
     bool better = false;
@@ -145,7 +150,7 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
       const double length = step.cwiseAbs().maxCoeff();
       if (length < kNone) break;
       const Eigen::VectorXd by = std::fmin(1, kLongest / length) * units.cwiseProduct(step);
-      better = go(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
+      better = line_search(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
     }
     if (better) {
       damping = std::fmax(damping / 64, 1e-9);
@@ -157,6 +162,8 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
   return best;
 }
 
+/// By the eigenvectors of the information J^T J in natural units: sigma along each is 1 /
+/// sqrt(eigenvalue). Directions with a sigma above one unit are not observed.
 Observed observed_from(const Eigen::MatrixXd& jacobian, const FreeParameters& free,
                        const Widen& widen) {
   constexpr double kShare = 0.02;

@@ -68,9 +68,10 @@ bool project_from(const ExactProjection& view, const Vector3<T>& viewpoint,
   return view.project(Vector3<T>(viewpoint + from_viewpoint), m);
 }
 
-/// The silhouette in the image. Lines of sight touch the spheroid where, in the space where it is
-/// the unit sphere and the viewpoint is w, the point s has s.w = 1: a circle there. False when any
-/// of it is outside the projection.
+/// The silhouette in the image, (5.14). Lines of sight touch the spheroid where, in the space where
+/// it is the unit sphere and the viewpoint is w, the point s has s.w = 1: a circle in the plane
+/// across w at distance 1 / |w|, of radius sqrt(1 - 1 / |w|^2). False when any of it is outside the
+/// projection.
 template <class View, class T>
 bool contour_through(const View& view, const PoseSettings& settings, const Circle& circle,
                      const Vector3<T>& position, const Eigen::Vector3d& axis, Contour<T>& contour) {
@@ -124,8 +125,8 @@ struct AffineCircle {
   Eigen::Matrix<T, 2, 2> shape;
 };
 
-/// The contour's first harmonic: the exact ellipse when the contour is an affine image of its
-/// circle.
+/// The contour's first harmonic in its parameter (the discrete Fourier transform at order 1): the
+/// exact ellipse when the contour is an affine image of its circle.
 template <class T>
 AffineCircle<T> first_harmonic(const Circle& circle, const Contour<T>& contour) {
   Vector2<T> sum(T(0), T(0));
@@ -142,10 +143,9 @@ AffineCircle<T> first_harmonic(const Circle& circle, const Contour<T>& contour) 
   return ellipse;
 }
 
-/// One step towards the least-squares ellipse, as a tracker fits it: where the ellipse is the unit
-/// circle, the contour's distance from it, rho(psi), is made free of the harmonics that an ellipse
-/// can follow: dx cos + dy sin + p
-/// + s cos2 + t sin2.
+/// One Gauss-Newton step towards the least-squares ellipse, as a tracker fits it: where the ellipse
+/// is the unit circle, the contour's distance from it, rho(psi), is made free of the harmonics that
+/// an ellipse can follow: dx cos + dy sin + p + s cos2 + t sin2.
 template <class T>
 void correct(const Circle& circle, const Contour<T>& contour, AffineCircle<T>& ellipse) {
   using std::sqrt;
@@ -178,6 +178,8 @@ void correct(const Circle& circle, const Contour<T>& contour, AffineCircle<T>& e
   ellipse.shape = (ellipse.shape * growth).eval();
 }
 
+/// Axes from the shape S: a^2 and b^2 are the eigenvalues of S S^T, whose half difference is the
+/// length of the vector of twice the angle; b from the determinant, a b = |det S|.
 template <class T>
 ImageEllipse<T> axes_of(const AffineCircle<T>& ellipse) {
   using std::abs;

@@ -17,7 +17,7 @@ namespace {
 constexpr double kSlack = 1e-9;  // of max_m: a point computed to lie on the table's edge is in it
 constexpr int kMaxSteps = 30;
 
-/// How far out rays come through, up to max_m.
+/// The largest |m| up to max_m to which rays come through, along one radius.
 double reach_of(const TraceLine& trace, double max_m) {
   constexpr int kSteps = 64;
   int last = 0;
@@ -29,6 +29,8 @@ double reach_of(const TraceLine& trace, double max_m) {
 
 }  // namespace
 
+/// x = m (A + S z): A and S are even in |m| by symmetry, so they are fitted as polynomials in
+/// |m|^2, at Chebyshev nodes of the scaled variable 2 |m|^2 / max_m^2 - 1, by least squares.
 RadialLines::RadialLines(const TraceLine& trace, double max_m) : max_m_(reach_of(trace, max_m)) {
   constexpr int kSamples = 48;
   Eigen::MatrixXd powers(kSamples, kTerms);
@@ -43,7 +45,7 @@ RadialLines::RadialLines(const TraceLine& trace, double max_m) : max_m_(reach_of
   }
   const Eigen::MatrixXd fit = least_squares(powers, ratios);
   for (int k = 0; k < kTerms; ++k) a_[k] = fit(k, 0), s_[k] = fit(k, 1);
-  constexpr double kNothing = 1e-12;  // of the line's place: femtometers
+  constexpr double kNothing = 1e-12;  // of the line's position: femtometers
   const auto matters = [&](int k) {
     return std::abs(a_[k]) > kNothing * std::abs(a_[0]) ||
            std::abs(s_[k]) > kNothing * std::abs(s_[0]);
@@ -52,6 +54,7 @@ RadialLines::RadialLines(const TraceLine& trace, double max_m) : max_m_(reach_of
   while (terms_ > 1 && !matters(terms_ - 1)) --terms_;
 }
 
+/// Horner's scheme for both polynomials and their derivatives.
 RadialLines::Values RadialLines::values(double m2) const {
   const double per = 2 / (max_m_ * max_m_);
   const double x = m2 * per - 1;
@@ -75,13 +78,15 @@ IsopixelLine RadialLines::line(const Eigen::Vector2d& m) const {
   return line(m, values(m.squaredNorm()));
 }
 
+/// d (m A(|m|^2)) / dm = A I + 2 A' m m^T.
 IsopixelLine RadialLines::line(const Eigen::Vector2d& m, const Values& v) {
   const Eigen::Matrix2d outer = 2 * m * m.transpose();
   const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
   return {v.a * m, v.s * m, v.a * one + v.a_per * outer, v.s * one + v.s_per * outer};
 }
 
-/// r^2 = M (A(M) + S(M) z)^2 for M = |m|^2 by Newton: smooth on the axis, and nearly linear.
+/// r^2 = M (A(M) + S(M) z)^2 for M = |m|^2 by Newton's method: smooth on the axis, and nearly
+/// linear. Its derivative by M is g (g + 2 M g') with g = A + S z.
 bool RadialLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m,
                         IsopixelLine& line) const {
   constexpr double kConverged = 1e-9;  // of max_m^2; the step after such a step is below rounding
@@ -127,6 +132,8 @@ bool GridLines::covers(const Eigen::Vector2d& m) const {
   return m.cwiseAbs().maxCoeff() <= max_m_ * (1 + kSlack) && line(m).at_retina.allFinite();
 }
 
+/// Bicubic Lagrange interpolation through 4 x 4 nodes: w are the weights at the nodes -1, 0, 1, 2
+/// for t in [0, 1], d their derivatives. A lost node makes the result a NaN.
 IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
   double weight[2][4];
   double change[2][4];
@@ -168,6 +175,8 @@ IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
   return made;
 }
 
+/// Newton's method in m, the 2 x 2 Jacobian inverted by its adjugate. Steps are clamped to the
+/// square, where the table has values.
 bool GridLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m, IsopixelLine& line) const {
   constexpr double kConverged = 1e-10;  // m: the step after such a step is below a nanometer by far
   m.setZero();

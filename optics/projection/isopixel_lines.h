@@ -1,6 +1,5 @@
-// The isopixel lines of a chain as a table: for each m of the aerial image the straight line in the
-// vitreous that is seen there, x = at_retina + slope z, and its change with m. Eye frame, m.
-// SPDX-License-Identifier: Apache-2.0
+// Table of the isopixel lines of a chain: for each m of the aerial image the straight line in the
+// vitreous that is imaged there, x = at_retina + slope z, and its change with m. Eye frame, m.
 #pragma once
 
 #include <Eigen/Core>

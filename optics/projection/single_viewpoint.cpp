@@ -24,7 +24,7 @@ struct Curve {
   double slope = 0;
 };
 
-/// Curves from the axis outwards, up to the first lost ray.
+/// Traced isopixel curves at equal steps of |m| from the axis outwards, up to the first lost ray.
 std::vector<Curve> trace_curves(const System& system, const Microscope& centered, double max_m,
                                 int samples) {
   std::vector<Curve> curves;
@@ -38,6 +38,7 @@ std::vector<Curve> trace_curves(const System& system, const Microscope& centered
   return curves;
 }
 
+/// p_0 of thesis 5.2: the median of the curves' intersections p_c with the optical axis.
 double median_intersection_with_axis(const std::vector<Curve>& curves) {
   std::vector<double> z;
   for (const Curve& curve : curves) z.push_back(-curve.at_retina / curve.slope);
@@ -49,6 +50,8 @@ double median_intersection_with_axis(const std::vector<Curve>& curves) {
 /// The slope of the line through the viewpoint that is nearest to the curve between two depths: the
 /// minimum over lambda of the integral of (at_retina + slope z - lambda (z - viewpoint))^2.
 double slope_through(double viewpoint, const Curve& curve, double from_z, double to_z) {
+  // With t = z - viewpoint: minimize the integral of (e + (slope - lambda) t)^2, e the curve at the
+  // viewpoint; lambda = slope + e * integral of t / integral of t^2.
   const double at_viewpoint = curve.at_retina + curve.slope * viewpoint;
   const double t0 = from_z - viewpoint;
   const double t1 = to_z - viewpoint;
@@ -57,6 +60,7 @@ double slope_through(double viewpoint, const Curve& curve, double from_z, double
   return curve.slope + at_viewpoint * first / second;
 }
 
+/// (5.2) by least squares, d = 0.
 void fit_slopes(const std::vector<Curve>& curves, double from_z, double to_z,
                 SingleViewpoint& view) {
   const auto count = static_cast<Eigen::Index>(curves.size());
@@ -73,8 +77,8 @@ void fit_slopes(const std::vector<Curve>& curves, double from_z, double to_z,
   view.max_residual = (powers * fit - slopes).cwiseAbs().maxCoeff();
 }
 
-/// (5.5) to (5.9), which stand for the one real root; where D^2 < 0 there are three, and cosines
-/// instead of cube roots.
+/// (5.5) to (5.9), the one real root where D^2 >= 0 (Cardano). Where D^2 < 0 there are three, which
+/// take cosines instead of cube roots (Viete); the one nearest the middle of the range is meant.
 double root_by_formula(const std::array<double, 4>& cubic, double slope, double max_m) {
   const auto& [a, b, c, d] = cubic;
   const double q = b * b - 3 * a * c;
@@ -96,6 +100,8 @@ double root_by_formula(const std::array<double, 4>& cubic, double slope, double 
 
 }  // namespace
 
+/// The closed form gives the start, Newton's method the digits; what does not satisfy (5.2) within
+/// the range is no answer.
 std::optional<double> detail::height_from_slope(const SingleViewpoint& view, double slope) {
   // of the linear term: below this the formula divides nothing by nothing
   constexpr double kSmall = 1e-4;
@@ -116,6 +122,7 @@ std::optional<double> detail::height_from_slope(const SingleViewpoint& view, dou
   return h;
 }
 
+/// Monotony of (5.2), "one-to-one" in the thesis, is tested at 65 heights.
 void SingleViewpoint::check() const {
   constexpr int kSteps = 64;
   const bool finite = std::all_of(slope_from_m.begin(), slope_from_m.end(),
@@ -140,6 +147,8 @@ std::optional<Eigen::Vector2d> SingleViewpoint::project(const Eigen::Vector3d& p
   return m;
 }
 
+/// Thesis 5.2: curves, viewpoint as the median of their intersections with the axis, then slopes
+/// through that viewpoint.
 SingleViewpoint fit_single_viewpoint(const System& system, const Microscope& microscope,
                                      double max_m, int samples, double fit_from_z,
                                      double fit_to_z) {

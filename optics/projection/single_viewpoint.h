@@ -1,5 +1,5 @@
-// The thesis' projection through the eye's optics: isopixel curves simplified to meet in one
-// viewpoint, (5.2) to (5.11).
+// Single-viewpoint projection, the thesis' projection through the eye's optics: isopixel curves
+// simplified to meet in one viewpoint, (5.2) to (5.11); the microscope's K, (5.12).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

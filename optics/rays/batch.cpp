@@ -20,6 +20,7 @@ static_assert(static_cast<int>(TraceStatus::no_convergence) == detail::kLostNoCo
 
 constexpr int kStatuses = 8;  // a loss is kStatuses * surface + status
 
+/// The instruction sets that kernels.cmake compiles each level for.
 bool machine_has(CpuLevel level) {
   switch (level) {
     case CpuLevel::baseline:
@@ -41,6 +42,8 @@ detail::TraceBlock kernel_for(CpuLevel level) {
   return level == CpuLevel::avx2 ? detail::trace_block_avx2 : detail::trace_block_baseline;
 }
 
+/// A surface as the kernel takes it: curvature for radius, squared radii for comparisons, the ratio
+/// of indices in the direction of travel.
 detail::KernelSurface compile(const System& system, int number, double vertex, bool outwards) {
   const Surface& surface = system.surfaces[number - 1];
   const double before = system.surfaces[number - 2].index;
@@ -63,15 +66,17 @@ detail::KernelSurface compile(const System& system, int number, double vertex, b
   return made;
 }
 
-/// Rays that cannot be traced are lost before they start, where trace_out would throw.
+/// Marks rays that cannot be traced as missed, where trace_out would throw. Written with & and
+/// selections for the vectorizer.
 void refuse_bad_rays(bool outwards, int surface, RayBlock& r) {
+  // Of |d|^2, as trace_out.
   constexpr double kUnit = 1e-6;
   const double missed = kStatuses * surface + detail::kLostMissed;
-  const double way = outwards ? 1 : -1;
+  const double sign = outwards ? 1 : -1;
   for (int i = 0; i < RayBlock::kSize; ++i) {
     const double off = std::abs(r.dx[i] * r.dx[i] + r.dy[i] * r.dy[i] + r.dz[i] * r.dz[i] - 1);
     const double nothing = 0 * (r.x[i] + r.y[i] + r.z[i]);  // NaN where one is not finite
-    const bool good = (off < kUnit) & (r.dz[i] * way > 0) & (nothing == 0);
+    const bool good = (off < kUnit) & (r.dz[i] * sign > 0) & (nothing == 0);
     r.lost[i] = r.lost[i] == 0 && !good ? missed : r.lost[i];
   }
 }
@@ -126,6 +131,8 @@ RayBatch::RayBatch(int count) : size_(count) {
   detail::require(count >= 0, "count: must not be negative");
   blocks_.resize(static_cast<std::size_t>((count + RayBlock::kSize - 1) / RayBlock::kSize));
   for (RayBlock& block : blocks_) {
+    // A ray along the axis meets every surface, so the unused lanes of the last block need no
+    // special case.
     for (int i = 0; i < RayBlock::kSize; ++i) optics::put(block, i, {{0, 0, 0}, {0, 0, 1}});
   }
 }
@@ -140,6 +147,7 @@ BatchTracer::BatchTracer(const System& system, CpuLevel level) : kernel_(kernel_
     if (system.stop && number <= system.stop->surface) to_stop_.push_back(outwards_.back());
   }
   std::reverse(inwards_.begin(), inwards_.end());
+  // The stop is filled by aiming; here it must not clip the rays that are still being aimed.
   if (!to_stop_.empty()) to_stop_.back().stop2 = std::numeric_limits<double>::infinity();
 }
 

@@ -1,6 +1,6 @@
-// What the batch tracing kernel is given: plain data, so that it can be compiled once per CPU
-// level. No function with external linkage that could be inlined may stand here: the linker would
-// keep one level's copy for all.
+// Data of the batch tracing kernel: plain structs, so that it can be compiled once per CPU level.
+// No function with external linkage that could be inlined may stand here: the linker would keep one
+// level's copy for all.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,8 +1,7 @@
-// The batch tracing kernel: the arithmetic of detail/refraction.h over 64 rays, written so that the
+// Batch tracing kernel: the arithmetic of system/refraction.h over 64 rays, written so that the
 // compiler makes vectors of it. Included once by each batch_kernel_*.cpp, which differ only in the
 // compiler's flags. Only + - * / and the square root, without contraction, so that all levels agree
-// to the bit.
-// SPDX-License-Identifier: Apache-2.0
+// to the bit. Branches are selections, since a lane of a vector cannot jump.
 #pragma once
 
 #include "optics/rays/batch_kernel.h"
@@ -21,8 +20,8 @@ constexpr double kBackwards = -1e-12;
 #define VITREO_LANES _Pragma("GCC ivdep")
 #endif
 
-/// Where a ray meets a surface and what it meets there; all lengths from the vertex.
-struct Meeting {
+/// Intersection of a ray with a surface, and the normal there; all lengths from the vertex.
+struct Intersection {
   // along the ray to the vertex plane; where
   double to_plane;
   double px;
@@ -53,9 +52,10 @@ VITREO_INLINE Codes codes_of(const KernelSurface& f) {
           code_of(f, kLostWrongSheet), code_of(f, kLostNoConvergence)};
 }
 
-/// s = C / (-B + sqrt(B^2 - AC)): no cancellation where A -> 0. D . normal is that same root.
+/// s = E / (-B + sqrt(B^2 - A E)) as in system/refraction.h: no cancellation where A -> 0. With the
+/// gradient of -F / 2 as the normal g, d . g is that same root.
 VITREO_INLINE void meet_conic(const KernelSurface& f, const Codes& codes, double dx, double dy,
-                              double dz, Meeting& m) {
+                              double dz, Intersection& m) {
   const double c = f.curvature;
   const double k1 = 1 + f.conic;
   const double a = c * (1.0 + f.conic * dz * dz);
@@ -75,12 +75,14 @@ VITREO_INLINE void meet_conic(const KernelSurface& f, const Codes& codes, double
   m.qz = 1.0 - k1 * c * depth;
 }
 
-/// From the meeting on: clipping, Snell's law, the stop. With g the normal and q = d.g,
-/// d' = ratio d + g (+-sqrt(g^2 (1 - ratio^2) + ratio^2 q^2) - ratio q) / g^2: one root and one
-/// division.
+/// From the intersection on: clipping, Snell's law, the stop. With g the normal (any length), q = d
+/// . g and mu the ratio of indices,
+///  d' = mu d + g (+-sqrt(g^2 (1 - mu^2) + mu^2 q^2) - mu q) / g^2,
+/// which is Snell's law in vector form with the normal's length multiplied out: one root and one
+/// division. The codes are written in the order of their precedence, the last one wins.
 template <bool kStop>
-VITREO_INLINE void pass(const KernelSurface& f, const Codes& codes, const Meeting& m, RayBlock& r,
-                        int i) {
+VITREO_INLINE void pass(const KernelSurface& f, const Codes& codes, const Intersection& m,
+                        RayBlock& r, int i) {
   const double dx = r.dx[i];
   const double dy = r.dy[i];
   const double dz = r.dz[i];
@@ -126,7 +128,9 @@ VITREO_INLINE void pass(const KernelSurface& f, const Codes& codes, const Meetin
   r.dz[i] = alive ? ez : dz;
 }
 
-VITREO_INLINE void to_vertex_plane(const KernelSurface& f, const RayBlock& r, int i, Meeting& m) {
+/// The point where the ray crosses the vertex plane, in coordinates about the vertex.
+VITREO_INLINE void to_vertex_plane(const KernelSurface& f, const RayBlock& r, int i,
+                                   Intersection& m) {
   m.to_plane = -(r.z[i] - f.vertex) / r.dz[i];
   m.px = r.x[i] + m.to_plane * r.dx[i];
   m.py = r.y[i] + m.to_plane * r.dy[i];
@@ -137,14 +141,15 @@ void cross_conic(const KernelSurface& f, RayBlock& r) {
   const Codes codes = codes_of(f);
   VITREO_LANES
   for (int i = 0; i < kLanes; ++i) {
-    Meeting m;
+    Intersection m;
     to_vertex_plane(f, r, i, m);
     meet_conic(f, codes, r.dx[i], r.dy[i], r.dz[i], m);
     pass<kStop>(f, codes, m, r, i);
   }
 }
 
-/// Profile (3.1) and (d sag / d r) / r; NaN where the conic part does not reach.
+/// Profile (3.1) and (d sag / d r) / r; NaN where the conic part does not reach. Both share one
+/// division: 1 / (1 + root) = root / (root + root^2) and 1 / root = (1 + root) / (root + root^2).
 VITREO_INLINE void profile(const KernelSurface& f, double r2, double& sag, double& slope_over_r) {
   const double c = f.curvature;
   const double root = __builtin_sqrt(1.0 - (1 + f.conic) * c * c * r2);
@@ -161,12 +166,14 @@ struct NewtonLanes {
   alignas(64) double s[kLanes];
   alignas(64) double state[kLanes];
 };
+/// States of a lane in Newton's method; numbers, so that vectors can compare them. kNowhere: no
+/// intersection.
 constexpr double kRunning = 0.0;
 constexpr double kDone = 1.0;
 constexpr double kNowhere = 2.0;
 
-/// One Newton step for the lanes still running; how many still are. A lane is frozen by its own
-/// test only, so its bits do not depend on its neighbors.
+/// One Newton step for the lanes still running; returns how many still are. A lane is frozen by its
+/// own test only, so its bits do not depend on its neighbors.
 long long newton_step(const KernelSurface& f, const RayBlock& r, NewtonLanes& n) {
   // m: convergence is quadratic, so after such a step the error is below 1e-16 m
   constexpr double kSmallStep = 1e-10;
@@ -194,6 +201,7 @@ long long newton_step(const KernelSurface& f, const RayBlock& r, NewtonLanes& n)
   return running;
 }
 
+/// Aspheres: the conic's root as the start, Newton's method for all lanes, then refraction.
 template <bool kStop>
 void cross_asphere(const KernelSurface& f, RayBlock& r) {
   constexpr int kMaxSteps = 30;
@@ -201,7 +209,7 @@ void cross_asphere(const KernelSurface& f, RayBlock& r) {
   NewtonLanes n;
   VITREO_LANES
   for (int i = 0; i < kLanes; ++i) {
-    Meeting m;
+    Intersection m;
     to_vertex_plane(f, r, i, m);
     meet_conic(f, codes, r.dx[i], r.dy[i], r.dz[i], m);
     n.to_plane[i] = m.to_plane;
@@ -214,7 +222,7 @@ void cross_asphere(const KernelSurface& f, RayBlock& r) {
   }
   VITREO_LANES
   for (int i = 0; i < kLanes; ++i) {
-    Meeting m;
+    Intersection m;
     m.to_plane = n.to_plane[i];
     m.px = n.px[i];
     m.py = n.py[i];

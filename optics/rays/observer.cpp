@@ -11,7 +11,7 @@
 namespace vitreo::optics {
 
 void Microscope::check() const {
-  constexpr double kMaxTilt = 0.5;  // rad; no microscope looks at an eye more askew than this
+  constexpr double kMaxTilt = 0.5;  // rad; no microscope stands more obliquely to an eye
   detail::require(numerical_aperture > 0 && numerical_aperture < 1,
                   "numerical_aperture: must lie between 0 and 1");
   detail::require_finite(focus, "focus");
@@ -23,12 +23,15 @@ void Microscope::check() const {
                   "tilt: must be below 0.5 rad");
 }
 
+/// The chief ray goes through the center of the microscope's entrance pupil: for a telecentric one
+/// (pupil at infinity) it is parallel to the microscope's axis, else it points from m to the pupil.
 Ray chief_ray_in_air(const System& system, const Microscope& microscope, const Eigen::Vector2d& m) {
   detail::require(m.allFinite(), "m: must be finite");
   const Eigen::Vector3d center(microscope.decenter.x(), microscope.decenter.y(),
                                system.vertex(system.size()) + microscope.focus);
   Eigen::Matrix3d eye_from_microscope = Eigen::Matrix3d::Identity();
   if (!microscope.tilt.isZero(0)) {
+    // Tilt about x first, then about y, as the header says; rotations act right to left.
     eye_from_microscope = (Eigen::AngleAxisd(microscope.tilt.y(), Eigen::Vector3d::UnitY()) *
                            Eigen::AngleAxisd(microscope.tilt.x(), Eigen::Vector3d::UnitX()))
                               .toRotationMatrix();
@@ -43,6 +46,7 @@ Ray chief_ray_in_air(const System& system, const Microscope& microscope, const E
           eye_from_microscope * direction};
 }
 
+/// By the reversibility of light: the chief ray is traced inwards and its direction turned round.
 std::optional<Ray> isopixel_line(const System& system, const Microscope& microscope,
                                  const Eigen::Vector2d& m) {
   // The plane in focus may lie before the last vertex (a virtual aerial image), so start well

@@ -1,4 +1,5 @@
-// Who looks at the aerial image, and along which ray: the chief rays of the whole chain.
+// Viewing system: a microscope over the aerial image, its entrance pupil and the chief rays of the
+// whole chain, from the pixel back into the vitreous.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -16,7 +16,8 @@ namespace {
 
 constexpr int kLanes = RayBlock::kSize;
 
-/// The same system whose stop is marked but lets everything through, for aiming.
+/// The same system with its stop opened, for aiming: its surface is still marked, but nothing is
+/// clipped.
 System opened(System system) {
   constexpr double kWide = 1;  // m
   if (system.stop) system.stop->radius = kWide;
@@ -29,6 +30,7 @@ Eigen::Vector2d slope_of(const Eigen::Vector3d& direction) {
 
 }  // namespace
 
+/// Cells of equal area, so that plain means over the samples are means over the disc.
 std::vector<Eigen::Vector2d> disc_samples(int rings, int arms) {
   detail::require_at_least(rings, 1, "rings");
   detail::require_at_least(arms, 1, "arms");
@@ -55,6 +57,8 @@ Pupil Pupil::of_stop(const System& system, Kind kind) {
   return {kind, system.vertex(system.stop->surface), {0, 0}, system.stop->radius};
 }
 
+/// sin u = NA in air, so the aperture's slope is tan(asin(NA)); a pupil at a distance has that
+/// times the distance as its radius.
 Pupil Pupil::of_microscope(const System& system, const Microscope& microscope) {
   microscope.check();
   const double opening = std::tan(std::asin(microscope.numerical_aperture));
@@ -65,6 +69,7 @@ Pupil Pupil::of_microscope(const System& system, const Microscope& microscope) {
   return {Kind::plane, center.z(), center.head<2>(), std::abs(microscope.pupil_distance) * opening};
 }
 
+/// Bisection for the crossing of the line with the retina: z - sag(r) along it.
 std::optional<Eigen::Vector3d> point_at_field(const System& system, double angle, double depth) {
   constexpr int kHalvings = 60;
   if (!std::isfinite(angle) || std::abs(angle) >= std::numbers::pi / 2) {
@@ -109,6 +114,8 @@ bool PupilTracer::in_vitreous(const Eigen::Vector3d& point) const {
          point.z() <= system_.vertex(2) + (std::isnan(lens) ? 0 : lens);
 }
 
+/// All lanes from one point, by their slopes dx/dz and dy/dz: unlike angles, these are the two
+/// unknowns of aiming without a singular direction.
 void PupilTracer::fill(const Eigen::Vector3d& point, RayBlock& rays, const double* slope_x,
                        const double* slope_y) const {
   for (int i = 0; i < kLanes; ++i) {
@@ -123,7 +130,8 @@ void PupilTracer::fill(const Eigen::Vector3d& point, RayBlock& rays, const doubl
   }
 }
 
-/// Traces as far as needed and says where the pupil is met; NaN where a ray is lost before.
+/// Traces as far as needed and gives the coordinates at which the pupil is met; NaN where a ray is
+/// lost before. For a pupil at infinity the coordinates are the slopes.
 void PupilTracer::reach(RayBlock& rays, double* pupil_x, double* pupil_y) const {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   if (pupil_.kind == Pupil::Kind::stop) {
@@ -146,14 +154,17 @@ void PupilTracer::reach(RayBlock& rays, double* pupil_x, double* pupil_y) const 
   }
 }
 
-/// Newton, the Jacobian by differences: the first three lanes of a block are the ray and its two
-/// neighbors.
+/// Ray aiming: Newton's method for the slopes (dx/dz, dy/dz) in the vitreous that meet `target` in
+/// the pupil. The Jacobian is by forward differences: the first three lanes of a block are the ray
+/// and its two neighbors, so a step costs one block. A step that loses the ray, or doubles the
+/// miss, is halved.
 std::optional<PupilTracer::Aim> PupilTracer::solve(const Eigen::Vector3d& point,
                                                    const Eigen::Vector2d& target) const {
   constexpr double kStep = 1e-6;        // of slope: the Jacobian good to 1e-5
   constexpr double kConverged = 1e-13;  // m or slope
   constexpr int kMaxSteps = 30;
   const double towards = system_.stop ? system_.vertex(system_.stop->surface) : system_.vertex(2);
+  // Start: the straight line to the axis in the plane of the stop, refraction ignored.
   Eigen::Vector2d slope = -point.head<2>() / std::max(towards - point.z(), 1e-3);
   Eigen::Vector2d last_step(0, 0);
   RayBlock rays;
@@ -181,6 +192,7 @@ std::optional<PupilTracer::Aim> PupilTracer::solve(const Eigen::Vector3d& point,
       continue;
     }
     const Eigen::Matrix2d inverse = jacobian.inverse();
+    // Rounding ends it too: nearer than 1e-11 and not getting nearer.
     if (off.norm() < kConverged || (off.norm() < 1e-11 && off.norm() >= last))
       return Aim{slope, inverse};
     last = off.norm();
@@ -190,8 +202,9 @@ std::optional<PupilTracer::Aim> PupilTracer::solve(const Eigen::Vector3d& point,
   return std::nullopt;
 }
 
-/// The other rays of the bundle from the chief ray's Jacobian, by the chord method: what is left of
-/// a target moves a sample within the pupil, by less than a micrometer, and is no error of any ray.
+/// The other rays of the bundle from the chief ray's Jacobian, by the chord method (Newton with a
+/// constant Jacobian): what is left of a target moves a sample within the pupil, by less than a
+/// micrometer, and is no error of any ray.
 void PupilTracer::refine(const Eigen::Vector3d& point, const Aim& aim, const double* target_x,
                          const double* target_y, double* slope_x, double* slope_y) const {
   const int steps = fills_stop() ? 5 : 2;  // a microscope's pupil is small
@@ -226,6 +239,8 @@ std::optional<Ray> PupilTracer::aim(const Eigen::Vector3d& point,
   return Ray{point, Eigen::Vector3d(found->slope.x(), found->slope.y(), 1).normalized()};
 }
 
+/// Behind the system in coordinates of the last vertex plane: a position and a slope describe the
+/// ray at every distance.
 void PupilTracer::add(const RayBlock& rays, int count, Spot& spot) const {
   for (int i = 0; i < count; ++i) {
     if (rays.lost[i] != 0) {
@@ -239,6 +254,8 @@ void PupilTracer::add(const RayBlock& rays, int count, Spot& spot) const {
   }
 }
 
+/// The chief ray alone first, since it decides whether there is an image and gives the Jacobian for
+/// the others.
 bool PupilTracer::trace(const Eigen::Vector3d& point, const std::vector<Eigen::Vector2d>& samples,
                         Spot& spot) const {
   spot.place.clear();

@@ -25,7 +25,7 @@ std::vector<Eigen::Vector2d> fan_samples(int count = 101);
 /// aperture is the stop of its chain: the rays then must also get through the system's.
 struct Pupil {
   /// stop: the plane of the system's stop as rays reach it before the stop's surface refracts them,
-  /// though that surface may lie before the plane: the reading that gives the thesis' numbers.
+  /// though that surface may lie before the plane: the reading that reproduces the thesis' numbers.
   /// real_stop: in whichever medium lies there, as trace_out clips. Both have the same chief ray.
   enum class Kind { stop, real_stop, plane, infinity };
   Kind kind = Kind::stop;

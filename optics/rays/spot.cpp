@@ -11,6 +11,7 @@
 
 namespace vitreo::optics {
 
+/// sqrt(var x + 2 s cov(x, u) + s^2 var u), summed over both transverse directions.
 double SpotMoments::rms(double distance) const {
   const double square =
       place.trace() + distance * (2 * place_slope.trace() + distance * slope.trace());
@@ -23,6 +24,8 @@ std::vector<Eigen::Vector2d> Spot::at(double distance) const {
   return points;
 }
 
+/// Two passes, means first: the covariances are differences of nearly equal numbers otherwise.
+/// cov(position, slope) is made symmetric, as only x^T C x of it is used.
 SpotMoments Spot::moments() const {
   SpotMoments m;
   m.rays = rays();
@@ -43,6 +46,7 @@ SpotMoments Spot::moments() const {
   return m;
 }
 
+/// |mean of exp(-2 pi i f . p)|: the transform of a spread of points of equal weight.
 double geometric_mtf(const Spot& spot, double distance, const Eigen::Vector2d& frequency) {
   if (spot.rays() == 0) return 0;
   // the phase stays small; its modulus does not care
@@ -54,6 +58,7 @@ double geometric_mtf(const Spot& spot, double distance, const Eigen::Vector2d& f
   return std::abs(sum) / spot.rays();
 }
 
+/// A histogram of the spot about its mean.
 Eigen::MatrixXd geometric_psf(const Spot& spot, double distance, double half_width, int cells) {
   detail::require_positive(half_width, "half_width");
   detail::require_at_least(cells, 1, "cells");

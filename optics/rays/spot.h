@@ -1,7 +1,6 @@
-// What a bundle of rays does behind the system: spots, best focus in closed form, point spread and
-// its transform. Frame: transverse coordinates of the eye frame; distances count from the last
+// Spots: bundles of rays behind the system, their moments, best focus in closed form, point spread
+// and its transform. Frame: transverse coordinates of the eye frame; distances count from the last
 // vertex, in m, in the direction of light.
-// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -21,8 +20,8 @@ struct SpotMoments {
   Eigen::Matrix2d place_slope = Eigen::Matrix2d::Zero();  // m, of places and slopes, made symmetric
   Eigen::Matrix2d slope = Eigen::Matrix2d::Zero();        // of slopes
 
-  /// Where the rms radius is least: -cov / var, summed over both directions. NaN without a spread
-  /// of slopes.
+  /// Distance of least rms radius: the variance of x + s u is var x + 2 s cov(x, u) + s^2 var u,
+  /// least at s = -cov / var; both transverse directions summed. NaN without a spread of slopes.
   double best_focus() const { return -place_slope.trace() / slope.trace(); }
   /// The same for the width along the unit vector `along` alone: tangential when that points from
   /// the axis, sagittal when across.

@@ -18,8 +18,8 @@ void check_ray(const Ray& ray) {
                   "ray: its direction is not a unit vector");
 }
 
-/// Crosses surface `number` (vertex at z) outwards or inwards; on loss says so in `result` and
-/// returns false.
+/// Crosses surface `number` (vertex at z) outwards or inwards, in the frame of its vertex; on loss
+/// sets the status in `result` and returns false.
 bool step(const System& system, int number, double z, bool outwards, TraceResult& result) {
   const double before = system.surfaces[number - (outwards ? 2 : 1)].index;
   const double behind = system.surfaces[number - (outwards ? 1 : 2)].index;
@@ -35,6 +35,7 @@ bool step(const System& system, int number, double z, bool outwards, TraceResult
   return true;
 }
 
+/// A ray that goes the other way meets no surface.
 TraceResult start(const Ray& ray, bool outwards) {
   check_ray(ray);
   TraceResult result;
@@ -83,6 +84,7 @@ TraceResult trace_in(const System& system, const Ray& ray) {
     result.surface = system.size();
     return result;
   }
+  // From the last vertex back; the surfaces' media change sides.
   double z = system.vertex(system.size());
   for (int number = system.size(); number >= 2; --number) {
     if (!step(system, number, z, false, result)) break;

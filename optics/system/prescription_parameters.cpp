@@ -1,4 +1,4 @@
-// The parameters of a prescription by name: listing, reading, replacing.
+// Parameters of a prescription by name: listing, reading, replacing.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/names.h"
 #include "optics/system/prescriptions.h"
@@ -60,6 +60,7 @@ void check_names(const std::vector<std::string>& names, const System& system, co
   }
 }
 
+/// The only parameter that is an integer.
 void set_stop_surface(Prescription& prescription, double value) {
   if (!(std::floor(value) == value && value >= 2 && value <= prescription.system.size())) {
     throw std::invalid_argument("stop.surface: must be a whole number of 2.." +
@@ -82,7 +83,7 @@ void set(Prescription& prescription, const std::string& name, double value) {
   if (!found) refuse_unknown(prescription, name);
 }
 
-/// Empty when it is sound.
+/// The message of System::check; empty when the system is sound.
 std::string why_unsound(const System& system) {
   try {
     system.check();
@@ -122,6 +123,8 @@ double parameter(const Prescription& prescription, std::string_view name) {
   return *found;
 }
 
+/// All overrides at once, since some are sound only together. When the result is unsound, each is
+/// tried alone, so that the error names the parameter at fault.
 Prescription with_parameters(Prescription prescription, std::span<const Override> overrides) {
   prescription.check();
   Prescription changed = prescription;

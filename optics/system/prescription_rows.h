@@ -1,4 +1,4 @@
-// A prescription as a plain table of rows, as scripts and files write it down.
+// Prescription as a plain table of rows, the form that scripts and files use.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -26,7 +26,7 @@ struct Row {
   std::array<double, 4> aspheric_mm{};
 };
 
-/// The one place where millimeters become meters.
+/// SI from the tables' millimeters: a_2k scales as mm^(1 - 2k).
 Surface surface_from(const Row& row) {
   constexpr double kMm = 1e-3;
   constexpr std::array<double, 4> kPerMm{1e9, 1e15, 1e21, 1e27};
@@ -50,6 +50,7 @@ struct About {
 
 using Rows = std::vector<Row>;
 
+/// The tables have no rims: semi-diameters stay infinite, and only the stop clips.
 Prescription make(const About& about, const Rows& rows) {
   Prescription made{about.name, about.title, about.source, {}, {}, {}};
   made.system.name = about.title;
@@ -77,6 +78,8 @@ Rows navarro(const char* behind, double gap_mm, double index_behind) {
           {"cornea.anterior", behind, -7.72, -0.26, gap_mm, index_behind}};
 }
 
+/// Navarro's eye with the porcine lens and anterior chamber of thesis 7.2. The vitreous is 1.76 mm
+/// shorter, which puts the retina in focus.
 Rows porcine(const char* behind, double gap_mm) {
   Rows rows = navarro(behind, gap_mm, 1.0);
   rows[0].thickness_mm = 14.56;
@@ -118,6 +121,7 @@ Rows one_lens_eye(double retina_mm, double radius_mm) {
 constexpr const char* kIris =
     "Pupil: 3 mm in the vertex plane of the lens' anterior surface (docs/optics.md).";
 
+/// Tables 3.1 to 3.4.
 std::vector<Prescription> all_of_navarro() {
   return {
       make({"navarro", "Navarro's eye, relaxed (table 3.1)", kIris, 3, 1.5},
@@ -135,6 +139,7 @@ std::vector<Prescription> all_of_navarro() {
   };
 }
 
+/// Table 5.3, the porcine eye of 7.2 and two stand-ins for the model eye of chapter 4.
 std::vector<Prescription> all_of_other_eyes() {
   constexpr const char* kPig =
       "Thesis 7.2 gives the anterior chamber (1.5 mm) and the lens (8 mm). Assumed: all else as "
@@ -200,6 +205,7 @@ Prescription accommodated(Prescription relaxed, double accommodation) {
   detail::require(accommodation >= 0 && accommodation <= 10,
                   "accommodation: must lie within 0 and 10 dioptres");
   constexpr double kMm = 1e-3;
+  // Navarro, Santamaria & Bescos (1985), table 4: L = ln(A + 1).
   const double l = std::log(accommodation + 1);
   const auto changed = [&](const char* name, double by) {
     return Override{name, parameter(relaxed, name) + by};

@@ -1,8 +1,7 @@
-// One ray at one surface: intersection, Snell's law, stop. Templated, so that Ceres' Jets pass
-// through the same code: as rays, and as surfaces that are being designed
+// Refraction of one ray at one surface: intersection, Snell's law, stop. Templated, so that Ceres'
+// Jets pass through the same code: as rays, and as surfaces that are being designed
 // (optics/design/design_surface.h). Frame: the eye frame moved so that the surface's vertex is the
 // origin. Lengths in m.
-// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "optics/numerics/scalar.h"
@@ -30,10 +29,12 @@ inline bool is_asphere(const Surface& surface) {
                      [](double a) { return a != 0; });
 }
 
-/// `s` such that plane_point + s * d lies on the conic. The form C / (-B + sqrt(B^2 - AC)) has no
-/// cancellation where A
-/// -> 0 (near-axial rays on a paraboloid); of the two roots it is the one at the vertex, whichever
-/// way the ray goes.
+/// `s` such that p + s d lies on the conic, p = plane_point in the vertex plane, d the unit
+/// direction. The conic of (3.1) without aspheric terms is F = c (x^2 + y^2 + (1 + k) z^2) - 2 z =
+/// 0 with curvature c and conic constant k; on the line this is A s^2 + 2 B s + E = 0 with
+///  A = c (1 + k d_z^2),  B = c (p_x d_x + p_y d_y) - d_z,  E = c (p_x^2 + p_y^2).
+/// The root s = E / (-B + sqrt(B^2 - A E)) has no cancellation where A -> 0 (near-axial rays on a
+/// paraboloid); of the two roots it is the one at the vertex, whichever way the ray goes.
 template <class AnySurface, class T>
 TraceStatus meet_conic(const AnySurface& surface, const Vector3<T>& plane_point,
                        const Vector3<T>& d, T& s) {
@@ -53,8 +54,9 @@ TraceStatus meet_conic(const AnySurface& surface, const Vector3<T>& plane_point,
   return (1.0 + k) * c * (s * d.z()) > 1.0 ? TraceStatus::wrong_sheet : TraceStatus::ok;
 }
 
-/// Newton from the conic's root, or from the tangent plane where the conic is missed. The step
-/// after convergence makes the derivatives of a Jet exact.
+/// Newton's method on f(s) = z - sag(r), whose slope is d_z - (sag'(r) / r) (x d_x + y d_y), from
+/// the conic's root, or from the tangent plane where the conic is missed. The step after
+/// convergence makes the derivatives of a Jet exact.
 template <class AnySurface, class T>
 TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_point,
                          const Vector3<T>& d, T& s) {
@@ -73,7 +75,8 @@ TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_poin
   return TraceStatus::no_convergence;
 }
 
-/// The unit normal at a point of the surface, with positive z component.
+/// The unit normal at a point of the surface, with positive z component: the gradient of z -
+/// sag(r), or for a conic that of -F / 2.
 template <class AnySurface, class T>
 Vector3<T> unit_normal(const AnySurface& surface, const Vector3<T>& p) {
   if (is_asphere(surface)) {
@@ -84,7 +87,11 @@ Vector3<T> unit_normal(const AnySurface& surface, const Vector3<T>& p) {
   return Vector3<T>(-c * p.x(), -c * p.y(), 1.0 - (1.0 + surface.conic) * c * p.z()).normalized();
 }
 
-/// Snell's law in vector form; false at total reflection. `ratio` = index before / index behind.
+/// Snell's law in vector form (Glassner, An Introduction to Ray Tracing, 1989): with n = `normal`
+/// and mu = `ratio` = index before / index behind,
+///  d' = mu d + (cos t' - mu cos t) n,  cos t = d . n,  cos^2 t' = 1 - mu^2 (1 - cos^2 t).
+/// The sign of cos t' is that of cos t, so the normal may point either way. False at total
+/// reflection.
 template <class T>
 bool refract(double ratio, const Vector3<T>& normal, Vector3<T>& d) {
   using std::sqrt;
@@ -96,7 +103,7 @@ bool refract(double ratio, const Vector3<T>& normal, Vector3<T>& d) {
   return true;
 }
 
-/// What a ray does at one surface.
+/// A surface with the media on both sides, as the ray meets it.
 template <class AnySurface>
 struct Crossing {
   const AnySurface& surface;
@@ -104,7 +111,7 @@ struct Crossing {
   double stop_radius = std::numeric_limits<double>::infinity();  // m, of a hole in the vertex plane
 };
 
-/// Takes the ray from where it is to behind the surface; leaves it alone when it is lost.
+/// Propagates the ray from its origin to behind the surface; leaves it alone when it is lost.
 template <class AnySurface, class T>
 TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>& direction) {
   // m: a path this short is rounding, a longer one means that the surfaces cross

@@ -12,10 +12,12 @@
 namespace vitreo::optics {
 namespace {
 
-/// A standard normal number by Box and Muller: std::normal_distribution differs from library to
-/// library.
+/// A standard normal number by Box & Muller (1958), the cosine branch alone.
+/// std::normal_distribution differs from library to library, and with it would the sampled eyes.
 double normal(std::mt19937_64& random) {
   constexpr double kUnit = 0x1p-53;
+  // The upper 53 bits of a draw: what a double holds. The half keeps u above 0, where the logarithm
+  // is.
   const double u = (static_cast<double>(random() >> 11) + 0.5) * kUnit;  // never 0
   const double v = (static_cast<double>(random() >> 11) + 0.5) * kUnit;
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
@@ -27,6 +29,7 @@ void check(const Uncertainty& one) {
   }
 }
 
+/// The parameter at value * (1 + relative * sigmas): table 5.1 states relative uncertainties.
 Override off(const Prescription& prescription, const Uncertainty& one, double sigmas) {
   check(one);
   return {one.parameter, parameter(prescription, one.parameter) * (1 + one.relative * sigmas)};
@@ -34,6 +37,7 @@ Override off(const Prescription& prescription, const Uncertainty& one, double si
 
 }  // namespace
 
+/// One sigma each; the sources are those that thesis 4.2 cites.
 std::vector<Uncertainty> table_5_1() {
   constexpr const char* kKirschkamp = "Kirschkamp et al. 2004";
   constexpr const char* kCarney = "Carney et al. 1997";
@@ -75,6 +79,8 @@ Prescription perturbed(const Prescription& prescription, const Uncertainty& unce
   return with_parameters(prescription, {&change, 1});
 }
 
+/// Independent Gaussian parameters; rejection sampling truncates them to systems that pass
+/// System::check.
 std::vector<PerturbedEye> monte_carlo(const Prescription& prescription,
                                       const std::vector<Uncertainty>& uncertainties, int count,
                                       std::mt19937_64& random) {

@@ -40,7 +40,7 @@ constexpr std::array<std::pair<std::string_view, double>, 18> kGlasses{{
     {"CAF2", 1.43384},
 }};
 
-/// What says nothing about the light through centered surfaces, or repeats what other operands say.
+/// Operands without influence on the light through centered surfaces, or that repeat others.
 constexpr std::string_view kHarmless[] = {
     "VERS", "PFIL", "LANG", "GCAT", "NOTE", "ENVD", "GFAC", "RAIM", "PUSH", "SDMA", "FTYP", "ROPD",
     "PICB", "XFLN", "YFLN", "FWGN", "VDXN", "VDYN", "VCXN", "VCYN", "VANN", "XFLD", "YFLD", "FWGT",
@@ -49,6 +49,7 @@ constexpr std::string_view kHarmless[] = {
     "SLAB", "POPS", "MEMA", "PKUP", "CONF", "EFFL", "OPDX", "FNUM", "OBNA", "FLOA", "SCOL", "DMFS",
     "OPTG", "HYPR", "CSLB", "FIMP", "ZEMX", "UDAT", "MCOP"};
 
+/// UNIT names the lens unit; all lengths of the file are in it, wavelengths excepted.
 double meters_per_unit(const ZemaxLine& line) {
   const std::string unit = line.words.empty() ? "" : line.words[0];
   if (unit == "MM") return 1e-3;
@@ -106,6 +107,7 @@ bool is_harmless(const std::string& operand) {
   return std::find(std::begin(kHarmless), std::end(kHarmless), operand) != std::end(kHarmless);
 }
 
+/// Wavelengths, in um in the file. They are kept for the record; no dispersion is computed.
 bool Reader::header_wavelength(const ZemaxLine& line) {
   constexpr double kMicrometer = 1e-6;
   constexpr std::size_t kMost = 24;  // as Zemax has
@@ -127,6 +129,7 @@ bool Reader::header_wavelength(const ZemaxLine& line) {
   return true;
 }
 
+/// What stands before the first surface, or between surfaces without indentation.
 void Reader::header(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "MODE") {
@@ -171,11 +174,13 @@ void Reader::parameter(const ZemaxLine& line) {
     line.refuse("only the terms of r^4 to r^10 (PARM 2 to 5) are supported, PARM " +
                 std::to_string(which) + " is not zero");
   }
+  // PARM k is the coefficient of r^(2k), in (lens unit)^(1 - 2k); PARM 1, of r^2, is excluded
+  // above.
   const int power = 2 * which;
   surface().aspheric[static_cast<std::size_t>(which - 2)] = value * std::pow(unit_, 1 - power);
 }
 
-/// Form, place and medium.
+/// Operands of a surface's form, position and medium. False for others.
 bool Reader::surface_shape(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "TYPE") {
@@ -186,6 +191,7 @@ bool Reader::surface_shape(const ZemaxLine& line) {
     }
     asphere_ = type == "EVENASPH";
   } else if (operand == "CURV") {
+    // CURV is 1 / R in 1 / (lens unit).
     const double curvature = line.number_at(0, "curvature");
     surface().radius = curvature == 0 ? std::numeric_limits<double>::infinity() : unit_ / curvature;
   } else if (operand == "CONI") {
@@ -204,7 +210,8 @@ bool Reader::surface_shape(const ZemaxLine& line) {
   return true;
 }
 
-/// Stop and rims.
+/// Operands of the stop and of rims; DIAM and CLAP are semi-diameters in lens units. False for
+/// others.
 bool Reader::surface_edge(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "STOP") {
@@ -214,8 +221,8 @@ bool Reader::surface_edge(const ZemaxLine& line) {
   } else if (operand == "DIAM") {
     diameter_ = line.number_at(0, "semi-diameter") * unit_;
     if (diameter_ < 0) line.refuse("semi-diameter must not be negative");
-    // Second word: 1 when somebody fixed it, else Zemax computed it from its rays, and it clips
-    // nothing.
+    // Second word: 1 for a diameter fixed by the user; else Zemax computed it from its rays, and it
+    // clips nothing.
     const bool fixed = line.words.size() > 1 && line.integer_at(1, "flag") == 1;
     if (fixed && diameter_ > 0) surface().semi_diameter = diameter_;
   } else if (operand == "CLAP") {
@@ -256,6 +263,7 @@ ZemaxFile Reader::read(std::string_view bytes) {
   return std::move(file_);
 }
 
+/// PWAV counts from 1, and may name a wavelength that the file does not list.
 void Reader::finish() {
   if (file_.surfaces.size() < 3) {
     throw std::invalid_argument(
