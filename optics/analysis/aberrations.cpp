@@ -38,9 +38,8 @@ struct Refraction {
   // indices
   double before;
   double behind;
-  // 1/m; coefficient of r^4 beyond the sphere's, m^-3
-  double curvature;
-  double fourth;
+  double curvature;  // 1/m
+  double fourth;     // m^-3, coefficient of r^4 beyond the sphere's
 };
 
 /// Paraxial refraction, n' u' = n u - h c (n' - n).

@@ -54,9 +54,8 @@ std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
                                        const EyeError& error);
 
 struct ErrorStatistics {
-  // eyes with an answer, and without
-  int count = 0;
-  int failed = 0;
+  int count = 0;   // eyes with an answer
+  int failed = 0;  // and without
   // m, of those with one; 0 when there is none
   double mean = 0;
   double rms = 0;
@@ -73,9 +72,8 @@ struct MeasurementValue {
 };
 
 /// Which measurement of the patient would reduce the error most, the best first: all parameters
-/// uncertain but one, on the same samples, the method assuming the
-/// prescription with that one put right. `make_error` builds the method for the assumed eye. Throws
-/// as monte_carlo.
+/// uncertain but one, on the same samples, the method assuming the prescription with that one put
+/// right. `make_error` builds the method for the assumed eye. Throws as monte_carlo.
 std::vector<MeasurementValue> variance_attribution(
     const Prescription& prescription, const std::vector<Uncertainty>& uncertainties,
     const std::function<EyeError(const Prescription& believed)>& make_error, int count,

@@ -49,6 +49,7 @@ FieldPoint image_of(const Eigen::Vector3d& object, const OnAxis& axis, const Spo
 
 }  // namespace
 
+/// A field whose chief ray is lost stays in the list, with nothing transmitted.
 std::vector<FieldPoint> field_curves(const PupilTracer& tracer, const std::vector<double>& angles,
                                      const std::vector<Eigen::Vector2d>& samples, double depth) {
   Spot spot;
@@ -65,6 +66,7 @@ std::vector<FieldPoint> field_curves(const PupilTracer& tracer, const std::vecto
   return curve;
 }
 
+/// Over the fields from which rays come through; 0 when there is none.
 double field_curvature_span(const std::vector<FieldPoint>& curve) {
   double least = std::numeric_limits<double>::infinity();
   double most = -least;

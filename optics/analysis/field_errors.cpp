@@ -38,6 +38,7 @@ class FieldErrors {
   double max_ = 0;
 };
 
+/// No answer in one case is no answer.
 std::optional<double> worse(const std::optional<double>& one, const std::optional<double>& other) {
   if (!one || !other) return std::nullopt;
   return std::max(*one, *other);
@@ -75,6 +76,7 @@ std::optional<ImagedField> image_field(const System& system, const FieldErrorOpt
       imaged.points.push_back({*point, focus, std::abs(spot.chief_at(focus).x())});
     }
   }
+  // The retina on the axis comes first; without its focus there is nothing to calibrate on.
   if (imaged.points.empty() || imaged.points.front().point.head<2>().norm() > 0)
     return std::nullopt;
   return imaged;
@@ -85,8 +87,8 @@ std::optional<ImagedField> image_field(const System& system, const FieldErrorOpt
 struct Believed {
   ThesisCurves curves;
   OnAxisLaw law;
-  double
-      reach;  // m, from the retina's vertex: what lies farther is no position in or about the eye
+  // m, from the retina's vertex: what lies farther is no position in or about the eye
+  double reach;
 };
 
 /// Thesis 3.2.1 and 4.3 for the assumed eye; the isofocus surfaces take the conic constant of its
@@ -136,6 +138,8 @@ std::optional<double> error_of(const Believed& believed, const ImagedField& imag
   return errors.summary(measure);
 }
 
+/// The worse of both signs of the sensor's misplacement (figure 4.2e) and, calibrated, of the
+/// retinal depth error (figure 4.6).
 std::optional<double> error_of(const Believed& believed, const ImagedField& imaged,
                                double retina_object, const FieldErrorOptions& options) {
   const auto with = [&](double sign) -> std::optional<double> {

@@ -96,6 +96,7 @@ void PoseErrorOptions::check() const {
                   "retinal_depth_error: must not be negative, nor more than depth_from");
 }
 
+/// The assumed eye's projection is fitted once, the true eye's for each eye.
 EyeError pose_error(const Prescription& believed, const PoseErrorOptions& options) {
   options.check();
   if (!believed.system.stop) throw std::invalid_argument("stop: the system has none");

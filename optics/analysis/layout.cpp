@@ -19,6 +19,7 @@ constexpr double kPad = 0.04;  // of the drawing's width, left and right
 constexpr double kHeaderPx = 54;
 constexpr double kFooterPx = 92;
 constexpr int kProfileSteps = 48;
+/// Dark enough on white, and distinguishable in print.
 constexpr std::array<const char*, 7> kRayColors{"#b5332e", "#1f6f8b", "#4d7c33", "#9a6a12",
                                                 "#6a4c93", "#3a3a8c", "#8c3a6b"};
 
@@ -55,7 +56,8 @@ std::string escaped(const std::string& text) {
   return safe;
 }
 
-/// Paler for thinner media; none for air.
+/// Fill color by refractive index: paler for thinner media, none for air. The scale spans the eye's
+/// media and lens plastics, 1.30 to 1.54.
 std::string tint(double index) {
   if (index < 1.01) return "none";
   const double t = std::clamp((index - 1.30) / 0.24, 0.0, 1.0);
@@ -126,6 +128,7 @@ void Drawing::measure() {
   bottom_px_ = kHeaderPx + 2 * half_height_ * scale_;
 }
 
+/// The meridional section of a surface: (vertex + sag(r), r).
 std::vector<Eigen::Vector2d> Drawing::profile(int i) const {
   std::vector<Eigen::Vector2d> path;
   const double vertex = system_.vertex(i + 1);
@@ -150,6 +153,7 @@ void Drawing::text(double px, double py, const std::string& what, const char* st
           "</text>\n";
 }
 
+/// A medium is the polygon between the profiles of its two surfaces.
 void Drawing::draw_media() {
   for (int i = 0; i + 1 < system_.size(); ++i) {
     const std::string fill = tint(system_.surfaces[i].index);
@@ -162,6 +166,7 @@ void Drawing::draw_media() {
   }
 }
 
+/// Dash-dotted, as axes are in technical drawings.
 void Drawing::draw_axis() {
   const double overhang = options_.width_px * kPad * 0.6;
   out_ += "<line x1=\"" + number(x(left_) - overhang) + "\" y1=\"" + number(y(0)) + "\" x2=\"" +
@@ -169,6 +174,7 @@ void Drawing::draw_axis() {
           "\" stroke=\"#666\" stroke-width=\"0.8\" stroke-dasharray=\"14 3 2 3\"/>\n";
 }
 
+/// Clipped to the frame, since a lost ray may lead far out.
 void Drawing::draw_rays() {
   for (const LayoutRay& ray : rays_) {
     const char* const color =
@@ -199,6 +205,7 @@ void Drawing::draw_surfaces() {
   }
 }
 
+/// Two bars from the stop's radius outwards, with a tick at its edge.
 void Drawing::draw_stop() {
   if (!system_.stop) return;
   const double z = system_.vertex(system_.stop->surface);
@@ -243,6 +250,7 @@ void Drawing::draw_scale_bar() {
        "text-anchor=\"middle\" font-size=\"12\"");
 }
 
+/// One entry for each medium that is not air, wrapped by an estimate of the text's width.
 void Drawing::draw_legend() {
   double px = x(left_);
   double py = bottom_px_ + 66;

@@ -51,6 +51,7 @@ double common_height(const Surface& front, const Surface& behind, double height)
 
 }  // namespace
 
+/// For a drawing only: heights decide nothing about rays.
 std::vector<double> layout_heights(const System& system, std::span<const LayoutRay> rays) {
   const int count = system.size();
   std::vector<double> heights(static_cast<std::size_t>(count));

@@ -9,6 +9,7 @@
 
 namespace vitreo::optics {
 
+/// The drawing's plane is x-z: a skew ray is shown in projection.
 LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group) {
   system.check();
   detail::require_finite(end_z, "end_z");
@@ -33,6 +34,7 @@ LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group
   return drawn;
 }
 
+/// Rays are aimed at the stop and then followed without it.
 std::vector<LayoutRay> field_fans(const System& system, std::span<const double> angles,
                                   double end_z, int count, double depth) {
   if (count < 1 || count > 1000) throw std::invalid_argument("count: must lie within 1 and 1000");

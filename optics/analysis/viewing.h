@@ -43,7 +43,8 @@ DepthOfFocus depth_of_focus(const System& system, double confusion);
 struct DepthOfField {
   // the thesis' depth of focus over the secant slope of the first `range` of figure 3.4(b)
   double thesis = 0;
-  double at_retina = 0;  // the thesis' depth of focus over the slope at the retina: the worst place
+  // the thesis' depth of focus over the slope at the retina, where it is worst
+  double at_retina = 0;
   double consistent = 0;  // the image side's depth of focus over the slope at the retina
 };
 DepthOfField depth_of_field(const System& system, double confusion, double range = 5e-3);
@@ -83,8 +84,8 @@ struct FieldOfView {
 FieldOfView direct_field_of_view(const System& system, double observer_distance);
 
 /// Contact and condensing lenses: the largest field whose chief ray, traced, stays within
-/// `clear_radius` (m) on all surfaces behind `from_surface` and is not lost; as thesis 3.1.3 says,
-/// vignetting by the lens sets it.
+/// `clear_radius` (m) on all surfaces behind `from_surface` and is not lost; vignetting by the lens
+/// sets it (thesis 3.1.3).
 FieldOfView vignetted_field_of_view(const System& system, int from_surface, double clear_radius);
 
 }  // namespace vitreo::optics

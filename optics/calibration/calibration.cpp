@@ -38,6 +38,7 @@ bool derivatives(const OnAxisLaw& law, double d_ls, double& d_o, Eigen::Vector3d
   return true;
 }
 
+/// Sums over the points: J^T J, J^T r, and the squares and the largest of r.
 struct Normal {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
   Eigen::Vector3d vector = Eigen::Vector3d::Zero();
@@ -62,6 +63,7 @@ bool linearize(const OnAxisLaw& law, std::span<const OnAxisPoint> points, Normal
   return true;
 }
 
+/// A step in (f, PP1, PP2).
 OnAxisLaw moved(OnAxisLaw law, const Eigen::Vector3d& step) {
   law.focal_length += step[0];
   law.first_principal_point += step[1];
@@ -100,6 +102,7 @@ Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
     if (!step.allFinite()) break;
     Normal next;
     const OnAxisLaw tried = moved(law, step);
+    // Accepted when the squares do not grow: less damping then, more otherwise.
     if (linearize(tried, points, next) && next.squares <= at.squares) {
       law = tried;
       at = next;
@@ -156,6 +159,7 @@ std::optional<double> OnAxisLaw::object_from_sensor(double d_ls) const {
   return d_o;
 }
 
+/// Inverse of (4.10) to (4.12): s_i = s_o f / (s_o + f n_v).
 std::optional<double> OnAxisLaw::sensor_from_object(double d_o) const {
   const double s_o = d_o - first_principal_point - object_shift;
   const double rest = s_o + focal_length * object_index;  // (4.11) solved for s_i
@@ -163,6 +167,7 @@ std::optional<double> OnAxisLaw::sensor_from_object(double d_o) const {
   return s_o * focal_length / rest + second_principal_point - sensor_shift;
 }
 
+/// (4.6) to (4.9): the paraxial start that thesis 4.3 refines.
 OnAxisLaw on_axis_law(const System& system) {
   const auto points = cardinal_points(system);
   if (!points) throw std::invalid_argument("system: it is afocal");
@@ -174,6 +179,8 @@ OnAxisLaw on_axis_law(const System& system) {
           0};
 }
 
+/// Thesis 4.3, "we use the paraxial calculations as an initial estimation, and perform a
+/// minimization".
 OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> points) {
   start.check();
   check_points(points);
@@ -191,6 +198,8 @@ OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> point
   return fit;
 }
 
+/// Thesis 4.3: e_dls and e_do from one equation, the retina's. With e_dls alone it is solved by the
+/// inverse law, exactly.
 BiometricFit calibrate_biometric(const OnAxisLaw& law, const OnAxisPoint& retina,
                                  BiometricMethod method) {
   law.check();

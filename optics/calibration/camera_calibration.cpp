@@ -60,6 +60,7 @@ Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
   return fit;
 }
 
+/// Two distinct points determine scale, rotation and center.
 void check_pairs(std::span<const PointPair> pairs) {
   if (pairs.size() < 2) throw std::invalid_argument("pairs: scale and rotation need two");
   double across_m = 0;
@@ -95,8 +96,8 @@ PoseSettings scaled(PoseSettings settings, double scale) {
 template <class Error>
 std::optional<double> zero_between(const Error& error, double low, double high) {
   constexpr int kBisections = 60;
-  constexpr double kReached =
-      1e-7;  // m; a bisection that ends at the edge of the answers is no zero
+  // m; a bisection that ends at the edge of the answers is no zero
+  constexpr double kReached = 1e-7;
   const auto at_low = error(low);
   const auto at_high = error(high);
   if (!at_low && !at_high) return std::nullopt;
@@ -186,6 +187,8 @@ PoseSettings PoseCalibration::applied(PoseSettings settings) const {
   return scaled(std::move(settings), image_scale);
 }
 
+/// Thesis 5.4: mean errors are accounted for by calibration with the robot resting on the retina,
+/// whose depth is known.
 PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis_in_eye, double known_z,
                                PoseCorrection correction) {

@@ -33,7 +33,7 @@ struct CameraFit {
 };
 
 /// Least squares in the image, closed form. Throws std::invalid_argument naming `pairs`: fewer than
-/// two, not finite, all in one place, or seen in a mirror.
+/// two, not finite, all at one position, or mirrored.
 CameraFit fit_camera(std::span<const PointPair> pairs);
 
 /// Correction of an error of size against depth by one observation of the robot at a known

@@ -49,6 +49,7 @@ struct Residuals {
   }
 };
 
+/// A relative prior needs a value that is neither zero nor infinite.
 void check(const Prescription& prescription, const std::vector<Uncertainty>& priors,
            const Eigen::VectorXd& measured, const Eigen::VectorXd& sigmas) {
   prescription.check();

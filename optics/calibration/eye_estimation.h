@@ -41,7 +41,7 @@ struct EyeEstimate {
 /// The most probable eye: least squares (Ceres) of the measurements, each with its own sigma,
 /// together with what was known before, `priors`, about the prescription's values. Few measurements
 /// determine few combinations of parameters; the prior keeps the rest where they were, and
-/// `learned` says which is which. Throws std::invalid_argument naming a bad argument, or `measured`
+/// `learned` tells them apart. Throws std::invalid_argument naming a bad argument, or `measured`
 /// when the solver does not converge.
 EyeEstimate estimate_eye(const Prescription& prescription, const std::vector<Uncertainty>& priors,
                          const EyeModel& model, const Eigen::VectorXd& measured,

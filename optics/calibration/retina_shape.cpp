@@ -17,6 +17,7 @@ namespace {
 using Parameters = Eigen::Matrix<double, 5, 1>;  // x0, y0, z0, R, k
 using Normal = Eigen::Matrix<double, 5, 5>;
 
+/// Indices into (x0, y0, z0, R, k): R and the depth z0 are always free.
 std::vector<int> free_parameters(const RetinaFitOptions& options) {
   std::vector<int> free;
   if (options.fit_center) free = {0, 1};
@@ -74,6 +75,7 @@ Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
   if (!(values[columns - 1] > kDetermined * values[0]))
     refuse("they do not determine the surface (degenerate)");
   const Eigen::VectorXd c = svd.solve(right);
+  // The center completes the squares of r^2 - 2 x0 x - 2 y0 y.
   const double x0 = options.fit_center ? c[2] / 2 : 0;
   const double y0 = options.fit_center ? c[3] / 2 : 0;
   const double squared = options.fit_conic ? c[columns - 1] : -(1 + options.conic);  // -(1+k)
@@ -164,6 +166,7 @@ RetinaFit fit_retina(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
                 state.largest, {}};
   fit.covariance.setZero();
   if (points.size() > free.size()) {
+    // (J^T J)^-1 times the residual variance; k was counted in units of `scale`.
     fit.covariance = inverse_of(state.matrix, free) *
                      (state.squares / static_cast<double>(points.size() - free.size()));
     fit.covariance.row(4) /= scale;

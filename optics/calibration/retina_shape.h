@@ -1,5 +1,6 @@
 // Shape and depth of a retina from points on it, as MRI gives them or a localizer that followed it
 // (thesis 4.4).
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>

@@ -65,6 +65,7 @@ std::string Designer::violated() const {
     return "image_distance is " + in_mm(image.image_distance) + " instead of " +
            in_mm(problem_.kept);
   }
+  // Relative; as DesignKeeps states.
   constexpr double kFocal = 1e-4;
   if (options_.keeps == DesignKeeps::focal_length &&
       std::abs(image.focal_length / problem_.kept - 1) > kFocal) {

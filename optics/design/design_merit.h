@@ -52,7 +52,7 @@ struct DesignProblem {
   static constexpr double kUnit = 1e-4;  // m
   // a constraint's weight: what it gives way stays below a micrometer
   static constexpr double kStrict = 1e3;
-  static constexpr int kChecks = 16;  // places along a profile where constraints are tested
+  static constexpr int kChecks = 16;  // positions along a profile where constraints are tested
 
   bool is_variable(std::size_t surface) const {
     return std::any_of(variables.begin(), variables.end(), [&](const ShapeVariable& v) {
@@ -137,11 +137,11 @@ bool focus_design(const DesignProblem& problem, const std::vector<DesignSurface<
     xu += w * (px * ux + py * uy);
     uu += w * (ux * ux + uy * uy);
   }
-  const T place = xx / total - x * x / (total * total);
+  const T position = xx / total - x * x / (total * total);
   const T slope = uu / total - u * u / (total * total);
   const T mixed = xu / total - x * u / (total * total);
   focus.distance = -mixed / slope;
-  const T square = place + mixed * focus.distance;
+  const T square = position + mixed * focus.distance;
   focus.rms = sqrt((square > 0.0 ? square : T(0)) + kTip);
   return true;
 }

@@ -8,6 +8,7 @@
 
 namespace vitreo::optics {
 
+/// The field of thesis 3.2, 60 degrees in all, every 5 degrees.
 std::vector<double> LensDesignOptions::default_angles() {
   std::vector<double> angles;
   for (int degrees = 0; degrees <= 30; degrees += 5)

@@ -10,6 +10,7 @@
 namespace vitreo::optics {
 namespace {
 
+/// Infinite for an afocal system.
 double focal_length_of(const System& system) {
   const auto points = cardinal_points(system);
   return points ? points->focal_length : std::numeric_limits<double>::infinity();

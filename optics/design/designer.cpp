@@ -15,6 +15,7 @@ struct Named {
   const char* suffix;
   ShapeKind kind;
 };
+/// A radius is designed as its curvature, which passes through the plane without a pole.
 constexpr Named kShapes[] = {{".radius", ShapeKind::curvature},
                              {".conic", ShapeKind::conic},
                              {".a4", ShapeKind::a4},
@@ -59,8 +60,8 @@ double to_shape(ShapeKind kind, double parameter) {
   return kind == ShapeKind::curvature ? 1 / parameter : parameter;
 }
 
-/// Bounds of the shape's value. 1 / R falls with R while R keeps its sign, so the bounds change
-/// places.
+/// Bounds of the shape's value. 1 / R falls with R while R keeps its sign, so the bounds are
+/// exchanged.
 std::pair<double, double> bounds_of(const DesignVariable& variable, ShapeKind kind) {
   if (kind != ShapeKind::curvature) return {variable.lower, variable.upper};
   if (std::isinf(variable.lower) && std::isinf(variable.upper))
@@ -75,6 +76,8 @@ std::pair<double, double> bounds_of(const DesignVariable& variable, ShapeKind ki
 
 }  // namespace
 
+/// Variables by name, their bounds, and the first surface that changes: rays are traced once up to
+/// the one before it.
 Designer::Designer(const Prescription& start, const LensDesignOptions& options)
     : start_(start), now_(start), options_(options) {
   start.check();
@@ -96,6 +99,7 @@ Designer::Designer(const Prescription& start, const LensDesignOptions& options)
                                   " starts outside its bounds");
     }
     problem_.variables.push_back(shape);
+    // A thickness moves what lies behind it, so the next surface is the first that changes.
     first = std::min(first, shape.kind == ShapeKind::thickness ? shape.surface + 1 : shape.surface);
   }
   problem_.from = first - 1;
@@ -155,6 +159,8 @@ Designer::Rays Designer::gather(std::size_t fields) {
   for (std::size_t i = 0; i < options_.angles.size(); ++i) {
     int lost = 0;
     auto one = bundle(tracer, options_.angles[i], lost);
+    // A field that loses rays still counts with those that come through, so that the design can win
+    // it back; all fields are traced for the reach, whether they count or not.
     if (!one || one->weight.size() < kFewest || i >= fields) continue;
     if (lost == 0) ++rays.whole;
     rays.used.push_back(i);
@@ -169,6 +175,7 @@ Designer::Rays Designer::gather(std::size_t fields) {
   return rays;
 }
 
+/// The present shapes in the solver's units.
 std::vector<double> Designer::start_of_round() const {
   std::vector<double> x;
   for (std::size_t i = 0; i < problem_.variables.size(); ++i) {
@@ -192,6 +199,7 @@ struct MeritFunctor {
 /// One round: least squares by Ceres with automatic derivatives, within bounds. Aspheric terms of
 /// an order above `highest` are held.
 bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations, double& cost) {
+  // Derivatives per pass of Ceres' dynamic automatic differentiation.
   constexpr int kStride = 8;
   std::vector<double> first;
   if (!design_residuals(problem_, x.data(), first)) return false;
@@ -220,8 +228,9 @@ bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations,
   options.linear_solver_type = ceres::DENSE_QR;
   options.logging_type = ceres::SILENT;
   options.max_num_iterations = std::max(1, options_.max_iterations - iterations);
-  options.max_num_consecutive_invalid_steps =
-      30;  // a step that loses a ray is too long, no failure
+  // a step that loses a ray is too long, no failure
+  options.max_num_consecutive_invalid_steps = 30;
+  // Rounds follow each other, so a round need not be exact.
   options.function_tolerance = 1e-7;
   options.parameter_tolerance = 1e-10;
   ceres::Solver::Summary summary;
@@ -238,6 +247,7 @@ void Designer::adopt(const std::vector<double>& x) {
   for (std::size_t i = 1; i < surfaces.size(); ++i) {
     Surface& s = now_.system.surfaces[i];
     if (problem_.is_variable(i)) {
+      // 1 / (1 / R) is not always R; a radius that did not change keeps its bits.
       if (s.radius * surfaces[i].curvature != 1) s.radius = 1 / surfaces[i].curvature;
       s.conic = surfaces[i].conic;
       s.aspheric = surfaces[i].aspheric;
@@ -252,6 +262,8 @@ void Designer::adopt(const std::vector<double>& x) {
   }
 }
 
+/// Figures before and after by the plain tracer. A lost field outranks a violated constraint, that
+/// outranks a design that did not settle.
 LensDesign Designer::report(bool settled, int iterations) const {
   constexpr double kTouches = 1e-3;
   LensDesign made;

@@ -36,9 +36,34 @@ double ring_radius(int ring, int rings) {
   return std::sqrt((Chebyshev2::node(ring, rings) + 1) / 2);
 }
 
+/// Values at the Chebyshev nodes to coefficients: the discrete cosine transform.
+Eigen::MatrixXd cosine_transform(int nodes) {
+  Eigen::MatrixXd made(nodes, nodes);
+  for (int q = 0; q < nodes; ++q) {
+    for (int k = 0; k < nodes; ++k) {
+      made(q, k) =
+          (q == 0 ? 1.0 : 2.0) / nodes * std::cos(q * std::numbers::pi * (k + 0.5) / nodes);
+    }
+  }
+  return made;
+}
+
+/// Coefficient of one harmonic round a ring, by the discrete Fourier transform over its arms:
+/// values x depths. `ring`: the samples of the ring, ordered by arm, then depth.
+Eigen::MatrixXd harmonic_of(const Eigen::MatrixXd& ring, int depths, int k, bool sine) {
+  constexpr int kArms = SkewTable::kArms;
+  Eigen::MatrixXd harmonic = Eigen::MatrixXd::Zero(SkewTable::kValues, depths);
+  for (int arm = 0; arm < kArms; ++arm) {
+    const double angle = 2 * std::numbers::pi * arm * k / kArms;
+    const double weight = (k == 0 ? 1.0 : 2.0) / kArms * (sine ? std::sin(angle) : std::cos(angle));
+    harmonic += weight * ring.middleRows(arm * depths, depths).transpose();
+  }
+  return harmonic;
+}
+
 }  // namespace
 
-Eigen::Vector2d SkewTable::sample_place(int ring, int rings, int arm) {
+Eigen::Vector2d SkewTable::sample_position(int ring, int rings, int arm) {
   const double rho = ring_radius(ring, rings);
   const double azimuth = 2 * std::numbers::pi * arm / kArms;
   return {rho * std::cos(azimuth), rho * std::sin(azimuth)};
@@ -55,13 +80,7 @@ SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths)
   }
   const auto count = static_cast<Eigen::Index>(terms_.size());
   coefficients_ = Eigen::MatrixXd::Zero(kValues * count, depths);
-  Eigen::MatrixXd to_depth(depths, depths);  // values at the nodes -> coefficients
-  for (int q = 0; q < depths; ++q) {
-    for (int k = 0; k < depths; ++k) {
-      to_depth(q, k) =
-          (q == 0 ? 1.0 : 2.0) / depths * std::cos(q * std::numbers::pi * (k + 0.5) / depths);
-    }
-  }
+  const Eigen::MatrixXd to_depth = cosine_transform(depths);
   double t[Chebyshev2::kMaxNodes];
   double d[Chebyshev2::kMaxNodes];
   for (std::size_t first = 0; first < terms_.size();) {
@@ -74,14 +93,8 @@ SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths)
       const double rho = ring_radius(i, rings);
       chebyshev(2 * rho * rho - 1, radials, t, d);
       for (int j = 0; j < radials; ++j) radial(i, j) = std::pow(rho, k) * t[j];
-      Eigen::MatrixXd harmonic = Eigen::MatrixXd::Zero(kValues, depths);
-      for (int arm = 0; arm < kArms; ++arm) {
-        const double angle = 2 * std::numbers::pi * arm * k / kArms;
-        const double weight =
-            (k == 0 ? 1.0 : 2.0) / kArms * (sine ? std::sin(angle) : std::cos(angle));
-        // Discrete Fourier transform over the arms of a ring.
-        harmonic += weight * samples.middleRows((i * kArms + arm) * depths, depths).transpose();
-      }
+      const Eigen::MatrixXd harmonic =
+          harmonic_of(samples.middleRows(i * kArms * depths, kArms * depths), depths, k, sine);
       const Eigen::MatrixXd in_depth = harmonic * to_depth.transpose();
       for (int value = 0; value < kValues; ++value)
         seen.row(i).segment(value * depths, depths) = in_depth.row(value);
@@ -122,6 +135,8 @@ void SkewTable::trim() {
   coefficients_ = std::move(coefficients);
 }
 
+/// Values and derivatives by xi and eta of all terms, by complex powers: Re and Im of z^k are the
+/// harmonics times rho^k.
 void SkewTable::basis(const Eigen::Vector2d& at,
                       Eigen::Matrix<double, Eigen::Dynamic, 3>& out) const {
   double t[Chebyshev2::kMaxNodes];
@@ -153,13 +168,13 @@ void SkewTable::basis(const Eigen::Vector2d& at,
 
 /// The sum over the depth orders first: it is shared by the value and both derivatives in the
 /// field.
-SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& place) const {
+SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& position) const {
   Eigen::Matrix<double, Eigen::Dynamic, 3> field;
-  basis(place.head<2>(), field);
+  basis(position.head<2>(), field);
   Eigen::Matrix<double, Eigen::Dynamic, 2> depth(depths_, 2);
   double t[Chebyshev2::kMaxNodes];
   double d[Chebyshev2::kMaxNodes];
-  chebyshev(place.z(), depths_, t, d);
+  chebyshev(position.z(), depths_, t, d);
   for (int k = 0; k < depths_; ++k) depth(k, 0) = t[k], depth(k, 1) = d[k];
   const auto count = static_cast<Eigen::Index>(terms_.size());
   const Eigen::Matrix<double, Eigen::Dynamic, 2> at_depth =
@@ -169,20 +184,20 @@ SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& place) const {
     const auto these = at_depth.middleRows(value * count, count);
     const Eigen::Vector3d by_field = field.transpose() * these.col(0);
     image.value[value] = by_field[0];
-    image.per_place(value, 0) = by_field[1];
-    image.per_place(value, 1) = by_field[2];
-    image.per_place(value, 2) = field.col(0).dot(these.col(1));
+    image.per_position(value, 0) = by_field[1];
+    image.per_position(value, 1) = by_field[2];
+    image.per_position(value, 2) = field.col(0).dot(these.col(1));
   }
   return image;
 }
 
 /// Values 3 and 4: the chief ray in the plane of the stop.
-Eigen::Vector2d SkewTable::stop(const Eigen::Vector3d& place) const {
+Eigen::Vector2d SkewTable::stop(const Eigen::Vector3d& position) const {
   Eigen::Matrix<double, Eigen::Dynamic, 3> field;
-  basis(place.head<2>(), field);
+  basis(position.head<2>(), field);
   double t[Chebyshev2::kMaxNodes];
   double d[Chebyshev2::kMaxNodes];
-  chebyshev(place.z(), depths_, t, d);
+  chebyshev(position.z(), depths_, t, d);
   const Eigen::Map<const Eigen::VectorXd> depth(t, depths_);
   const auto count = static_cast<Eigen::Index>(terms_.size());
   return {field.col(0).dot(coefficients_.middleRows(3 * count, count) * depth),

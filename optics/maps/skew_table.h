@@ -16,22 +16,22 @@ class SkewTable {
  public:
   static constexpr int kHarmonics = 7;              // K
   static constexpr int kArms = 2 * kHarmonics + 2;  // azimuths sampled on each ring
-  static constexpr int kValues = 5;  // mx, my, focus; the chief ray's place in the stop
+  static constexpr int kValues = 5;  // mx, my, focus; the chief ray's position in the stop
   using Values = Eigen::Matrix<double, kValues, 1>;
   struct Image {
-    Eigen::Vector3d value;      // mx, my, focus; m
-    Eigen::Matrix3d per_place;  // by xi, eta, v
+    Eigen::Vector3d value;         // mx, my, focus; m
+    Eigen::Matrix3d per_position;  // by xi, eta, v
   };
 
   SkewTable() = default;
   /// Ring i of `rings` and arm j: where its samples are on the unit disc; depth sample k is at
   /// Chebyshev2::node.
-  static Eigen::Vector2d sample_place(int ring, int rings, int arm);
+  static Eigen::Vector2d sample_position(int ring, int rings, int arm);
   /// `samples`, a row each, ordered by ring, arm, depth, the depth fastest. Least squares.
   SkewTable(const Eigen::MatrixXd& samples, int rings, int depths);
 
-  Image operator()(const Eigen::Vector3d& place) const;
-  Eigen::Vector2d stop(const Eigen::Vector3d& place) const;
+  Image operator()(const Eigen::Vector3d& position) const;
+  Eigen::Vector2d stop(const Eigen::Vector3d& position) const;
 
  private:
   struct Term {

@@ -14,7 +14,7 @@
 namespace vitreo::optics {
 namespace {
 
-using Place = WideAngleMap::Place;
+using FieldPosition = WideAngleMap::FieldPosition;
 using Plane = WideAngleMap::Plane;
 constexpr int kFewest = 5;
 

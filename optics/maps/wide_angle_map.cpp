@@ -43,6 +43,7 @@ System resolved(const System& system, const WideAngleSettings& settings) {
   return made;
 }
 
+/// The eye's stop for a bare sensor, else the microscope's own aperture.
 Pupil first_pupil(const System& system, const WideAngleSettings& settings) {
   return settings.microscope ? Pupil::of_microscope(system, *settings.microscope)
                              : Pupil::of_stop(system);
@@ -115,6 +116,7 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
   // First as far as bundles pass, then as far as the table is good enough.
   const int whole = largest(parts, [&](double angle) { return bundles_pass(angle); });
   if (build(settings.max_angle * whole / parts)) return;
+  // The table was too coarse: more nodes, and if need be a smaller field.
   angle_nodes_ = std::max(angle_nodes_, kManyAngles);
   depth_nodes_ = std::max(depth_nodes_, kManyDepths);
   const int good = largest(whole, [&](double angle) { return build(angle); });
@@ -229,6 +231,7 @@ bool WideAngleMap::build_flat() {
   focus_ = detail::Chebyshev2(focus);
   scale_ = detail::Chebyshev2(scale);
   stop_ = detail::Chebyshev2(stop);
+  // The scale's tail times the largest distance from the axis is a height.
   tail_ = std::max(focus_.tail(), scale_.tail() * stop_z_ * std::tan(max_angle_));
   if (!(tail_ < kMaxTail)) return false;
   inverted_ = evaluate({max_angle_ / 100, 0}).height < 0 ? -1 : 1;
@@ -251,13 +254,14 @@ void WideAngleMap::require_symmetry() const {
 
 /// Polar coordinates about the stop's center: the field angle, and the distance of the retina less
 /// the depth.
-WideAngleMap::Plane WideAngleMap::plane_point(const Place& place) const {
+WideAngleMap::Plane WideAngleMap::plane_point(const FieldPosition& position) const {
   require_symmetry();
-  const double left = distance(std::clamp(place.angle, 0.0, max_angle_)) - place.depth;
-  return {left * std::sin(place.angle), stop_z_ - left * std::cos(place.angle)};
+  const double left = distance(std::clamp(position.angle, 0.0, max_angle_)) - position.depth;
+  return {left * std::sin(position.angle), stop_z_ - left * std::cos(position.angle)};
 }
 
-std::optional<WideAngleMap::Place> WideAngleMap::place_of(const Plane& point) const {
+/// Inverse of plane_point: angle and distance at the stop's center.
+std::optional<WideAngleMap::FieldPosition> WideAngleMap::position_of(const Plane& point) const {
   require_symmetry();
   if (!(point.z < stop_z_)) return std::nullopt;
   const double angle = std::atan2(point.r, stop_z_ - point.z);
@@ -266,80 +270,83 @@ std::optional<WideAngleMap::Place> WideAngleMap::place_of(const Plane& point) co
   const double inside = std::clamp(angle, 0.0, max_angle_);
   const double depth = distance(inside) - left;
   if (!(depth >= -kSlack && depth <= max_depth() + kSlack)) return std::nullopt;
-  return Place{inside, std::clamp(depth, 0.0, max_depth())};
+  return FieldPosition{inside, std::clamp(depth, 0.0, max_depth())};
 }
 
 /// Values and derivatives by the chain rule: u = 2 (angle / max_angle)^2 - 1, v = 2 depth /
 /// max_depth - 1; height = scale * r with r = (distance - depth) sin(angle).
-WideAngleMap::Meridional WideAngleMap::evaluate(const Place& place) const {
-  const double part = place.angle / max_angle_;
+WideAngleMap::Meridional WideAngleMap::evaluate(const FieldPosition& position) const {
+  const double part = position.angle / max_angle_;
   const double u = 2 * part * part - 1;
-  const double v = 2 * place.depth / settings_.max_depth - 1;
+  const double v = 2 * position.depth / settings_.max_depth - 1;
   const double du = 4 * part / max_angle_;
   const double dv = 2 / settings_.max_depth;
   const auto focus = focus_(u, v);
   const auto scale = scale_(u, v);
   const auto distance = distance_(u, 0);
-  const double sine = std::sin(place.angle);
-  const double left = distance.value - place.depth;
+  const double sine = std::sin(position.angle);
+  const double left = distance.value - position.depth;
   const double r = left * sine;
-  const double r_per_angle = left * std::cos(place.angle) + distance.du * du * sine;
+  const double r_per_angle = left * std::cos(position.angle) + distance.du * du * sine;
   Meridional made;
   made.focus = focus.value;
   made.height = scale.value * r;
-  made.per_place << focus.du * du, focus.dv * dv, scale.du * du * r + scale.value * r_per_angle,
+  made.per_position << focus.du * du, focus.dv * dv, scale.du * du * r + scale.value * r_per_angle,
       scale.dv * dv * r - scale.value * sine;
   return made;
 }
 
 /// Whether the chief ray misses the eye's stop, which is open in the traced system.
-bool WideAngleMap::in_shadow(const Place& place) const {
+bool WideAngleMap::in_shadow(const FieldPosition& position) const {
   if (!std::isfinite(stop_radius_) || !settings_.microscope) return false;
-  const double part = place.angle / max_angle_;
-  const double scale = stop_(2 * part * part - 1, 2 * place.depth / max_depth() - 1).value;
-  return std::abs(scale * (distance(place.angle) - place.depth) * std::sin(place.angle)) >
+  const double part = position.angle / max_angle_;
+  const double scale = stop_(2 * part * part - 1, 2 * position.depth / max_depth() - 1).value;
+  return std::abs(scale * (distance(position.angle) - position.depth) * std::sin(position.angle)) >
          stop_radius_;
 }
 
-WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const Place& place) const {
-  const Meridional there = evaluate(place);
-  return {{there.focus, there.height}, there.per_place.determinant(), in_shadow(place)};
+WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const FieldPosition& position) const {
+  const Meridional there = evaluate(position);
+  return {{there.focus, there.height}, there.per_position.determinant(), in_shadow(position)};
 }
 
 /// Newton's method in (angle, depth), kept near the table. A solution outside it by less than
 /// edge() is taken to lie on its boundary.
 std::optional<WideAngleMap::FlatSearch::Solution> WideAngleMap::solve(
     const FlatSearch::Point& image, const FlatSearch::Point& start) const {
-  Place place{start.x() * max_angle_, start.y() * max_depth()};
+  FieldPosition position{start.x() * max_angle_, start.y() * max_depth()};
   for (int step = 0; step < kMaxSteps; ++step) {
-    const Meridional now = evaluate(place);
+    const Meridional now = evaluate(position);
     const Eigen::Vector2d off(image.x() - now.focus, image.y() - now.height);
     if (off.norm() < kConverged) {
       const double aside = edge() / distance(0);
       const double along = edge();
-      const bool inside = place.angle >= -aside && place.angle <= max_angle_ + aside &&
-                          place.depth >= -along && place.depth <= max_depth() + along;
+      const bool inside = position.angle >= -aside && position.angle <= max_angle_ + aside &&
+                          position.depth >= -along && position.depth <= max_depth() + along;
       if (!inside) return std::nullopt;
-      place = {std::clamp(place.angle, 0.0, max_angle_), std::clamp(place.depth, 0.0, max_depth())};
-      const FlatSearch::Point unit(place.angle / max_angle_, place.depth / max_depth());
-      return FlatSearch::Solution{unit, unit, sample(place)};
+      position = {std::clamp(position.angle, 0.0, max_angle_),
+                  std::clamp(position.depth, 0.0, max_depth())};
+      const FlatSearch::Point unit(position.angle / max_angle_, position.depth / max_depth());
+      return FlatSearch::Solution{unit, unit, sample(position)};
     }
-    const Eigen::Vector2d move = now.per_place.inverse() * off;
+    const Eigen::Vector2d move = now.per_position.inverse() * off;
     if (!move.allFinite()) return std::nullopt;
-    place.angle =
-        std::clamp(place.angle + move[0], -kStray * max_angle_, (1 + kStray) * max_angle_);
-    place.depth =
-        std::clamp(place.depth + move[1], -kStray * max_depth(), (1 + kStray) * max_depth());
+    position.angle =
+        std::clamp(position.angle + move[0], -kStray * max_angle_, (1 + kStray) * max_angle_);
+    position.depth =
+        std::clamp(position.depth + move[1], -kStray * max_depth(), (1 + kStray) * max_depth());
   }
   return std::nullopt;
 }
 
-std::optional<WideAngleMap::Meridional> WideAngleMap::at(const Place& place) const {
+/// Where the table is not one-to-one, a value counts only when find() leads back to it.
+std::optional<WideAngleMap::Meridional> WideAngleMap::at(const FieldPosition& position) const {
   require_symmetry();
   const double aside = kSlack / distance(0);
-  if (!(place.angle >= 0 && place.angle <= max_angle_ + aside)) return std::nullopt;
-  if (!(place.depth >= -kSlack && place.depth <= max_depth() + kSlack)) return std::nullopt;
-  const Place inside{std::min(place.angle, max_angle_), std::clamp(place.depth, 0.0, max_depth())};
+  if (!(position.angle >= 0 && position.angle <= max_angle_ + aside)) return std::nullopt;
+  if (!(position.depth >= -kSlack && position.depth <= max_depth() + kSlack)) return std::nullopt;
+  const FieldPosition inside{std::min(position.angle, max_angle_),
+                             std::clamp(position.depth, 0.0, max_depth())};
   if (in_shadow(inside)) return std::nullopt;
   const Meridional made = evaluate(inside);
   if (!flat_search_.one_to_one() && !find(made.focus, made.height)) return std::nullopt;
@@ -348,26 +355,28 @@ std::optional<WideAngleMap::Meridional> WideAngleMap::at(const Place& place) con
 
 /// Inverse of at(). Near a fold the inverse of the Jacobian grows, and with it the table's error in
 /// the eye; beyond kMaxRoundTrip there is no answer.
-std::optional<WideAngleMap::Place> WideAngleMap::find(double focus, double height) const {
+std::optional<WideAngleMap::FieldPosition> WideAngleMap::find(double focus, double height) const {
   require_symmetry();
   const FlatSearch::Point image(focus, height);
   const auto found =
       flat_search_.only(image, [&](const FlatSearch::Point& start) { return solve(image, start); });
   if (!found) return std::nullopt;
-  const Place place{found->unit.x() * max_angle_, found->unit.y() * max_depth()};
-  Eigen::Matrix2d per_meter = evaluate(place).per_place;
+  const FieldPosition position{found->unit.x() * max_angle_, found->unit.y() * max_depth()};
+  Eigen::Matrix2d per_meter = evaluate(position).per_position;
   // An angle becomes a length across.
-  per_meter.col(0) /= distance(place.angle);
+  per_meter.col(0) /= distance(position.angle);
   if (!(2 * tail_ * per_meter.inverse().norm() < kMaxRoundTrip)) return std::nullopt;
-  return place;
+  return position;
 }
 
+/// Rotational symmetry: the azimuth is kept, the height takes the sign of the magnification (thesis
+/// 5.2, (5.10), (5.11) with phi + pi for an inverted image).
 std::optional<AerialPoint> WideAngleMap::image(const Eigen::Vector3d& point) const {
   if (!tracer_.in_vitreous(point)) return std::nullopt;
   if (!symmetric_) return skew_image(point);
   const double r = point.head<2>().norm();
-  const auto place = place_of({r, point.z()});
-  const auto there = place ? at(*place) : std::nullopt;
+  const auto position = position_of({r, point.z()});
+  const auto there = position ? at(*position) : std::nullopt;
   if (!there) return std::nullopt;
   AerialPoint aerial;
   aerial.focus = there->focus;
@@ -375,18 +384,19 @@ std::optional<AerialPoint> WideAngleMap::image(const Eigen::Vector3d& point) con
   return aerial;
 }
 
+/// Thesis 4.1: the position from d_ls and d_op, through the table instead of the fitted curves.
 std::optional<Eigen::Vector3d> WideAngleMap::point(const AerialPoint& aerial) const {
   if (!(std::isfinite(aerial.focus) && aerial.m.allFinite())) return std::nullopt;
   if (!symmetric_) {
     const SkewSearch::Point image(aerial.m.x(), aerial.m.y(), aerial.focus);
     const auto found = skew_search_.only(
         image, [&](const SkewSearch::Point& start) { return solve(image, start); });
-    return found ? std::optional(skew_point(found->place)) : std::nullopt;
+    return found ? std::optional(skew_point(found->position)) : std::nullopt;
   }
   const double height = aerial.m.norm();
-  const auto place = find(aerial.focus, inverted_ * height);
-  if (!place) return std::nullopt;
-  const Plane at = plane_point(*place);
+  const auto position = find(aerial.focus, inverted_ * height);
+  if (!position) return std::nullopt;
+  const Plane at = plane_point(*position);
   if (height == 0) return Eigen::Vector3d(0, 0, at.z);
   const Eigen::Vector2d across = aerial.m * (inverted_ * at.r / height);
   return Eigen::Vector3d(across.x(), across.y(), at.z);

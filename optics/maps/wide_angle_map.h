@@ -52,8 +52,8 @@ struct AerialPoint {
 /// (field, depth) -> (d_ls, d_op) by bundles traced at nodes, interpolated; inverted by Newton.
 /// Rotationally symmetric, in (angle, depth), or, for a tilted microscope and a decentered one with
 /// a finite pupil, in two angles and the depth. Outside its validity it gives nothing; it never
-/// extrapolates. The boundary belongs to it: a place that misses it by less than edge() is taken to
-/// lie on it.
+/// extrapolates. The boundary belongs to it: a position that misses it by less than edge() is taken
+/// to lie on it.
 class WideAngleMap {
  public:
   /// Where bundles are vignetted, or the table would be off by more than 0.5 um, it ends:
@@ -62,13 +62,13 @@ class WideAngleMap {
   explicit WideAngleMap(const System& system, const WideAngleSettings& settings = {});
 
   /// Nothing for a point that is behind the retina, in the lens, outside the table, where one image
-  /// place belongs to two points of the table, or so near a fold that they cannot be told apart, or
-  /// not finite.
+  /// position belongs to two points of the table, or so near a fold that they cannot be
+  /// distinguished, or not finite.
   std::optional<AerialPoint> image(const Eigen::Vector3d& point) const;
   /// The point whose image is there; its inverse, to 1e-10 m. Nothing where there is none or more
   /// than one, or where the table's error would move it by more than 5 um.
   std::optional<Eigen::Vector3d> point(const AerialPoint& aerial) const;
-  /// The same as image() by tracing the bundle, without the table; it knows no edges and no folds.
+  /// The same as image() by tracing the bundle, without the table, so without its edges and folds.
   std::optional<AerialPoint> traced_image(const Eigen::Vector3d& point) const;
 
   double max_angle() const { return max_angle_; }
@@ -89,22 +89,21 @@ class WideAngleMap {
     double r;
     double z;
   };
-  struct Place {
-    // rad, m
-    double angle;
-    double depth;
+  struct FieldPosition {
+    double angle;  // rad
+    double depth;  // m
   };
   struct Meridional {
-    // m; height is negative for an inverted image
-    double focus;
-    double height;
-    Eigen::Matrix2d per_place;  // derivative of both by angle and depth
+    double focus;                  // m
+    double height;                 // m; negative for an inverted image
+    Eigen::Matrix2d per_position;  // derivative of both by angle and depth
   };
   /// Nothing outside the table or where the map folds.
-  std::optional<Meridional> at(const Place& place) const;
-  std::optional<Place> find(double focus, double height) const;
-  Plane plane_point(const Place& place) const;  // the place as taken to lie in the table
-  std::optional<Place> place_of(const Plane& point) const;
+  std::optional<Meridional> at(const FieldPosition& position) const;
+  std::optional<FieldPosition> find(double focus, double height) const;
+  // the position as taken to lie in the table
+  Plane plane_point(const FieldPosition& position) const;
+  std::optional<FieldPosition> position_of(const Plane& point) const;
 
  private:
   // image: d_ls, height; unit: angle and depth over their ends
@@ -121,17 +120,17 @@ class WideAngleMap {
   double skew_error() const;
   bool measure_distances();
   double distance(double angle) const;  // m, from the stop's center to the retina
-  Meridional evaluate(const Place& place) const;
+  Meridional evaluate(const FieldPosition& position) const;
   std::optional<FlatSearch::Solution> solve(const FlatSearch::Point& image,
                                             const FlatSearch::Point& start) const;
   std::optional<SkewSearch::Solution> solve(const SkewSearch::Point& image,
                                             const SkewSearch::Point& start) const;
-  FlatSearch::Sample sample(const Place& place) const;
-  SkewSearch::Sample skew_sample(const Eigen::Vector3d& place) const;
-  std::optional<Eigen::Vector3d> skew_place(const Eigen::Vector3d& point) const;  // xi, eta, v
-  Eigen::Vector3d skew_point(const Eigen::Vector3d& place) const;
+  FlatSearch::Sample sample(const FieldPosition& position) const;
+  SkewSearch::Sample skew_sample(const Eigen::Vector3d& position) const;
+  std::optional<Eigen::Vector3d> skew_position(const Eigen::Vector3d& point) const;  // xi, eta, v
+  Eigen::Vector3d skew_point(const Eigen::Vector3d& position) const;
   std::optional<AerialPoint> skew_image(const Eigen::Vector3d& point) const;
-  bool in_shadow(const Place& place) const;
+  bool in_shadow(const FieldPosition& position) const;
   void require_symmetry() const;
   WideAngleSettings settings_;
   bool symmetric_;
@@ -144,10 +143,9 @@ class WideAngleMap {
   double stop_radius_;
   double max_angle_ = 0;
   double tail_ = 0;
-  double inverted_ = 1;  // -1 when the image is
-  // of (angle^2, depth); scale: height / distance from the axis
-  detail::Chebyshev2 focus_;
-  detail::Chebyshev2 scale_;
+  double inverted_ = 1;          // -1 when the image is
+  detail::Chebyshev2 focus_;     // of (angle^2, depth)
+  detail::Chebyshev2 scale_;     // height / distance from the axis, of the same
   detail::Chebyshev2 stop_;      // the chief ray's distance from the axis in the stop / the point's
   detail::Chebyshev2 distance_;  // of angle^2
   detail::SkewTable skew_;

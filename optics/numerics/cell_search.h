@@ -31,8 +31,9 @@ class CellSearch {
     bool hidden = false;     // its image is blocked (in the iris' shadow): no solution
   };
   struct Solution {
-    Point unit;   // in the unit cube
-    Point place;  // the same where every place has one name, as an azimuth has not; of order one
+    Point unit;  // in the unit cube
+    // in coordinates without singularity (an azimuth has one on the axis), of order one
+    Point position;
     Sample there;
   };
 
@@ -64,7 +65,7 @@ class CellSearch {
   }
 
   /// The one visible solution of map(unit) = image. Nothing when there is none, when there are
-  /// several, or so close to a fold that they cannot be told apart. `solve(start)` is Newton's
+  /// several, or so close to a fold that they cannot be distinguished. `solve(start)` is Newton's
   /// method: a std::optional<Solution>, in the cube.
   template <class Solve>
   std::optional<Solution> only(const Point& image, Solve&& solve) const {
@@ -84,14 +85,14 @@ class CellSearch {
         // Too near a fold, or on the other branch: two solutions merge there, and neither is
         // certain.
         if (!(found->there.determinant * orientation_ > kNearFold * scale_)) return std::nullopt;
-        if (one && (found->place - one->place).norm() > kSame) return std::nullopt;
+        if (one && (found->position - one->position).norm() > kSame) return std::nullopt;
         if (!one) one = found;
       }
     }
     return one;
   }
 
-  /// Tries all cells' middles: whether no image of them belongs to two places. `newton(image)`
+  /// Tests at all cells' middles that no image belongs to two positions. `newton(image)`
   /// makes the solver.
   template <class Newton, class Map>
   void test_one_to_one(Newton&& newton, Map&& sample) {
@@ -211,8 +212,8 @@ class CellSearch {
   const std::vector<int>* bin_of(const Point& image) const {
     const Eigen::Vector2d at = image.template head<2>();
     if (!((at.array() >= from_.array()).all() && (at.array() <= to_.array()).all())) return nullptr;
-    const Eigen::Vector2i place = bin_index(at);
-    return &bins_[place.x() * kBins + place.y()];
+    const Eigen::Vector2i bin = bin_index(at);
+    return &bins_[bin.x() * kBins + bin.y()];
   }
 
   std::array<int, N> counts_{};

@@ -9,6 +9,7 @@
 
 namespace vitreo::optics {
 
+/// Infinite sigmas are allowed: they mean "not known".
 void ObjectPoseSettings::check() const {
   if (!exact) projection.check();
   image.check();

@@ -42,6 +42,7 @@ std::optional<SmoothEllipse> shown_ellipse(const ObjectPoseSettings& settings,
   return detail::rim_ellipse(rim);
 }
 
+/// An orientation is needed where it is held, or known beforehand; it must be a proper rotation.
 void check_start(const ObjectPoseSettings& settings, const PoseStart& start) {
   if (start.position_in_eye && !start.position_in_eye->allFinite()) {
     throw std::invalid_argument("position: must be finite");
@@ -112,6 +113,7 @@ double spread(const Eigen::VectorXd& pixels) {
 
 }  // namespace
 
+/// (5.14) and the ellipse of its silhouette.
 std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
                                             const BodyPose& pose, double scale) {
   settings.check();

@@ -99,6 +99,7 @@ class EllipseResidual {
 using AutoDiff = ceres::TinySolverAutoDiffFunction<EllipseResidual, 5, 3>;
 using Solver = ceres::TinySolver<AutoDiff>;
 
+/// (5.15) does not invert it, so variances that are not negative suffice.
 void check_covariance(const EllipseCovariance& covariance) {
   detail::require(covariance.allFinite(), "covariance: must be finite");
   detail::require(covariance.diagonal().minCoeff() >= 0, "covariance: has a negative variance");
@@ -153,6 +154,7 @@ EllipseVector as_vector(const detail::ImageEllipse<double>& ellipse) {
   return result;
 }
 
+/// Position in mm and residuals in px, so the tolerances have these units.
 Solver::Options solver_options() {
   Solver::Options options;
   options.max_num_iterations = 50;
@@ -165,6 +167,7 @@ Solver::Options solver_options() {
 
 }  // namespace
 
+/// (5.14) and the ellipse of its silhouette.
 std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
                                               const Eigen::Vector3d& position_in_eye,
                                               const Eigen::Vector3d& axis_in_eye) {

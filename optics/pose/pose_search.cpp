@@ -153,6 +153,7 @@ std::vector<Eigen::Vector3d> Search::start_positions(const Eigen::Matrix3d& orie
   return made;
 }
 
+/// Every start orientation with its start positions.
 std::vector<BodyState> Search::starts() const {
   const auto turns = start_.orientation ? std::vector<Eigen::Matrix3d>{*start_.orientation}
                                         : orientations(measured_.symmetry);
@@ -235,6 +236,7 @@ std::vector<BodyState> Search::scanned(const BodyState& state) const {
   return made;
 }
 
+/// Logarithm of moved(): the step in the free parameters that leads from a to b.
 Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
                                      Symmetry symmetry) const {
   Eigen::VectorXd step(static_cast<Eigen::Index>(free_.size()));
@@ -341,8 +343,8 @@ ObjectPose Search::run() {
                          [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
     for (const BodyState& other : scanned(best->state)) follow(other);
   }
-  // By index: what is found this way is looked at in its turn. A short cylinder has four poses with
-  // the same ellipse.
+  // By index: minima found this way are expanded in their turn. A short cylinder has four poses
+  // with the same ellipse.
   for (std::size_t i = 0; rotates_ && i < std::min(minima_.size(), kMost); ++i) {
     const BodyState found = minima_[i].state;
     if (const auto other = mirrored(found)) follow(*other);

@@ -7,6 +7,7 @@
 
 namespace vitreo::optics {
 
+/// The single viewpoint is not checked when the exact projection replaces it.
 void PoseSettings::check() const {
   if (!exact) projection.check();
   image.check();

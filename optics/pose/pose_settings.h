@@ -17,7 +17,7 @@ namespace vitreo::optics {
 using EllipseVector = Eigen::Matrix<double, 5, 1>;
 using EllipseCovariance = Eigen::Matrix<double, 5, 5>;
 
-/// An ellipsoid of revolution: the robot as the localizer knows it.
+/// An ellipsoid of revolution: the robot as the localizer models it.
 struct Spheroid {
   double semi_axis = 1e-3;      // m, along its axis
   double semi_radius = 0.5e-3;  // m, across

@@ -103,6 +103,7 @@ bool ExactProjection::solve(const Eigen::Vector3d& point, Solution& found) const
   return true;
 }
 
+/// The public projection is bounded by retina and lens too.
 std::optional<ExactProjection::WithJacobian> ExactProjection::project_with_jacobian(
     const Eigen::Vector3d& point_in_eye) const {
   detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
@@ -127,6 +128,7 @@ std::optional<Eigen::Vector2d> ExactProjection::project(const Eigen::Vector3d& p
   return projected->m;
 }
 
+/// The isopixel line of m: the inverse of the projection but for the depth.
 std::optional<Ray> ExactProjection::line(const Eigen::Vector2d& m, double z) const {
   detail::require(m.allFinite() && std::isfinite(z), "m: must be finite");
   const Eigen::Vector2d in_table = m + shift_;

@@ -99,6 +99,7 @@ bool RadialLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m,
     const double slope = g * (g + 2 * m2 * (v.a_per + v.s_per * point.z()));
     const double move = (r2 - m2 * g * g) / slope;
     if (!(slope > 0 && std::isfinite(move))) return false;
+    // The table ends here and Newton's method still leads outwards.
     if (m2 >= limit && move > kSlack * limit) return false;  // it lies further out
     m2 = std::clamp(m2 + move, 0.0, limit);
     if (std::abs(move) < kConverged * limit) {
@@ -111,6 +112,7 @@ bool RadialLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m,
   return false;
 }
 
+/// Traced at every node of a square grid of m.
 GridLines::GridLines(const TraceLine& trace, double max_m)
     : max_m_(max_m), step_(2 * max_m / (kNodes - 3)) {
   // One node beyond the square on each side, for the cubics of its outermost cells.
@@ -139,9 +141,9 @@ IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
   double change[2][4];
   int first[2];
   for (int axis = 0; axis < 2; ++axis) {
-    const double place = m[axis] / step_ + kNodes / 2;
-    first[axis] = std::clamp(static_cast<int>(place) - 1, 0, kNodes - 4);
-    const double t = place - first[axis] - 1;  // from the second of four nodes; in [0, 1]
+    const double index = m[axis] / step_ + kNodes / 2;
+    first[axis] = std::clamp(static_cast<int>(index) - 1, 0, kNodes - 4);
+    const double t = index - first[axis] - 1;  // from the second of four nodes; in [0, 1]
     double* w = weight[axis];
     double* d = change[axis];
     w[0] = -t * (t - 1) * (t - 2) / 6;

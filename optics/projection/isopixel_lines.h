@@ -1,5 +1,6 @@
 // Table of the isopixel lines of a chain: for each m of the aerial image the straight line in the
 // vitreous that is imaged there, x = at_retina + slope z, and its change with m. Eye frame, m.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -12,9 +13,8 @@
 namespace vitreo::optics::detail {
 
 struct IsopixelLine {
-  // m at z = 0; dx/dz, dy/dz
-  Eigen::Vector2d at_retina;
-  Eigen::Vector2d slope;
+  Eigen::Vector2d at_retina;  // m, at z = 0
+  Eigen::Vector2d slope;      // dx/dz, dy/dz
   // their derivatives by m
   Eigen::Matrix2d at_retina_per_m;
   Eigen::Matrix2d slope_per_m;

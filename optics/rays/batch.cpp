@@ -103,6 +103,7 @@ std::vector<CpuLevel> cpu_levels() {
   return levels;
 }
 
+/// All levels agree to the bit, so the choice is one of speed alone.
 CpuLevel best_cpu_level() {
   if (machine_has(CpuLevel::avx512)) return CpuLevel::avx512;
   return machine_has(CpuLevel::avx2) ? CpuLevel::avx2 : CpuLevel::baseline;
@@ -118,6 +119,7 @@ void put(RayBlock& block, int i, const Ray& ray) {
   block.lost[i] = block.stop_x[i] = block.stop_y[i] = 0;
 }
 
+/// The code 8 * surface + status taken apart.
 TraceResult result(const RayBlock& block, int i) {
   TraceResult made;
   made.ray = {{block.x[i], block.y[i], block.z[i]}, {block.dx[i], block.dy[i], block.dz[i]}};
@@ -137,6 +139,7 @@ RayBatch::RayBatch(int count) : size_(count) {
   }
 }
 
+/// Compiles the system three times: outwards, inwards with the ratios inverted, and up to the stop.
 BatchTracer::BatchTracer(const System& system, CpuLevel level) : kernel_(kernel_for(level)) {
   system.check();
   double vertex = 0;
@@ -162,6 +165,7 @@ void BatchTracer::trace_through_stop(RayBlock& rays) const {
   trace(to_stop_, to_stop_.size(), true, rays);
 }
 
+/// The last of to_stop_ is the stop's own surface.
 void BatchTracer::trace_before_stop(RayBlock& rays) const {
   if (to_stop_.empty()) throw std::invalid_argument("stop: the system has none");
   trace(to_stop_, to_stop_.size() - 1, true, rays);

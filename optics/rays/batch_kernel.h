@@ -27,15 +27,13 @@ struct RayBlock {
 namespace detail {
 
 struct KernelSurface {
-  double vertex;  // m
-  // 1/m
-  double curvature;
+  double vertex;     // m
+  double curvature;  // 1/m
   double conic;
-  // m^-3 ...
-  double a4;
-  double a6;
-  double a8;
-  double a10;
+  double a4;     // m^-3
+  double a6;     // m^-5
+  double a8;     // m^-7
+  double a10;    // m^-9
   double ratio;  // index before / index behind, as the rays go
   // m^2, squared radii; infinite when there is none
   double clip2;

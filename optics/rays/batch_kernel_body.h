@@ -2,6 +2,7 @@
 // compiler makes vectors of it. Included once by each batch_kernel_*.cpp, which differ only in the
 // compiler's flags. Only + - * / and the square root, without contraction, so that all levels agree
 // to the bit. Branches are selections, since a lane of a vector cannot jump.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "optics/rays/batch_kernel.h"
@@ -22,9 +23,8 @@ constexpr double kBackwards = -1e-12;
 
 /// Intersection of a ray with a surface, and the normal there; all lengths from the vertex.
 struct Intersection {
-  // along the ray to the vertex plane; where
-  double to_plane;
-  double px;
+  double to_plane;  // along the ray to the vertex plane
+  double px;        // where it crosses that plane
   double py;
   double s;  // from there on to the surface
   // a normal (any length, z > 0) and the direction's product with it
@@ -100,7 +100,7 @@ VITREO_INLINE void pass(const KernelSurface& f, const Codes& codes, const Inters
   double sx = 0.0;
   double sy = 0.0;
   if constexpr (kStop) {
-    // The hole lies in the vertex plane: before the surface or behind it, whichever the sag says.
+    // The hole lies in the vertex plane: before the surface or behind it, by the sign of the sag.
     const bool plane_first = (hz >= 0.0) == (dz > 0.0);
     const double back = hz / ez;
     sx = plane_first ? m.px : hx - ex * back;

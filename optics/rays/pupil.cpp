@@ -24,6 +24,7 @@ System opened(System system) {
   return system;
 }
 
+/// dx/dz, dy/dz.
 Eigen::Vector2d slope_of(const Eigen::Vector3d& direction) {
   return direction.head<2>() / direction.z();
 }
@@ -105,6 +106,7 @@ PupilTracer::PupilTracer(const System& system, const Pupil& pupil, CpuLevel leve
                   "pupil: needs a positive radius");
 }
 
+/// By the sags of retina and surface 2 at the point's distance from the axis.
 bool PupilTracer::in_vitreous(const Eigen::Vector3d& point) const {
   constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
   if (!point.allFinite()) return false;
@@ -248,8 +250,8 @@ void PupilTracer::add(const RayBlock& rays, int count, Spot& spot) const {
       continue;
     }
     const Eigen::Vector2d slope(rays.dx[i] / rays.dz[i], rays.dy[i] / rays.dz[i]);
-    spot.place.push_back(Eigen::Vector2d(rays.x[i], rays.y[i]) +
-                         (last_vertex_ - rays.z[i]) * slope);
+    spot.position.push_back(Eigen::Vector2d(rays.x[i], rays.y[i]) +
+                            (last_vertex_ - rays.z[i]) * slope);
     spot.slope.push_back(slope);
   }
 }
@@ -258,7 +260,7 @@ void PupilTracer::add(const RayBlock& rays, int count, Spot& spot) const {
 /// the others.
 bool PupilTracer::trace(const Eigen::Vector3d& point, const std::vector<Eigen::Vector2d>& samples,
                         Spot& spot) const {
-  spot.place.clear();
+  spot.position.clear();
   spot.slope.clear();
   spot.lost = 0;
   if (!in_vitreous(point)) return false;
@@ -277,10 +279,10 @@ bool PupilTracer::trace(const Eigen::Vector3d& point, const std::vector<Eigen::V
   tracer.trace_out(rays);
   add(rays, 1, spot);
   if (spot.lost > 0) return false;
-  spot.chief = spot.place[0];
+  spot.chief = spot.position[0];
   spot.chief_slope = spot.slope[0];
   spot.chief_stop = {rays.stop_x[0], rays.stop_y[0]};
-  spot.place.clear();
+  spot.position.clear();
   spot.slope.clear();
   for (std::size_t first = 0; first < samples.size(); first += kLanes) {
     const int count = static_cast<int>(std::min<std::size_t>(kLanes, samples.size() - first));

@@ -82,9 +82,8 @@ class PupilTracer {
   void add(const RayBlock& rays, int count, Spot& spot) const;
   System system_;
   Pupil pupil_;
-  // open_: no stop clips
   BatchTracer real_;
-  BatchTracer open_;
+  BatchTracer open_;  // its stop clips nothing
   double last_vertex_;
   bool fills_stop() const {
     return pupil_.kind == Pupil::Kind::stop || pupil_.kind == Pupil::Kind::real_stop;

@@ -14,13 +14,13 @@ namespace vitreo::optics {
 /// sqrt(var x + 2 s cov(x, u) + s^2 var u), summed over both transverse directions.
 double SpotMoments::rms(double distance) const {
   const double square =
-      place.trace() + distance * (2 * place_slope.trace() + distance * slope.trace());
+      position.trace() + distance * (2 * position_slope.trace() + distance * slope.trace());
   return std::sqrt(std::max(square, 0.0));  // rounding may leave less than nothing
 }
 
 std::vector<Eigen::Vector2d> Spot::at(double distance) const {
-  std::vector<Eigen::Vector2d> points(place.size());
-  for (std::size_t i = 0; i < place.size(); ++i) points[i] = place[i] + distance * slope[i];
+  std::vector<Eigen::Vector2d> points(position.size());
+  for (std::size_t i = 0; i < position.size(); ++i) points[i] = position[i] + distance * slope[i];
   return points;
 }
 
@@ -30,18 +30,18 @@ SpotMoments Spot::moments() const {
   SpotMoments m;
   m.rays = rays();
   if (m.rays == 0) return m;
-  for (std::size_t i = 0; i < place.size(); ++i) m.mean += place[i], m.mean_slope += slope[i];
+  for (std::size_t i = 0; i < position.size(); ++i) m.mean += position[i], m.mean_slope += slope[i];
   m.mean /= m.rays;
   m.mean_slope /= m.rays;
-  for (std::size_t i = 0; i < place.size(); ++i) {
-    const Eigen::Vector2d p = place[i] - m.mean;
+  for (std::size_t i = 0; i < position.size(); ++i) {
+    const Eigen::Vector2d p = position[i] - m.mean;
     const Eigen::Vector2d t = slope[i] - m.mean_slope;
-    m.place += p * p.transpose();
-    m.place_slope += (p * t.transpose() + t * p.transpose()) / 2;
+    m.position += p * p.transpose();
+    m.position_slope += (p * t.transpose() + t * p.transpose()) / 2;
     m.slope += t * t.transpose();
   }
-  m.place /= m.rays;
-  m.place_slope /= m.rays;
+  m.position /= m.rays;
+  m.position_slope /= m.rays;
   m.slope /= m.rays;
   return m;
 }

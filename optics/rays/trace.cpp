@@ -10,6 +10,7 @@
 namespace vitreo::optics {
 namespace {
 
+/// Refuses what cannot be traced; the direction enters Snell's law as a unit vector.
 void check_ray(const Ray& ray) {
   // of |direction|^2: catches what was never normalized, not what was rounded
   constexpr double kUnit = 1e-6;
@@ -64,6 +65,7 @@ const char* to_string(TraceStatus status) {
   return "unknown";
 }
 
+/// Surfaces in the order of light; z is the vertex of the next one in the eye frame.
 TraceResult trace_out(const System& system, const Ray& ray) {
   TraceResult result = start(ray, true);
   if (result.status != TraceStatus::ok) {

@@ -11,6 +11,7 @@
 namespace vitreo::optics {
 namespace {
 
+/// a_2k multiplies r^2k to a length: m^(1 - 2k).
 constexpr const char* kAspheric[] = {".a4", ".a6", ".a8", ".a10"};
 constexpr const char* kAsphericUnit[] = {"m^-3", "m^-5", "m^-7", "m^-9"};
 
@@ -47,6 +48,7 @@ std::vector<std::string> names_of(const Prescription& prescription) {
                               "\"" + detail::suggestions(name, names_of(prescription)));
 }
 
+/// One name for each surface and medium, none twice, since parameters are found by them.
 void check_names(const std::vector<std::string>& names, const System& system, const char* what) {
   if (names.size() != system.surfaces.size()) {
     throw std::invalid_argument(std::string(what) + ": " + std::to_string(names.size()) +
@@ -112,6 +114,7 @@ std::vector<Parameter> parameters(const Prescription& prescription) {
   return list;
 }
 
+/// By name, or by the surface's number.
 double parameter(const Prescription& prescription, std::string_view name) {
   if (name == "stop.surface" && prescription.system.stop) return prescription.system.stop->surface;
   const double* found = nullptr;

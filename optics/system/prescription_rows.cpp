@@ -31,6 +31,7 @@ PrescriptionTable to_rows(const Prescription& prescription) {
   return table;
 }
 
+/// Names left out are numbered from 1, as the thesis counts surfaces.
 Prescription from_rows(const PrescriptionTable& table) {
   if (table.rows.size() > kMostRows) {
     throw std::invalid_argument("rows: " + std::to_string(table.rows.size()) + " are more than " +

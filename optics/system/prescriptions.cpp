@@ -94,6 +94,7 @@ Rows condensing_lens(double index) {
           {"condensing.anterior", "air", -9.48, -1.07, 0.00, 1.000}};
 }
 
+/// Table 3.4.
 Rows aspheric_condensing_lens() {
   Rows rows = condensing_lens(1.523);
   // as printed: along +z, as the radius' sign
@@ -101,6 +102,7 @@ Rows aspheric_condensing_lens() {
   return rows;
 }
 
+/// Table 5.3; the sign of R5 is the argument.
 Rows two_lens_eye(double cornea_anterior_mm) {
   return Rows{{"retina", "vitreous", 11.50, 0.00, 15.50, 1.403},
               {"lens.posterior", "lens", 24.73, 0.00, 4.00, 1.492},

@@ -2,6 +2,7 @@
 // Jets pass through the same code: as rays, and as surfaces that are being designed
 // (optics/design/design_surface.h). Frame: the eye frame moved so that the surface's vertex is the
 // origin. Lengths in m.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "optics/numerics/scalar.h"
@@ -134,7 +135,7 @@ TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>
   Vector3<T> refracted = direction;
   if (!refract(at.ratio, unit_normal(at.surface, hit), refracted))
     return TraceStatus::total_reflection;
-  // The hole lies in the vertex plane: before the surface or behind it, whichever the sag says, so
+  // The hole lies in the vertex plane: before the surface or behind it, by the sign of the sag, so
   // both directions of travel are clipped alike.
   const bool plane_first = (hit.z() >= 0.0) == (direction.z() > 0.0);
   const Vector3<T> in_hole =

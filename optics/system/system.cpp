@@ -55,6 +55,7 @@ double Surface::sag(double r) const {
   return detail::profile(1 / radius, conic, aspheric, r * r).sag;
 }
 
+/// The sum of the thicknesses before it.
 double System::vertex(int surface) const {
   if (surface < 1 || surface > size()) {
     throw std::invalid_argument("surface: " + std::to_string(surface) + " is not in 1.." +
@@ -65,6 +66,7 @@ double System::vertex(int surface) const {
   return z;
 }
 
+/// Surface 1 is the retina, which does not refract: only its thickness and index count in a trace.
 void System::check() const {
   if (size() < 2)
     throw std::invalid_argument(

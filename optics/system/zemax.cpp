@@ -59,6 +59,7 @@ double meters_per_unit(const ZemaxLine& line) {
   line.refuse("unit \"" + unit.substr(0, 20) + "\" is none of MM, CM, IN, M");
 }
 
+/// GLAS: a glass of the table above, or a model glass with the index in the line.
 double index_of(const ZemaxLine& line) {
   if (line.words.empty()) line.refuse("the glass has no name");
   const std::string& name = line.words[0];
@@ -79,6 +80,8 @@ double index_of(const ZemaxLine& line) {
               detail::suggestions(name, known) + " A model glass (index in the file) always works");
 }
 
+/// One pass over the lines. A SURF line begins a surface, indented lines belong to it, all others
+/// to the header.
 class Reader {
  public:
   ZemaxFile read(std::string_view bytes);
@@ -153,6 +156,7 @@ void Reader::header(const ZemaxLine& line) {
   }
 }
 
+/// Surfaces are numbered from 0 without gaps: 0 is the object, the last the image.
 void Reader::begin_surface(const ZemaxLine& line) {
   if (line.integer_at(0, "number") != number() + 1) {
     line.refuse("surface " + std::to_string(number() + 1) + " was expected");
@@ -165,6 +169,7 @@ void Reader::begin_surface(const ZemaxLine& line) {
   unit_used_ = true;
 }
 
+/// PARM of even aspheres (EVENASPH).
 void Reader::parameter(const ZemaxLine& line) {
   const int which = line.integer_at(0, "number");
   const double value = line.number_at(1, "value");
@@ -240,6 +245,7 @@ bool Reader::surface_edge(const ZemaxLine& line) {
   return true;
 }
 
+/// Refuses every operand that could change the light and is not supported.
 void Reader::in_surface(const ZemaxLine& line) {
   if (line.operand == "COMM") {
     file_.comments.back() = line.rest;

@@ -63,6 +63,7 @@ std::string decode(std::string_view bytes) {
 
 constexpr const char* kBlank = " \t\r\f\v";
 
+/// The operand, the rest as it stands (titles keep their blanks) and its words.
 ZemaxLine line_from(std::string_view text, int number) {
   ZemaxLine line;
   line.number = number;
@@ -106,6 +107,7 @@ double ZemaxLine::number_at(std::size_t index, const char* what) const {
   return value;
 }
 
+/// Within a million, so that the conversion to int is exact.
 int ZemaxLine::integer_at(std::size_t index, const char* what) const {
   const double value = number_at(index, what);
   if (!(std::abs(value) <= 1e6) || value != std::floor(value))
@@ -113,6 +115,7 @@ int ZemaxLine::integer_at(std::size_t index, const char* what) const {
   return static_cast<int>(value);
 }
 
+/// Blank lines count for the numbering and are left out; a carriage return is a blank.
 std::vector<ZemaxLine> zemax_lines(std::string_view bytes) {
   const std::string text = decode(bytes);
   std::vector<ZemaxLine> lines;
