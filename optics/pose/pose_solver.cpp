@@ -90,9 +90,8 @@ class DampedSteps {
         damping * (information_.diagonal().array() + 1e-3 + 1e-9 * information_.trace()).matrix();
     return -matrix.ldlt().solve(gradient_);
   }
-  double gain(const Eigen::VectorXd& step) const {
-    return -gradient_.dot(step);
-  }  // about twice what a step gains
+  /// About twice the decrease of the cost that a step predicts.
+  double gain(const Eigen::VectorXd& step) const { return -gradient_.dot(step); }
 
  private:
   Eigen::MatrixXd information_;

@@ -39,9 +39,8 @@ class ExactProjection {
 
   double max_m() const { return symmetric_ ? radial_.max_m() : grid_.max_m(); }
   double max_z() const { return max_z_; }  // m; lines do not cross before
-  double max_residual() const {
-    return max_residual_;
-  }  // m in the aerial image, table against trace, where checked
+  /// m in the aerial image, table against trace, where checked.
+  double max_residual() const { return max_residual_; }
   bool symmetric() const { return symmetric_; }
 
   /// For Ceres' Jets too. Only the table bounds it: a silhouette's point may lie behind the retina.

@@ -62,9 +62,8 @@ class PupilTracer {
 
   const System& system() const { return system_; }
   const Pupil& pupil() const { return pupil_; }
-  void set_pupil(const Pupil& pupil) {
-    pupil_ = pupil;
-  }  // of the same kind: where a focusing microscope takes it
+  /// Moves the pupil, as a focusing microscope does; `pupil` must be of the same kind.
+  void set_pupil(const Pupil& pupil) { pupil_ = pupil; }
   /// Whether a point lies between the retina and surface 2.
   bool in_vitreous(const Eigen::Vector3d& point) const;
 
