@@ -106,8 +106,8 @@ struct DesignFocus {
   T rms;
 };
 
-/// Best focus in closed form, s = -cov(x, u) / var u, and the rms radius there, var x - cov^2 / var
-/// u, as SpotMoments has them. False when a ray is lost.
+/// Best focus in closed form, s = -cov(x, u) / var u, and the squared rms radius there, var x -
+/// cov^2 / var u, as SpotMoments has them. False when a ray is lost.
 template <class T>
 bool focus_design(const DesignProblem& problem, const std::vector<DesignSurface<T>>& surfaces,
                   const DesignBundle& bundle, DesignFocus<T>& focus) {
