@@ -25,13 +25,13 @@ struct Pair {
 /// stop's center, both at surface 2.
 Pair start(const System& system, double object_height, double depth) {
   const double index = system.surfaces.front().index;
-  const double way = system.surfaces.front().thickness - depth;
+  const double distance = system.surfaces.front().thickness - depth;
   // Height at the stop = b10 (n u) + b11 y of the object.
   const Eigen::Matrix2d b =
-      system_matrix(system, 2, system.stop->surface) * transfer_matrix(way, index);
+      system_matrix(system, 2, system.stop->surface) * transfer_matrix(distance, index);
   const double marginal = system.stop->radius / (b(1, 0) * index);
   const double chief = -b(1, 1) * object_height / (b(1, 0) * index);
-  return {{marginal * way, marginal}, {object_height + chief * way, chief}};
+  return {{marginal * distance, marginal}, {object_height + chief * distance, chief}};
 }
 
 struct Refraction {

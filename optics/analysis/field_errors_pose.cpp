@@ -73,8 +73,9 @@ std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSett
   double worst = 0;
   for (const double sign : {1.0, -1.0}) {
     const double known_z = options.depth_from + sign * options.retinal_depth_error;
-    const PoseSettings mended = calibrate_pose(believed, *shown, kAxis, known_z).applied(believed);
-    const auto error = error_over_field(truth, mended, system, options);
+    const PoseSettings corrected =
+        calibrate_pose(believed, *shown, kAxis, known_z).applied(believed);
+    const auto error = error_over_field(truth, corrected, system, options);
     if (!error) return std::nullopt;
     worst = std::max(worst, *error);
   }

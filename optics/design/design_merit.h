@@ -50,7 +50,7 @@ struct DesignProblem {
   double kept = 0;  // m, of what is kept
 
   static constexpr double kUnit = 1e-4;  // m
-  // a constraint's weight: what it gives way stays below a micrometer
+  // a constraint's weight: what it gives sign stays below a micrometer
   static constexpr double kStrict = 1e3;
   static constexpr int kChecks = 16;  // positions along a profile where constraints are tested
 
@@ -215,13 +215,13 @@ class DesignResiduals {
       const double reach = problem_.reach[i];
       const auto& s = surfaces_[i];
       const Profile<T> rim = profile(s, T(reach * reach));
-      const double way = rim.sag < 0.0 ? -1 : 1;
+      const double sign = rim.sag < 0.0 ? -1 : 1;
       for (int k = 1; k <= DesignProblem::kChecks; ++k) {
         const double r = reach * k / DesignProblem::kChecks;
         const T root2 = 1.0 - (1.0 + s.conic) * s.curvature * s.curvature * (r * r);
         const bool reaches = root2 > kLeastRoot2;
         out_.push_back(reaches ? T(0) : T((kLeastRoot2 - root2) * DesignProblem::kStrict));
-        out_.push_back(reaches ? below(T(profile(s, T(r * r)).slope_over_r * (way * r * reach)), 0)
+        out_.push_back(reaches ? below(T(profile(s, T(r * r)).slope_over_r * (sign * r * reach)), 0)
                                : T(0));
       }
     }
