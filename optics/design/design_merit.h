@@ -50,7 +50,7 @@ struct DesignProblem {
   double kept = 0;  // m, of what is kept
 
   static constexpr double kUnit = 1e-4;  // m
-  // a constraint's weight: what it gives sign stays below a micrometer
+  // weight of a constraint: violations stay below a micrometer
   static constexpr double kStrict = 1e3;
   static constexpr int kChecks = 16;  // positions along a profile where constraints are tested
 
