@@ -14,7 +14,7 @@
 
 namespace vitreo::optics {
 
-/// The error (m) of a method that assumes one eye while it looks through another, `truth`. Nothing
+/// The error (m) of a method that assumes one eye while another, `truth`, forms the image. Nothing
 /// where it has no answer.
 using EyeError = std::function<std::optional<double>(const Prescription& truth)>;
 

@@ -14,7 +14,7 @@ namespace {
   throw std::invalid_argument("surface " + std::to_string(surface) + ": " + why);
 }
 
-/// What no real surface or medium has; the limits are far beyond any eye or lens.
+/// Refuses values that no real surface or medium has; the limits are far beyond any eye or lens.
 void check_surface(const Surface& surface, int number, bool last) {
   if (std::isnan(surface.radius) || surface.radius == 0)
     refuse(number, "radius must not be zero or NaN");

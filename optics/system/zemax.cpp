@@ -132,7 +132,7 @@ bool Reader::header_wavelength(const ZemaxLine& line) {
   return true;
 }
 
-/// What stands before the first surface, or between surfaces without indentation.
+/// Operands before the first surface, or between surfaces without indentation.
 void Reader::header(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "MODE") {
