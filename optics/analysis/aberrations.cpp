@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/aberrations.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/first_order.h"
 
 #include <cmath>
@@ -16,39 +17,51 @@ struct Paraxial {
 };
 
 struct Pair {
-  Paraxial marginal, chief;
+  Paraxial marginal;
+  Paraxial chief;
 };
 
 /// Marginal ray from the axis to the rim of the stop, chief ray from the object's edge through the
 /// stop's center, both at surface 2.
 Pair start(const System& system, double object_height, double depth) {
-  const double index = system.surfaces.front().index,
-               way = system.surfaces.front().thickness - depth;
+  const double index = system.surfaces.front().index;
+  const double distance = system.surfaces.front().thickness - depth;
   // Height at the stop = b10 (n u) + b11 y of the object.
   const Eigen::Matrix2d b =
-      system_matrix(system, 2, system.stop->surface) * transfer_matrix(way, index);
+      system_matrix(system, 2, system.stop->surface) * transfer_matrix(distance, index);
   const double marginal = system.stop->radius / (b(1, 0) * index);
   const double chief = -b(1, 1) * object_height / (b(1, 0) * index);
-  return {{marginal * way, marginal}, {object_height + chief * way, chief}};
+  return {{marginal * distance, marginal}, {object_height + chief * distance, chief}};
 }
 
 struct Refraction {
-  double before, behind;     // indices
-  double curvature, fourth;  // 1/m; coefficient of r^4 beyond the sphere's, m^-3
+  // indices
+  double before;
+  double behind;
+  double curvature;  // 1/m
+  double fourth;     // m^-3, coefficient of r^4 beyond the sphere's
 };
 
+/// Paraxial refraction, n' u' = n u - h c (n' - n).
 double slope_behind(const Refraction& at, const Paraxial& ray) {
   return (at.before * ray.slope - ray.height * at.curvature * (at.behind - at.before)) / at.behind;
 }
 
-/// Welford's sums of one surface; H is the Lagrange invariant n (u hbar - ubar h).
+/// Seidel sums of one surface (Welford 1986, ch. 8), with A = n i = n (h c + u), Abar likewise of
+/// the chief ray, D(.) the change at the surface and H = n (u hbar - ubar h) the Lagrange
+/// invariant:
+///  S_I = -A^2 h D(u/n), S_II = -A Abar h D(u/n), S_III = -Abar^2 h D(u/n), S_IV = -H^2 c D(1/n).
+/// An asphere adds 8 a4' (n' - n) h^4 to S_I, and powers of hbar / h times that to the others.
 SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
-  const double h = rays.marginal.height, hbar = rays.chief.height, c = at.curvature;
-  const double a = at.before * (h * c + rays.marginal.slope),
-               abar = at.before * (hbar * c + rays.chief.slope);
+  const double h = rays.marginal.height;
+  const double hbar = rays.chief.height;
+  const double c = at.curvature;
+  const double a = at.before * (h * c + rays.marginal.slope);
+  const double abar = at.before * (hbar * c + rays.chief.slope);
+  // D(u/n)
   const double by_slope =
-      slope_behind(at, rays.marginal) / at.behind - rays.marginal.slope / at.before;  // D(u/n)
-  const double by_index = 1 / at.behind - 1 / at.before;                              // D(1/n)
+      slope_behind(at, rays.marginal) / at.behind - rays.marginal.slope / at.before;
+  const double by_index = 1 / at.behind - 1 / at.before;  // D(1/n)
   const double by_square = 1 / (at.behind * at.behind) - 1 / (at.before * at.before);
   SeidelSums sums;
   sums.spherical = -a * a * h * by_slope;
@@ -66,6 +79,7 @@ SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
   return sums;
 }
 
+/// Refraction and transfer to the next surface.
 Paraxial advanced(const Paraxial& ray, const Refraction& at, double thickness) {
   const double slope = slope_behind(at, ray);
   return {ray.height + slope * thickness, slope};
@@ -82,6 +96,8 @@ SeidelSums& SeidelSums::operator+=(const SeidelSums& other) {
   return *this;
 }
 
+/// From the wavefront at the rim of the pupil to focus: longitudinal shifts divide by n' u'^2, in
+/// terms of n'u' as n' / (n' u')^2.
 double Aberrations::longitudinal_spherical() const {
   return -index * total.spherical / (2 * marginal_slope * marginal_slope);
 }
@@ -99,7 +115,7 @@ double Aberrations::distortion_height() const {
 Aberrations third_order_aberrations(const System& system, double object_height, double depth) {
   system.check();
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
-  if (!std::isfinite(object_height)) throw std::invalid_argument("object_height: must be finite");
+  detail::require_finite(object_height, "object_height");
   const auto image = axial_image(system, depth);
   if (!image) throw std::invalid_argument("depth: the image of it lies at infinity");
   Pair rays = start(system, object_height, depth);
@@ -111,10 +127,12 @@ Aberrations third_order_aberrations(const System& system, double object_height, 
   for (int i = 1; i < system.size(); ++i) {
     const Surface& surface = system.surfaces[i];
     const double c = 1 / surface.radius;
+    // A conic's r^4 term beyond the sphere's is k c^3 / 8, from the expansion of (3.1).
     const Refraction at{system.surfaces[i - 1].index, surface.index, c,
                         c * c * c * surface.conic / 8 + surface.aspheric[0]};
     result.surfaces.push_back(sums_of(at, rays, lagrange));
     result.total += result.surfaces.back();
+    // Petzval's sum: curvature of the image is n' * sum c D(1/n).
     petzval += c * (1 / at.behind - 1 / at.before);
     const double thickness = i + 1 < system.size() ? surface.thickness : 0;
     rays = {advanced(rays.marginal, at, thickness), advanced(rays.chief, at, thickness)};

@@ -28,13 +28,13 @@ struct Aberrations {
   double image_height = 0;    // m, paraxial, signed
   double marginal_slope = 0;  // n' u' of the marginal ray behind the last surface
   double index = 1;           // n' there
-  double petzval_curvature =
-      0;  // 1/m, of the image of a flat object when there is no astigmatism; + concave to +z
+  // 1/m, of the image of a flat object when there is no astigmatism; + concave to +z
+  double petzval_curvature = 0;
 
   // What the sums mean at the paraxial image, m. Positive: towards +z, or away from the axis on the
   // image's side.
-  double longitudinal_spherical()
-      const;  // where the marginal ray crosses the axis, from the paraxial image
+  // where the marginal ray crosses the axis, from the paraxial image
+  double longitudinal_spherical() const;
   double tangential_field() const;   // focus of meridional rays at the edge of the field
   double sagittal_field() const;     // and of sagittal ones
   double distortion_height() const;  // what the chief ray's height differs by

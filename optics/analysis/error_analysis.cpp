@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/error_analysis.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 #include "optics/system/first_order.h"
 
@@ -13,7 +14,8 @@
 namespace vitreo::optics {
 namespace {
 
-/// Foci of one eye: depth from surface 2 against sensor. Empty when one of them is missing.
+/// Foci of one eye at equal steps of depth: d_o (from surface 2, negative) against d_ls. Empty when
+/// one of them is missing.
 std::vector<OnAxisPoint> foci(const System& system, const AxialFocus& focus,
                               const AxisErrorOptions& options) {
   std::vector<OnAxisPoint> points;
@@ -26,6 +28,7 @@ std::vector<OnAxisPoint> foci(const System& system, const AxialFocus& focus,
   return points;
 }
 
+/// Largest |d_o by the law - d_o| over the points.
 std::optional<double> worst_of(const OnAxisLaw& law, const std::vector<OnAxisPoint>& points) {
   double worst = 0;
   for (const OnAxisPoint& point : points) {
@@ -36,6 +39,8 @@ std::optional<double> worst_of(const OnAxisLaw& law, const std::vector<OnAxisPoi
   return worst;
 }
 
+/// Thesis 4.3: calibrated on the retina with its depth known to retinal_depth_error, the first
+/// point being the retina.
 std::optional<double> worst_calibrated(const OnAxisLaw& law, const std::vector<OnAxisPoint>& points,
                                        const AxisErrorOptions& options) {
   double worst = 0;
@@ -53,6 +58,8 @@ std::optional<double> worst_calibrated(const OnAxisLaw& law, const std::vector<O
   return worst;
 }
 
+/// A perturbation that leaves the system unsound is an eye without an answer, not a mistake of the
+/// caller.
 std::optional<double> error_at(const Prescription& prescription, const Uncertainty& one,
                                double sigmas, const EyeError& error) {
   try {
@@ -62,6 +69,7 @@ std::optional<double> error_at(const Prescription& prescription, const Uncertain
   }
 }
 
+/// Mean, rms, median, 95th percentile and maximum of the errors; all 0 when there is none.
 ErrorStatistics summary(std::vector<double> errors, int failed) {
   ErrorStatistics result;
   result.count = static_cast<int>(errors.size());
@@ -73,11 +81,12 @@ ErrorStatistics summary(std::vector<double> errors, int failed) {
     result.mean += error / result.count;
     squares += error * error / result.count;
   }
+  // Quantiles by linear interpolation between order statistics.
   const auto at = [&](double share) {
-    const double place = share * (result.count - 1);
-    const auto below = static_cast<std::size_t>(place);
+    const double rank = share * (result.count - 1);
+    const auto below = static_cast<std::size_t>(rank);
     const std::size_t above = std::min(below + 1, errors.size() - 1);
-    return errors[below] + (place - std::floor(place)) * (errors[above] - errors[below]);
+    return errors[below] + (rank - std::floor(rank)) * (errors[above] - errors[below]);
   };
   result.rms = std::sqrt(squares);
   result.median = at(0.5);
@@ -103,6 +112,8 @@ AxialFocus paraxial_focus() {
   };
 }
 
+/// Real rays: the sensor position of least rms spot radius, with the default bundle of 12 x 24
+/// rays.
 AxialFocus traced_focus() {
   return [](const System& system, double depth) -> std::optional<double> {
     const PupilTracer pupil(system, Pupil::of_stop(system));
@@ -113,15 +124,13 @@ AxialFocus traced_focus() {
 }
 
 void AxisErrorOptions::check() const {
-  if (!(depth_to > 0 && std::isfinite(depth_to)))
-    throw std::invalid_argument("depth_to: must be positive");
+  detail::require_positive(depth_to, "depth_to");
   if (depths < 3 || depths > 10000)
     throw std::invalid_argument("depths: must lie within 3 and 10000");
-  if (!(retinal_depth_error >= 0 && std::isfinite(retinal_depth_error))) {
-    throw std::invalid_argument("retinal_depth_error: must not be negative");
-  }
+  detail::require_not_negative(retinal_depth_error, "retinal_depth_error");
 }
 
+/// Thesis 4.2 on the axis: the true eye forms the images, the assumed eye's law takes them back.
 EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
                     const AxisErrorOptions& options) {
   options.check();
@@ -136,18 +145,20 @@ EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
   };
 }
 
+/// No answer at one end counts as worse than any error.
 double Sensitivity::worst() const {
   if (!minus || !plus) return std::numeric_limits<double>::infinity();
   return std::max(*minus, *plus);
 }
 
+/// Thesis 4.2: each parameter perturbed by its uncertainty alone, in both senses.
 std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
                                        const std::vector<Uncertainty>& uncertainties,
                                        const EyeError& error) {
   std::vector<Sensitivity> list;
   for (const Uncertainty& one : uncertainties) {
-    (void)parameter(prescription,
-                    one.parameter);  // an unknown name is a mistake, not an eye without an answer
+    // an unknown name is a mistake, not an eye without an answer
+    (void)parameter(prescription, one.parameter);
     list.push_back({one.parameter, error_at(prescription, one, -1, error),
                     error_at(prescription, one, 1, error)});
   }
@@ -163,11 +174,14 @@ ErrorStatistics statistics(const std::vector<PerturbedEye>& eyes, const EyeError
   return summary(std::move(errors), failed);
 }
 
+/// Knowing one parameter exactly removes its share of the error's variance. The same sampled eyes
+/// for all parameters, so that differences are not of sampling.
 std::vector<MeasurementValue> variance_attribution(
     const Prescription& prescription, const std::vector<Uncertainty>& uncertainties,
     const std::function<EyeError(const Prescription&)>& make_error, int count,
     std::mt19937_64& random) {
   const std::vector<PerturbedEye> eyes = monte_carlo(prescription, uncertainties, count, random);
+  // The reference: all parameters uncertain, none measured.
   const ErrorStatistics without = statistics(eyes, make_error(prescription));
   std::vector<MeasurementValue> list;
   for (const Uncertainty& one : uncertainties) {

@@ -1,5 +1,5 @@
-// What uncertain eyes cost: one parameter at a time, all at once, and which measurement would help
-// most (thesis 4.2, 4.3).
+// Error analysis of uncertain eyes: one parameter at a time, all at once, and attribution of the
+// error's variance to parameters (thesis 4.2, 4.3).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,8 +14,8 @@
 
 namespace vitreo::optics {
 
-/// The error (m) of a method that believes in one eye when it looks through another. Nothing where
-/// it has no answer.
+/// The error (m) of a method that assumes one eye while another, `truth`, forms the image. Nothing
+/// where it has no answer.
 using EyeError = std::function<std::optional<double>(const Prescription& truth)>;
 
 /// Where the image of an object on the axis, `depth` (m) before the retina, is in focus, m from the
@@ -34,16 +34,17 @@ struct AxisErrorOptions {
   void check() const;  // throws std::invalid_argument naming the option
 };
 
-/// Largest error of depth on the axis, by focus, of one who believes in `believed`: its law (4.10)
-/// to (4.12) refined to its own foci. This is the on-axis part of figures 4.2 (not calibrated), 4.5
-/// and 4.6 (calibrated).
+/// Largest error of depth on the axis, by focus, with the eye assumed to be `believed`: its law
+/// (4.10) to (4.12) refined to its own foci. This is the on-axis part of figures 4.2 (not
+/// calibrated), 4.5 and 4.6 (calibrated).
 EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
                     const AxisErrorOptions& options = {});
 
 struct Sensitivity {
   std::string parameter;
-  std::optional<double> minus,
-      plus;  // error with the parameter one sigma less, one more; nothing: no answer there
+  // error with the parameter one sigma less, one more; nothing: no answer there
+  std::optional<double> minus;
+  std::optional<double> plus;
   double worst() const;  // the larger one; infinite when one has no answer
 };
 
@@ -53,9 +54,14 @@ std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
                                        const EyeError& error);
 
 struct ErrorStatistics {
-  int count = 0, failed = 0;  // eyes with an answer, and without
-  double mean = 0, rms = 0, median = 0, percentile_95 = 0,
-         max = 0;  // m, of those with one; 0 when there is none
+  int count = 0;   // eyes with an answer
+  int failed = 0;  // and without
+  // m, of those with one; 0 when there is none
+  double mean = 0;
+  double rms = 0;
+  double median = 0;
+  double percentile_95 = 0;
+  double max = 0;
 };
 ErrorStatistics statistics(const std::vector<PerturbedEye>& eyes, const EyeError& error);
 
@@ -66,8 +72,8 @@ struct MeasurementValue {
 };
 
 /// Which measurement of the patient would reduce the error most, the best first: all parameters
-/// uncertain but one, on the same draws, the method believing in the prescription with that one put
-/// right. `make_error` builds the method for what is believed. Throws as monte_carlo.
+/// uncertain but one, on the same samples, the method assuming the prescription with that one put
+/// right. `make_error` builds the method for the assumed eye. Throws as monte_carlo.
 std::vector<MeasurementValue> variance_attribution(
     const Prescription& prescription, const std::vector<Uncertainty>& uncertainties,
     const std::function<EyeError(const Prescription& believed)>& make_error, int count,

@@ -1,5 +1,5 @@
-// How the image of the retina changes with the field: best focus, its astigmatism, distortion,
-// vignetting.
+// Field curves: best focus, its astigmatism, distortion and vignetting of the retina's image
+// against the field angle.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,10 +17,10 @@ struct FieldPoint {
   double sagittal = 0;      // m; least width across it
   double chief_height = 0;  // m, signed, of the chief ray at best_focus; negative: inverted
   double rms = 0;           // m, radius of the spot at best_focus
-  double distortion = 0;  // chief height in the plane of the on-axis best focus over magnification
-                          // * object height - 1
-  double transmitted =
-      0;  // share of the samples that come through; 0: the other values mean nothing
+  // chief height in the plane of the on-axis best focus over magnification * object height - 1
+  double distortion = 0;
+  // share of the samples that come through; 0: the other values mean nothing
+  double transmitted = 0;
 };
 
 /// Objects at the angles given (rad). The magnification for distortion is that of an object near

@@ -2,6 +2,7 @@
 #include "optics/analysis/field_errors.h"
 
 #include "optics/maps/thesis_curves.h"
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 
 #include <algorithm>
@@ -15,11 +16,7 @@ namespace {
 constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
 constexpr double kReach = 3;  // vitreous lengths; the cubics beyond their ends cross anywhere
 
-void require(bool good, const char* why) {
-  if (!good) throw std::invalid_argument(why);
-}
-
-/// Of a grid over the field; points without an error are counted.
+/// Statistics of the errors over a grid of the field; points without an answer are counted.
 class FieldErrors {
  public:
   void add(const std::optional<double>& error) {
@@ -35,66 +32,78 @@ class FieldErrors {
   }
 
  private:
-  int count_ = 0, answered_ = 0;
-  double sum_ = 0, max_ = 0;
+  int count_ = 0;
+  int answered_ = 0;
+  double sum_ = 0;
+  double max_ = 0;
 };
 
+/// No answer in one case is no answer.
 std::optional<double> worse(const std::optional<double>& one, const std::optional<double>& other) {
   if (!one || !other) return std::nullopt;
   return std::max(*one, *other);
 }
 
-/// A point of the field and where its image is sharp.
-struct Seen {
+/// A point of the field and the focus and height of its sharp image.
+struct ImagedPoint {
   Eigen::Vector3d point;
-  double focus, height;
+  double focus;
+  double height;
 };
 
-struct SeenField {
-  std::vector<Seen> points;
+struct ImagedField {
+  std::vector<ImagedPoint> points;
   int lost = 0;
   double retina_focus = 0;  // m, on the axis
 };
 
-std::optional<SeenField> see(const System& system, const FieldErrorOptions& options) {
+/// Thesis 4.2: bundles from a grid of points over the field are traced to the image.
+std::optional<ImagedField> image_field(const System& system, const FieldErrorOptions& options) {
   const PupilTracer tracer(system, Pupil::of_stop(system));
   const auto samples = disc_samples(options.rings, options.arms);
-  SeenField seen;
+  ImagedField imaged;
   Spot spot;
   for (int i = 0; i < options.angles; ++i) {
     const double angle = options.max_angle * i / (options.angles - 1);
     for (int j = 0; j < options.depths; ++j) {
       const auto point = point_at_field(system, angle, options.depth_to * j / (options.depths - 1));
       if (!point || !tracer.trace(*point, samples, spot) || spot.lost > 0) {
-        ++seen.lost;
+        ++imaged.lost;
         continue;
       }
       const double focus = spot.moments().best_focus();
-      if (i == 0 && j == 0) seen.retina_focus = focus;
-      seen.points.push_back({*point, focus, std::abs(spot.chief_at(focus).x())});
+      if (i == 0 && j == 0) imaged.retina_focus = focus;
+      imaged.points.push_back({*point, focus, std::abs(spot.chief_at(focus).x())});
     }
   }
-  if (seen.points.empty() || seen.points.front().point.head<2>().norm() > 0) return std::nullopt;
-  return seen;
+  // The retina on the axis comes first; without its focus there is nothing to calibrate on.
+  if (imaged.points.empty() || imaged.points.front().point.head<2>().norm() > 0)
+    return std::nullopt;
+  return imaged;
 }
 
-/// What one knows who believes in a prescription.
+/// Localization by focus with an assumed eye: its curves (3.2.1) and its on-axis law (4.10) to
+/// (4.12).
 struct Believed {
   ThesisCurves curves;
   OnAxisLaw law;
-  double reach;  // m, from the retina's vertex: what lies farther is no place in or about the eye
+  // m, from the retina's vertex: what lies farther is no position in or about the eye
+  double reach;
 };
 
+/// Thesis 3.2.1 and 4.3 for the assumed eye; the isofocus surfaces take the conic constant of its
+/// retina.
 Believed believe(const Prescription& believed, const FieldErrorOptions& options) {
   WideAngleSettings settings;
-  settings.max_angle = options.max_angle, settings.max_depth = options.depth_to;
+  settings.max_angle = options.max_angle;
+  settings.max_depth = options.depth_to;
   const AxialFocus focus = traced_focus();
   std::vector<OnAxisPoint> own;
   for (int i = 0; i < options.depths; ++i) {
     const double depth = options.depth_to * i / (options.depths - 1);
     const auto sensor = focus(believed.system, depth);
-    require(sensor.has_value() && std::isfinite(*sensor),
-            "believed: the eye has no images of all these depths");
+    detail::require(sensor.has_value() && std::isfinite(*sensor),
+                    "believed: the eye has no images of all these depths");
     own.push_back({*sensor, depth - believed.system.surfaces.front().thickness});
   }
   ThesisSettings fit;
@@ -104,20 +113,22 @@ Believed believe(const Prescription& believed, const FieldErrorOptions& options)
           kReach * believed.system.surfaces.front().thickness};
 }
 
-/// Errors with the sensor off by `shift` and, when given, a calibrated law in place of the believed
-/// one.
-std::optional<double> error_of(const Believed& believed, const SeenField& seen,
+/// Errors with the sensor off by `shift`. With a calibrated law the isofocus surfaces are moved
+/// along the axis by its difference from the assumed one (4.3: only their intersection with the
+/// axis is calibrated).
+std::optional<double> error_of(const Believed& believed, const ImagedField& imaged,
                                const OnAxisLaw* calibrated, double shift, ErrorMeasure measure) {
   FieldErrors errors;
-  for (int i = 0; i < seen.lost; ++i) errors.add(std::nullopt);
-  for (const Seen& one : seen.points) {
+  for (int i = 0; i < imaged.lost; ++i) errors.add(std::nullopt);
+  for (const ImagedPoint& one : imaged.points) {
     const double focus = one.focus + shift;
     std::optional<double> pole_shift = 0;
     if (calibrated != nullptr) {
-      const auto now = calibrated->object_from_sensor(focus),
-                 before = believed.law.object_from_sensor(focus);
+      const auto now = calibrated->object_from_sensor(focus);
+      const auto before = believed.law.object_from_sensor(focus);
       pole_shift = now && before ? std::optional(*now - *before) : std::nullopt;
     }
+    // 4.1: intersection of isopixel curve and isofocus surface.
     const auto found = pole_shift ? believed.curves.point_beyond(focus, one.height, *pole_shift)
                                   : std::optional<WideAngleMap::Plane>();
     const bool there = found && std::hypot(found->r, found->z) < believed.reach;
@@ -127,15 +138,18 @@ std::optional<double> error_of(const Believed& believed, const SeenField& seen,
   return errors.summary(measure);
 }
 
-std::optional<double> error_of(const Believed& believed, const SeenField& seen,
+/// The worse of both signs of the sensor's misplacement (figure 4.2e) and, calibrated, of the
+/// retinal depth error (figure 4.6).
+std::optional<double> error_of(const Believed& believed, const ImagedField& imaged,
                                double retina_object, const FieldErrorOptions& options) {
   const auto with = [&](double sign) -> std::optional<double> {
     const double shift = sign * options.focus_error;
-    if (!options.calibrated) return error_of(believed, seen, nullptr, shift, options.measure);
-    const OnAxisPoint retina{seen.retina_focus, retina_object + sign * options.retinal_depth_error};
+    if (!options.calibrated) return error_of(believed, imaged, nullptr, shift, options.measure);
+    const OnAxisPoint retina{imaged.retina_focus,
+                             retina_object + sign * options.retinal_depth_error};
     try {
       const OnAxisLaw law = calibrate_biometric(believed.law, retina, options.method).law;
-      return error_of(believed, seen, &law, shift, options.measure);
+      return error_of(believed, imaged, &law, shift, options.measure);
     } catch (const std::invalid_argument&) {
       return std::nullopt;  // this eye's retina cannot be reached by the law
     }
@@ -146,25 +160,24 @@ std::optional<double> error_of(const Believed& believed, const SeenField& seen,
 }  // namespace
 
 void FieldErrorOptions::check() const {
-  require(max_angle > 0 && max_angle < std::numbers::pi / 2,
-          "max_angle: must lie between 0 and 90 degrees");
-  require(depth_to > 0 && std::isfinite(depth_to), "depth_to: must be positive");
-  require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
-  require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
-  require(rings >= 1, "rings: must be at least 1");
-  require(arms >= 2, "arms: must be at least 2");
-  require(focus_error >= 0 && std::isfinite(focus_error), "focus_error: must not be negative");
-  require(retinal_depth_error >= 0 && std::isfinite(retinal_depth_error),
-          "retinal_depth_error: must not be negative");
+  detail::require(max_angle > 0 && max_angle < std::numbers::pi / 2,
+                  "max_angle: must lie between 0 and 90 degrees");
+  detail::require_positive(depth_to, "depth_to");
+  detail::require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
+  detail::require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
+  detail::require(rings >= 1, "rings: must be at least 1");
+  detail::require(arms >= 2, "arms: must be at least 2");
+  detail::require_not_negative(focus_error, "focus_error");
+  detail::require_not_negative(retinal_depth_error, "retinal_depth_error");
 }
 
 EyeError field_error(const Prescription& believed, const FieldErrorOptions& options) {
   options.check();
   const Believed model = believe(believed, options);
   return [model, options](const Prescription& truth) -> std::optional<double> {
-    const auto seen = see(truth.system, options);
-    if (!seen) return std::nullopt;
-    return error_of(model, *seen, -truth.system.surfaces.front().thickness, options);
+    const auto imaged = image_field(truth.system, options);
+    if (!imaged) return std::nullopt;
+    return error_of(model, *imaged, -truth.system.surfaces.front().thickness, options);
   };
 }
 

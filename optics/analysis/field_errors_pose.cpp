@@ -1,7 +1,8 @@
-// Errors of localization by pose in an eye that is not the believed one (table 5.2).
+// Errors of localization by pose when the eye is not the assumed one (table 5.2).
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/field_errors.h"
 #include "optics/calibration/camera_calibration.h"
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 
 #include <algorithm>
@@ -13,10 +14,11 @@ namespace {
 
 const Eigen::Vector3d kAxis(1, 0, 0);  // of the robot; a sphere's does not matter
 
+/// Step 2 of the sensitivity analysis of thesis 5.4: the isopixel lines of this eye.
 PoseSettings looking_through(const System& system, const PoseErrorOptions& options) {
   PoseSettings settings;
   settings.robot = options.robot;
-  settings.max_residual_px = 1e3;  // a wrong eye fits badly; that is what is asked
+  settings.max_residual_px = 1e3;  // a wrong eye fits badly; its error is wanted all the same
   if (options.exact) {
     settings.exact = ExactProjection(system, options.microscope, options.max_m);
   } else {
@@ -25,6 +27,7 @@ PoseSettings looking_through(const System& system, const PoseErrorOptions& optio
   return settings;
 }
 
+/// Step 4 of thesis 5.4: the position by (5.15) with the assumed eye.
 std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const EllipseVector& shown) {
   const auto start = first_guess(believed, shown, kAxis);
   if (!start) return std::nullopt;
@@ -32,11 +35,15 @@ std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const Ellip
   return found ? std::optional(found->position_in_eye) : std::nullopt;
 }
 
+/// Steps 3 and 4 of thesis 5.4 over a grid of the field: projected with the true eye, located with
+/// the assumed one.
 std::optional<double> error_over_field(const PoseSettings& truth, const PoseSettings& believed,
                                        const System& system, const PoseErrorOptions& options) {
   constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
-  int count = 0, answered = 0;
-  double sum = 0, max = 0;
+  int count = 0;
+  int answered = 0;
+  double sum = 0;
+  double max = 0;
   for (int i = 0; i < options.angles; ++i) {
     for (int j = 0; j < options.depths; ++j) {
       const double depth =
@@ -50,13 +57,15 @@ std::optional<double> error_over_field(const PoseSettings& truth, const PoseSett
       if (!found) continue;
       ++answered;
       const double off = (*found - *point).norm();
-      sum += off, max = std::max(max, off);
+      sum += off;
+      max = std::max(max, off);
     }
   }
   if (answered == 0 || answered < (1 - kMostMissing) * count) return std::nullopt;
   return options.measure == ErrorMeasure::max ? max : sum / answered;
 }
 
+/// The worse of both signs of the retinal depth error.
 std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSettings& believed,
                                        const System& system, const PoseErrorOptions& options) {
   const auto shown = project_spheroid(truth, {0, 0, options.depth_from}, kAxis);
@@ -64,8 +73,9 @@ std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSett
   double worst = 0;
   for (const double sign : {1.0, -1.0}) {
     const double known_z = options.depth_from + sign * options.retinal_depth_error;
-    const PoseSettings mended = calibrate_pose(believed, *shown, kAxis, known_z).applied(believed);
-    const auto error = error_over_field(truth, mended, system, options);
+    const PoseSettings corrected =
+        calibrate_pose(believed, *shown, kAxis, known_z).applied(believed);
+    const auto error = error_over_field(truth, corrected, system, options);
     if (!error) return std::nullopt;
     worst = std::max(worst, *error);
   }
@@ -75,21 +85,19 @@ std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSett
 }  // namespace
 
 void PoseErrorOptions::check() const {
-  const auto require = [](bool good, const char* why) {
-    if (!good) throw std::invalid_argument(why);
-  };
   microscope.check();
-  require(std::isfinite(max_m) && max_m > 0, "max_m: must be positive");
-  require(max_angle > 0 && max_angle < std::numbers::pi / 2,
-          "max_angle: must lie between 0 and 90 degrees");
-  require(depth_from >= 0 && depth_to > depth_from && std::isfinite(depth_to),
-          "depth_to: must be beyond depth_from");
-  require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
-  require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
-  require(retinal_depth_error >= 0 && retinal_depth_error <= depth_from,
-          "retinal_depth_error: must not be negative, nor more than depth_from");
+  detail::require_positive(max_m, "max_m");
+  detail::require(max_angle > 0 && max_angle < std::numbers::pi / 2,
+                  "max_angle: must lie between 0 and 90 degrees");
+  detail::require(depth_from >= 0 && depth_to > depth_from && std::isfinite(depth_to),
+                  "depth_to: must be beyond depth_from");
+  detail::require(angles >= 3 && angles <= 1000, "angles: must lie within 3 and 1000");
+  detail::require(depths >= 3 && depths <= 1000, "depths: must lie within 3 and 1000");
+  detail::require(retinal_depth_error >= 0 && retinal_depth_error <= depth_from,
+                  "retinal_depth_error: must not be negative, nor more than depth_from");
 }
 
+/// The assumed eye's projection is fitted once, the true eye's for each eye.
 EyeError pose_error(const Prescription& believed, const PoseErrorOptions& options) {
   options.check();
   if (!believed.system.stop) throw std::invalid_argument("stop: the system has none");

@@ -2,11 +2,13 @@
 #include "optics/analysis/layout.h"
 
 #include "optics/analysis/layout_heights.h"
+#include "optics/numerics/preconditions.h"
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -14,11 +16,14 @@ namespace vitreo::optics {
 namespace {
 
 constexpr double kPad = 0.04;  // of the drawing's width, left and right
-constexpr double kHeaderPx = 54, kFooterPx = 92;
+constexpr double kHeaderPx = 54;
+constexpr double kFooterPx = 92;
 constexpr int kProfileSteps = 48;
+/// Dark enough on white, and distinguishable in print.
 constexpr std::array<const char*, 7> kRayColors{"#b5332e", "#1f6f8b", "#4d7c33", "#9a6a12",
                                                 "#6a4c93", "#3a3a8c", "#8c3a6b"};
 
+/// std::to_chars: the same text in every locale.
 std::string number(double value, int decimals = 2) {
   std::array<char, 64> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), value,
@@ -27,6 +32,7 @@ std::string number(double value, int decimals = 2) {
   return {text.data(), end};
 }
 
+/// XML's reserved characters; control characters, most of which it forbids, become blanks.
 std::string escaped(const std::string& text) {
   std::string safe;
   for (char c : text) {
@@ -50,7 +56,8 @@ std::string escaped(const std::string& text) {
   return safe;
 }
 
-/// Paler for thinner media; none for air.
+/// Fill color by refractive index: paler for thinner media, none for air. The scale spans the eye's
+/// media and lens plastics, 1.30 to 1.54.
 std::string tint(double index) {
   if (index < 1.01) return "none";
   const double t = std::clamp((index - 1.30) / 0.24, 0.0, 1.0);
@@ -93,10 +100,15 @@ class Drawing {
   std::span<const LayoutRay> rays_;
   const LayoutOptions& options_;
   std::vector<double> heights_;
-  double left_ = 0, right_ = 0, half_height_ = 0, scale_ = 1, bottom_px_ = 0;
+  double left_ = 0;
+  double right_ = 0;
+  double half_height_ = 0;
+  double scale_ = 1;
+  double bottom_px_ = 0;
   std::string out_;
 };
 
+/// One scale for both axes: the drawing's width holds the system's length.
 void Drawing::measure() {
   const auto take = [&](double z, double height) {
     left_ = std::min(left_, z);
@@ -116,12 +128,14 @@ void Drawing::measure() {
   bottom_px_ = kHeaderPx + 2 * half_height_ * scale_;
 }
 
+/// The meridional section of a surface: (vertex + sag(r), r).
 std::vector<Eigen::Vector2d> Drawing::profile(int i) const {
   std::vector<Eigen::Vector2d> path;
   const double vertex = system_.vertex(i + 1);
   for (int step = 0; step <= kProfileSteps; ++step) {
     // Dense at the rims, where a steep surface turns away.
-    const double r = heights_[i] * std::sin((1 - 2.0 * step / kProfileSteps) * 1.5707963267948966);
+    const double r =
+        heights_[i] * std::sin((1 - 2.0 * step / kProfileSteps) * std::numbers::pi / 2);
     const double sag = system_.surfaces[i].sag(std::abs(r));
     if (std::isfinite(sag)) path.emplace_back(vertex + sag, r);
   }
@@ -139,17 +153,20 @@ void Drawing::text(double px, double py, const std::string& what, const char* st
           "</text>\n";
 }
 
+/// A medium is the polygon between the profiles of its two surfaces.
 void Drawing::draw_media() {
   for (int i = 0; i + 1 < system_.size(); ++i) {
     const std::string fill = tint(system_.surfaces[i].index);
     if (fill == "none") continue;
-    std::vector<Eigen::Vector2d> outline = profile(i), behind = profile(i + 1);
+    std::vector<Eigen::Vector2d> outline = profile(i);
+    std::vector<Eigen::Vector2d> behind = profile(i + 1);
     outline.insert(outline.end(), behind.rbegin(), behind.rend());
     out_ += "<polygon points=\"" + points(outline) + "\" fill=\"" + fill + "\" stroke=\"" + fill +
             "\" stroke-width=\"0.6\"/>\n";
   }
 }
 
+/// Dash-dotted, as axes are in technical drawings.
 void Drawing::draw_axis() {
   const double overhang = options_.width_px * kPad * 0.6;
   out_ += "<line x1=\"" + number(x(left_) - overhang) + "\" y1=\"" + number(y(0)) + "\" x2=\"" +
@@ -157,6 +174,7 @@ void Drawing::draw_axis() {
           "\" stroke=\"#666\" stroke-width=\"0.8\" stroke-dasharray=\"14 3 2 3\"/>\n";
 }
 
+/// Clipped to the frame, since a lost ray may lead far out.
 void Drawing::draw_rays() {
   for (const LayoutRay& ray : rays_) {
     const char* const color =
@@ -175,7 +193,8 @@ void Drawing::draw_surfaces() {
   // The rims of what is solid.
   for (int i = 1; i + 1 < system_.size(); ++i) {
     if (system_.surfaces[i].index < 1.01) continue;
-    const auto front = profile(i), behind = profile(i + 1);
+    const auto front = profile(i);
+    const auto behind = profile(i + 1);
     const bool lens = heights_[i] == heights_[i + 1];
     for (const auto& [a, b] :
          {std::pair(front.front(), behind.front()), std::pair(front.back(), behind.back())}) {
@@ -186,9 +205,11 @@ void Drawing::draw_surfaces() {
   }
 }
 
+/// Two bars from the stop's radius outwards, with a tick at its edge.
 void Drawing::draw_stop() {
   if (!system_.stop) return;
-  const double z = system_.vertex(system_.stop->surface), r = system_.stop->radius;
+  const double z = system_.vertex(system_.stop->surface);
+  const double r = system_.stop->radius;
   const double rim = std::max(heights_[system_.stop->surface - 1], 1.6 * r);
   for (double side : {1.0, -1.0}) {
     out_ += "<line x1=\"" + number(x(z)) + "\" y1=\"" + number(y(side * r)) + "\" x2=\"" +
@@ -214,11 +235,14 @@ void Drawing::draw_marks() {
 
 void Drawing::draw_scale_bar() {
   constexpr double kMm = 1e-3;
+  // The longest round length of at most a fifth of the system.
   double length = kMm;
   for (double step : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0}) {
     if (step * kMm <= 0.2 * (right_ - left_)) length = step * kMm;
   }
-  const double px = x(left_), py = bottom_px_ + 34, end = px + length * scale_;
+  const double px = x(left_);
+  const double py = bottom_px_ + 34;
+  const double end = px + length * scale_;
   out_ += "<path d=\"M" + number(px) + " " + number(py - 4) + "v8 M" + number(px) + " " +
           number(py) + "H" + number(end) + " M" + number(end) + " " + number(py - 4) +
           "v8\" fill=\"none\" stroke=\"#111\" stroke-width=\"1.4\"/>\n";
@@ -226,8 +250,10 @@ void Drawing::draw_scale_bar() {
        "text-anchor=\"middle\" font-size=\"12\"");
 }
 
+/// One entry for each medium that is not air, wrapped by an estimate of the text's width.
 void Drawing::draw_legend() {
-  double px = x(left_), py = bottom_px_ + 66;
+  double px = x(left_);
+  double py = bottom_px_ + 66;
   for (int i = 0; i < system_.size(); ++i) {
     const double index = system_.surfaces[i].index;
     if (index < 1.01) continue;
@@ -252,7 +278,8 @@ void Drawing::draw_labels() {
   int row = 0;
   for (int i = 0; i < system_.size(); ++i) {
     const Eigen::Vector2d rim = profile(i).front();
-    const double px = x(rim.x()), py = y(rim.y());
+    const double px = x(rim.x());
+    const double py = y(rim.y());
     row = px - before < kNear && px > before - kNear ? (row + 1) % 3 : 0;
     before = px;
     const double top = py - 9 - 14 * row;
@@ -265,6 +292,7 @@ void Drawing::draw_labels() {
   }
 }
 
+/// Later elements cover earlier ones: media first, labels last.
 std::string Drawing::svg() {
   const double height = bottom_px_ + kFooterPx + 20;
   const std::string size = number(options_.width_px, 0) + "\" height=\"" + number(height, 0);
@@ -292,8 +320,7 @@ std::string Drawing::svg() {
 }  // namespace
 
 void LayoutOptions::check() const {
-  if (!(width_px >= 100 && width_px <= 20000))
-    throw std::invalid_argument("width_px: must lie within 100 and 20000");
+  detail::require(width_px >= 100 && width_px <= 20000, "width_px: must lie within 100 and 20000");
   for (const LayoutMark& mark : marks) {
     if (!std::isfinite(mark.z) || !(mark.half_height >= 0 && std::isfinite(mark.half_height))) {
       throw std::invalid_argument("marks: must be finite");
@@ -307,7 +334,7 @@ std::string layout_svg(const System& system, std::span<const LayoutRay> rays,
   options.check();
   for (const LayoutRay& ray : rays) {
     for (const Eigen::Vector2d& point : ray.path) {
-      if (!point.allFinite()) throw std::invalid_argument("rays: must be finite");
+      detail::require(point.allFinite(), "rays: must be finite");
     }
   }
   return Drawing(system, rays, options).svg();

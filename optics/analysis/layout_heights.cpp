@@ -14,12 +14,14 @@ constexpr double kFlat = 4e-3;     // m, of a plane that no ray meets
 constexpr double kNearEquator = 0.97;
 constexpr double kThinnest = 0.04e-3;  // m, of what is left of a medium at the rim
 
+/// A conic ends at its equator, r = R / sqrt(1 + k); one with k <= -1 does not end.
 double reach(const Surface& surface) {
   const double bend = 1 + surface.conic;
   if (std::isinf(surface.radius) || bend <= 0) return std::numeric_limits<double>::infinity();
   return kNearEquator * std::abs(surface.radius) / std::sqrt(bend);
 }
 
+/// From the rays that meet the surface, else from its radius; a stop must fit on it.
 double wanted(const System& system, int i, std::span<const LayoutRay> rays) {
   const Surface& surface = system.surfaces[i];
   double height = 0;
@@ -49,6 +51,7 @@ double common_height(const Surface& front, const Surface& behind, double height)
 
 }  // namespace
 
+/// For a drawing only: heights decide nothing about rays.
 std::vector<double> layout_heights(const System& system, std::span<const LayoutRay> rays) {
   const int count = system.size();
   std::vector<double> heights(static_cast<std::size_t>(count));
@@ -58,7 +61,8 @@ std::vector<double> layout_heights(const System& system, std::span<const LayoutR
   // Both sides of a lens are as high as the higher one; the humours between lenses are drawn as
   // they come. From the outside in, so that a cornea goes with the contact lens on it.
   for (int i = count - 2; i >= 1; --i) {
-    const Surface &front = system.surfaces[i], &behind = system.surfaces[i + 1];
+    const Surface& front = system.surfaces[i];
+    const Surface& behind = system.surfaces[i + 1];
     const bool solid = front.index > system.surfaces[i - 1].index;
     if (!solid) continue;
     const double both =

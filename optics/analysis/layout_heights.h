@@ -1,8 +1,8 @@
-// How high each surface of a layout drawing is.
+// Heights of the surfaces of a layout drawing.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "optics/analysis/layout.h"
+#include "optics/analysis/layout_rays.h"
 
 #include <span>
 #include <vector>

@@ -1,6 +1,7 @@
-// The rays of a layout drawing.
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/analysis/layout.h"
+#include "optics/analysis/layout_rays.h"
+
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/pupil.h"
 
 #include <cmath>
@@ -8,9 +9,10 @@
 
 namespace vitreo::optics {
 
+/// The drawing's plane is x-z: a skew ray is shown in projection.
 LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group) {
   system.check();
-  if (!std::isfinite(end_z)) throw std::invalid_argument("end_z: must be finite");
+  detail::require_finite(end_z, "end_z");
   LayoutRay drawn;
   drawn.group = group;
   const auto add = [&](const Eigen::Vector3d& p) { drawn.path.emplace_back(p.z(), p.x()); };
@@ -32,6 +34,7 @@ LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group
   return drawn;
 }
 
+/// Rays are aimed at the stop and then followed without it.
 std::vector<LayoutRay> field_fans(const System& system, std::span<const double> angles,
                                   double end_z, int count, double depth) {
   if (count < 1 || count > 1000) throw std::invalid_argument("count: must lie within 1 and 1000");
@@ -43,6 +46,7 @@ std::vector<LayoutRay> field_fans(const System& system, std::span<const double> 
   for (double angle : angles) {
     const auto point = point_at_field(system, angle, depth);
     for (int i = 0; point && i < count; ++i) {
+      // A meridional fan across the stop, rim to rim.
       const double across = count == 1 ? 0 : 2.0 * i / (count - 1) - 1;
       const auto ray = pupil.aim(*point, {across, 0});
       if (ray) rays.push_back(ray_path(open, *ray, end_z, group));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/analysis/viewing.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/rays/trace.h"
 #include "optics/system/first_order.h"
 
@@ -24,8 +25,8 @@ AxialImage retina_image(const System& system) {
   return *image;
 }
 
-/// n sin of the traced ray from the retina's vertex through surface 2's vertex plane at `radius`; 0
-/// when it is lost.
+/// n sin(u') of the traced ray from the retina's vertex through surface 2's vertex plane at
+/// `radius`; 0 when it is lost.
 double traced_image_aperture(System system, double radius) {
   const double distance = system.surfaces.front().thickness;
   system.stop.reset();  // this beam is defined by surface 2; elsewhere it is wider than the stop
@@ -50,8 +51,9 @@ System from_stop(const System& system, int stop) {
   return part;
 }
 
-/// Where a ray in the vitreous, going towards -z, meets the retina; the sphere or conic itself,
-/// Newton from the vertex plane. Nothing when it does not.
+/// Intersection of a ray in the vitreous, going towards -z, with the retina: the secant slope over
+/// 0.1 um in Newton's method, from the vertex plane, so that it also serves aspheres. Nothing when
+/// it does not converge.
 std::optional<Eigen::Vector3d> on_retina(const Surface& retina, const Ray& ray) {
   constexpr int kSteps = 50;
   constexpr double kConverged = 1e-12;  // m
@@ -62,7 +64,7 @@ std::optional<Eigen::Vector3d> on_retina(const Surface& retina, const Ray& ray) 
       const Eigen::Vector3d p = ray.origin + at * ray.direction;
       return p.z() - retina.sag(p.head<2>().norm());
     };
-    if (std::isnan(gap(s))) {  // beyond the equator: come nearer
+    if (std::isnan(gap(s))) {  // beyond the equator: shorten the step
       s *= 0.95;
       continue;
     }
@@ -99,10 +101,12 @@ bool passes(const System& system, double angle, int from_surface, double clear_r
 
 }  // namespace
 
+/// OSLO's rule and the self-consistent alternatives (docs/optics.md).
 NumericalAperture numerical_aperture(const System& system) {
   const Stop& stop = stop_of(system);
   const double m = std::abs(retina_image(system).magnification);
-  const double index = system.surfaces.front().index, distance = system.surfaces.front().thickness;
+  const double index = system.surfaces.front().index;
+  const double distance = system.surfaces.front().thickness;
   const auto sine = [](double tangent) { return std::sin(std::atan(tangent)); };
   NumericalAperture aperture;
   aperture.object_beam = index * sine(stop.radius / distance);
@@ -112,21 +116,27 @@ NumericalAperture numerical_aperture(const System& system) {
   const double height =
       (system_matrix(system, 2, stop.surface) * transfer_matrix(distance, index))(1, 0) * index;
   aperture.object_stop = index * sine(stop.radius / std::abs(height));
+  // Abbe's sine condition: n sin u = |m| n' sin u'.
   aperture.image_stop = aperture.object_stop / m;
   return aperture;
 }
 
+/// (4.1), delta = (n / A_N) (1 + m) c; the thesis pairs the vitreous' index with the image side's
+/// A_N.
 DepthOfFocus depth_of_focus(const System& system, double confusion) {
-  if (!(confusion > 0 && std::isfinite(confusion))) {
-    throw std::invalid_argument("confusion: must be finite and positive");
-  }
+  detail::require(confusion > 0 && std::isfinite(confusion),
+                  "confusion: must be finite and positive");
   const NumericalAperture aperture = numerical_aperture(system);
   const double spread = (1 + std::abs(retina_image(system).magnification)) * confusion;
-  const double vitreous = system.surfaces.front().index, behind = system.surfaces.back().index;
+  const double vitreous = system.surfaces.front().index;
+  const double behind = system.surfaces.back().index;
+  // (4.1)
   return {vitreous / aperture.oslo * spread, behind / aperture.oslo * spread,
-          vitreous / aperture.object_beam * spread};  // (4.1)
+          vitreous / aperture.object_beam * spread};
 }
 
+/// Depth of focus over the slope of image distance against depth: the secant of figure 3.4(b), or
+/// m^2 n_i / n_v at the retina.
 DepthOfField depth_of_field(const System& system, double confusion, double range) {
   const DepthOfFocus focus = depth_of_focus(system, confusion);
   const auto secant = secant_slope(system, range);
@@ -137,9 +147,7 @@ DepthOfField depth_of_field(const System& system, double confusion, double range
 
 ChiefRay chief_ray_at_stop(const System& system, double angle) {
   const Stop& stop = stop_of(system);
-  if (!(std::abs(angle) < std::numbers::pi / 2)) {
-    throw std::invalid_argument("angle: must lie within -pi/2 and pi/2");
-  }
+  detail::require(std::abs(angle) < std::numbers::pi / 2, "angle: must lie within -pi/2 and pi/2");
   const Eigen::Vector3d center(0, 0, system.vertex(stop.surface));
   const Eigen::Vector3d out(std::sin(angle), 0, std::cos(angle));
   ChiefRay chief;
@@ -165,28 +173,34 @@ ChiefRay chief_ray_at_stop(const System& system, double angle) {
 
 FieldOfView direct_field_of_view(const System& system, double observer_distance) {
   const Stop& stop = stop_of(system);
-  if (!(observer_distance > 0 && std::isfinite(observer_distance))) {
-    throw std::invalid_argument("observer_distance: must be finite and positive");
-  }
+  detail::require(observer_distance > 0 && std::isfinite(observer_distance),
+                  "observer_distance: must be finite and positive");
   // The stop seen from outside: imaged through its own surface and what follows.
   const Eigen::Matrix2d a = system_matrix(system, stop.surface);
   const double behind = system.surfaces.back().index;
-  const double pupil = -behind * a(1, 0) / a(0, 0), radius = std::abs(stop.radius / a(0, 0));
+  // Image of the stop through these surfaces: position -n_i a10 / a00 and magnification 1 / a00, as
+  // in axial_image.
+  const double pupil = -behind * a(1, 0) / a(0, 0);
+  const double radius = std::abs(stop.radius / a(0, 0));
   return {
       2 * std::atan(radius / (observer_distance - pupil)),
       "entrance pupil seen from " + std::to_string(observer_distance * 1e3) + " mm before the eye"};
 }
 
+/// Marches outwards to the first lost or clipped chief ray, then bisects.
 FieldOfView vignetted_field_of_view(const System& system, int from_surface, double clear_radius) {
-  constexpr double kStep = 0.25 * std::numbers::pi / 180, kWidest = 80 * std::numbers::pi / 180;
+  constexpr double kStep = 0.25 * std::numbers::pi / 180;
+  constexpr double kWidest = 80 * std::numbers::pi / 180;
   constexpr double kFine = 1e-9;
   stop_of(system);
   if (from_surface < 2 || from_surface >= system.size()) {
     throw std::invalid_argument("from_surface: must be a refracting surface before the last");
   }
-  if (!(clear_radius > 0)) throw std::invalid_argument("clear_radius: must be positive");
-  ChiefRay inside, tried;
-  double good = 0, bad = kWidest;
+  detail::require(clear_radius > 0, "clear_radius: must be positive");
+  ChiefRay inside;
+  ChiefRay tried;
+  double good = 0;
+  double bad = kWidest;
   for (double angle = kStep; angle < kWidest; angle += kStep) {
     if (!passes(system, angle, from_surface, clear_radius, tried)) {
       bad = angle;

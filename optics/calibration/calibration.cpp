@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/calibration.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/first_order.h"
 
 #include <Eigen/Cholesky>
@@ -15,7 +16,7 @@
 namespace vitreo::optics {
 namespace {
 
-constexpr double kPole = 1e-9;  // m; this near to its pole the law says nothing
+constexpr double kPole = 1e-9;  // m; this near to its pole the law gives nothing
 
 void check_point(const OnAxisPoint& point, const char* name) {
   if (!std::isfinite(point.sensor) || !std::isfinite(point.object)) {
@@ -23,9 +24,12 @@ void check_point(const OnAxisPoint& point, const char* name) {
   }
 }
 
-/// d_o and its derivatives by f, PP1, PP2; false at the pole.
+/// (4.10) to (4.12): d_o and its derivatives by f, PP1, PP2; false at the pole s_i = f. By (4.11)
+/// ds_o/df = -n_v s_i^2 / (s_i - f)^2 and ds_o/ds_i = n_v f^2 / (s_i - f)^2; PP2 enters s_i with a
+/// minus.
 bool derivatives(const OnAxisLaw& law, double d_ls, double& d_o, Eigen::Vector3d& by) {
-  const double s_i = d_ls - law.second_principal_point + law.sensor_shift, f = law.focal_length;
+  const double s_i = d_ls - law.second_principal_point + law.sensor_shift;
+  const double f = law.focal_length;
   const double rest = s_i - f;
   if (std::abs(rest) < kPole) return false;
   d_o = -f * law.object_index * s_i / rest + law.first_principal_point + law.object_shift;
@@ -34,13 +38,16 @@ bool derivatives(const OnAxisLaw& law, double d_ls, double& d_o, Eigen::Vector3d
   return true;
 }
 
+/// Sums over the points: J^T J, J^T r, and the squares and the largest of r.
 struct Normal {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
   Eigen::Vector3d vector = Eigen::Vector3d::Zero();
-  double squares = 0, largest = 0;
+  double squares = 0;
+  double largest = 0;
 };
 
-/// Normal equations at the law; false when a point falls on its pole.
+/// Normal equations J^T J, J^T r of the residuals of d_o at the law; false when a point falls on
+/// its pole.
 bool linearize(const OnAxisLaw& law, std::span<const OnAxisPoint> points, Normal& normal) {
   normal = {};
   for (const OnAxisPoint& point : points) {
@@ -56,6 +63,7 @@ bool linearize(const OnAxisLaw& law, std::span<const OnAxisPoint> points, Normal
   return true;
 }
 
+/// A step in (f, PP1, PP2).
 OnAxisLaw moved(OnAxisLaw law, const Eigen::Vector3d& step) {
   law.focal_length += step[0];
   law.first_principal_point += step[1];
@@ -63,6 +71,7 @@ OnAxisLaw moved(OnAxisLaw law, const Eigen::Vector3d& step) {
   return law;
 }
 
+/// A fit of three parameters needs three abscissas.
 void check_points(std::span<const OnAxisPoint> points) {
   constexpr double kDistinct = 1e-7;  // m
   std::vector<double> sensors;
@@ -77,8 +86,8 @@ void check_points(std::span<const OnAxisPoint> points) {
   }
 }
 
-/// Levenberg-Marquardt; the three parameters are of one size, so the damping needs no scales of its
-/// own.
+/// Levenberg-Marquardt with Marquardt's scaling by the diagonal, for the refinement of f, PP1 and
+/// PP2 (thesis 4.3).
 Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
   constexpr int kSteps = 200;
   constexpr double kSmall = 1e-13;  // m
@@ -93,6 +102,7 @@ Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
     if (!step.allFinite()) break;
     Normal next;
     const OnAxisLaw tried = moved(law, step);
+    // Accepted when the squares do not grow: less damping then, more otherwise.
     if (linearize(tried, points, next) && next.squares <= at.squares) {
       law = tried;
       at = next;
@@ -106,8 +116,8 @@ Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
   throw std::invalid_argument("points: the fit does not converge; they do not follow a lens' law");
 }
 
-/// Smallest step of (e_dls, e_do) that keeps the constraint, by Newton with the constraint's
-/// linearization.
+/// Smallest (e_dls, e_do) that fulfills the law at the retina: Newton's method, each time the point
+/// nearest to zero on the linearized constraint g . e = rest, e = g rest / |g|^2.
 void minimum_norm(OnAxisLaw& law, const OnAxisPoint& retina) {
   constexpr int kSteps = 100;
   constexpr double kSmall = 1e-15;  // m
@@ -115,7 +125,8 @@ void minimum_norm(OnAxisLaw& law, const OnAxisPoint& retina) {
     double d_o = 0;
     Eigen::Vector3d by;
     if (!derivatives(law, retina.sensor, d_o, by)) break;
-    const Eigen::Vector2d gradient(-by[2], 1), now(law.sensor_shift, law.object_shift);
+    const Eigen::Vector2d gradient(-by[2], 1);
+    const Eigen::Vector2d now(law.sensor_shift, law.object_shift);
     const Eigen::Vector2d next =
         gradient * ((gradient.dot(now) + retina.object - d_o) / gradient.squaredNorm());
     if (!next.allFinite()) break;
@@ -138,7 +149,7 @@ void OnAxisLaw::check() const {
   finite("sensor_shift", sensor_shift);
   finite("object_shift", object_shift);
   if (focal_length == 0) throw std::invalid_argument("focal_length: must not be zero");
-  if (!(object_index >= 1)) throw std::invalid_argument("object_index: must be at least 1");
+  detail::require(object_index >= 1, "object_index: must be at least 1");
 }
 
 std::optional<double> OnAxisLaw::object_from_sensor(double d_ls) const {
@@ -148,6 +159,7 @@ std::optional<double> OnAxisLaw::object_from_sensor(double d_ls) const {
   return d_o;
 }
 
+/// Inverse of (4.10) to (4.12): s_i = s_o f / (s_o + f n_v).
 std::optional<double> OnAxisLaw::sensor_from_object(double d_o) const {
   const double s_o = d_o - first_principal_point - object_shift;
   const double rest = s_o + focal_length * object_index;  // (4.11) solved for s_i
@@ -155,6 +167,7 @@ std::optional<double> OnAxisLaw::sensor_from_object(double d_o) const {
   return s_o * focal_length / rest + second_principal_point - sensor_shift;
 }
 
+/// (4.6) to (4.9): the paraxial start that thesis 4.3 refines.
 OnAxisLaw on_axis_law(const System& system) {
   const auto points = cardinal_points(system);
   if (!points) throw std::invalid_argument("system: it is afocal");
@@ -166,10 +179,13 @@ OnAxisLaw on_axis_law(const System& system) {
           0};
 }
 
+/// Thesis 4.3, "we use the paraxial calculations as an initial estimation, and perform a
+/// minimization".
 OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> points) {
   start.check();
   check_points(points);
   OnAxisFit fit{start, 0, 0, Eigen::Matrix3d::Zero()};
+  // e_do and e_dls act as shifts of PP1 and PP2, so they are no parameters beside them.
   fit.law.first_principal_point += fit.law.object_shift;
   fit.law.second_principal_point -= fit.law.sensor_shift;
   fit.law.object_shift = fit.law.sensor_shift = 0;
@@ -177,10 +193,13 @@ OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> point
   const auto count = static_cast<double>(points.size());
   fit.rms_residual = std::sqrt(at.squares / count);
   fit.max_residual = at.largest;
+  // (J^T J)^-1 times the residual variance, with n - 3 degrees of freedom.
   if (points.size() > 3) fit.covariance = at.matrix.inverse() * (at.squares / (count - 3));
   return fit;
 }
 
+/// Thesis 4.3: e_dls and e_do from one equation, the retina's. With e_dls alone it is solved by the
+/// inverse law, exactly.
 BiometricFit calibrate_biometric(const OnAxisLaw& law, const OnAxisPoint& retina,
                                  BiometricMethod method) {
   law.check();

@@ -1,5 +1,5 @@
-// Calibration of the depth of isofocus surfaces on the axis: the law of thesis (4.10) to (4.12),
-// biometric and full.
+// Calibration of the depth of isofocus surfaces on the axis, biometric and full: the law of thesis
+// (4.10) to (4.12).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,11 +12,12 @@
 
 namespace vitreo::optics {
 
-/// Where an object on the axis is whose image lies d_ls behind the last vertex. With the signs that
-/// agree with (4.7), (4.8); as printed, the retina of table 3.4 would lie at -20.47 mm instead of
-/// -16.32:
-///   s_i = d_ls - [O2,PP2] + e_dls  (4.10),  s_o = -f n_v s_i / (s_i - f)  (4.11),  d_o = s_o +
-///   [O1,PP1] + e_do (4.12).
+/// Law of the positions of an object on the axis and its image d_ls behind the last vertex. With
+/// the signs that agree with (4.7), (4.8); as printed, the retina of table 3.4 would lie at -20.47
+/// mm instead of -16.32:
+///   s_i = d_ls - [O2,PP2] + e_dls        (4.10)
+///   s_o = -f n_v s_i / (s_i - f)         (4.11)
+///   d_o = s_o + [O1,PP1] + e_do          (4.12)
 /// d_o counts from surface 2 towards +z, so it is negative in the vitreous. All lengths in m.
 struct OnAxisLaw {
   double focal_length = 0;            // f
@@ -46,8 +47,8 @@ struct OnAxisFit {
   OnAxisLaw law;
   double rms_residual = 0;  // m, of d_o
   double max_residual = 0;
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of f, PP1, PP2, m^2, from the residuals;
-                                                         // zero without spare points
+  // of f, PP1, PP2, m^2, from the residuals; zero without spare points
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
 /// f, PP1 and PP2 fitted to points by least squares of d_o: the refinement of 4.3, "because of the
@@ -56,8 +57,9 @@ struct OnAxisFit {
 /// three of different depth or not finite ones, and when it does not converge.
 OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> points);
 
-/// Which of the two lumped errors takes the blame; one equation cannot tell. Never e_do alone:
-/// after 3 % of the lens' index that left 2.2 mm where the default leaves 0.12 (docs/optics.md).
+/// Which of the two lumped errors is adjusted; one equation cannot determine both. Never e_do
+/// alone: after 3 % of the lens' index that left 2.2 mm where the default leaves 0.12
+/// (docs/optics.md).
 enum class BiometricMethod {
   sensor_shift,  // e_dls alone
   minimum_norm,  // smallest e_dls^2 + e_do^2, as the thesis
@@ -68,9 +70,9 @@ struct BiometricFit {
   double residual = 0;  // m, left at the retina: rounding
 };
 
-/// Calibrates the law so that it sees the known retina (`retina.object`, minus the depth from
-/// surface 2) at the sensor position where it was in focus. Throws std::invalid_argument naming
-/// `retina` when it is not finite or cannot be reached.
+/// Calibrates the law so that it maps the sensor position at which the known retina was in focus to
+/// the retina's depth (`retina.object`, minus the depth from surface 2). Throws
+/// std::invalid_argument naming `retina` when it is not finite or cannot be reached.
 BiometricFit calibrate_biometric(const OnAxisLaw& law, const OnAxisPoint& retina,
                                  BiometricMethod method = BiometricMethod::sensor_shift);
 

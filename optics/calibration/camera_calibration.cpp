@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/camera_calibration.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Geometry>
 
 #include <algorithm>
@@ -19,18 +21,25 @@ Complex upright(const Eigen::Vector2d& m) { return {-m.x(), m.y()}; }
 Complex pixel(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
 struct Similarity {
-  Complex factor, center;
-  double squares = 0, largest = 0,
-         spread = 0;  // spread: sum of squared distances of the plane's points from their mean
+  Complex factor;
+  Complex center;
+  // spread: sum of squared distances of the plane's points from their mean
+  double squares = 0;
+  double largest = 0;
+  double spread = 0;
 };
 
-/// pixel = center + factor * w, with w mirrored first when asked.
+/// Least squares of pixel = center + factor * w in complex numbers (a similarity: |factor| pixels
+/// per m, arg the rotation), in closed form: factor = sum conj(w) p / sum |w|^2 about the means, as
+/// Umeyama (1991) in the plane. w is mirrored first when asked.
 Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
   const auto plane = [&](const PointPair& pair) {
     return mirrored ? std::conj(upright(pair.m)) : upright(pair.m);
   };
   const auto count = static_cast<double>(pairs.size());
-  Complex mean_w, mean_p, cross;
+  Complex mean_w;
+  Complex mean_p;
+  Complex cross;
   for (const PointPair& pair : pairs) {
     mean_w += plane(pair) / count;
     mean_p += pixel(pair.pixel_px) / count;
@@ -51,9 +60,11 @@ Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
   return fit;
 }
 
+/// Two distinct points determine scale, rotation and center.
 void check_pairs(std::span<const PointPair> pairs) {
   if (pairs.size() < 2) throw std::invalid_argument("pairs: scale and rotation need two");
-  double across_m = 0, across_px = 0;
+  double across_m = 0;
+  double across_px = 0;
   for (const PointPair& pair : pairs) {
     if (!pair.m.allFinite() || !pair.pixel_px.allFinite())
       throw std::invalid_argument("pairs: must be finite");
@@ -64,6 +75,7 @@ void check_pairs(std::span<const PointPair> pairs) {
     throw std::invalid_argument("pairs: all lie in one place");
 }
 
+/// z of the robot by (5.15).
 std::optional<double> depth_at(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis) {
   const auto start = first_guess(settings, observed, axis);
@@ -78,14 +90,16 @@ PoseSettings scaled(PoseSettings settings, double scale) {
   return settings;
 }
 
-/// The scale between `low` and `high` at which the error is zero; the localizer may answer nothing
-/// at one of them, as below the retina, or above a robot that lies on it: then the zero is sought
-/// between that side and what it sees.
+/// The scale between `low` and `high` at which the error is zero, by bisection. The localizer may
+/// give no answer at one of them, as below the retina, or above a robot that lies on it: then the
+/// zero is sought between that side and where it answers.
 template <class Error>
 std::optional<double> zero_between(const Error& error, double low, double high) {
   constexpr int kBisections = 60;
-  constexpr double kReached = 1e-7;  // m; what ends at the edge of the seen has not got there
-  const auto at_low = error(low), at_high = error(high);
+  // m; a bisection that ends at the edge of the answers is no zero
+  constexpr double kReached = 1e-7;
+  const auto at_low = error(low);
+  const auto at_high = error(high);
   if (!at_low && !at_high) return std::nullopt;
   if (at_low && at_high && (*at_low > 0) == (*at_high > 0)) return std::nullopt;
   const bool low_is_above = at_low ? *at_low > 0 : !(*at_high > 0);
@@ -104,11 +118,14 @@ std::optional<double> zero_between(const Error& error, double low, double high) 
 /// scale.
 double scale_for(const PoseSettings& settings, const EllipseVector& observed,
                  const Eigen::Vector3d& axis, double known_z) {
-  constexpr double kSmallest = 0.7, kLargest = 1.4, kStep = 1.02;
+  constexpr double kSmallest = 0.7;
+  constexpr double kLargest = 1.4;
+  constexpr double kStep = 1.02;
   const auto error = [&](double scale) -> std::optional<double> {
     const auto z = depth_at(scaled(settings, scale), observed, axis);
     return z ? std::optional(*z - known_z) : std::nullopt;
   };
+  // Outwards from 1 in steps of 2 %, on both sides in turn.
   for (double scale = 1; scale < kLargest; scale *= kStep) {
     for (double low : {scale / kStep, 1 / scale}) {
       if (low < kSmallest) continue;
@@ -131,17 +148,18 @@ Eigen::Vector2d CameraFit::m_from_pixel(const Eigen::Vector2d& pixel_px) const {
   return image.m_from_pixel(Eigen::Rotation2Dd(-rotation) * from_center + image.center_px);
 }
 
+/// A mirrored similarity that fits a hundred times better shows a sign error in the pairs.
 CameraFit fit_camera(std::span<const PointPair> pairs) {
   constexpr double kClearlyBetter = 0.01;
   check_pairs(pairs);
-  const Similarity straight = similarity(pairs, false), mirrored = similarity(pairs, true);
+  const Similarity straight = similarity(pairs, false);
+  const Similarity mirrored = similarity(pairs, true);
   const auto count = static_cast<double>(pairs.size());
   const double floor = 1e-6 * count;  // px^2: two points, or all on a line, fit either way
   if (straight.squares > floor && mirrored.squares < kClearlyBetter * straight.squares) {
     throw std::invalid_argument("pairs: the image is mirrored; swap a sign of m or of the pixels");
   }
-  if (!(std::abs(straight.factor) > 0))
-    throw std::invalid_argument("pairs: the pixels do not follow the points");
+  detail::require(std::abs(straight.factor) > 0, "pairs: the pixels do not follow the points");
   CameraFit fit;
   fit.image.pixel = 1 / std::abs(straight.factor);
   fit.image.center_px = {straight.center.real(), straight.center.imag()};
@@ -149,11 +167,14 @@ CameraFit fit_camera(std::span<const PointPair> pairs) {
   fit.rms_residual_px = std::sqrt(straight.squares / count);
   fit.max_residual_px = straight.largest;
   if (pairs.size() > 2) {
-    const double variance =
-        straight.squares / (2 * count - 4);  // of one coordinate; four parameters
+    // of one coordinate; four parameters
+    const double variance = straight.squares / (2 * count - 4);
+    // Standard deviation of the factor's parts: sigma / sqrt(sum |w|^2).
     const double of_factor = std::sqrt(variance / straight.spread);
     Complex mean;
     for (const PointPair& pair : pairs) mean += upright(pair.m) / count;
+    // |factor| = 1 / pixel, so sigma(pixel) = sigma(factor) pixel^2 and sigma(rotation) = sigma /
+    // |factor|.
     fit.scale_sigma = of_factor * fit.image.pixel * fit.image.pixel;
     fit.rotation_sigma = of_factor * fit.image.pixel;
     fit.center_sigma_px.setConstant(
@@ -166,10 +187,12 @@ PoseSettings PoseCalibration::applied(PoseSettings settings) const {
   return scaled(std::move(settings), image_scale);
 }
 
+/// Thesis 5.4: mean errors are accounted for by calibration with the robot resting on the retina,
+/// whose depth is known.
 PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis_in_eye, double known_z,
                                PoseCorrection correction) {
-  if (!std::isfinite(known_z)) throw std::invalid_argument("known_z: must be finite");
+  detail::require_finite(known_z, "known_z");
   PoseCalibration calibration;
   if (correction == PoseCorrection::image_scale) {
     calibration.image_scale = scale_for(settings, observed, axis_in_eye, known_z);

@@ -1,4 +1,4 @@
-// A camera's scale, center and rotation from points seen in the aerial image's plane, or in any
+// Camera calibration: scale, center and rotation from points in the aerial image's plane, or in any
 // plane parallel to it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -33,11 +33,11 @@ struct CameraFit {
 };
 
 /// Least squares in the image, closed form. Throws std::invalid_argument naming `pairs`: fewer than
-/// two, not finite, all in one place, or seen in a mirror.
+/// two, not finite, all at one position, or mirrored.
 CameraFit fit_camera(std::span<const PointPair> pairs);
 
-/// How an error of size against depth is mended by one look at the robot where its place is known:
-/// on the retina.
+/// Correction of an error of size against depth by one observation of the robot at a known
+/// position: on the retina.
 enum class PoseCorrection {
   image_scale,      // the image is taken to be larger or smaller than thought
   additive_offset,  // the depth is taken to be off by as much everywhere

@@ -24,6 +24,8 @@ Prescription eye_at(const Prescription& prescription, const std::vector<Uncertai
   return with_parameters(prescription, changes);
 }
 
+/// Maximum a posteriori with Gaussian errors: (predicted - measured) / sigma, and x itself for the
+/// prior, as x is in sigmas of it.
 struct Residuals {
   const Prescription& prescription;
   const std::vector<Uncertainty>& priors;
@@ -47,6 +49,7 @@ struct Residuals {
   }
 };
 
+/// A relative prior needs a value that is neither zero nor infinite.
 void check(const Prescription& prescription, const std::vector<Uncertainty>& priors,
            const Eigen::VectorXd& measured, const Eigen::VectorXd& sigmas) {
   prescription.check();
@@ -69,7 +72,7 @@ void check(const Prescription& prescription, const std::vector<Uncertainty>& pri
   }
 }
 
-/// From the Gauss-Newton matrix at the solution, in units of the priors: it has the prior's
+/// Covariance of x, (J^T J)^-1 at the solution, in units of the priors: J^T J has the prior's
 /// identity in it, so it is never singular.
 Eigen::MatrixXd covariance(ceres::CostFunction& cost, const std::vector<double>& x, int residuals) {
   const auto n = static_cast<Eigen::Index>(x.size());
@@ -82,6 +85,7 @@ Eigen::MatrixXd covariance(ceres::CostFunction& cost, const std::vector<double>&
   return (jacobian.transpose() * jacobian).llt().solve(Eigen::MatrixXd::Identity(n, n));
 }
 
+/// The share learned is 1 - (sigma / prior sigma)^2 = 1 - C_kk, in units of the prior.
 EyeEstimate report(const Prescription& prescription, const std::vector<Uncertainty>& priors,
                    const std::vector<double>& x, const Eigen::MatrixXd& covariance) {
   EyeEstimate estimate{eye_at(prescription, priors, x.data()), {}, covariance, 0, 0};
@@ -100,6 +104,7 @@ EyeEstimate report(const Prescription& prescription, const std::vector<Uncertain
 
 }  // namespace
 
+/// First-order image distances (4.2) to (4.9).
 EyeModel on_axis_model(std::vector<double> depths) {
   return [depths = std::move(depths)](const System& system) {
     Eigen::VectorXd distances(static_cast<Eigen::Index>(depths.size()));
@@ -112,6 +117,7 @@ EyeModel on_axis_model(std::vector<double> depths) {
   };
 }
 
+/// Levenberg-Marquardt (Ceres' default) with central differences, since a model may trace rays.
 EyeEstimate estimate_eye(const Prescription& prescription, const std::vector<Uncertainty>& priors,
                          const EyeModel& model, const Eigen::VectorXd& measured,
                          const Eigen::VectorXd& sigmas) {
@@ -121,8 +127,9 @@ EyeEstimate estimate_eye(const Prescription& prescription, const std::vector<Unc
         "measured: are not as many as the model gives for the prescription");
   }
   const int residuals = static_cast<int>(measured.size()) + static_cast<int>(priors.size());
+  // Ceres owns both
   auto* cost = new ceres::DynamicNumericDiffCostFunction<Residuals, ceres::CENTRAL>(
-      new Residuals{prescription, priors, model, measured, sigmas});  // Ceres owns both
+      new Residuals{prescription, priors, model, measured, sigmas});
   cost->AddParameterBlock(static_cast<int>(priors.size()));
   cost->SetNumResiduals(residuals);
   std::vector<double> x(priors.size(), 0.0);
@@ -142,6 +149,7 @@ EyeEstimate estimate_eye(const Prescription& prescription, const std::vector<Unc
   EyeEstimate estimate = report(prescription, priors, x, covariance(*cost, x, residuals));
   double of_prior = 0;
   for (double one : x) of_prior += one * one;
+  // Ceres' cost is half the sum of squares, the prior's included.
   estimate.chi2 = 2 * summary.final_cost - of_prior;
   estimate.iterations = static_cast<int>(summary.iterations.size());
   return estimate;

@@ -1,5 +1,5 @@
-// The parameters of one particular eye, from what is measured through it, as far as the
-// measurements can tell.
+// Estimation of the parameters of one eye from measurements through it, with what the measurements
+// determine of them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,8 +13,8 @@
 
 namespace vitreo::optics {
 
-/// What would be measured through a system, in a fixed order. Nothing (an empty vector) where it
-/// has no answer.
+/// Predicted measurements through a system, in a fixed order. An empty vector where there is no
+/// answer.
 using EyeModel = std::function<Eigen::VectorXd(const System&)>;
 
 /// Image distances (m, from the last vertex) of objects on the axis, `depths` (m) before the
@@ -26,8 +26,8 @@ struct EstimatedParameter {
   double value = 0;        // SI
   double sigma = 0;        // one sigma after the measurements
   double prior_sigma = 0;  // and before
-  double learned =
-      0;  // 1 - (sigma / prior_sigma)^2: 0, the data say nothing about it; 1, they say everything
+  // 1 - (sigma / prior_sigma)^2: 0: the data do not constrain it; 1: they determine it alone
+  double learned = 0;
 };
 
 struct EyeEstimate {
@@ -41,7 +41,7 @@ struct EyeEstimate {
 /// The most probable eye: least squares (Ceres) of the measurements, each with its own sigma,
 /// together with what was known before, `priors`, about the prescription's values. Few measurements
 /// determine few combinations of parameters; the prior keeps the rest where they were, and
-/// `learned` says which is which. Throws std::invalid_argument naming a bad argument, or `measured`
+/// `learned` tells them apart. Throws std::invalid_argument naming a bad argument, or `measured`
 /// when the solver does not converge.
 EyeEstimate estimate_eye(const Prescription& prescription, const std::vector<Uncertainty>& priors,
                          const EyeModel& model, const Eigen::VectorXd& measured,

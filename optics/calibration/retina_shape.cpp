@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/calibration/retina_shape.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -15,6 +17,7 @@ namespace {
 using Parameters = Eigen::Matrix<double, 5, 1>;  // x0, y0, z0, R, k
 using Normal = Eigen::Matrix<double, 5, 5>;
 
+/// Indices into (x0, y0, z0, R, k): R and the depth z0 are always free.
 std::vector<int> free_parameters(const RetinaFitOptions& options) {
   std::vector<int> free;
   if (options.fit_center) free = {0, 1};
@@ -23,10 +26,12 @@ std::vector<int> free_parameters(const RetinaFitOptions& options) {
   return free;
 }
 
-/// F / |grad F| with F = r^2 - 2 R w + (1+k) w^2, and its derivatives with |grad F| held: enough
-/// for least squares of small distances.
+/// Distance to first order (Sampson 1982): F / |grad F| with F = r^2 - 2 R w + (1+k) w^2, and its
+/// derivatives with |grad F| held: enough for least squares of small distances.
 double distance(const Parameters& p, const Eigen::Vector3d& point, Parameters& by) {
-  const double x = point.x() - p[0], y = point.y() - p[1], w = point.z() - p[2];
+  const double x = point.x() - p[0];
+  const double y = point.y() - p[1];
+  const double w = point.z() - p[2];
   const double along = -2 * p[3] + 2 * (1 + p[4]) * w;
   const double f = x * x + y * y - 2 * p[3] * w + (1 + p[4]) * w * w;
   const double gradient = std::sqrt(4 * (x * x + y * y) + along * along);
@@ -39,7 +44,8 @@ double distance(const Parameters& p, const Eigen::Vector3d& point, Parameters& b
   throw std::invalid_argument(std::string("points: ") + why);
 }
 
-/// Algebraic start: r^2 = 2 R w - (1+k) w^2 is linear in the coefficients of 1, x, y, z, z^2.
+/// Algebraic start: r^2 = 2 R w - (1+k) w^2 is linear in the coefficients of 1, x, y, z, z^2. It
+/// minimizes F instead of the distance, so it is biased with noise, but needs no start.
 Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options,
                      double scale) {
   const Eigen::Index count = static_cast<Eigen::Index>(points.size());
@@ -62,17 +68,20 @@ Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
       right[i] += (1 + options.conic) * q.z() * q.z();
     }
   }
-  constexpr double kDetermined =
-      1e-7;  // least over largest singular value; noise of 1 um is above it
+  // least over largest singular value; noise of 1 um is above it
+  constexpr double kDetermined = 1e-7;
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(design, Eigen::ComputeThinU | Eigen::ComputeThinV);
   const auto& values = svd.singularValues();
   if (!(values[columns - 1] > kDetermined * values[0]))
     refuse("they do not determine the surface (degenerate)");
   const Eigen::VectorXd c = svd.solve(right);
-  const double x0 = options.fit_center ? c[2] / 2 : 0, y0 = options.fit_center ? c[3] / 2 : 0;
+  // The center completes the squares of r^2 - 2 x0 x - 2 y0 y.
+  const double x0 = options.fit_center ? c[2] / 2 : 0;
+  const double y0 = options.fit_center ? c[3] / 2 : 0;
   const double squared = options.fit_conic ? c[columns - 1] : -(1 + options.conic);  // -(1+k)
   // r^2 about the center = a + b z - (1+k) z^2; the vertex is its zero on the side where it grows.
-  const double a = c[0] + x0 * x0 + y0 * y0, b = c[1];
+  const double a = c[0] + x0 * x0 + y0 * y0;
+  const double b = c[1];
   const double discriminant = b * b - 4 * squared * a;
   if (!(discriminant > 0)) refuse("no surface concave towards +z fits them");
   const double root = std::sqrt(discriminant);
@@ -85,9 +94,11 @@ Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
 struct State {
   Normal matrix = Normal::Zero();
   Parameters vector = Parameters::Zero();
-  double squares = 0, largest = 0;
+  double squares = 0;
+  double largest = 0;
 };
 
+/// Normal equations of the distances.
 State linearize(const Parameters& p, std::span<const Eigen::Vector3d> points, double scale) {
   State state;
   for (const Eigen::Vector3d& point : points) {
@@ -102,6 +113,7 @@ State linearize(const Parameters& p, std::span<const Eigen::Vector3d> points, do
   return state;
 }
 
+/// Inverse over the free parameters; zero where a parameter is held.
 Normal inverse_of(const Normal& matrix, const std::vector<int>& free) {
   const auto n = static_cast<Eigen::Index>(free.size());
   Eigen::MatrixXd reduced = matrix(free, free);
@@ -113,7 +125,7 @@ Normal inverse_of(const Normal& matrix, const std::vector<int>& free) {
 
 void check(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options,
            std::size_t needed) {
-  if (!std::isfinite(options.conic)) throw std::invalid_argument("conic: must be finite");
+  detail::require_finite(options.conic, "conic");
   if (points.size() < needed) refuse("too few for the parameters that are free");
   for (const Eigen::Vector3d& point : points) {
     if (!point.allFinite()) refuse("must be finite");
@@ -122,6 +134,7 @@ void check(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& opti
 
 }  // namespace
 
+/// Gauss-Newton from the algebraic fit.
 RetinaFit fit_retina(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options) {
   constexpr int kSteps = 50;
   constexpr double kSmall = 1e-13;
@@ -153,6 +166,7 @@ RetinaFit fit_retina(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
                 state.largest, {}};
   fit.covariance.setZero();
   if (points.size() > free.size()) {
+    // (J^T J)^-1 times the residual variance; k was counted in units of `scale`.
     fit.covariance = inverse_of(state.matrix, free) *
                      (state.squares / static_cast<double>(points.size() - free.size()));
     fit.covariance.row(4) /= scale;

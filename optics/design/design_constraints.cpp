@@ -1,4 +1,4 @@
-// Whether a designed lens keeps its constraints, told from the lens itself, not from the solver's
+// Check of a designed lens against its constraints, on the lens itself instead of the solver's
 // penalties.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/design/designer.h"
@@ -20,9 +20,11 @@ std::string in_mm(double value) {
 
 }  // namespace
 
+/// The sag must exist and be monotone out to where rays or the aperture reach.
 std::string Designer::violated_profile(std::size_t surface) const {
   const Surface& s = now_.system.surfaces[surface];
-  const double reach = problem_.reach[surface], rim = s.sag(reach);
+  const double reach = problem_.reach[surface];
+  const double rim = s.sag(reach);
   if (!std::isfinite(rim))
     return start_.surfaces[surface] + " does not reach out to " + in_mm(reach);
   double last = 0;
@@ -36,8 +38,10 @@ std::string Designer::violated_profile(std::size_t surface) const {
   return {};
 }
 
+/// Thickness of glass or air between two surfaces out to the larger of their reaches.
 std::string Designer::violated_gap(std::size_t i) const {
-  const Surface &front = now_.system.surfaces[i], &behind = now_.system.surfaces[i + 1];
+  const Surface& front = now_.system.surfaces[i];
+  const Surface& behind = now_.system.surfaces[i + 1];
   const double reach = std::max(problem_.reach[i], problem_.reach[i + 1]);
   const double least = front.index > kGlass ? options_.min_edge_thickness : 0;
   for (int k = 1; k <= DesignProblem::kChecks; ++k) {
@@ -46,7 +50,7 @@ std::string Designer::violated_gap(std::size_t i) const {
     if (gap < least - kGivesWay)
       return start_.media[i] + " is " + in_mm(gap) + " thick at " + in_mm(r);
   }
-  if (problem_.thickness_designed(i) &&
+  if (problem_.thickness_is_variable(i) &&
       front.thickness < options_.min_center_thickness - kGivesWay) {
     return start_.media[i] + " is " + in_mm(front.thickness) + " thick on the axis";
   }
@@ -61,6 +65,7 @@ std::string Designer::violated() const {
     return "image_distance is " + in_mm(image.image_distance) + " instead of " +
            in_mm(problem_.kept);
   }
+  // Relative; as DesignKeeps states.
   constexpr double kFocal = 1e-4;
   if (options_.keeps == DesignKeeps::focal_length &&
       std::abs(image.focal_length / problem_.kept - 1) > kFocal) {
@@ -71,9 +76,9 @@ std::string Designer::violated() const {
            in_mm(options_.max_spot) + " asked";
   }
   for (std::size_t i = 1; i < now_.system.surfaces.size(); ++i) {
-    const std::string profile = problem_.designed(i) ? violated_profile(i) : "";
+    const std::string profile = problem_.is_variable(i) ? violated_profile(i) : "";
     if (!profile.empty()) return profile;
-    const bool gap = i + 1 < now_.system.surfaces.size() && problem_.gap_designed(i);
+    const bool gap = i + 1 < now_.system.surfaces.size() && problem_.gap_is_variable(i);
     const std::string thin = gap ? violated_gap(i) : "";
     if (!thin.empty()) return thin;
   }

@@ -1,11 +1,11 @@
-// What a lens design minimizes, for doubles and for Ceres' Jets: best foci and spots of bundles
-// traced through it, and penalties where a constraint is not kept. Lengths in m; residuals in units
-// of kUnit.
+// Merit of a lens design, for doubles and for Ceres' Jets: best foci and spots of bundles traced
+// through it, and penalties where a constraint is not kept (thesis 3.2: the aspheric terms that
+// flatten the image). Lengths in m; residuals in units of kUnit.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "optics/design/design_options.h"
 #include "optics/design/design_surface.h"
-#include "optics/design/lens_design.h"
 
 #include <Eigen/Core>
 
@@ -30,7 +30,8 @@ struct ShapeVariable {
 /// Rays of one field behind the surface before the first one that changes, in its vertex frame;
 /// half the bundle, as it is symmetric about the plane of axis and field.
 struct DesignBundle {
-  std::vector<Eigen::Vector3d> origin, direction;
+  std::vector<Eigen::Vector3d> origin;
+  std::vector<Eigen::Vector3d> direction;
   std::vector<double> weight;
 };
 
@@ -40,28 +41,32 @@ struct DesignProblem {
   std::size_t from = 0;               // the bundles stand behind this surface
   std::vector<DesignBundle> bundles;  // of the fields that count in this round
   std::vector<double> reach;          // m, of each surface: out to where it must be sound
-  double flatness_weight, spot_weight, max_spot, min_edge_thickness, min_center_thickness;
+  double flatness_weight;
+  double spot_weight;
+  double max_spot;
+  double min_edge_thickness;
+  double min_center_thickness;
   DesignKeeps keeps;
   double kept = 0;  // m, of what is kept
 
   static constexpr double kUnit = 1e-4;  // m
-  static constexpr double kStrict =
-      1e3;  // a constraint's weight: what it gives way stays below a micrometer
-  static constexpr int kChecks = 16;  // places along a profile where constraints are tested
+  // weight of a constraint: violations stay below a micrometer
+  static constexpr double kStrict = 1e3;
+  static constexpr int kChecks = 16;  // positions along a profile where constraints are tested
 
-  bool designed(std::size_t surface) const {
+  bool is_variable(std::size_t surface) const {
     return std::any_of(variables.begin(), variables.end(), [&](const ShapeVariable& v) {
       return v.surface == surface && v.kind != ShapeKind::thickness;
     });
   }
-  bool thickness_designed(std::size_t surface) const {
+  bool thickness_is_variable(std::size_t surface) const {
     return std::any_of(variables.begin(), variables.end(), [&](const ShapeVariable& v) {
       return v.surface == surface && v.kind == ShapeKind::thickness;
     });
   }
   /// Whether surface, the next one, or what is between changes.
-  bool gap_designed(std::size_t surface) const {
-    return designed(surface) || designed(surface + 1) || thickness_designed(surface);
+  bool gap_is_variable(std::size_t surface) const {
+    return is_variable(surface) || is_variable(surface + 1) || thickness_is_variable(surface);
   }
 };
 
@@ -97,49 +102,68 @@ std::vector<DesignSurface<T>> shaped(const DesignProblem& problem, const T* x) {
 
 template <class T>
 struct DesignFocus {
-  T distance, rms;
+  T distance;
+  T rms;
 };
 
-/// Best focus in closed form and the rms radius there, as SpotMoments has them. False when a ray is
-/// lost.
+/// Best focus in closed form, s = -cov(x, u) / var u, and the squared rms radius there, var x -
+/// cov^2 / var u, as SpotMoments has them. False when a ray is lost.
 template <class T>
 bool focus_design(const DesignProblem& problem, const std::vector<DesignSurface<T>>& surfaces,
                   const DesignBundle& bundle, DesignFocus<T>& focus) {
   using std::sqrt;
-  constexpr double kTip =
-      1e-18;  // m^2; rounds the cone's tip off, where the rms radius has no derivative
-  T total(0), x(0), u(0), xx(0), xu(0), uu(0);  // the mean of y is zero by symmetry
+  // m^2; rounds the cone's tip off, where the rms radius has no derivative
+  constexpr double kTip = 1e-18;
+  // the mean of y is zero by symmetry
+  T total(0);
+  T x(0);
+  T u(0);
+  T xx(0);
+  T xu(0);
+  T uu(0);
   for (std::size_t i = 0; i < bundle.origin.size(); ++i) {
-    Vector3<T> origin = bundle.origin[i].cast<T>(), direction = bundle.direction[i].cast<T>();
+    Vector3<T> origin = bundle.origin[i].cast<T>();
+    Vector3<T> direction = bundle.direction[i].cast<T>();
     if (!trace_design(surfaces, problem.from, origin, direction)) return false;
-    const T ux = direction.x() / direction.z(), uy = direction.y() / direction.z();
-    const T px = origin.x() - origin.z() * ux, py = origin.y() - origin.z() * uy;
+    const T ux = direction.x() / direction.z();
+    const T uy = direction.y() / direction.z();
+    const T px = origin.x() - origin.z() * ux;
+    const T py = origin.y() - origin.z() * uy;
     const double w = bundle.weight[i];
     total += T(w);
-    x += w * px, u += w * ux;
-    xx += w * (px * px + py * py), xu += w * (px * ux + py * uy), uu += w * (ux * ux + uy * uy);
+    x += w * px;
+    u += w * ux;
+    xx += w * (px * px + py * py);
+    xu += w * (px * ux + py * uy);
+    uu += w * (ux * ux + uy * uy);
   }
-  const T place = xx / total - x * x / (total * total),
-          slope = uu / total - u * u / (total * total);
+  const T position = xx / total - x * x / (total * total);
+  const T slope = uu / total - u * u / (total * total);
   const T mixed = xu / total - x * u / (total * total);
   focus.distance = -mixed / slope;
-  const T square = place + mixed * focus.distance;
+  const T square = position + mixed * focus.distance;
   focus.rms = sqrt((square > 0.0 ? square : T(0)) + kTip);
   return true;
 }
 
-/// (4.5), (4.6) with derivatives: 1 / f.
+/// 1 / f by (4.5), (4.6) with derivatives: the paraxial ray of height 1 and angle 0 through all
+/// surfaces; its last n u is a12 = -1 / f.
 template <class T>
 T power(const std::vector<DesignSurface<T>>& surfaces) {
-  T angle(0), height(1);  // n * angle
+  // n * angle
+  T angle(0);
+  T height(1);
   for (std::size_t i = 1; i < surfaces.size(); ++i) {
-    const double before = surfaces[i - 1].index, behind = surfaces[i].index;
+    const double before = surfaces[i - 1].index;
+    const double behind = surfaces[i].index;
     angle -= (behind - before) * surfaces[i].curvature * height;
     if (i + 1 < surfaces.size()) height += angle * surfaces[i].thickness / behind;
   }
   return -angle;
 }
 
+/// Exterior penalty of value >= least: a residual linear in the violation, stiff enough to hold to
+/// a micrometer.
 template <class T>
 T below(const T& value, double least) {
   return value < least ? T((least - value) * (DesignProblem::kStrict / DesignProblem::kUnit))
@@ -154,6 +178,7 @@ class DesignResiduals {
                   std::vector<T>& out)
       : problem_(problem), surfaces_(surfaces), out_(out) {}
 
+  /// Flatness (focus less the mean focus), spot size and the limit of it for each field.
   bool fields() {
     std::vector<DesignFocus<T>> foci(problem_.bundles.size());
     T mean(0);
@@ -172,6 +197,7 @@ class DesignResiduals {
     return true;
   }
 
+  /// The equality constraint, as a stiff residual.
   void kept() {
     const double scale = DesignProblem::kStrict / DesignProblem::kUnit;
     if (problem_.keeps == DesignKeeps::image_distance)
@@ -185,25 +211,26 @@ class DesignResiduals {
   void profiles() {
     constexpr double kLeastRoot2 = 0.01;  // under the root of (3.1): short of the equator
     for (std::size_t i = 1; i < surfaces_.size(); ++i) {
-      if (!problem_.designed(i)) continue;
+      if (!problem_.is_variable(i)) continue;
       const double reach = problem_.reach[i];
       const auto& s = surfaces_[i];
       const Profile<T> rim = profile(s, T(reach * reach));
-      const double way = rim.sag < 0.0 ? -1 : 1;
+      const double sign = rim.sag < 0.0 ? -1 : 1;
       for (int k = 1; k <= DesignProblem::kChecks; ++k) {
         const double r = reach * k / DesignProblem::kChecks;
         const T root2 = 1.0 - (1.0 + s.conic) * s.curvature * s.curvature * (r * r);
         const bool reaches = root2 > kLeastRoot2;
         out_.push_back(reaches ? T(0) : T((kLeastRoot2 - root2) * DesignProblem::kStrict));
-        out_.push_back(reaches ? below(T(profile(s, T(r * r)).slope_over_r * (way * r * reach)), 0)
+        out_.push_back(reaches ? below(T(profile(s, T(r * r)).slope_over_r * (sign * r * reach)), 0)
                                : T(0));
       }
     }
   }
 
+  /// Edge thickness out to the aperture, and center thickness.
   void gaps() {
     for (std::size_t i = 1; i + 1 < surfaces_.size(); ++i) {
-      if (!problem_.gap_designed(i)) continue;
+      if (!problem_.gap_is_variable(i)) continue;
       const double reach = std::max(problem_.reach[i], problem_.reach[i + 1]);
       for (int k = 1; k <= DesignProblem::kChecks; ++k) {
         const T r2(reach * reach * k * k / (DesignProblem::kChecks * DesignProblem::kChecks));
@@ -215,7 +242,7 @@ class DesignResiduals {
       }
     }
     for (std::size_t i = 0; i + 1 < surfaces_.size(); ++i) {
-      if (problem_.thickness_designed(i))
+      if (problem_.thickness_is_variable(i))
         out_.push_back(below(surfaces_[i].thickness, problem_.min_center_thickness));
     }
   }

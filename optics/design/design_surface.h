@@ -1,5 +1,5 @@
-// Surfaces whose shapes are numbers with derivatives: what detail/refraction.h needs to trace a
-// lens that is being designed. Lengths in m.
+// Surfaces whose shapes are variables with derivatives, in the form that system/refraction.h
+// traces. Lengths in m.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,10 +13,12 @@ namespace vitreo::optics::detail {
 
 template <class T>
 struct DesignSurface {
-  T curvature, conic;
+  T curvature;
+  T conic;
   std::array<T, 4> aspheric;
   T thickness;
-  double index, semi_diameter;
+  double index;
+  double semi_diameter;
   bool asphere;  // also one whose coefficients are zero now, if one of them is to change
 };
 

@@ -15,6 +15,7 @@ struct Named {
   const char* suffix;
   ShapeKind kind;
 };
+/// A radius is designed as its curvature, which passes through the plane without a pole.
 constexpr Named kShapes[] = {{".radius", ShapeKind::curvature},
                              {".conic", ShapeKind::conic},
                              {".a4", ShapeKind::a4},
@@ -23,6 +24,7 @@ constexpr Named kShapes[] = {{".radius", ShapeKind::curvature},
                              {".a10", ShapeKind::a10},
                              {".thickness", ShapeKind::thickness}};
 
+/// By the prescription's name or the surface's number; surface 1, the retina, is no variable.
 ShapeVariable find_shape(const Prescription& prescription, const std::string& name) {
   (void)parameter(prescription, name);  // refuses an unknown one, with suggestions
   for (std::size_t i = 1; i < prescription.system.surfaces.size(); ++i) {
@@ -37,7 +39,8 @@ ShapeVariable find_shape(const Prescription& prescription, const std::string& na
                               " cannot be designed; a radius, conic, a4 to a10 or thickness can");
 }
 
-/// What a variable is per unit of x: about kUnit of sag at the rim.
+/// Scale of a variable per unit of x: about kUnit of sag at the rim, so that the solver's variables
+/// are of one size. Curvature c has sag c r^2 / 2, a_2k has a_2k r^2k.
 double scale_of(ShapeKind kind, double reach) {
   switch (kind) {
     case ShapeKind::curvature:
@@ -57,7 +60,8 @@ double to_shape(ShapeKind kind, double parameter) {
   return kind == ShapeKind::curvature ? 1 / parameter : parameter;
 }
 
-/// Bounds of the shape's number.
+/// Bounds of the shape's value. 1 / R falls with R while R keeps its sign, so the bounds are
+/// exchanged.
 std::pair<double, double> bounds_of(const DesignVariable& variable, ShapeKind kind) {
   if (kind != ShapeKind::curvature) return {variable.lower, variable.upper};
   if (std::isinf(variable.lower) && std::isinf(variable.upper))
@@ -72,6 +76,8 @@ std::pair<double, double> bounds_of(const DesignVariable& variable, ShapeKind ki
 
 }  // namespace
 
+/// Variables by name, their bounds, and the first surface that changes: rays are traced once up to
+/// the one before it.
 Designer::Designer(const Prescription& start, const LensDesignOptions& options)
     : start_(start), now_(start), options_(options) {
   start.check();
@@ -93,17 +99,21 @@ Designer::Designer(const Prescription& start, const LensDesignOptions& options)
                                   " starts outside its bounds");
     }
     problem_.variables.push_back(shape);
+    // A thickness moves what lies behind it, so the next surface is the first that changes.
     first = std::min(first, shape.kind == ShapeKind::thickness ? shape.surface + 1 : shape.surface);
   }
   problem_.from = first - 1;
-  problem_.flatness_weight = options.flatness_weight, problem_.spot_weight = options.spot_weight;
-  problem_.max_spot = options.max_spot, problem_.keeps = options.keeps;
+  problem_.flatness_weight = options.flatness_weight;
+  problem_.spot_weight = options.spot_weight;
+  problem_.max_spot = options.max_spot;
+  problem_.keeps = options.keeps;
   problem_.min_edge_thickness = options.min_edge_thickness;
   problem_.min_center_thickness = options.min_center_thickness;
 }
 
-/// Half of one field's bundle, aimed at the stop through the lens as it is now; `lost` of its rays
-/// do not come through.
+/// Half of one field's bundle (the other is its mirror image, hence weight 2), aimed at the stop
+/// through the present lens and kept behind the last surface that does not change; `lost` of its
+/// rays do not come through. Notes how far out the rays meet each surface.
 std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double angle, int& lost) {
   constexpr double kOnPlane = 1e-9;  // of the unit disc
   const auto object = point_at_field(now_.system, angle, options_.depth);
@@ -114,7 +124,8 @@ std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double a
     if (sample.y() < -kOnPlane) continue;
     const double weight = sample.y() < kOnPlane ? 1 : 2;
     const auto ray = tracer.aim(*object, sample);
-    Eigen::Vector3d origin = ray ? ray->origin : Eigen::Vector3d::Zero(), direction(0, 0, 1);
+    Eigen::Vector3d origin = ray ? ray->origin : Eigen::Vector3d::Zero();
+    Eigen::Vector3d direction(0, 0, 1);
     if (ray) direction = ray->direction;
     bool through = ray.has_value();
     for (std::size_t i = 1; through && i < surfaces.size(); ++i) {
@@ -131,12 +142,13 @@ std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double a
       continue;
     }
     ++lost;
-    made.origin.resize(made.weight.size()), made.direction.resize(made.weight.size());
+    made.origin.resize(made.weight.size());
+    made.direction.resize(made.weight.size());
   }
   return made;
 }
 
-/// The bundles of the first `fields` fields for the next round, and how far all reach.
+/// The bundles of the first `fields` fields for the next round, and how far out all of them reach.
 Designer::Rays Designer::gather(std::size_t fields) {
   constexpr std::size_t kFewest = 6;  // rays that still make a spot
   const PupilTracer tracer(now_.system, Pupil::of_stop(now_.system));
@@ -147,6 +159,8 @@ Designer::Rays Designer::gather(std::size_t fields) {
   for (std::size_t i = 0; i < options_.angles.size(); ++i) {
     int lost = 0;
     auto one = bundle(tracer, options_.angles[i], lost);
+    // A field that loses rays still counts with those that come through, so that the design can win
+    // it back; all fields are traced for the reach, whether they count or not.
     if (!one || one->weight.size() < kFewest || i >= fields) continue;
     if (lost == 0) ++rays.whole;
     rays.used.push_back(i);
@@ -161,6 +175,7 @@ Designer::Rays Designer::gather(std::size_t fields) {
   return rays;
 }
 
+/// The present shapes in the solver's units.
 std::vector<double> Designer::start_of_round() const {
   std::vector<double> x;
   for (std::size_t i = 0; i < problem_.variables.size(); ++i) {
@@ -181,8 +196,10 @@ struct MeritFunctor {
   }
 };
 
-/// Variables of an order above `highest` stay.
+/// One round: least squares by Ceres with automatic derivatives, within bounds. Aspheric terms of
+/// an order above `highest` are held.
 bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations, double& cost) {
+  // Derivatives per pass of Ceres' dynamic automatic differentiation.
   constexpr int kStride = 8;
   std::vector<double> first;
   if (!design_residuals(problem_, x.data(), first)) return false;
@@ -211,7 +228,9 @@ bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations,
   options.linear_solver_type = ceres::DENSE_QR;
   options.logging_type = ceres::SILENT;
   options.max_num_iterations = std::max(1, options_.max_iterations - iterations);
-  options.max_num_consecutive_invalid_steps = 30;  // a step that loses a ray is only too long
+  // a step that loses a ray is too long, no failure
+  options.max_num_consecutive_invalid_steps = 30;
+  // Rounds follow each other, so a round need not be exact.
   options.function_tolerance = 1e-7;
   options.parameter_tolerance = 1e-10;
   ceres::Solver::Summary summary;
@@ -221,17 +240,19 @@ bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations,
   return summary.termination_type == ceres::CONVERGENCE;
 }
 
-/// Takes the solver's shapes over; not when they make no system, which `unsound_` then says.
+/// Adopts the solver's shapes, unless they make no system; `unsound_` then names the fault.
 void Designer::adopt(const std::vector<double>& x) {
   const Prescription last = now_;
   const auto surfaces = shaped(problem_, x.data());
   for (std::size_t i = 1; i < surfaces.size(); ++i) {
     Surface& s = now_.system.surfaces[i];
-    if (problem_.designed(i)) {
+    if (problem_.is_variable(i)) {
+      // 1 / (1 / R) is not always R; a radius that did not change keeps its bits.
       if (s.radius * surfaces[i].curvature != 1) s.radius = 1 / surfaces[i].curvature;
-      s.conic = surfaces[i].conic, s.aspheric = surfaces[i].aspheric;
+      s.conic = surfaces[i].conic;
+      s.aspheric = surfaces[i].aspheric;
     }
-    if (problem_.thickness_designed(i)) s.thickness = surfaces[i].thickness;
+    if (problem_.thickness_is_variable(i)) s.thickness = surfaces[i].thickness;
   }
   try {
     now_.system.check();
@@ -241,6 +262,8 @@ void Designer::adopt(const std::vector<double>& x) {
   }
 }
 
+/// Figures before and after by the plain tracer. A lost field outranks a violated constraint, that
+/// outranks a design that did not settle.
 LensDesign Designer::report(bool settled, int iterations) const {
   constexpr double kTouches = 1e-3;
   LensDesign made;
@@ -249,8 +272,8 @@ LensDesign Designer::report(bool settled, int iterations) const {
   made.after = lens_image(now_.system, options_);
   made.iterations = iterations;
   for (const DesignVariable& variable : options_.variables) {
-    const double before = parameter(start_, variable.parameter),
-                 after = parameter(now_, variable.parameter);
+    const double before = parameter(start_, variable.parameter);
+    const double after = parameter(now_, variable.parameter);
     const auto touches = [&](double bound) {
       return std::isfinite(bound) && std::abs(after - bound) <= kTouches * std::abs(bound);
     };
@@ -263,7 +286,7 @@ LensDesign Designer::report(bool settled, int iterations) const {
   if (made.after.lost_fields > 0) {
     made.status = DesignStatus::rays_lost;
     made.reason = std::to_string(made.after.lost_fields) + " of " +
-                  std::to_string(options_.angles.size()) + " fields lose rays on their way";
+                  std::to_string(options_.angles.size()) + " fields lose rays on their path";
   } else if (!made.reason.empty()) {
     made.status = DesignStatus::constraint_violated;
   } else if (!settled) {
@@ -273,12 +296,15 @@ LensDesign Designer::report(bool settled, int iterations) const {
   return made;
 }
 
-LensDesign Designer::run(const Way& way) {
+/// Rays are aimed through the lens as it is, then held while the shapes are solved for; rounds
+/// repeat until cost and set of rays settle. By the path, a field or the next order joins each
+/// round, as thesis 3.2 determines a4, a6, a8, a10 in sequence.
+LensDesign Designer::run(const Path& path) {
   constexpr int kMaxRounds = 60;
   constexpr double kSettled = 1e-5;  // of the cost, from one round to the next
   const std::size_t all = options_.angles.size();
-  std::size_t fields = way.fields_grow ? std::min<std::size_t>(2, all) : all;
-  ShapeKind highest = way.orders_grow ? ShapeKind::a4 : ShapeKind::a10;
+  std::size_t fields = path.fields_grow ? std::min<std::size_t>(2, all) : all;
+  ShapeKind highest = path.orders_grow ? ShapeKind::a4 : ShapeKind::a10;
   const LensImage image = lens_image(start_.system, options_);
   problem_.kept =
       options_.keeps == DesignKeeps::focal_length ? image.focal_length : image.image_distance;
@@ -306,7 +332,8 @@ LensDesign Designer::run(const Way& way) {
     }
     const Rays next = gather(fields);
     settled = complete && converged && next == rays && std::abs(last - cost) <= kSettled * cost;
-    rays = next, last = cost;
+    rays = next;
+    last = cost;
   }
   return report(settled, iterations);
 }

@@ -1,9 +1,10 @@
-// One way from a lens to its optimum: rounds of aiming, solving and looking again.
+// Designer: one continuation path from a lens to its optimum, in rounds of ray aiming, solving and
+// checking.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "optics/design/design_merit.h"
-#include "optics/design/lens_design.h"
+#include "optics/design/design_result.h"
 
 #include <optional>
 #include <string>
@@ -12,17 +13,18 @@
 
 namespace vitreo::optics::detail {
 
-/// Which way is taken to the optimum: everything at once may get lost far from it, fields from the
-/// axis outwards and low orders first get into other valleys.
-struct Way {
-  bool fields_grow, orders_grow;
+/// The continuation path to the optimum: everything at once may diverge far from it; fields from
+/// the axis outwards and low orders first lead to other minima.
+struct Path {
+  bool fields_grow;
+  bool orders_grow;
 };
 
-/// A design in the making.
+/// State of a design between rounds.
 class Designer {
  public:
   Designer(const Prescription& start, const LensDesignOptions& options);
-  LensDesign run(const Way& way);
+  LensDesign run(const Path& path);
 
  private:
   struct Rays {
@@ -39,7 +41,8 @@ class Designer {
   std::string violated_gap(std::size_t surface) const;
   std::string violated_profile(std::size_t surface) const;
   LensDesign report(bool settled, int iterations) const;
-  Prescription start_, now_;
+  Prescription start_;
+  Prescription now_;
   LensDesignOptions options_;
   std::string unsound_;  // why the last step was not taken
   DesignProblem problem_;

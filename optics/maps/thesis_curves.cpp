@@ -2,6 +2,7 @@
 #include "optics/maps/thesis_curves.h"
 
 #include "optics/numerics/linear.h"
+#include "optics/numerics/preconditions.h"
 
 #include <Eigen/Dense>
 
@@ -13,16 +14,17 @@
 namespace vitreo::optics {
 namespace {
 
-using Place = WideAngleMap::Place;
+using FieldPosition = WideAngleMap::FieldPosition;
 using Plane = WideAngleMap::Plane;
 constexpr int kFewest = 5;
 
-/// Where f(x) = 0 between two ends, by halving; nothing when f has the same sign or no value at
+/// The zero of f between two ends, by bisection; nothing when f has the same sign or no value at
 /// both.
 std::optional<double> root(const std::function<std::optional<double>(double)>& f, double from,
                            double to) {
   constexpr int kHalvings = 50;
-  const auto first = f(from), last = f(to);
+  const auto first = f(from);
+  const auto last = f(to);
   if (!(first && last && *first * *last <= 0)) return std::nullopt;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (from + to) / 2;
@@ -33,6 +35,8 @@ std::optional<double> root(const std::function<std::optional<double>(double)>& f
   return (from + to) / 2;
 }
 
+/// Points in focus at one sensor position d_ls: for each field angle the depth at which the map's
+/// focus is `focus` (thesis 3.2: the isofocus surface).
 std::vector<Plane> isofocus_points(const WideAngleMap& map, double focus, int samples) {
   std::vector<Plane> points;
   for (int i = 0; i < samples; ++i) {
@@ -48,6 +52,8 @@ std::vector<Plane> isofocus_points(const WideAngleMap& map, double focus, int sa
   return points;
 }
 
+/// Points imaged at one height d_op: for each depth the field angle at which the map's height is
+/// `height` (thesis 3.2: the isopixel curve).
 std::vector<Plane> isopixel_points(const WideAngleMap& map, double height, int samples) {
   std::vector<Plane> points;
   for (int i = 0; i < samples; ++i) {
@@ -63,21 +69,25 @@ std::vector<Plane> isopixel_points(const WideAngleMap& map, double height, int s
   return points;
 }
 
-/// A point's distance from the conic, to first order, and its change with radius and pole.
+/// A point's distance from the conic F = r^2 + (1 + k) u^2 - 2 R u = 0, u = z - z0, to first order:
+/// F / |grad F| (Sampson 1982), and its change with radius and pole, |grad F| held.
 struct Distance {
-  double value, per_radius, per_pole;
+  double value;
+  double per_radius;
+  double per_pole;
 };
 
 Distance distance(double radius, double conic, double pole, const Plane& at) {
-  const double u = at.z - pole, normal = (1 + conic) * u - radius;
+  const double u = at.z - pole;
+  const double normal = (1 + conic) * u - radius;
   const double steepness = 2 * std::hypot(at.r, normal);
   return {(at.r * at.r + (1 + conic) * u * u - 2 * radius * u) / steepness, -2 * u / steepness,
           -2 * normal / steepness};
 }
 
-/// Least squares of the distances by Gauss-Newton; the conic constant k is held. The start is the
-/// linear fit of r^2 + (1 + k) z^2 = 2 A z - B, where A = R + (1 + k) z0 and B = (1 + k) z0^2 + 2 R
-/// z0.
+/// 3.2.1: radius and pole of one isofocus surface by least squares of the distances, Gauss-Newton;
+/// the conic constant k is held. The start is the linear fit of r^2 + (1 + k) z^2 = 2 A z - B,
+/// where A = R + (1 + k) z0 and B = (1 + k) z0^2 + 2 R z0.
 IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, double focus) {
   constexpr int kSteps = 10;
   const auto count = static_cast<Eigen::Index>(points.size());
@@ -88,6 +98,8 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
     off[i] = points[i].r * points[i].r + (1 + conic) * points[i].z * points[i].z;
   }
   const Eigen::Vector2d ab = detail::least_squares(jacobian, off);
+  // z0 from (1 + k) z0^2 - 2 A z0 + B = 0, the smaller root without cancellation; then R = A - (1 +
+  // k) z0.
   const double root = std::sqrt(std::max(ab[0] * ab[0] - (1 + conic) * ab[1], 0.0));
   const double start = ab[1] / (ab[0] + (ab[0] < 0 ? -root : root));
   Eigen::Vector2d p(ab[0] - (1 + conic) * start, start);
@@ -104,8 +116,13 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
   return made;
 }
 
+/// 3.2.1: slope and intercept of one isopixel curve, by the normal equations of r = a + s z.
 IsopixelCurve fit_line(const std::vector<Plane>& points, double height) {
-  double n = 0, z = 0, r = 0, zz = 0, zr = 0;
+  double n = 0;
+  double z = 0;
+  double r = 0;
+  double zz = 0;
+  double zr = 0;
   for (const Plane& at : points) n += 1, z += at.z, r += at.r, zz += at.z * at.z, zr += at.z * at.r;
   IsopixelCurve made;
   made.height = height;
@@ -118,11 +135,12 @@ IsopixelCurve fit_line(const std::vector<Plane>& points, double height) {
   return made;
 }
 
+/// 3.2.1: a polynomial of third order for each parameter.
 Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
   const auto count = static_cast<Eigen::Index>(x.size());
   if (count < kFewest) throw std::invalid_argument("map: too small for the thesis' cubics");
   Cubic made;
-  made.from = *std::min_element(x.begin(), x.end()),
+  made.from = *std::min_element(x.begin(), x.end());
   made.to = *std::max_element(x.begin(), x.end());
   Eigen::MatrixX4d powers(count, 4);
   for (Eigen::Index i = 0; i < count; ++i) {
@@ -139,7 +157,8 @@ Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
 
 template <class Row>
 Cubic fit_column(const std::vector<Row>& rows, double Row::*x, double Row::*y) {
-  std::vector<double> xs, ys;
+  std::vector<double> xs;
+  std::vector<double> ys;
   for (const Row& row : rows) xs.push_back(row.*x), ys.push_back(row.*y);
   return fit_cubic(xs, ys);
 }
@@ -147,17 +166,20 @@ Cubic fit_column(const std::vector<Row>& rows, double Row::*x, double Row::*y) {
 }  // namespace
 
 void ThesisSettings::check() const {
-  if (!std::isfinite(conic)) throw std::invalid_argument("conic: must be finite");
-  if (surfaces < kFewest) throw std::invalid_argument("surfaces: must be at least 5");
-  if (curves < kFewest) throw std::invalid_argument("curves: must be at least 5");
-  if (samples < kFewest) throw std::invalid_argument("samples: must be at least 5");
+  detail::require_finite(conic, "conic");
+  detail::require_at_least(surfaces, kFewest, "surfaces");
+  detail::require_at_least(curves, kFewest, "curves");
+  detail::require_at_least(samples, kFewest, "samples");
 }
 
+/// 3.2.1 and figure 3.6: surfaces at equal steps of d_ls from the retina's image to the deepest
+/// point's, curves at equal steps of d_op, then a cubic for each of the four parameters.
 ThesisCurves fit_thesis_curves(const WideAngleMap& map, const ThesisSettings& settings) {
   settings.check();
   ThesisCurves made;
   made.conic = settings.conic;
-  const auto retina = map.at({0, 0}), deepest = map.at({0, map.max_depth()});
+  const auto retina = map.at({0, 0});
+  const auto deepest = map.at({0, map.max_depth()});
   const auto edge = map.at({map.max_angle(), 0});
   if (!(retina && deepest && edge)) throw std::invalid_argument("map: has no value at its corners");
   for (int i = 0; i < settings.surfaces; ++i) {
@@ -186,13 +208,18 @@ std::optional<WideAngleMap::Plane> ThesisCurves::point(double focus, double heig
   return point_beyond(focus, height);
 }
 
+/// 4.1: the position is the intersection of the isopixel curve with the isofocus surface.
 std::optional<WideAngleMap::Plane> ThesisCurves::point_beyond(double focus, double height,
                                                               double pole_shift) const {
-  const double R = radius(focus), z0 = pole(focus) + pole_shift, a = intercept(height),
-               s = slope(height);
+  const double R = radius(focus);
+  const double z0 = pole(focus) + pole_shift;
+  const double a = intercept(height);
+  const double s = slope(height);
   // (a + s z)^2 = 2 R (z - z0) - (1 + k) (z - z0)^2, with u = z - z0 and r0 = a + s z0
   const double r0 = a + s * z0;
-  const double A = s * s + 1 + conic, B = r0 * s - R, C = r0 * r0;
+  const double A = s * s + 1 + conic;
+  const double B = r0 * s - R;
+  const double C = r0 * r0;
   const double discriminant = B * B - A * C;
   if (!(discriminant >= 0)) return std::nullopt;
   // The crossing near the pole, without cancellation, also where the surface is curved away from

@@ -15,7 +15,9 @@ namespace vitreo::optics {
 /// c0 + c1 x + c2 x^2 + c3 x^3 between two ends, and how well it fits.
 struct Cubic {
   std::array<double, 4> c{};
-  double from = 0, to = 0;  // of x: the fit holds between
+  // of x: the fit holds between
+  double from = 0;
+  double to = 0;
   double max_residual = 0;
   double operator()(double x) const { return c[0] + x * (c[1] + x * (c[2] + x * c[3])); }
   bool covers(double x) const { return x >= from && x <= to; }
@@ -37,17 +39,21 @@ struct IsopixelCurve {
 
 struct ThesisSettings {
   double conic = 0;  // of all isofocus surfaces: the retina's
-  int surfaces =
-      11;            // from the retina's image on the axis to that of the deepest point; at least 5
-  int curves = 15;   // from near the axis to the edge; at least 5
-  int samples = 15;  // points on each; at least 5
+  // from the retina's image on the axis to that of the deepest point; at least 5
+  int surfaces = 11;
+  int curves = 15;     // from near the axis to the edge; at least 5
+  int samples = 15;    // points on each; at least 5
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
 struct ThesisCurves {
   double conic = 0;
-  Cubic radius, pole;      // of d_ls (figure 3.6a)
-  Cubic slope, intercept;  // of |d_op| (figure 3.6b)
+  // of d_ls (figure 3.6a)
+  Cubic radius;
+  Cubic pole;
+  // of |d_op| (figure 3.6b)
+  Cubic slope;
+  Cubic intercept;
   std::vector<IsofocusSurface> surfaces;
   std::vector<IsopixelCurve> curves;
   /// Where line and surface cross: (r, z). Nothing outside the cubics' ends or when they do not

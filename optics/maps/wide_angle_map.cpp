@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/maps/wide_angle_map.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -12,21 +14,22 @@ namespace vitreo::optics {
 namespace {
 
 constexpr double kSlack = 1e-9;  // m: a point computed to lie on the table's edge is on it
-constexpr double kStray =
-    0.05;  // of the table's sides: how far Newton's method may stray on its way
+// of the table's sides: how far Newton's method may stray on its way
+constexpr double kStray = 0.05;
 constexpr double kMaxTail = 0.5e-6;  // m
-constexpr double kMaxRoundTrip =
-    5e-6;  // m; nearer to a fold the inverse would be off by more, so there is none
+// m; nearer to a fold the inverse would be off by more, so there is none
+constexpr double kMaxRoundTrip = 5e-6;
 constexpr int kMaxSteps = 30;
 constexpr double kConverged = 1e-12;  // m, of an image
 
+/// The stop's surface; of a system without one, where the thesis' tables have it.
 int stop_surface(const System& system) {
   return system.stop ? system.stop->surface : std::min(3, system.size());
 }
 
-/// With its lens in place. For a microscope the stop lets everything through, so that the table
-/// reaches past the iris' shadow, whose edge is no smooth curve in it; the shadow is told from the
-/// chief ray.
+/// The system with its lens at the distance asked for. For a microscope the stop lets everything
+/// through, so that the table reaches past the iris' shadow, whose edge is no smooth curve in it;
+/// whether a point lies in the shadow is decided by its chief ray.
 System resolved(const System& system, const WideAngleSettings& settings) {
   constexpr double kWide = 1;  // m
   settings.check();
@@ -40,6 +43,7 @@ System resolved(const System& system, const WideAngleSettings& settings) {
   return made;
 }
 
+/// The eye's stop for a bare sensor, else the microscope's own aperture.
 Pupil first_pupil(const System& system, const WideAngleSettings& settings) {
   return settings.microscope ? Pupil::of_microscope(system, *settings.microscope)
                              : Pupil::of_stop(system);
@@ -52,8 +56,8 @@ bool is_symmetric(const std::optional<Microscope>& microscope) {
           (microscope->decenter.isZero(0) || !std::isfinite(microscope->pupil_distance)));
 }
 
-/// Where along z the microscope's plane of focus must meet its axis so that it holds the aerial
-/// point. m
+/// The z at which the microscope's plane of focus must meet its axis so that it holds the aerial
+/// point; m.
 double focus_through(const System& system, const Microscope& microscope,
                      const AerialPoint& aerial) {
   const Eigen::Vector3d axis = chief_ray_in_air(system, microscope, {0, 0}).direction;
@@ -65,22 +69,20 @@ double focus_through(const System& system, const Microscope& microscope,
 void WideAngleSettings::check() const {
   const auto positive = [](double x) { return std::isfinite(x) && x > 0; };
   if (microscope) microscope->check();
-  if (!(positive(max_angle) && max_angle < std::numbers::pi / 2)) {
-    throw std::invalid_argument("max_angle: must lie between 0 and 90 degrees");
-  }
-  if (!positive(max_depth)) throw std::invalid_argument("max_depth: must be positive");
-  if (rings < 1) throw std::invalid_argument("rings: must be at least 1");
-  if (arms < 2) throw std::invalid_argument("arms: must be at least 2");
+  detail::require(positive(max_angle) && max_angle < std::numbers::pi / 2,
+                  "max_angle: must lie between 0 and 90 degrees");
+  detail::require_positive(max_depth, "max_depth");
+  detail::require_at_least(rings, 1, "rings");
+  detail::require_at_least(arms, 2, "arms");
   const auto fits = [](int nodes) { return nodes >= 4 && nodes <= detail::Chebyshev2::kMaxNodes; };
-  if (!fits(angle_nodes)) throw std::invalid_argument("angle_nodes: must lie between 4 and 32");
-  if (!fits(depth_nodes)) throw std::invalid_argument("depth_nodes: must lie between 4 and 32");
+  detail::require(fits(angle_nodes), "angle_nodes: must lie between 4 and 32");
+  detail::require(fits(depth_nodes), "depth_nodes: must lie between 4 and 32");
 }
 
 System with_lens_distance(const System& system, double distance) {
   if (system.size() < 4) throw std::invalid_argument("surfaces: the system has no condensing lens");
-  if (!(std::isfinite(distance) && distance >= 0)) {
-    throw std::invalid_argument("lens_distance: must be finite and not negative");
-  }
+  detail::require(std::isfinite(distance) && distance >= 0,
+                  "lens_distance: must be finite and not negative");
   System moved = system;
   moved.surfaces[moved.surfaces.size() - 3].thickness = distance;
   return moved;
@@ -96,10 +98,13 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
       depth_nodes_(settings.depth_nodes),
       stop_z_(tracer_.system().vertex(stop_surface(system))),
       stop_radius_(system.stop ? system.stop->radius : std::numeric_limits<double>::infinity()) {
-  const int parts = symmetric_ ? 160 : 10;           // of the angle, one at a time
-  constexpr int kManyAngles = 26, kManyDepths = 18;  // where the nodes asked for are not enough
+  const int parts = symmetric_ ? 160 : 10;  // of the angle, one at a time
+  // where the nodes asked for are not enough
+  constexpr int kManyAngles = 26;
+  constexpr int kManyDepths = 18;
   const auto largest = [&](int most, auto&& fits) {  // part that fits, found by halving
-    int good = parts / 10 - 1, bad = most + 1;
+    int good = parts / 10 - 1;
+    int bad = most + 1;
     while (bad - good > 1) {
       const int middle = bad > most ? most : (good + bad) / 2;
       (fits(settings.max_angle * middle / parts) ? good : bad) = middle;
@@ -108,15 +113,18 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
       throw std::invalid_argument("max_angle: bundles are vignetted nearly everywhere");
     return good;
   };
+  // First as far as bundles pass, then as far as the table is good enough.
   const int whole = largest(parts, [&](double angle) { return bundles_pass(angle); });
   if (build(settings.max_angle * whole / parts)) return;
-  angle_nodes_ = std::max(angle_nodes_, kManyAngles),
+  // The table was too coarse: more nodes, and if need be a smaller field.
+  angle_nodes_ = std::max(angle_nodes_, kManyAngles);
   depth_nodes_ = std::max(depth_nodes_, kManyDepths);
   const int good = largest(whole, [&](double angle) { return build(angle); });
   if (max_angle_ != settings.max_angle * good / parts) build(settings.max_angle * good / parts);
 }
 
-/// Whether whole bundles get through along the rim of the field.
+/// Whether whole bundles get through along the rim of the field: at three depths, and for a skew
+/// map at all azimuths.
 bool WideAngleMap::bundles_pass(double angle) {
   constexpr int kDepths = 3;
   Spot spot;
@@ -132,18 +140,20 @@ bool WideAngleMap::bundles_pass(double angle) {
   return true;
 }
 
-/// A microscope's pupil moves with its focus, so that is found first: by secants, from fixed-point
-/// steps.
+/// Best focus of one point's bundle. A microscope's pupil moves with its focus, so the focus f =
+/// g(f) is found by the secant method, the first step a fixed-point step; a coarse bundle serves
+/// until it is nearly found.
 std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& point,
                                                       PupilTracer& tracer, Spot& spot) const {
   constexpr int kMaxFocusSteps = 20;
-  constexpr double kSettled =
-      1e-10;  // m, of the microscope's place; a tenth or less of it moves the image
+  // m, of the microscope's position; a tenth or less of it moves the image
+  constexpr double kSettled = 1e-10;
   constexpr double kNearly = 1e-6;  // m
   const bool moves = settings_.microscope && std::isfinite(settings_.microscope->pupil_distance);
   Microscope microscope = settings_.microscope.value_or(Microscope{});
-  double last_place = 0, last_off = 0;
-  bool coarse = moves;  // until the place is nearly found
+  double last_position = 0;
+  double last_off = 0;
+  bool coarse = moves;  // until the position is nearly found
   for (int step = 0; step < kMaxFocusSteps; ++step) {
     if (moves) tracer.set_pupil(Pupil::of_microscope(tracer.system(), microscope));
     if (!tracer.trace(point, coarse ? coarse_ : samples_, spot) || spot.lost > 0)
@@ -151,12 +161,13 @@ std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& poi
     const double focus = spot.moments().best_focus();
     if (!std::isfinite(focus)) return std::nullopt;
     const AerialPoint aerial{spot.chief_at(focus), focus};
-    const double place = microscope.focus,
-                 off = focus_through(tracer.system(), microscope, aerial) - place;
+    const double position = microscope.focus;
+    const double off = focus_through(tracer.system(), microscope, aerial) - position;
     if (!coarse && (!moves || std::abs(off) < kSettled)) return aerial;
-    const double slope = step == 0 ? -1 : (off - last_off) / (place - last_place);
-    microscope.focus = place - off / (std::isfinite(slope) && slope < -0.1 ? slope : -1);
-    last_place = place, last_off = off;
+    const double slope = step == 0 ? -1 : (off - last_off) / (position - last_position);
+    microscope.focus = position - off / (std::isfinite(slope) && slope < -0.1 ? slope : -1);
+    last_position = position;
+    last_off = off;
     coarse = coarse && std::abs(off) > kNearly;
   }
   return std::nullopt;
@@ -167,7 +178,8 @@ bool WideAngleMap::build(double max_angle) {
   return measure_distances() && (symmetric_ ? build_flat() : build_skew());
 }
 
-/// Of the retina from the stop's center, which has an axis whoever looks.
+/// Distances of the retina from the stop's center, as a polynomial in angle^2: even, as the eye is
+/// rotationally symmetric whatever the viewing system.
 bool WideAngleMap::measure_distances() {
   const int rows = angle_nodes_;
   Eigen::MatrixXd distance(rows, 1);
@@ -186,6 +198,8 @@ double WideAngleMap::distance(double angle) const {
   return distance_(2 * part * part - 1, 0).value;
 }
 
+/// Bundles at the Chebyshev nodes in (angle^2, depth). Heights are divided by the point's distance
+/// from the axis, which leaves even functions without a zero on the axis.
 bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
                               Eigen::MatrixXd& stop) {
   Spot spot;
@@ -194,8 +208,8 @@ bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
     const double angle = max_angle_ * std::sqrt((u + 1) / 2);
     for (Eigen::Index j = 0; j < focus.cols(); ++j) {
       const double v = detail::Chebyshev2::node(static_cast<int>(j), depth_nodes_);
-      const double left = distance_(u, 0).value - settings_.max_depth * (v + 1) / 2,
-                   r = left * std::sin(angle);
+      const double left = distance_(u, 0).value - settings_.max_depth * (v + 1) / 2;
+      const double r = left * std::sin(angle);
       const auto aerial = focus_bundle({r, 0, stop_z_ - left * std::cos(angle)}, tracer_, spot);
       if (!aerial) return false;
       focus(i, j) = aerial->focus;
@@ -206,13 +220,18 @@ bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
   return true;
 }
 
+/// Symmetric map: interpolation, its error by the last coefficients, and cells for the inverse.
 bool WideAngleMap::build_flat() {
-  const int rows = angle_nodes_, columns = depth_nodes_;
-  Eigen::MatrixXd focus(rows, columns), scale(rows, columns), stop(rows, columns);
+  const int rows = angle_nodes_;
+  const int columns = depth_nodes_;
+  Eigen::MatrixXd focus(rows, columns);
+  Eigen::MatrixXd scale(rows, columns);
+  Eigen::MatrixXd stop(rows, columns);
   if (!trace_flat(focus, scale, stop)) return false;
   focus_ = detail::Chebyshev2(focus);
   scale_ = detail::Chebyshev2(scale);
   stop_ = detail::Chebyshev2(stop);
+  // The scale's tail times the largest distance from the axis is a height.
   tail_ = std::max(focus_.tail(), scale_.tail() * stop_z_ * std::tan(max_angle_));
   if (!(tail_ < kMaxTail)) return false;
   inverted_ = evaluate({max_angle_ / 100, 0}).height < 0 ? -1 : 1;
@@ -233,109 +252,131 @@ void WideAngleMap::require_symmetry() const {
         "microscope: tilted or decentered, its map has no meridional plane");
 }
 
-WideAngleMap::Plane WideAngleMap::plane_point(const Place& place) const {
+/// Polar coordinates about the stop's center: the field angle, and the distance of the retina less
+/// the depth.
+WideAngleMap::Plane WideAngleMap::plane_point(const FieldPosition& position) const {
   require_symmetry();
-  const double left = distance(std::clamp(place.angle, 0.0, max_angle_)) - place.depth;
-  return {left * std::sin(place.angle), stop_z_ - left * std::cos(place.angle)};
+  const double left = distance(std::clamp(position.angle, 0.0, max_angle_)) - position.depth;
+  return {left * std::sin(position.angle), stop_z_ - left * std::cos(position.angle)};
 }
 
-std::optional<WideAngleMap::Place> WideAngleMap::place_of(const Plane& point) const {
+/// Inverse of plane_point: angle and distance at the stop's center.
+std::optional<WideAngleMap::FieldPosition> WideAngleMap::position_of(const Plane& point) const {
   require_symmetry();
   if (!(point.z < stop_z_)) return std::nullopt;
-  const double angle = std::atan2(point.r, stop_z_ - point.z),
-               left = std::hypot(point.r, stop_z_ - point.z);
+  const double angle = std::atan2(point.r, stop_z_ - point.z);
+  const double left = std::hypot(point.r, stop_z_ - point.z);
   if (!(angle <= max_angle_ + kSlack / left)) return std::nullopt;
-  const double inside = std::clamp(angle, 0.0, max_angle_), depth = distance(inside) - left;
+  const double inside = std::clamp(angle, 0.0, max_angle_);
+  const double depth = distance(inside) - left;
   if (!(depth >= -kSlack && depth <= max_depth() + kSlack)) return std::nullopt;
-  return Place{inside, std::clamp(depth, 0.0, max_depth())};
+  return FieldPosition{inside, std::clamp(depth, 0.0, max_depth())};
 }
 
-WideAngleMap::Meridional WideAngleMap::evaluate(const Place& place) const {
-  const double part = place.angle / max_angle_;
-  const double u = 2 * part * part - 1, v = 2 * place.depth / settings_.max_depth - 1;
-  const double du = 4 * part / max_angle_, dv = 2 / settings_.max_depth;
-  const auto focus = focus_(u, v), scale = scale_(u, v);
+/// Values and derivatives by the chain rule: u = 2 (angle / max_angle)^2 - 1, v = 2 depth /
+/// max_depth - 1; height = scale * r with r = (distance - depth) sin(angle).
+WideAngleMap::Meridional WideAngleMap::evaluate(const FieldPosition& position) const {
+  const double part = position.angle / max_angle_;
+  const double u = 2 * part * part - 1;
+  const double v = 2 * position.depth / settings_.max_depth - 1;
+  const double du = 4 * part / max_angle_;
+  const double dv = 2 / settings_.max_depth;
+  const auto focus = focus_(u, v);
+  const auto scale = scale_(u, v);
   const auto distance = distance_(u, 0);
-  const double sine = std::sin(place.angle), left = distance.value - place.depth;
-  const double r = left * sine,
-               r_per_angle = left * std::cos(place.angle) + distance.du * du * sine;
+  const double sine = std::sin(position.angle);
+  const double left = distance.value - position.depth;
+  const double r = left * sine;
+  const double r_per_angle = left * std::cos(position.angle) + distance.du * du * sine;
   Meridional made;
   made.focus = focus.value;
   made.height = scale.value * r;
-  made.per_place << focus.du * du, focus.dv * dv, scale.du * du * r + scale.value * r_per_angle,
+  made.per_position << focus.du * du, focus.dv * dv, scale.du * du * r + scale.value * r_per_angle,
       scale.dv * dv * r - scale.value * sine;
   return made;
 }
 
-bool WideAngleMap::in_shadow(const Place& place) const {
+/// Whether the chief ray misses the eye's stop, which is open in the traced system.
+bool WideAngleMap::in_shadow(const FieldPosition& position) const {
   if (!std::isfinite(stop_radius_) || !settings_.microscope) return false;
-  const double part = place.angle / max_angle_;
-  const double scale = stop_(2 * part * part - 1, 2 * place.depth / max_depth() - 1).value;
-  return std::abs(scale * (distance(place.angle) - place.depth) * std::sin(place.angle)) >
+  const double part = position.angle / max_angle_;
+  const double scale = stop_(2 * part * part - 1, 2 * position.depth / max_depth() - 1).value;
+  return std::abs(scale * (distance(position.angle) - position.depth) * std::sin(position.angle)) >
          stop_radius_;
 }
 
-WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const Place& place) const {
-  const Meridional there = evaluate(place);
-  return {{there.focus, there.height}, there.per_place.determinant(), in_shadow(place)};
+WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const FieldPosition& position) const {
+  const Meridional there = evaluate(position);
+  return {{there.focus, there.height}, there.per_position.determinant(), in_shadow(position)};
 }
 
+/// Newton's method in (angle, depth), kept near the table. A solution outside it by less than
+/// edge() is taken to lie on its boundary.
 std::optional<WideAngleMap::FlatSearch::Solution> WideAngleMap::solve(
     const FlatSearch::Point& image, const FlatSearch::Point& start) const {
-  Place place{start.x() * max_angle_, start.y() * max_depth()};
+  FieldPosition position{start.x() * max_angle_, start.y() * max_depth()};
   for (int step = 0; step < kMaxSteps; ++step) {
-    const Meridional now = evaluate(place);
+    const Meridional now = evaluate(position);
     const Eigen::Vector2d off(image.x() - now.focus, image.y() - now.height);
     if (off.norm() < kConverged) {
-      const double aside = edge() / distance(0), along = edge();
-      const bool inside = place.angle >= -aside && place.angle <= max_angle_ + aside &&
-                          place.depth >= -along && place.depth <= max_depth() + along;
+      const double aside = edge() / distance(0);
+      const double along = edge();
+      const bool inside = position.angle >= -aside && position.angle <= max_angle_ + aside &&
+                          position.depth >= -along && position.depth <= max_depth() + along;
       if (!inside) return std::nullopt;
-      place = {std::clamp(place.angle, 0.0, max_angle_), std::clamp(place.depth, 0.0, max_depth())};
-      const FlatSearch::Point unit(place.angle / max_angle_, place.depth / max_depth());
-      return FlatSearch::Solution{unit, unit, sample(place)};
+      position = {std::clamp(position.angle, 0.0, max_angle_),
+                  std::clamp(position.depth, 0.0, max_depth())};
+      const FlatSearch::Point unit(position.angle / max_angle_, position.depth / max_depth());
+      return FlatSearch::Solution{unit, unit, sample(position)};
     }
-    const Eigen::Vector2d move = now.per_place.inverse() * off;
+    const Eigen::Vector2d move = now.per_position.inverse() * off;
     if (!move.allFinite()) return std::nullopt;
-    place.angle =
-        std::clamp(place.angle + move[0], -kStray * max_angle_, (1 + kStray) * max_angle_);
-    place.depth =
-        std::clamp(place.depth + move[1], -kStray * max_depth(), (1 + kStray) * max_depth());
+    position.angle =
+        std::clamp(position.angle + move[0], -kStray * max_angle_, (1 + kStray) * max_angle_);
+    position.depth =
+        std::clamp(position.depth + move[1], -kStray * max_depth(), (1 + kStray) * max_depth());
   }
   return std::nullopt;
 }
 
-std::optional<WideAngleMap::Meridional> WideAngleMap::at(const Place& place) const {
+/// Where the table is not one-to-one, a value counts only when find() leads back to it.
+std::optional<WideAngleMap::Meridional> WideAngleMap::at(const FieldPosition& position) const {
   require_symmetry();
   const double aside = kSlack / distance(0);
-  if (!(place.angle >= 0 && place.angle <= max_angle_ + aside)) return std::nullopt;
-  if (!(place.depth >= -kSlack && place.depth <= max_depth() + kSlack)) return std::nullopt;
-  const Place inside{std::min(place.angle, max_angle_), std::clamp(place.depth, 0.0, max_depth())};
+  if (!(position.angle >= 0 && position.angle <= max_angle_ + aside)) return std::nullopt;
+  if (!(position.depth >= -kSlack && position.depth <= max_depth() + kSlack)) return std::nullopt;
+  const FieldPosition inside{std::min(position.angle, max_angle_),
+                             std::clamp(position.depth, 0.0, max_depth())};
   if (in_shadow(inside)) return std::nullopt;
   const Meridional made = evaluate(inside);
   if (!flat_search_.one_to_one() && !find(made.focus, made.height)) return std::nullopt;
   return made;
 }
 
-std::optional<WideAngleMap::Place> WideAngleMap::find(double focus, double height) const {
+/// Inverse of at(). Near a fold the inverse of the Jacobian grows, and with it the table's error in
+/// the eye; beyond kMaxRoundTrip there is no answer.
+std::optional<WideAngleMap::FieldPosition> WideAngleMap::find(double focus, double height) const {
   require_symmetry();
   const FlatSearch::Point image(focus, height);
   const auto found =
       flat_search_.only(image, [&](const FlatSearch::Point& start) { return solve(image, start); });
   if (!found) return std::nullopt;
-  const Place place{found->unit.x() * max_angle_, found->unit.y() * max_depth()};
-  Eigen::Matrix2d per_meter = evaluate(place).per_place;
-  per_meter.col(0) /= distance(place.angle);
+  const FieldPosition position{found->unit.x() * max_angle_, found->unit.y() * max_depth()};
+  Eigen::Matrix2d per_meter = evaluate(position).per_position;
+  // An angle becomes a length across.
+  per_meter.col(0) /= distance(position.angle);
   if (!(2 * tail_ * per_meter.inverse().norm() < kMaxRoundTrip)) return std::nullopt;
-  return place;
+  return position;
 }
 
+/// Rotational symmetry: the azimuth is kept, the height takes the sign of the magnification (thesis
+/// 5.2, (5.10), (5.11) with phi + pi for an inverted image).
 std::optional<AerialPoint> WideAngleMap::image(const Eigen::Vector3d& point) const {
   if (!tracer_.in_vitreous(point)) return std::nullopt;
   if (!symmetric_) return skew_image(point);
   const double r = point.head<2>().norm();
-  const auto place = place_of({r, point.z()});
-  const auto there = place ? at(*place) : std::nullopt;
+  const auto position = position_of({r, point.z()});
+  const auto there = position ? at(*position) : std::nullopt;
   if (!there) return std::nullopt;
   AerialPoint aerial;
   aerial.focus = there->focus;
@@ -343,18 +384,19 @@ std::optional<AerialPoint> WideAngleMap::image(const Eigen::Vector3d& point) con
   return aerial;
 }
 
+/// Thesis 4.1: the position from d_ls and d_op, through the table instead of the fitted curves.
 std::optional<Eigen::Vector3d> WideAngleMap::point(const AerialPoint& aerial) const {
   if (!(std::isfinite(aerial.focus) && aerial.m.allFinite())) return std::nullopt;
   if (!symmetric_) {
     const SkewSearch::Point image(aerial.m.x(), aerial.m.y(), aerial.focus);
     const auto found = skew_search_.only(
         image, [&](const SkewSearch::Point& start) { return solve(image, start); });
-    return found ? std::optional(skew_point(found->place)) : std::nullopt;
+    return found ? std::optional(skew_point(found->position)) : std::nullopt;
   }
   const double height = aerial.m.norm();
-  const auto place = find(aerial.focus, inverted_ * height);
-  if (!place) return std::nullopt;
-  const Plane at = plane_point(*place);
+  const auto position = find(aerial.focus, inverted_ * height);
+  if (!position) return std::nullopt;
+  const Plane at = plane_point(*position);
   if (height == 0) return Eigen::Vector3d(0, 0, at.z);
   const Eigen::Vector2d across = aerial.m * (inverted_ * at.r / height);
   return Eigen::Vector3d(across.x(), across.y(), at.z);

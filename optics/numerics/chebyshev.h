@@ -1,5 +1,4 @@
-// A smooth function of two variables on a rectangle, by Chebyshev's polynomials: value and
-// gradient.
+// Chebyshev interpolation of a function of two variables on a rectangle: value and gradient.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,9 +10,14 @@
 namespace vitreo::optics::detail {
 
 struct ValueAndGradient {
-  double value, du, dv;
+  double value;
+  double du;
+  double dv;
 };
 
+/// f(u, v) = sum c_ij T_i(u) T_j(v), interpolated at the roots of T_n; for a smooth function the
+/// error falls as the last coefficients do (Trefethen, Approximation Theory and Approximation
+/// Practice, 2013).
 class Chebyshev2 {
  public:
   static constexpr int kMaxNodes = 32;
@@ -28,13 +32,18 @@ class Chebyshev2 {
 
   /// u and v in [-1, 1].
   ValueAndGradient operator()(double u, double v) const {
-    const auto rows = coefficients_.rows(), columns = coefficients_.cols();
-    double tu[kMaxNodes], du[kMaxNodes], tv[kMaxNodes], dv[kMaxNodes];
+    const auto rows = coefficients_.rows();
+    const auto columns = coefficients_.cols();
+    double tu[kMaxNodes];
+    double du[kMaxNodes];
+    double tv[kMaxNodes];
+    double dv[kMaxNodes];
     polynomials(u, rows, tu, du);
     polynomials(v, columns, tv, dv);
     ValueAndGradient sum{0, 0, 0};
     for (Eigen::Index j = 0; j < columns; ++j) {
-      double value = 0, slope = 0;
+      double value = 0;
+      double slope = 0;
       for (Eigen::Index i = 0; i < rows; ++i) {
         value += coefficients_(i, j) * tu[i];
         slope += coefficients_(i, j) * du[i];
@@ -53,6 +62,8 @@ class Chebyshev2 {
   }
 
  private:
+  // Discrete cosine transform from values at the nodes to coefficients: c_k = (2 - [k = 0]) / n *
+  // sum_i f(x_i) cos(k pi (i + 1/2) / n).
   static Eigen::MatrixXd transform(Eigen::Index n) {
     Eigen::MatrixXd made(n, n);
     for (Eigen::Index k = 0; k < n; ++k) {
@@ -64,8 +75,10 @@ class Chebyshev2 {
     }
     return made;
   }
+  // T_k and their derivatives by the recurrence T_k = 2 x T_(k-1) - T_(k-2).
   static void polynomials(double x, Eigen::Index n, double* t, double* d) {
-    t[0] = 1, d[0] = 0;
+    t[0] = 1;
+    d[0] = 0;
     if (n > 1) t[1] = x, d[1] = 1;
     for (Eigen::Index k = 2; k < n; ++k) {
       t[k] = 2 * x * t[k - 1] - t[k - 2];

@@ -7,6 +7,7 @@
 namespace vitreo::optics::detail {
 
 Eigen::MatrixXd least_squares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  // QR keeps the condition of A; the normal equations would square it.
   return a.colPivHouseholderQr().solve(b);
 }
 

@@ -1,4 +1,4 @@
-// What code that is templated for Ceres' Jets shares.
+// Vectors and the plain value of numbers, for code that is templated for Ceres' Jets.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

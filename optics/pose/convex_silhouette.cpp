@@ -16,7 +16,8 @@ constexpr double kTurn = 2 * std::numbers::pi;
 
 /// Two unit vectors across `w`.
 struct Across {
-  Vector e1, e2;
+  Vector e1;
+  Vector e2;
   explicit Across(const Vector& w) {
     Eigen::Index least = 0;
     w.cwiseAbs().minCoeff(&least);
@@ -26,17 +27,19 @@ struct Across {
   Vector at(double angle) const { return std::cos(angle) * e1 + std::sin(angle) * e2; }
 };
 
-/// The plane that holds the viewpoint (far * w) and touches the body has normal n = c cos t + w sin
-/// t with h(n) = n . viewpoint, h the support function. Safeguarded Newton; the equation is nearly
-/// far sin t = h.
+/// A point of the outline. The plane that holds the viewpoint (far * w) and touches the body has
+/// the normal n = c cos t + w sin t with h(n) = n . viewpoint, where h is the support function and
+/// its gradient the point of contact. Safeguarded Newton; the equation is nearly far sin t = h.
 Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, double far) {
   constexpr int kSteps = 60;
   constexpr double kExact = 1e-9;  // rad; the outline moves by its square
-  double low = 0, high = std::numbers::pi / 2,
-         t = std::asin(std::fmin(1.0, body.support(c).dot(c) / far));
+  double low = 0;
+  double high = std::numbers::pi / 2;
+  double t = std::asin(std::fmin(1.0, body.support(c).dot(c) / far));
   Vector point(0, 0, 0);
   for (int i = 0; i < kSteps; ++i) {
-    const double cosine = std::cos(t), sine = std::sin(t);
+    const double cosine = std::cos(t);
+    const double sine = std::sin(t);
     const Vector n = cosine * c + sine * w;
     point = body.support(n);
     const double excess = point.dot(n) - far * sine;
@@ -50,10 +53,13 @@ Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, doubl
   return point;
 }
 
+/// Where the ellipsoid is the unit sphere, s . s = 1 and s . (far w) = 1 hold on the outline: a
+/// circle at height 1 / far along w.
 std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, double far,
                                       int count) {
   std::vector<Vector> points;
-  const double sine = 1 / far, cosine = std::sqrt(1 - sine * sine);
+  const double sine = 1 / far;
+  const double cosine = std::sqrt(1 - sine * sine);
   for (int i = 0; i < count; ++i)
     points.push_back(cosine * across.at(kTurn * i / count) + sine * w);
   return points;
@@ -63,21 +69,28 @@ std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, dou
 /// edge to start at.
 Vector cut(const std::vector<Vector>& polygon, const Across& across, double angle,
            std::size_t& from) {
-  const Vector along = across.at(angle), side = across.at(angle + kTurn / 4);
+  const Vector along = across.at(angle);
+  const Vector side = across.at(angle + kTurn / 4);
   for (std::size_t tried = 0; tried <= polygon.size(); ++tried) {
-    const Vector &a = polygon[from], &b = polygon[(from + 1) % polygon.size()];
-    const double before = side.dot(a), after = side.dot(b);
+    const Vector& a = polygon[from];
+    const Vector& b = polygon[(from + 1) % polygon.size()];
+    const double before = side.dot(a);
+    const double after = side.dot(b);
     if (before <= 0 && after > 0 && along.dot(a + b) > 0)
       return a + (b - a) * (before / (before - after));
     from = (from + 1) % polygon.size();
   }
-  return polygon[from];  // cannot be: the polygon goes round the line of sight
+  return polygon[from];  // unreachable: the polygon goes round the line of sight
 }
 
+/// Points of contact for normals at equal angles make a polygon; the outline's points are its
+/// crossings with half-planes at equal angles round the line of sight, as corners gather many
+/// normals in one point.
 std::vector<Vector> general_outline(const ObjectModel& body, const Across& across, const Vector& w,
                                     double far, int count) {
   constexpr int kNormals = 240;
-  std::vector<Vector> polygon, points;
+  std::vector<Vector> polygon;
+  std::vector<Vector> points;
   for (int i = 0; i < kNormals; ++i)
     polygon.push_back(touching(body, across.at(kTurn * i / kNormals), w, far));
   std::size_t edge = 0;
@@ -85,7 +98,9 @@ std::vector<Vector> general_outline(const ObjectModel& body, const Across& acros
   return points;
 }
 
-/// Center and shape of the ellipse with the polygon's area moments.
+/// Center and shape of the ellipse with the polygon's area moments, by Green's theorem as sums over
+/// its edges. Of an ellipse with semi-axes a, b the second moments are a^2 / 4, b^2 / 4, hence the
+/// factor 2 at the root.
 bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
              Eigen::Matrix2d& shape) {
   const Eigen::Vector2d origin = rim.front();
@@ -93,7 +108,8 @@ bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
   Eigen::Vector2d first(0, 0);
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
   for (std::size_t i = 0; i < rim.size(); ++i) {
-    const Eigen::Vector2d a = rim[i] - origin, b = rim[(i + 1) % rim.size()] - origin;
+    const Eigen::Vector2d a = rim[i] - origin;
+    const Eigen::Vector2d b = rim[(i + 1) % rim.size()] - origin;
     const double part = (a.x() * b.y() - a.y() * b.x()) / 2;
     area += part;
     first += part / 3 * (a + b);
@@ -112,10 +128,13 @@ bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
 }
 
 struct OnCircle {
-  double angle, length;
+  double angle;
+  double length;
 };
 
-/// One Gauss-Newton step, and its size; each point counts for the arc it stands for.
+/// One Gauss-Newton step for the least-squares ellipse; returns the step's size. Where the ellipse
+/// is the unit circle the rim's distance from it is fitted by 1, cos, sin, cos 2, sin 2 of the
+/// angle: the size, shift and stretch of an ellipse. Each point counts for the arc it stands for.
 double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
                Eigen::Matrix2d& shape) {
   const Eigen::Matrix2d inverse = shape.inverse();
@@ -129,8 +148,8 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
   Eigen::Matrix<double, 5, 5> matrix = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   for (std::size_t i = 0; i < count; ++i) {
-    const double after = there[(i + 1) % count].angle,
-                 before = there[(i + count - 1) % count].angle;
+    const double after = there[(i + 1) % count].angle;
+    const double before = there[(i + count - 1) % count].angle;
     const double weight = std::abs(std::remainder(after - before, kTurn));
     const double angle = there[i].angle;
     Eigen::Matrix<double, 5, 1> by;
@@ -142,20 +161,22 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
   center += shape * step.head<2>();
   Eigen::Matrix2d growth;
   growth << 1 + step[2] + step[3], step[4], step[4], 1 + step[2] - step[3];
-  const Eigen::Matrix2d grown = shape * growth;
-  shape = square_root(grown * grown.transpose());
+  // Only shape * shape^T matters; its symmetric root drops the rotation of the parameter.
+  const Eigen::Matrix2d stretched = shape * growth;
+  shape = square_root(stretched * stretched.transpose());
   return step.norm();
 }
 
 }  // namespace
 
+/// In the space where the semi-axes are 1, since tangency is preserved by affine maps.
 std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector& viewpoint,
                                            int count) {
   const Vector seen_from = viewpoint.cwiseQuotient(body.semi_axes);
   const double far = seen_from.norm();
   const Vector w = seen_from / far;
-  constexpr double kNearest =
-      1.05;  // of the distance at which the body's plane of support holds the viewpoint
+  // of the distance at which the body's plane of support holds the viewpoint
+  constexpr double kNearest = 1.05;
   if (!(far > kNearest * body.support(w).dot(w))) return std::nullopt;
   const Across across(w);
   auto points = body.ellipsoid() ? ellipsoid_outline(across, w, far, count)
@@ -164,6 +185,8 @@ std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector
   return points;
 }
 
+/// (a - b) / 2 times (cos 2 phi, sin 2 phi): the second-harmonic vector, which is zero for a circle
+/// instead of undefined.
 SmoothEllipse smooth_ellipse(const Eigen::Matrix<double, 5, 1>& e) {
   SmoothEllipse smooth;
   const double half = (e[2] - e[3]) / 2;
@@ -180,6 +203,8 @@ Eigen::Matrix<double, 5, 1> center_axes_angle(const SmoothEllipse& e) {
   return made;
 }
 
+/// Start: the ellipse of the area's moments. The axes follow from shape * shape^T without an
+/// eigenvalue decomposition, which would not be smooth at a circle.
 std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim) {
   constexpr int kSteps = 8;        // from the moments' ellipse; nearly an ellipse, a rim needs two
   constexpr double kSmall = 1e-6;  // the next step is its square
@@ -189,8 +214,9 @@ std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim
   for (int i = 0; i < kSteps; ++i) {
     if (correct(rim, center, shape) < kSmall) break;
   }
-  const double uu = shape.row(0).squaredNorm(), vv = shape.row(1).squaredNorm(),
-               uv = shape.row(0).dot(shape.row(1));
+  const double uu = shape.row(0).squaredNorm();
+  const double vv = shape.row(1).squaredNorm();
+  const double uv = shape.row(0).dot(shape.row(1));
   const double sum = std::sqrt(uu + vv + 2 * std::abs(shape.determinant()));  // a + b
   SmoothEllipse ellipse;
   // (a^2 - b^2) / 2 cos 2t = (uu - vv) / 2, and a - b = (a^2 - b^2) / (a + b)

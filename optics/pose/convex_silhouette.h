@@ -1,4 +1,4 @@
-// The outline of a convex body seen from a point, and the ellipse that a tracker fits to its image.
+// Outline of a convex body seen from a point, and the ellipse that a tracker fits to its image.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/ellipse_weight.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Dense>
 
 #include <cmath>
@@ -24,12 +26,14 @@ Matrix5 derivative(double half_difference) {
 /// Smooth coordinates turned so that the elongation is along the observed direction.
 Matrix5 turned(double angle) {
   Matrix5 turn = Matrix5::Identity();
-  const double cosine = std::cos(2 * angle), sine = std::sin(2 * angle);
+  const double cosine = std::cos(2 * angle);
+  const double sine = std::sin(2 * angle);
   turn(3, 3) = cosine, turn(3, 4) = sine;
   turn(4, 3) = -sine, turn(4, 4) = cosine;
   return turn;
 }
 
+/// W with W^T W = C^-1, from the Cholesky factor C = L L^T: W = L^-1 (whitening).
 template <int kSize>
 Eigen::Matrix<double, kSize, kSize> inverse_root(
     const Eigen::Matrix<double, kSize, kSize>& covariance) {
@@ -42,11 +46,12 @@ Eigen::Matrix<double, kSize, kSize> inverse_root(
 
 }  // namespace
 
+/// With d = (a - b) / 2, smooth(3, 3) is the variance of d along the observed direction.
 EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
                              const Matrix5& covariance) {
   constexpr double kSigmas = 3;  // of the difference of the axes, below which there is no direction
   constexpr double kKnown = 0.25;  // rad
-  if (!covariance.allFinite()) throw std::invalid_argument("covariance: must be finite");
+  detail::require(covariance.allFinite(), "covariance: must be finite");
   if ((covariance - covariance.transpose()).cwiseAbs().maxCoeff() >
       1e-9 * covariance.cwiseAbs().maxCoeff()) {
     throw std::invalid_argument("covariance: must be symmetric");
@@ -54,6 +59,7 @@ EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
   inverse_root<4>(covariance.topLeftCorner<4, 4>());  // of the lengths by themselves, or refused
   const double half = (observed[2] - observed[3]) / 2;
   const Matrix5 by = derivative(half);
+  // First-order propagation: J C J^T.
   Matrix5 smooth = by * covariance * by.transpose();
   EllipseWeight weight{Matrix5::Zero(), 5};
   const bool round = half * half < kSigmas * kSigmas * smooth(3, 3);
@@ -65,6 +71,7 @@ EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
     return weight;
   }
   if (round) {
+    // No direction in which the ellipse is long: the elongation's two components count alike.
     smooth.row(4).setZero();
     smooth.col(4).setZero();
     smooth(4, 4) = smooth(3, 3);

@@ -1,5 +1,5 @@
-// What a tracker's covariance of an ellipse is worth, direction by direction, where the ellipse may
-// be nearly a circle.
+// Weighting of an ellipse by its tracker's covariance, direction by direction, also where the
+// ellipse is nearly a circle.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/object_model.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -17,7 +19,7 @@ double power(double base, double exponent) {
 
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
-/// (x^q + y^q)^(1/q), of what is not negative.
+/// (x^q + y^q)^(1/q) of numbers that are not negative, scaled against overflow.
 double norm(double x, double y, double q) {
   if (q == 2) return std::sqrt(x * x + y * y);
   if (q == 1) return x + y;
@@ -27,12 +29,15 @@ double norm(double x, double y, double q) {
 
 }  // namespace
 
-/// The gradient of the support function, which is the dual norm: the exponent 2/e becomes q = 2/(2
-/// - e).
+/// The gradient of the support function h(n) = max n . p. The body is the unit ball of nested
+/// p-norms with exponents 2 / e, so h is the dual norm, whose exponent is q = 2 / (2 - e) from 1/p
+/// + 1/q = 1, and the gradient's components are powers (n_i / |n|)^(q - 1).
 Eigen::Vector3d ObjectModel::support(const Eigen::Vector3d& n) const {
-  const double across = 2 / (2 - exponent_across), along = 2 / (2 - exponent_along);
+  const double across = 2 / (2 - exponent_across);
+  const double along = 2 / (2 - exponent_along);
   const Eigen::Vector3d size = n.cwiseAbs();
-  const double section = norm(size.x(), size.y(), across), whole = norm(section, size.z(), along);
+  const double section = norm(size.x(), size.y(), across);
+  const double whole = norm(section, size.z(), along);
   Eigen::Vector3d point(0, 0, 0);
   if (!(whole > 0)) return point;
   point.z() = power(size.z() / whole, along - 1) * sign(n.z());
@@ -44,11 +49,9 @@ Eigen::Vector3d ObjectModel::support(const Eigen::Vector3d& n) const {
 }
 
 void ObjectModel::check() const {
-  if (!(semi_axes.allFinite() && semi_axes.minCoeff() > 0)) {
-    throw std::invalid_argument("semi_axes: must be positive");
-  }
-  constexpr double kSharpest =
-      1.9;  // towards 2 the body becomes an octahedron, whose points have no normal
+  detail::require(semi_axes.allFinite() && semi_axes.minCoeff() > 0, "semi_axes: must be positive");
+  // towards 2 the body becomes an octahedron, whose points have no normal
+  constexpr double kSharpest = 1.9;
   const auto exponent = [](const char* name, double value) {
     if (!(value >= 0 && value <= kSharpest)) {
       throw std::invalid_argument(std::string(name) + ": must lie between 0 and 1.9");

@@ -1,5 +1,5 @@
-// Convex bodies of known size, as the localizer knows them: superquadrics, with ellipsoid, cylinder
-// and box among them.
+// Convex bodies of known size, as the localizer models them: superquadrics, with ellipsoid,
+// cylinder and box among them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

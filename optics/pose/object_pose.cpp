@@ -2,6 +2,7 @@
 #include "optics/pose/object_pose.h"
 
 #include "optics/numerics/linear.h"
+#include "optics/numerics/preconditions.h"
 #include "optics/pose/convex_silhouette.h"
 #include "optics/pose/ellipse_weight.h"
 #include "optics/pose/pose_search.h"
@@ -20,10 +21,12 @@ using detail::BodyState;
 using detail::ProjectionModel;
 using detail::SmoothEllipse;
 
-/// The body is larger by `scale`; so the viewpoint is nearer, measured with it.
+/// (5.14) for a convex body: the outline seen from the viewpoint near the body, projected, and the
+/// ellipse that a tracker fits to it. The outline is computed in the frame of the body at its
+/// nominal size: a body larger by `scale` is one seen from a viewpoint nearer by that factor.
 std::optional<SmoothEllipse> shown_ellipse(const ObjectPoseSettings& settings,
-                                           const ProjectionModel& look, const BodyState& state) {
-  const auto viewpoint = look.viewpoint(state.position);
+                                           const ProjectionModel& camera, const BodyState& state) {
+  const auto viewpoint = camera.viewpoint(state.position);
   if (!viewpoint) return std::nullopt;
   const Eigen::Vector3d from =
       state.orientation.transpose() * (*viewpoint - state.position) / state.scale;
@@ -32,13 +35,14 @@ std::optional<SmoothEllipse> shown_ellipse(const ObjectPoseSettings& settings,
   std::vector<Eigen::Vector2d> rim;
   rim.reserve(points->size());
   for (const Eigen::Vector3d& point : *points) {
-    const auto pixel = look.pixel(state.position + state.orientation * (state.scale * point));
+    const auto pixel = camera.pixel(state.position + state.orientation * (state.scale * point));
     if (!pixel) return std::nullopt;
     rim.push_back(*pixel);
   }
   return detail::rim_ellipse(rim);
 }
 
+/// An orientation is needed where it is held, or known beforehand; it must be a proper rotation.
 void check_start(const ObjectPoseSettings& settings, const PoseStart& start) {
   if (start.position_in_eye && !start.position_in_eye->allFinite()) {
     throw std::invalid_argument("position: must be finite");
@@ -54,22 +58,16 @@ void check_start(const ObjectPoseSettings& settings, const PoseStart& start) {
   if (!rotation) throw std::invalid_argument("orientation: must be a rotation");
 }
 
-void check_ellipse(const EllipseVector& observed) {
-  if (!observed.allFinite()) throw std::invalid_argument("observed: must be finite");
-  if (!(observed[3] > 0 && observed[2] >= observed[3])) {
-    throw std::invalid_argument("observed: needs semi-major >= semi-minor > 0");
-  }
-}
-
+/// Block diagonal, of the inverse Cholesky factors of the points' covariances: independent terms of
+/// unit variance.
 Eigen::MatrixXd point_weights(std::span<const SeenPoint> points) {
   const auto count = static_cast<Eigen::Index>(points.size());
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(2 * count, 2 * count);
   for (Eigen::Index i = 0; i < count; ++i) {
     const SeenPoint& point = points[static_cast<std::size_t>(i)];
-    if (!(point.in_body.allFinite() && point.pixel_px.allFinite() &&
-          point.covariance.allFinite())) {
-      throw std::invalid_argument("points: must be finite");
-    }
+    detail::require(
+        point.in_body.allFinite() && point.pixel_px.allFinite() && point.covariance.allFinite(),
+        "points: must be finite");
     const Eigen::LLT<Eigen::Matrix2d> factor(point.covariance);
     const bool symmetric = std::abs(point.covariance(0, 1) - point.covariance(1, 0)) <=
                            1e-9 * point.covariance.trace();
@@ -81,7 +79,8 @@ Eigen::MatrixXd point_weights(std::span<const SeenPoint> points) {
   return root;
 }
 
-/// Normal of the plane that the points lie in best.
+/// Normal of the plane that the points lie in best: the direction of least spread. A flat set of
+/// points is its own mirror image in that plane.
 Eigen::Vector3d flattest(std::span<const SeenPoint> points) {
   Eigen::Vector3d mean(0, 0, 0);
   for (const SeenPoint& point : points) mean += point.in_body / static_cast<double>(points.size());
@@ -91,19 +90,20 @@ Eigen::Vector3d flattest(std::span<const SeenPoint> points) {
   return detail::spectrum_of(spread).vectors.col(0);
 }
 
+/// (5.14) for points.
 std::optional<Eigen::VectorXd> shown_points(std::span<const SeenPoint> points,
-                                            const ProjectionModel& look, const BodyState& state) {
+                                            const ProjectionModel& camera, const BodyState& state) {
   Eigen::VectorXd shown(2 * static_cast<Eigen::Index>(points.size()));
   for (std::size_t i = 0; i < points.size(); ++i) {
     const auto pixel =
-        look.pixel(state.position + state.orientation * (state.scale * points[i].in_body));
+        camera.pixel(state.position + state.orientation * (state.scale * points[i].in_body));
     if (!pixel) return std::nullopt;
     shown.segment<2>(2 * static_cast<Eigen::Index>(i)) = *pixel;
   }
   return shown;
 }
 
-/// Root mean square distance of pixels from their middle.
+/// Root mean square distance of pixels from their mean.
 double spread(const Eigen::VectorXd& pixels) {
   const Eigen::Index count = pixels.size() / 2;
   const auto each = pixels.reshaped(2, count);
@@ -113,71 +113,37 @@ double spread(const Eigen::VectorXd& pixels) {
 
 }  // namespace
 
-void ObjectPoseSettings::check() const {
-  if (!exact) projection.check();
-  image.check();
-  object.check();
-  if (!(orientation_sigma > 0)) throw std::invalid_argument("orientation_sigma: must be positive");
-  if (!(scale_sigma >= 0)) throw std::invalid_argument("scale_sigma: must not be negative");
-  if (contour_points < 12 || contour_points > 256) {
-    throw std::invalid_argument("contour_points: must lie between 12 and 256");
-  }
-  if (!(max_residual_px > 0)) throw std::invalid_argument("max_residual_px: must be positive");
-  if (!(equal_chi2 >= 0)) throw std::invalid_argument("equal_chi2: must not be negative");
-}
-
-const char* to_string(PoseStatus status) {
-  switch (status) {
-    case PoseStatus::found:
-      return "found";
-    case PoseStatus::ambiguous:
-      return "ambiguous";
-    case PoseStatus::misfit:
-      return "misfit";
-    case PoseStatus::not_converged:
-      return "not_converged";
-    case PoseStatus::outside:
-      return "outside";
-  }
-  return "outside";
-}
-
-Eigen::Matrix3d orientation_along(const Eigen::Vector3d& axis_in_eye) {
-  if (!(axis_in_eye.allFinite() && axis_in_eye.norm() > 0)) {
-    throw std::invalid_argument("axis_in_eye: must be finite and not zero");
-  }
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis_in_eye)
-      .toRotationMatrix();
-}
-
+/// (5.14) and the ellipse of its silhouette.
 std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
                                             const BodyPose& pose, double scale) {
   settings.check();
   check_start(settings, {pose.position_in_eye, pose.orientation});
-  if (!(std::isfinite(scale) && scale > 0)) throw std::invalid_argument("scale: must be positive");
-  const ProjectionModel look(settings.projection, settings.exact, settings.image);
-  if (!look.inside(pose.position_in_eye)) return std::nullopt;
-  const auto shown = shown_ellipse(settings, look, {pose.position_in_eye, pose.orientation, scale});
+  detail::require_positive(scale, "scale");
+  const ProjectionModel camera(settings.projection, settings.exact, settings.image);
+  if (!camera.inside(pose.position_in_eye)) return std::nullopt;
+  const auto shown =
+      shown_ellipse(settings, camera, {pose.position_in_eye, pose.orientation, scale});
   if (!shown) return std::nullopt;
   return detail::center_axes_angle(*shown);
 }
 
+/// Measurement: the five smooth coordinates of the ellipse; its size is the mean semi-axis.
 ObjectPose locate_object(const ObjectPoseSettings& settings, const EllipseVector& observed,
                          const EllipseCovariance& covariance, const PoseStart& start) {
   settings.check();
-  check_ellipse(observed);
+  detail::check_ellipse(observed);
   check_start(settings, start);
-  const ProjectionModel look(settings.projection, settings.exact, settings.image);
+  const ProjectionModel camera(settings.projection, settings.exact, settings.image);
   const SmoothEllipse seen = detail::smooth_ellipse(observed);
   const detail::EllipseWeight weight = detail::ellipse_weight(observed, covariance);
   detail::Measurement measured;
   measured.difference_px = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
-    const auto shown = shown_ellipse(settings, look, state);
+    const auto shown = shown_ellipse(settings, camera, state);
     if (!shown) return std::nullopt;
     return Eigen::VectorXd(*shown - seen);
   };
   measured.size_px = [&](const BodyState& state) -> std::optional<double> {
-    const auto shown = shown_ellipse(settings, look, state);
+    const auto shown = shown_ellipse(settings, camera, state);
     if (!shown) return std::nullopt;
     return (*shown)[2];
   };
@@ -189,12 +155,13 @@ ObjectPose locate_object(const ObjectPoseSettings& settings, const EllipseVector
   return detail::search_pose(settings, measured, start);
 }
 
+/// Measurement: the pixels; their size is the spread about the mean.
 ObjectPose locate_points(const ObjectPoseSettings& settings, std::span<const SeenPoint> points,
                          const PoseStart& start) {
   settings.check();
   check_start(settings, start);
   if (points.empty()) throw std::invalid_argument("points: wants at least one");
-  const ProjectionModel look(settings.projection, settings.exact, settings.image);
+  const ProjectionModel camera(settings.projection, settings.exact, settings.image);
   Eigen::VectorXd seen(2 * static_cast<Eigen::Index>(points.size()));
   detail::Measurement measured;
   measured.root = point_weights(points);
@@ -203,12 +170,12 @@ ObjectPose locate_points(const ObjectPoseSettings& settings, std::span<const See
     measured.center_px += points[i].pixel_px / static_cast<double>(points.size());
   }
   measured.difference_px = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
-    const auto shown = shown_points(points, look, state);
+    const auto shown = shown_points(points, camera, state);
     if (!shown) return std::nullopt;
     return Eigen::VectorXd(*shown - seen);
   };
   measured.size_px = [&](const BodyState& state) -> std::optional<double> {
-    const auto shown = shown_points(points, look, state);
+    const auto shown = shown_points(points, camera, state);
     if (!shown) return std::nullopt;
     return spread(*shown);
   };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/pose/pose.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/pose/ellipse_weight.h"
 #include "optics/pose/silhouette.h"
 #include "optics/projection/projection_model.h"
@@ -18,8 +19,8 @@
 namespace vitreo::optics {
 namespace {
 
-constexpr double kMmPerM =
-    1e3;  // the solver works in mm, so that steps in depth and across are of a size
+// the solver works in mm, so that steps in depth and across are of a size
+constexpr double kMmPerM = 1e3;
 using Jacobian = Eigen::Matrix<double, 5, 3>;
 
 /// The terms of (5.15), in px: model less observation. With a weight, independent terms of unit
@@ -37,8 +38,8 @@ class EllipseResidual {
         detail::Vector3<T>(position_mm[0], position_mm[1], position_mm[2]) / kMmPerM;
     detail::ImageEllipse<T> shown;
     if (!detail::project_ellipse(settings_, circle_, position, axis_, shown)) {
-      std::fill_n(residuals, 5,
-                  T(kOutside));  // TinySolver does not ask whether an evaluation failed
+      // TinySolver does not check whether an evaluation failed
+      std::fill_n(residuals, 5, T(kOutside));
       return false;
     }
     if (weight_) {
@@ -57,6 +58,8 @@ class EllipseResidual {
   static constexpr double kOutside = 1e6;  // px; any step out there is refused
 
   template <class T>
+  // Differences in smooth coordinates (ellipse_weight.h), by (a^2 - b^2) / 2 = (a + b) (a - b) / 2:
+  // the shown second-harmonic vector over a + b.
   void weighted_terms(const detail::ImageEllipse<T>& shown, T* residuals) const {
     const T sum = shown.semi_major + shown.semi_minor;
     const double half = (observed_[2] - observed_[3]) / 2;
@@ -70,13 +73,15 @@ class EllipseResidual {
     }
   }
 
-  /// Half the model's difference of axes times the angle between model and observation, which is
-  /// thus modulo pi and in px, and fades out where the model is a circle and has no angle.
+  /// The angle's term of (5.15): half the model's difference of axes times the angle between model
+  /// and observation, which is thus modulo pi and in px, and fades out where the model is a circle
+  /// and has no angle.
   template <class T>
   T angle_term(const detail::ImageEllipse<T>& shown) const {
     using std::atan2;
     constexpr double kCircle = 1e-4;  // px^2
-    const double cosine = std::cos(2 * observed_[4]), sine = std::sin(2 * observed_[4]);
+    const double cosine = std::cos(2 * observed_[4]);
+    const double sine = std::sin(2 * observed_[4]);
     const T along = shown.twice_angle_cos * cosine + shown.twice_angle_sin * sine;
     const T across = shown.twice_angle_sin * cosine - shown.twice_angle_cos * sine;
     if (along * along + across * across < kCircle * kCircle) return T(0);
@@ -94,17 +99,10 @@ class EllipseResidual {
 using AutoDiff = ceres::TinySolverAutoDiffFunction<EllipseResidual, 5, 3>;
 using Solver = ceres::TinySolver<AutoDiff>;
 
-void check_ellipse(const EllipseVector& observed) {
-  if (!observed.allFinite()) throw std::invalid_argument("observed: must be finite");
-  if (!(observed[3] > 0 && observed[2] >= observed[3])) {
-    throw std::invalid_argument("observed: needs semi-major >= semi-minor > 0");
-  }
-}
-
+/// (5.15) does not invert it, so variances that are not negative suffice.
 void check_covariance(const EllipseCovariance& covariance) {
-  if (!covariance.allFinite()) throw std::invalid_argument("covariance: must be finite");
-  if (!(covariance.diagonal().minCoeff() >= 0))
-    throw std::invalid_argument("covariance: has a negative variance");
+  detail::require(covariance.allFinite(), "covariance: must be finite");
+  detail::require(covariance.diagonal().minCoeff() >= 0, "covariance: has a negative variance");
   const double asymmetry = (covariance - covariance.transpose()).cwiseAbs().maxCoeff();
   if (asymmetry > 1e-9 * covariance.cwiseAbs().maxCoeff()) {
     throw std::invalid_argument("covariance: must be symmetric");
@@ -113,8 +111,7 @@ void check_covariance(const EllipseCovariance& covariance) {
 
 Eigen::Vector3d unit_axis(const Eigen::Vector3d& axis) {
   const double length = axis.norm();
-  if (!(std::isfinite(length) && length > 0))
-    throw std::invalid_argument("axis_in_eye: must be finite and not zero");
+  detail::require(std::isfinite(length) && length > 0, "axis_in_eye: must be finite and not zero");
   return axis / length;
 }
 
@@ -128,8 +125,10 @@ Eigen::Matrix3d in_m(const Eigen::Matrix3d& information) {
   return information.inverse() / (kMmPerM * kMmPerM);
 }
 
-/// The observation's covariance through the estimator; nothing when some direction is not observed
-/// at all.
+/// Covariance of the position: (J^T C^-1 J)^-1 for the weighted estimator, whose residuals are
+/// whitened; for (5.15) the observation's covariance C through the estimator, G C G^T with the gain
+/// G = (J^T J)^-1 J^T D. D is the derivative of the residuals by the observation, up to sign.
+/// Nothing when some direction is not observed at all.
 std::optional<Eigen::Matrix3d> propagate(const PoseSettings& settings, const EllipseVector& shown,
                                          const Jacobian& jacobian,
                                          const EllipseCovariance& covariance) {
@@ -145,6 +144,7 @@ std::optional<Eigen::Matrix3d> propagate(const PoseSettings& settings, const Ell
   return gain * covariance * gain.transpose() / (kMmPerM * kMmPerM);
 }
 
+/// atan2 gives twice the angle in [-pi, pi]; -pi and pi are one direction.
 EllipseVector as_vector(const detail::ImageEllipse<double>& ellipse) {
   EllipseVector result;
   double angle = std::atan2(ellipse.twice_angle_sin, ellipse.twice_angle_cos) / 2;
@@ -154,6 +154,7 @@ EllipseVector as_vector(const detail::ImageEllipse<double>& ellipse) {
   return result;
 }
 
+/// Position in mm and residuals in px, so the tolerances have these units.
 Solver::Options solver_options() {
   Solver::Options options;
   options.max_num_iterations = 50;
@@ -166,29 +167,12 @@ Solver::Options solver_options() {
 
 }  // namespace
 
-void PoseSettings::check() const {
-  if (!exact) projection.check();
-  image.check();
-  if (!(std::isfinite(robot.semi_axis) && robot.semi_axis > 0)) {
-    throw std::invalid_argument("semi_axis: must be positive");
-  }
-  if (!(std::isfinite(robot.semi_radius) && robot.semi_radius > 0)) {
-    throw std::invalid_argument("semi_radius: must be positive");
-  }
-  if (!(std::isfinite(angle_weight) && angle_weight >= 0)) {
-    throw std::invalid_argument("angle_weight: must not be negative");
-  }
-  if (contour_points < 8 || contour_points > detail::kMaxContourPoints) {
-    throw std::invalid_argument("contour_points: must lie between 8 and 64");
-  }
-  if (!(max_residual_px > 0)) throw std::invalid_argument("max_residual_px: must be positive");
-}
-
+/// (5.14) and the ellipse of its silhouette.
 std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
                                               const Eigen::Vector3d& position_in_eye,
                                               const Eigen::Vector3d& axis_in_eye) {
   settings.check();
-  if (!position_in_eye.allFinite()) throw std::invalid_argument("position_in_eye: must be finite");
+  detail::require(position_in_eye.allFinite(), "position_in_eye: must be finite");
   const Eigen::Vector3d axis = unit_axis(axis_in_eye);
   if (!inside(settings, position_in_eye)) return std::nullopt;
   detail::ImageEllipse<double> ellipse;
@@ -198,14 +182,16 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
   return as_vector(ellipse);
 }
 
+/// Levenberg-Marquardt (Ceres' TinySolver) with automatic derivatives; thesis 5.5 minimizes (5.15)
+/// by the same method.
 std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
                                    const EllipseCovariance& covariance,
                                    const Eigen::Vector3d& axis_in_eye,
                                    const Eigen::Vector3d& start_in_eye) {
   settings.check();
-  check_ellipse(observed);
+  detail::check_ellipse(observed);
   check_covariance(covariance);
-  if (!start_in_eye.allFinite()) throw std::invalid_argument("start_in_eye: must be finite");
+  detail::require(start_in_eye.allFinite(), "start_in_eye: must be finite");
   EllipseResidual residual(settings, observed, unit_axis(axis_in_eye));
   detail::EllipseWeight weight;
   if (settings.weighted) {
@@ -227,6 +213,7 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   if (!inside(settings, estimate.position_in_eye)) return std::nullopt;
   Jacobian jacobian;
   if (!function(position_mm.data(), terms.data(), jacobian.data())) return std::nullopt;
+  // The residual is reported in px, whatever the weights.
   residual.weigh(nullptr);
   if (!residual(position_mm.data(), terms.data())) return std::nullopt;
   estimate.residual_px = std::sqrt(terms.squaredNorm() / 5);
@@ -237,29 +224,32 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
   return estimate;
 }
 
+/// The shown size sqrt(a b) grows with z along the line of sight of the ellipse's center; bisection
+/// for the observed size.
 std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
                                            const EllipseVector& observed,
                                            const Eigen::Vector3d& axis_in_eye) {
   constexpr double kTolerated = 1.2;
   constexpr int kHalvings = 24;  // of some 15 mm: a nanometer
   settings.check();
-  check_ellipse(observed);
+  detail::check_ellipse(observed);
   const Eigen::Vector3d axis = unit_axis(axis_in_eye);
-  const detail::ProjectionModel look(settings.projection, settings.exact, settings.image);
-  const auto sight = look.line_of_sight(observed.head<2>());
+  const detail::ProjectionModel camera(settings.projection, settings.exact, settings.image);
+  const auto sight = camera.line_of_sight(observed.head<2>());
   if (!sight) return std::nullopt;
   const auto on_line = [&](double z) -> Eigen::Vector3d {
     return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
   };
   const detail::Circle circle(settings.contour_points);
   const double wanted = std::sqrt(observed[2] * observed[3]);
-  const auto excess = [&](double z) {  // shown size over observed; growing with z; beyond the
-                                       // projection it is too large
+  // shown size over observed; growing with z; beyond the projection it is too large
+  const auto excess = [&](double z) {
     detail::ImageEllipse<double> shown;
     if (!detail::project_ellipse(settings, circle, on_line(z), axis, shown)) return 2 * kTolerated;
     return std::sqrt(shown.semi_major * shown.semi_minor) / wanted;
   };
-  double low = 0, high = look.max_z();
+  double low = 0;
+  double high = camera.max_z();
   if (excess(low) > kTolerated || excess(high) < 1 / kTolerated) return std::nullopt;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;

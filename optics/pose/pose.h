@@ -1,45 +1,15 @@
-// Where an ellipsoid of known size and orientation is, from the one ellipse it shows: thesis 5.3,
-// minimizing (5.15).
+// Position of an ellipsoid of known size and orientation from the one ellipse that it shows: thesis
+// 5.3, minimizing (5.15).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "optics/projection/exact_projection.h"
-#include "optics/projection/single_viewpoint.h"
+#include "optics/pose/pose_settings.h"
 
 #include <Eigen/Core>
 
 #include <optional>
 
 namespace vitreo::optics {
-
-/// An ellipse in an image: center u, center v, semi-major, semi-minor (px), angle of the major axis
-/// from +u towards +v (rad).
-using EllipseVector = Eigen::Matrix<double, 5, 1>;
-using EllipseCovariance = Eigen::Matrix<double, 5, 5>;
-
-/// An ellipsoid of revolution: the robot as the localizer knows it.
-struct Spheroid {
-  double semi_axis = 1e-3;      // m, along its axis
-  double semi_radius = 0.5e-3;  // m, across
-};
-
-struct PoseSettings {
-  SingleViewpoint projection;
-  ImageScale image;
-  Spheroid robot;
-  double angle_weight = 0.1;  // of the angle term in (5.15), in units of the half difference of the
-                              // axes: field knows it better
-  int contour_points = 24;    // on the model's silhouette, 8 to 64
-  double max_residual_px = 8;  // above this rms the answer is "nothing"
-  /// When given, silhouettes are seen along the exact isopixel lines, and `projection` is not used:
-  /// no error of the simplification is left.
-  std::optional<ExactProjection> exact{};
-  /// Least squares weighted by the observation's covariance in place of (5.15): the most probable
-  /// place when that is right. The angle counts for nothing where the ellipse is round;
-  /// `angle_weight` is not used.
-  bool weighted = false;
-  void check() const;  // throws std::invalid_argument naming the parameter
-};
 
 struct PoseEstimate {
   Eigen::Vector3d position_in_eye;  // m
@@ -60,7 +30,7 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
 /// leaves the projection's validity, or fits badly. `covariance` is that of `observed`. Unless
 /// `weighted` it does not weigh the terms, which are (5.15)'s own, but is carried through that
 /// estimator: (J^T J)^-1 J^T C J (J^T J)^-1. Weighted: (J^T C^-1 J)^-1, and C must be positive
-/// definite. It knows nothing of errors of the model or of the axis. Throws std::invalid_argument
+/// definite. Errors of the model or of the axis are not in it. Throws std::invalid_argument
 /// naming a bad argument. Needs no heap.
 std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
                                    const EllipseCovariance& covariance,

@@ -8,10 +8,12 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace vitreo::optics::detail {
 namespace {
 
+/// Known orientation or size within a sigma are free too, with that knowledge as a residual.
 FreeParameters free_parameters(const ObjectPoseSettings& settings) {
   FreeParameters free{0, 1, 2};
   if (settings.rotate || std::isfinite(settings.orientation_sigma))
@@ -27,7 +29,8 @@ Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& rotation) {
   return turn.angle() * turn.axis();
 }
 
-/// The smallest rotation, in the frame of `from`, that makes a body lie as with `to`.
+/// The smallest rotation vector, in the frame of `from`, that brings a body of this symmetry into
+/// the same attitude as `to`. about_z: only the axes count, and their sense does not.
 Eigen::Vector3d difference(const Eigen::Matrix3d& from, const Eigen::Matrix3d& to,
                            Symmetry symmetry) {
   if (symmetry == Symmetry::about_z) {
@@ -49,8 +52,9 @@ Eigen::Vector3d difference(const Eigen::Matrix3d& from, const Eigen::Matrix3d& t
   return least;
 }
 
-/// The 24 rotations of the cube, or the first six that half-turns do not turn into each other; all
-/// of them oblique, as gradients vanish by symmetry where a body lies straight.
+/// The 24 rotations of the cube, or the first six that half-turns do not turn into each other
+/// (three for a body round about z); all of them oblique, since gradients vanish by symmetry where
+/// a body is aligned with the line of sight.
 std::vector<Eigen::Matrix3d> orientations(Symmetry symmetry) {
   const Eigen::Matrix3d oblique =
       Eigen::AngleAxisd(0.6, Eigen::Vector3d(1, 2, -1.5).normalized()).toRotationMatrix();
@@ -75,7 +79,7 @@ class Search {
       : settings_(settings),
         measured_(measured),
         start_(start),
-        look_(settings.projection, settings.exact, settings.image),
+        camera_(settings.projection, settings.exact, settings.image),
         free_(free_parameters(settings)),
         rotates_(free_.size() > 3 && free_[3] == 3) {}
 
@@ -83,7 +87,7 @@ class Search {
 
  private:
   std::optional<Eigen::VectorXd> residuals(const BodyState& state) const;
-  std::vector<Eigen::Vector3d> places(const Eigen::Matrix3d& orientation) const;
+  std::vector<Eigen::Vector3d> start_positions(const Eigen::Matrix3d& orientation) const;
   std::vector<BodyState> starts() const;
   std::optional<BodyState> mirrored(const BodyState& state) const;
   std::vector<BodyState> tilted(const BodyState& state) const;
@@ -97,14 +101,15 @@ class Search {
   const ObjectPoseSettings& settings_;
   const Measurement& measured_;
   const PoseStart& start_;
-  ProjectionModel look_;
+  ProjectionModel camera_;
   FreeParameters free_;
   bool rotates_;
   std::vector<Minimum> minima_;
   std::optional<Minimum> unfinished_;
 };
 
-/// What was measured, then what was known before: the orientation and the size.
+/// Whitened residuals of the measurement, then of the prior knowledge: the orientation as a
+/// rotation vector and the logarithm of the size, each over its sigma.
 std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state) const {
   const auto seen = measured_.difference_px(state);
   if (!seen) return std::nullopt;
@@ -121,38 +126,40 @@ std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state) const {
   return all;
 }
 
-/// On the line of sight of the observed center, where the body would show the observed size; and
-/// before and behind it.
-std::vector<Eigen::Vector3d> Search::places(const Eigen::Matrix3d& orientation) const {
+/// Start positions: on the line of sight of the observed center, where the body would show the
+/// observed size (bisection), and 3 mm before and behind it.
+std::vector<Eigen::Vector3d> Search::start_positions(const Eigen::Matrix3d& orientation) const {
   constexpr int kHalvings = 14;  // of some 15 mm: a micrometer
   constexpr double kAside = 3e-3;
   if (start_.position_in_eye) return {*start_.position_in_eye};
-  const auto sight = look_.line_of_sight(measured_.center_px);
+  const auto sight = camera_.line_of_sight(measured_.center_px);
   if (!sight) return {};
   const auto on_line = [&](double z) -> Eigen::Vector3d {
     return sight->origin + (z - sight->origin.z()) / sight->direction.z() * sight->direction;
   };
-  double low = 0, high = look_.max_z();
+  double low = 0;
+  double high = camera_.max_z();
   for (int i = 0; i < kHalvings && measured_.size > 0; ++i) {
     const double middle = (low + high) / 2;
     const auto shown = measured_.size_px({on_line(middle), orientation, 1});
-    (shown && *shown < measured_.size ? low : high) =
-        middle;  // beyond the projection it is too near
+    // beyond the projection it is too near
+    (shown && *shown < measured_.size ? low : high) = middle;
   }
   const double guess = (low + high) / 2;
   std::vector<Eigen::Vector3d> made{on_line(guess)};
   for (const double z : {guess - kAside, guess + kAside}) {
-    if (z > 0 && z < look_.max_z()) made.push_back(on_line(z));
+    if (z > 0 && z < camera_.max_z()) made.push_back(on_line(z));
   }
   return made;
 }
 
+/// Every start orientation with its start positions.
 std::vector<BodyState> Search::starts() const {
   const auto turns = start_.orientation ? std::vector<Eigen::Matrix3d>{*start_.orientation}
                                         : orientations(measured_.symmetry);
   std::vector<BodyState> made;
   for (const Eigen::Matrix3d& turn : turns) {
-    const auto there = places(turn);
+    const auto there = start_positions(turn);
     // Many orientations are enough variety.
     const std::size_t count =
         turns.size() > 1 ? std::min<std::size_t>(1, there.size()) : there.size();
@@ -161,20 +168,24 @@ std::vector<BodyState> Search::starts() const {
   return made;
 }
 
-/// Seen from afar, a body and its mirror image in the plane across the line of sight look the same.
+/// The other pose of a weak-perspective projection: seen from afar, a body and its mirror image in
+/// the plane across the line of sight look the same (Necker reversal; Schweighofer & Pinz 2006 for
+/// planar targets). I - 2 w w^T mirrors across the line of sight, I - 2 n n^T maps the body onto
+/// itself.
 std::optional<BodyState> Search::mirrored(const BodyState& state) const {
-  const auto viewpoint = look_.viewpoint(state.position);
+  const auto viewpoint = camera_.viewpoint(state.position);
   if (!viewpoint) return std::nullopt;
-  const Eigen::Vector3d w = (*viewpoint - state.position).normalized(), n = measured_.mirror;
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
+  const Eigen::Vector3d n = measured_.mirror;
   const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2 * w * w.transpose();
   const Eigen::Matrix3d own = Eigen::Matrix3d::Identity() - 2 * n * n.transpose();
   return BodyState{state.position, across * state.orientation * own, state.scale};
 }
 
-/// Away from where the body lies across the line of sight, where its image does not change with the
-/// tilt.
+/// Starts tilted away from the attitude across the line of sight, where the image is stationary in
+/// the tilt.
 std::vector<BodyState> Search::tilted(const BodyState& state) const {
-  const auto viewpoint = look_.viewpoint(state.position);
+  const auto viewpoint = camera_.viewpoint(state.position);
   if (!viewpoint) return {};
   const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
   const Eigen::Vector3d across = w.cross(Eigen::Vector3d(state.orientation.col(2)));
@@ -189,16 +200,16 @@ std::vector<BodyState> Search::tilted(const BodyState& state) const {
   return made;
 }
 
-/// For a body that is round about its z: from all tilts against the line of sight, towards where it
-/// lies in `state` and across, at the depth where the size fits, those that fit better than their
-/// neighbors. A short cylinder shows one ellipse at two tilts that are nearer each other than any
-/// few starts are.
+/// Starts for a body that is round about its z: all tilts against the line of sight, towards the
+/// direction in which it lies in `state` and across, at the depth where the size fits; those that
+/// fit better than their neighbors. A short cylinder shows one ellipse at two tilts that are nearer
+/// to each other than any few starts are.
 std::vector<BodyState> Search::scanned(const BodyState& state) const {
   constexpr int kTilts = 24;  // of half a turn: 7.5 degrees
-  const auto viewpoint = look_.viewpoint(state.position);
+  const auto viewpoint = camera_.viewpoint(state.position);
   if (!viewpoint) return {};
-  const Eigen::Vector3d w = (*viewpoint - state.position).normalized(),
-                        axis = state.orientation.col(2);
+  const Eigen::Vector3d w = (*viewpoint - state.position).normalized();
+  const Eigen::Vector3d axis = state.orientation.col(2);
   Eigen::Vector3d aside = axis - axis.dot(w) * w;
   if (!(aside.norm() > 0.01)) aside = w.unitOrthogonal();
   aside.normalize();
@@ -208,22 +219,24 @@ std::vector<BodyState> Search::scanned(const BodyState& state) const {
     std::array<double, kTilts> cost;
     cost.fill(std::numeric_limits<double>::infinity());
     for (int i = 0; i < kTilts; ++i) {
-      const double tilt = M_PI * (i + 0.5) / kTilts;
+      const double tilt = std::numbers::pi * (i + 0.5) / kTilts;
       const Eigen::Matrix3d turn = orientation_along(std::cos(tilt) * w + std::sin(tilt) * towards);
-      const auto there = places(turn);
+      const auto there = start_positions(turn);
       if (there.empty()) continue;
       seen[i] = BodyState{there.front(), turn, 1};
       const auto terms = residuals(*seen[i]);
       if (terms) cost[i] = terms->squaredNorm();
     }
     for (int i = 0; i < kTilts; ++i) {
-      const double before = cost[(i + kTilts - 1) % kTilts], after = cost[(i + 1) % kTilts];
+      const double before = cost[(i + kTilts - 1) % kTilts];
+      const double after = cost[(i + 1) % kTilts];
       if (std::isfinite(cost[i]) && cost[i] <= before && cost[i] <= after) made.push_back(*seen[i]);
     }
   }
   return made;
 }
 
+/// Logarithm of moved(): the step in the free parameters that leads from a to b.
 Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
                                      Symmetry symmetry) const {
   Eigen::VectorXd step(static_cast<Eigen::Index>(free_.size()));
@@ -233,12 +246,14 @@ Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
   return step;
 }
 
-/// The profile of the likelihood: how far along a direction, everything else at its best, until
-/// chi^2 has grown by 1. A valley that is flatter than its bottom's curvature, as of a tilt near
-/// zero, has a larger sigma.
+/// Profile likelihood: the distance along a direction, every other parameter at its best, at which
+/// chi^2 has grown by about 1; the distances tried are coarse, so 0.7 is enough. A valley that is
+/// flatter than its bottom's curvature, as of a tilt near zero, has a larger sigma.
 double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
                        double sigma) const {
-  constexpr double kEnough = 0.7, kFarther = 1.5, kHeld = 1e3;
+  constexpr double kEnough = 0.7;
+  constexpr double kFarther = 1.5;
+  constexpr double kHeld = 1e3;
   const Eigen::VectorXd units = parameter_units(free_);
   for (double far = sigma; far < 1; far *= kFarther) {
     const auto held = [&](const BodyState& state) -> std::optional<Eigen::VectorXd> {
@@ -257,6 +272,7 @@ double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
   return 1;
 }
 
+/// Half a sigma by both Jacobians, or equal to rounding.
 bool Search::same(const Minimum& a, const Minimum& b) const {
   constexpr double kApart = 0.5;  // sigma
   const Eigen::VectorXd step = step_between(a.state, b.state, measured_.symmetry);
@@ -264,6 +280,7 @@ bool Search::same(const Minimum& a, const Minimum& b) const {
   return (a.jacobian * step).norm() < kApart && (b.jacobian * step).norm() < kApart;
 }
 
+/// Minimizes from a start and keeps the minimum, or the better of two that are the same.
 void Search::follow(const BodyState& start) {
   const auto found =
       minimize([this](const BodyState& state) { return residuals(state); }, free_, start);
@@ -272,7 +289,7 @@ void Search::follow(const BodyState& start) {
     if (!unfinished_ || found->cost < unfinished_->cost) unfinished_ = *found;
     return;
   }
-  if (!look_.inside(found->state.position)) return;
+  if (!camera_.inside(found->state.position)) return;
   for (Minimum& known : minima_) {
     if (!same(known, *found)) continue;
     if (found->cost < known.cost) known = *found;
@@ -281,6 +298,7 @@ void Search::follow(const BodyState& start) {
   minima_.push_back(*found);
 }
 
+/// Covariance of the free parameters, written into the full 7 x 7 matrix.
 PoseCandidate Search::candidate(const Minimum& minimum) const {
   PoseCandidate made;
   made.pose = {minimum.state.position, minimum.state.orientation};
@@ -306,10 +324,12 @@ PoseCandidate Search::candidate(const Minimum& minimum) const {
   return made;
 }
 
+/// All starts, then for each minimum found its mirror image and tilted attitudes. Candidates are
+/// the minima whose chi^2 is within equal_chi2 of the best.
 ObjectPose Search::run() {
   constexpr std::size_t kMost = 12;
-  constexpr double kFarOff =
-      5;  // sigma of what is known of the orientation: a tilted start would end where it is
+  // sigma of what is known of the orientation: a tilted start would end where it is
+  constexpr double kFarOff = 5;
   const bool tilts = rotates_ && !(settings_.orientation_sigma * kFarOff < kTilt);
   for (const BodyState& start : starts()) {
     follow(start);
@@ -323,8 +343,8 @@ ObjectPose Search::run() {
                          [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
     for (const BodyState& other : scanned(best->state)) follow(other);
   }
-  // By index: what is found this way is looked at in its turn. A short cylinder has four poses with
-  // the same ellipse.
+  // By index: minima found this way are expanded in their turn. A short cylinder has four poses
+  // with the same ellipse.
   for (std::size_t i = 0; rotates_ && i < std::min(minima_.size(), kMost); ++i) {
     const BodyState found = minima_[i].state;
     if (const auto other = mirrored(found)) follow(*other);

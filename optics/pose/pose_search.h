@@ -1,9 +1,9 @@
-// From several starts to the poses that explain a measurement, and whether there is one, several or
+// Multi-start search for the poses that explain a measurement, and whether there is one, several or
 // none.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "optics/pose/object_pose.h"
+#include "optics/pose/body_pose.h"
 #include "optics/pose/pose_solver.h"
 #include "optics/projection/projection_model.h"
 
@@ -14,21 +14,20 @@
 
 namespace vitreo::optics::detail {
 
-/// Which rotations of the body leave it as it was.
+/// Rotations of the body that leave it unchanged.
 enum class Symmetry { none, half_turns, about_z };
 
-/// What was measured, whatever it is.
+/// A measurement of any kind: an ellipse, or points.
 struct Measurement {
-  std::function<std::optional<Eigen::VectorXd>(const BodyState&)>
-      difference_px;                                               // shown less observed
+  // shown less observed
+  std::function<std::optional<Eigen::VectorXd>(const BodyState&)> difference_px;
   std::function<std::optional<double>(const BodyState&)> size_px;  // shown
   Eigen::MatrixXd root;             // times the difference: independent terms of unit variance
   Eigen::Vector2d center_px{0, 0};  // observed
   double size = 0;                  // px; observed; 0: none
   Symmetry symmetry = Symmetry::none;
-  Eigen::Vector3d mirror{
-      0, 0,
-      1};  // normal of a plane in the body's frame by which it is (about) its own mirror image
+  // normal of a plane in the body's frame by which it is (about) its own mirror image
+  Eigen::Vector3d mirror{0, 0, 1};
 };
 
 ObjectPose search_pose(const ObjectPoseSettings& settings, const Measurement& measured,

@@ -12,12 +12,14 @@
 namespace vitreo::optics::detail {
 namespace {
 
-constexpr int kFirstRotation = 3, kSize = 6;
+constexpr int kFirstRotation = 3;
+constexpr int kSize = 6;
 
-/// Small enough that the projection is straight over it, large enough that rounding (1e-11 px) does
-/// not show.
+/// Steps of central differences, in m, rad and 1: small enough that the projection is straight over
+/// them, large enough that rounding (1e-11 px) does not show.
 double difference_step(int parameter) { return parameter < kFirstRotation ? 1e-6 : 1e-4; }
 
+/// Central differences: an error of second order in the step.
 std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
                                              const FreeParameters& free, const BodyState& at,
                                              Eigen::Index rows) {
@@ -26,7 +28,8 @@ std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
   for (Eigen::Index i = 0; i < count; ++i) {
     const double step = difference_step(free[static_cast<std::size_t>(i)]);
     const Eigen::VectorXd along = step * Eigen::VectorXd::Unit(count, i);
-    const auto more = residuals(moved(at, free, along)), less = residuals(moved(at, free, -along));
+    const auto more = residuals(moved(at, free, along));
+    const auto less = residuals(moved(at, free, -along));
     if (!more || !less) return std::nullopt;
     jacobian.col(i) = (*more - *less) / (2 * step);
   }
@@ -35,6 +38,8 @@ std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
 
 }  // namespace
 
+/// Retraction: position and logarithm of the size are added to, the orientation is multiplied by
+/// the exponential of a rotation vector (Rodrigues), so no parametrization has a singular attitude.
 BodyState moved(const BodyState& state, const FreeParameters& free, const Eigen::VectorXd& step) {
   BodyState there = state;
   Eigen::Vector3d turn(0, 0, 0);
@@ -70,7 +75,8 @@ namespace {
 constexpr double kSlight = 1e-9;  // damping
 constexpr int kDoublings = 12;
 
-/// Steps of Levenberg and Marquardt from one place, in units.
+/// Levenberg-Marquardt steps from one state, in the parameters' natural units:
+/// (J^T J + lambda D) x = -J^T r with Marquardt's scaling D = diag(J^T J) and a floor.
 class DampedSteps {
  public:
   DampedSteps(const Eigen::MatrixXd& scaled, const Eigen::VectorXd& residuals)
@@ -84,28 +90,29 @@ class DampedSteps {
         damping * (information_.diagonal().array() + 1e-3 + 1e-9 * information_.trace()).matrix();
     return -matrix.ldlt().solve(gradient_);
   }
-  double gain(const Eigen::VectorXd& step) const {
-    return -gradient_.dot(step);
-  }  // about twice what a step gains
+  /// About twice the decrease of the cost that a step predicts.
+  double gain(const Eigen::VectorXd& step) const { return -gradient_.dot(step); }
 
  private:
   Eigen::MatrixXd information_;
   Eigen::VectorXd gradient_;
 };
 
-/// Takes a step if it is a gain. Gauss-Newton knows the residuals' slopes and not their bends:
-/// where what is left over is large against the noise and bends, as a body's length does with its
-/// tilt seen from straight above, its steps are too short by a factor that stays, and a hundred are
-/// not enough. So a gain is doubled for as long as that is one too.
-bool go(const BodyResiduals& residuals, const FreeParameters& free, const Eigen::VectorXd& step,
-        int doublings, Minimum& best) {
+/// Takes a step if it lowers the cost. Gauss-Newton has the residuals' slopes and not their
+/// curvature: where a residual that stays is large against the noise and curved, as a body's length
+/// is in its tilt seen from straight above, its steps are too short by a factor that stays, and a
+/// hundred are not enough. So a step is doubled for as long as that lowers the cost again.
+bool line_search(const BodyResiduals& residuals, const FreeParameters& free,
+                 const Eigen::VectorXd& step, int doublings, Minimum& best) {
   const BodyState from = best.state;
   double factor = 1;
   for (int i = 0; i <= doublings; ++i, factor *= 2) {
     const BodyState there = moved(from, free, factor * step);
     const auto found = residuals(there);
     if (!found || !(found->squaredNorm() < best.cost)) return i > 0;
-    best.state = there, best.residuals = *found, best.cost = found->squaredNorm();
+    best.state = there;
+    best.residuals = *found;
+    best.cost = found->squaredNorm();
   }
   return true;
 }
@@ -115,10 +122,10 @@ bool go(const BodyResiduals& residuals, const FreeParameters& free, const Eigen:
 std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParameters& free,
                                 const BodyState& start) {
   constexpr int kIterations = 100;
-  constexpr int kSlow = 6;  // steps after which Gauss and Newton should have been there
+  constexpr int kSlow = 6;  // iterations after which Gauss-Newton should have converged
   constexpr double kHopeless = 1e12;
-  constexpr double kRough =
-      1e-4;  // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
+  // of chi^2, a hundredth of a sigma: an outline of many corners is no smoother
+  constexpr double kRough = 1e-4;
   const auto first = residuals(start);
   if (!first) return std::nullopt;
   const Eigen::VectorXd units = parameter_units(free);
@@ -129,17 +136,20 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
     if (!jacobian) return best;  // at the edge of what can be seen
     best.jacobian = *jacobian;
     const DampedSteps steps(*jacobian * units.asDiagonal(), best.residuals);
-    // What a step promises that is hardly damped; a short one because it is damped is no minimum.
+    // Convergence by the predicted decrease of a step that is hardly damped: a step that is short
+    // because of its damping is no sign of a minimum.
     const double promised = steps.gain(steps.damped(kSlight));
     best.converged = !(promised > 1e-10 * (1e-2 + best.cost));
     bool better = false;
     for (; !best.converged && damping < kHopeless && !better; damping *= 8) {
       const Eigen::VectorXd step = steps.damped(damping);
-      constexpr double kLongest = 1.2, kNone = 1e-12;  // units
+      // units
+      constexpr double kLongest = 1.2;
+      constexpr double kNone = 1e-12;
       const double length = step.cwiseAbs().maxCoeff();
       if (length < kNone) break;
       const Eigen::VectorXd by = std::fmin(1, kLongest / length) * units.cwiseProduct(step);
-      better = go(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
+      better = line_search(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
     }
     if (better) {
       damping = std::fmax(damping / 64, 1e-9);
@@ -151,15 +161,19 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
   return best;
 }
 
+/// By the eigenvectors of the information J^T J in natural units: sigma along each is 1 /
+/// sqrt(eigenvalue). Directions with a sigma above one unit are not observed.
 Observed observed_from(const Eigen::MatrixXd& jacobian, const FreeParameters& free,
                        const Widen& widen) {
-  constexpr double kShare = 0.02, kWeak = 0.1;
+  constexpr double kShare = 0.02;
+  constexpr double kWeak = 0.1;
   constexpr double kWholeTurn = 15.7;  // units of 0.4 rad
   const Eigen::VectorXd units = parameter_units(free);
   const auto count = static_cast<Eigen::Index>(free.size());
   const Eigen::MatrixXd scaled = jacobian * units.asDiagonal();
   const Spectrum spectrum = spectrum_of(scaled.transpose() * scaled);
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count), unobservable(count, 0);
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count);
+  Eigen::MatrixXd unobservable(count, 0);
   Eigen::Array<bool, Eigen::Dynamic, 1> lost =
       Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(count, false);
   for (Eigen::Index i = 0; i < count; ++i) {

@@ -1,4 +1,5 @@
-// Least squares over a place, a rotation and a size; what of them is observed, and how well.
+// Least squares over position, rotation and size of a body; covariance of the result and the
+// directions that are not observed.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -23,7 +24,7 @@ using FreeParameters = std::vector<int>;
 /// by the exponential.
 BodyState moved(const BodyState& state, const FreeParameters& free, const Eigen::VectorXd& step);
 
-/// Residuals of unit variance; nothing where the state cannot be seen.
+/// Residuals of unit variance; nothing where the state has no image.
 using BodyResiduals = std::function<std::optional<Eigen::VectorXd>(const BodyState&)>;
 
 struct Minimum {
@@ -35,7 +36,7 @@ struct Minimum {
   bool converged = false;
 };
 
-/// Levenberg-Marquardt with central differences. Nothing when the start cannot be seen.
+/// Levenberg-Marquardt with central differences. Nothing when the start has no image.
 std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParameters& free,
                                 const BodyState& start);
 

@@ -3,8 +3,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "optics/pose/pose.h"
-#include "optics/projection/projection.h"
+#include "optics/pose/pose_settings.h"
+#include "optics/projection/single_viewpoint.h"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -15,15 +15,14 @@
 
 namespace vitreo::optics::detail {
 
-inline constexpr int kMaxContourPoints = 64;
-
 template <class T>
 using Contour = std::array<Vector2<T>, kMaxContourPoints>;
 
 /// Cosines and sines of the contour's parameter, made once for all evaluations of a solve.
 struct Circle {
   int count;
-  std::array<double, kMaxContourPoints> cosine, sine;
+  std::array<double, kMaxContourPoints> cosine;
+  std::array<double, kMaxContourPoints> sine;
   explicit Circle(int points) : count(points), cosine{}, sine{} {
     for (int i = 0; i < count; ++i) {
       cosine[i] = std::cos(2 * std::numbers::pi * i / count);
@@ -37,9 +36,11 @@ struct Circle {
 template <class T>
 struct ImageEllipse {
   Vector2<T> center;
-  T semi_major, semi_minor;
-  T twice_angle_cos,
-      twice_angle_sin;  // of twice the angle, times (semi_major^2 - semi_minor^2) / 2, px^2
+  T semi_major;
+  T semi_minor;
+  // of twice the angle, times (semi_major^2 - semi_minor^2) / 2, px^2
+  T twice_angle_cos;
+  T twice_angle_sin;
 };
 
 template <class T>
@@ -67,14 +68,16 @@ bool project_from(const ExactProjection& view, const Vector3<T>& viewpoint,
   return view.project(Vector3<T>(viewpoint + from_viewpoint), m);
 }
 
-/// The silhouette in the image. Lines of sight touch the spheroid where, in the space where it is
-/// the unit sphere and the viewpoint is w, the point s has s.w = 1: a circle there. False when any
-/// of it is outside the projection.
+/// The silhouette in the image, (5.14). Lines of sight touch the spheroid where, in the space where
+/// it is the unit sphere and the viewpoint is w, the point s has s.w = 1: a circle in the plane
+/// across w at distance 1 / |w|, of radius sqrt(1 - 1 / |w|^2). False when any of it is outside the
+/// projection.
 template <class View, class T>
 bool contour_through(const View& view, const PoseSettings& settings, const Circle& circle,
                      const Vector3<T>& position, const Eigen::Vector3d& axis, Contour<T>& contour) {
   using std::sqrt;
-  const double along = settings.robot.semi_axis, radius = settings.robot.semi_radius;
+  const double along = settings.robot.semi_axis;
+  const double radius = settings.robot.semi_radius;
   Vector3<T> viewpoint;
   if (!viewpoint_near(view, position, viewpoint)) return false;
   const Vector3<T> from_viewpoint = position - viewpoint;
@@ -93,7 +96,8 @@ bool contour_through(const View& view, const PoseSettings& settings, const Circl
   };
   const T spread = sqrt(1.0 - inverse2);
   const Vector3<T> middle = from_viewpoint + stretch(w * inverse2);
-  const Vector3<T> side1 = stretch(e1 * spread), side2 = stretch(e2 * spread);
+  const Vector3<T> side1 = stretch(e1 * spread);
+  const Vector3<T> side2 = stretch(e2 * spread);
   for (int i = 0; i < circle.count; ++i) {
     const Vector3<T> touched = middle + side1 * circle.cosine[i] + side2 * circle.sine[i];
     Vector2<T> m;
@@ -121,11 +125,13 @@ struct AffineCircle {
   Eigen::Matrix<T, 2, 2> shape;
 };
 
-/// The contour's first harmonic: the exact ellipse when the contour is an affine image of its
-/// circle.
+/// The contour's first harmonic in its parameter (the discrete Fourier transform at order 1): the
+/// exact ellipse when the contour is an affine image of its circle.
 template <class T>
 AffineCircle<T> first_harmonic(const Circle& circle, const Contour<T>& contour) {
-  Vector2<T> sum(T(0), T(0)), with_cosine = sum, with_sine = sum;
+  Vector2<T> sum(T(0), T(0));
+  Vector2<T> with_cosine = sum;
+  Vector2<T> with_sine = sum;
   for (int i = 0; i < circle.count; ++i) {
     sum += contour[i];
     with_cosine += contour[i] * circle.cosine[i];
@@ -137,24 +143,28 @@ AffineCircle<T> first_harmonic(const Circle& circle, const Contour<T>& contour) 
   return ellipse;
 }
 
-/// One step towards the least-squares ellipse, as a tracker fits it: where the ellipse is the unit
-/// circle, the contour's distance from it, rho(psi), is made free of the harmonics that an ellipse
-/// can follow: dx cos + dy sin + p
-/// + s cos2 + t sin2.
+/// One Gauss-Newton step towards the least-squares ellipse, as a tracker fits it: where the ellipse
+/// is the unit circle, the contour's distance from it, rho(psi), is made free of the harmonics that
+/// an ellipse can follow: dx cos + dy sin + p + s cos2 + t sin2.
 template <class T>
 void correct(const Circle& circle, const Contour<T>& contour, AffineCircle<T>& ellipse) {
   using std::sqrt;
   const T determinant =
       ellipse.shape(0, 0) * ellipse.shape(1, 1) - ellipse.shape(0, 1) * ellipse.shape(1, 0);
   const T scale = 1.0 / determinant;
-  T dx(0), dy(0), p(0), s(0), t(0);
+  T dx(0);
+  T dy(0);
+  T p(0);
+  T s(0);
+  T t(0);
   for (int i = 0; i < circle.count; ++i) {
     const Vector2<T> q = contour[i] - ellipse.center;
     const T x = (ellipse.shape(1, 1) * q.x() - ellipse.shape(0, 1) * q.y()) * scale;
     const T y = (ellipse.shape(0, 0) * q.y() - ellipse.shape(1, 0) * q.x()) * scale;
     const T length = sqrt(x * x + y * y);
     const T rho = length - 1.0;
-    const T cosine = x / length, sine = y / length;
+    const T cosine = x / length;
+    const T sine = y / length;
     dx += rho * cosine;
     dy += rho * sine;
     p += rho;
@@ -168,12 +178,14 @@ void correct(const Circle& circle, const Contour<T>& contour, AffineCircle<T>& e
   ellipse.shape = (ellipse.shape * growth).eval();
 }
 
+/// Axes from the shape S: a^2 and b^2 are the eigenvalues of S S^T, whose half difference is the
+/// length of the vector of twice the angle; b from the determinant, a b = |det S|.
 template <class T>
 ImageEllipse<T> axes_of(const AffineCircle<T>& ellipse) {
   using std::abs;
   using std::sqrt;
-  constexpr double kCircle =
-      1e-5;  // px^2; rounds the cone's tip off, where semi-axes have no derivative
+  // px^2; rounds the cone's tip off, where semi-axes have no derivative
+  constexpr double kCircle = 1e-5;
   const auto& shape = ellipse.shape;
   const T uu = shape(0, 0) * shape(0, 0) + shape(0, 1) * shape(0, 1);
   const T vv = shape(1, 0) * shape(1, 0) + shape(1, 1) * shape(1, 1);

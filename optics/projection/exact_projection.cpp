@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/projection/exact_projection.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -11,6 +13,7 @@
 namespace vitreo::optics {
 namespace {
 
+/// A traced ray as the line x = at_retina + slope z.
 detail::TraceLine tracer_of(const System& system, const Microscope& microscope) {
   return [&system, microscope](const Eigen::Vector2d& m) -> std::optional<detail::TracedLine> {
     const auto ray = isopixel_line(system, microscope, m);
@@ -22,23 +25,25 @@ detail::TraceLine tracer_of(const System& system, const Microscope& microscope) 
 
 }  // namespace
 
+/// A decentered telecentric microscope takes the same rays as a centered one; only m counts from
+/// its own axis, which shift_ undoes.
 ExactProjection::ExactProjection(const System& system, const Microscope& microscope, double max_m,
                                  bool tabulated) {
   system.check();
   microscope.check();
-  if (!(std::isfinite(max_m) && max_m > 0)) throw std::invalid_argument("max_m: must be positive");
+  detail::require_positive(max_m, "max_m");
   const bool telecentric = !std::isfinite(microscope.pupil_distance);
   symmetric_ =
       !tabulated && microscope.tilt.isZero(0) && (telecentric || microscope.decenter.isZero(0));
-  Microscope looked = microscope;
+  Microscope traced = microscope;
   if (symmetric_) {
-    looked.decenter.setZero();
+    traced.decenter.setZero();
     shift_ = microscope.decenter;
   }
   retina_ = system.surfaces[0];
   lens_ = system.surfaces[1];
   lens_vertex_ = system.vertex(2);
-  const detail::TraceLine trace = tracer_of(system, looked);
+  const detail::TraceLine trace = tracer_of(system, traced);
   if (symmetric_) {
     radial_ = detail::RadialLines(trace, max_m);
   } else {
@@ -48,8 +53,9 @@ ExactProjection::ExactProjection(const System& system, const Microscope& microsc
   check_against_trace(trace);
 }
 
-/// As far as neighboring lines keep apart: where their change with m turns over, one point has
-/// several images.
+/// The largest z at which neighboring lines keep apart: x = a(m) + z s(m) has the derivative A + z
+/// S by m, which is singular where an eigenvalue of A^-1 S is -1 / z. Beyond, one point has several
+/// images.
 void ExactProjection::find_max_z(const System& system) {
   constexpr int kSteps = 64;
   constexpr double kNearViewpoint = 0.95;  // beyond, the image of a point grows without bound
@@ -66,6 +72,8 @@ void ExactProjection::find_max_z(const System& system) {
   max_z_ = kNearViewpoint * crossing;
 }
 
+/// Largest distance of the table from traced lines, in m of the aerial image, at both ends of the
+/// vitreous, as the difference of two straight lines is largest at an end.
 void ExactProjection::check_against_trace(const detail::TraceLine& trace) {
   constexpr int kAcross = 23;  // no divisor of the table's own nodes
   for (int i = 0; i <= kAcross; ++i) {
@@ -84,30 +92,33 @@ void ExactProjection::check_against_trace(const detail::TraceLine& trace) {
   }
 }
 
-bool ExactProjection::see(const Eigen::Vector3d& point, Seen& seen) const {
+/// By the implicit function theorem dm/dx = (dx/dm)^-1 at constant z.
+bool ExactProjection::solve(const Eigen::Vector3d& point, Solution& found) const {
   if (!(point.z() <= max_z_)) return false;
-  if (!(symmetric_ ? radial_.solve(point, seen.m, seen.line)
-                   : grid_.solve(point, seen.m, seen.line)))
+  if (!(symmetric_ ? radial_.solve(point, found.m, found.line)
+                   : grid_.solve(point, found.m, found.line)))
     return false;
-  const Eigen::Matrix2d per_m = seen.line.per_m(point.z());
-  seen.m_per_point = per_m.inverse();
+  const Eigen::Matrix2d per_m = found.line.per_m(point.z());
+  found.m_per_point = per_m.inverse();
   return true;
 }
 
+/// The public projection is bounded by retina and lens too.
 std::optional<ExactProjection::WithJacobian> ExactProjection::project_with_jacobian(
     const Eigen::Vector3d& point_in_eye) const {
-  if (!point_in_eye.allFinite()) throw std::invalid_argument("point_in_eye: must be finite");
+  detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
   constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
   const double r = point_in_eye.head<2>().norm();
   if (!(point_in_eye.z() >= retina_.sag(r) - kRounding))
     return std::nullopt;             // NaN: beyond the retina's edge
   const double lens = lens_.sag(r);  // NaN: it does not reach so far out
   if (!(point_in_eye.z() <= lens_vertex_ + (std::isnan(lens) ? 0 : lens))) return std::nullopt;
-  Seen seen;
-  if (!see(point_in_eye, seen)) return std::nullopt;
+  Solution found;
+  if (!solve(point_in_eye, found)) return std::nullopt;
   WithJacobian made;
-  made.m = seen.m - shift_;
-  made.per_point << seen.m_per_point, -seen.m_per_point * seen.line.slope;
+  made.m = found.m - shift_;
+  // x(m, z) = x: dm/dz = -(dx/dm)^-1 slope.
+  made.per_point << found.m_per_point, -found.m_per_point * found.line.slope;
   return made;
 }
 
@@ -117,8 +128,9 @@ std::optional<Eigen::Vector2d> ExactProjection::project(const Eigen::Vector3d& p
   return projected->m;
 }
 
+/// The isopixel line of m: the inverse of the projection but for the depth.
 std::optional<Ray> ExactProjection::line(const Eigen::Vector2d& m, double z) const {
-  if (!(m.allFinite() && std::isfinite(z))) throw std::invalid_argument("m: must be finite");
+  detail::require(m.allFinite() && std::isfinite(z), "m: must be finite");
   const Eigen::Vector2d in_table = m + shift_;
   if (symmetric_ ? !radial_.covers(in_table) : !grid_.covers(in_table)) return std::nullopt;
   const detail::IsopixelLine line = symmetric_ ? radial_.line(in_table) : grid_.line(in_table);

@@ -1,5 +1,5 @@
-// The isopixel lines of a chain as a table: for each m of the aerial image the straight line in the
-// vitreous that is seen there, x = at_retina + slope z, and its change with m. Eye frame, m.
+// Table of the isopixel lines of a chain: for each m of the aerial image the straight line in the
+// vitreous that is imaged there, x = at_retina + slope z, and its change with m. Eye frame, m.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,15 +13,19 @@
 namespace vitreo::optics::detail {
 
 struct IsopixelLine {
-  Eigen::Vector2d at_retina, slope;              // m at z = 0; dx/dz, dy/dz
-  Eigen::Matrix2d at_retina_per_m, slope_per_m;  // their derivatives by m
+  Eigen::Vector2d at_retina;  // m, at z = 0
+  Eigen::Vector2d slope;      // dx/dz, dy/dz
+  // their derivatives by m
+  Eigen::Matrix2d at_retina_per_m;
+  Eigen::Matrix2d slope_per_m;
   Eigen::Vector2d at(double z) const { return at_retina + z * slope; }
   Eigen::Matrix2d per_m(double z) const { return at_retina_per_m + z * slope_per_m; }
 };
 
 /// The traced line of m; nothing when the ray is lost.
 struct TracedLine {
-  Eigen::Vector2d at_retina, slope;
+  Eigen::Vector2d at_retina;
+  Eigen::Vector2d slope;
   Eigen::Vector2d at(double z) const { return at_retina + z * slope; }
 };
 using TraceLine = std::function<std::optional<TracedLine>(const Eigen::Vector2d& m)>;
@@ -43,13 +47,19 @@ class RadialLines {
  private:
   static constexpr int kTerms = 16;
   struct Values {
-    double a, s, a_per, s_per;  // A, S and their derivatives by |m|^2
+    // A, S and their derivatives by |m|^2
+    double a;
+    double s;
+    double a_per;
+    double s_per;
   };
   Values values(double m2) const;
   static IsopixelLine line(const Eigen::Vector2d& m, const Values& v);
   double max_m_ = 0;
-  int terms_ = 0;                         // those that matter
-  std::array<double, kTerms> a_{}, s_{};  // in powers of 2 |m|^2 / max_m^2 - 1
+  int terms_ = 0;  // those that matter
+  // in powers of 2 |m|^2 / max_m^2 - 1
+  std::array<double, kTerms> a_{};
+  std::array<double, kTerms> s_{};
 };
 
 /// Lines without symmetry: four functions on a square grid of m, interpolated by cubics.
@@ -66,7 +76,8 @@ class GridLines {
 
  private:
   static constexpr int kNodes = 81;  // a side; odd, so that one is the middle
-  double max_m_ = 0, step_ = 0;
+  double max_m_ = 0;
+  double step_ = 0;
   std::vector<Eigen::Vector4d> nodes_;  // at_retina x, y, slope x, y; NaN where lost
 };
 

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/projection/projection_model.h"
 
-#include "optics/projection/projection.h"
-
 namespace vitreo::optics::detail {
 
+/// (5.13): the pixel is K P(X), P the projection and K the microscope's matrix (5.12).
 std::optional<Eigen::Vector2d> ProjectionModel::pixel(const Eigen::Vector3d& point) const {
   Eigen::Vector2d m;
-  const bool seen = exact_
-                        ? exact_->project<double>(point, m)
-                        : project<double>(view_, point - Eigen::Vector3d(0, 0, view_.viewpoint), m);
-  if (!seen) return std::nullopt;
+  const bool projected =
+      exact_ ? exact_->project<double>(point, m)
+             : project<double>(view_, point - Eigen::Vector3d(0, 0, view_.viewpoint), m);
+  if (!projected) return std::nullopt;
   return image_.pixel_from_m(m);
 }
 
@@ -27,6 +26,7 @@ std::optional<Ray> ProjectionModel::line_of_sight(const Eigen::Vector2d& pixel_p
   const Eigen::Vector2d from_axis = m - view_.axis_m;
   const double height = from_axis.norm();
   if (!(height <= view_.max_m)) return std::nullopt;
+  // The inverse of (5.10), (5.11): the azimuth of m, turned by pi, and the slope (5.2) of |m|.
   Eigen::Vector2d across(0, 0);
   if (height > 0) across = from_axis * (slope_at(view_, height) / height);
   return Ray{{0, 0, view_.viewpoint}, {across.x(), across.y(), 1}};

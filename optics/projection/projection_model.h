@@ -1,5 +1,5 @@
-// The two projections behind one face, for what is not templated: single viewpoint (5.2) to (5.14),
-// and exact.
+// Camera model: projection of points, lines of sight and viewpoints by the single viewpoint (5.2)
+// to (5.14) or by the exact projection, behind one interface that is not templated.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -20,12 +20,12 @@ class ProjectionModel {
       : view_(view), exact_(exact), image_(image) {}
   /// The pixel of a point; bounded by the projection's table alone, not by retina and lens.
   std::optional<Eigen::Vector2d> pixel(const Eigen::Vector3d& point) const;
-  /// From where a body near the point is seen.
+  /// The viewpoint for a body near the point: where the lines of sight past it meet.
   std::optional<Eigen::Vector3d> viewpoint(const Eigen::Vector3d& point) const;
-  /// Where the points lie that a pixel shows; the direction need not be of unit length. Nothing
+  /// The line of the points that a pixel shows; the direction need not be of unit length. Nothing
   /// outside the projection.
   std::optional<Ray> line_of_sight(const Eigen::Vector2d& pixel_px) const;
-  /// In the vitreous, and seen.
+  /// Whether the point is in the vitreous and has an image.
   bool inside(const Eigen::Vector3d& point) const;
   double max_z() const { return exact_ ? exact_->max_z() : view_.max_z; }
 

@@ -2,7 +2,7 @@
 #include "optics/projection/single_viewpoint.h"
 
 #include "optics/numerics/linear.h"
-#include "optics/projection/projection.h"
+#include "optics/numerics/preconditions.h"
 
 #include <Eigen/Dense>
 
@@ -19,10 +19,12 @@ namespace {
 /// A straight isopixel curve in the meridional plane: distance from the axis = at_retina + slope *
 /// z.
 struct Curve {
-  double m = 0, at_retina = 0, slope = 0;
+  double m = 0;
+  double at_retina = 0;
+  double slope = 0;
 };
 
-/// Curves from the axis outwards, up to the first lost ray.
+/// Traced isopixel curves at equal steps of |m| from the axis outwards, up to the first lost ray.
 std::vector<Curve> trace_curves(const System& system, const Microscope& centered, double max_m,
                                 int samples) {
   std::vector<Curve> curves;
@@ -36,6 +38,7 @@ std::vector<Curve> trace_curves(const System& system, const Microscope& centered
   return curves;
 }
 
+/// p_0 of thesis 5.2: the median of the curves' intersections p_c with the optical axis.
 double median_intersection_with_axis(const std::vector<Curve>& curves) {
   std::vector<double> z;
   for (const Curve& curve : curves) z.push_back(-curve.at_retina / curve.slope);
@@ -47,12 +50,17 @@ double median_intersection_with_axis(const std::vector<Curve>& curves) {
 /// The slope of the line through the viewpoint that is nearest to the curve between two depths: the
 /// minimum over lambda of the integral of (at_retina + slope z - lambda (z - viewpoint))^2.
 double slope_through(double viewpoint, const Curve& curve, double from_z, double to_z) {
+  // With t = z - viewpoint: minimize the integral of (e + (slope - lambda) t)^2, e the curve at the
+  // viewpoint; lambda = slope + e * integral of t / integral of t^2.
   const double at_viewpoint = curve.at_retina + curve.slope * viewpoint;
-  const double t0 = from_z - viewpoint, t1 = to_z - viewpoint;
-  const double first = (t1 * t1 - t0 * t0) / 2, second = (t1 * t1 * t1 - t0 * t0 * t0) / 3;
+  const double t0 = from_z - viewpoint;
+  const double t1 = to_z - viewpoint;
+  const double first = (t1 * t1 - t0 * t0) / 2;
+  const double second = (t1 * t1 * t1 - t0 * t0 * t0) / 3;
   return curve.slope + at_viewpoint * first / second;
 }
 
+/// (5.2) by least squares, d = 0.
 void fit_slopes(const std::vector<Curve>& curves, double from_z, double to_z,
                 SingleViewpoint& view) {
   const auto count = static_cast<Eigen::Index>(curves.size());
@@ -69,8 +77,8 @@ void fit_slopes(const std::vector<Curve>& curves, double from_z, double to_z,
   view.max_residual = (powers * fit - slopes).cwiseAbs().maxCoeff();
 }
 
-/// (5.5) to (5.9), which stand for the one real root; where D^2 < 0 there are three, and cosines
-/// instead of cube roots.
+/// (5.5) to (5.9), the one real root where D^2 >= 0 (Cardano). Where D^2 < 0 there are three, which
+/// take cosines instead of cube roots (Viete); the one nearest the middle of the range is meant.
 double root_by_formula(const std::array<double, 4>& cubic, double slope, double max_m) {
   const auto& [a, b, c, d] = cubic;
   const double q = b * b - 3 * a * c;
@@ -92,9 +100,11 @@ double root_by_formula(const std::array<double, 4>& cubic, double slope, double 
 
 }  // namespace
 
+/// The closed form gives the start, Newton's method the digits; what does not satisfy (5.2) within
+/// the range is no answer.
 std::optional<double> detail::height_from_slope(const SingleViewpoint& view, double slope) {
-  constexpr double kSmall =
-      1e-4;  // of the linear term: below this the formula divides nothing by nothing
+  // of the linear term: below this the formula divides nothing by nothing
+  constexpr double kSmall = 1e-4;
   constexpr double kRounding = 1e-9;  // of max_m
   const auto& [a, b, c, d] = view.slope_from_m;
   const bool nearly_linear = std::abs(a) * view.max_m * view.max_m < kSmall * std::abs(c);
@@ -112,26 +122,24 @@ std::optional<double> detail::height_from_slope(const SingleViewpoint& view, dou
   return h;
 }
 
+/// Monotony of (5.2), "one-to-one" in the thesis, is tested at 65 heights.
 void SingleViewpoint::check() const {
   constexpr int kSteps = 64;
   const bool finite = std::all_of(slope_from_m.begin(), slope_from_m.end(),
                                   [](double x) { return std::isfinite(x); });
-  if (!(std::isfinite(viewpoint) && viewpoint > 0))
-    throw std::invalid_argument("viewpoint: must be positive");
+  detail::require_positive(viewpoint, "viewpoint");
   if (!finite) throw std::invalid_argument("slope_from_m: must be finite");
-  if (!(std::isfinite(max_m) && max_m > 0)) throw std::invalid_argument("max_m: must be positive");
-  if (!(max_z > 0 && max_z < viewpoint))
-    throw std::invalid_argument("max_z: must lie between 0 and the viewpoint");
-  if (!axis_m.allFinite()) throw std::invalid_argument("axis_m: must be finite");
+  detail::require_positive(max_m, "max_m");
+  detail::require(max_z > 0 && max_z < viewpoint, "max_z: must lie between 0 and the viewpoint");
+  detail::require(axis_m.allFinite(), "axis_m: must be finite");
   for (int i = 0; i <= kSteps; ++i) {
-    if (!(detail::slope_derivative_at(*this, max_m * i / kSteps) > 0)) {
-      throw std::invalid_argument("slope_from_m: does not grow with |m| up to max_m");
-    }
+    detail::require(detail::slope_derivative_at(*this, max_m * i / kSteps) > 0,
+                    "slope_from_m: does not grow with |m| up to max_m");
   }
 }
 
 std::optional<Eigen::Vector2d> SingleViewpoint::project(const Eigen::Vector3d& point_in_eye) const {
-  if (!point_in_eye.allFinite()) throw std::invalid_argument("point_in_eye: must be finite");
+  detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
   if (!(point_in_eye.z() >= 0 && point_in_eye.z() <= max_z)) return std::nullopt;
   Eigen::Vector2d m;
   const Eigen::Vector3d from_viewpoint = point_in_eye - Eigen::Vector3d(0, 0, viewpoint);  // (5.3)
@@ -139,6 +147,8 @@ std::optional<Eigen::Vector2d> SingleViewpoint::project(const Eigen::Vector3d& p
   return m;
 }
 
+/// Thesis 5.2: curves, viewpoint as the median of their intersections with the axis, then slopes
+/// through that viewpoint.
 SingleViewpoint fit_single_viewpoint(const System& system, const Microscope& microscope,
                                      double max_m, int samples, double fit_from_z,
                                      double fit_to_z) {
@@ -146,11 +156,10 @@ SingleViewpoint fit_single_viewpoint(const System& system, const Microscope& mic
   constexpr double kNearViewpoint = 0.95;  // beyond, the image of a point grows without bound
   system.check();
   microscope.check();
-  if (!(std::isfinite(max_m) && max_m > 0)) throw std::invalid_argument("max_m: must be positive");
-  if (samples < kFewest) throw std::invalid_argument("samples: must be at least 8");
-  if (!(std::isfinite(fit_from_z) && std::isfinite(fit_to_z) && fit_from_z < fit_to_z)) {
-    throw std::invalid_argument("fit_to_z: must be larger than fit_from_z");
-  }
+  detail::require_positive(max_m, "max_m");
+  detail::require_at_least(samples, kFewest, "samples");
+  detail::require(std::isfinite(fit_from_z) && std::isfinite(fit_to_z) && fit_from_z < fit_to_z,
+                  "fit_to_z: must be larger than fit_from_z");
   Microscope centered = microscope;
   centered.decenter.setZero();
   centered.tilt.setZero();
@@ -169,8 +178,8 @@ SingleViewpoint fit_single_viewpoint(const System& system, const Microscope& mic
 }
 
 void ImageScale::check() const {
-  if (!(std::isfinite(pixel) && pixel > 0)) throw std::invalid_argument("pixel: must be positive");
-  if (!center_px.allFinite()) throw std::invalid_argument("center_px: must be finite");
+  detail::require_positive(pixel, "pixel");
+  detail::require(center_px.allFinite(), "center_px: must be finite");
 }
 
 }  // namespace vitreo::optics

@@ -1,13 +1,15 @@
-// The thesis' projection through the eye's optics: isopixel curves simplified to meet in one
-// viewpoint, (5.2) to (5.11).
+// Single-viewpoint projection, the thesis' projection through the eye's optics: isopixel curves
+// simplified to meet in one viewpoint, (5.2) to (5.11); the microscope's K, (5.12).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "optics/numerics/scalar.h"
 #include "optics/rays/observer.h"
 
 #include <Eigen/Core>
 
 #include <array>
+#include <cmath>
 #include <optional>
 
 namespace vitreo::optics {
@@ -19,8 +21,8 @@ struct SingleViewpoint {
   double max_m = 0;                      // m; the fit holds for |m| up to here
   double max_z = 0;  // m; and for points from the retina's vertex, z = 0, up to here: the vitreous
   double max_residual = 0;  // of the fitted slope, for the record
-  Eigen::Vector2d axis_m{
-      0, 0};  // m; where the eye's axis falls in the aerial image: |m| is counted from there
+  // m; where the eye's axis falls in the aerial image: |m| is counted from there
+  Eigen::Vector2d axis_m{0, 0};
   /// The aerial-image point m of an intraocular point, or nothing outside the fit. (5.3) to (5.11),
   /// with |m| from the real root. Throws std::invalid_argument when the point is not finite.
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point_in_eye) const;
@@ -54,4 +56,47 @@ struct ImageScale {
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 
+namespace detail {
+
+/// Slope of the isopixel curve at |m| = h, (5.2), and its derivative.
+inline double slope_at(const SingleViewpoint& view, double h) {
+  const auto& [a, b, c, d] = view.slope_from_m;
+  return ((a * h + b) * h + c) * h + d;
+}
+inline double slope_derivative_at(const SingleViewpoint& view, double h) {
+  const auto& [a, b, c, d] = view.slope_from_m;
+  return (3 * a * h + 2 * b) * h + c;
+}
+
+/// The real root |m| of (5.2) within [0, max_m]; nothing when there is none.
+std::optional<double> height_from_slope(const SingleViewpoint& view, double slope);
+
+/// The aerial-image point of `from_viewpoint` = X - p_0, (5.3). False when the line of sight is
+/// outside the fit. The thesis' tan(arccos) and 1/sqrt(1 + tan^2) lose the quadrant; lengths and
+/// unit vectors keep it.
+template <class T>
+bool project(const SingleViewpoint& view, const Vector3<T>& from_viewpoint, Vector2<T>& m) {
+  using std::sqrt;
+  constexpr double kNearest = 1e-4;  // m; a point this close to the viewpoint has no line of sight
+  // slope; there the azimuth is undefined and the cubic its tangent
+  constexpr double kOnAxis = 1e-12;
+  const T depth = -from_viewpoint.z();
+  if (!(depth > kNearest)) return false;
+  const Vector2<T> across = from_viewpoint.template head<2>() / depth;
+  const T slope2 = across.squaredNorm();
+  if (slope2 < kOnAxis * kOnAxis) {
+    m = -across / slope_derivative_at(view, 0) + view.axis_m;
+    return true;
+  }
+  const T slope = sqrt(slope2);  // (5.4)
+  const std::optional<double> height = height_from_slope(view, scalar(slope));
+  if (!height) return false;
+  // One Newton step in T: changes nothing in the value and gives the derivative of the implicit
+  // root.
+  const T h = *height + (slope - slope_at(view, *height)) / slope_derivative_at(view, *height);
+  m = across * (-h / slope) + view.axis_m;  // (5.10), (5.11): azimuth phi + pi
+  return true;
+}
+
+}  // namespace detail
 }  // namespace vitreo::optics

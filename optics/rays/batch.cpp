@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/rays/batch.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/refraction.h"
 
 #include <algorithm>
@@ -19,6 +20,7 @@ static_assert(static_cast<int>(TraceStatus::no_convergence) == detail::kLostNoCo
 
 constexpr int kStatuses = 8;  // a loss is kStatuses * surface + status
 
+/// The instruction sets that kernels.cmake compiles each level for.
 bool machine_has(CpuLevel level) {
   switch (level) {
     case CpuLevel::baseline:
@@ -40,15 +42,20 @@ detail::TraceBlock kernel_for(CpuLevel level) {
   return level == CpuLevel::avx2 ? detail::trace_block_avx2 : detail::trace_block_baseline;
 }
 
+/// A surface as the kernel takes it: curvature for radius, squared radii for comparisons, the ratio
+/// of indices in the direction of travel.
 detail::KernelSurface compile(const System& system, int number, double vertex, bool outwards) {
   const Surface& surface = system.surfaces[number - 1];
-  const double before = system.surfaces[number - 2].index, behind = surface.index;
+  const double before = system.surfaces[number - 2].index;
+  const double behind = surface.index;
   detail::KernelSurface made;
   made.vertex = vertex;
   made.curvature = 1 / surface.radius;
   made.conic = surface.conic;
-  made.a4 = surface.aspheric[0], made.a6 = surface.aspheric[1];
-  made.a8 = surface.aspheric[2], made.a10 = surface.aspheric[3];
+  made.a4 = surface.aspheric[0];
+  made.a6 = surface.aspheric[1];
+  made.a8 = surface.aspheric[2];
+  made.a10 = surface.aspheric[3];
   made.ratio = outwards ? before / behind : behind / before;
   made.clip2 = surface.semi_diameter * surface.semi_diameter;
   made.holds_stop = system.stop && system.stop->surface == number;
@@ -59,15 +66,17 @@ detail::KernelSurface compile(const System& system, int number, double vertex, b
   return made;
 }
 
-/// Rays that cannot be traced are lost before they start, where trace_out would throw.
+/// Marks rays that cannot be traced as missed, where trace_out would throw. Written with & and
+/// selections for the vectorizer.
 void refuse_bad_rays(bool outwards, int surface, RayBlock& r) {
+  // Of |d|^2, as trace_out.
   constexpr double kUnit = 1e-6;
   const double missed = kStatuses * surface + detail::kLostMissed;
-  const double way = outwards ? 1 : -1;
+  const double sign = outwards ? 1 : -1;
   for (int i = 0; i < RayBlock::kSize; ++i) {
     const double off = std::abs(r.dx[i] * r.dx[i] + r.dy[i] * r.dy[i] + r.dz[i] * r.dz[i] - 1);
     const double nothing = 0 * (r.x[i] + r.y[i] + r.z[i]);  // NaN where one is not finite
-    const bool good = (off < kUnit) & (r.dz[i] * way > 0) & (nothing == 0);
+    const bool good = (off < kUnit) & (r.dz[i] * sign > 0) & (nothing == 0);
     r.lost[i] = r.lost[i] == 0 && !good ? missed : r.lost[i];
   }
 }
@@ -94,17 +103,23 @@ std::vector<CpuLevel> cpu_levels() {
   return levels;
 }
 
+/// All levels agree to the bit, so the choice is one of speed alone.
 CpuLevel best_cpu_level() {
   if (machine_has(CpuLevel::avx512)) return CpuLevel::avx512;
   return machine_has(CpuLevel::avx2) ? CpuLevel::avx2 : CpuLevel::baseline;
 }
 
 void put(RayBlock& block, int i, const Ray& ray) {
-  block.x[i] = ray.origin.x(), block.y[i] = ray.origin.y(), block.z[i] = ray.origin.z();
-  block.dx[i] = ray.direction.x(), block.dy[i] = ray.direction.y(), block.dz[i] = ray.direction.z();
+  block.x[i] = ray.origin.x();
+  block.y[i] = ray.origin.y();
+  block.z[i] = ray.origin.z();
+  block.dx[i] = ray.direction.x();
+  block.dy[i] = ray.direction.y();
+  block.dz[i] = ray.direction.z();
   block.lost[i] = block.stop_x[i] = block.stop_y[i] = 0;
 }
 
+/// The code 8 * surface + status taken apart.
 TraceResult result(const RayBlock& block, int i) {
   TraceResult made;
   made.ray = {{block.x[i], block.y[i], block.z[i]}, {block.dx[i], block.dy[i], block.dz[i]}};
@@ -115,13 +130,16 @@ TraceResult result(const RayBlock& block, int i) {
 }
 
 RayBatch::RayBatch(int count) : size_(count) {
-  if (count < 0) throw std::invalid_argument("count: must not be negative");
+  detail::require(count >= 0, "count: must not be negative");
   blocks_.resize(static_cast<std::size_t>((count + RayBlock::kSize - 1) / RayBlock::kSize));
   for (RayBlock& block : blocks_) {
+    // A ray along the axis meets every surface, so the unused lanes of the last block need no
+    // special case.
     for (int i = 0; i < RayBlock::kSize; ++i) optics::put(block, i, {{0, 0, 0}, {0, 0, 1}});
   }
 }
 
+/// Compiles the system three times: outwards, inwards with the ratios inverted, and up to the stop.
 BatchTracer::BatchTracer(const System& system, CpuLevel level) : kernel_(kernel_for(level)) {
   system.check();
   double vertex = 0;
@@ -132,6 +150,7 @@ BatchTracer::BatchTracer(const System& system, CpuLevel level) : kernel_(kernel_
     if (system.stop && number <= system.stop->surface) to_stop_.push_back(outwards_.back());
   }
   std::reverse(inwards_.begin(), inwards_.end());
+  // The stop is filled by aiming; here it must not clip the rays that are still being aimed.
   if (!to_stop_.empty()) to_stop_.back().stop2 = std::numeric_limits<double>::infinity();
 }
 
@@ -146,6 +165,7 @@ void BatchTracer::trace_through_stop(RayBlock& rays) const {
   trace(to_stop_, to_stop_.size(), true, rays);
 }
 
+/// The last of to_stop_ is the stop's own surface.
 void BatchTracer::trace_before_stop(RayBlock& rays) const {
   if (to_stop_.empty()) throw std::invalid_argument("stop: the system has none");
   trace(to_stop_, to_stop_.size() - 1, true, rays);

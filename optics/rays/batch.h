@@ -1,4 +1,4 @@
-// Exact ray tracing of many rays at once, with the vectors of the CPU at hand.
+// Batch ray tracer: exact traces of many rays at once by the vector instructions of the CPU.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,9 +16,9 @@ const char* to_string(CpuLevel level);
 std::vector<CpuLevel> cpu_levels();
 CpuLevel best_cpu_level();
 
-/// Starts ray i (0 to 63) of a block; what was there is forgotten.
+/// Sets ray i (0 to 63) of a block to a ray that is not lost.
 void put(RayBlock& block, int i, const Ray& ray);
-/// Ray i as it stands; where it was lost, it is the ray before the surface that lost it.
+/// Ray i in its present state; a lost ray is the one before the surface that lost it.
 TraceResult result(const RayBlock& block, int i);
 
 /// Any number of rays, in blocks; the last one is filled up with rays along the axis.
@@ -60,7 +60,9 @@ class BatchTracer {
   void trace(const std::vector<detail::KernelSurface>& surfaces, std::size_t count, bool outwards,
              RayBlock& rays) const;
   detail::TraceBlock kernel_;
-  std::vector<detail::KernelSurface> outwards_, inwards_, to_stop_;
+  std::vector<detail::KernelSurface> outwards_;
+  std::vector<detail::KernelSurface> inwards_;
+  std::vector<detail::KernelSurface> to_stop_;
 };
 
 }  // namespace vitreo::optics

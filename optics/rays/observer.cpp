@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/rays/observer.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <Eigen/Geometry>
 
 #include <cmath>
@@ -9,25 +11,27 @@
 namespace vitreo::optics {
 
 void Microscope::check() const {
-  constexpr double kMaxTilt = 0.5;  // rad; no microscope looks at an eye more askew than this
-  if (!(numerical_aperture > 0 && numerical_aperture < 1)) {
-    throw std::invalid_argument("numerical_aperture: must lie between 0 and 1");
-  }
-  if (!std::isfinite(focus)) throw std::invalid_argument("focus: must be finite");
+  constexpr double kMaxTilt = 0.5;  // rad; no microscope stands more obliquely to an eye
+  detail::require(numerical_aperture > 0 && numerical_aperture < 1,
+                  "numerical_aperture: must lie between 0 and 1");
+  detail::require_finite(focus, "focus");
   if (std::isnan(pupil_distance) || pupil_distance == 0) {
     throw std::invalid_argument("pupil_distance: must not be zero or NaN");
   }
-  if (!decenter.allFinite()) throw std::invalid_argument("decenter: must be finite");
-  if (!(tilt.allFinite() && tilt.cwiseAbs().maxCoeff() < kMaxTilt))
-    throw std::invalid_argument("tilt: must be below 0.5 rad");
+  detail::require(decenter.allFinite(), "decenter: must be finite");
+  detail::require(tilt.allFinite() && tilt.cwiseAbs().maxCoeff() < kMaxTilt,
+                  "tilt: must be below 0.5 rad");
 }
 
+/// The chief ray goes through the center of the microscope's entrance pupil: for a telecentric one
+/// (pupil at infinity) it is parallel to the microscope's axis, else it points from m to the pupil.
 Ray chief_ray_in_air(const System& system, const Microscope& microscope, const Eigen::Vector2d& m) {
-  if (!m.allFinite()) throw std::invalid_argument("m: must be finite");
+  detail::require(m.allFinite(), "m: must be finite");
   const Eigen::Vector3d center(microscope.decenter.x(), microscope.decenter.y(),
                                system.vertex(system.size()) + microscope.focus);
   Eigen::Matrix3d eye_from_microscope = Eigen::Matrix3d::Identity();
   if (!microscope.tilt.isZero(0)) {
+    // Tilt about x first, then about y, as the header says; rotations act right to left.
     eye_from_microscope = (Eigen::AngleAxisd(microscope.tilt.y(), Eigen::Vector3d::UnitY()) *
                            Eigen::AngleAxisd(microscope.tilt.x(), Eigen::Vector3d::UnitX()))
                               .toRotationMatrix();
@@ -42,6 +46,7 @@ Ray chief_ray_in_air(const System& system, const Microscope& microscope, const E
           eye_from_microscope * direction};
 }
 
+/// By the reversibility of light: the chief ray is traced inwards and its direction turned round.
 std::optional<Ray> isopixel_line(const System& system, const Microscope& microscope,
                                  const Eigen::Vector2d& m) {
   // The plane in focus may lie before the last vertex (a virtual aerial image), so start well

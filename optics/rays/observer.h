@@ -1,4 +1,5 @@
-// Who looks at the aerial image, and along which ray: the chief rays of the whole chain.
+// Viewing system: a microscope over the aerial image, its entrance pupil and the chief rays of the
+// whole chain, from the pixel back into the vitreous.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,8 +23,8 @@ struct Microscope {
   // eye's side
   double pupil_distance = std::numeric_limits<double>::infinity();
   Eigen::Vector2d decenter{0, 0};  // m, its axis against the eye's, in the focus plane
-  Eigen::Vector2d tilt{
-      0, 0};           // rad, its axis turned about x, then about y, where it meets the focus plane
+  // rad, its axis turned about x, then about y, where it meets the focus plane
+  Eigen::Vector2d tilt{0, 0};
   void check() const;  // throws std::invalid_argument naming the parameter
 };
 

@@ -25,15 +25,15 @@ std::vector<Eigen::Vector2d> fan_samples(int count = 101);
 /// aperture is the stop of its chain: the rays then must also get through the system's.
 struct Pupil {
   /// stop: the plane of the system's stop as rays reach it before the stop's surface refracts them,
-  /// though that surface may lie before the plane: the reading that gives the thesis' numbers.
+  /// though that surface may lie before the plane: the reading that reproduces the thesis' numbers.
   /// real_stop: in whichever medium lies there, as trace_out clips. Both have the same chief ray.
   enum class Kind { stop, real_stop, plane, infinity };
   Kind kind = Kind::stop;
   double z = 0;                  // m, eye frame, of the plane
   Eigen::Vector2d center{0, 0};  // m; at infinity: slopes dx/dz, dy/dz
   double radius = 0;             // m; at infinity: slope
-  static Pupil of_stop(const System& system,
-                       Kind kind = Kind::stop);  // throws std::invalid_argument without a stop
+  // throws std::invalid_argument without a stop
+  static Pupil of_stop(const System& system, Kind kind = Kind::stop);
   static Pupil of_microscope(const System& system, const Microscope& microscope);
 };
 
@@ -62,9 +62,8 @@ class PupilTracer {
 
   const System& system() const { return system_; }
   const Pupil& pupil() const { return pupil_; }
-  void set_pupil(const Pupil& pupil) {
-    pupil_ = pupil;
-  }  // of the same kind: where a focusing microscope takes it
+  /// Moves the pupil, as a focusing microscope does; `pupil` must be of the same kind.
+  void set_pupil(const Pupil& pupil) { pupil_ = pupil; }
   /// Whether a point lies between the retina and surface 2.
   bool in_vitreous(const Eigen::Vector3d& point) const;
 
@@ -82,7 +81,8 @@ class PupilTracer {
   void add(const RayBlock& rays, int count, Spot& spot) const;
   System system_;
   Pupil pupil_;
-  BatchTracer real_, open_;  // open_: no stop clips
+  BatchTracer real_;
+  BatchTracer open_;  // its stop clips nothing
   double last_vertex_;
   bool fills_stop() const {
     return pupil_.kind == Pupil::Kind::stop || pupil_.kind == Pupil::Kind::real_stop;

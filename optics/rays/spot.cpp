@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/rays/spot.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -9,38 +11,46 @@
 
 namespace vitreo::optics {
 
+/// sqrt(var x + 2 s cov(x, u) + s^2 var u), summed over both transverse directions.
 double SpotMoments::rms(double distance) const {
   const double square =
-      place.trace() + distance * (2 * place_slope.trace() + distance * slope.trace());
+      position.trace() + distance * (2 * position_slope.trace() + distance * slope.trace());
   return std::sqrt(std::max(square, 0.0));  // rounding may leave less than nothing
 }
 
 std::vector<Eigen::Vector2d> Spot::at(double distance) const {
-  std::vector<Eigen::Vector2d> points(place.size());
-  for (std::size_t i = 0; i < place.size(); ++i) points[i] = place[i] + distance * slope[i];
+  std::vector<Eigen::Vector2d> points(position.size());
+  for (std::size_t i = 0; i < position.size(); ++i) points[i] = position[i] + distance * slope[i];
   return points;
 }
 
+/// Two passes, means first: the covariances are differences of nearly equal numbers otherwise.
+/// cov(position, slope) is made symmetric, as only x^T C x of it is used.
 SpotMoments Spot::moments() const {
   SpotMoments m;
   m.rays = rays();
   if (m.rays == 0) return m;
-  for (std::size_t i = 0; i < place.size(); ++i) m.mean += place[i], m.mean_slope += slope[i];
-  m.mean /= m.rays, m.mean_slope /= m.rays;
-  for (std::size_t i = 0; i < place.size(); ++i) {
-    const Eigen::Vector2d p = place[i] - m.mean, t = slope[i] - m.mean_slope;
-    m.place += p * p.transpose();
-    m.place_slope += (p * t.transpose() + t * p.transpose()) / 2;
+  for (std::size_t i = 0; i < position.size(); ++i) m.mean += position[i], m.mean_slope += slope[i];
+  m.mean /= m.rays;
+  m.mean_slope /= m.rays;
+  for (std::size_t i = 0; i < position.size(); ++i) {
+    const Eigen::Vector2d p = position[i] - m.mean;
+    const Eigen::Vector2d t = slope[i] - m.mean_slope;
+    m.position += p * p.transpose();
+    m.position_slope += (p * t.transpose() + t * p.transpose()) / 2;
     m.slope += t * t.transpose();
   }
-  m.place /= m.rays, m.place_slope /= m.rays, m.slope /= m.rays;
+  m.position /= m.rays;
+  m.position_slope /= m.rays;
+  m.slope /= m.rays;
   return m;
 }
 
+/// |mean of exp(-2 pi i f . p)|: the transform of a spread of points of equal weight.
 double geometric_mtf(const Spot& spot, double distance, const Eigen::Vector2d& frequency) {
   if (spot.rays() == 0) return 0;
-  const Eigen::Vector2d center =
-      spot.chief_at(distance);  // the phase stays small; its modulus does not care
+  // the phase stays small; its modulus does not care
+  const Eigen::Vector2d center = spot.chief_at(distance);
   std::complex<double> sum = 0;
   for (const Eigen::Vector2d& p : spot.at(distance)) {
     sum += std::polar(1.0, -2 * std::numbers::pi * frequency.dot(p - center));
@@ -48,10 +58,10 @@ double geometric_mtf(const Spot& spot, double distance, const Eigen::Vector2d& f
   return std::abs(sum) / spot.rays();
 }
 
+/// A histogram of the spot about its mean.
 Eigen::MatrixXd geometric_psf(const Spot& spot, double distance, double half_width, int cells) {
-  if (!(std::isfinite(half_width) && half_width > 0))
-    throw std::invalid_argument("half_width: must be positive");
-  if (cells < 1) throw std::invalid_argument("cells: must be at least 1");
+  detail::require_positive(half_width, "half_width");
+  detail::require_at_least(cells, 1, "cells");
   Eigen::MatrixXd psf = Eigen::MatrixXd::Zero(cells, cells);
   if (spot.rays() == 0) return psf;
   const Eigen::Vector2d center = spot.moments().mean_at(distance);

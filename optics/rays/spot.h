@@ -1,5 +1,5 @@
-// What a bundle of rays does behind the system: spots, best focus in closed form, point spread and
-// its transform. Frame: transverse coordinates of the eye frame; distances count from the last
+// Spots: bundles of rays behind the system, their moments, best focus in closed form, point spread
+// and its transform. Frame: transverse coordinates of the eye frame; distances count from the last
 // vertex, in m, in the direction of light.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -14,18 +14,20 @@ namespace vitreo::optics {
 /// radius.
 struct SpotMoments {
   int rays = 0;
-  Eigen::Vector2d mean{0, 0}, mean_slope{0, 0};           // m; dx/dz, dy/dz
-  Eigen::Matrix2d place = Eigen::Matrix2d::Zero();        // m^2, covariance of places
-  Eigen::Matrix2d place_slope = Eigen::Matrix2d::Zero();  // m, of places and slopes, made symmetric
-  Eigen::Matrix2d slope = Eigen::Matrix2d::Zero();        // of slopes
+  Eigen::Vector2d mean{0, 0};                          // m
+  Eigen::Vector2d mean_slope{0, 0};                    // dx/dz, dy/dz
+  Eigen::Matrix2d position = Eigen::Matrix2d::Zero();  // m^2, covariance of positions
+  // m, of positions and slopes, made symmetric
+  Eigen::Matrix2d position_slope = Eigen::Matrix2d::Zero();
+  Eigen::Matrix2d slope = Eigen::Matrix2d::Zero();  // of slopes
 
-  /// Where the rms radius is least: -cov / var, summed over both directions. NaN without a spread
-  /// of slopes.
-  double best_focus() const { return -place_slope.trace() / slope.trace(); }
+  /// Distance of least rms radius: the variance of x + s u is var x + 2 s cov(x, u) + s^2 var u,
+  /// least at s = -cov / var; both transverse directions summed. NaN without a spread of slopes.
+  double best_focus() const { return -position_slope.trace() / slope.trace(); }
   /// The same for the width along the unit vector `along` alone: tangential when that points from
   /// the axis, sagittal when across.
   double best_focus_along(const Eigen::Vector2d& along) const {
-    return -along.dot(place_slope * along) / along.dot(slope * along);
+    return -along.dot(position_slope * along) / along.dot(slope * along);
   }
   double rms(double distance) const;  // m, radius about the mean
   Eigen::Vector2d mean_at(double distance) const { return mean + distance * mean_slope; }
@@ -33,10 +35,12 @@ struct SpotMoments {
 
 /// A traced bundle; only rays that came through.
 struct Spot {
-  std::vector<Eigen::Vector2d> place, slope;       // m, in the last vertex plane; dx/dz, dy/dz
-  int lost = 0;                                    // vignetted, missed, totally reflected
-  Eigen::Vector2d chief{0, 0}, chief_slope{0, 0};  // the ray through the pupil's center
-  int rays() const { return static_cast<int>(place.size()); }
+  std::vector<Eigen::Vector2d> position;  // m, in the last vertex plane
+  std::vector<Eigen::Vector2d> slope;     // dx/dz, dy/dz
+  int lost = 0;                           // vignetted, missed, totally reflected
+  Eigen::Vector2d chief{0, 0};            // m, of the ray through the pupil's center
+  Eigen::Vector2d chief_slope{0, 0};      // of the same ray
+  int rays() const { return static_cast<int>(position.size()); }
   Eigen::Vector2d chief_stop{0, 0};  // m, where that one crosses the system's stop; 0 without one
   Eigen::Vector2d chief_at(double distance) const { return chief + distance * chief_slope; }
   std::vector<Eigen::Vector2d> at(double distance) const;  // the spot diagram

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/rays/trace.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/refraction.h"
 
 #include <cmath>
@@ -9,17 +10,17 @@
 namespace vitreo::optics {
 namespace {
 
+/// Refuses what cannot be traced; the direction enters Snell's law as a unit vector.
 void check_ray(const Ray& ray) {
-  constexpr double kUnit =
-      1e-6;  // of |direction|^2: catches what was never normalized, not what was rounded
-  if (!ray.origin.allFinite()) throw std::invalid_argument("ray: its origin is not finite");
-  if (!(std::abs(ray.direction.squaredNorm() - 1) < kUnit)) {
-    throw std::invalid_argument("ray: its direction is not a unit vector");
-  }
+  // of |direction|^2: catches what was never normalized, not what was rounded
+  constexpr double kUnit = 1e-6;
+  detail::require(ray.origin.allFinite(), "ray: its origin is not finite");
+  detail::require(std::abs(ray.direction.squaredNorm() - 1) < kUnit,
+                  "ray: its direction is not a unit vector");
 }
 
-/// Crosses surface `number` (vertex at z) outwards or inwards; on loss says so in `result` and
-/// returns false.
+/// Crosses surface `number` (vertex at z) outwards or inwards, in the frame of its vertex; on loss
+/// sets the status in `result` and returns false.
 bool step(const System& system, int number, double z, bool outwards, TraceResult& result) {
   const double before = system.surfaces[number - (outwards ? 2 : 1)].index;
   const double behind = system.surfaces[number - (outwards ? 1 : 2)].index;
@@ -35,6 +36,7 @@ bool step(const System& system, int number, double z, bool outwards, TraceResult
   return true;
 }
 
+/// A ray that goes the other way meets no surface.
 TraceResult start(const Ray& ray, bool outwards) {
   check_ray(ray);
   TraceResult result;
@@ -63,6 +65,7 @@ const char* to_string(TraceStatus status) {
   return "unknown";
 }
 
+/// Surfaces in the order of light; z is the vertex of the next one in the eye frame.
 TraceResult trace_out(const System& system, const Ray& ray) {
   TraceResult result = start(ray, true);
   if (result.status != TraceStatus::ok) {
@@ -83,6 +86,7 @@ TraceResult trace_in(const System& system, const Ray& ray) {
     result.surface = system.size();
     return result;
   }
+  // From the last vertex back; the surfaces' media change sides.
   double z = system.vertex(system.size());
   for (int number = system.size(); number >= 2; --number) {
     if (!step(system, number, z, false, result)) break;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/first_order.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <cmath>
 #include <stdexcept>
 
@@ -22,14 +24,15 @@ const Eigen::Matrix2d& checked(const Eigen::Matrix2d& matrix) {
   return matrix;
 }
 
-/// From an object in the vitreous to behind the last surface.
+/// From an object in the vitreous to behind the last surface: B = A T with the transfer T (4.4)
+/// over the distance left to surface 2. B acts on (n angle, height).
 Eigen::Matrix2d from_object(const System& system, double depth) {
-  const double way = system.surfaces.front().thickness - depth;
-  if (!(depth >= 0 && way >= 0)) {
+  const double distance = system.surfaces.front().thickness - depth;
+  if (!(depth >= 0 && distance >= 0)) {
     throw std::invalid_argument("depth: must lie in the vitreous, between 0 and " +
                                 std::to_string(system.surfaces.front().thickness * 1e3) + " mm");
   }
-  return checked(system_matrix(system) * transfer_matrix(way, front_index(system)));
+  return checked(system_matrix(system) * transfer_matrix(distance, front_index(system)));
 }
 
 }  // namespace
@@ -46,6 +49,8 @@ Eigen::Matrix2d transfer_matrix(double thickness, double index) {
   return matrix;
 }
 
+/// (4.9): the product of refractions (4.2), (4.3) and transfers (4.4), the first surface rightmost.
+/// Conic constants and aspheric terms do not enter first-order optics.
 Eigen::Matrix2d system_matrix(const System& system, int from, int to) {
   system.check();
   if (to == 0) to = system.size();
@@ -55,16 +60,22 @@ Eigen::Matrix2d system_matrix(const System& system, int from, int to) {
     throw std::invalid_argument("to: the system has no surface " + std::to_string(to));
   Eigen::Matrix2d matrix = Eigen::Matrix2d::Identity();
   for (int i = from - 1; i < to; ++i) {
-    const Surface &before = system.surfaces[i - 1], &at = system.surfaces[i];
+    const Surface& before = system.surfaces[i - 1];
+    const Surface& at = system.surfaces[i];
     if (i >= from) matrix = transfer_matrix(before.thickness, before.index) * matrix;
     matrix = refraction_matrix(before.index, at.index, at.radius) * matrix;
   }
   return checked(matrix);
 }
 
+/// Principal points by (4.7), (4.8); focal and nodal points follow from them: in media n_v and n_i
+/// the focal lengths are n_v f and n_i f, and a nodal point lies the other side's focal length from
+/// the focus.
 std::optional<CardinalPoints> cardinal_points(const System& system) {
   const Eigen::Matrix2d a = system_matrix(system);
-  const double power = -a(0, 1), front = front_index(system), back = back_index(system);
+  const double power = -a(0, 1);
+  const double front = front_index(system);
+  const double back = back_index(system);
   if (std::abs(power) < kAfocal) return std::nullopt;
   CardinalPoints points;
   points.focal_length = 1 / power;  // (4.6)
@@ -83,16 +94,20 @@ std::optional<AxialImage> axial_image(const System& system, double depth) {
   const Eigen::Matrix2d b = from_object(system, depth);
   if (std::abs(b(0, 0)) < kAfocal) return std::nullopt;
   AxialImage image;
+  // All rays from the object's axial point meet again where b10 + (s / n_i) b00 = 0.
   image.distance = -back_index(system) * b(1, 0) / b(0, 0);
-  image.magnification = 1 / b(0, 0);  // the determinant is 1
+  image.magnification = 1 / b(0, 0);  // det B = 1
+  // Longitudinal magnification: (n_i / n_v) m^2.
   image.longitudinal =
       image.magnification * image.magnification * back_index(system) / front_index(system);
   return image;
 }
 
+/// A change of the magnification's sign within the range means that the image passed infinity.
 std::optional<double> secant_slope(const System& system, double depth) {
-  if (!(depth > 0)) throw std::invalid_argument("depth: must be positive");
-  const auto from = axial_image(system, 0), to = axial_image(system, depth);
+  detail::require(depth > 0, "depth: must be positive");
+  const auto from = axial_image(system, 0);
+  const auto to = axial_image(system, depth);
   if (!from || !to || (from->magnification > 0) != (to->magnification > 0)) return std::nullopt;
   return (to->distance - from->distance) / depth;
 }

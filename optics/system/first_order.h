@@ -41,8 +41,8 @@ std::optional<CardinalPoints> cardinal_points(const System& system);
 struct AxialImage {
   double distance = 0;       // m, from the last vertex; negative: virtual, before it
   double magnification = 0;  // lateral
-  double longitudinal =
-      0;  // d distance / d depth, positive: images move out as objects leave the retina
+  // d distance / d depth, positive: images move out as objects leave the retina
+  double longitudinal = 0;
 };
 
 /// The paraxial image of a point on the axis, `depth` m in front of the retina's vertex

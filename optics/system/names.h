@@ -1,4 +1,4 @@
-// "Did you mean": the known names nearest to one that is not known.
+// Spelling suggestions: the known names nearest to an unknown one.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace vitreo::optics::detail {
 
-/// Levenshtein's distance.
+/// Levenshtein's distance, by Wagner & Fischer's dynamic program with one row kept.
 inline int edit_distance(std::string_view a, std::string_view b) {
   std::vector<int> row(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);
@@ -30,14 +30,16 @@ inline int edit_distance(std::string_view a, std::string_view b) {
 /// "; did you mean a, b or c?" with the up to three known names that are nearest. Empty when none
 /// is known.
 inline std::string suggestions(std::string_view wrong, const std::vector<std::string>& known) {
-  constexpr std::size_t kMost = 3, kLongest = 80;  // a longer name is a mistake of another kind
+  // a longer name is a mistake of another kind
+  constexpr std::size_t kMostSuggestions = 3;
+  constexpr std::size_t kLongest = 80;
   std::vector<std::pair<int, std::string>> ranked;
   ranked.reserve(known.size());
   for (const std::string& name : known)
     ranked.emplace_back(edit_distance(wrong.substr(0, kLongest), name), name);
   std::stable_sort(ranked.begin(), ranked.end(),
                    [](const auto& x, const auto& y) { return x.first < y.first; });
-  if (ranked.size() > kMost) ranked.resize(kMost);
+  if (ranked.size() > kMostSuggestions) ranked.resize(kMostSuggestions);
   std::string text;
   for (std::size_t i = 0; i < ranked.size(); ++i) {
     text += (i == 0                   ? "; did you mean "

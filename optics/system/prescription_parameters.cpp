@@ -1,4 +1,4 @@
-// The parameters of a prescription by name: listing, reading, replacing.
+// Parameters of a prescription by name: listing, reading, replacing.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/names.h"
 #include "optics/system/prescriptions.h"
@@ -11,6 +11,7 @@
 namespace vitreo::optics {
 namespace {
 
+/// a_2k multiplies r^2k to a length: m^(1 - 2k).
 constexpr const char* kAspheric[] = {".a4", ".a6", ".a8", ".a10"};
 constexpr const char* kAsphericUnit[] = {"m^-3", "m^-5", "m^-7", "m^-9"};
 
@@ -47,6 +48,7 @@ std::vector<std::string> names_of(const Prescription& prescription) {
                               "\"" + detail::suggestions(name, names_of(prescription)));
 }
 
+/// One name for each surface and medium, none twice, since parameters are found by them.
 void check_names(const std::vector<std::string>& names, const System& system, const char* what) {
   if (names.size() != system.surfaces.size()) {
     throw std::invalid_argument(std::string(what) + ": " + std::to_string(names.size()) +
@@ -60,6 +62,7 @@ void check_names(const std::vector<std::string>& names, const System& system, co
   }
 }
 
+/// The only parameter that is an integer.
 void set_stop_surface(Prescription& prescription, double value) {
   if (!(std::floor(value) == value && value >= 2 && value <= prescription.system.size())) {
     throw std::invalid_argument("stop.surface: must be a whole number of 2.." +
@@ -82,7 +85,7 @@ void set(Prescription& prescription, const std::string& name, double value) {
   if (!found) refuse_unknown(prescription, name);
 }
 
-/// Empty when it is sound.
+/// The message of System::check; empty when the system is sound.
 std::string why_unsound(const System& system) {
   try {
     system.check();
@@ -111,6 +114,7 @@ std::vector<Parameter> parameters(const Prescription& prescription) {
   return list;
 }
 
+/// By name, or by the surface's number.
 double parameter(const Prescription& prescription, std::string_view name) {
   if (name == "stop.surface" && prescription.system.stop) return prescription.system.stop->surface;
   const double* found = nullptr;
@@ -122,6 +126,8 @@ double parameter(const Prescription& prescription, std::string_view name) {
   return *found;
 }
 
+/// All overrides at once, since some are sound only together. When the result is unsound, each is
+/// tried alone, so that the error names the parameter at fault.
 Prescription with_parameters(Prescription prescription, std::span<const Override> overrides) {
   prescription.check();
   Prescription changed = prescription;

@@ -6,6 +6,7 @@
 namespace vitreo::optics {
 namespace {
 
+/// No lens has so many surfaces; a longer table is a mistake, and tracing it would take long.
 constexpr std::size_t kMostRows = 1000;
 
 std::string name_or(const std::string& name, const char* otherwise, std::size_t number) {
@@ -14,6 +15,7 @@ std::string name_or(const std::string& name, const char* otherwise, std::size_t 
 
 }  // namespace
 
+/// Copies of the same doubles, no units converted: the round trip keeps every bit.
 PrescriptionTable to_rows(const Prescription& prescription) {
   prescription.check();
   PrescriptionTable table{prescription.name, prescription.title, prescription.source, {}, 0, 0};
@@ -29,6 +31,7 @@ PrescriptionTable to_rows(const Prescription& prescription) {
   return table;
 }
 
+/// Names left out are numbered from 1, as the thesis counts surfaces.
 Prescription from_rows(const PrescriptionTable& table) {
   if (table.rows.size() > kMostRows) {
     throw std::invalid_argument("rows: " + std::to_string(table.rows.size()) + " are more than " +

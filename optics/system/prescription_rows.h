@@ -1,4 +1,4 @@
-// A prescription as a plain table of rows, as scripts and files write it down.
+// Prescription as a plain table of rows, the form that scripts and files use.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -25,7 +25,9 @@ struct PrescriptionRow {
 };
 
 struct PrescriptionTable {
-  std::string name, title, source;
+  std::string name;
+  std::string title;
+  std::string source;
   std::vector<PrescriptionRow> rows;  // the first is the retina
   int stop_surface = 0;               // counted from 1; 0: no stop
   double stop_radius = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/prescriptions.h"
 
+#include "optics/numerics/preconditions.h"
 #include "optics/system/names.h"
 
 #include <array>
@@ -18,11 +19,14 @@ constexpr double kPlane = std::numeric_limits<double>::infinity();
 struct Row {
   const char* surface;
   const char* medium;  // behind it
-  double radius_mm, conic, thickness_mm, index;
+  double radius_mm;
+  double conic;
+  double thickness_mm;
+  double index;
   std::array<double, 4> aspheric_mm{};
 };
 
-/// The one place where millimeters become meters.
+/// SI from the tables' millimeters: a_2k scales as mm^(1 - 2k).
 Surface surface_from(const Row& row) {
   constexpr double kMm = 1e-3;
   constexpr std::array<double, 4> kPerMm{1e9, 1e15, 1e21, 1e27};
@@ -46,6 +50,7 @@ struct About {
 
 using Rows = std::vector<Row>;
 
+/// The tables have no rims: semi-diameters stay infinite, and only the stop clips.
 Prescription make(const About& about, const Rows& rows) {
   Prescription made{about.name, about.title, about.source, {}, {}, {}};
   made.system.name = about.title;
@@ -73,6 +78,8 @@ Rows navarro(const char* behind, double gap_mm, double index_behind) {
           {"cornea.anterior", behind, -7.72, -0.26, gap_mm, index_behind}};
 }
 
+/// Navarro's eye with the porcine lens and anterior chamber of thesis 7.2. The vitreous is 1.76 mm
+/// shorter, which puts the retina in focus.
 Rows porcine(const char* behind, double gap_mm) {
   Rows rows = navarro(behind, gap_mm, 1.0);
   rows[0].thickness_mm = 14.56;
@@ -87,13 +94,15 @@ Rows condensing_lens(double index) {
           {"condensing.anterior", "air", -9.48, -1.07, 0.00, 1.000}};
 }
 
+/// Table 3.4.
 Rows aspheric_condensing_lens() {
   Rows rows = condensing_lens(1.523);
-  rows[0].aspheric_mm = {4.078e-5, -1.542e-7, -2.647e-9,
-                         2.023e-11};  // as printed: along +z, as the radius' sign
+  // as printed: along +z, as the radius' sign
+  rows[0].aspheric_mm = {4.078e-5, -1.542e-7, -2.647e-9, 2.023e-11};
   return rows;
 }
 
+/// Table 5.3; the sign of R5 is the argument.
 Rows two_lens_eye(double cornea_anterior_mm) {
   return Rows{{"retina", "vitreous", 11.50, 0.00, 15.50, 1.403},
               {"lens.posterior", "lens", 24.73, 0.00, 4.00, 1.492},
@@ -114,6 +123,7 @@ Rows one_lens_eye(double retina_mm, double radius_mm) {
 constexpr const char* kIris =
     "Pupil: 3 mm in the vertex plane of the lens' anterior surface (docs/optics.md).";
 
+/// Tables 3.1 to 3.4.
 std::vector<Prescription> all_of_navarro() {
   return {
       make({"navarro", "Navarro's eye, relaxed (table 3.1)", kIris, 3, 1.5},
@@ -131,6 +141,7 @@ std::vector<Prescription> all_of_navarro() {
   };
 }
 
+/// Table 5.3, the porcine eye of 7.2 and two stand-ins for the model eye of chapter 4.
 std::vector<Prescription> all_of_other_eyes() {
   constexpr const char* kPig =
       "Thesis 7.2 gives the anterior chamber (1.5 mm) and the lens (8 mm). Assumed: all else as "
@@ -193,10 +204,10 @@ Prescription prescription(std::string_view name) {
 }
 
 Prescription accommodated(Prescription relaxed, double accommodation) {
-  if (!(accommodation >= 0 && accommodation <= 10)) {
-    throw std::invalid_argument("accommodation: must lie within 0 and 10 dioptres");
-  }
+  detail::require(accommodation >= 0 && accommodation <= 10,
+                  "accommodation: must lie within 0 and 10 dioptres");
   constexpr double kMm = 1e-3;
+  // Navarro, Santamaria & Bescos (1985), table 4: L = ln(A + 1).
   const double l = std::log(accommodation + 1);
   const auto changed = [&](const char* name, double by) {
     return Override{name, parameter(relaxed, name) + by};

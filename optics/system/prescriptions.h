@@ -13,18 +13,17 @@
 
 namespace vitreo::optics {
 
-/// A system whose surfaces and media have names, so that its parameters have:
-/// "cornea.anterior.radius" (m), ".conic",
-/// ".a4" to ".a10" (m^-3 to m^-9), ".semi_diameter" (m); "lens.thickness" (m), "lens.index";
-/// "stop.radius" (m), "stop.surface". A surface may also be called by its number:
-/// "surface_5.radius", "surface_5.thickness".
+/// A system whose surfaces and media have names, and through them its parameters:
+/// "cornea.anterior.radius" (m), ".conic", ".a4" to ".a10" (m^-3 to m^-9), ".semi_diameter" (m);
+/// "lens.thickness" (m), "lens.index"; "stop.radius" (m), "stop.surface". A surface may also be
+/// called by its number: "surface_5.radius", "surface_5.thickness".
 struct Prescription {
   std::string name;                   // as prescription_names() lists it
-  std::string title;                  // for people
+  std::string title;                  // for display
   std::string source;                 // where the numbers are from, and what was assumed
   std::vector<std::string> surfaces;  // names, one per surface: "retina", "lens.posterior", ...
-  std::vector<std::string>
-      media;  // names of what lies behind each surface: "vitreous", "lens", ...
+  // names of what lies behind each surface: "vitreous", "lens", ...
+  std::vector<std::string> media;
   System system;
   /// Throws std::invalid_argument when names are missing or used twice, or the system is not sound.
   void check() const;
@@ -36,7 +35,7 @@ struct Parameter {
   double value = 0;  // SI
 };
 
-/// Names of all prescriptions that stand here.
+/// Names of all built-in prescriptions.
 std::vector<std::string> prescription_names();
 
 /// One of them. Throws std::invalid_argument with suggestions for an unknown name.

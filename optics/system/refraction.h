@@ -1,11 +1,12 @@
-// One ray at one surface: intersection, Snell's law, stop. Templated, so that Ceres' Jets pass
-// through the same code: as rays, and as surfaces that are being designed
+// Refraction of one ray at one surface: intersection, Snell's law, stop. Templated, so that Ceres'
+// Jets pass through the same code: as rays, and as surfaces that are being designed
 // (optics/design/design_surface.h). Frame: the eye frame moved so that the surface's vertex is the
 // origin. Lengths in m.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "optics/numerics/scalar.h"
+#include "optics/system/profile.h"
 #include "optics/system/ray.h"
 #include "optics/system/system.h"
 
@@ -17,27 +18,11 @@
 
 namespace vitreo::optics::detail {
 
-/// The profile at a distance from the axis; both NaN where the surface does not reach.
-template <class T>
-struct Profile {
-  T sag;           // (3.1), m
-  T slope_over_r;  // (d sag / d r) / r, 1/m: regular on the axis
-};
-
 inline double curvature_of(const Surface& surface) { return 1 / surface.radius; }
 
 template <class AnySurface, class T>
 Profile<T> profile(const AnySurface& surface, const T& r2) {
-  using std::sqrt;
-  const auto c = curvature_of(surface);
-  const T q = 1.0 - (1.0 + surface.conic) * c * c * r2;
-  if (!(q >= 0.0))
-    return {T(std::numeric_limits<double>::quiet_NaN()),
-            T(std::numeric_limits<double>::quiet_NaN())};
-  const T root = sqrt(q);
-  const auto& [a4, a6, a8, a10] = surface.aspheric;
-  return {c * r2 / (1.0 + root) + r2 * r2 * (a4 + r2 * (a6 + r2 * (a8 + r2 * a10))),
-          c / root + r2 * (4.0 * a4 + r2 * (6.0 * a6 + r2 * (8.0 * a8 + r2 * (10.0 * a10))))};
+  return profile(curvature_of(surface), surface.conic, surface.aspheric, r2);
 }
 
 inline bool is_asphere(const Surface& surface) {
@@ -45,10 +30,12 @@ inline bool is_asphere(const Surface& surface) {
                      [](double a) { return a != 0; });
 }
 
-/// `s` such that plane_point + s * d lies on the conic. The form C / (-B + sqrt(B^2 - AC)) has no
-/// cancellation where A
-/// -> 0 (near-axial rays on a paraboloid); of the two roots it is the one at the vertex, whichever
-/// way the ray goes.
+/// `s` such that p + s d lies on the conic, p = plane_point in the vertex plane, d the unit
+/// direction. The conic of (3.1) without aspheric terms is F = c (x^2 + y^2 + (1 + k) z^2) - 2 z =
+/// 0 with curvature c and conic constant k; on the line this is A s^2 + 2 B s + E = 0 with
+///  A = c (1 + k d_z^2),  B = c (p_x d_x + p_y d_y) - d_z,  E = c (p_x^2 + p_y^2).
+/// The root s = E / (-B + sqrt(B^2 - A E)) has no cancellation where A -> 0 (near-axial rays on a
+/// paraboloid); of the two roots it is the one at the vertex, whichever way the ray goes.
 template <class AnySurface, class T>
 TraceStatus meet_conic(const AnySurface& surface, const Vector3<T>& plane_point,
                        const Vector3<T>& d, T& s) {
@@ -68,8 +55,9 @@ TraceStatus meet_conic(const AnySurface& surface, const Vector3<T>& plane_point,
   return (1.0 + k) * c * (s * d.z()) > 1.0 ? TraceStatus::wrong_sheet : TraceStatus::ok;
 }
 
-/// Newton from the conic's root, or from the tangent plane where the conic is missed. The step
-/// after convergence makes the derivatives of a Jet exact.
+/// Newton's method on f(s) = z - sag(r), whose slope is d_z - (sag'(r) / r) (x d_x + y d_y), from
+/// the conic's root, or from the tangent plane where the conic is missed. The step after
+/// convergence makes the derivatives of a Jet exact.
 template <class AnySurface, class T>
 TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_point,
                          const Vector3<T>& d, T& s) {
@@ -88,7 +76,8 @@ TraceStatus meet_asphere(const AnySurface& surface, const Vector3<T>& plane_poin
   return TraceStatus::no_convergence;
 }
 
-/// The unit normal at a point of the surface, with positive z component.
+/// The unit normal at a point of the surface, with positive z component: the gradient of z -
+/// sag(r), or for a conic that of -F / 2.
 template <class AnySurface, class T>
 Vector3<T> unit_normal(const AnySurface& surface, const Vector3<T>& p) {
   if (is_asphere(surface)) {
@@ -99,7 +88,11 @@ Vector3<T> unit_normal(const AnySurface& surface, const Vector3<T>& p) {
   return Vector3<T>(-c * p.x(), -c * p.y(), 1.0 - (1.0 + surface.conic) * c * p.z()).normalized();
 }
 
-/// Snell's law in vector form; false at total reflection. `ratio` = index before / index behind.
+/// Snell's law in vector form (Glassner, An Introduction to Ray Tracing, 1989): with n = `normal`
+/// and mu = `ratio` = index before / index behind,
+///  d' = mu d + (cos t' - mu cos t) n,  cos t = d . n,  cos^2 t' = 1 - mu^2 (1 - cos^2 t).
+/// The sign of cos t' is that of cos t, so the normal may point either way. False at total
+/// reflection.
 template <class T>
 bool refract(double ratio, const Vector3<T>& normal, Vector3<T>& d) {
   using std::sqrt;
@@ -111,7 +104,7 @@ bool refract(double ratio, const Vector3<T>& normal, Vector3<T>& d) {
   return true;
 }
 
-/// What a ray does at one surface.
+/// A surface with the media on both sides, as the ray meets it.
 template <class AnySurface>
 struct Crossing {
   const AnySurface& surface;
@@ -119,11 +112,11 @@ struct Crossing {
   double stop_radius = std::numeric_limits<double>::infinity();  // m, of a hole in the vertex plane
 };
 
-/// Takes the ray from where it is to behind the surface; leaves it alone when it is lost.
+/// Propagates the ray from its origin to behind the surface; leaves it alone when it is lost.
 template <class AnySurface, class T>
 TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>& direction) {
-  constexpr double kBackwards =
-      -1e-12;  // m: a path this short is rounding, a longer one means that the surfaces cross
+  // m: a path this short is rounding, a longer one means that the surfaces cross
+  constexpr double kBackwards = -1e-12;
   if (direction.z() == 0.0) return TraceStatus::missed;
   const T to_plane = -origin.z() / direction.z();
   const Vector3<T> plane_point(origin.x() + to_plane * direction.x(),
@@ -142,7 +135,7 @@ TraceStatus cross(const Crossing<AnySurface>& at, Vector3<T>& origin, Vector3<T>
   Vector3<T> refracted = direction;
   if (!refract(at.ratio, unit_normal(at.surface, hit), refracted))
     return TraceStatus::total_reflection;
-  // The hole lies in the vertex plane: before the surface or behind it, whichever the sag says, so
+  // The hole lies in the vertex plane: before the surface or behind it, by the sign of the sag, so
   // both directions of travel are clipped alike.
   const bool plane_first = (hit.z() >= 0.0) == (direction.z() > 0.0);
   const Vector3<T> in_hole =

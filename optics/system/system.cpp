@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/system.h"
 
-#include "optics/system/refraction.h"
+#include "optics/system/profile.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,6 +14,7 @@ namespace {
   throw std::invalid_argument("surface " + std::to_string(surface) + ": " + why);
 }
 
+/// Refuses values that no real surface or medium has; the limits are far beyond any eye or lens.
 void check_surface(const Surface& surface, int number, bool last) {
   if (std::isnan(surface.radius) || surface.radius == 0)
     refuse(number, "radius must not be zero or NaN");
@@ -30,8 +31,8 @@ void check_surface(const Surface& surface, int number, bool last) {
   if (!(surface.semi_diameter > 0)) refuse(number, "semi_diameter must be positive");
 }
 
-/// Where both have a rim, the media between them must be there up to the smaller one. Surfaces
-/// without a rim may meet somewhere outside; rays that come there are lost as missed.
+/// Where both surfaces have a rim, the medium between them must have a thickness up to the smaller
+/// rim. Surfaces without a rim may meet somewhere outside; rays that come there are lost as missed.
 void check_gap(const Surface& front, const Surface& behind, int number) {
   constexpr int kSteps = 16;
   constexpr double kRounding = 1e-12;  // m: of surfaces in contact
@@ -49,8 +50,12 @@ void check_gap(const Surface& front, const Surface& behind, int number) {
 
 }  // namespace
 
-double Surface::sag(double r) const { return detail::profile(*this, r * r).sag; }
+/// (3.1)
+double Surface::sag(double r) const {
+  return detail::profile(1 / radius, conic, aspheric, r * r).sag;
+}
 
+/// The sum of the thicknesses before it.
 double System::vertex(int surface) const {
   if (surface < 1 || surface > size()) {
     throw std::invalid_argument("surface: " + std::to_string(surface) + " is not in 1.." +
@@ -61,6 +66,7 @@ double System::vertex(int surface) const {
   return z;
 }
 
+/// Surface 1 is the retina, which does not refract: only its thickness and index count in a trace.
 void System::check() const {
   if (size() < 2)
     throw std::invalid_argument(

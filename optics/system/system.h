@@ -21,8 +21,8 @@ struct Surface {
   std::array<double, 4> aspheric{};  // a4, a6, a8, a10 in m^-3, m^-5, m^-7, m^-9
   double thickness = 0;  // m, along the axis to the next surface's vertex; unused on the last
   double index = 1;      // refractive index behind the surface
-  double semi_diameter =
-      std::numeric_limits<double>::infinity();  // m; rays further out are clipped
+  // m; rays further out are clipped
+  double semi_diameter = std::numeric_limits<double>::infinity();
   /// z - vertex at distance r from the axis; NaN where the surface does not reach.
   double sag(double r) const;
 };

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/tolerance.h"
 
+#include "optics/numerics/preconditions.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -10,10 +12,12 @@
 namespace vitreo::optics {
 namespace {
 
-/// A standard normal number by Box and Muller: std::normal_distribution differs from library to
-/// library.
+/// A standard normal number by Box & Muller (1958), the cosine branch alone.
+/// std::normal_distribution differs from library to library, and with it would the sampled eyes.
 double normal(std::mt19937_64& random) {
   constexpr double kUnit = 0x1p-53;
+  // The upper 53 bits of a draw: what a double holds. The half keeps u above 0, where the logarithm
+  // is.
   const double u = (static_cast<double>(random() >> 11) + 0.5) * kUnit;  // never 0
   const double v = (static_cast<double>(random() >> 11) + 0.5) * kUnit;
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
@@ -25,6 +29,7 @@ void check(const Uncertainty& one) {
   }
 }
 
+/// The parameter at value * (1 + relative * sigmas): table 5.1 states relative uncertainties.
 Override off(const Prescription& prescription, const Uncertainty& one, double sigmas) {
   check(one);
   return {one.parameter, parameter(prescription, one.parameter) * (1 + one.relative * sigmas)};
@@ -32,6 +37,7 @@ Override off(const Prescription& prescription, const Uncertainty& one, double si
 
 }  // namespace
 
+/// One sigma each; the sources are those that thesis 4.2 cites.
 std::vector<Uncertainty> table_5_1() {
   constexpr const char* kKirschkamp = "Kirschkamp et al. 2004";
   constexpr const char* kCarney = "Carney et al. 1997";
@@ -58,8 +64,8 @@ std::vector<Uncertainty> applicable(const std::vector<Uncertainty>& uncertaintie
   for (const Uncertainty& one : uncertainties) {
     const auto is_it = [&](const Parameter& its) {
       const bool air = its.value == 1 && its.name.ends_with(".index");
-      const bool flat =
-          its.value == 0 || !std::isfinite(its.value);  // no fraction of it is uncertain
+      // no fraction of it is uncertain
+      const bool flat = its.value == 0 || !std::isfinite(its.value);
       return its.name == one.parameter && !air && !flat;
     };
     if (std::any_of(known.begin(), known.end(), is_it)) those.push_back(one);
@@ -73,11 +79,13 @@ Prescription perturbed(const Prescription& prescription, const Uncertainty& unce
   return with_parameters(prescription, {&change, 1});
 }
 
+/// Independent Gaussian parameters; rejection sampling truncates them to systems that pass
+/// System::check.
 std::vector<PerturbedEye> monte_carlo(const Prescription& prescription,
                                       const std::vector<Uncertainty>& uncertainties, int count,
                                       std::mt19937_64& random) {
   constexpr int kTriesPerEye = 1000;
-  if (count < 0) throw std::invalid_argument("count: must not be negative");
+  detail::require(count >= 0, "count: must not be negative");
   std::vector<PerturbedEye> eyes;
   for (long tries = 0; static_cast<int>(eyes.size()) < count; ++tries) {
     if (tries >= static_cast<long>(kTriesPerEye) * count) {

@@ -1,5 +1,4 @@
-// How uncertain an eye's parameters are, and eyes that differ from their prescription by as much
-// (thesis 4.2, table 5.1).
+// Tolerances of an eye's parameters (thesis 4.2, table 5.1), and eyes sampled from them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -38,10 +37,10 @@ struct PerturbedEye {
   std::vector<double> sigmas;  // how far each uncertainty's parameter is off, in its own sigmas
 };
 
-/// `count` eyes in which all parameters are off at once, independent and Gaussian. A draw that is
-/// no eye (surfaces that cross) is drawn again; the generator alone decides, so the same seed gives
-/// the same eyes on every machine. Throws std::invalid_argument for a negative count, or when
-/// hardly any draw is an eye.
+/// `count` eyes in which all parameters are off at once, independent and Gaussian. A sample that is
+/// no eye (surfaces that cross) is rejected and sampled again; the generator alone decides, so the
+/// same seed gives the same eyes on every machine. Throws std::invalid_argument for a negative
+/// count, or when hardly any sample is an eye.
 std::vector<PerturbedEye> monte_carlo(const Prescription& prescription,
                                       const std::vector<Uncertainty>& uncertainties, int count,
                                       std::mt19937_64& random);

@@ -40,7 +40,7 @@ constexpr std::array<std::pair<std::string_view, double>, 18> kGlasses{{
     {"CAF2", 1.43384},
 }};
 
-/// What says nothing about the light through centered surfaces, or repeats what other operands say.
+/// Operands without influence on the light through centered surfaces, or that repeat others.
 constexpr std::string_view kHarmless[] = {
     "VERS", "PFIL", "LANG", "GCAT", "NOTE", "ENVD", "GFAC", "RAIM", "PUSH", "SDMA", "FTYP", "ROPD",
     "PICB", "XFLN", "YFLN", "FWGN", "VDXN", "VDYN", "VCXN", "VCYN", "VANN", "XFLD", "YFLD", "FWGT",
@@ -49,6 +49,7 @@ constexpr std::string_view kHarmless[] = {
     "SLAB", "POPS", "MEMA", "PKUP", "CONF", "EFFL", "OPDX", "FNUM", "OBNA", "FLOA", "SCOL", "DMFS",
     "OPTG", "HYPR", "CSLB", "FIMP", "ZEMX", "UDAT", "MCOP"};
 
+/// UNIT names the lens unit; all lengths of the file are in it, wavelengths excepted.
 double meters_per_unit(const ZemaxLine& line) {
   const std::string unit = line.words.empty() ? "" : line.words[0];
   if (unit == "MM") return 1e-3;
@@ -58,6 +59,7 @@ double meters_per_unit(const ZemaxLine& line) {
   line.refuse("unit \"" + unit.substr(0, 20) + "\" is none of MM, CM, IN, M");
 }
 
+/// GLAS: a glass of the table above, or a model glass with the index in the line.
 double index_of(const ZemaxLine& line) {
   if (line.words.empty()) line.refuse("the glass has no name");
   const std::string& name = line.words[0];
@@ -78,6 +80,8 @@ double index_of(const ZemaxLine& line) {
               detail::suggestions(name, known) + " A model glass (index in the file) always works");
 }
 
+/// One pass over the lines. A SURF line begins a surface, indented lines belong to it, all others
+/// to the header.
 class Reader {
  public:
   ZemaxFile read(std::string_view bytes);
@@ -106,6 +110,7 @@ bool is_harmless(const std::string& operand) {
   return std::find(std::begin(kHarmless), std::end(kHarmless), operand) != std::end(kHarmless);
 }
 
+/// Wavelengths, in um in the file. They are kept for the record; no dispersion is computed.
 bool Reader::header_wavelength(const ZemaxLine& line) {
   constexpr double kMicrometer = 1e-6;
   constexpr std::size_t kMost = 24;  // as Zemax has
@@ -127,6 +132,7 @@ bool Reader::header_wavelength(const ZemaxLine& line) {
   return true;
 }
 
+/// Operands before the first surface, or between surfaces without indentation.
 void Reader::header(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "MODE") {
@@ -150,6 +156,7 @@ void Reader::header(const ZemaxLine& line) {
   }
 }
 
+/// Surfaces are numbered from 0 without gaps: 0 is the object, the last the image.
 void Reader::begin_surface(const ZemaxLine& line) {
   if (line.integer_at(0, "number") != number() + 1) {
     line.refuse("surface " + std::to_string(number() + 1) + " was expected");
@@ -162,6 +169,7 @@ void Reader::begin_surface(const ZemaxLine& line) {
   unit_used_ = true;
 }
 
+/// PARM of even aspheres (EVENASPH).
 void Reader::parameter(const ZemaxLine& line) {
   const int which = line.integer_at(0, "number");
   const double value = line.number_at(1, "value");
@@ -171,11 +179,13 @@ void Reader::parameter(const ZemaxLine& line) {
     line.refuse("only the terms of r^4 to r^10 (PARM 2 to 5) are supported, PARM " +
                 std::to_string(which) + " is not zero");
   }
+  // PARM k is the coefficient of r^(2k), in (lens unit)^(1 - 2k); PARM 1, of r^2, is excluded
+  // above.
   const int power = 2 * which;
   surface().aspheric[static_cast<std::size_t>(which - 2)] = value * std::pow(unit_, 1 - power);
 }
 
-/// Form, place and medium.
+/// Operands of a surface's form, position and medium. False for others.
 bool Reader::surface_shape(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "TYPE") {
@@ -186,6 +196,7 @@ bool Reader::surface_shape(const ZemaxLine& line) {
     }
     asphere_ = type == "EVENASPH";
   } else if (operand == "CURV") {
+    // CURV is 1 / R in 1 / (lens unit).
     const double curvature = line.number_at(0, "curvature");
     surface().radius = curvature == 0 ? std::numeric_limits<double>::infinity() : unit_ / curvature;
   } else if (operand == "CONI") {
@@ -204,7 +215,8 @@ bool Reader::surface_shape(const ZemaxLine& line) {
   return true;
 }
 
-/// Stop and rims.
+/// Operands of the stop and of rims; DIAM and CLAP are semi-diameters in lens units. False for
+/// others.
 bool Reader::surface_edge(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "STOP") {
@@ -214,8 +226,8 @@ bool Reader::surface_edge(const ZemaxLine& line) {
   } else if (operand == "DIAM") {
     diameter_ = line.number_at(0, "semi-diameter") * unit_;
     if (diameter_ < 0) line.refuse("semi-diameter must not be negative");
-    // Second word: 1 when somebody fixed it, else Zemax computed it from its rays, and it clips
-    // nothing.
+    // Second word: 1 for a diameter fixed by the user; else Zemax computed it from its rays, and it
+    // clips nothing.
     const bool fixed = line.words.size() > 1 && line.integer_at(1, "flag") == 1;
     if (fixed && diameter_ > 0) surface().semi_diameter = diameter_;
   } else if (operand == "CLAP") {
@@ -233,6 +245,7 @@ bool Reader::surface_edge(const ZemaxLine& line) {
   return true;
 }
 
+/// Refuses every operand that could change the light and is not supported.
 void Reader::in_surface(const ZemaxLine& line) {
   if (line.operand == "COMM") {
     file_.comments.back() = line.rest;
@@ -256,6 +269,7 @@ ZemaxFile Reader::read(std::string_view bytes) {
   return std::move(file_);
 }
 
+/// PWAV counts from 1, and may name a wavelength that the file does not list.
 void Reader::finish() {
   if (file_.surfaces.size() < 3) {
     throw std::invalid_argument(

@@ -12,9 +12,9 @@
 
 namespace vitreo::optics {
 
-/// What a file says, in its own order: the first surface is the object, the last the image. SI; the
-/// last four aspheric coefficients of the format (r^2 and r^12 to r^16) must be zero. Indices are
-/// those of the d line (587.6 nm): dispersion is not imported.
+/// The contents of a file, in its own order: the first surface is the object, the last the image.
+/// SI; the last four aspheric coefficients of the format (r^2 and r^12 to r^16) must be zero.
+/// Indices are those of the d line (587.6 nm): dispersion is not imported.
 struct ZemaxFile {
   std::string title;
   std::vector<Surface> surfaces;      // infinite thickness: an object at infinity
@@ -23,7 +23,7 @@ struct ZemaxFile {
   std::optional<double> stop_radius;              // m: the stop surface's DIAM
   std::optional<double> entrance_pupil_diameter;  // m
   std::vector<double> wavelengths;                // m
-  int primary_wavelength = 0;                     // its place in `wavelengths`, from 0
+  int primary_wavelength = 0;                     // index into `wavelengths`, from 0
 };
 
 /// Reads the bytes of a file: UTF-8, or UTF-16 with a byte order mark. Throws std::invalid_argument

@@ -1,4 +1,4 @@
-// From what a Zemax file says to a system that begins at the retina.
+// Conversion of a Zemax file to a prescription that begins at the retina.
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/system/first_order.h"
 #include "optics/system/zemax.h"
@@ -10,13 +10,16 @@
 namespace vitreo::optics {
 namespace {
 
-/// The same glass, met from the other side.
+/// A surface met from the other side: radius and aspheric terms change their sign, the conic
+/// constant does not.
 Surface turned(Surface surface) {
   surface.radius = -surface.radius;
   for (double& a : surface.aspheric) a = -a;
   return surface;
 }
 
+/// Thickness and index belong to the gap behind a surface, so they move to the neighbor when the
+/// order turns round.
 std::vector<Surface> reversed(const std::vector<Surface>& forward) {
   std::vector<Surface> back;
   for (std::size_t i = forward.size(); i-- > 0;) {
@@ -32,10 +35,12 @@ std::vector<Surface> reversed(const std::vector<Surface>& forward) {
 double stop_radius_from_pupil(const ZemaxFile& file) {
   System before;  // object space to the stop's plane
   before.surfaces.assign(file.surfaces.begin(), file.surfaces.begin() + file.stop + 1);
-  before.surfaces.front().thickness =
-      0;  // it may be infinite, and does not matter to parallel rays
+  // it may be infinite, and does not matter to parallel rays
+  before.surfaces.front().thickness = 0;
   for (Surface& surface : before.surfaces)
     surface.semi_diameter = std::numeric_limits<double>::infinity();
+  // Row (height), column (height) of the matrix (4.9): height at the stop per height of a ray that
+  // enters parallel to the axis.
   return std::abs(system_matrix(before)(1, 1)) * *file.entrance_pupil_diameter / 2;
 }
 

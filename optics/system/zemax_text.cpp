@@ -10,8 +10,10 @@
 namespace vitreo::optics::detail {
 namespace {
 
+/// A prescription takes some kilobytes.
 constexpr std::size_t kMostBytes = 8u << 20;
 
+/// Of a code point of the basic plane: one to three bytes.
 void append_utf8(std::string& text, std::uint32_t code) {
   const auto byte = [&](std::uint32_t value) { text.push_back(static_cast<char>(value)); };
   if (code < 0x80) return byte(code);
@@ -39,6 +41,7 @@ std::string utf8_from_utf16(std::string_view bytes, bool big_endian) {
   return text;
 }
 
+/// By the byte order mark, since Zemax writes UTF-16 little endian and other programs UTF-8.
 std::string decode(std::string_view bytes) {
   if (bytes.size() > kMostBytes)
     throw std::invalid_argument("line 1: the file is too large for a lens");
@@ -51,6 +54,7 @@ std::string decode(std::string_view bytes) {
   } else {
     text = bytes.substr(begins("\xEF\xBB\xBF") ? 3 : 0);
   }
+  // UTF-16 without a mark shows as zero bytes between the letters.
   if (text.find('\0') != std::string::npos) {
     throw std::invalid_argument("line 1: not a text (UTF-16 needs its byte order mark)");
   }
@@ -59,6 +63,7 @@ std::string decode(std::string_view bytes) {
 
 constexpr const char* kBlank = " \t\r\f\v";
 
+/// The operand, the rest as it stands (titles keep their blanks) and its words.
 ZemaxLine line_from(std::string_view text, int number) {
   ZemaxLine line;
   line.number = number;
@@ -88,11 +93,12 @@ void ZemaxLine::refuse(const std::string& why) const {
                               ": " + why);
 }
 
-double ZemaxLine::number_at(std::size_t place, const char* what) const {
-  if (place >= words.size()) refuse(std::string(what) + " is missing");
-  std::string_view word = words[place];
+double ZemaxLine::number_at(std::size_t index, const char* what) const {
+  if (index >= words.size()) refuse(std::string(what) + " is missing");
+  std::string_view word = words[index];
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
   double value = 0;
+  // std::from_chars ignores the locale and, unlike Zemax, takes no leading plus.
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   if (error != std::errc{} || end != word.data() + word.size() || !std::isfinite(value)) {
     refuse(std::string(what) + " \"" + std::string(word.substr(0, 40)) +
@@ -101,13 +107,15 @@ double ZemaxLine::number_at(std::size_t place, const char* what) const {
   return value;
 }
 
-int ZemaxLine::integer_at(std::size_t place, const char* what) const {
-  const double value = number_at(place, what);
+/// Within a million, so that the conversion to int is exact.
+int ZemaxLine::integer_at(std::size_t index, const char* what) const {
+  const double value = number_at(index, what);
   if (!(std::abs(value) <= 1e6) || value != std::floor(value))
     refuse(std::string(what) + " is not a whole number");
   return static_cast<int>(value);
 }
 
+/// Blank lines count for the numbering and are left out; a carriage return is a blank.
 std::vector<ZemaxLine> zemax_lines(std::string_view bytes) {
   const std::string text = decode(bytes);
   std::vector<ZemaxLine> lines;

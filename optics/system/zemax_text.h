@@ -18,9 +18,9 @@ struct ZemaxLine {
 
   /// Throws std::invalid_argument "line N: OPERAND: why".
   [[noreturn]] void refuse(const std::string& why) const;
-  /// The word at `place` as a finite number, or a refusal that calls it `what`.
-  double number_at(std::size_t place, const char* what) const;
-  int integer_at(std::size_t place, const char* what) const;
+  /// The word at `index` as a finite number, or a refusal that calls it `what`.
+  double number_at(std::size_t index, const char* what) const;
+  int integer_at(std::size_t index, const char* what) const;
 };
 
 /// The non-empty lines of a file in UTF-8, or UTF-16 with a byte order mark. Throws

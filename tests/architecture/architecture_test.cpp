@@ -64,8 +64,8 @@ TEST(ArchitectureChecker, KnowsWhichFolderMayIncludeWhich) {
 }
 
 TEST(ArchitectureChecker, KnowsWhichRoomMayIncludeWhich) {
-  expect_good("optics/pose/pose.cpp", "#include \"optics/projection/projection.h\"");
-  expect_bad("optics/projection/projection.h", "#include \"optics/pose/pose.h\"");
+  expect_good("optics/pose/pose.cpp", "#include \"optics/projection/single_viewpoint.h\"");
+  expect_bad("optics/projection/single_viewpoint.h", "#include \"optics/pose/pose.h\"");
   expect_bad("optics/a.h", "#include \"optics/pose/pose.h\"");  // of no room
   expect_good("devices/instruments/usb3103/driver.cpp",
               "#include \"devices/instruments/usb3103/wire.h\"");

@@ -186,7 +186,7 @@ TEST(Aiming, RefusesBadArguments) {
 TEST(Spot, ModulationTransferOfADiscIsThatOfTheFormula) {
   Spot spot;  // a uniformly filled disc of 10 um: 2 J1(x) / x with x = 2 pi f R
   for (const Eigen::Vector2d& p : disc_samples(60, 120)) {
-    spot.place.push_back(p * 10 * kUm);
+    spot.position.push_back(p * 10 * kUm);
     spot.slope.push_back({0, 0});
   }
   EXPECT_DOUBLE_EQ(geometric_mtf(spot, 0, {0, 0}), 1);

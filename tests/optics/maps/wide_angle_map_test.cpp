@@ -334,7 +334,7 @@ Error self_consistency(const WideAngleMap& map, const ThesisCurves& curves, doub
   int count = 0;
   for (int i = 0; i < 15; ++i) {
     for (int j = 0; j < 41; ++j) {
-      const WideAngleMap::Place place{max_angle * i / 14, 8 * kMm * j / 40};
+      const WideAngleMap::FieldPosition place{max_angle * i / 14, 8 * kMm * j / 40};
       const auto image = map.at(place);
       const auto back = image ? curves.point(image->focus, std::abs(image->height)) : std::nullopt;
       if (!back) continue;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/projection/single_viewpoint.h"
 
-#include "optics/projection/projection.h"
 #include "tests/optics/support.h"
 
 #include <ceres/jet.h>
