@@ -1,4 +1,4 @@
--- How still the robot is held at a place, and how closely it goes round a square, by the simulator's truth: the figures of
+-- How still the robot is held at a place, and how closely it goes round a square, by the simulator's truth: the results of
 -- the controller, with the thesis' PD beside it. With feedback = "pose_sensor" of control alone, without optics (a simulated
 -- sensor of the truth, late and noisy); else through camera, eye and tracker.
 -- SPDX-License-Identifier: Apache-2.0
@@ -127,8 +127,8 @@ return {
       local went = square(run, servo, p)
       held.law, went.law = law, law
       holds[#holds + 1], squares[#squares + 1] = held, went
-      run:figure(name_of("hold", law, p.law), held.found.rms, "m")
-      run:figure(name_of("square", law, p.law), went.found.rms, "m")
+      run:result(name_of("hold", law, p.law), held.found.rms, "m")
+      run:result(name_of("square", law, p.law), went.found.rms, "m")
       for _, part in ipairs { { "hold", held }, { "square", went } } do
         local e = part[2].found
         rows[#rows + 1] = {

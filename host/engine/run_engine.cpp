@@ -292,8 +292,8 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
     }
   }
   const double experiment_time = to_seconds(stage.clock->now()), wall_time = wall_seconds() - began;
-  stage.recorder->figure({"experiment_time", experiment_time, "s"});
-  stage.recorder->figure({"wall_time", wall_time, "s"});
+  stage.recorder->result({"experiment_time", experiment_time, "s"});
+  stage.recorder->result({"wall_time", wall_time, "s"});
   try {
     stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time, place});
   } catch (const std::exception&
@@ -306,7 +306,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
             (verdict.reason.empty() ? "" : ": " + for_terminal(verdict.reason)));
   if (inspect) inspect(*stage.recorder, *stage.rig);
   return {verdict.outcome, verdict.exit_code, verdict.reason, stage.recorder->folder().string(),
-          stage.recorder->figures()};
+          stage.recorder->results()};
 }
 
 }  // namespace
@@ -358,10 +358,10 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
 }
 
 nlohmann::json to_json(const RunResult& result) {
-  nlohmann::json figures = nlohmann::json::object();
-  for (const Figure& figure : result.figures) figures[figure.name] = figure.value;
+  nlohmann::json results = nlohmann::json::object();
+  for (const StatedResult& one : result.results) results[one.name] = one.value;
   nlohmann::json json = {
-      {"outcome", to_string(result.outcome)}, {"run", result.folder}, {"figures", figures}};
+      {"outcome", to_string(result.outcome)}, {"run", result.folder}, {"results", results}};
   if (!result.reason.empty()) json["reason"] = result.reason;
   return json;
 }

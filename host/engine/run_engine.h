@@ -57,7 +57,7 @@ struct RunResult {
   ExitCode exit_code = ExitCode::completed;
   std::string reason;  // empty when completed
   std::string folder;
-  std::vector<Figure> figures;
+  std::vector<StatedResult> results;
 };
 
 /// Runs a protocol. What is wrong with the request throws before anything is opened or written:
@@ -73,7 +73,7 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
 RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                      LineEditor& in, std::ostream& out, std::ostream& err);
 
-/// {"outcome": ..., "run": ..., "figures": {...}}, SI.
+/// {"outcome": ..., "run": ..., "results": {...}}, SI.
 nlohmann::json to_json(const RunResult& result);
 
 /// Versions of the program and of what it is built on.

@@ -117,12 +117,12 @@ std::string head_section(const RunData& data) {
   return out + "</div>\n";
 }
 
-std::string figure_tiles(const RunData& data) {
+std::string result_tiles(const RunData& data) {
   std::string out;
-  for (const Figure& figure : data.figures) {
-    const Shown shown = shown_value(figure.value, figure.unit, 3);
+  for (const StatedResult& result : data.results) {
+    const Shown shown = shown_value(result.value, result.unit, 3);
     const std::string size = count_characters(shown.number) > 8 ? "value long" : "value";
-    out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(figure.name)) +
+    out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(result.name)) +
            "</div><div class=\"" + size + "\">" + escape_markup(shown.number);
     if (!shown.unit.empty())
       out += " <span class=\"unit\">" + escape_markup(shown.unit) + "</span>";
@@ -378,7 +378,7 @@ std::string report_html(const RunData& data) {
       "initial-scale=1\">\n<title>";
   out += escape_markup(start.protocol_title.empty() ? start.protocol_file : start.protocol_title);
   out += "</title>\n<style>" + std::string(kReportStyle) + "</style></head>\n<body><main>\n";
-  out += head_section(data) + figure_tiles(data) + plot_grid(data) + picture_grid(data);
+  out += head_section(data) + result_tiles(data) + plot_grid(data) + picture_grid(data);
   out += table_section(data);
   out += "<div class=\"columns\">" + parameter_section(data) + version_section(data) + "</div>\n";
   out += alarm_section(data) + event_section(data) + stream_section(data) + source_section(data);
