@@ -60,10 +60,10 @@ return {
     focusing.move(rig, found.mean)
     rig.top_camera:grab()
     run:picture("in focus", rig.top_camera:grab().image, "d_ls " .. run:show(found.mean, "m"))
-    run:figure("sharpest_at", found.mean, "m")
-    run:figure("sharpest_deviation", found.deviation, "m")
-    run:figure("depth", place.position.z, "m")
-    run:figure("depth_sigma", place.sigma.z, "m")
+    run:result("sharpest_at", found.mean, "m")
+    run:result("sharpest_deviation", found.deviation, "m")
+    run:result("depth", place.position.z, "m")
+    run:result("depth_sigma", place.sigma.z, "m")
     run:note(
       ("sharpest at d_ls %s, %d sweeps of %d agree to %s; %s before the retina ± %s, uncalibrated"):format(
         run:show(found.mean, "m"),

@@ -147,7 +147,7 @@ return {
     end
     run:table { title = "Largest error of depth over the points", header = { "law", "error" }, rows = rows }
     eyes.report(run, eye, truth)
-    run:figure("calibrated_error", found[2], "m")
+    run:result("calibrated_error", found[2], "m")
     local book = expect.book(run, "4.4.4")
     book:number {
       id = "4.10.biometric",

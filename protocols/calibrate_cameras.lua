@@ -32,7 +32,7 @@ return {
           ("%s: %d places, residual %.2f px rms, %.2f at most"):format(role, points, fit.rms_residual_px, fit.max_residual_px)
         )
         limits.camera(book, role, fit, believed[role], { pixel = p.limit, residual_px = p.residual })
-        run:figure(role .. "_pixel", fit.pixel, "m")
+        run:result(role .. "_pixel", fit.pixel, "m")
       end
     end
     if not book:close() then error("not all numbers were accepted", 0) end

@@ -37,8 +37,8 @@ return {
     )
     local book = acceptance.new(run, "Coils")
     limits.coils(book, told, "octomag_calibrated.yaml", { field = p.limit })
-    run:figure("residual_rms", told.residual_rms, "T")
-    run:figure("residual_relative", told.residual_relative)
+    run:result("residual_rms", told.residual_rms, "T")
+    run:result("residual_relative", told.residual_relative)
     if not book:close() then error("not all numbers were accepted", 0) end
   end,
 }

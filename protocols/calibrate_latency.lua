@@ -42,7 +42,7 @@ return {
       if rig[role] then
         local age, deviation = calibrations.camera_latency(rig[role], p.frames)
         limits.frames(book, role, age, deviation)
-        if role == "top_camera" then run:figure("loop_latency", age + delay, "s") end
+        if role == "top_camera" then run:result("loop_latency", age + delay, "s") end
       end
     end
     if not book:close() then error("not all numbers were accepted", 0) end

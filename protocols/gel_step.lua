@@ -112,9 +112,9 @@ return {
       servo:wait_until_tracked { timeout = 10 * s }
       run:checkpoint("before the step, " .. law)
       local found = step(run, servo, p)
-      run:figure(law .. "_overshoot", found.overshoot, "")
-      run:figure(law .. "_reversals", found.reversals, "")
-      run:figure(law .. "_last", found.last, "")
+      run:result(law .. "_overshoot", found.overshoot, "")
+      run:result(law .. "_reversals", found.reversals, "")
+      run:result(law .. "_last", found.last, "")
       rows[#rows + 1] = {
         law,
         ("%.0f %%"):format(100 * found.overshoot),

@@ -17,6 +17,6 @@ return {
       last = rig.top_camera:grab()
       first = first or last
     end
-    if p.frames > 1 then run:figure("frame_period", (last.time - first.time) / (last.number - first.number), "s") end
+    if p.frames > 1 then run:result("frame_period", (last.time - first.time) / (last.number - first.number), "s") end
   end,
 }

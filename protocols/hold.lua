@@ -127,8 +127,8 @@ return {
       local went = square(run, servo, p)
       held.law, went.law = law, law
       holds[#holds + 1], squares[#squares + 1] = held, went
-      run:figure(name_of("hold", law, p.law), held.found.rms, "m")
-      run:figure(name_of("square", law, p.law), went.found.rms, "m")
+      run:result(name_of("hold", law, p.law), held.found.rms, "m")
+      run:result(name_of("square", law, p.law), went.found.rms, "m")
       for _, part in ipairs { { "hold", held }, { "square", went } } do
         local e = part[2].found
         rows[#rows + 1] = {

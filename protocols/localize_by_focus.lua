@@ -119,8 +119,8 @@ return {
     local errors, errors_full = all_errors(retina_only, angles, surfaces), all_errors(full, angles, surfaces)
     local missing = p.angles * p.surfaces - #errors_full
     if #errors_full == 0 then error("no target was localized", 0) end
-    run:figure("localized", #errors_full)
-    run:figure("focus_deviation_median", statistics.median(deviations), "m")
+    run:result("localized", #errors_full)
+    run:result("focus_deviation_median", statistics.median(deviations), "m")
 
     local book = expect.book(run, "table 4.1")
     local thesis = published.table_4_1

@@ -169,7 +169,7 @@ end
 local function goals(run, book, found, failed, count, orientation)
   for axis, goal in pairs { x = 50 * um, z = 150 * um } do
     local means = statistics.map(found, function(span) return span[axis].mean end)
-    run:figure(("mean_error_%s_robot_%s"):format(axis, orientation), statistics.median(means), "m")
+    run:result(("mean_error_%s_robot_%s"):format(axis, orientation), statistics.median(means), "m")
     book:number {
       id = ("5.5.goal.%s.%s"):format(orientation, axis),
       what = ("%s, mean error along %s, median of the eyes"):format(orientation, axis),

@@ -27,10 +27,10 @@ local function in_mm(value) return value and ("%.5f"):format(value / mm) or "–
 local function first_order(run, eye, p)
   local image = eye:axial_image() or error("the retina's image is at infinity: there is no aerial image to report on")
   local aperture, focus = eye:numerical_aperture(), eye:depth_of_focus { confusion = p.confusion }
-  run:figure("magnification", image.magnification)
-  run:figure("numerical_aperture", aperture.oslo)
-  run:figure("retina_image_distance", image.distance, "m")
-  run:figure("depth_of_focus", focus.thesis, "m")
+  run:result("magnification", image.magnification)
+  run:result("numerical_aperture", aperture.oslo)
+  run:result("retina_image_distance", image.distance, "m")
+  run:result("depth_of_focus", focus.thesis, "m")
   local points, rows = eye:first_order() or {}, {}
   for _, name in ipairs {
     "focal_length",
@@ -92,7 +92,7 @@ end
 local function fields(run, eye, p)
   local angles = range(0, p.field, 31)
   local retina, span = eye:field_curvature(angles)
-  run:figure("field_curvature_span", span, "m")
+  run:result("field_curvature_span", span, "m")
   run:plot {
     title = "Field curvature",
     x = { "field angle", "deg" },
@@ -198,7 +198,7 @@ local function wide_angle(run, eye, p)
   local made, map = pcall(eye.wide_angle_map, eye, { max_angle = math.max(p.field, 35 * deg), max_depth = p.depth })
   if not made then return run:note("no wide-angle map: " .. tostring(map)) end
   local worst, count, tried = round_trip(eye, map, p)
-  if count > 0 then run:figure("map_round_trip_max", worst, "m") end
+  if count > 0 then run:result("map_round_trip_max", worst, "m") end
   local limit = map:limits().max_angle
   run:note(
     ("the map reaches %.1f°; %d of %d points went there and back, the worst came back %.3f µm off"):format(

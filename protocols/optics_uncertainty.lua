@@ -61,7 +61,7 @@ local function sensitivity(run, eye, p)
     end
     if #rows > 0 then
       table.sort(rows, function(a, b) return (a.values[1] or -1) > (b.values[1] or -1) end)
-      if rows[1].values[1] then run:figure("worst_error_" .. method.name, rows[1].values[1], "m") end
+      if rows[1].values[1] then run:result("worst_error_" .. method.name, rows[1].values[1], "m") end
       bar_chart(run, method.title .. ", one parameter off by one sigma", {
         rows = rows,
         labels = { "as prescribed", "calibrated on the retina" },
@@ -261,8 +261,8 @@ local function design(run, eye, p)
       run:show(told.before.span, "m")
     )
   )
-  run:figure("design_span_before", told.before.span, "m")
-  run:figure("design_span_after", told.after.span, "m")
+  run:result("design_span_before", told.before.span, "m")
+  run:result("design_span_after", told.after.span, "m")
   local angles, series = range(0, p.field, 31), {}
   for k, one in ipairs { { "as prescribed", eye }, { "designed", lens } } do
     local y = {}

@@ -97,7 +97,7 @@ local function track(rig, run, p)
     local found = tracker:update(rig.top_camera:grab().image)
     frames, seen = frames + 1, seen + (found and 1 or 0)
   end
-  run:figure("tracked_part", seen / frames)
+  run:result("tracked_part", seen / frames)
 end
 
 return {
@@ -147,7 +147,7 @@ return {
       rows[number], most = row, math.max(most, moved)
     end
     run:table { title = "Motion trials", header = { "trial", "moved", "end" }, rows = rows }
-    run:figure("moved_most", most, "m")
+    run:result("moved_most", most, "m")
     track(rig, run, p)
     list:note("the session", { name = "notes" })
     list:item(
@@ -156,7 +156,7 @@ return {
     )
     list:report "The session, as it went"
     local least = list:left()
-    run:figure("time_used", run:now() - list.began, "s")
-    run:figure("time_left", least, "s")
+    run:result("time_used", run:now() - list.began, "s")
+    run:result("time_left", least, "s")
   end,
 }

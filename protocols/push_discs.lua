@@ -126,8 +126,8 @@ return {
     local pixel = rig.top_camera:info().effective_pixel
     local from, to = first_and_last(disc_u)
     local robot_from, robot_to = first_and_last(robot_u)
-    run:figure("disc_pushed", (to - from) * pixel, "m")
-    run:figure("robot_went", (robot_to - robot_from) * pixel, "m")
+    run:result("disc_pushed", (to - from) * pixel, "m")
+    run:result("robot_went", (robot_to - robot_from) * pixel, "m")
     local swapped = 0
     for i = 1, #frames do
       if robot_u[i] > disc_u[i] then swapped = swapped + 1 end

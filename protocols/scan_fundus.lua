@@ -53,9 +53,9 @@ return {
       series = { { label = "focus", x = statistics.range(1, p.views, p.views), y = focus, mark = "points" } },
     }
     local width, height = made.image:size()
-    run:figure("views_joined", made.joined)
-    run:figure("seam_rms_px", made.rms_px)
-    run:figure("mosaic_pixels", width * height)
+    run:result("views_joined", made.joined)
+    run:result("seam_rms_px", made.rms_px)
+    run:result("mosaic_pixels", width * height)
     local book = expect.book(run, "appendix A")
     book:number {
       id = "A.joined",

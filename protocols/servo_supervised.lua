@@ -184,8 +184,8 @@ return {
         { label = "and its precision", x = bars.x, y = bars.p, mark = "dashed" },
       },
     }
-    run:figure("points_reached", reached)
-    run:figure("points_warned", warned)
+    run:result("points_reached", reached)
+    run:result("points_warned", warned)
     local book = expect.book(run, "figure 6.7")
     book:number {
       id = "6.7.reached",

@@ -56,6 +56,6 @@ return {
       end
       run:wait(0.1 * s)
     end
-    run:figure("targets_given", given)
+    run:result("targets_given", given)
   end,
 }

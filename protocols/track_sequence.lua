@@ -166,17 +166,17 @@ local function judge(run, tracks, p)
   end
   local sum = compare(tracks, truth)
   if sum.frames == 0 then error("truth: none of its frames is among the images", 0) end
-  run:figure("frames_judged", sum.frames)
-  run:figure("lost", sum.lost)
-  run:figure("wrong", sum.wrong)
+  run:result("frames_judged", sum.frames)
+  run:result("lost", sum.lost)
+  run:result("wrong", sum.wrong)
   if sum.tracked > 0 then
-    run:figure("center_error_mean", sum.center / sum.tracked)
-    run:figure("inside_95_percent", sum.inside / sum.tracked)
+    run:result("center_error_mean", sum.center / sum.tracked)
+    run:result("inside_95_percent", sum.inside / sum.tracked)
   end
   if sum.shapes then
-    run:figure("major_error_mean", sum.major / sum.shapes)
-    run:figure("minor_error_mean", sum.minor / sum.shapes)
-    run:figure("angle_error_mean", sum.angle / sum.shapes, "deg")
+    run:result("major_error_mean", sum.major / sum.shapes)
+    run:result("minor_error_mean", sum.minor / sum.shapes)
+    run:result("angle_error_mean", sum.angle / sum.shapes, "deg")
     if p.truth_axes == "full" and sum.ratio / sum.shapes > 1.7 then
       run:note("the truth's A looks like a semi-axis: truth_axes=semi would double A and B")
     end
@@ -268,9 +268,9 @@ return {
     for _, t in ipairs(tracks) do
       tracked = tracked + (t.x_px and 1 or 0)
     end
-    run:figure("frames", #tracks)
-    run:figure("tracked", tracked)
-    run:figure("frames_per_second", #tracks / cpu)
+    run:result("frames", #tracks)
+    run:result("tracked", tracked)
+    run:result("frames_per_second", #tracks / cpu)
     plots(run, tracks)
   end,
 }

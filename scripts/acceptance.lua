@@ -44,7 +44,7 @@ function acceptance:accepted()
   return values
 end
 
---- The table, a figure, calibration.json in the run's folder: { values = { [key of the rig file] = number }, ... }, and the same
+--- The table, a result, calibration.json in the run's folder: { values = { [key of the rig file] = number }, ... }, and the same
 --- into the rig's calibration file, where the rig names one. Refused numbers are not in it. Returns whether all were accepted.
 function acceptance:close()
   local values = self:accepted()
@@ -53,7 +53,7 @@ function acceptance:close()
     header = { "what", "believed", "measured", "one sigma", "limits", "" },
     rows = self.rows,
   }
-  self.run:figure("calibrations_refused", self.refused)
+  self.run:result("calibrations_refused", self.refused)
   files.write(
     "calibration.json",
     json.text { title = self.title, accepted = self.refused == 0, values = values, files = self.files } .. "\n"

@@ -89,7 +89,7 @@ end
 --- The list as it was gone through, for the report.
 function checklist:report(title)
   self.run:table { title = title, header = { "after", "what", "how" }, rows = self.rows }
-  self.run:figure("checklist_not_done", self.missed)
+  self.run:result("checklist_not_done", self.missed)
 end
 
 return checklist

@@ -129,25 +129,25 @@ local function between_kinds(found)
   return ratio, apart
 end
 
-local function figures(run, found, asked)
+local function state_results(run, found, asked)
   for _, kind in ipairs(asked) do
-    run:figure("drift_" .. kind .. "_min", smallest(found, kind), "um/s")
-    run:figure("drift_" .. kind .. "_max", largest(found, kind), "um/s")
+    run:result("drift_" .. kind .. "_min", smallest(found, kind), "um/s")
+    run:result("drift_" .. kind .. "_max", largest(found, kind), "um/s")
   end
   if #asked == 3 then
     local ratio, apart = between_kinds(found)
-    run:figure("drift_ratio_at_edge_max", ratio, "")
-    run:figure("drift_one_two_cameras_apart", apart, "um/s")
+    run:result("drift_ratio_at_edge_max", ratio, "")
+    run:result("drift_one_two_cameras_apart", apart, "um/s")
   end
-  run:figure("drift_cancel_max", largest(found, "cancel"), "um/s")
-  run:figure("drift_hold_max", largest(found, "hold"), "um/s")
+  run:result("drift_cancel_max", largest(found, "cancel"), "um/s")
+  run:result("drift_hold_max", largest(found, "hold"), "um/s")
   local worst = 0
   for _, speeds in pairs(found.hold) do
     for _, speed in ipairs(speeds) do
       worst = math.max(worst, speed)
     end
   end
-  run:figure("drift_hold_worst_machine", worst, "um/s")
+  run:result("drift_hold_worst_machine", worst, "um/s")
 end
 
 -- Each place beside table 6.1, printed, and this project's goals over them.
@@ -231,7 +231,7 @@ local function plot(run, found, asked)
   }
 end
 
---- Table, plot and figures: medians over the machines of the mean over the repetitions.
+--- Table, plot and results: medians over the machines of the mean over the repetitions.
 function drift.report(run, found, asked, counts)
   run:table {
     title = ("Drift in µm/s: medians over %d machine(s), %d run(s) each, beside thesis table 6.1"):format(
@@ -242,7 +242,7 @@ function drift.report(run, found, asked, counts)
     rows = rows_of(found, asked),
   }
   plot(run, found, asked)
-  figures(run, found, asked)
+  state_results(run, found, asked)
   expected(run, found, asked)
 end
 

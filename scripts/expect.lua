@@ -1,6 +1,6 @@
 -- Expectations: what the thesis printed, what came out here, how far apart they may be, and why they differ where they do.
 -- A protocol opens a book, enters each number, and ends with book:close(): a table in the report, the rows for
--- `vitreo reproduce` in expectations.json, and the verdicts as figures. Numbers in SI.
+-- `vitreo reproduce` in expectations.json, and the verdicts as results. Numbers in SI.
 -- SPDX-License-Identifier: Apache-2.0
 local files = require "files"
 local json = require "json"
@@ -73,7 +73,7 @@ function book:count()
   return well, ill
 end
 
---- Ends the protocol's report: the table, two figures, and the rows as data.
+--- Ends the protocol's report: the table, two results, and the rows as data.
 function book:close()
   local cells, data = {}, {}
   for i, row in ipairs(self.rows) do
@@ -109,8 +109,8 @@ function book:close()
   }
   files.write("expectations.json", json.text(data) .. "\n")
   local well, ill = self:count()
-  self.run:figure("expectations_met", well)
-  self.run:figure("expectations_missed", ill)
+  self.run:result("expectations_met", well)
+  self.run:result("expectations_missed", ill)
   for _, row in ipairs(self.rows) do
     if row.verdict == "differs" or row.verdict == "worse" or row.verdict == "no answer" then
       self.run:note(

@@ -27,14 +27,14 @@ function judge.measure(run, span)
   return path, run:errors { of = "servo", against = reference, from = span.from, to = span.to }
 end
 
---- The same, as the run's figures.
-function judge.figures(run, span)
+--- The same, as the run's results.
+function judge.results(run, span)
   local path, localization = judge.measure(run, span)
-  run:figure("path_error_rms", path.rms, "m")
-  run:figure("path_error_lateral_rms", path.lateral_rms, "m")
-  run:figure("path_error_depth_rms", path.depth_rms, "m")
-  run:figure("localization_error_mean", localization.mean, "m")
-  run:figure("localization_error_max", localization.max, "m")
+  run:result("path_error_rms", path.rms, "m")
+  run:result("path_error_lateral_rms", path.lateral_rms, "m")
+  run:result("path_error_depth_rms", path.depth_rms, "m")
+  run:result("localization_error_mean", localization.mean, "m")
+  run:result("localization_error_max", localization.max, "m")
   return path, localization
 end
 
@@ -132,10 +132,10 @@ function judge.plots(run, span, which)
   currents_plot(run, span, which)
 end
 
---- Figures, table and plots of the time from `from` to `to`.
+--- Results, table and plots of the time from `from` to `to`.
 function judge.path(run, options)
   local span = { from = options.from, to = options.to }
-  local path, localization = judge.figures(run, span)
+  local path, localization = judge.results(run, span)
   judge.localization_table(run, localization)
   judge.plots(run, span)
   run:note(("rms error %.0f µm, sideways %.0f µm, over %d frames"):format(path.rms / um, path.lateral_rms / um, path.count))

@@ -210,7 +210,7 @@ function plots.trajectory(run, options)
 end
 
 --- A table of what was measured beside what was expected: `rows` of { name, measured, expected, within, unit }. Returns
---- whether all of them are within; those that are become no figures by this.
+--- whether all of them are within; those that are become no results by this.
 function plots.expected(run, options)
   needed(options, "expected", { "rows", "title" })
   local rows, all = {}, true

@@ -13,10 +13,10 @@ local function entry(kind, given, known)
   return made
 end
 
---- Completes; `figures` = { name = { least, most } } in SI. `arguments` and `answers` as on the command line, blanks between;
+--- Completes; `results` = { name = { least, most } } in SI. `arguments` and `answers` as on the command line, blanks between;
 --- `rig` a name in scripts/rigs/ or a file.
 function testing.test_run(options)
-  return entry("run", options, { arguments = "string", answers = "string", rig = "string", seed = "number", figures = "table" })
+  return entry("run", options, { arguments = "string", answers = "string", rig = "string", seed = "number", results = "table" })
 end
 
 --- Does not complete, and is safe: with `fault` (as run --fault takes it; `vitreo faults` lists them) or with arguments that it

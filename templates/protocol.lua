@@ -26,6 +26,6 @@ return {
       run:record("frames", { number = frame.number, offset = place * 1 * mm }, { offset = "m" })
       run:wait(p.wait)
     end
-    run:figure("places", p.places)
+    run:result("places", p.places)
   end,
 }

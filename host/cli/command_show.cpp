@@ -64,8 +64,8 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
   if (data.start.parameters.is_object())
     for (const auto& [name, value] : data.start.parameters.items())
       out << fmt::format("  {:<26} {}\n", name, text_of(value));
-  for (const Figure& figure : data.figures)
-    out << fmt::format("{:<28} {}\n", figure.name, format_quantity(figure.value, figure.unit));
+  for (const StatedResult& one : data.results)
+    out << fmt::format("{:<28} {}\n", one.name, format_quantity(one.value, one.unit));
   for (const Stream& stream : data.streams)
     out << fmt::format("stream {:<21} {} samples, {} channels, {}\n", stream.info.name,
                        stream.times.size(), stream.info.channels.size(), stream.info.source);

@@ -83,8 +83,8 @@ void show(const RunResult& result, bool json) {
     std::cout << dumped(to_json(result)) << "\n";
     return;
   }
-  for (const Figure& figure : result.figures)
-    fmt::print("{:<28} {}\n", figure.name, format_quantity(figure.value, figure.unit));
+  for (const StatedResult& one : result.results)
+    fmt::print("{:<28} {}\n", one.name, format_quantity(one.value, one.unit));
   fmt::print("{}{}{}\nrun: {}\nreport: {}\n", colored(result.outcome),
              result.reason.empty() ? "" : ": ", for_terminal(result.reason), result.folder,
              (std::filesystem::path(result.folder) / "report.html").string());
@@ -201,7 +201,7 @@ void add_run(CommandLine& line, Program& program) {
   command.option("protocol", wanted->protocol, "a protocol's file or name").required();
   add_arguments(command, program, wanted);
   command.examples({"vitreo run servo_square speed=0.5mm/s --seed 7",
-                    "vitreo run drift_test --help", "vitreo run hold --json | jq .figures"});
+                    "vitreo run drift_test --help", "vitreo run hold --json | jq .results"});
 
   const auto watched = std::make_shared<Run>();
   watched->protocol = "steer";

@@ -189,8 +189,8 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
 void close_record(RunStage& stage, Verdict& verdict, const std::string& location, double began) {
   const double experiment_time = to_seconds(stage.clock->now());
   const double wall_time = wall_seconds() - began;
-  stage.recorder->figure({"experiment_time", experiment_time, "s"});
-  stage.recorder->figure({"wall_time", wall_time, "s"});
+  stage.recorder->result({"experiment_time", experiment_time, "s"});
+  stage.recorder->result({"wall_time", wall_time, "s"});
   try {
     stage.recorder->finish({verdict.outcome, verdict.reason, experiment_time, wall_time, location});
   } catch (const std::exception& error) {
@@ -223,7 +223,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
   close_record(stage, verdict, location, began);
   write_log("run " + folder + " " + for_terminal(to_string(verdict)));
   if (inspect) inspect(*stage.recorder, *stage.rig);
-  return {verdict.outcome, verdict.exit_code, verdict.reason, folder, stage.recorder->figures()};
+  return {verdict.outcome, verdict.exit_code, verdict.reason, folder, stage.recorder->results()};
 }
 
 }  // namespace vitreo

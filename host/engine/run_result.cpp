@@ -31,10 +31,10 @@ Verdict judge(const std::function<void()>& body, const RunControl& control) {
 }
 
 nlohmann::json to_json(const RunResult& result) {
-  nlohmann::json figures = nlohmann::json::object();
-  for (const Figure& figure : result.figures) figures[figure.name] = figure.value;
+  nlohmann::json results = nlohmann::json::object();
+  for (const StatedResult& one : result.results) results[one.name] = one.value;
   nlohmann::json json = {
-      {"outcome", to_string(result.outcome)}, {"run", result.folder}, {"figures", figures}};
+      {"outcome", to_string(result.outcome)}, {"run", result.folder}, {"results", results}};
   if (!result.reason.empty()) json["reason"] = result.reason;
   return json;
 }

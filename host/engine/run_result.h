@@ -42,10 +42,10 @@ struct RunResult {
   ExitCode exit_code = ExitCode::completed;
   std::string reason;  // empty when completed
   std::string folder;
-  std::vector<Figure> figures;
+  std::vector<StatedResult> results;
 };
 
-/// {"outcome": ..., "run": ..., "figures": {...}}, SI.
+/// {"outcome": ..., "run": ..., "results": {...}}, SI.
 nlohmann::json to_json(const RunResult& result);
 
 }  // namespace vitreo

@@ -48,10 +48,10 @@ std::string canonical_export(const RunData& data) {
   for (const FrameRow& row : data.frames)
     out += fmt::format("frame {} {} {} {} {:08x}\n", one_line(row.camera), row.number,
                        row.exposed.count(), row.received.count(), row.crc32);
-  for (const Figure& figure : data.figures) {
-    if (figure.name.starts_with("wall_")) continue;
-    out += "figure " + one_line(figure.name) + " " + exact(figure.value) + " " +
-           one_line(figure.unit) + "\n";
+  for (const StatedResult& one : data.results) {
+    if (one.name.starts_with("wall_")) continue;
+    out +=
+        "result " + one_line(one.name) + " " + exact(one.value) + " " + one_line(one.unit) + "\n";
   }
   for (const Event& event : data.events) {
     if (event.kind == "alarm" && event.text.find("back pressure:") != std::string::npos)
@@ -68,11 +68,10 @@ std::string canonical_export(const RunData& data) {
 }
 
 nlohmann::json summary(const RunData& data) {
-  nlohmann::json figures = nlohmann::json::object(), units = nlohmann::json::object();
-  for (const Figure& figure : data.figures) {
-    figures[figure.name] =
-        std::isfinite(figure.value) ? nlohmann::json(figure.value) : nlohmann::json();
-    units[figure.name] = figure.unit;
+  nlohmann::json results = nlohmann::json::object(), units = nlohmann::json::object();
+  for (const StatedResult& one : data.results) {
+    results[one.name] = std::isfinite(one.value) ? nlohmann::json(one.value) : nlohmann::json();
+    units[one.name] = one.unit;
   }
   nlohmann::json samples = nlohmann::json::object(), frames = nlohmann::json::object();
   for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();
@@ -98,8 +97,8 @@ nlohmann::json summary(const RunData& data) {
           {"samples", samples},
           {"frames", frames},
           {"held", data.held},
-          {"figures", figures},
-          {"figure_units", units}};
+          {"results", results},
+          {"result_units", units}};
 }
 
 }  // namespace vitreo

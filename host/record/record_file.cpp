@@ -136,16 +136,16 @@ void RecordFile::event(std::size_t number, const Event& event) {
   if (grave) database_.execute("PRAGMA synchronous=NORMAL");
 }
 
-void RecordFile::figure(const Figure& figure) {
+void RecordFile::result(const StatedResult& result) {
   write([&] {
     database_
         .prepare(
-            "INSERT INTO figure VALUES(?,?,?) ON CONFLICT(name) DO UPDATE SET "
+            "INSERT INTO result VALUES(?,?,?) ON CONFLICT(name) DO UPDATE SET "
             "value=excluded.value, "
             "unit=excluded.unit")
-        .bind(1, figure.name)
-        .bind(2, figure.value)
-        .bind(3, figure.unit)
+        .bind(1, result.name)
+        .bind(2, result.value)
+        .bind(3, result.unit)
         .run();
   });
   row_written();
@@ -279,7 +279,7 @@ void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& f
     for (std::size_t i = 0; i < list.size(); ++i) one(i, list[i]);
   };
   each(data.events, [&](std::size_t i, const Event& one) { event(i, one); });
-  each(data.figures, [&](std::size_t, const Figure& one) { figure(one); });
+  each(data.results, [&](std::size_t, const StatedResult& one) { result(one); });
   each(data.plots, [&](std::size_t i, const Plot& one) { plot(i, one); });
   each(data.drawings, [&](std::size_t i, const SvgDrawing& one) { drawing(i, one); });
   each(data.tables, [&](std::size_t i, const Table& one) { table(i, one); });

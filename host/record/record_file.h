@@ -28,7 +28,7 @@ class RecordFile {
   // Everything below counts from 0 too, and what is there already under that number stays.
   void event(std::size_t number,
              const Event& event);  // committed at once; an alarm is on the disk when this returns
-  void figure(const Figure& figure);
+  void result(const StatedResult& result);
   void plot(std::size_t number, const Plot& plot);
   void drawing(std::size_t number, const SvgDrawing& drawing);
   void table(std::size_t number, const Table& table);

@@ -4,7 +4,7 @@
 
 namespace vitreo {
 
-inline constexpr int kRecordVersion = 2;  // SQLite's user_version; a change of the tables raises it
+inline constexpr int kRecordVersion = 3;  // SQLite's user_version; a change of the tables raises it
 
 inline constexpr const char* kRecordSchema = R"(
   CREATE TABLE run(uid TEXT, time TEXT, protocol TEXT, title TEXT, script TEXT, script_hash TEXT, operator TEXT,
@@ -18,7 +18,7 @@ inline constexpr const char* kRecordSchema = R"(
                      t_device_ns INTEGER, file TEXT, offset INTEGER, bytes INTEGER, width_px INTEGER,
                      height_px INTEGER, pixel_type INTEGER, crc32 INTEGER, dropped_before INTEGER);
   CREATE TABLE event(seq INTEGER PRIMARY KEY, t_ns INTEGER, kind TEXT, text TEXT);
-  CREATE TABLE figure(name TEXT PRIMARY KEY, value REAL, unit TEXT);
+  CREATE TABLE result(name TEXT PRIMARY KEY, value REAL, unit TEXT);
   CREATE TABLE plot(seq INTEGER PRIMARY KEY, title TEXT, content TEXT);
   CREATE TABLE drawing(seq INTEGER PRIMARY KEY, title TEXT, svg TEXT);
   CREATE TABLE picture(seq INTEGER PRIMARY KEY, name TEXT, caption TEXT, file TEXT);

@@ -129,7 +129,7 @@ const RunStart& Recorder::start() const { return state_->data.start; }
 void Recorder::watch(RecordListener* listener) { state_->watcher = listener; }
 RecordListener* Recorder::listener() const { return state_->watcher; }
 const std::vector<Stream>& Recorder::streams() const { return state_->data.streams; }
-const std::vector<Figure>& Recorder::figures() const { return state_->data.figures; }
+const std::vector<StatedResult>& Recorder::results() const { return state_->data.results; }
 const std::vector<Plot>& Recorder::plots() const { return state_->data.plots; }
 const std::vector<SvgDrawing>& Recorder::drawings() const { return state_->data.drawings; }
 const std::vector<Table>& Recorder::tables() const { return state_->data.tables; }
@@ -217,17 +217,17 @@ void Recorder::event(Time time, const std::string& kind, const std::string& text
   state_->drain_alarms(time);
 }
 
-void Recorder::figure(const Figure& figure) {
+void Recorder::result(const StatedResult& result) {
   state_->must_be_open();
-  auto& figures = state_->data.figures;
-  const auto found = std::find_if(figures.begin(), figures.end(),
-                                  [&](const auto& one) { return one.name == figure.name; });
-  if (found == figures.end()) {
-    figures.push_back(figure);
+  auto& results = state_->data.results;
+  const auto found = std::find_if(results.begin(), results.end(),
+                                  [&](const auto& one) { return one.name == result.name; });
+  if (found == results.end()) {
+    results.push_back(result);
   } else {
-    *found = figure;
+    *found = result;
   }
-  state_->writer.post([figure](RecordFile& file) { file.figure(figure); }, false);
+  state_->writer.post([result](RecordFile& file) { file.result(result); }, false);
 }
 
 void Recorder::plot(const Plot& plot) {

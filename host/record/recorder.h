@@ -49,8 +49,8 @@ class Recorder {
   using AlarmListener =
       std::function<void(const std::string& name, AlarmPriority, const std::string& text)>;
   void on_alarm(AlarmListener listener);
-  void figure(const Figure& figure);  // a name stated again replaces the first
-  void plot(const Plot& plot);        // throws as to_svg() does
+  void result(const StatedResult& result);  // a name stated again replaces the first
+  void plot(const Plot& plot);              // throws as to_svg() does
   /// A whole SVG document; std::invalid_argument for another text. The report shows it as an image:
   /// nothing in it runs.
   void drawing(const std::string& title, const std::string& svg);
@@ -69,7 +69,7 @@ class Recorder {
 
   const std::vector<Stream>& streams() const;
   const Stream* stream(const std::string& name) const;
-  const std::vector<Figure>& figures() const;
+  const std::vector<StatedResult>& results() const;
   const std::vector<Plot>& plots() const;
   const std::vector<SvgDrawing>& drawings() const;
   const std::vector<Table>& tables() const;
@@ -103,13 +103,13 @@ class Recorder {
   std::unique_ptr<State> state_;
 };
 
-/// All streams, frames, figures, events and pictures (hashed) as text: the bytes that two runs of
-/// one seed must share. No run id, no wall-clock fields: figures named wall_... are left out, and
+/// All streams, frames, results, events and pictures (hashed) as text: the bytes that two runs of
+/// one seed must share. No run id, no wall-clock fields: results named wall_... are left out, and
 /// alarms of the disk.
 std::string canonical_export(const RunData& data);
 std::string canonical_export(const Recorder& recorder);
 
-/// What summary.json says: {"outcome", "reason", "run", "figures": {name: SI}, ...}; the object
+/// What summary.json says: {"outcome", "reason", "run", "results": {name: SI}, ...}; the object
 /// that `--json` ends with.
 nlohmann::json summary(const RunData& data);
 

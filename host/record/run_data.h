@@ -62,7 +62,7 @@ struct StreamInfo {
   std::vector<Channel> channels;
 };
 
-struct Figure {
+struct StatedResult {
   std::string name;
   double value;      // SI
   std::string unit;  // SI: shown in people's unit of that size; or a unit such as "um": shown in
@@ -134,7 +134,7 @@ struct RunData {
   RunStart start;
   std::optional<RunEnd> end;
   std::vector<Stream> streams;
-  std::vector<Figure> figures;
+  std::vector<StatedResult> results;
   std::vector<Plot> plots;
   std::vector<SvgDrawing> drawings;
   std::vector<Table> tables;

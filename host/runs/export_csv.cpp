@@ -57,9 +57,9 @@ std::string events_of(const RunData& data) {
   return out;
 }
 
-std::string figures_of(const RunData& data) {
+std::string results_of(const RunData& data) {
   std::string out = "name,value,unit\r\n";
-  for (const Figure& one : data.figures)
+  for (const StatedResult& one : data.results)
     out += cell(one.name) + "," + number(one.value) + "," + cell(one.unit) + "\r\n";
   return out;
 }
@@ -106,7 +106,7 @@ Files export_csv(const RunData& data, const std::filesystem::path& folder) {
   };
   for (const Stream& stream : data.streams) add(stream.info.name, table_of(stream));
   add("events", events_of(data));
-  add("figures", figures_of(data));
+  add("results", results_of(data));
   if (!data.frames.empty()) add("frames", frames_table(data));
   return files;
 }

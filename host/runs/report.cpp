@@ -4,7 +4,7 @@
 #include "host/files/sha256.h"
 #include "host/plot/plot_layout.h"
 #include "host/runs/report_files.h"
-#include "host/runs/report_style.h"
+#include "host/runs/report_page.h"
 #include "host/text/markup.h"
 #include "host/text/units.h"
 
@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <string_view>
 
 namespace vitreo {
@@ -117,12 +118,12 @@ std::string head_section(const RunData& data) {
   return out + "</div>\n";
 }
 
-std::string figure_tiles(const RunData& data) {
+std::string result_tiles(const RunData& data) {
   std::string out;
-  for (const Figure& figure : data.figures) {
-    const Shown shown = shown_value(figure.value, figure.unit, 3);
+  for (const StatedResult& result : data.results) {
+    const Shown shown = shown_value(result.value, result.unit, 3);
     const std::string size = count_characters(shown.number) > 8 ? "value long" : "value";
-    out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(figure.name)) +
+    out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(result.name)) +
            "</div><div class=\"" + size + "\">" + escape_markup(shown.number);
     if (!shown.unit.empty())
       out += " <span class=\"unit\">" + escape_markup(shown.unit) + "</span>";
@@ -364,27 +365,41 @@ std::string source_section(const RunData& data) {
                      fold("Protocol " + start.protocol_file, start.protocol_text));
 }
 
+/// The document's {{name}}s replaced by their values. One pass: what stands in a value is not
+/// looked at, so no text of a run can name a part of the page.
+std::string filled(std::string_view page,
+                   const std::map<std::string_view, std::string_view>& values) {
+  constexpr std::string_view kOpen = "{{", kClose = "}}";
+  std::string out;
+  for (std::size_t at = 0; at < page.size();) {
+    const std::size_t open = std::min(page.find(kOpen, at), page.size());
+    out += page.substr(at, open - at);
+    if (open == page.size()) break;
+    const std::size_t name = open + kOpen.size();
+    const std::size_t close = page.find(kClose, name);
+    out += values.at(page.substr(name, close - name));
+    at = close + kClose.size();
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string report_html(const RunData& data) {
   const RunStart& start = data.start;
-  // The policy makes the promise hold even for what a script managed to smuggle in: nothing is
-  // loaded, nothing runs.
-  std::string out =
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
-      "style-src "
-      "'unsafe-inline'\">\n<meta name=\"viewport\" content=\"width=device-width, "
-      "initial-scale=1\">\n<title>";
-  out += escape_markup(start.protocol_title.empty() ? start.protocol_file : start.protocol_title);
-  out += "</title>\n<style>" + std::string(kReportStyle) + "</style></head>\n<body><main>\n";
-  out += head_section(data) + figure_tiles(data) + plot_grid(data) + picture_grid(data);
-  out += table_section(data);
-  out += "<div class=\"columns\">" + parameter_section(data) + version_section(data) + "</div>\n";
-  out += alarm_section(data) + event_section(data) + stream_section(data) + source_section(data);
-  out += "<footer>" + escape_markup(data.folder.filename().string()) +
-         "</footer>\n</main></body></html>\n";
-  return out;
+  const std::string sections = head_section(data) + result_tiles(data) + plot_grid(data) +
+                               picture_grid(data) + table_section(data) +
+                               "<div class=\"columns\">" + parameter_section(data) +
+                               version_section(data) + "</div>\n" + alarm_section(data) +
+                               event_section(data) + stream_section(data) + source_section(data);
+  // The page's Content-Security-Policy makes the promise hold even for what a script managed to
+  // smuggle in: nothing is loaded, nothing runs.
+  return filled(report_page(),
+                {{"title", escape_markup(start.protocol_title.empty() ? start.protocol_file
+                                                                      : start.protocol_title)},
+                 {"style", report_style()},
+                 {"sections", sections},
+                 {"run", escape_markup(data.folder.filename().string())}});
 }
 
 }  // namespace vitreo

@@ -135,11 +135,11 @@ std::string inside(const RunData& data, const std::string& file) {
 }
 
 void read_results(Database& database, RunData& data) {
-  rows_of(database, "SELECT name, value, unit FROM figure ORDER BY rowid",
+  rows_of(database, "SELECT name, value, unit FROM result ORDER BY rowid",
           [&](const Statement& row) {
             const double value =
                 row.is_null(1) ? std::numeric_limits<double>::quiet_NaN() : row.real(1);
-            data.figures.push_back({row.text(0), value, row.text(2)});
+            data.results.push_back({row.text(0), value, row.text(2)});
           });
   rows_of(database, "SELECT content FROM plot ORDER BY seq",
           [&](const Statement& row) { data.plots.push_back(plot_from_json(parsed(row.text(0)))); });

@@ -10,14 +10,16 @@
 namespace vitreo {
 namespace {
 
-constexpr Time kOldest =
-    std::chrono::milliseconds(600);  // since the exposure: what is older is not steered by
-constexpr Time kAhead =
-    std::chrono::milliseconds(20);  // by which the mapping of a camera's clock may err
-constexpr Time kPatience =
-    std::chrono::seconds(1);  // with nothing but frames that cannot be believed
+// Since the exposure: what is older is not steered by.
+constexpr Time kOldest = std::chrono::milliseconds(600);
+// By which the mapping of a camera's clock may err.
+constexpr Time kAhead = std::chrono::milliseconds(20);
+// With nothing but frames that cannot be believed; then the device has failed.
+constexpr Time kPatience = std::chrono::seconds(1);
+// Images or positions in a row that are the same to the bit.
 constexpr int kMostUnchanged = 3;
 
+/// Row by row, for a picture may be a part of a larger one.
 bool same_picture(const cv::Mat& a, const cv::Mat& b) {
   if (a.empty() || a.size() != b.size() || a.type() != b.type()) return false;
   for (int row = 0; row < a.rows; ++row)
@@ -32,6 +34,7 @@ FrameValidator::FrameValidator(Clock& clock, Recorder& recorder, std::string rol
     : clock_(clock), recorder_(recorder), role_(std::move(role)), believed_at_(clock.now()) {}
 
 bool FrameValidator::plausible(const Frame& frame) {
+  // Accepted: t_exposed and number strictly increasing, -kAhead <= now - t_exposed <= kOldest.
   const Time age = clock_.now() - frame.exposed;
   const bool in_order =
       !last_stamps_ || (frame.exposed > last_stamps_->first && frame.number > last_stamps_->second);
@@ -41,6 +44,7 @@ bool FrameValidator::plausible(const Frame& frame) {
     believed_at_ = clock_.now();
     return true;
   }
+  // Said once; the count is in the record at the end.
   if (passed_over_++ == 0)
     recorder_.event(
         clock_.now(), "degraded",
@@ -51,9 +55,10 @@ bool FrameValidator::plausible(const Frame& frame) {
   return false;
 }
 
-std::optional<Eigen::Vector3d> FrameValidator::finite(const std::optional<Eigen::Vector3d>& place) {
-  if (!place || place->allFinite()) return place;
-  if (!std::exchange(told_not_finite_, true))
+std::optional<Eigen::Vector3d> FrameValidator::finite(
+    const std::optional<Eigen::Vector3d>& position) {
+  if (!position || position->allFinite()) return position;
+  if (!std::exchange(reported_not_finite_, true))
     recorder_.event(clock_.now(), "degraded",
                     role_ + ": a place is not a number: it counts as not seen");
   return std::nullopt;
@@ -64,9 +69,9 @@ void FrameValidator::must_change(const cv::Mat& picture) {
   last_picture_ = picture;
 }
 
-void FrameValidator::must_change(const std::optional<Eigen::Vector3d>& place) {
-  count(place && last_place_ == place, "place");
-  last_place_ = place;
+void FrameValidator::must_change(const std::optional<Eigen::Vector3d>& position) {
+  count(position && last_position_ == position, "place");
+  last_position_ = position;
 }
 
 void FrameValidator::count(bool same, const char* what) {
@@ -76,7 +81,7 @@ void FrameValidator::count(bool same, const char* what) {
                       fmt::format("its {} stands still, to the bit", what));
 }
 
-void FrameValidator::tell() {
+void FrameValidator::report_count() {
   if (passed_over_ > 0)
     recorder_.event(
         clock_.now(), "note",

@@ -1,5 +1,5 @@
-// What a loop may believe of a camera, or of a pose sensor: stamps that are in order and of now,
-// pictures that change, places that are numbers.
+// Validation of what a camera or a pose sensor delivers to the loop: time stamps that are in order
+// and of now, images that change, positions that are finite.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,22 +16,25 @@
 
 namespace vitreo {
 
+/// A frozen, late or reordered source is a fault of the device, not of the robot: without this
+/// check the loop would steer by it.
 class FrameValidator {
  public:
   /// `role`: as errors call it.
   FrameValidator(Clock& clock, Recorder& recorder, std::string role);
 
   /// False for a frame whose time stamp is out of order, in the future, or older than 0.6 s: it is
-  /// to be passed over, and no heart beats for it. The first is an event; all are counted.
+  /// to be passed over, and the loop's heartbeat does not come for it. The first is an event; all
+  /// are counted. Throws DeviceError{protocol} after a second without a plausible one.
   bool plausible(const Frame& frame);
-  /// Nothing in the place of what is not a number; the first is an event.
-  std::optional<Eigen::Vector3d> finite(const std::optional<Eigen::Vector3d>& place);
+  /// Nothing for a position (m, world) that is not finite; the first is an event.
+  std::optional<Eigen::Vector3d> finite(const std::optional<Eigen::Vector3d>& position);
   /// No sensor is without noise: what is the same to the bit three times running is not what is
   /// there now. Both throw DeviceError{protocol}.
   void must_change(const cv::Mat& picture);
-  void must_change(const std::optional<Eigen::Vector3d>& place);
-  /// For the record, at the end.
-  void tell();
+  void must_change(const std::optional<Eigen::Vector3d>& position);
+  /// An event with the number of frames passed over, at the end.
+  void report_count();
 
  private:
   void count(bool same, const char* what);
@@ -40,11 +43,12 @@ class FrameValidator {
   Recorder& recorder_;
   const std::string role_;
   std::optional<std::pair<Time, std::uint64_t>> last_stamps_;  // exposure and number
-  Time believed_at_;                                           // when a frame was last believed
+  Time believed_at_;                                           // when a frame was last plausible
   cv::Mat last_picture_;
-  std::optional<Eigen::Vector3d> last_place_;
-  int unchanged_ = 0, passed_over_ = 0;
-  bool told_not_finite_ = false;
+  std::optional<Eigen::Vector3d> last_position_;
+  int unchanged_ = 0;
+  int passed_over_ = 0;
+  bool reported_not_finite_ = false;
 };
 
 }  // namespace vitreo

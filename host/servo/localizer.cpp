@@ -12,16 +12,22 @@
 namespace vitreo {
 namespace {
 
-/// The tracker is told about how blurred the microscope's image is at the ends of the workspace; it
-/// finds the rest itself, from 0.4 to 2.5 times this.
+/// The expected blur of the microscope's image at the ends of the workspace, as the sum of the
+/// variances of diffraction, defocus and the pixel's own width. The tracker finds the rest itself,
+/// from 0.4 to 2.5 times this.
 vision::BlobTrackerSettings tracker_settings(const RigModel& model) {
   constexpr double kWavelength = 550e-9;  // m
-  constexpr double kGreatestDefocus =
-      3.5e-3;  // m of aerial image, over a workspace focused at its middle
-  const double aperture = model.microscope.numerical_aperture, pixel = model.top_image.pixel;
-  const double diffraction = 0.21 * kWavelength / aperture;  // the Airy pattern's nearest Gaussian
-  const double disc = aperture * kGreatestDefocus / 2;       // of a disc: half its radius
+  // m of aerial image, over a workspace focused at its middle.
+  constexpr double kGreatestDefocus = 3.5e-3;
+  const double aperture = model.microscope.numerical_aperture;
+  const double pixel = model.top_image.pixel;
+  // The Gaussian nearest to the Airy pattern has sigma 0.21 lambda / NA.
+  const double diffraction = 0.21 * kWavelength / aperture;
+  // Defocus spreads a point over a disc of radius NA * defocus; a uniform disc of radius r has a
+  // standard deviation of r / 2 along each axis.
+  const double disc = aperture * kGreatestDefocus / 2;
   vision::BlobTrackerSettings settings;
+  // A pixel integrates over its width, a uniform density of variance pixel^2 / 12.
   settings.blur_sigma_px =
       0.8 * std::sqrt(diffraction * diffraction + disc * disc + pixel * pixel / 12) / pixel;
   return settings;
@@ -65,10 +71,11 @@ Observation Localizer::look(const cv::Mat& image) {
   return observation;
 }
 
-/// The thesis' way (5.15): the axis is known.
+/// The thesis' localization, (5.15): the axis is known, "taken from the magnetic field controller"
+/// (5.5). It starts from the last frame's position, else from a search along the line of sight.
 std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurement& seen) {
   const optics::EllipseVector observed = seen.ellipse.vector();
-  // The axes of eye and world are parallel.
+  // `axis_` is in the world frame: the axes of eye and world are parallel.
   if (!last_in_eye_) last_in_eye_ = optics::first_guess(pose_, observed, axis_);
   if (!last_in_eye_) return std::nullopt;
   const auto pose = optics::locate(pose_, observed, seen.covariance, axis_, *last_in_eye_);
@@ -76,36 +83,40 @@ std::optional<Localizer::Found> Localizer::by_axis(const vision::EllipseMeasurem
   return Found{pose->position_in_eye, pose->covariance, pose->residual_px};
 }
 
-/// The place and the axis that explain the ellipse best, the commanded axis being the most probable
-/// one beforehand. An axis a degree or two off makes the robot look shorter or longer where it is
+/// Maximum a posteriori estimate of position and axis, with a Gaussian prior on the axis about the
+/// commanded one. An axis a degree or two off makes the robot look shorter or longer where it is
 /// seen askew, which by_axis takes for a depth; here the depth comes from the width, which no pitch
-/// changes, and the length says how the robot lies.
+/// changes, and the length says how the robot lies (docs/control.md).
 std::optional<Localizer::Found> Localizer::with_axis(const vision::EllipseMeasurement& seen,
                                                      const Eigen::Vector3d& start_in_eye) const {
-  // Axis and outline are weighed by what they err for good; the covariance is that of the noise,
-  // which a filter averages. Weighed by its noise alone the outline would bend the axis by five
-  // degrees to save a tenth of a pixel, one way or the other from frame to frame where the robot is
-  // seen from straight above.
+  // Axis and outline are weighed against each other by their systematic errors, sigma_axis against
+  // kOutlineError_px; the covariance given to the solver stays that of the noise, which a filter
+  // averages. Scaling the prior's sigma by noise / hypot(noise, outline error) does both. Weighed
+  // by its noise alone the outline would bend the axis by five degrees to save a tenth of a pixel,
+  // one way or the other from frame to frame where the robot is seen from straight above.
   optics::ObjectPoseSettings weighed = *tilted_;
-  const double noise = std::sqrt(seen.covariance(2, 2));
+  const double noise = std::sqrt(seen.covariance(2, 2));  // px, of the semi-major axis
   weighed.orientation_sigma *= noise / std::hypot(noise, kOutlineError_px);
   if (!(weighed.orientation_sigma > 0)) return std::nullopt;
   const auto found = optics::locate_object(weighed, seen.ellipse.vector(), seen.covariance,
                                            {start_in_eye, optics::orientation_along(axis_)});
   if (found.status != optics::PoseStatus::found && found.status != optics::PoseStatus::ambiguous)
     return std::nullopt;
-  const optics::PoseCandidate& best = found.candidates.front();
+  const optics::PoseCandidate& best = found.candidates.front();  // the smallest chi^2
   const Eigen::Matrix3d covariance = best.covariance.topLeftCorner<3, 3>();
   if (!covariance.allFinite()) return std::nullopt;
   return Found{best.pose.position_in_eye, covariance, best.residual_px};
 }
 
-/// From straight above without an eye: x and y, and of the depth nothing but that it is in the eye.
+/// The view from straight above without an eye, a scaled orthographic projection: x and y, and of
+/// the depth nothing but that it is in the eye.
 void Localizer::from_above(Observation& observation) const {
   const optics::ImageScale& image = model_.top_image;
   const Eigen::Vector2d away =
       (observation.ellipse->ellipse.center_px - image.center_px) * image.pixel;
+  // Image v points down, world y up.
   observation.position = Eigen::Vector3d(away.x(), -away.y(), 0);
+  // Linear propagation J C J' with J = diag(pixel, -pixel, 0).
   Eigen::Matrix3d from_image = Eigen::Vector3d(image.pixel, -image.pixel, 0).asDiagonal();
   observation.covariance.setZero();
   observation.covariance.topLeftCorner<2, 2>() =
@@ -123,30 +134,34 @@ void Localizer::localize(Observation& observation) {
   // by the image's edge.
   if (!found || !(found->position_in_eye.norm() < kEye)) {
     last_in_eye_.reset();  // the next frame starts afresh
-    tracker_
-        .reset();  // what is no robot is not followed: the robot may be elsewhere in the picture
+    // What is no robot is not followed: the robot may be elsewhere in the picture.
+    tracker_.reset();
     return;
   }
   last_in_eye_ = found->position_in_eye;
   observation.position = found->position_in_eye + model_.eye_in_world;
+  // The model's own error is systematic; as a variance it keeps a filter from trusting the noise
+  // alone.
   const double error = kModelError_px * model_.top_image.pixel;
   observation.covariance = found->covariance + error * error * Eigen::Matrix3d::Identity();
   observation.residual_px = found->residual_px;
 }
 
+// The update of a Kalman filter with the side view as measurement z = H p + noise, which for
+// independent Gaussian errors is the least squares estimate weighted by both covariances. Errors
+// that both cameras share are not modeled.
 void join_side(Observation& observation, const SideObservation& side) {
   if (!observation.position) return;
-  Eigen::Matrix<double, 2, 3> sees;
-  sees << 1, 0, 0, 0, 0, 1;
-  const Eigen::Matrix3d before = observation.covariance;
-  const Eigen::Matrix2d innovation = sees * before * sees.transpose() + side.covariance;
-  const Eigen::Matrix<double, 3, 2> gain = before * sees.transpose() * innovation.inverse();
-  if (!gain.allFinite()) return;
-  *observation.position += gain * (side.place - sees * *observation.position);
-  const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - gain * sees;
-  // Joseph's form: stays symmetric and positive.
-  observation.covariance =
-      left * before * left.transpose() + gain * side.covariance * gain.transpose();
+  Eigen::Matrix<double, 2, 3> H;
+  H << 1, 0, 0, 0, 0, 1;  // the side camera sees x and z
+  const Eigen::Matrix3d P = observation.covariance;
+  const Eigen::Matrix2d S = H * P * H.transpose() + side.covariance;      // of the innovation
+  const Eigen::Matrix<double, 3, 2> K = P * H.transpose() * S.inverse();  // K = P H' S^-1
+  if (!K.allFinite()) return;
+  *observation.position += K * (side.position - H * *observation.position);
+  // Joseph form, (I - K H) P (I - K H)' + K R K': stays symmetric and positive definite.
+  const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - K * H;
+  observation.covariance = left * P * left.transpose() + K * side.covariance * K.transpose();
 }
 
 }  // namespace vitreo

@@ -1,5 +1,5 @@
-// From pictures to a place: the tracked ellipse, the pose behind it, and what a second camera adds.
-// No clock, no device.
+// Localizer: position of the robot from images, by the tracked ellipse, the pose behind it, and
+// what a second camera adds. No clock, no device.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,9 +18,9 @@
 
 namespace vitreo {
 
-/// What one tick knows of the robot.
+/// One frame's measurement of the robot.
 struct Observation {
-  std::optional<vision::EllipseMeasurement> ellipse;  // in the top camera's picture
+  std::optional<vision::EllipseMeasurement> ellipse;  // in the top camera's image
   std::optional<Eigen::Vector3d> position;  // m, world; nothing when not seen or not localized
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // m^2
   double residual_px = 0;                                // of the pose against the ellipse
@@ -30,7 +30,7 @@ struct Observation {
 class Localizer {
  public:
   /// `axis`: unit, world; taken for the robot's own, as the thesis does. With an `axis_sigma` (rad,
-  /// above 0) it is only the most probable one, and how the robot lies is estimated with its place.
+  /// above 0) it is only the most probable one, and the orientation is estimated with the position.
   Localizer(const RigModel& model, vision::Background background, const Eigen::Vector3d& axis,
             double axis_sigma = 0);
   /// Of a plain view the depth is unknown: 0, with a variance that says so. It wants a second
@@ -57,9 +57,10 @@ class Localizer {
   std::optional<Eigen::Vector3d> last_in_eye_;
 };
 
-/// Two orthogonal cameras: the place that fits both, each weighed by its covariance. The side
-/// camera knows the depth, and what that says about x and y along the top camera's line of sight is
-/// in the covariance. A observation without a place stays so: one side view is not enough.
+/// Two orthogonal cameras: the position that fits both best, each weighted by its covariance
+/// (least squares). The side camera measures x and z; what z says about x and y along the top
+/// camera's line of sight is in the covariance. An observation without a position stays so: one
+/// side view is not enough. Both in the world frame.
 void join_side(Observation& observation, const SideObservation& side);
 
 }  // namespace vitreo

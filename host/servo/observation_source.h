@@ -1,5 +1,5 @@
-// What a servo loop sees: one frame of the top camera, with the side camera where it has one, or
-// one reading of the pose sensor, and where the robot is in it.
+// Observation source of a servo loop: one frame of the top camera, with the side camera where it
+// has one, or one reading of the pose sensor, and the robot's position in it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,7 +9,8 @@
 #include "host/rig/rig.h"
 #include "host/servo/frame_validator.h"
 #include "host/servo/localizer.h"
-#include "host/servo/servo.h"
+#include "host/servo/observers.h"
+#include "host/servo/servo_settings.h"
 
 #include <optional>
 
@@ -19,38 +20,38 @@ class ObservationSource {
  public:
   /// Throws std::invalid_argument naming the role or the view that the feedback needs and that is
   /// not there.
-  ObservationSource(Clock& clock, Rig& rig, Recorder& recorder, ServoCameras eyes,
+  ObservationSource(Clock& clock, Rig& rig, Recorder& recorder, ServoCameras cameras,
                     const ServoSettings& settings);
 
-  struct Look {
-    Frame frame;              // without an image of the pose sensor's
+  struct ObservedFrame {
+    Frame frame;              // of the pose sensor: without an image
     Observation observation;  // its position in the world, m
   };
-  /// Waits for the next one that can be believed. Throws DeviceError as the devices do, and
+  /// Waits for the next one that is plausible. Throws DeviceError as the devices do, and
   /// {protocol} for what does not change (FrameValidator).
-  Look look();
-  double period() const;  // s, between looks
+  ObservedFrame next();
+  double period() const;  // s, between frames
   /// Added to what the top camera finds; m, world.
   void set_offset(const Eigen::Vector3d& offset) { offset_ = offset; }
   const Eigen::Vector3d& offset() const { return offset_; }
-  /// For the record, at the end.
-  void tell() { guard_.tell(); }
+  /// Events with the numbers of frames passed over, at the end.
+  void report_counts() { validator_.report_count(); }
 
  private:
-  std::optional<Look> by_pose(Time patience);
-  std::optional<Look> by_camera(Time patience);
-  void refuse_strangers(Observation& observation);
+  std::optional<ObservedFrame> by_pose(Time patience);
+  std::optional<ObservedFrame> by_camera(Time patience);
+  void reject_implausible(Observation& observation);
 
   Clock& clock_;
   Rig& rig_;
   Recorder& recorder_;
   const Feedback feedback_;
   const bool by_pose_;
-  std::optional<Localizer> localizer_;  // of the feedbacks that look
+  std::optional<Localizer> localizer_;  // of the feedbacks with a camera
   SideWatch* const side_;
-  FrameValidator guard_;
+  FrameValidator validator_;
   Eigen::Vector3d offset_{0, 0, 0};
-  bool was_strange_ = false;
+  bool was_implausible_ = false;
 };
 
 }  // namespace vitreo

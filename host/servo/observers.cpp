@@ -13,12 +13,13 @@ namespace {
 
 constexpr std::size_t kKept = 64;  // frames
 
-SideObservation side_sighting(const RigModel& model, Time exposed,
-                              const vision::EllipseMeasurement& seen) {
+/// The side view is orthographic (thesis 5.5): m = pixel * (image - center), covariance J C J'.
+SideObservation side_observation(const RigModel& model, Time exposed,
+                                 const vision::EllipseMeasurement& seen) {
   const Eigen::Vector2d away = seen.ellipse.center_px - model.side_center_px;
   Eigen::Matrix2d to_world;  // x to the right, z up
   to_world << model.side_pixel, 0, 0, -model.side_pixel;
-  // As of the top camera: a tenth of a pixel that no covariance knows of.
+  // As of the top camera: systematic errors of a tenth of a pixel, which are in no covariance.
   const Eigen::Matrix2d image =
       seen.covariance.topLeftCorner<2, 2>() + 0.1 * 0.1 * Eigen::Matrix2d::Identity();
   return {exposed, to_world * away, to_world * image * to_world.transpose()};
@@ -33,6 +34,7 @@ void SideWatch::add(const Frame& frame, std::optional<SideObservation> seen) {
 }
 
 std::optional<SideObservation> SideWatch::at(Time exposed, Time deadline) {
+  // Only a frame of the same exposure counts: cameras that are not triggered together give none.
   const auto there = [&] { return !lately_.empty() && lately_.back().exposed >= exposed; };
   if (!clock_.wait(added_, there, deadline)) return std::nullopt;
   const auto found = std::find_if(lately_.begin(), lately_.end(),
@@ -48,12 +50,14 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
        {{"x", "m"}, {"y", "m"}, {"z", "m"}, {"axis_x", ""}, {"axis_y", ""}, {"axis_z", ""}}});
   return clock.spawn(
       "truth", [&clock, &laboratory, period = from_seconds(period), &recorder, stream] {
+        // At multiples of the period, as the camera exposes: the rows have the servo's times.
         for (std::int64_t number = clock.now() / period + 1;; ++number) {
           const Time exposed = number * period;
           clock.sleep_until(exposed);
           const auto truth = laboratory.truth(exposed);
           if (!truth) continue;
-          const Eigen::Vector3d &p = truth->position, &a = truth->axis;
+          const Eigen::Vector3d& p = truth->position;
+          const Eigen::Vector3d& a = truth->axis;
           recorder.sample(stream, exposed, std::array{p.x(), p.y(), p.z(), a.x(), a.y(), a.z()});
         }
       });
@@ -68,19 +72,19 @@ std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background ba
         std::optional<Time> last;
         while (true) {
           const Frame frame = rig.side_camera->grab(from_seconds(5));
-          if (last && frame.exposed <= *last)
-            continue;  // its clock is wrong: no stream's time goes back
+          // Its clock is wrong: no stream's time goes back.
+          if (last && frame.exposed <= *last) continue;
           last = frame.exposed;
           const auto seen = tracker.update(frame.image);
           if (!seen) {
             watch.add(frame, std::nullopt);
             continue;
           }
-          const SideObservation side = side_sighting(rig.model, frame.exposed, *seen);
+          const SideObservation side = side_observation(rig.model, frame.exposed, *seen);
           watch.add(frame, side);
           recorder.sample(stream, frame.exposed,
-                          std::array{side.place.x(), side.place.y(), seen->ellipse.semi_major_px,
-                                     seen->ellipse.semi_minor_px});
+                          std::array{side.position.x(), side.position.y(),
+                                     seen->ellipse.semi_major_px, seen->ellipse.semi_minor_px});
         }
       });
 }

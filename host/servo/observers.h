@@ -1,5 +1,5 @@
-// Tasks that watch a run for its record: the simulator's truth, which the loop never knows, and the
-// side camera's estimate, which a loop with two cameras asks for.
+// Observers: tasks that record the simulator's truth, which the loop never knows, and the side
+// camera's estimate, which a loop with two cameras asks for.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -21,8 +21,8 @@ namespace vitreo {
 std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, double period,
                                     Recorder& recorder);
 
-/// What the side camera's observer found lately: it alone takes that camera's frames, and whoever
-/// wants a view asks here.
+/// The side camera's latest observations: its observer alone takes that camera's frames, and a loop
+/// asks here for the one of a moment.
 class SideWatch {
  public:
   explicit SideWatch(Clock& clock) : clock_(clock) {}
@@ -41,8 +41,8 @@ class SideWatch {
   std::deque<Entry> lately_;
 };
 
-/// Records the stream "side_camera" (x and z) from the side camera's own frames and tells `watch`,
-/// which must outlive the task. `background` of the empty scene.
+/// Records the stream "side_camera" (x and z) from the side camera's own frames and adds them to
+/// `watch`, which must outlive the task. `background` of the empty scene.
 std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background,
                                    Recorder& recorder, SideWatch& watch);
 

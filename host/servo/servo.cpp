@@ -17,6 +17,8 @@ namespace vitreo {
 namespace {
 
 constexpr double kKeptCorrections = 30;  // s
+
+/// A per coil; 0 for those that are dead by the rig file or by the script.
 control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
   control::CurrentLimits limits =
       control::CurrentLimits::Constant(rig.model.field.coils(), rig.coils->current_limit());
@@ -30,7 +32,7 @@ control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
   return limits;
 }
 
-ControllerSettings loop_settings(const Rig& rig, const ServoSettings& given, double period) {
+ControllerSettings controller_settings(const Rig& rig, const ServoSettings& given, double period) {
   ControllerSettings loop;
   loop.field = given.field;
   loop.axis = given.axis;
@@ -70,17 +72,37 @@ void check_coils(const Rig& rig) {
 
 }  // namespace
 
+const char* to_string(ServoState state) {
+  switch (state) {
+    case ServoState::searching:
+      return "searching";
+    case ServoState::holding:
+      return "holding";
+    case ServoState::following:
+      return "following";
+    case ServoState::released:
+      return "released";
+    case ServoState::lost:
+      return "lost";
+    case ServoState::failed:
+      return "failed";
+    case ServoState::closed:
+      return "closed";
+  }
+  return "?";
+}
+
 struct Servo::Loop {
   enum class Mode { holding, following, released };
 
-  Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder, ServoCameras given_eyes,
+  Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder, ServoCameras given_cameras,
        const ServoSettings& given)
       : clock(the_clock),
         rig(the_rig),
         recorder(the_recorder),
         settings(given),
-        sight(the_clock, the_rig, the_recorder, std::move(given_eyes), given),
-        chain(the_rig.model, loop_settings(the_rig, given, sight.period())),
+        source(the_clock, the_rig, the_recorder, std::move(given_cameras), given),
+        controller(the_rig.model, controller_settings(the_rig, given, source.period())),
         archive(the_recorder, the_rig, source_of(given.feedback),
                 given.law == ControlLaw::estimator) {
     recorder.event(clock.now(), "feedback",
@@ -88,8 +110,9 @@ struct Servo::Loop {
                                to_string(given.feedback), source_of(given.feedback)));
   }
 
+  /// The loop's task: a turn for each frame until it is stopped or something fails.
   void run() {
-    heart.emplace(*rig.coils, "the servo loop");
+    heartbeat.emplace(*rig.coils, "the servo loop");
     try {
       while (true) tick();
     } catch (const Stopped&) {
@@ -100,16 +123,19 @@ struct Servo::Loop {
     }
   }
 
+  /// One turn: measurement, control, publication, record.
   void tick() {
-    const auto [frame, observation] = sight.look();
-    heart->beat();
+    const auto [frame, observation] = source.next();
+    // Seen means used: the dead-man is refreshed only where a plausible frame has come.
+    heartbeat->beat();
     const double now = to_seconds(clock.now());
     begin(now);
-    note_sight(frame, observation);
+    note_observation(frame, observation);
     const ControlStep step = drive(frame, now, observation);
-    const control::Reference target = course.at(to_seconds(frame.exposed));
+    const control::Reference target = reference.at(to_seconds(frame.exposed));
     publish(frame, target, observation, step);
     archive.sample(frame.exposed, clock.now(), observation, target, step);
+    // Picture k of n is due at the fraction k / (n + 1) of the way.
     if (mode == Mode::following && status.progress * (pictures + 1) >= pictures_taken + 1 &&
         pictures_taken < pictures)
       wanted_picture =
@@ -120,13 +146,15 @@ struct Servo::Loop {
     clock.notify(ticked);
   }
 
+  /// A path that was given between two frames begins with the next one.
   void begin(double now) {
     if (!starting) return;
-    course.begin = now;
+    reference.begin = now;
     starting = false;
   }
 
-  void note_sight(const Frame& frame, const Observation& observation) {
+  /// The time since the robot was last seen, and what follows when it is too long.
+  void note_observation(const Frame& frame, const Observation& observation) {
     if (observation.position) {
       last_seen = frame.exposed;
       seen = true;
@@ -141,44 +169,46 @@ struct Servo::Loop {
   }
 
   ControlStep drive(const Frame& frame, double now, const Observation& observation) {
-    // What was let go is not taken up again until somebody says where to.
+    // What was let go is not taken up again until a new goal is given.
     if (let_go) {
-      chain.reset();
+      controller.reset();
       return {};
     }
     std::optional<control::PositionMeasurement> measured;
     if (observation.position)
       measured = control::PositionMeasurement{to_seconds(frame.exposed), *observation.position,
                                               observation.covariance};
-    ControlStep step = chain.step(now, measured, course, aim());
+    ControlStep step = controller.step(now, measured, reference, control_mode());
     if (observation.position) remember(to_seconds(frame.exposed), step.correction);
-    if (!seen && aim() != Aim::constant)
-      send(chain.orienting_currents());
+    // Before the first detection only the field: it turns the robot into the axis that is expected.
+    if (!seen && control_mode() != ControlMode::constant)
+      send(controller.orienting_currents());
     else if (step.currents.size() > 0)
       send(step.currents);
-    tell_limits(step);
+    report_limits(step);
     return step;
   }
 
-  Aim aim() const {
-    if (mode != Mode::released) return Aim::follow;
-    if (settings.feedback == Feedback::none) return Aim::constant;
-    return canceling ? Aim::cancel : Aim::leave;
+  ControlMode control_mode() const {
+    if (mode != Mode::released) return ControlMode::follow;
+    if (settings.feedback == Feedback::none) return ControlMode::constant;
+    return canceling ? ControlMode::cancel : ControlMode::leave;
   }
 
-  /// Degraded, and says so: once for each time that it begins.
-  void tell_limits(const ControlStep& step) {
-    const auto tell = [this](bool is, bool& was, const char* what) {
+  /// An event "degraded" each time that a limitation begins.
+  void report_limits(const ControlStep& step) {
+    const auto report = [this](bool is, bool& was, const char* what) {
       if (is && !was) recorder.event(clock.now(), "degraded", what);
       was = is;
     };
-    tell(step.limited, was_limited,
-         "a current limit cuts field or lateral force; the vertical force comes first");
-    tell(step.outside, was_outside,
-         "the robot is outside the region of the field's model: the field of the nearest place in "
-         "it is used");
-    tell(step.passed_over, was_passed_over,
-         "a measurement was passed over: not a number, out of order, or a leap");
+    report(step.limited, was_limited,
+           "a current limit cuts field or lateral force; the vertical force comes first");
+    report(
+        step.outside, was_outside,
+        "the robot is outside the region of the field's model: the field of the nearest place in "
+        "it is used");
+    report(step.passed_over, was_passed_over,
+           "a measurement was passed over: not a number, out of order, or a leap");
   }
 
   void send(const control::Currents& wanted) {
@@ -190,6 +220,7 @@ struct Servo::Loop {
         std::vector<double>(static_cast<std::size_t>(rig.coils->channels()), 0.0));
   }
 
+  /// For mean_correction(): a sliding window of the velocities asked for.
   void remember(double time, const Eigen::Vector3d& correction) {
     corrections.emplace_back(time, correction);
     while (corrections.front().first < time - kKeptCorrections) corrections.pop_front();
@@ -205,9 +236,10 @@ struct Servo::Loop {
     status.headroom = step.headroom;
     status.limited = step.limited;
     status.progress = 1;
-    const double since = to_seconds(frame.exposed) - course.begin;
+    // By the exposure: what the robot had reached then is compared with what it was to reach then.
+    const double since = to_seconds(frame.exposed) - reference.begin;
     if (mode == Mode::following)
-      status.progress = std::clamp(since / std::max(course.path.duration(), 1e-9), 0.0, 1.0);
+      status.progress = std::clamp(since / std::max(reference.path.duration(), 1e-9), 0.0, 1.0);
     if (!seen)
       status.state = ServoState::searching;
     else if (let_go)
@@ -219,11 +251,11 @@ struct Servo::Loop {
                                                                     : ServoState::holding;
   }
 
-  void aim_at(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
+  void set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
     check_reach(rig.model, path);
     if (settings.feedback == Feedback::one_camera || settings.feedback == Feedback::two_cameras)
       check_visible(rig.model, rig.top_camera->info(), settings.view.image_scale, path);
-    course = {path, course.begin};
+    reference = {path, reference.begin};
     starting = true;
     goal = path.at(path.duration()).position;
     pictures = wanted_pictures;
@@ -233,20 +265,21 @@ struct Servo::Loop {
     corrections.clear();
   }
 
+  /// The end of the loop: zero current, and the interlock open after a failure until it is enabled
+  /// again. A failure of that does not hide the first one.
   void shut(ServoState state, const std::string& failure) {
-    const StopShield shield(clock);
-    heart.reset();
+    const StopShield shield(clock);  // a stop of the run does not interrupt this
+    heartbeat.reset();
     try {
       if (state == ServoState::closed && rig.coils->enabled())
         switch_off();
       else
-        rig.coils
-            ->make_safe();  // after a failure the interlock stays open until somebody closes it
+        rig.coils->make_safe();
     } catch (const std::exception& error) {
       recorder.event(clock.now(), "error",
                      std::string("coils could not be set to zero: ") + error.what());
     }
-    sight.tell();
+    source.report_counts();
     status.state = state;
     status.failure = failure;
     status.position.reset();
@@ -258,29 +291,35 @@ struct Servo::Loop {
   Rig& rig;
   Recorder& recorder;
   const ServoSettings settings;
-  ObservationSource sight;
-  ServoController chain;
+  ObservationSource source;
+  ServoController controller;
   ServoRecord archive;
-  std::optional<Interlock::Heartbeat> heart;  // while the loop runs
+  std::optional<Interlock::Heartbeat> heartbeat;  // while the loop runs
   Mode mode = Mode::holding;
-  ReferencePath course;
-  Eigen::Vector3d goal{0, 0, 0};  // the end of the course
-  bool starting = false, seen = false, let_go = false, canceling = false;
-  bool was_limited = false, was_outside = false, was_passed_over = false;
+  ReferencePath reference;
+  Eigen::Vector3d goal{0, 0, 0};  // m, the end of the reference
+  bool starting = false;          // the reference's time has not begun
+  bool seen = false;              // once at least
+  bool let_go = false;            // lost for longer than the timeout: zero current
+  bool canceling = false;         // of mode released
+  bool was_limited = false;
+  bool was_outside = false;
+  bool was_passed_over = false;
   Time last_seen{};
   ServoStatus status;
   Signal ticked;
   std::deque<std::pair<double, Eigen::Vector3d>> corrections;  // s, m/s
   std::string wanted_picture;
-  int pictures = 0, pictures_taken = 0;  // along the path that is being followed
-  std::unique_ptr<Task> task;            // last: it ends before what it uses
+  int pictures = 0;  // wanted along the path that is being followed
+  int pictures_taken = 0;
+  std::unique_ptr<Task> task;  // last: it ends before what it uses
 };
 
-Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoCameras eyes,
+Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoCameras cameras,
              const ServoSettings& settings) {
   settings.check();
   check_coils(rig);
-  loop_ = std::make_unique<Loop>(clock, rig, recorder, std::move(eyes), settings);
+  loop_ = std::make_unique<Loop>(clock, rig, recorder, std::move(cameras), settings);
   const Eigen::Vector3d& axis = settings.axis;  // a replay of the frames needs it
   recorder.event(clock.now(), "servo",
                  nlohmann::json{{"axis", {axis.x(), axis.y(), axis.z()}},
@@ -297,12 +336,12 @@ Signal& Servo::changed() { return loop_->ticked; }
 const ServoSettings& Servo::settings() const { return loop_->settings; }
 
 void Servo::follow(const control::Trajectory& path, int pictures) {
-  loop_->aim_at(Loop::Mode::following, path, pictures);
+  loop_->set_goal(Loop::Mode::following, path, pictures);
   loop_->status.progress = 0;
 }
 
 void Servo::hold(const Eigen::Vector3d& position) {
-  loop_->aim_at(Loop::Mode::holding, control::Trajectory::hold_at(position), 0);
+  loop_->set_goal(Loop::Mode::holding, control::Trajectory::hold_at(position), 0);
 }
 
 void Servo::release(bool cancel) {
@@ -315,29 +354,32 @@ void Servo::release(bool cancel) {
 }
 
 void Servo::set_trim(const Eigen::Vector3d& force) {
-  loop_->chain.set_trim(force, loop_->goal);
+  loop_->controller.set_trim(force, loop_->goal);
   loop_->corrections.clear();
 }
 
-Eigen::Vector3d Servo::trim() const { return loop_->chain.trim(); }
+Eigen::Vector3d Servo::trim() const { return loop_->controller.trim(); }
 
 void Servo::set_offset(const Eigen::Vector3d& offset) {
-  constexpr double kLargest = 1e-3;  // m: more is no bias but another place
+  constexpr double kLargest = 1e-3;  // m: more is no bias but another position
   if (!(offset.norm() <= kLargest))
     throw std::invalid_argument("offset: must be finite and at most 1 mm");
-  loop_->sight.set_offset(offset);
+  loop_->source.set_offset(offset);
   loop_->recorder.event(loop_->clock.now(), "offset",
                         nlohmann::json{offset.x(), offset.y(), offset.z()}.dump());
 }
 
-Eigen::Vector3d Servo::offset() const { return loop_->sight.offset(); }
+Eigen::Vector3d Servo::offset() const { return loop_->source.offset(); }
 
 Eigen::Vector3d Servo::force_for(const Eigen::Vector3d& velocity) const {
-  return loop_->chain.force_of(velocity);
+  return loop_->controller.force_of(velocity);
 }
 
+/// The robot stands still on average, so the velocity asked for balances what the model lacks:
+/// f = R mean(v) (the thesis trims by hand, 6.1).
 Eigen::Vector3d Servo::mean_correction(double duration) const {
   const auto& corrections = loop_->corrections;
+  // Nine tenths: samples come with the frames, not at the ends of the time asked for.
   if (corrections.empty() || corrections.back().first - corrections.front().first < duration * 0.9)
     throw std::logic_error("mean_correction: the servo has not held this place for that long");
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -347,7 +389,7 @@ Eigen::Vector3d Servo::mean_correction(double duration) const {
     sum += correction;
     ++count;
   }
-  return loop_->chain.force_of(sum / count);
+  return loop_->controller.force_of(sum / count);
 }
 
 void Servo::snapshot(const std::string& caption) { loop_->wanted_picture = caption; }

@@ -1,5 +1,5 @@
-// One turn of the servo loop as a plain calculation, place in, currents out: estimate, law, field
-// and force, currents. What `make bench` measures and a replay can run again. No clock, no device.
+// Servo controller: one turn of the loop as a plain calculation, position in, currents out:
+// estimate, law, field and force, currents. No clock, no device: `make bench` measures it as it is.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,17 +18,17 @@
 
 namespace vitreo {
 
-/// pd: the thesis' (6). estimator: Kalman filter, prediction over the loop's latency, disturbance
-/// canceled. velocity: for media that yield and spring back (7.3).
+/// pd: the thesis' (6.2). estimator: Kalman filter, prediction over the loop's latency, disturbance
+/// compensated. velocity: for media that yield and spring back (7.3).
 enum class ControlLaw { pd, estimator, velocity };
 const char* to_string(ControlLaw law);
 /// Throws std::invalid_argument with the names there are.
 ControlLaw control_law_named(const std::string& name);
 
-/// What is done about the robot's place: go where the course says; only cancel what pushes it
-/// (estimator only); leave it, the field computed where it is; or the one set of currents of the
-/// place where the trim was found.
-enum class Aim { follow, cancel, leave, constant };
+/// follow: to the reference. cancel: only the disturbance is compensated (estimator only). leave:
+/// field and levitation computed where the robot is, its position left alone. constant: the one set
+/// of currents of the position where the trim was found.
+enum class ControlMode { follow, cancel, leave, constant };
 
 /// A trajectory and when it begins.
 struct ReferencePath {
@@ -39,28 +39,29 @@ struct ReferencePath {
 
 struct ControllerSettings {
   double field = 10e-3;  // T
-  Eigen::Vector3d axis{1, 0,
-                       0};  // unit, world: the commanded field's direction, taken as the robot's
+  // Unit, world: the commanded field's direction, taken as the robot's.
+  Eigen::Vector3d axis{1, 0, 0};
   ControlLaw law = ControlLaw::pd;
   control::PdGains gains;  // of pd
   // Of estimator, 1/s and m/s; nothing: tuned from latency, drag and instability.
-  std::optional<double> proportional{}, max_speed{};
+  std::optional<double> proportional{};
+  std::optional<double> max_speed{};
   control::VelocityGains velocity;                                          // of velocity
   control::CurrentLimits limits = control::CurrentLimits::Constant(8, 12);  // A; 0 for a dead coil
   double total_limit = 60;                                                  // A, sum of magnitudes
   double period = 1 / 15.0;  // s, between measurements
-  bool wall_drag = false;  // Faxen's factors for retina and lens, where the robot is; else the free
-                           // drag everywhere
+  // Faxen's factors for retina and lens, where the robot is; else the free drag everywhere.
+  bool wall_drag = false;
 };
 
 struct ControlStep {
-  control::Currents currents;                         // A; empty when nothing is known of the place
+  control::Currents currents;                         // A; empty when the position is not known
   std::optional<control::PositionEstimate> estimate;  // at `now`; law estimator only
-  Eigen::Vector3d correction{
-      0, 0, 0};          // m/s: what was asked for beyond the reference's own velocity and the trim
-  double headroom = 1;   // 1 - the largest |I| / limit over the living coils
-  bool limited = false;  // a limit cost something of field or force
-  bool outside = false;  // of the field model's region: its nearest place was used
+  // m/s: what was asked for beyond the reference's own velocity and the trim.
+  Eigen::Vector3d correction{0, 0, 0};
+  double headroom = 1;       // 1 - the largest |I| / limit over the living coils
+  bool limited = false;      // a limit cost something of field or force
+  bool outside = false;      // of the field model's region: its nearest position was used
   bool passed_over = false;  // the measurement: not a number, out of order or beyond the gate
 };
 
@@ -72,29 +73,29 @@ class ServoController {
   /// prediction, the other laws give nothing. Throws std::domain_error when the levitation is out
   /// of reach.
   ControlStep step(double now, const std::optional<control::PositionMeasurement>& measured,
-                   const ReferencePath& course, Aim aim);
+                   const ReferencePath& path, ControlMode mode);
   /// Forgets what was measured and commanded: the currents were not sent.
   void reset();
   /// The field without any force, at the workspace's center: turns a robot that is not yet seen
   /// into its axis.
   control::Currents orienting_currents() const;
   /// The constant force added to the weight compensation, N, world, and where it was found.
-  void set_trim(const Eigen::Vector3d& force, const Eigen::Vector3d& place);
+  void set_trim(const Eigen::Vector3d& force, const Eigen::Vector3d& position);
   Eigen::Vector3d trim() const { return trim_; }
   /// The force that moves the robot at `velocity`, N.
   Eigen::Vector3d force_of(const Eigen::Vector3d& velocity) const { return drag_ * velocity; }
-  /// N s/m at a place (m, world): free, or with what the walls add.
-  Eigen::Matrix3d drag_at(const Eigen::Vector3d& place) const;
+  /// N s/m at a position (m, world): free, or with what the walls add.
+  Eigen::Matrix3d drag_at(const Eigen::Vector3d& position) const;
   /// As tuned; nothing before the first measurement, and for other laws.
   const std::optional<control::ServoTuning>& tuning() const { return tuning_; }
 
  private:
   void tune(double now, const control::PositionMeasurement& first);
   bool take(double now, const control::PositionMeasurement& measured);
-  void predict(ControlStep& step, double now, const ReferencePath& course, Aim aim);
+  void predict(ControlStep& step, double now, const ReferencePath& path, ControlMode mode);
   void steer(ControlStep& step, const control::PositionMeasurement& measured,
-             const ReferencePath& course, Aim aim);
-  Eigen::Vector3d allocate(ControlStep& step, const Eigen::Vector3d& place,
+             const ReferencePath& path, ControlMode mode);
+  Eigen::Vector3d allocate(ControlStep& step, const Eigen::Vector3d& position,
                            const Eigen::Vector3d& force) const;
   control::BoxAllocation within(const control::FieldMatrix& matrix,
                                 const control::FieldGradient& background,
@@ -102,8 +103,10 @@ class ServoController {
 
   RigModel model_;
   ControllerSettings settings_;
-  Eigen::Matrix3d drag_, mobility_;  // N s/m, and its inverse
-  Eigen::Vector3d trim_{0, 0, 0}, trim_place_{0, 0, 0};
+  Eigen::Matrix3d drag_;      // N s/m, free
+  Eigen::Matrix3d mobility_;  // its inverse
+  Eigen::Vector3d trim_{0, 0, 0};
+  Eigen::Vector3d trim_position_{0, 0, 0};
   control::PdController pd_;
   control::VelocityController velocity_;
   std::optional<control::ServoTuning> tuning_;

@@ -56,6 +56,7 @@ StreamInfo current_stream(int coils) {
   return info;
 }
 
+/// The stream of that name, which a second loop of the same run shares.
 int stream_of(Recorder& recorder, const StreamInfo& info) {
   for (std::size_t i = 0; i < recorder.streams().size(); ++i)
     if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
@@ -73,15 +74,19 @@ ServoRecord::ServoRecord(Recorder& recorder, const Rig& rig, const std::string& 
   if (estimates) estimates_ = stream_of(recorder, estimate_stream());
 }
 
+/// Two times: the observation's row has that of its exposure, currents and estimate have now. What
+/// was not observed is NaN, in the tables NULL.
 void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
                          const control::Reference& target, const ControlStep& step) {
   const Eigen::Vector3d nowhere = Eigen::Vector3d::Constant(std::nan(""));
-  const Eigen::Vector3d p = observation.position.value_or(nowhere), t = target.position;
+  const Eigen::Vector3d p = observation.position.value_or(nowhere);
+  const Eigen::Vector3d t = target.position;
   const vision::Ellipse e = observation.ellipse ? observation.ellipse->ellipse
                                                 : vision::Ellipse{nowhere.head<2>(), nowhere.x(),
                                                                   nowhere.x(), nowhere.x()};
   const Eigen::Vector3d sigma =
       observation.position ? observation.covariance.diagonal().cwiseSqrt().eval() : nowhere;
+  // In the order of servo_stream().
   const std::array<double, 18> row{p.x(),
                                    p.y(),
                                    p.z(),
@@ -120,6 +125,7 @@ void ServoRecord::picture(const Frame& frame, const Observation& observation,
   vision::Overlay overlay;
   if (observation.ellipse) overlay.tracked = observation.ellipse->ellipse;
   overlay.trail_px.assign(trail_.begin(), trail_.end());
+  // The target through the nominal optics: (5.2) to (5.11), then K of (5.12).
   const Eigen::Vector3d target_in_eye = target.position - rig_.model.eye_in_world;
   if (const auto m = rig_.model.projection.project(target_in_eye))
     overlay.target_px = rig_.model.top_image.pixel_from_m(*m);

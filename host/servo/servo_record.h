@@ -1,5 +1,4 @@
-// What the servo loop leaves in the record: its streams, and frames with what was tracked drawn on
-// them.
+// Record of the servo loop: its streams, and frames with ellipse, trail and target drawn on them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -30,7 +29,10 @@ class ServoRecord {
  private:
   Recorder& recorder_;
   const Rig& rig_;
-  int samples_, currents_, estimates_ = -1;
+  // Numbers of the streams; -1: none.
+  int samples_;
+  int currents_;
+  int estimates_ = -1;
   std::deque<Eigen::Vector2d> trail_;
 };
 

@@ -1,6 +1,5 @@
-// The servo's settings: their names, their bounds, and where a robot may be taken.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/servo/servo.h"
+#include "host/servo/servo_settings.h"
 
 #include <fmt/format.h>
 
@@ -22,26 +21,6 @@ Feedback feedback_named(const std::string& name) {
   throw std::invalid_argument(
       "feedback: wants \"none\", \"one_camera\", \"two_cameras\" or \"pose_sensor\", got \"" +
       name + "\"");
-}
-
-const char* to_string(ServoState state) {
-  switch (state) {
-    case ServoState::searching:
-      return "searching";
-    case ServoState::holding:
-      return "holding";
-    case ServoState::following:
-      return "following";
-    case ServoState::released:
-      return "released";
-    case ServoState::lost:
-      return "lost";
-    case ServoState::failed:
-      return "failed";
-    case ServoState::closed:
-      return "closed";
-  }
-  return "?";
 }
 
 double ServoSettings::axis_uncertainty() const {
@@ -73,20 +52,23 @@ void ServoSettings::check() const {
 }
 
 void check_reach(const RigModel& model, const control::Trajectory& path) {
-  constexpr int kAsked = 200;  // places along the way
-  const double radius = model.eye.surfaces.front().radius, lens = model.eye.vertex(2);
+  constexpr int kAsked = 200;  // positions along the way
+  // Surfaces count from 1 at the retina, as in the thesis' tables: the second is the lens' rear.
+  const double radius = model.eye.surfaces.front().radius;
+  const double lens = model.eye.vertex(2);
   for (int i = 0; i <= kAsked; ++i) {
-    const Eigen::Vector3d place = path.at(path.duration() * i / kAsked).position;
-    const auto refuse = [&place](const char* where) {
+    const Eigen::Vector3d position = path.at(path.duration() * i / kAsked).position;
+    const auto refuse = [&position](const char* why) {
       throw std::invalid_argument(fmt::format("({:.2f}, {:.2f}, {:.2f}) mm is out of reach: {}",
-                                              place.x() * 1e3, place.y() * 1e3, place.z() * 1e3,
-                                              where));
+                                              position.x() * 1e3, position.y() * 1e3,
+                                              position.z() * 1e3, why));
     };
-    if (!place.allFinite()) refuse("it is not a place");
-    if (!model.field.valid_at(place)) refuse("outside the region of the field's model");
-    // As the retina's sphere stands, and above its equator the wall.
-    Eigen::Vector3d from_center = place - model.eye_in_world - Eigen::Vector3d(0, 0, radius);
-    if (place.z() - model.eye_in_world.z() > lens) refuse("behind the lens");
+    if (!position.allFinite()) refuse("it is not a place");
+    if (!model.field.valid_at(position)) refuse("outside the region of the field's model");
+    // The retina's sphere below its equator, and above it a cylinder of the same radius: there the
+    // distance from the center is taken horizontally.
+    Eigen::Vector3d from_center = position - model.eye_in_world - Eigen::Vector3d(0, 0, radius);
+    if (position.z() - model.eye_in_world.z() > lens) refuse("behind the lens");
     from_center.z() = std::min(from_center.z(), 0.0);
     if (from_center.norm() > radius) refuse("outside the retina");
   }

@@ -1,4 +1,4 @@
-// What the side camera saw of the robot.
+// Side observation: the robot's position as the side camera saw it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,7 +11,7 @@ namespace vitreo {
 /// x and z, world frame.
 struct SideObservation {
   Time exposed{};
-  Eigen::Vector2d place{0, 0};                           // m
+  Eigen::Vector2d position{0, 0};                        // m
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // m^2
 };
 

@@ -1,5 +1,4 @@
-// What stands for the side camera in a rehearsal, where nobody looks through cameras: its stream,
-// from the truth.
+// Simulated side camera of a dry run, which renders no images: its stream, from the truth.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// What the top camera can see, before a robot is sent there.
+// Visibility check: whether the top camera can see a path, before a robot is sent along it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -8,8 +8,9 @@
 
 namespace vitreo {
 
-/// Throws std::invalid_argument naming the first place of the path (world) that the model's optics
-/// show outside of the camera's picture, or not at all. `image_scale`: of the view's calibration.
+/// Throws std::invalid_argument naming the first position of the path (world) that the model's
+/// optics show outside of the camera's picture, or not at all. `image_scale`: of the view's
+/// calibration.
 void check_visible(const RigModel& model, const CameraInfo& camera, double image_scale,
                    const control::Trajectory& path);
 

@@ -41,7 +41,7 @@ struct ProtocolTest {
   std::string arguments, answers;  // as on the command line, blanks between
   std::string rig;                 // a name in scripts/rigs/ or a file; empty: the protocol's own
   std::uint64_t seed = 1;
-  std::map<std::string, std::pair<double, double>> figures;  // of run: least and most, SI
+  std::map<std::string, std::pair<double, double>> results;  // of run: least and most, SI
   std::string fault, outcome, says;                          // of fail
   int times = 100;                                           // of stop
 };

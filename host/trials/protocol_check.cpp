@@ -49,16 +49,16 @@ Ended run_and_look(ScriptEngine& engine, const RunRequest& request) {
   return ended;
 }
 
-double figure(const RunResult& result, const std::string& name) {
-  for (const Figure& one : result.figures)
+double value_of(const RunResult& result, const std::string& name) {
+  for (const StatedResult& one : result.results)
     if (one.name == name) return one.value;
   return std::nan("");
 }
 
-std::string trouble_with_figures(const RunResult& result, const ProtocolTest& test) {
-  for (const auto& [name, range] : test.figures) {
-    const double value = figure(result, name);
-    if (std::isnan(value)) return "it states no figure " + name;
+std::string fault_of_results(const RunResult& result, const ProtocolTest& test) {
+  for (const auto& [name, range] : test.results) {
+    const double value = value_of(result, name);
+    if (std::isnan(value)) return "it states no result " + name;
     if (value < range.first || value > range.second)
       return fmt::format("{} is {:g}, wanted {:g} to {:g}", name, value, range.first, range.second);
   }
@@ -77,7 +77,7 @@ void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& t
   if (ended.result.outcome != Outcome::completed)
     problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
   else if (problem.empty())
-    problem = trouble_with_figures(ended.result, test);
+    problem = fault_of_results(ended.result, test);
   told({titled("run", test.arguments), problem});
 }
 
@@ -116,7 +116,7 @@ void try_stop(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& 
               const std::function<void(const ProtocolTrial&)>& told) {
   const RunRequest request = request_of(base, test);
   const Ended whole = run_and_look(engine, request);
-  const double duration = figure(whole.result, "experiment_time");
+  const double duration = value_of(whole.result, "experiment_time");
   std::mt19937_64 random(test.seed);
   std::uniform_real_distribution<double> moments(0, std::max(duration, 1e-6));
   for (int number = 1; number <= test.times; ++number) {
@@ -124,7 +124,7 @@ void try_stop(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& 
     const Ended ended = stopped_at(engine, request, moment);
     std::string problem = ended.unsafe;
     const bool before = ended.result.outcome == Outcome::completed &&
-                        figure(ended.result, "experiment_time") <= moment;
+                        value_of(ended.result, "experiment_time") <= moment;
     if (problem.empty() && ended.result.outcome != Outcome::stopped && !before)
       problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
     told({fmt::format("stop {} of {}, at {:.3f} s", number, test.times, moment), problem});

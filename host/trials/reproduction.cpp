@@ -91,7 +91,7 @@ ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
   done.outcome = text_of(told, "outcome");
   done.reason = text_of(told, "reason");
   done.folder = text_of(told, "run");
-  done.wall_time = told.value("/figures/wall_time"_json_pointer, 0.0);
+  done.wall_time = told.value("/results/wall_time"_json_pointer, 0.0);
   if (done.outcome == "completed") read_rows(done);
   return done;
 }

@@ -173,7 +173,8 @@ class Laboratory {
     const Observation seen = localizer_->look(frame.image);
     std::optional<control::PositionMeasurement> measured;
     if (seen.position) measured = {to_seconds(frame.exposed), *seen.position, seen.covariance};
-    const ControlStep step = chain_->step(to_seconds(clock_->now()), measured, {}, Aim::follow);
+    const ControlStep step =
+        chain_->step(to_seconds(clock_->now()), measured, {}, ControlMode::follow);
     const double took =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     record_->sample(frame.exposed, clock_->now(), seen, {}, step);

@@ -61,7 +61,7 @@ void frame_to_currents(benchmark::State& state) {
     std::optional<control::PositionMeasurement> measured;
     if (seen.position)
       measured = control::PositionMeasurement{time, *seen.position, seen.covariance};
-    benchmark::DoNotOptimize(chain.step(time + 0.08, measured, {}, Aim::follow));
+    benchmark::DoNotOptimize(chain.step(time + 0.08, measured, {}, ControlMode::follow));
     microseconds.push_back(
         std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
             .count());

@@ -10,7 +10,7 @@ namespace {
 
 constexpr const char* kIdle =
     "return { title = 'idle', run = function(rig, p, run) run:wait(1) print(1.5) "
-    "run:figure('half', 0.5) end }";
+    "run:result('half', 0.5) end }";
 constexpr const char* kBareRig = "return { title = 'bare' }";
 
 struct RigContext : testing::Test {

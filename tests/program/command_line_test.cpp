@@ -25,8 +25,8 @@ return {
   },
   run = function(rig, p, run)
     run:wait(p.pause)
-    run:figure("waited", p.pause, "s")
-    run:figure("speed", p.speed, "m/s")
+    run:result("waited", p.pause, "s")
+    run:result("speed", p.speed, "m/s")
   end,
 }
 )";
@@ -46,16 +46,16 @@ void expect_refused(const Workplace& place, const std::string& command,
   EXPECT_EQ(place.runs(), 0) << command;
 }
 
-TEST(CommandLine, AProtocolRunsAndItsFiguresCloseTheJson) {
+TEST(CommandLine, AProtocolRunsAndItsResultsCloseTheJson) {
   const Workplace place;
   place.write("idle.lua", kIdle);
   const Spoken spoken = place.vitreo("run idle.lua pause=500ms speed=0.5mm/s --json");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
   const auto json = nlohmann::json::parse(spoken.out);
   EXPECT_EQ(json["outcome"], "completed");
-  EXPECT_DOUBLE_EQ(json["figures"]["waited"], 0.5);
-  EXPECT_DOUBLE_EQ(json["figures"]["speed"], 0.5e-3);
-  EXPECT_GE(json["figures"]["experiment_time"].get<double>(), 0.5);
+  EXPECT_DOUBLE_EQ(json["results"]["waited"], 0.5);
+  EXPECT_DOUBLE_EQ(json["results"]["speed"], 0.5e-3);
+  EXPECT_GE(json["results"]["experiment_time"].get<double>(), 0.5);
   EXPECT_TRUE(
       std::filesystem::exists(place.folder() / json["run"].get<std::string>() / "report.html"));
   EXPECT_TRUE(one_line(spoken.out)) << "one object, one line";

@@ -91,13 +91,13 @@ TEST(DepthFromFocus, TargetsAreLocalizedAndTheRetinaCalibratesAnEyeThatNobodyKno
   const Spoken places = place.vitreo(
       "run localize_by_focus angles=2 field=2deg surfaces=1 repetitions=1 eyes=0 --json" + bench);
   ASSERT_EQ(places.exit_code, 0) << places.out << places.err;
-  EXPECT_EQ(nlohmann::json::parse(places.out)["figures"]["localized"], 2) << places.err;
+  EXPECT_EQ(nlohmann::json::parse(places.out)["results"]["localized"], 2) << places.err;
   const Spoken law =
       place.vitreo("run calibrate_biometric points=3 deepest=3mm reach=2.2mm --json" + bench);
   ASSERT_EQ(law.exit_code, 0) << law.out << law.err;
-  const auto figures = nlohmann::json::parse(law.out)["figures"];
-  EXPECT_EQ(figures["expectations_missed"], 0) << law.err;
-  EXPECT_LT(figures["calibrated_error"], 0.5e-3);
+  const auto results = nlohmann::json::parse(law.out)["results"];
+  EXPECT_EQ(results["expectations_missed"], 0) << law.err;
+  EXPECT_LT(results["calibrated_error"], 0.5e-3);
 }
 
 TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
@@ -112,27 +112,27 @@ TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
               "  says('robot', s.change, s, { robot = 'coni_3mm' })\n"
               "  says('gel', s.change, s, { robot = 'coni_2mm', gel = 'gel_12' })\n"
               "  local other = eye:drawn(3)\n"
-              "  run:figure('index', other:parameter 'lens.index')\n"
-              "  run:figure('again', eye:drawn(3):parameter 'lens.index')\n"
-              "  run:figure('number_4', eye:drawn(4):parameter 'lens.index')\n"
+              "  run:result('index', other:parameter 'lens.index')\n"
+              "  run:result('again', eye:drawn(3):parameter 'lens.index')\n"
+              "  run:result('number_4', eye:drawn(4):parameter 'lens.index')\n"
               "  s:set_eye(other)\n"
-              "  run:figure('pixel', rig:model().pixel, 'm')\n"
+              "  run:result('pixel', rig:model().pixel, 'm')\n"
               "  local image = rig.top_camera:grab().image\n"
               "  local mask = image:ellipse_mask { x_px = 100, y_px = 90, major_px = 40, minor_px "
               "= 20, angle = 0 }\n"
-              "  run:figure('area', mask:mean() / 255 * 1384 * 1036)\n"
+              "  run:result('area', mask:mean() / 255 * 1384 * 1036)\n"
               "end }");
   const Spoken spoken = place.vitreo("run told.lua --json");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   for (const char* said :
        {"eye: ", "wants one of 7 surfaces, got 5", "none called 'ball'", "coni_3mm", "gel_12"})
     EXPECT_NE(spoken.err.find(said), std::string::npos) << said << "\n" << spoken.err;
-  const auto figures = nlohmann::json::parse(spoken.out)["figures"];
-  EXPECT_EQ(figures["index"], figures["again"]);
-  EXPECT_NE(figures["index"], figures["number_4"]);
-  EXPECT_NEAR(figures["index"], 1.492, 5 * 0.04 * 1.492);
-  EXPECT_NEAR(figures["pixel"], 14.3e-6, 1e-9);
-  EXPECT_NEAR(figures["area"], 3.14159 * 20 * 10, 60) << "half a pixel of its rim";
+  const auto results = nlohmann::json::parse(spoken.out)["results"];
+  EXPECT_EQ(results["index"], results["again"]);
+  EXPECT_NE(results["index"], results["number_4"]);
+  EXPECT_NEAR(results["index"], 1.492, 5 * 0.04 * 1.492);
+  EXPECT_NEAR(results["pixel"], 14.3e-6, 1e-9);
+  EXPECT_NEAR(results["area"], 3.14159 * 20 * 10, 60) << "half a pixel of its rim";
 }
 
 TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
@@ -141,16 +141,16 @@ TEST(Calibrations, CamerasAndLatencyAreAcceptedOnTheSimulatedRig) {
        {"calibrate_cameras count=3", "calibrate_latency coils=1 frames=5", "calibrate_coils"}) {
     const Spoken spoken = place.vitreo("run " + words + " --json " + rig("calibration"));
     ASSERT_EQ(spoken.exit_code, 0) << words << spoken.out << spoken.err;
-    const auto figures = nlohmann::json::parse(spoken.out)["figures"];
-    EXPECT_EQ(figures["calibrations_refused"], 0) << words;
-    if (figures.contains("top_camera_pixel")) {
-      EXPECT_NEAR(figures["top_camera_pixel"], 20.7e-6, 0.2e-6);
+    const auto results = nlohmann::json::parse(spoken.out)["results"];
+    EXPECT_EQ(results["calibrations_refused"], 0) << words;
+    if (results.contains("top_camera_pixel")) {
+      EXPECT_NEAR(results["top_camera_pixel"], 20.7e-6, 0.2e-6);
     }
-    if (figures.contains("residual_relative")) {
-      EXPECT_LT(figures["residual_relative"], 3e-3);
+    if (results.contains("residual_relative")) {
+      EXPECT_LT(results["residual_relative"], 3e-3);
     }
-    if (figures.contains("loop_latency")) {
-      EXPECT_NEAR(figures["loop_latency"], 130e-3, 15e-3);
+    if (results.contains("loop_latency")) {
+      EXPECT_NEAR(results["loop_latency"], 130e-3, 15e-3);
     }
   }
 }
@@ -168,7 +168,7 @@ constexpr const char* kInstalled = "runs/calibrations/calibration_rig.json";
 constexpr const char* kBelieved =
     "return { title = 'What is believed', needs = { 'coils' }, parameters = {}, run = "
     "function(rig, _, run)\n"
-    "run:figure('pixel', rig:model().pixel, 'm') run:figure('delay', rig:model().command_delay, "
+    "run:result('pixel', rig:model().pixel, 'm') run:result('delay', rig:model().command_delay, "
     "'s') end }\n";
 
 std::vector<std::string> kept_before(const Workplace& place) {
@@ -196,9 +196,9 @@ TEST(Calibrations, WhatWasAcceptedIsInForceAtTheNextStartAndTheFileBeforeIsKept)
 
   const Spoken next = place.vitreo("run believed.lua --rig rig.lua --json");
   ASSERT_EQ(next.exit_code, 0) << next.err;
-  const auto figures = nlohmann::json::parse(next.out)["figures"];
-  EXPECT_EQ(figures["pixel"], values["top_camera.effective_pixel"]["value"]);
-  EXPECT_EQ(figures["delay"], values["model.coil_delay"]["value"]);
+  const auto results = nlohmann::json::parse(next.out)["results"];
+  EXPECT_EQ(results["pixel"], values["top_camera.effective_pixel"]["value"]);
+  EXPECT_EQ(results["delay"], values["model.coil_delay"]["value"]);
   const auto hashes = nlohmann::json::parse(place.vitreo("show last --json").out)["files"];
   std::string files;
   for (const auto& [file, hash] : hashes.items()) {
@@ -294,7 +294,7 @@ TEST(Calibrations, AnInstalledValueThatIsStaleOrAnotherDevicesIsWarnedAboutOrRef
     place.write("rig.lua", small_calibration_rig());
     const Spoken warned = place.vitreo("run believed.lua --rig rig.lua --json");
     ASSERT_EQ(warned.exit_code, 0) << warned.err;
-    EXPECT_EQ(nlohmann::json::parse(warned.out)["figures"]["pixel"], 4.2e-5);
+    EXPECT_EQ(nlohmann::json::parse(warned.out)["results"]["pixel"], 4.2e-5);
     const std::string of_run =
         nlohmann::json::parse(warned.out)["run"];  // two of one second have no order
     EXPECT_NE(place.vitreo("show " + of_run + " --json").out.find(said), std::string::npos);
@@ -319,8 +319,8 @@ TEST(PorcineSession, ItAsksForEverythingInOrderAndStopsWhereTheEyeIsNotFresh) {
   const Spoken spoken = place.vitreo("run porcine_session trials=1 tracked=3 --json" + yes);
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   const auto told = nlohmann::json::parse(spoken.out);
-  EXPECT_EQ(told["figures"]["checklist_not_done"], 1) << "the field of view";
-  EXPECT_GT(told["figures"]["time_left"], 2.5 * 3600);
+  EXPECT_EQ(told["results"]["checklist_not_done"], 1) << "the field of view";
+  EXPECT_GT(told["results"]["time_left"], 2.5 * 3600);
   const std::string report = place.read(told["run"].get<std::string>() + "/report.html");
   EXPECT_NE(report.find("well preserved"), std::string::npos);
   const Spoken stale = place.vitreo(

@@ -70,10 +70,10 @@ TEST(TestCommand, AProtocolThatLeavesItsTestsIsToldWhere) {
   const Workplace place;
   place.write("slow.lua",
               "local testing = require 'testing'\n"
-              "return { title = 'Slow', needs = {}, tests = { testing.test_run { figures = { a = { "
+              "return { title = 'Slow', needs = {}, tests = { testing.test_run { results = { a = { "
               "2, 3 } } },\n"
               "  testing.test_fail { says = 'nothing' }, testing.test_stop { times = 3 } },\n"
-              "  run = function(rig, p, run) run:wait(1) run:figure('a', 1) end }");
+              "  run = function(rig, p, run) run:wait(1) run:result('a', 1) end }");
   const Spoken spoken = place.vitreo("test slow.lua");
   EXPECT_EQ(spoken.exit_code, 1);
   EXPECT_NE(spoken.out.find("FAILED run: a is 1, wanted 2 to 3"), std::string::npos) << spoken.out;

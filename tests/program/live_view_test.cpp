@@ -139,7 +139,7 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
   EXPECT_EQ(place.read("code"), "0\n") << place.read("out") << place.read("err");
   const std::string said = place.read("err");
   const auto shown = nlohmann::json::parse(place.vitreo("show last --json").out);
-  EXPECT_GE(shown["figures"]["points_reached"], 3) << shown["figures"];
+  EXPECT_GE(shown["results"]["points_reached"], 3) << shown["results"];
   ASSERT_EQ(seen["places"].size(), 2U);
   for (std::size_t i = 0; i < 2; ++i) {
     const auto clicked = coordinates(seen["places"][i]);

@@ -136,7 +136,7 @@ TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
               "run = function(rig, p, run)\n"
               "  run:defer(function() rig.coils:set_currents { 0, 0, 0, 0, 0, 0, 0, 0 } end)\n"
               "  rig.coils:set_currents { p.current, 0, 0, 0, 0, 0, 0, 0 }\n"
-              "  run:figure('current', rig.coils:currents()[1], 'A')\n"
+              "  run:result('current', rig.coils:currents()[1], 'A')\n"
               "  if p.kind == 'b' then error('on purpose') end\nend }\n");
   const Spoken spoken = place.vitreo(
       "",
@@ -151,7 +151,7 @@ TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
     EXPECT_NE(spoken.err.find(words), std::string::npos) << words << " in " << spoken.err;
 }
 
-TEST(PipedPrompt, EachProtocolShowsItsOwnFigures) {
+TEST(PipedPrompt, EachProtocolShowsItsOwnResults) {
   const Workplace place;
   std::filesystem::create_directories(place.folder() / "protocols");
   std::filesystem::create_directories(place.folder() / "scripts/rigs");
@@ -159,7 +159,7 @@ TEST(PipedPrompt, EachProtocolShowsItsOwnFigures) {
                         place.folder() / "scripts/rigs");
   for (const std::string name : {"one", "two"})
     place.write("protocols/" + name + ".lua", "return { title = '" + name +
-                                                  "', run = function(rig, p, run) run:figure('" +
+                                                  "', run = function(rig, p, run) run:result('" +
                                                   name + "', 1) end }");
   EXPECT_EQ(place.vitreo("", "run('one')\nrun('two')\nrun('one')\n").out,
             "one  1\ntwo  1\none  1\n");

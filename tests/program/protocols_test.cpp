@@ -50,21 +50,21 @@ TEST(Protocols, EachRunsWithItsDefaultsOrShortened) {
   }
 }
 
-TEST(ServoSquare, ItStaysWithinTheFiguresForSeveralMachines) {
+TEST(ServoSquare, ItStaysWithinItsGoalsForSeveralMachines) {
   const Workplace place;
   for (int seed = 1; seed <= 3; ++seed) {
     const Spoken spoken = place.vitreo("run servo_square --json --seed " + std::to_string(seed));
     ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
-    const auto figures = nlohmann::json::parse(spoken.out)["figures"];
+    const auto results = nlohmann::json::parse(spoken.out)["results"];
     // the goals of every seed: 300 um in 3-D, 150 um across (docs/figures.md has what 20 seeds
     // gave)
-    EXPECT_LT(figures["path_error_rms"], 300e-6) << seed;
-    EXPECT_LT(figures["path_error_lateral_rms"], 150e-6) << seed;
-    EXPECT_GT(figures["path_error_rms"], 10e-6)
-        << "a figure this good is not the thesis' PD: look for the leak";
-    EXPECT_LT(figures["localization_error_mean"], 300e-6) << seed;
-    EXPECT_GT(figures["localization_error_max"], figures["localization_error_mean"]) << seed;
-    EXPECT_GT(figures["experiment_time"], 56) << "28 mm at 0.5 mm/s";
+    EXPECT_LT(results["path_error_rms"], 300e-6) << seed;
+    EXPECT_LT(results["path_error_lateral_rms"], 150e-6) << seed;
+    EXPECT_GT(results["path_error_rms"], 10e-6)
+        << "a result this good is not the thesis' PD: look for the leak";
+    EXPECT_LT(results["localization_error_mean"], 300e-6) << seed;
+    EXPECT_GT(results["localization_error_max"], results["localization_error_mean"]) << seed;
+    EXPECT_GT(results["experiment_time"], 56) << "28 mm at 0.5 mm/s";
   }
 }
 
@@ -79,7 +79,7 @@ TEST(ServoSquare, AnotherMicroscopeDoesToo) {
       "  side_camera = {}, coils = {}, sample = {} }");
   const Spoken spoken = place.vitreo("run servo_square --json --rig rig.lua");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
-  EXPECT_LT(nlohmann::json::parse(spoken.out)["figures"]["path_error_rms"], 300e-6);
+  EXPECT_LT(nlohmann::json::parse(spoken.out)["results"]["path_error_rms"], 300e-6);
 }
 
 TEST(ServoSquare, TheExactProjectionLocalizesBetterThanTheSingleViewpoint) {
@@ -90,7 +90,7 @@ TEST(ServoSquare, TheExactProjectionLocalizesBetterThanTheSingleViewpoint) {
                     "' }, coils = {}, sample = {}, truth = { drawn_as = 'ellipsoid' } }");
     const Spoken spoken = place.vitreo("run servo_square --json --rig rig.lua --seed 2");
     EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
-    return nlohmann::json::parse(spoken.out)["figures"]["localization_error_mean"].get<double>();
+    return nlohmann::json::parse(spoken.out)["results"]["localization_error_mean"].get<double>();
   };
   // The single viewpoint's 50 um are one of three causes; the pitch of the true field and the
   // contour stay. As crossed plates the robot's outline is no ellipse, and that error is larger
@@ -98,36 +98,36 @@ TEST(ServoSquare, TheExactProjectionLocalizesBetterThanTheSingleViewpoint) {
   EXPECT_LT(localization("exact"), 0.9 * localization("single_viewpoint"));
 }
 
-TEST(ServoSquare, TheSameSeedGivesTheSameFiguresToTheBit) {
+TEST(ServoSquare, TheSameSeedGivesTheSameResultsToTheBit) {
   const Workplace place;
-  const auto figures = [&](int seed) {
+  const auto results = [&](int seed) {
     auto all = nlohmann::json::parse(
-        place.vitreo("run servo_square --json --seed " + std::to_string(seed)).out)["figures"];
+        place.vitreo("run servo_square --json --seed " + std::to_string(seed)).out)["results"];
     all.erase("wall_time");
     return all;
   };
-  const auto first = figures(5);
-  EXPECT_EQ(first, figures(5));
-  EXPECT_NE(first, figures(6));
+  const auto first = results(5);
+  EXPECT_EQ(first, results(5));
+  EXPECT_NE(first, results(6));
 }
 
-nlohmann::json figures_of(const Workplace& place, const std::string& words) {
+nlohmann::json results_of(const Workplace& place, const std::string& words) {
   const Spoken spoken = place.vitreo("run " + words + " --json");
   EXPECT_EQ(spoken.exit_code, 0) << spoken.err;
-  return spoken.exit_code == 0 ? nlohmann::json::parse(spoken.out)["figures"]
+  return spoken.exit_code == 0 ? nlohmann::json::parse(spoken.out)["results"]
                                : nlohmann::json::object();
 }
 
-TEST(Hold, TheEstimatorMeetsItsFiguresOnThePoseSensorAndTheReportNamesIt) {
+TEST(Hold, TheEstimatorMeetsItsGoalsOnThePoseSensorAndTheReportNamesIt) {
   const Workplace place;
   for (int seed = 1; seed <= 3; ++seed) {
-    const auto figures =
-        figures_of(place, "hold feedback=pose_sensor --seed " + std::to_string(seed));
-    EXPECT_LT(figures["hold_error_rms"], 6e-6) << seed;
-    EXPECT_LT(figures["square_error_rms"], 15e-6) << seed;
-    EXPECT_GT(figures["hold_error_rms"], 1e-6)
+    const auto results =
+        results_of(place, "hold feedback=pose_sensor --seed " + std::to_string(seed));
+    EXPECT_LT(results["hold_error_rms"], 6e-6) << seed;
+    EXPECT_LT(results["square_error_rms"], 15e-6) << seed;
+    EXPECT_GT(results["hold_error_rms"], 1e-6)
         << "four micrometers of noise go in: look for the leak";
-    EXPECT_GT(figures["hold_error_rms_pd"], figures["hold_error_rms"]) << seed;
+    EXPECT_GT(results["hold_error_rms_pd"], results["hold_error_rms"]) << seed;
   }
   std::string report;
   for (const auto& entry : std::filesystem::directory_iterator(place.folder() / "runs"))
@@ -138,11 +138,11 @@ TEST(Hold, TheEstimatorMeetsItsFiguresOnThePoseSensorAndTheReportNamesIt) {
 
 TEST(Hold, AFastLoopHoldsWithinAMicrometre) {
   const Workplace place;
-  const auto figures =
-      figures_of(place,
+  const auto results =
+      results_of(place,
                  "hold feedback=pose_sensor compare=false hold=5s settle=3s width=1mm depth=1mm "
                  "--rig '" VITREO_SOURCE_DIR "/scripts/rigs/fast.lua'");
-  EXPECT_LT(figures["hold_error_rms"], 1e-6);
+  EXPECT_LT(results["hold_error_rms"], 1e-6);
 }
 
 /// An OctoMag as ETH's software would have measured it (facts/magnetics 1.2): one source a coil,
@@ -171,10 +171,10 @@ std::string calibration(double gain, int first) {
 TEST(Calibration, AMeasuredMachineInThePlantIsHeldThoughItIsWeakerAndNumbersItsCoilsOtherwise) {
   const Workplace place;
   place.write("machine.yaml", calibration(0.85, 2));
-  const auto figures = figures_of(
+  const auto results = results_of(
       place, "hold feedback=pose_sensor compare=false settle=5s hold=5s calibration=machine.yaml");
-  EXPECT_LT(figures["hold_error_rms"], 6e-6);
-  EXPECT_LT(figures["square_error_rms"], 15e-6);
+  EXPECT_LT(results["hold_error_rms"], 6e-6);
+  EXPECT_LT(results["square_error_rms"], 15e-6);
   std::string report;
   for (const auto& entry : std::filesystem::directory_iterator(place.folder() / "runs"))
     report = place.read((entry.path() / "report.html").lexically_relative(place.folder()).string());
@@ -201,7 +201,7 @@ TEST(Calibration, AFileThatIsMissingOrMalformedIsNamedBeforeAnythingMoves) {
 TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOvershoot) {
   const Workplace place;
   const auto gel =
-      figures_of(place, "gel_step watch=40s --rig '" VITREO_SOURCE_DIR "/scripts/rigs/gel.lua'");
+      results_of(place, "gel_step watch=40s --rig '" VITREO_SOURCE_DIR "/scripts/rigs/gel.lua'");
   EXPECT_GT(gel["pid_overshoot"], 1) << "more than the step itself";
   EXPECT_GT(gel["pid_reversals"], 40) << "one a second and more, without end";
   EXPECT_LT(gel["velocity_overshoot"], 0.05) << "noise and creep";
@@ -210,7 +210,7 @@ TEST(GelStep, ThePidTunedInOilLimitCyclesInVitreousAndVelocityControlDoesNotOver
   place.write("oil.lua",
               "return { model = { robot = 'ndfeb_cylinder_1mm' }, coils = {}, sample = {}, "
               "pose_sensor = {} }");
-  const auto oil = figures_of(place, "gel_step watch=40s --rig oil.lua");
+  const auto oil = results_of(place, "gel_step watch=40s --rig oil.lua");
   EXPECT_LT(oil["pid_reversals"], 30);
   EXPECT_NEAR(oil["pid_last"].get<double>(), 1, 0.05);
 }
@@ -223,7 +223,7 @@ TEST(Views, APlainViewFromAboveServesTwoCamerasAndNotOneAlone) {
               "  side_camera = {}, coils = {}, sample = {} }");
   const std::string hold =
       "hold compare=false settle=2s hold=2s width=0.2mm depth=0.2mm --rig rig.lua ";
-  EXPECT_LT(figures_of(place, hold + "feedback=two_cameras")["hold_error_rms"], 10e-6);
+  EXPECT_LT(results_of(place, hold + "feedback=two_cameras")["hold_error_rms"], 10e-6);
   const Spoken alone = place.vitreo("run " + hold + "feedback=one_camera");
   EXPECT_NE(alone.exit_code, 0);
   EXPECT_NE(alone.out.find("a plain one from above has no depth"), std::string::npos) << alone.out;

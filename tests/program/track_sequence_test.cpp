@@ -1,4 +1,4 @@
-// protocols/track_sequence.lua as people run it: folders of files in, track.csv and figures out.
+// protocols/track_sequence.lua as people run it: folders of files in, track.csv and results out.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
 #include "tests/vision/sequence_files.h"
@@ -35,15 +35,15 @@ TEST(TrackSequence, TracksAFolderOfFramesAndJudgesItself) {
       place.vitreo("run track_sequence --json images=frames training=training truth=truth.csv");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   const auto result = nlohmann::json::parse(spoken.out);
-  const auto& figures = result["figures"];
-  EXPECT_EQ(figures["frames_judged"], 30);
-  EXPECT_EQ(figures["wrong"], 0);
-  EXPECT_LE(figures["lost"], 3) << "found again within three frames";
-  EXPECT_LT(figures["center_error_mean"], 0.5);
-  EXPECT_LT(figures["major_error_mean"], 2);
-  EXPECT_LT(figures["minor_error_mean"], 2);
-  EXPECT_LT(figures["angle_error_mean"], 0.026) << "1.5 degrees, in rad as all of --json";
-  EXPECT_GT(figures["frames_per_second"], 0);
+  const auto& results = result["results"];
+  EXPECT_EQ(results["frames_judged"], 30);
+  EXPECT_EQ(results["wrong"], 0);
+  EXPECT_LE(results["lost"], 3) << "found again within three frames";
+  EXPECT_LT(results["center_error_mean"], 0.5);
+  EXPECT_LT(results["major_error_mean"], 2);
+  EXPECT_LT(results["minor_error_mean"], 2);
+  EXPECT_LT(results["angle_error_mean"], 0.026) << "1.5 degrees, in rad as all of --json";
+  EXPECT_GT(results["frames_per_second"], 0);
   const auto rows = rows_of(track_csv(place, result));
   ASSERT_EQ(rows.size(), 31u);
   EXPECT_EQ(rows[0],
@@ -74,9 +74,9 @@ TEST(TrackSequence, TakesATruthThatCountsFromOneAndHasSemiAxes) {
       "run track_sequence --json images=frames training=training truth=semi.csv truth_axes=semi");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   const auto result = nlohmann::json::parse(spoken.out);
-  EXPECT_EQ(result["figures"]["frames_judged"], 4);
-  EXPECT_LT(result["figures"]["center_error_mean"], 1);
-  EXPECT_LT(result["figures"]["major_error_mean"], 4);
+  EXPECT_EQ(result["results"]["frames_judged"], 4);
+  EXPECT_LT(result["results"]["center_error_mean"], 1);
+  EXPECT_LT(result["results"]["major_error_mean"], 4);
   EXPECT_EQ(rows_of(track_csv(place, result))[1][0], "1");
 }
 

@@ -33,9 +33,9 @@ struct Lap {
       waited{};  // s, by what was waited for: see host/lua/interpreter/dead_time.h
 };
 
-/// In Lua's registry: {name = true} of the figures that a protocol at the prompt has stated; nil
+/// In Lua's registry: {name = true} of the results that a protocol at the prompt has stated; nil
 /// before the first one.
-constexpr const char* kStatedFigures = "vitreo.stated_figures";
+constexpr const char* kStatedResults = "vitreo.stated_results";
 
 /// Reachable from every coroutine by context_of(). Never outlives its Session.
 struct Context {

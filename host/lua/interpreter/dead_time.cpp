@@ -57,7 +57,7 @@ void tell_dead_time(Context& context, const Lap& lap) {
   session.recorder.event(session.clock.now(), "loop", text);
   if (context.laps.size() != 1) return;
   context.dead_time += dead;
-  session.recorder.figure({"dead_time", context.dead_time, "s"});
+  session.recorder.result({"dead_time", context.dead_time, "s"});
 }
 
 }  // namespace vitreo::lua

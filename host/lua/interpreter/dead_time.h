@@ -21,7 +21,7 @@ bool is_dead_time(const std::string& what);
 void add_wait(Context& context, const std::string& what, Time duration);
 
 /// At the end of a run:each: an event "loop" says how long it took, how much of that was dead time,
-/// and with what; the outermost ones add up to the figure dead_time.
+/// and with what; the outermost ones add up to the result dead_time.
 void tell_dead_time(Context& context, const Lap& lap);
 
 }  // namespace vitreo::lua

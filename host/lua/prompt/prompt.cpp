@@ -103,7 +103,7 @@ void Prompt::show_results(int count) {
 }
 
 /// What a protocol that ran inside of the statement deferred and left open ends here, and its
-/// figures are shown.
+/// results are shown.
 void Prompt::end_nested() {
   Context& context = script_.context();
   if (!context.nested) return;
@@ -116,15 +116,15 @@ void Prompt::end_nested() {
   } catch (const std::exception& error) {
     refuse(std::string("clean-up: ") + error.what());
   }
-  for (const Figure& figure :
-       context.session->recorder.figures()) {  // the session's; those of this run are shown
-    bool stated = figure.name == "dead_time" && context.dead_time > 0;
+  for (const StatedResult& one :
+       context.session->recorder.results()) {  // the session's; those of this run are shown
+    bool stated = one.name == "dead_time" && context.dead_time > 0;
     in_lua(L_, 0, [&] {
-      lua_getfield(L_, LUA_REGISTRYINDEX, kStatedFigures);
-      stated = stated || lua_getfield(L_, -1, figure.name.c_str()) == LUA_TBOOLEAN;
+      lua_getfield(L_, LUA_REGISTRYINDEX, kStatedResults);
+      stated = stated || lua_getfield(L_, -1, one.name.c_str()) == LUA_TBOOLEAN;
       lua_settop(L_, 0);
     });
-    if (stated) out_ << figure.name << "  " << format_quantity(figure.value, figure.unit) << '\n';
+    if (stated) out_ << one.name << "  " << format_quantity(one.value, one.unit) << '\n';
   }
 }
 

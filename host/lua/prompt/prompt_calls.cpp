@@ -99,9 +99,9 @@ int run_by_name(lua_State* L) {
     check_roles(protocol, context.session->rig);
     auto values = given_parameters(L, 3, protocol);
     context.nested = {context.deferred.size(), context.closers.size()};
-    context.dead_time = 0;  // this run's, as every figure that is shown at its end
+    context.dead_time = 0;  // this run's, as every result that is shown at its end
     lua_newtable(L);
-    lua_setfield(L, LUA_REGISTRYINDEX, kStatedFigures);
+    lua_setfield(L, LUA_REGISTRYINDEX, kStatedResults);
     context.session->recorder.event(context.session->clock.now(), "protocol", protocol.file);
     context.session->recorder.module({protocol.name, protocol.file, protocol.text});
     lua_settop(L, 0);

@@ -1,4 +1,4 @@
-// run: what comes out of it: figures, plots, tables.
+// run: what comes out of it: results, plots, tables.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/context.h"
@@ -23,10 +23,10 @@ Unit known_unit(const std::string& symbol) {
                               (near.empty() ? "" : "; did you mean " + near + "?"));
 }
 
-int figure(Call& call) {
+int result(Call& call) {
   const Unit unit = known_unit(call.has(2) ? call.text(2) : "");
-  session_of(call.L).recorder.figure({call.text(0), call.number(1), std::string(unit.dimension)});
-  if (lua_getfield(call.L, LUA_REGISTRYINDEX, kStatedFigures) == LUA_TTABLE) {
+  session_of(call.L).recorder.result({call.text(0), call.number(1), std::string(unit.dimension)});
+  if (lua_getfield(call.L, LUA_REGISTRYINDEX, kStatedResults) == LUA_TTABLE) {
     lua_pushboolean(call.L, 1);
     lua_setfield(call.L, -2, call.text(0).c_str());
   }
@@ -183,11 +183,11 @@ std::vector<Binding> run_result_rows() {
   };
   const Argument title = text("title");
   return {
-      {"figure",
+      {"result",
        {text("name"), {.name = "value", .type = Type::number, .help = "SI"}, text("unit", true)},
        "",
        "states a key result",
-       figure},
+       result},
       {"plot", {plot_options()}, "", "puts a plot into the report; values in SI", plot},
       {"drawing",
        {title, text("svg", false, "a whole SVG document")},

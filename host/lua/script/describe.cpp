@@ -211,14 +211,14 @@ void read_parameters(const Reader& root, ProtocolDescription& protocol) {
   }
 }
 
-void read_test_figures(const Reader& test, ProtocolTest& made) {
-  if (test.push("figures") != LUA_TTABLE) return;
+void read_test_results(const Reader& test, ProtocolTest& made) {
+  if (test.push("results") != LUA_TTABLE) return;
   const int table = lua_gettop(test.L);
   for (const std::string& name : text_keys(test.L, table)) {
     lua_getfield(test.L, table, name.c_str());
     const auto range = to_numbers(test.L, -1);
-    if (!range || range->size() != 2) test.fail("figures", "." + name + " wants {least, most}");
-    made.figures[name] = {(*range)[0], (*range)[1]};
+    if (!range || range->size() != 2) test.fail("results", "." + name + " wants {least, most}");
+    made.results[name] = {(*range)[0], (*range)[1]};
     lua_pop(test.L, 1);
   }
   lua_settop(test.L, table - 1);
@@ -238,7 +238,7 @@ ProtocolTest read_test(const Reader& test) {
   if (test.has("seed")) made.seed = static_cast<std::uint64_t>(test.number("seed", 1));
   if (test.has("times")) made.times = static_cast<int>(test.number("times", 100));
   if (made.times < 1 || made.times > 100000) test.fail("times", "wants 1 to 100000");
-  read_test_figures(test, made);
+  read_test_results(test, made);
   return made;
 }
 

@@ -101,7 +101,7 @@ TEST(Recorder, AWholeServoRunIsThere) {
   EXPECT_EQ(count_of(folder, "SELECT count(*) FROM sample_truth"), 900);
   EXPECT_EQ(count_of(folder, "SELECT count(*) FROM channel"), 17);
   EXPECT_EQ(count_of(folder, "SELECT count(*) FROM event"), 4);
-  EXPECT_EQ(count_of(folder, "SELECT count(*) FROM figure"), 5);
+  EXPECT_EQ(count_of(folder, "SELECT count(*) FROM result"), 5);
   EXPECT_EQ(count_of(folder, "SELECT count(*) FROM picture"), 3);
   EXPECT_EQ(text_of(folder, "PRAGMA integrity_check"), "ok");
   const std::string picture =
@@ -111,7 +111,7 @@ TEST(Recorder, AWholeServoRunIsThere) {
   const auto read = nlohmann::json::parse(test::read_file(folder / "summary.json"));
   EXPECT_EQ(read["outcome"], "completed");
   EXPECT_EQ(read["run"], folder.filename().string());
-  EXPECT_EQ(read["figures"]["path_error_rms"], 187e-6);
+  EXPECT_EQ(read["results"]["path_error_rms"], 187e-6);
 }
 
 TEST(Recorder, WithoutFinishTheEndRecordSaysSo) {
@@ -175,7 +175,7 @@ TEST(Recorder, NamesFromScriptsAreDataAndNeverSql) {
   test::ReportedRecorder recorder(parent.path(), start);
   const int stream = recorder.add_stream({evil, evil, {{evil, evil}}});
   recorder.sample(stream, Time{0}, std::array{4.5});
-  recorder.figure({evil, 1, ""});
+  recorder.result({evil, 1, ""});
   recorder.event(Time{0}, evil, evil);
   recorder.picture("../../" + evil, evil, cv::Mat::zeros(4, 4, CV_8U));
   recorder.finish({Outcome::completed, "", 1, 1});
@@ -186,18 +186,18 @@ TEST(Recorder, NamesFromScriptsAreDataAndNeverSql) {
       1);
 }
 
-TEST(Recorder, AFigureStatedAgainReplacesTheFirst) {
+TEST(Recorder, AResultStatedAgainReplacesTheFirst) {
   TemporaryFolder parent;
   test::ReportedRecorder recorder(parent.path(), servo_start());
-  recorder.figure({"a", 1, "m"});
-  recorder.figure({"b", 2, "m"});
-  recorder.figure({"a", std::numeric_limits<double>::quiet_NaN(), "s"});
-  ASSERT_EQ(recorder.figures().size(), 2u);
-  EXPECT_EQ(recorder.figures()[0].unit, "s");
+  recorder.result({"a", 1, "m"});
+  recorder.result({"b", 2, "m"});
+  recorder.result({"a", std::numeric_limits<double>::quiet_NaN(), "s"});
+  ASSERT_EQ(recorder.results().size(), 2u);
+  EXPECT_EQ(recorder.results()[0].unit, "s");
   recorder.finish({Outcome::completed, "", 1, 1});
-  EXPECT_EQ(count_of(recorder.folder(), "SELECT count(*) FROM figure"), 2);
+  EXPECT_EQ(count_of(recorder.folder(), "SELECT count(*) FROM result"), 2);
   EXPECT_TRUE(
-      nlohmann::json::parse(test::read_file(recorder.folder() / "summary.json"))["figures"]["a"]
+      nlohmann::json::parse(test::read_file(recorder.folder() / "summary.json"))["results"]["a"]
           .is_null());
 }
 
@@ -280,7 +280,7 @@ TEST(Recorder, TheCanonicalExportKnowsNeitherRunNorWallClock) {
   Recorder first(parent.path(), servo_start()), second(parent.path(), servo_start());
   test::record_servo_run(first);
   test::record_servo_run(second);
-  second.figure({"wall_time", 99, "s"});
+  second.result({"wall_time", 99, "s"});
   EXPECT_EQ(canonical_export(first), canonical_export(second));
   EXPECT_EQ(canonical_export(first).find(first.folder().filename().string()), std::string::npos);
   second.event(Time{1}, "note", "another");

@@ -34,7 +34,7 @@ inline std::string read_file(const std::filesystem::path& file) {
 /// What a run of servo_square is asked.
 RunStart servo_start();
 
-/// A minute at 15 Hz: streams "truth" and "servo", currents, plots, pictures, tables, figures,
+/// A minute at 15 Hz: streams "truth" and "servo", currents, plots, pictures, tables, results,
 /// events. Not finished.
 void record_servo_run(Recorder& recorder);
 

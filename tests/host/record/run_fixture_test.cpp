@@ -179,11 +179,11 @@ void record_servo_run(Recorder& recorder) {
   recorder.event(from_seconds(4.2), "checkpoint", "before the first corner");
   recorder.event(from_seconds(26.7), "alarm", "robot lost for 0.8 s");
   recorder.event(from_seconds(60), "checkpoint", "square closed");
-  recorder.figure({"path_error_rms", 187e-6, "m"});
-  recorder.figure({"localization_error_mean", 92.4e-6, "m"});
-  recorder.figure({"localization_error_max", 0.41e-3, "m"});
-  recorder.figure({"experiment_time", 60.4, "s"});
-  recorder.figure({"wall_time", 8.31, "s"});
+  recorder.result({"path_error_rms", 187e-6, "m"});
+  recorder.result({"localization_error_mean", 92.4e-6, "m"});
+  recorder.result({"localization_error_max", 0.41e-3, "m"});
+  recorder.result({"experiment_time", 60.4, "s"});
+  recorder.result({"wall_time", 8.31, "s"});
   recorder.table({"Localization error beside thesis table 5.4",
                   {"direction", "mean (\u00b5m)", "max (\u00b5m)", "thesis"},
                   {{"lateral", "61", "182", "70"}, {"depth", "74", "398", "190"}}});

@@ -84,7 +84,7 @@ TEST_F(Report, WhatScriptsWriteStaysText) {
   test::ReportedRecorder recorder(parent_.path(), start);
   const int stream = recorder.add_stream({evil, evil, {{evil, evil}}});
   recorder.sample(stream, Time{0}, std::array{1.0});
-  recorder.figure({evil, 1, evil});
+  recorder.result({evil, 1, evil});
   recorder.event(Time{0}, evil, evil);
   recorder.table({evil, {evil, evil}, {{evil, evil}, {evil}}});
   recorder.picture(evil, evil, cv::Mat::zeros(4, 4, CV_8U));
@@ -117,10 +117,10 @@ TEST_F(Report, ThousandsOfEventsAreFolded) {
   EXPECT_TRUE(contains(page, "number 299"));
 }
 
-TEST_F(Report, FiguresThatAreNoNumbersAreSaidToBeNone) {
+TEST_F(Report, ResultsThatAreNoNumbersAreSaidToBeNone) {
   test::ReportedRecorder recorder(parent_.path(), test::servo_start());
-  recorder.figure({"lost", std::numeric_limits<double>::quiet_NaN(), "m"});
-  recorder.figure({"steps", -1.5, "um"});
+  recorder.result({"lost", std::numeric_limits<double>::quiet_NaN(), "m"});
+  recorder.result({"steps", -1.5, "um"});
   const std::string page = report_html(recorder);
   EXPECT_TRUE(contains(page, "not a number"));
   EXPECT_TRUE(contains(

@@ -244,7 +244,7 @@ TEST(RunCommands, ListFilterAndShowSpeakJson) {
   std::ostringstream out;
   EXPECT_EQ(show_run(folder, true, out), 0);
   const auto shown = nlohmann::json::parse(out.str());
-  EXPECT_EQ(shown["figures"]["path_error_rms"], 187e-6);
+  EXPECT_EQ(shown["results"]["path_error_rms"], 187e-6);
   EXPECT_EQ(shown["frames"]["top_camera"]["recorded"], 5);
   EXPECT_EQ(shown["modules"].size(), 1u);
   std::ostringstream words;

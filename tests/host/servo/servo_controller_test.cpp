@@ -51,7 +51,7 @@ TEST(ServoController, EachLawPushesTheRobotBackToItsPlace) {
     ControlStep step;
     for (int n = 0; n < 4; ++n)  // the velocity law builds its force up
       step = loop.step(0.08 + n / 15.0, at(n / 15.0, kPlace),
-                       hold(kPlace + Eigen::Vector3d(0.2e-3, 0, 0)), Aim::follow);
+                       hold(kPlace + Eigen::Vector3d(0.2e-3, 0, 0)), ControlMode::follow);
     const Eigen::Vector3d force = force_of(model(), step.currents, kPlace);
     EXPECT_GT(force.x(), 1e-8) << to_string(law);
     EXPECT_LT(std::hypot(force.y(), force.z()), 0.3 * force.x()) << to_string(law);
@@ -60,20 +60,21 @@ TEST(ServoController, EachLawPushesTheRobotBackToItsPlace) {
 
 TEST(ServoController, LeavingItBeMakesNoForceButTheTrim) {
   ServoController loop(model(), settings(ControlLaw::pd));
-  ControlStep step = loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), Aim::leave);
+  ControlStep step = loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), ControlMode::leave);
   EXPECT_LT(force_of(model(), step.currents, kPlace).norm(), 1e-12);
   const Eigen::Vector3d trim(1e-6, 2e-6, -1e-6);
   loop.set_trim(trim, {0, 0, 0});
-  step = loop.step(0.15, at(0.07, kPlace), hold({0, 0, 0}), Aim::leave);
+  step = loop.step(0.15, at(0.07, kPlace), hold({0, 0, 0}), ControlMode::leave);
   EXPECT_LT((force_of(model(), step.currents, kPlace) - trim).norm(), 1e-12);
 }
 
 TEST(ServoController, ConstantCurrentsAreThoseOfTheTrimmedPlaceWhereverTheRobotIs) {
   ServoController loop(model(), settings(ControlLaw::pd));
   loop.set_trim({0, 0, 1e-6}, {1e-3, 0, 0});
-  const auto here = loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), Aim::constant).currents;
-  const auto there = loop.step(0.15, at(0.07, -kPlace), hold({0, 0, 0}), Aim::constant).currents;
-  const auto unseen = loop.step(0.2, std::nullopt, hold({0, 0, 0}), Aim::constant).currents;
+  const auto here = loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), ControlMode::constant).currents;
+  const auto there =
+      loop.step(0.15, at(0.07, -kPlace), hold({0, 0, 0}), ControlMode::constant).currents;
+  const auto unseen = loop.step(0.2, std::nullopt, hold({0, 0, 0}), ControlMode::constant).currents;
   EXPECT_EQ(here, there);
   EXPECT_EQ(here, unseen);
   EXPECT_LT((force_of(model(), here, {1e-3, 0, 0}) - Eigen::Vector3d(0, 0, 1e-6)).norm(), 1e-12);
@@ -83,8 +84,8 @@ TEST(ServoController, WhatADeadCoilDidTheOthersDoAndTheHeadroomSaysSo) {
   ControllerSettings seven = settings(ControlLaw::pd);
   seven.limits[2] = 0;
   ServoController whole(model(), settings(ControlLaw::pd)), lame(model(), seven);
-  const ControlStep eight = whole.step(0.08, at(0, kPlace), hold({0, 0, 0}), Aim::leave),
-                    less = lame.step(0.08, at(0, kPlace), hold({0, 0, 0}), Aim::leave);
+  const ControlStep eight = whole.step(0.08, at(0, kPlace), hold({0, 0, 0}), ControlMode::leave),
+                    less = lame.step(0.08, at(0, kPlace), hold({0, 0, 0}), ControlMode::leave);
   EXPECT_EQ(less.currents[2], 0);
   EXPECT_GT(std::abs(eight.currents[2]), 0.1) << "a coil that matters";
   EXPECT_LT(force_of(model(), less.currents, kPlace).norm(), 1e-12);
@@ -97,7 +98,7 @@ TEST(ServoController, WithTooFewLivingCoilsItStillLevitatesAndSaysThatItIsLimite
   ControllerSettings few = settings(ControlLaw::pd);
   few.limits << 12, 0, 12, 0, 12, 0, 0, 0;
   ServoController loop(model(), few);
-  const ControlStep step = loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), Aim::leave);
+  const ControlStep step = loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), ControlMode::leave);
   EXPECT_TRUE(step.limited);
   EXPECT_NEAR(force_of(model(), step.currents, kPlace).z(), 0, 0.2 * model().robot.net_weight({}));
   few.limits.setZero();
@@ -110,46 +111,51 @@ TEST(ServoController, TheSumOfCurrentsKeepsToItsLimit) {
   tight.gains.proportional = 50;
   tight.gains.max_speed = 20e-3;
   ServoController loop(model(), tight);
-  const ControlStep step = loop.step(0.08, at(0, kPlace), hold({-3e-3, 0, 3e-3}), Aim::follow);
+  const ControlStep step =
+      loop.step(0.08, at(0, kPlace), hold({-3e-3, 0, 3e-3}), ControlMode::follow);
   EXPECT_LE(step.currents.cwiseAbs().sum(), 20);
   EXPECT_GE(force_of(model(), step.currents, kPlace).z(), -1e-9) << "it does not sink";
   EXPECT_TRUE(step.limited);
   tight.total_limit = 2;
   ServoController hopeless(model(), tight);
-  EXPECT_THROW(hopeless.step(0.08, at(0, kPlace), hold(kPlace), Aim::follow), std::domain_error);
+  EXPECT_THROW(hopeless.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::follow),
+               std::domain_error);
 }
 
 TEST(ServoController, AMeasurementThatIsNoUseIsPassedOver) {
   constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   for (const ControlLaw law : {ControlLaw::pd, ControlLaw::estimator}) {
     ServoController loop(model(), settings(law));
-    EXPECT_FALSE(loop.step(0.08, at(0, kPlace), hold(kPlace), Aim::follow).passed_over);
-    EXPECT_TRUE(loop.step(0.15, at(0.07, {kNaN, 0, 0}), hold(kPlace), Aim::follow).passed_over)
+    EXPECT_FALSE(loop.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::follow).passed_over);
+    EXPECT_TRUE(
+        loop.step(0.15, at(0.07, {kNaN, 0, 0}), hold(kPlace), ControlMode::follow).passed_over)
         << "not a number";
-    EXPECT_TRUE(loop.step(0.22, at(-0.07, kPlace), hold(kPlace), Aim::follow).passed_over)
+    EXPECT_TRUE(loop.step(0.22, at(-0.07, kPlace), hold(kPlace), ControlMode::follow).passed_over)
         << "backwards";
-    EXPECT_TRUE(loop.step(0.28, at(0.5, kPlace), hold(kPlace), Aim::follow).passed_over)
+    EXPECT_TRUE(loop.step(0.28, at(0.5, kPlace), hold(kPlace), ControlMode::follow).passed_over)
         << "from the future";
-    const ControlStep step = loop.step(0.35, at(0.27, kPlace), hold(kPlace), Aim::follow);
+    const ControlStep step = loop.step(0.35, at(0.27, kPlace), hold(kPlace), ControlMode::follow);
     EXPECT_FALSE(step.passed_over);
     EXPECT_TRUE(step.currents.allFinite());
   }
   ServoController loop(model(), settings(ControlLaw::estimator));
   control::PositionMeasurement flat = at(0, kPlace);
   flat.covariance = -Eigen::Matrix3d::Identity();
-  EXPECT_TRUE(loop.step(0.08, flat, hold(kPlace), Aim::follow).passed_over) << "no covariance";
+  EXPECT_TRUE(loop.step(0.08, flat, hold(kPlace), ControlMode::follow).passed_over)
+      << "no covariance";
 }
 
 TEST(ServoController, TheEstimatorGoesOnByPredictionWhereTheOthersWait) {
   ServoController estimator(model(), settings(ControlLaw::estimator)),
       pd(model(), settings(ControlLaw::pd));
-  EXPECT_EQ(estimator.step(0, std::nullopt, hold(kPlace), Aim::follow).currents.size(), 0)
+  EXPECT_EQ(estimator.step(0, std::nullopt, hold(kPlace), ControlMode::follow).currents.size(), 0)
       << "nothing is known yet";
-  estimator.step(0.08, at(0, kPlace), hold(kPlace), Aim::follow);
-  pd.step(0.08, at(0, kPlace), hold(kPlace), Aim::follow);
-  EXPECT_EQ(estimator.step(0.15, std::nullopt, hold(kPlace), Aim::follow).currents.size(), 8);
-  EXPECT_EQ(pd.step(0.15, std::nullopt, hold(kPlace), Aim::follow).currents.size(), 0);
-  EXPECT_EQ(estimator.step(5, std::nullopt, hold(kPlace), Aim::follow).currents.size(), 0)
+  estimator.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::follow);
+  pd.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::follow);
+  EXPECT_EQ(estimator.step(0.15, std::nullopt, hold(kPlace), ControlMode::follow).currents.size(),
+            8);
+  EXPECT_EQ(pd.step(0.15, std::nullopt, hold(kPlace), ControlMode::follow).currents.size(), 0);
+  EXPECT_EQ(estimator.step(5, std::nullopt, hold(kPlace), ControlMode::follow).currents.size(), 0)
       << "too long ago";
 }
 
@@ -157,14 +163,14 @@ TEST(ServoController, TheGainsComeFromTheLatencyThatWasSeenAndTheModel) {
   ServoController quick(model(), settings(ControlLaw::estimator)),
       slow(model(), settings(ControlLaw::estimator));
   EXPECT_FALSE(quick.tuning());
-  quick.step(0.01, at(0, kPlace), hold(kPlace), Aim::follow);
-  slow.step(0.2, at(0, kPlace), hold(kPlace), Aim::follow);
+  quick.step(0.01, at(0, kPlace), hold(kPlace), ControlMode::follow);
+  slow.step(0.2, at(0, kPlace), hold(kPlace), ControlMode::follow);
   EXPECT_GT(quick.tuning()->gains.proportional, 1.5 * slow.tuning()->gains.proportional);
   EXPECT_NEAR(quick.tuning()->horizon, 50e-3 + 1 / (2 * std::numbers::pi * 15), 1e-9);
   ControllerSettings given = settings(ControlLaw::estimator);
   given.proportional = 0.7;
   ServoController told(model(), given);
-  told.step(0.08, at(0, kPlace), hold(kPlace), Aim::follow);
+  told.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::follow);
   EXPECT_EQ(told.tuning()->gains.proportional, 0.7);
 }
 
@@ -179,9 +185,10 @@ TEST(ServoController, OutsideTheModelsRegionTheNearestFieldIsUsedAndItSaysSo) {
   const Eigen::Vector3d reach = Eigen::Vector3d::Constant(1.5e-3);
   small.field = control::MultipoleField(coils, {}, {-reach, reach});
   ServoController loop(small, settings(ControlLaw::pd));
-  const ControlStep inside =
-                        loop.step(0.08, at(0, {1.5e-3, -1e-3, 1e-3}), hold({0, 0, 0}), Aim::leave),
-                    outside = loop.step(0.15, at(0.07, kPlace), hold({0, 0, 0}), Aim::leave);
+  const ControlStep inside = loop.step(0.08, at(0, {1.5e-3, -1e-3, 1e-3}), hold({0, 0, 0}),
+                                       ControlMode::leave),
+                    outside =
+                        loop.step(0.15, at(0.07, kPlace), hold({0, 0, 0}), ControlMode::leave);
   EXPECT_FALSE(inside.outside);
   EXPECT_TRUE(outside.outside);
   EXPECT_EQ(inside.currents, outside.currents);
@@ -193,7 +200,8 @@ TEST(ServoController, TheFieldThatIsThereAnywayIsTakenOff) {
   RigModel windy = model();
   windy.field.set_uniform_background({0, 50e-6, -40e-6});
   ServoController loop(windy, settings(ControlLaw::pd));
-  const auto currents = loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), Aim::leave).currents;
+  const auto currents =
+      loop.step(0.08, at(0, kPlace), hold({0, 0, 0}), ControlMode::leave).currents;
   const control::FieldGradient made =
       windy.field.matrix(kPlace) * currents + windy.field.background(kPlace);
   EXPECT_LT((made.head<3>() - Eigen::Vector3d(10e-3, 0, 0)).norm(), 1e-12);
@@ -218,10 +226,10 @@ TEST(ServoController, WithWallDragItAsksForTheForceThatRetinaAndLensAddAndElsewh
   EXPECT_TRUE(near.drag_at({0, 0, -9e-3}).allFinite());
   ServoController loop(eyed, walls), other(eyed, settings(ControlLaw::pd));
   const auto pushed = [&](ServoController& one) {
-    return -force_of(
-                model(),
-                one.step(0.08, at(0, place), hold(place + 0.1e-3 * down), Aim::follow).currents,
-                place)
+    return -force_of(model(),
+                     one.step(0.08, at(0, place), hold(place + 0.1e-3 * down), ControlMode::follow)
+                         .currents,
+                     place)
                 .z();
   };
   EXPECT_GT(pushed(loop), 1.5 * pushed(other));
@@ -231,7 +239,8 @@ TEST(ServoController, WithWallDragItAsksForTheForceThatRetinaAndLensAddAndElsewh
 
 TEST(ServoController, OnlyTheEstimatorCanCancel) {
   ServoController loop(model(), settings(ControlLaw::pd));
-  EXPECT_THROW(loop.step(0.08, at(0, kPlace), hold(kPlace), Aim::cancel), std::invalid_argument);
+  EXPECT_THROW(loop.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::cancel),
+               std::invalid_argument);
   EXPECT_THROW(control_law_named("pid"), std::invalid_argument);
 }
 
@@ -239,7 +248,7 @@ TEST(ServoController, ARobotTooHeavyForTheCoilsIsAnErrorThatSaysSo) {
   ControllerSettings weak = settings(ControlLaw::pd);
   weak.limits.setConstant(0.05);
   ServoController loop(model(), weak);
-  EXPECT_THROW(loop.step(0.08, at(0, kPlace), hold(kPlace), Aim::leave), std::domain_error);
+  EXPECT_THROW(loop.step(0.08, at(0, kPlace), hold(kPlace), ControlMode::leave), std::domain_error);
 }
 
 }  // namespace

@@ -60,7 +60,7 @@ std::string held_and_then(const std::string& what) {
 
 TEST_F(RunEngineTest, ANormalEndLeavesZeroThoughTheScriptForgotToClose) {
   const RunResult result =
-      run(held_and_then("run:figure('answer', 42, '')"), [](const Recorder& recorder, OpenRig&) {
+      run(held_and_then("run:result('answer', 42, '')"), [](const Recorder& recorder, OpenRig&) {
         const Stream& currents = *recorder.stream("currents");
         double most = 0;
         for (const double current : currents.values) most = std::max(most, std::abs(current));

@@ -245,8 +245,8 @@ TEST_F(BadInput, DeadTimeOfALoopIsWhatOnlyGotThingsReady) {
   EXPECT_EQ(recorder.events().back().kind, "loop");
   EXPECT_EQ(recorder.events().back().text,
             "places: 2 turns in 16 s, dead time 4 s (25.0 %): lens_mover:move_to 25.0 %");
-  EXPECT_EQ(recorder.figures().back().name, "dead_time");
-  EXPECT_EQ(recorder.figures().back().value, 4);
+  EXPECT_EQ(recorder.results().back().name, "dead_time");
+  EXPECT_EQ(recorder.results().back().value, 4);
 }
 
 TEST_F(BadInput, AlarmsOfAScriptAreLatchedShownRecordedAndAcknowledged) {

@@ -112,7 +112,7 @@ TEST_F(Bindings, ErrorsOfOneStreamAgainstAnother) {
 
 TEST_F(Bindings, ResultsGoIntoTheRecord) {
   ASSERT_EQ(
-      run("run:figure('error', 0.00012, 'um')\n"
+      run("run:result('error', 0.00012, 'um')\n"
           "run:plot { title = 'P', x = { 'time', 's' }, y = { label = 'error', unit = 'um' }, "
           "equal_aspect = true,\n"
           "  series = { { label = 'a', x = { 1, 2 }, y = { 3, 4 }, mark = 'dashed' }, { x = {}, y "
@@ -121,9 +121,9 @@ TEST_F(Bindings, ResultsGoIntoTheRecord) {
           "run:note('seen') run:checkpoint('here')\nassert(run:show(0.00012, 'm') == '120 um')")
           .error,
       "");
-  EXPECT_EQ(recorder.figures().at(0).name, "error");
-  EXPECT_DOUBLE_EQ(recorder.figures().at(0).value, 0.00012);
-  EXPECT_EQ(recorder.figures().at(0).unit, "m");
+  EXPECT_EQ(recorder.results().at(0).name, "error");
+  EXPECT_DOUBLE_EQ(recorder.results().at(0).value, 0.00012);
+  EXPECT_EQ(recorder.results().at(0).unit, "m");
   const Plot& plot = recorder.plots().at(0);
   EXPECT_EQ(plot.y.unit, "um");
   EXPECT_TRUE(plot.equal_aspect);
@@ -134,9 +134,9 @@ TEST_F(Bindings, ResultsGoIntoTheRecord) {
 }
 
 TEST_F(Bindings, WrongResultsAreRefused) {
-  expect_all(run("run:figure('e', 0/0, 'm')").error, {"run:figure: value: wants a number"});
-  expect_all(run("run:figure('e', 1, 'umm')").error,
-             {"run:figure: unit: umm is not a unit; did you mean mm?"});
+  expect_all(run("run:result('e', 0/0, 'm')").error, {"run:result: value: wants a number"});
+  expect_all(run("run:result('e', 1, 'umm')").error,
+             {"run:result: unit: umm is not a unit; did you mean mm?"});
   const auto plot = [&](const std::string& series) {
     return run("run:plot { title = 'P', x = { 'time', 's' }, y = { 'e', 'um' }, series = { " +
                series + " } }")

@@ -110,14 +110,14 @@ TEST(Protocols, ServoSquareRunsASmallSquare) {
   engine->run(protocol, check_arguments(protocol, {"width=1mm", "depth=1mm", "speed=1mm/s"}),
               *bench.session);
   std::vector<std::string> names;
-  for (const Figure& figure : bench.recorder->figures()) names.push_back(figure.name);
+  for (const StatedResult& one : bench.recorder->results()) names.push_back(one.name);
   EXPECT_EQ(names, (std::vector<std::string>{"path_error_rms", "path_error_lateral_rms",
                                              "path_error_depth_rms", "localization_error_mean",
                                              "localization_error_max", "expectations_met",
                                              "expectations_missed"}));
-  for (const Figure& figure : bench.recorder->figures()) {
-    if (figure.unit == "m") {
-      EXPECT_LT(figure.value, 1e-3) << figure.name;
+  for (const StatedResult& one : bench.recorder->results()) {
+    if (one.unit == "m") {
+      EXPECT_LT(one.value, 1e-3) << one.name;
     }
   }
   EXPECT_EQ(bench.recorder->plots().size(), 4u);

@@ -1,0 +1,69 @@
+// Settings of the servo loop: feedback, control law, view and limits, with their bounds; and the
+// reach of a path.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "control/trajectory.h"
+#include "host/rig/rig.h"
+#include "host/servo/servo_controller.h"
+#include "vision/background.h"
+
+#include <Eigen/Core>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+class SideWatch;
+
+/// Source of the robot's position (thesis 6.1). none: the top camera, as an operator's eye, only
+/// while a position is to be reached; a robot that is released has the constant currents of the
+/// position where the trim was found. pose_sensor: the simulator's truth, late and noisy; only a
+/// simulated rig has one.
+enum class Feedback { none, one_camera, two_cameras, pose_sensor };
+const char* to_string(Feedback feedback);
+/// Throws std::invalid_argument with the names there are.
+Feedback feedback_named(const std::string& name);
+
+/// What a calibration on the known retina (thesis 6.2) changed of the rig's view.
+struct ViewCorrection {
+  double image_scale = 1;           // of the aerial image's m per pixel
+  Eigen::Vector3d offset{0, 0, 0};  // m, added to the position found
+};
+
+struct ServoSettings {
+  double field = 10e-3;           // T, magnitude of the field
+  Eigen::Vector3d axis{1, 0, 0};  // the robot's axis wanted, unit, world
+  Feedback feedback = Feedback::one_camera;
+  ControlLaw law = ControlLaw::pd;
+  control::PdGains gains;                // of the law pd
+  std::optional<double> proportional{};  // 1/s, of the law estimator; nothing: tuned
+  std::optional<double> max_speed{};     // m/s, likewise
+  control::VelocityGains velocity;       // of the law velocity
+  std::vector<int> dead_coils;           // channels from 1, besides the rig's own
+  /// s without a measurement before the loop lets go: zero current until it is given a goal again.
+  double lost_timeout = 1.0;
+  /// rad, standard deviation of the robot's axis about the commanded field; 0: it lies along the
+  /// field, as in the thesis. Nothing: 0, but of the law estimator kAxisSigma.
+  std::optional<double> axis_sigma{};
+  bool wall_drag = false;  // ControllerSettings
+  /// A dry run: the pose sensor in the camera's place, whatever the feedback.
+  bool by_pose = false;
+  double axis_uncertainty() const;  // rad, as chosen or as the law has it
+  void check() const;               // throws std::invalid_argument naming the setting
+  ViewCorrection view;              // of the rig's own view
+};
+
+/// Viewing systems of the loop besides the rig's own: learnt by Session::learn_background.
+struct ServoCameras {
+  std::optional<vision::Background> top;  // of the empty scene; not for the pose sensor
+  SideWatch* side = nullptr;              // for two cameras
+};
+
+/// Throws std::invalid_argument naming the position where the robot cannot be taken: outside the
+/// field model's region, the retina or the lens.
+void check_reach(const RigModel& model, const control::Trajectory& path);
+
+}  // namespace vitreo
