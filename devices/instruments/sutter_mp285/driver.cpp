@@ -27,51 +27,48 @@ constexpr double kCoarsestMax = 3000e-6;
 constexpr int kSlack_usteps = 5;  // one coarse step
 constexpr double kMicro = 1e-6;
 
-class Mp285 final : public StageProtocol {
+class Mp285 final : public SilentStageProtocol {
  public:
   Mp285(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock)
-      : StageProtocol(std::move(link), settings.name, clock), settings_(settings) {}
+      : SilentStageProtocol(std::move(link), settings.name, clock,
+                            {.ustep = kUstep,
+                             .usteps_per_um = kUsteps_per_um,
+                             .tolerance = kSlack_usteps,
+                             .silence = kSilence,
+                             .reply_timeout = settings.reply_timeout,
+                             .end = kEnd,
+                             .interrupt = kInterrupt}),
+        settings_(settings) {}
   StageInfo configure() override;
-  std::vector<double> position() override;
   void set_off(std::span<const double> target, double speed) override;
   void set_off_home() override {
     fail(DeviceErrorKind::refused, "it has no reference that it could find");
   }
-  bool busy() override;
-  void check_arrival(bool homing) override;
-  void halt() override;
-  void tell_to_halt() override;
 
  private:
-  Time reply_deadline() const {
-    return later(clock().now(), from_seconds(settings_.reply_timeout));
-  }
+  Usteps where() override;
+  void resynchronize() override;
+  [[noreturn]] void fail_for(std::uint8_t answer) const override;
+  [[noreturn]] void fail_for(const Fault& fault) const;
   void send(const Command& command);
   void expect_end(Time deadline);
   ByteString block(const Command& question, std::size_t size);
-  Usteps where();
   Status status();
   void set_velocity(double speed);
-  void resynchronize();
-  Clock& clock() const { return dialogue.clock(); }
-  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
-    dialogue.fail(kind, what);
-  }
-  [[noreturn]] void fail(const Fault& fault) const;
 
   const Settings settings_;
-  bool unsure_ = false;  // an exchange was broken off: something of it may still come
-  SetVelocity velocity_{};
-  bool moving_ = false;
-  Usteps from_{}, target_{};
-  double speed_ = 0;  // m/s
-  Time begun_{}, deadline_{};
+  SetVelocity velocity_{};  // as last set
 };
 
-void Mp285::fail(const Fault& fault) const {
+void Mp285::fail_for(const Fault& fault) const {
   if (fault.interrupted) fail(DeviceErrorKind::refused, "its motion was interrupted");
   if (fault.bad_command) fail(DeviceErrorKind::protocol, "it did not understand the command");
   fail(DeviceErrorKind::protocol, "bytes were lost on their way to it");
+}
+
+void Mp285::fail_for(std::uint8_t answer) const {
+  if (const auto fault = decode_fault(answer)) fail_for(*fault);
+  fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&answer, 1)));
 }
 
 /// Nobody talks to it while it moves.
@@ -94,7 +91,7 @@ void Mp285::expect_end(Time deadline) {
   if (!fault || dialogue.take(1, deadline).front() != kEnd)
     fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&first, 1)));
   unsure_ = false;
-  fail(*fault);
+  fail_for(*fault);
 }
 
 /// `size` bytes and a CR. An error is told from data by its being alone: data, too, may begin with
@@ -108,7 +105,7 @@ ByteString Mp285::block(const Command& question, std::size_t size) {
     const auto more = dialogue.next(later(clock().now(), kSilence));
     if (!more) {
       unsure_ = false;
-      fail(*fault);
+      fail_for(*fault);
     }
     reply.push_back(*more);
   }
@@ -177,80 +174,13 @@ StageInfo Mp285::configure() {
   return info;
 }
 
-std::vector<double> Mp285::position() {
-  std::vector<double> place(3);
-  if (!moving_) {
-    const Usteps at = where();
-    std::transform(at.begin(), at.end(), place.begin(),
-                   [](std::int32_t axis) { return axis * kUstep; });
-    return place;
-  }
-  double longest = 0;
-  for (std::size_t i = 0; i < 3; ++i)
-    longest = std::max(longest, std::abs(target_[i] - from_[i]) * kUstep);
-  const double gone =
-      longest > 0 ? std::min(1., to_seconds(clock().now() - begun_) * speed_ / longest) : 1;
-  for (std::size_t i = 0; i < 3; ++i)
-    place[i] = (from_[i] + gone * (target_[i] - from_[i])) * kUstep;
-  return place;
-}
-
 void Mp285::set_off(std::span<const double> target, double speed) {
   from_ = where();
-  double longest = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    target_[i] = static_cast<std::int32_t>(std::lround(target[i] / kUstep));
-    longest = std::max(longest, std::abs(target_[i] - from_[i]) * kUstep);
-  }
+  const double longest = aim(target) * kUstep;
   set_velocity(speed);
   speed_ = velocity_.speed * kMicro;
   send(Move{target_});
-  begun_ = clock().now();
-  deadline_ = later(begun_, from_seconds(kMotionFactor * longest / speed_) + kMotionMargin);
-  moving_ = true;
-}
-
-/// Listens for the CR at the end of the motion, and says nothing.
-bool Mp285::busy() {
-  if (!moving_) return false;
-  const auto first = dialogue.next(clock().now());
-  if (!first && clock().now() < deadline_) return true;
-  moving_ = false;
-  if (!first) fail(DeviceErrorKind::timeout, "it was silent when its motion should have ended");
-  unsure_ = false;
-  if (*first == kEnd) return false;
-  unsure_ = true;
-  const auto fault = decode_fault(*first);
-  if (!fault)
-    fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&*first, 1)));
-  fail(*fault);
-}
-
-void Mp285::check_arrival(bool) {
-  const Usteps at = where();
-  for (std::size_t i = 0; i < 3; ++i)
-    if (std::abs(at[i] - target_[i]) > kSlack_usteps)
-      fail(DeviceErrorKind::refused, std::string("axis ") + "xyz"[i] + ": it stands " +
-                                         std::to_string((at[i] - target_[i]) * 40 / 1000) +
-                                         " um from its target");
-}
-
-/// The interrupt is the only byte that may be sent during a motion. Whether the motion's own CR
-/// comes as well is not known, so all is heard out; that it answers then shows that it stands.
-void Mp285::halt() {
-  if (!moving_ && !unsure_) return;
-  resynchronize();
-  const Usteps first = where();
-  clock().sleep_for(kSilence);
-  if (where() != first) fail(DeviceErrorKind::timeout, "it does not stop");
-}
-
-void Mp285::tell_to_halt() {
-  unsure_ = true;
-  try {
-    dialogue.send(encode(Interrupt{}));
-  } catch (const DeviceError&) {  // it was told what could be told
-  }
+  begin(from_seconds(kMotionFactor * longest / speed_) + kMotionMargin);
 }
 
 }  // namespace

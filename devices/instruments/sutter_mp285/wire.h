@@ -20,6 +20,7 @@ using Usteps = std::array<std::int32_t, 3>;  ///< x, y, z
 
 constexpr std::uint8_t kEnd = 0x0D, kInterrupt = 0x03, kInterrupted = '=';
 constexpr double kUstep = 0.04e-6;  ///< m, in all positions, whatever the resolution
+constexpr int kUsteps_per_um = 25;
 constexpr std::size_t kPositionSize = 12, kStatusSize = 32;  ///< bytes, without the CR
 
 /// What the host can say.

@@ -49,7 +49,7 @@ class Chain final : public StageProtocol {
   bool busy() override;
   void check_arrival(bool homing) override;
   void halt() override;
-  void tell_to_halt() override;
+  void send_halt() override;
 
  private:
   Message ask(int device, int axis, const std::string& data);
@@ -63,10 +63,6 @@ class Chain final : public StageProtocol {
   StageAxis configure_axis(Axis& axis);
   void set_speed(Axis& axis, double speed);
   double place_to_start(const Axis& axis);
-  Clock& clock() const { return dialogue.clock(); }
-  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
-    dialogue.fail(kind, what);
-  }
 
   const Settings settings_;
   const char* const unit_;
@@ -298,7 +294,7 @@ void Chain::halt() {
   }
 }
 
-void Chain::tell_to_halt() {
+void Chain::send_halt() {
   for (const Axis& axis : axes_) {
     try {
       dialogue.send(
