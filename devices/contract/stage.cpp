@@ -32,6 +32,7 @@ class AsStage final : public ForwardingMotion<Stage, RotationStage> {
   StageInfo info_;
 };
 
+/// One function a duty. All move between two positions, near_ and far_, at speed_.
 class StageExaminer : Examination<StageExaminer> {
  public:
   StageExaminer(Stage& stage, Clock& clock, const StageCheck& how)
@@ -42,8 +43,8 @@ class StageExaminer : Examination<StageExaminer> {
     if (!findings.empty()) return findings;  // nothing else can be asked of it
     choose_positions();
     if (how_.home) duty("find home", &StageExaminer::homes);
-    duty("go where it is told", &StageExaminer::goes_where_it_is_told);
-    duty("tell that it moves", &StageExaminer::tells_that_it_moves);
+    duty("go where it is told", &StageExaminer::reaches_its_targets);
+    duty("tell that it moves", &StageExaminer::reports_that_it_moves);
     duty("refuse a wrong target", &StageExaminer::refuses_what_is_no_target);
     duty("refuse what is beyond its limits", &StageExaminer::refuses_what_is_beyond_its_limits);
     duty("stop", &StageExaminer::stops);
@@ -59,6 +60,8 @@ class StageExaminer : Examination<StageExaminer> {
 
   const std::vector<StageAxis>& axes() const { return stage_.info().axes; }
 
+  /// near_ in the middle of the travel, far_ a hundredth of the travel beside it; of an axis
+  /// without ends, 0 and 0.1 (rad). The speed is that of the slowest axis.
   void choose_positions() {
     near_ = far_ = how_.start;
     speed_ = how_.speed > 0 ? how_.speed : std::numeric_limits<double>::infinity();
@@ -76,6 +79,7 @@ class StageExaminer : Examination<StageExaminer> {
     }
   }
 
+  /// Both what the stage reports and, where it is known, the truth.
   void expect_position(const Position& wanted, const std::string& when) {
     expect_near(stage_.position(), wanted, when + ", position() is not the target");
     if (how_.measured) expect_near(how_.measured(), wanted, when + ", it is really somewhere else");
@@ -90,6 +94,8 @@ class StageExaminer : Examination<StageExaminer> {
   }
   void go(const Position& target) { move_to(stage_, target, speed_, how_.timeout, clock_); }
 
+  /// start() must throw `Error`, which tells a mistake of the caller from a limit of the stage, and
+  /// nothing may move.
   template <class Error>
   void expect_refusal(const Position& target, double speed, const std::string& name) {
     try {
@@ -121,7 +127,7 @@ class StageExaminer : Examination<StageExaminer> {
     stage_.home(how_.timeout);
     expect(!stage_.moving(), "after home(), it moves");
   }
-  void goes_where_it_is_told() {
+  void reaches_its_targets() {
     for (const Position& target : {near_, far_, near_}) {
       go(target);
       expect_position(target, "after a motion");
@@ -129,7 +135,7 @@ class StageExaminer : Examination<StageExaminer> {
     go(near_);
     expect_position(near_, "after a motion to where it stands");
   }
-  void tells_that_it_moves() {
+  void reports_that_it_moves() {
     stage_.start(far_, speed_);
     expect(stage_.moving(), "it says that it stands while it moves");
     expect_busy();
@@ -161,6 +167,7 @@ class StageExaminer : Examination<StageExaminer> {
                                           "a speed that is not a number");
     expect_position(near_, "after refusals");
   }
+  /// Ten steps beyond each end of each axis, and a hundredth above its speed.
   void refuses_what_is_beyond_its_limits() {
     go(near_);
     for (std::size_t i = 0; i < axes().size(); ++i) {
@@ -177,6 +184,7 @@ class StageExaminer : Examination<StageExaminer> {
     }
     expect_position(near_, "after refusals");
   }
+  /// A stop is no arrival: wait() must throw; and a motion after it must work.
   void stops() {
     go(near_);
     stage_.start(far_, speed_);
@@ -194,6 +202,7 @@ class StageExaminer : Examination<StageExaminer> {
     go(far_);
     expect_position(far_, "after a stop and another motion");
   }
+  /// A wait whose deadline passes must leave the stage standing.
   void stops_at_the_deadline() {
     go(near_);
     stage_.start(far_, speed_);
@@ -211,6 +220,7 @@ class StageExaminer : Examination<StageExaminer> {
     stage_.make_safe();
     stands("after make_safe()");
   }
+  /// Two equal positions, 30 ms apart.
   void stands(const std::string& when) {
     const Position before = stage_.position();
     clock_.sleep_for(std::chrono::milliseconds(30));
@@ -220,7 +230,8 @@ class StageExaminer : Examination<StageExaminer> {
   Stage& stage_;
   Clock& clock_;
   const StageCheck& how_;
-  Position near_, far_;
+  Position near_;
+  Position far_;
   double speed_ = 0;
 };
 
