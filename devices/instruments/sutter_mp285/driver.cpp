@@ -15,16 +15,21 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time kBetween = 2ms;  // it wants a rest between commands
-constexpr Time kSilence =
-    20ms;  // after which two bytes were all: 13 of them take 13.5 ms at 9600 baud
+/// The least rest between two commands (Lemaire's driver; the same in the MPC-200's manual).
+constexpr Time kBetween = 2ms;
+/// After which two bytes were a whole answer: 13 of them take 13.5 ms at 9600 baud.
+constexpr Time kSilence = 20ms;
+/// A motion may take this much longer than distance over speed: it accelerates and decelerates.
+constexpr double kMotionFactor = 1.25;
 constexpr Time kMotionMargin = 1s;
-constexpr double kMotionFactor =
-    1.25;                        // how much longer than distance over speed a motion may take
-constexpr int kHandshake = 777;  // um/s: what no other instrument would say back
-constexpr double kFinestMax = 1310e-6;  // m/s: above it only steps of 0.2 um
+/// um/s: an odd speed, as the MATLAB class and acq4 send it; no other instrument would return it.
+constexpr int kHandshake = 777;
+/// m/s: the fastest of high resolution; above it only steps of 0.2 um.
+constexpr double kFinestMax = 1310e-6;
+/// m/s: of low resolution. navigate and Lemaire allow 3 mm/s, acq4 6.55: the lower one counts.
 constexpr double kCoarsestMax = 3000e-6;
-constexpr int kSlack_usteps = 5;  // one coarse step
+/// One coarse step: how far from its target an axis may end.
+constexpr int kSlack_usteps = 5;
 constexpr double kMicro = 1e-6;
 
 class Mp285 final : public SilentStageProtocol {
@@ -60,6 +65,8 @@ class Mp285 final : public SilentStageProtocol {
   SetVelocity velocity_{};  // as last set
 };
 
+/// Several bits may be set; the interrupted motion explains the others (a byte that came in the
+/// middle of it).
 void Mp285::fail_for(const Fault& fault) const {
   if (fault.interrupted) fail(DeviceErrorKind::refused, "its motion was interrupted");
   if (fault.bad_command) fail(DeviceErrorKind::protocol, "it did not understand the command");
@@ -71,7 +78,7 @@ void Mp285::fail_for(std::uint8_t answer) const {
   fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&answer, 1)));
 }
 
-/// Nobody talks to it while it moves.
+/// Not during a motion: any byte would interrupt it.
 void Mp285::send(const Command& command) {
   if (unsure_) resynchronize();
   clock().sleep_for(kBetween);
@@ -80,7 +87,7 @@ void Mp285::send(const Command& command) {
   dialogue.send(encode(command));
 }
 
-/// The CR that says that a command was obeyed; an error comes in its place.
+/// The CR that acknowledges a command; an error comes in its place.
 void Mp285::expect_end(Time deadline) {
   const std::uint8_t first = dialogue.take(1, deadline).front();
   if (first == kEnd) {
@@ -100,6 +107,7 @@ ByteString Mp285::block(const Command& question, std::size_t size) {
   send(question);
   const Time deadline = reply_deadline();
   ByteString reply = dialogue.take(2, deadline);
+  // Two bytes that look like an error: it is one when nothing follows within the silence.
   const auto fault = decode_fault(reply[0]);
   if (fault && reply[1] == kEnd) {
     const auto more = dialogue.next(later(clock().now(), kSilence));
@@ -120,8 +128,8 @@ ByteString Mp285::block(const Command& question, std::size_t size) {
 Usteps Mp285::where() { return *decode_position(block(GetPosition{}, kPositionSize)); }
 Status Mp285::status() { return *decode_status(block(GetStatus{}, kStatusSize)); }
 
-/// After an answer that did not come or could not be read. The interrupt ends whatever it was at;
-/// it locks up when an answer is abandoned, so everything it may still say is heard out.
+/// The MP-285A locks up when an answer is abandoned (navigate), so everything that it may still
+/// send is read.
 void Mp285::resynchronize() {
   unsure_ = false;
   dialogue.send(encode(Interrupt{}));
@@ -129,6 +137,8 @@ void Mp285::resynchronize() {
   moving_ = false;
 }
 
+/// In whole um/s, at least 1; of high resolution where that is fast enough. Sent only when it
+/// changes: each command costs a rest and an answer.
 void Mp285::set_velocity(double speed) {
   const SetVelocity wanted{std::max(1, static_cast<int>(speed / kMicro + 0.5)),
                            speed <= kFinestMax};
@@ -138,8 +148,8 @@ void Mp285::set_velocity(double speed) {
   velocity_ = wanted;
 }
 
-/// After power-up nothing works before a first V; that the status gives its odd speed back tells an
-/// MP-285 from others.
+/// After power-up nothing works before a first V (MATLAB class, acq4); that the status returns its
+/// odd speed identifies an MP-285, which has no command for its identity.
 StageInfo Mp285::configure() {
   clock().sleep_for(from_seconds(settings_.opening_pause));
   velocity_ = {};
@@ -156,6 +166,7 @@ StageInfo Mp285::configure() {
   if (first.velocity.speed != kHandshake || !first.velocity.fine || first.usteps_per_um != 25)
     fail(DeviceErrorKind::not_found,
          "this is no MP-285: its status does not give back what it was told");
+  // Before anything can move: in relative mode a target would be added to the position.
   send(Absolute{});
   expect_end(reply_deadline());
   set_velocity(settings_.speed);
@@ -174,6 +185,7 @@ StageInfo Mp285::configure() {
   return info;
 }
 
+/// The velocity counts as that of the axis with the longest way.
 void Mp285::set_off(std::span<const double> target, double speed) {
   from_ = where();
   const double longest = aim(target) * kUstep;

@@ -1,4 +1,3 @@
-// The driver of the MPC-200: one drive of the controller, silent while it moves.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/sutter_mpc200/driver.h"
 
@@ -18,13 +17,18 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time kBetween = 2ms;  // it wants a rest between commands
-constexpr Time kSilence =
-    20ms;  // after which nothing more comes: 14 bytes take 1.1 ms at 128000 baud
+/// The least rest between two commands, by the manual.
+constexpr Time kBetween = 2ms;
+/// After which nothing more comes: 14 bytes take 1.1 ms at 128000 baud.
+constexpr Time kSilence = 20ms;
+/// A motion may take this much longer than distance over speed: the speeds were measured on one
+/// stage, and differ from stage to stage.
+constexpr double kMotionFactor = 1.5;
 constexpr Time kMotionMargin = 1s;
-constexpr Time kLongestHoming = 100s;  // 25 mm at its slowest, and a quarter
-constexpr double kMotionFactor = 1.5;  // its speeds differ from stage to stage
-constexpr int kFast = -1;              // in place of a straight motion's speed
+/// 25 mm at its slowest take 74 s; and a quarter.
+constexpr Time kLongestHoming = 100s;
+/// In place of a straight motion's speed: all axes at full speed, on a bent path.
+constexpr int kFast = -1;
 
 /// The fastest that is not faster than `speed`; nothing when it cannot go so slowly.
 std::optional<int> code_for(double speed) {
@@ -67,7 +71,8 @@ void Mpc200::fail_for(std::uint8_t answer) const {
   fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&answer, 1)));
 }
 
-/// Nobody talks to it while it moves. A straight motion in one write would crash it.
+/// Not during a motion. A straight motion in one write would crash the controller (acq4), so its
+/// first byte goes alone.
 void Mpc200::send(const Command& command) {
   if (unsure_) resynchronize();
   clock().sleep_for(kBetween);
@@ -80,8 +85,8 @@ void Mpc200::send(const Command& command) {
   dialogue.send(std::span(bytes).subspan(1));
 }
 
-/// `size` bytes and a CR; the mark of an interrupted motion may stand before them, and no reply
-/// begins like it.
+/// `size` bytes and a CR; the mark 'I' of an interrupted motion may stand before them. No reply
+/// begins with 'I': the first byte is a drive, 1 to 4, a count of drives or 'E'.
 ByteString Mpc200::ask(const Command& question, std::size_t size) {
   send(question);
   const Time deadline = reply_deadline();
@@ -104,7 +109,8 @@ void Mpc200::take_drive() {
     fail(DeviceErrorKind::protocol, "it took another drive than it was told: " + printable(reply));
 }
 
-/// Where the drive stands. Somebody at its panel may have made another one the active one.
+/// The answer names the active drive: at the panel another one may have been selected meanwhile,
+/// and its position must not be taken for this one's.
 Usteps Mpc200::where() {
   for (int attempt = 0; attempt < 2; ++attempt) {
     const ByteString reply = ask(GetPosition{}, kPositionSize);
@@ -117,7 +123,7 @@ Usteps Mpc200::where() {
        "it does not keep drive " + std::to_string(settings_.drive) + " active");
 }
 
-/// After an answer that did not come or could not be read. The interrupt ends whatever it was at.
+/// The interrupt ends whatever it does.
 void Mpc200::resynchronize() {
   unsure_ = false;
   moving_ = false;
@@ -125,6 +131,7 @@ void Mpc200::resynchronize() {
   dialogue.settle(kSilence);
 }
 
+/// The firmware's version, two BCD bytes, and the list of drives identify the controller.
 StageInfo Mpc200::configure() {
   resynchronize();
   std::optional<Drive> is;
@@ -151,6 +158,7 @@ StageInfo Mpc200::configure() {
   return info;
 }
 
+/// There is no command for the speed: it is a part of the straight motion, or full speed.
 void Mpc200::set_off(std::span<const double> target, double speed) {
   const auto code = code_for(speed);
   if (!code) fail(DeviceErrorKind::refused, "its slowest motion is 0.338 mm/s");
@@ -165,6 +173,7 @@ void Mpc200::set_off(std::span<const double> target, double speed) {
   begin(later(from_seconds(kMotionFactor * longest * kUstep / speed_), kMotionMargin));
 }
 
+/// 'N' calibrates: all axes go to the beginning of their travel, which becomes 0.
 void Mpc200::set_off_home() {
   from_ = where();
   target_ = {0, 0, 0};

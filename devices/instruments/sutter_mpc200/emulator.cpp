@@ -1,5 +1,3 @@
-// The MPC-200 as it looks from the far end of the wire: a reply only at a motion's end, none for a
-// short one.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/sutter_mpc200/emulator.h"
 
@@ -12,8 +10,11 @@
 namespace vitreo::sutter_mpc200 {
 namespace {
 
-constexpr double kCalibration = 2e-3;  // m/s; its true speed is not known
+/// m/s, of 'N'; the true speed is not known.
+constexpr double kCalibration = 2e-3;
 
+/// One motion at a time, of the active drive, at constant speed from its position to to_. An answer
+/// comes only at its end, and none to a motion that is too short to be made.
 class EmulatedMpc200 final : public Emulator {
  public:
   explicit EmulatedMpc200(const EmulatorSettings& settings)
@@ -61,6 +62,7 @@ class EmulatedMpc200 final : public Emulator {
  private:
   Usteps& place() { return places_[static_cast<std::size_t>(active_ - 1)]; }
 
+  /// Byte by byte: commands have no end mark, so each is complete when it has its length.
   void hear(std::uint8_t byte, Time now) {
     if (crashed_) return;
     if (under_way_ && now >= arrival_) end_motion();
@@ -80,6 +82,7 @@ class EmulatedMpc200 final : public Emulator {
       std::visit([&](const auto& what) { obey(what, now); }, *command);
   }
 
+  /// The CR comes at once, and 'I' stands before the next reply.
   void interrupt(Time now) {
     place() = position(active_, now);
     under_way_ = false;
@@ -103,6 +106,7 @@ class EmulatedMpc200 final : public Emulator {
     arrival_ = later(now, from_seconds(part * way * kUstep / speed));
     under_way_ = true;
   }
+  /// Shorter than 16 usteps on every axis: neither made nor answered.
   void move(const Usteps& target, double speed, Time now) {
     bool any = false;
     for (std::size_t i = 0; i < 3; ++i)
@@ -139,8 +143,13 @@ class EmulatedMpc200 final : public Emulator {
   std::array<Usteps, kDrives> places_{};
   int active_ = 1;
   Usteps to_{};
-  Time begun_{}, arrival_{}, begun_hearing_{};
-  bool under_way_ = false, silent_ = false, crashed_ = false, interrupted_ = false;
+  Time begun_{};
+  Time arrival_{};
+  Time begun_hearing_{};  // of the command that is not complete
+  bool under_way_ = false;
+  bool silent_ = false;
+  bool crashed_ = false;
+  bool interrupted_ = false;
   double part_ = 1;
   ByteString heard_;
   std::vector<TimedBytes> said_;
