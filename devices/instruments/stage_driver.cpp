@@ -11,9 +11,11 @@
 namespace vitreo {
 namespace {
 
+/// Between two questions whether a motion goes on.
 constexpr Time kPoll = std::chrono::milliseconds(20);
 
-/// All of a stage's driver but the role it plays.
+/// All of a stage's driver but its role. Each public call is one or more Turns of the dialogue, so
+/// that tasks may share a stage: one waits while another asks for the position or stops it.
 class Motion {
  public:
   Motion(std::unique_ptr<StageProtocol> protocol, const char* unit)
@@ -24,7 +26,7 @@ class Motion {
   ~Motion() {
     try {
       if (!dialogue_.lost()) stop();
-    } catch (...) {  // nobody is left to hear it
+    } catch (...) {  // a destructor cannot report it
     }
   }
   Motion(const Motion&) = delete;
@@ -48,15 +50,16 @@ class Motion {
   bool moving() {
     const Dialogue::Turn turn(dialogue_);
     be_open();
-    return look();
+    return poll_motion();
   }
 
+  /// Polls, with the dialogue free for other tasks in between.
   void wait(Time timeout) {
     const Time deadline = later(clock().now(), timeout);
     for (;;) {
       {
         const Dialogue::Turn turn(dialogue_);
-        if (!look()) {
+        if (!poll_motion()) {
           if (const auto ending = std::exchange(ending_, nullptr)) std::rethrow_exception(ending);
           return;
         }
@@ -87,7 +90,7 @@ class Motion {
 
   void begin(bool homing) {
     be_open();
-    if (look()) dialogue_.fail(DeviceErrorKind::refused, "it is still moving");
+    if (poll_motion()) dialogue_.fail(DeviceErrorKind::refused, "it is still moving");
     ending_ = nullptr;
     moving_ = true;  // should the exchange fail half-way, it may be
     homing_ = homing;
@@ -95,7 +98,7 @@ class Motion {
 
   /// Whether the motion goes on; when it does not, ending_ says how it ended, or is null when it is
   /// there.
-  bool look() {
+  bool poll_motion() {
     if (!moving_) return false;
     try {
       if (protocol_->busy()) return true;
@@ -104,11 +107,13 @@ class Motion {
     } catch (const DeviceError& error) {
       ending_ = std::current_exception();
       moving_ = false;
+      // Whatever the fault is, the stage may still move; over a lost link nothing can be sent.
       if (error.kind != DeviceErrorKind::lost) protocol_->send_halt();
     }
     return false;
   }
 
+  /// For a task that is in wait(), or comes to it.
   void end(DeviceErrorKind kind, const char* how) {
     moving_ = false;
     ending_ = std::make_exception_ptr(DeviceError(kind, dialogue_.device(), how));
@@ -141,8 +146,10 @@ class Motion {
   Dialogue& dialogue_;
   const char* const unit_;
   StageInfo info_;
-  bool moving_ = false, homing_ = false;
-  std::exception_ptr ending_;  // how the last motion ended, unless well, until wait() has told it
+  bool moving_ = false;
+  bool homing_ = false;
+  // How the last motion ended, unless well, until wait() has thrown it.
+  std::exception_ptr ending_;
 };
 
 class DrivenStage final : public Stage {

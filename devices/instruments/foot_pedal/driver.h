@@ -13,7 +13,7 @@
 namespace vitreo::foot_pedal {
 
 struct Settings {
-  std::string name = "pedal";   ///< how errors call it
+  std::string name = "pedal";   ///< in errors
   Layout layout = xkeys_xk3();  ///< where its pedals are in its reports
   void check() const;           ///< throws std::invalid_argument naming the setting
 };

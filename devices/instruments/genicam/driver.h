@@ -13,7 +13,7 @@
 namespace vitreo::genicam {
 
 struct Settings {
-  std::string name = "camera";  ///< how errors call it
+  std::string name = "camera";  ///< in errors
   std::string camera{};  ///< its identity as list_cameras() shows it, or its IP address; empty: the
                          ///< first found
   int width_px = 640, height_px = 480;

@@ -13,7 +13,7 @@
 namespace vitreo::iidc {
 
 struct Settings {
-  std::string name = "camera";  ///< how errors call it
+  std::string name = "camera";  ///< in errors
   std::string guid{};           ///< 16 hexadecimal digits, as on the camera; empty: the only one
   int width_px = 640, height_px = 480;  ///< a region of Format 7, mode 0, in the sensor's middle
   double frame_rate = 60;               ///< Hz; the bus' packets are chosen for it

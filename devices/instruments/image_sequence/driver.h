@@ -12,7 +12,7 @@
 namespace vitreo::image_sequence {
 
 struct Settings {
-  std::string name = "camera";  ///< how errors call it
+  std::string name = "camera";  ///< in errors
   std::string folder;        ///< all its .png, .tif, .tiff, .jpg and .bmp files, in natural order
   double frame_rate = 15;    ///< Hz
   bool every_frame = false;  ///< true: wait for whoever grabs; false: play on like a camera, and

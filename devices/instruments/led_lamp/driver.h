@@ -12,7 +12,7 @@
 namespace vitreo::led_lamp {
 
 struct Settings {
-  std::string name = "lamp";   ///< how errors call it
+  std::string name = "lamp";   ///< in errors
   int output = 0;              ///< of the amplifier's channels, from 0
   double full_current = 0.35;  ///< A, at level 1: what the eye and the LED bear
   void check() const;          ///< throws std::invalid_argument naming the setting

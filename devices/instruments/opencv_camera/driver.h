@@ -11,7 +11,7 @@
 namespace vitreo::opencv_camera {
 
 struct Settings {
-  std::string name = "camera";      ///< how errors call it
+  std::string name = "camera";      ///< in errors
   std::string source;               ///< /dev/videoN, or a video file
   int width_px = 0, height_px = 0;  ///< of a UVC camera; 0: as it comes
   double frame_rate = 0;            ///< Hz; 0: as it comes (15 Hz for a file that does not say)

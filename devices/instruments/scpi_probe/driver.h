@@ -12,7 +12,7 @@
 namespace vitreo::scpi_probe {
 
 struct Settings {
-  std::string name = "field_probe";  ///< how errors call it
+  std::string name = "field_probe";  ///< in errors
   std::string model;                 ///< must stand in what *IDN? answers; empty: anything will do
   std::string question = "MEAS:FIEL?";  ///< what asks for the field
   std::string setup;   ///< sent when it is opened, lines separated by |; empty: nothing

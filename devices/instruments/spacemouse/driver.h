@@ -13,7 +13,7 @@
 namespace vitreo::spacemouse {
 
 struct Settings {
-  std::string name = "joystick";  ///< how errors call it
+  std::string name = "joystick";  ///< in errors
   double dead_zone = 0.03;        ///< of full deflection: what counts as none
   double watchdog =
       0.1;  ///< s without a report after which a deflection counts as none: its end may be lost
