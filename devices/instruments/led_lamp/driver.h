@@ -1,5 +1,6 @@
-// An LED behind a current source that a spare analog output dims: the transscleral ring. It has no
-// wire of its own: it composes the driver of whatever has that output, by the amplifier's role.
+// Driver of an LED behind a current source that a spare analog output dims: the transscleral ring.
+// It has no wire of its own: it composes the driver of the device with that output, by the
+// amplifier's role.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -26,7 +26,7 @@ constexpr Time kSettingTimeout = 1600ms;
 constexpr double kPerSpeed = 1e4;
 /// Accelerations count usteps per 100 s^2.
 constexpr double kPerAcceleration = 100;
-/// Errors that energize and exit_safe_start clear; all others need a hand.
+/// Errors that energize and exit_safe_start clear; all others have a cause that lasts.
 constexpr std::uint16_t kEndsByItself =
     kCommandTimeout | kSafeStartViolation | kIntentionallyDeEnergized;
 
@@ -254,7 +254,7 @@ void Tic::check_no_error(const Variables& now) const {
 }
 
 /// From whatever state to the normal one. Only a call that moves does this: leaving the normal
-/// state sets the safe-start violation, which wants an explicit command (guide 5.4).
+/// state sets the safe-start violation, which only an explicit command clears.
 void Tic::energize(Time deadline) {
   const Time settled = std::min(deadline, clock_.now() + kEnergizing);
   for (;;) {
@@ -271,8 +271,8 @@ void Tic::energize(Time deadline) {
   }
 }
 
-/// Polls until `arrived`, and feeds the command timeout four times as often as it needs: should
-/// this task hang, the motor stops by itself.
+/// Polls until `arrived`, and feeds the command timeout at least four times within its period:
+/// should this task hang, the motor stops by itself.
 void Tic::watch(Time deadline, const std::string& what,
                 const std::function<bool(const Variables&)>& arrived) {
   const Time pause = std::min(kPoll, from_seconds(settings_.command_timeout / 4));

@@ -1,6 +1,6 @@
 // Wire of the USB-3103: HID reports encoded and decoded in both directions; no I/O. Byte 0 of a
 // report is the command, both ways. Source: wjasper/Linux_Drivers, USB/mcc-libusb (usb-3100.h, .c)
-// and its Python twin; the maker documents no reports.
+// and its Python twin, whose author has the hardware.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
