@@ -12,8 +12,8 @@
 
 namespace vitreo::contract {
 
-/// `Suite` derives from it and says how the device is left when the examination is stopped: `void
-/// leave_safe()`.
+/// `Suite` derives from it and has `void leave_safe()`, which is called when the examination is
+/// stopped.
 template <class Suite>
 struct Examination {
   std::vector<std::string> findings{};

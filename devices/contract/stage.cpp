@@ -121,7 +121,7 @@ class StageExaminer : Examination<StageExaminer> {
       expect(axis.resolution > 0 && std::isfinite(axis.resolution),
              "axis " + axis.name + " has no resolution");
     }
-    expect(!stage_.moving(), "it moves before anybody has set it off");
+    expect(!stage_.moving(), "it moves before it was set off");
   }
   void homes() {
     stage_.home(how_.timeout);

@@ -96,8 +96,7 @@ class Motion {
     homing_ = homing;
   }
 
-  /// Whether the motion goes on; when it does not, ending_ says how it ended, or is null when it is
-  /// there.
+  /// Whether the motion goes on; when it does not, ending_ is how it ended, or null at its target.
   bool poll_motion() {
     if (!moving_) return false;
     try {

@@ -54,8 +54,8 @@ class Writer {
     return stuck_;
   }
 
-  /// Bytes written; negative with why in `why`. Nothing at the deadline, and ever after: the report
-  /// may still go out.
+  /// Bytes written; negative with the reason in `why`. Nothing at the deadline, and ever after: the
+  /// report may still go out, and another behind it would come out of order.
   std::optional<int> write(std::span<const std::uint8_t> report, std::string& why) {
     std::unique_lock lock(mutex_);
     if (stuck_) return std::nullopt;
@@ -87,7 +87,7 @@ class Writer {
       why_ = why;
       report_.reset();
       changed_.notify_all();
-      if (stuck_) return;  // nobody waits for it any more
+      if (stuck_) return;  // the link has given this thread up
     }
   }
 
@@ -100,6 +100,7 @@ class Writer {
   bool stuck_ = false, ended_ = false;
 };
 
+/// Reads and writes block, so they run outside the clock's baton.
 class HidapiLink final : public HidLink {
  public:
   HidapiLink(const UsbAddress& address, Clock& clock)
@@ -135,7 +136,7 @@ class HidapiLink final : public HidLink {
     int size = 0;
     std::string why;
     clock_.outside([&] {
-      // Of two readers that were both told of one report, hidapi would let one wait for ever.
+      // Of two readers that poll() woke for one report, hidapi would let one wait for ever.
       const std::lock_guard lock(reading_);
       size = hid_read_timeout(writer_->device(), bytes.data(), bytes.size(),
                               static_cast<int>(milliseconds));

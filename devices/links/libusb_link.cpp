@@ -30,7 +30,7 @@ DeviceError usb_error(int code, const std::string& device, const std::string& wh
         return DeviceErrorKind::refused;
       case LIBUSB_ERROR_OVERFLOW:
         return DeviceErrorKind::protocol;
-      default:  // NO_DEVICE, IO and what else a bus says of a device that is going
+      default:  // NO_DEVICE, IO and the other errors of a device that is being unplugged
         return DeviceErrorKind::lost;
     }
   }();

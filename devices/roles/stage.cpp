@@ -19,7 +19,7 @@ void wait_or_stop(AnyStage& stage, Time timeout, Clock& clock) {
     const StopShield shield(clock);
     try {
       stage.stop();
-    } catch (const std::exception&) {  // what broke the wait off says more
+    } catch (const std::exception&) {  // the error that ended the wait says more
     }
     std::rethrow_exception(first);
   }

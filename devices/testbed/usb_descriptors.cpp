@@ -57,13 +57,13 @@ Bytes string_descriptor(const std::string& text) {
 
 }  // namespace
 
-UsbPlace::UsbPlace(int number)
+UsbPaths::UsbPaths(int number)
     : device(number + 1),
       devpath(format("/devices/pci0000:00/0000:00:14.0/usb1/1-%d", number)),
       name(format("1-%d", number)),
       node(format("/dev/bus/usb/001/%03d", number + 1)) {}
 
-HidPlace::HidPlace(const UsbPlace& usb, const UsbIdentity& identity)
+HidPaths::HidPaths(const UsbPaths& usb, const UsbIdentity& identity)
     : interface_devpath(usb.devpath + "/" + usb.name + ":1.0"),
       hid_devpath(interface_devpath + "/" +
                   format("0003:%04X:%04X", identity.vendor, identity.product) +
@@ -74,15 +74,15 @@ HidPlace::HidPlace(const UsbPlace& usb, const UsbIdentity& identity)
 /// umockdev's format: P the path, N the node, E properties of udev, A attributes of sysfs, H binary
 /// attributes in hexadecimal. libusb reads busnum, devnum, speed, bConfigurationValue and the
 /// descriptors.
-std::string describe_usb(const UsbPlace& place, const UsbIdentity& d,
+std::string describe_usb(const UsbPaths& paths, const UsbIdentity& d,
                          std::uint8_t interface_class) {
   Bytes descriptors = device_descriptor(d);
   const Bytes configuration = configuration_descriptor(interface_class);
   descriptors.insert(descriptors.end(), configuration.begin(), configuration.end());
-  const std::string device = std::to_string(place.device);
-  return "P: " + place.devpath + "\nN: " + place.node.substr(5) +
-         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=" + place.node +
-         "\nE: BUSNUM=001\nE: DEVNUM=" + format("%03d", place.device) +
+  const std::string device = std::to_string(paths.device);
+  return "P: " + paths.devpath + "\nN: " + paths.node.substr(5) +
+         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=" + paths.node +
+         "\nE: BUSNUM=001\nE: DEVNUM=" + format("%03d", paths.device) +
          "\nA: busnum=1\nA: devnum=" + device +
          "\nA: speed=12\nA: bConfigurationValue=1\nA: idVendor=" + format("%04x", d.vendor) +
          "\nA: idProduct=" + format("%04x", d.product) +
@@ -93,7 +93,7 @@ std::string describe_usb(const UsbPlace& place, const UsbIdentity& d,
 
 /// Three devices, each the parent of the next: USB interface, HID device, hidraw node. hidapi reads
 /// HID_ID, HID_NAME and HID_UNIQ of the middle one. MINOR need not be right: nothing opens by it.
-std::string describe_hid(const UsbPlace&, const HidPlace& hid, const UsbIdentity& d,
+std::string describe_hid(const UsbPaths&, const HidPaths& hid, const UsbIdentity& d,
                          const Bytes& report_descriptor) {
   return "P: " + hid.interface_devpath +
          "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\nA: bInterfaceNumber=00\n\nP: " +

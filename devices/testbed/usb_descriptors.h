@@ -13,8 +13,8 @@
 namespace vitreo {
 
 /// Paths of the device with this number, on an emulated bus of its own.
-struct UsbPlace {
-  explicit UsbPlace(int number);
+struct UsbPaths {
+  explicit UsbPaths(int number);
   std::string sysfs() const { return "/sys" + devpath; }
   int device;           ///< its address on the bus
   std::string devpath;  ///< in sysfs, without /sys
@@ -22,17 +22,17 @@ struct UsbPlace {
   std::string node;     ///< below /dev
 };
 
-struct HidPlace {
-  HidPlace(const UsbPlace& usb, const UsbIdentity& identity);
+struct HidPaths {
+  HidPaths(const UsbPaths& usb, const UsbIdentity& identity);
   std::string interface_devpath;
   std::string hid_devpath;
   std::string raw_devpath;
   std::string node;
 };
 
-std::string describe_usb(const UsbPlace& place, const UsbIdentity& identity,
+std::string describe_usb(const UsbPaths& paths, const UsbIdentity& identity,
                          std::uint8_t interface_class);
-std::string describe_hid(const UsbPlace& place, const HidPlace& hid, const UsbIdentity& identity,
+std::string describe_hid(const UsbPaths& paths, const HidPaths& hid, const UsbIdentity& identity,
                          const std::vector<std::uint8_t>& report_descriptor);
 
 /// One collection of the usage, with an input and an output report of 63 bytes.

@@ -400,19 +400,19 @@ class Umockdev final : public UsbTestbed {
 
   int plug(UsbPeer& peer) override {
     const int number = next_++;
-    const UsbPlace place(number);
-    add(number, place.node, std::make_unique<PluggedUsb>(mutex_, place.node, place.sysfs(), peer),
-        describe_usb(place, peer.identity(), 0xFF));
+    const UsbPaths paths(number);
+    add(number, paths.node, std::make_unique<PluggedUsb>(mutex_, paths.node, paths.sysfs(), peer),
+        describe_usb(paths, peer.identity(), 0xFF));
     return number;
   }
   int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page, int usage) override {
     const int number = next_++;
-    const UsbPlace place(number);
+    const UsbPaths paths(number);
     const Bytes descriptor = report_descriptor(usage_page, usage);
-    const HidPlace hid(place, identity);
+    const HidPaths hid(paths, identity);
     add(number, hid.node,
-        std::make_unique<PluggedHid>(mutex_, hid.node, place.sysfs(), peer, descriptor),
-        describe_usb(place, identity, 0x03) + describe_hid(place, hid, identity, descriptor));
+        std::make_unique<PluggedHid>(mutex_, hid.node, paths.sysfs(), peer, descriptor),
+        describe_usb(paths, identity, 0x03) + describe_hid(place, hid, identity, descriptor));
     return number;
   }
   void unplug(int plug) override {

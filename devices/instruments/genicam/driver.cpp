@@ -156,7 +156,7 @@ void GenicamCamera::open_stream() {
   stream_.reset(
       ask("stream", [c](GError** e) { return arv_camera_create_stream(c, nullptr, nullptr, e); }));
   // "Controller privilege required": a second client may read registers, but gets no stream.
-  if (!stream_) fail(DeviceErrorKind::refused, "no stream; does somebody else control it?");
+  if (!stream_) fail(DeviceErrorKind::refused, "no stream; does another program control it?");
   // With the buffer that the kernel chooses, a loaded machine lost nearly all frames (2.5 of 30 a
   // second); with a fixed one of 4 MiB none.
   if (ARV_IS_GV_STREAM(stream_.get()))

@@ -113,7 +113,7 @@ class IidcCamera final : public Camera {
     library_.reset(dc1394_new());
     if (!library_) fail(DeviceErrorKind::not_found, "there is no FireWire bus");
     camera_.reset(dc1394_camera_new(library_.get(), guid()));
-    if (!camera_) fail(DeviceErrorKind::not_found, "it does not answer, or somebody else has it");
+    if (!camera_) fail(DeviceErrorKind::not_found, "it does not answer, or another program has it");
     if (settings_.fast_bus)
       need(dc1394_video_set_operation_mode(camera_.get(), DC1394_OPERATION_MODE_1394B), "fast_bus");
     need(dc1394_video_set_iso_speed(

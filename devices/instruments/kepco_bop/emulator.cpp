@@ -110,7 +110,7 @@ class EmulatedBop final : public Emulator {
     const bool known = values_.contains(command.header) || command.header == "FUNC:MODE" ||
                        command.header == "OUTP" || command.header == "OUTP:MODE";
     if (!known) return complain(-113, "Undefined header");
-    if (!remote_) return;  // under its front panel's control it takes no order, and says nothing
+    if (!remote_) return;  // under local control set commands are ignored, without an error
     if (command.header == "FUNC:MODE") {
       mode_ = command.value;
     } else if (command.header == "OUTP") {

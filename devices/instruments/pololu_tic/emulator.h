@@ -16,7 +16,7 @@ struct EmulatorSettings {
   std::uint16_t product = 0x00B3;
   std::string serial = "00123456";
   bool position_known = false;  ///< as if it had been homed since it was powered
-  std::int32_t position = 0;    ///< what the controller's counter says at first, usteps
+  std::int32_t position = 0;    ///< usteps, of the controller's counter at first
   std::uint8_t step_mode = 0;   ///< as its settings have it
   /// Position of the home switch, in usteps from where the motor stands at first.
   std::int64_t home_usteps = 0;

@@ -21,7 +21,7 @@ class EmulatedMpc200 final : public Emulator {
       : connected_(settings.connected),
         version_(settings.version),
         straight_pause_(settings.straight_pause) {
-    places_.fill(settings.start);
+    positions_.fill(settings.start);
   }
 
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
@@ -37,7 +37,7 @@ class EmulatedMpc200 final : public Emulator {
   }
 
   Usteps position(int drive, Time now) const override {
-    const Usteps& from = places_[static_cast<std::size_t>(drive - 1)];
+    const Usteps& from = positions_[static_cast<std::size_t>(drive - 1)];
     if (!under_way_ || drive != active_ || now <= begun_) return from;
     if (now >= arrival_) return to_;
     const double gone = to_seconds(now - begun_) / to_seconds(arrival_ - begun_);
@@ -52,7 +52,7 @@ class EmulatedMpc200 final : public Emulator {
   void fall_silent() override { silent_ = true; }
   void stop_short(double part) override { part_ = part; }
   void power_cycle(Time now) override {
-    place() = position(active_, now);
+    active_position() = position(active_, now);
     under_way_ = silent_ = crashed_ = interrupted_ = false;
     active_ = 1;
     heard_.clear();
@@ -60,7 +60,7 @@ class EmulatedMpc200 final : public Emulator {
   }
 
  private:
-  Usteps& place() { return places_[static_cast<std::size_t>(active_ - 1)]; }
+  Usteps& active_position() { return positions_[static_cast<std::size_t>(active_ - 1)]; }
 
   /// Byte by byte: commands have no end mark, so each is complete when it has its length.
   void hear(std::uint8_t byte, Time now) {
@@ -84,22 +84,22 @@ class EmulatedMpc200 final : public Emulator {
 
   /// The CR comes at once, and 'I' stands before the next reply.
   void interrupt(Time now) {
-    place() = position(active_, now);
+    active_position() = position(active_, now);
     under_way_ = false;
     speak({kEnd}, now);
     interrupted_ = true;
   }
   void end_motion() {
     under_way_ = false;
-    place() = to_;
+    active_position() = to_;
     speak({kEnd}, arrival_);
   }
   void set_off(const Usteps& target, double speed, double part, Time now) {
     double way = 0;
     for (std::size_t i = 0; i < 3; ++i) {
       const double full =
-          static_cast<double>(std::clamp(target[i], 0, kTravel_usteps)) - place()[i];
-      to_[i] = place()[i] + static_cast<std::int32_t>(std::lround(part * full));
+          static_cast<double>(std::clamp(target[i], 0, kTravel_usteps)) - active_position()[i];
+      to_[i] = active_position()[i] + static_cast<std::int32_t>(std::lround(part * full));
       way = std::max(way, std::abs(full));
     }
     begun_ = now;
@@ -110,8 +110,8 @@ class EmulatedMpc200 final : public Emulator {
   void move(const Usteps& target, double speed, Time now) {
     bool any = false;
     for (std::size_t i = 0; i < 3; ++i)
-      any =
-          any || std::abs(static_cast<std::int64_t>(target[i]) - place()[i]) >= kLeastMotion_usteps;
+      any = any || std::abs(static_cast<std::int64_t>(target[i]) - active_position()[i]) >=
+                       kLeastMotion_usteps;
     if (any) set_off(target, speed, part_, now);
   }
 
@@ -123,7 +123,9 @@ class EmulatedMpc200 final : public Emulator {
     if (is_there) active_ = command.drive;
     speak({is_there ? static_cast<std::uint8_t>(command.drive) : kNoSuchDrive, kEnd}, now);
   }
-  void obey(const GetPosition&, Time now) { speak(encode_position({active_, place()}), now); }
+  void obey(const GetPosition&, Time now) {
+    speak(encode_position({active_, active_position()}), now);
+  }
   void obey(const FastMove& command, Time now) { move(command.target, kFastMotion, now); }
   void obey(const StraightMove& command, Time now) {
     move(command.target, speed_of(command.speed), now);
@@ -140,7 +142,7 @@ class EmulatedMpc200 final : public Emulator {
   const Connected connected_;
   const int version_;
   const Time straight_pause_;
-  std::array<Usteps, kDrives> places_{};
+  std::array<Usteps, kDrives> positions_{};
   int active_ = 1;
   Usteps to_{};
   Time begun_{};

@@ -119,13 +119,13 @@ inline std::optional<Command> decode_command(std::string_view line) {
   // the data.
   Command command;
   std::string_view text = *body;
-  for (int place = 0; place < 3; ++place) {
+  for (int field = 0; field < 3; ++field) {
     std::string_view after = text;
-    const auto number = detail::small_number(detail::next_word(after), place == 1 ? 1 : 2);
+    const auto number = detail::small_number(detail::next_word(after), field == 1 ? 1 : 2);
     if (!number) break;
-    if (place == 0) command.device = *number;
-    if (place == 1) command.axis = *number;
-    if (place == 2) command.id = *number;
+    if (field == 0) command.device = *number;
+    if (field == 1) command.axis = *number;
+    if (field == 2) command.id = *number;
     text = after;
   }
   command.data = detail::rest_of(text);
