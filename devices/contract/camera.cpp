@@ -1,4 +1,3 @@
-// The duties of a Camera, one function each.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/camera.h"
 
@@ -21,6 +20,7 @@ struct Examiner : Examination<Examiner> {
       : camera(its), clock(time), how(check) {}
   void leave_safe() {}  // it moves nothing
 
+  /// Generous: a duty is to deliver, not to be fast.
   Time patience() const { return from_seconds(std::max(2.0, 20 * camera.info().frame_period)); }
 
   void describes_itself() {
@@ -32,7 +32,9 @@ struct Examiner : Examination<Examiner> {
     expect(std::isfinite(info.effective_pixel) && info.effective_pixel > 0,
            "effective_pixel is not positive");
   }
-  void look_at(const Frame& frame) {
+  /// Depth, size and times of one frame; the exposure lies before the arrival, and the arrival
+  /// before now.
+  void examine(const Frame& frame) {
     const CameraInfo& info = camera.info();
     expect(frame.image.type() == CV_8UC1, "a frame is not 8-bit gray");
     expect(frame.image.cols == info.width_px && frame.image.rows == info.height_px,
@@ -48,11 +50,12 @@ struct Examiner : Examination<Examiner> {
     Frame last;
     for (int i = 0; i < how.frames; ++i) {
       Frame frame = camera.grab(patience());
-      look_at(frame);
+      examine(frame);
       if (i > 0) {
         expect(frame.number > last.number, "numbers do not grow");
         expect(how.may_drop || frame.number == last.number + 1, "numbers have gaps");
         expect(frame.exposed > last.exposed, "times of exposure do not grow");
+        // A frame belongs to its receiver: the driver may not reuse its memory.
         expect(frame.image.data != last.image.data,
                "a frame that was delivered is written to again");
         if (!how.may_repeat && frame.image.size() == last.image.size())
@@ -61,8 +64,8 @@ struct Examiner : Examination<Examiner> {
       last = std::move(frame);
     }
   }
-  /// Asked for more frames than can come, it must say so at the deadline. Some camera may be so
-  /// fast that none is late.
+  /// Asked for more frames than can come, it must throw at the deadline. Repeated, since one frame
+  /// or a few may already wait in its buffers.
   void keeps_the_deadline() {
     for (int i = 0; i < 50; ++i) {
       const Time start = clock.now();
@@ -78,7 +81,7 @@ struct Examiner : Examination<Examiner> {
     }
     findings.emplace_back("it always has a frame at once");
   }
-  void goes_on_after_a_timeout() { look_at(camera.grab(patience())); }
+  void goes_on_after_a_timeout() { examine(camera.grab(patience())); }
   void counts_frames() {
     const CameraStatistics before = camera.statistics();
     if (before.delivered == 0) return;  // a camera that cannot lose any does not count

@@ -1,4 +1,3 @@
-// The duties of a CoilAmplifier, one function each.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/coil_amplifier.h"
 
@@ -33,6 +32,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
     return currents;
   }
 
+  /// currents() is exactly what was set; what flows agrees within the tolerance.
   void expect_currents(const Currents& wanted, const std::string& when) {
     expect(amplifier.currents() == wanted, when + ", currents() is not what was set");
     if (!how.measured) return;
@@ -89,6 +89,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
       expect_refusal<std::invalid_argument>(currents, "a current of " + std::to_string(bad));
     }
   }
+  /// By a thousandth, and on one channel only: a check of sums or with a margin would let it pass.
   void refuses_what_is_beyond_the_limit() {
     for (const double sign : {1., -1.}) {
       Currents currents(count());
@@ -96,6 +97,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
       expect_refusal<DeviceError>(currents, "a current beyond the limit");
     }
   }
+  /// Twice, for make_safe() is idempotent.
   void makes_safe() {
     amplifier.set_currents(pattern());
     amplifier.make_safe();

@@ -1,5 +1,5 @@
-// What every CoilAmplifier owes its callers, as a check that runs on emulators and on real
-// instruments alike.
+// Contract suite of CoilAmplifier: the duties of the role, checked alike on emulators and real
+// instruments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,10 +13,10 @@ namespace vitreo::contract {
 
 struct CoilAmplifierCheck {
   double fraction = 0.05;  ///< of the current limit: how far the coils are driven
-  /// The currents that really flow, in A, where somebody can tell (an emulator, a field probe);
-  /// else nothing.
+  /// The currents that really flow, in A, where they can be known (an emulator, a field probe);
+  /// else null.
   std::function<std::vector<double>()> measured;
-  double tolerance = 1e-3;  ///< A, between what was asked for and what is measured
+  double tolerance = 1e-3;  ///< A, between the set and the measured currents
 };
 
 /// Drives the amplifier through its duties and leaves it safe. Returns one sentence for each duty

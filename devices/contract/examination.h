@@ -1,5 +1,5 @@
-// What the suites of the roles share: findings, and duties of which one that throws does not end
-// the others.
+// Examination: base of the contract suites, with findings, and duties of which one that throws does
+// not end the others.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,13 +12,13 @@
 
 namespace vitreo::contract {
 
-/// `Suite` derives from it and says how the device is left when the examination is stopped: `void
-/// leave_safe()`.
+/// `Suite` derives from it and has `void leave_safe()`, which is called when the examination is
+/// stopped.
 template <class Suite>
 struct Examination {
   std::vector<std::string> findings{};
 
-  /// A finding is told once, however often it is met.
+  /// A finding is reported once, however often it is met.
   void expect(bool good, const std::string& finding) {
     if (!good && std::find(findings.begin(), findings.end(), finding) == findings.end())
       findings.push_back(finding);

@@ -1,4 +1,3 @@
-// The duties of a FieldProbe.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/field_probe.h"
 
@@ -9,6 +8,7 @@
 namespace vitreo::contract {
 namespace {
 
+/// What is wrong with its description.
 std::vector<std::string> describe(const FieldProbeInfo& info) {
   std::vector<std::string> findings;
   if (info.identity.name.empty()) findings.emplace_back("it has no name");
@@ -17,6 +17,7 @@ std::vector<std::string> describe(const FieldProbeInfo& info) {
   return findings;
 }
 
+/// One reading: a number per axis, measured during the call, within the range and true.
 void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how,
              std::vector<std::string>& findings) {
   const Time before = clock.now();
@@ -29,6 +30,7 @@ void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how,
     findings.emplace_back("a reading was not taken when it was asked for");
   const std::vector<double> really = how.really ? how.really() : reading.field;
   for (std::size_t i = 0; i < reading.field.size(); ++i) {
+    // Written so that a NaN fails too.
     if (!(std::abs(reading.field[i]) <= probe.info().range))
       findings.emplace_back("a reading is beyond the range");
     if (!(std::abs(reading.field[i] - really[i]) <= how.tolerance))
@@ -47,6 +49,8 @@ std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbe
     findings.push_back(std::string("measure: threw ") + error.what());
   }
   if (!findings.empty()) return findings;
+  // No instrument measures in no time; and an answer that comes late must not be taken for that of
+  // the next question.
   try {
     probe.measure(Time::zero());
     findings.emplace_back("measure() does not notice its deadline");

@@ -1,5 +1,5 @@
-// What every FieldProbe owes its callers, as a check that runs on emulators and on real instruments
-// alike.
+// Contract suite of FieldProbe: the duties of the role, checked alike on emulators and real
+// instruments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,7 +13,7 @@ namespace vitreo::contract {
 
 struct FieldProbeCheck {
   Time timeout = std::chrono::seconds(5);  ///< of each measurement
-  /// The field that really is there, in T, where somebody can tell; else nothing.
+  /// The field that really is there, in T, where it can be known; else null.
   std::function<std::vector<double>()> really{};
   double tolerance = 10e-6;  ///< T
 };

@@ -1,4 +1,3 @@
-// The duties of a Lamp.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/lamp.h"
 
@@ -17,6 +16,7 @@ struct LampExaminer : Examination<LampExaminer> {
   LampExaminer(Lamp& its, const LampCheck& check) : lamp(its), how(check) {}
   void leave_safe() { lamp.make_safe(); }
 
+  /// level() is exactly what was set; the light agrees within the tolerance.
   void expect_level(double level, const std::string& when) {
     expect(lamp.level() == level, when + ", level() is not what was set");
     if (how.measured)
@@ -44,6 +44,7 @@ struct LampExaminer : Examination<LampExaminer> {
       expect_level(how.level, "after a level that is none");
     }
   }
+  /// Twice, for make_safe() is idempotent.
   void makes_safe() {
     lamp.set_level(how.level);
     lamp.make_safe();

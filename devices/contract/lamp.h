@@ -1,5 +1,4 @@
-// What every Lamp owes its callers, as a check that runs on emulators and on real instruments
-// alike.
+// Contract suite of Lamp: the duties of the role, checked alike on emulators and real instruments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,7 +12,7 @@ namespace vitreo::contract {
 
 struct LampCheck {
   double level = 0.05;  ///< how bright it gets
-  /// The light that there really is, as a level, where somebody can tell; else nothing.
+  /// The light that there really is, as a level, where it can be known; else null.
   std::function<double()> measured{};
   double tolerance = 1e-3;
 };

@@ -1,4 +1,3 @@
-// The duties of a LensMover, one function each.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/lens_mover.h"
 
@@ -40,7 +39,8 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
     expect(mover.travel_min() < mover.travel_max(), "its travel is empty");
     expect(how.fraction > 0 && how.fraction < 0.5, "fraction must be in (0, 0.5)");
   }
-  void knows_its_place() {
+  /// Before it is homed it refuses to move; afterwards its position is a number.
+  void knows_its_position() {
     if (!mover.homed()) {
       expect_error(DeviceErrorKind::refused, "a move before it was homed",
                    [this] { mover.move_to(middle(), how.timeout); });
@@ -49,6 +49,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
     expect(mover.homed(), "it is not homed after home()");
     expect(std::isfinite(mover.position()), "position() is not a number");
   }
+  /// Both ways, so that a backlash or a wrong sign shows; and a motion of no length ends at once.
   void moves() {
     for (const double target : {middle(), middle() + reach(), middle() - reach()}) {
       mover.move_to(target, how.timeout);
@@ -60,6 +61,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
   }
   void refuses_what_is_outside_the_travel() {
     const double before = mover.position();
+    // NaN and infinity are targets outside the travel too.
     const double beyond = 0.01 * (mover.travel_max() - mover.travel_min());
     for (const double target :
          {mover.travel_max() + beyond, mover.travel_min() - beyond,
@@ -68,6 +70,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
                    [&] { mover.move_to(target, how.timeout); });
     expect(mover.position() == before, "a refused move moves it");
   }
+  /// It stands when the call ends, and still knows where: it was decelerated, not halted.
   void stops_at_the_deadline() {
     mover.move_to(middle() - reach(), how.timeout);
     expect_error(DeviceErrorKind::timeout, "a move without time",
@@ -94,7 +97,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
 std::vector<std::string> check(LensMover& mover, const LensMoverCheck& how) {
   LensMoverExaminer examiner(mover, how);
   examiner.duty("describe itself", &LensMoverExaminer::describes_itself);
-  examiner.duty("know its place", &LensMoverExaminer::knows_its_place);
+  examiner.duty("know its place", &LensMoverExaminer::knows_its_position);
   if (!examiner.findings.empty()) return examiner.findings;  // nothing else can be asked of it
   examiner.duty("move", &LensMoverExaminer::moves);
   examiner.duty("refuse what is outside the travel",

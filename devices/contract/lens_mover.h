@@ -1,5 +1,5 @@
-// What every LensMover owes its callers, as a check that runs on emulators and on real instruments
-// alike.
+// Contract suite of LensMover: the duties of the role, checked alike on emulators and real
+// instruments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,10 +13,10 @@
 namespace vitreo::contract {
 
 struct LensMoverCheck {
-  double fraction = 0.1;    ///< of the travel: how far it is moved either way
-  double tolerance = 1e-6;  ///< m, between where it was sent and where it says it is
+  double fraction = 0.1;                    ///< of the travel: how far it is moved either way
+  double tolerance = 1e-6;                  ///< m, between its target and its position
   Time timeout = std::chrono::seconds(60);  ///< of one move, and of homing
-  /// Where the lens really is, in m, where somebody can tell; else nothing.
+  /// Where the lens really is, in m, where it can be known; else null.
   std::function<double()> measured;
 };
 

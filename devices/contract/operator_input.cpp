@@ -1,4 +1,3 @@
-// The duties of an OperatorInput.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/operator_input.h"
 
@@ -7,11 +6,13 @@
 namespace vitreo::contract {
 namespace {
 
-constexpr int kLooks = 50;
+/// 50 readings in one second.
+constexpr int kReadings = 50;
 constexpr Time kBetween = std::chrono::milliseconds(20);
-constexpr Time kAtOnce =
-    std::chrono::milliseconds(100);  // it does not wait; this much the system may take
+/// state() does not wait; the median of the calls may take this long on a loaded system.
+constexpr Time kAtOnce = std::chrono::milliseconds(100);
 
+/// A finding is reported once, however often it is met.
 void note(std::vector<std::string>& findings, bool good, const std::string& finding) {
   if (!good && std::find(findings.begin(), findings.end(), finding) == findings.end())
     findings.push_back(finding);
@@ -24,7 +25,7 @@ std::vector<std::string> check(OperatorInput& input, Clock& clock) {
   try {
     note(findings, !input.identity().empty(), "identity is empty");
     std::vector<Time> took;
-    for (int i = 0; i < kLooks; ++i) {
+    for (int i = 0; i < kReadings; ++i) {
       const Time asked = clock.now();
       const OperatorState state = input.state();
       took.push_back(clock.now() - asked);
@@ -35,8 +36,8 @@ std::vector<std::string> check(OperatorInput& input, Clock& clock) {
            "is_held() and state() differ");
       clock.sleep_for(kBetween);
     }
-    std::nth_element(took.begin(), took.begin() + kLooks / 2, took.end());
-    note(findings, took[kLooks / 2] < kAtOnce, "it waits where it should tell what is");
+    std::nth_element(took.begin(), took.begin() + kReadings / 2, took.end());
+    note(findings, took[kReadings / 2] < kAtOnce, "it waits where it should tell what is");
   } catch (const Stopped&) {
     throw;
   } catch (const std::exception& error) {

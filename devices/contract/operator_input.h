@@ -1,5 +1,5 @@
-// What every OperatorInput owes its callers, as a check that runs on emulators and on real
-// instruments alike.
+// Contract suite of OperatorInput: the duties of the role, checked alike on emulators and real
+// instruments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace vitreo::contract {
 
-/// Looks at it for a second, untouched or not. Returns one sentence for each duty that it fails;
+/// Reads it for a second, untouched or not. Returns one sentence for each duty that it fails;
 /// none is good. Lets Stopped pass; takes every other exception as a finding.
 std::vector<std::string> check(OperatorInput& input, Clock& clock);
 

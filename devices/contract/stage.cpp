@@ -1,8 +1,8 @@
-// The duties of a Stage, one function each; a RotationStage is examined as a stage of one axis.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/stage.h"
 
 #include "devices/contract/examination.h"
+#include "devices/roles/forwarding_stage.h"
 #include "devices/time/error.h"
 
 #include <algorithm>
@@ -13,32 +13,26 @@
 namespace vitreo::contract {
 namespace {
 
-using Place = std::vector<double>;
+using Position = std::vector<double>;  // m or rad, one per axis
 
-/// A rotation stage in a stage's clothes.
-class AsStage final : public Stage {
+/// A rotation stage as a stage of one axis, so that one suite examines both roles.
+class AsStage final : public ForwardingMotion<Stage, RotationStage> {
  public:
   explicit AsStage(RotationStage& stage)
-      : stage_(stage), info_{stage.info().identity, {stage.info().axis}} {}
+      : ForwardingMotion(stage), info_{stage.info().identity, {stage.info().axis}} {}
   const StageInfo& info() const override { return info_; }
-  Place position() override { return {stage_.angle()}; }
+  Position position() override { return {inner().angle()}; }
   void start(std::span<const double> target, double speed) override {
-    // The role takes one number: what only a stage of several axes can be given wrong is not its
-    // business.
+    // RotationStage::start takes one number, so a wrong count cannot reach it.
     if (target.size() != 1) throw std::invalid_argument("target: one angle is wanted");
-    stage_.start(target.front(), speed);
+    inner().start(target.front(), speed);
   }
-  bool moving() override { return stage_.moving(); }
-  void wait(Time timeout) override { stage_.wait(timeout); }
-  void home(Time timeout) override { stage_.home(timeout); }
-  void stop() override { stage_.stop(); }
-  void make_safe() override { stage_.make_safe(); }
 
  private:
-  RotationStage& stage_;
   StageInfo info_;
 };
 
+/// One function a duty. All move between two positions, near_ and far_, at speed_.
 class StageExaminer : Examination<StageExaminer> {
  public:
   StageExaminer(Stage& stage, Clock& clock, const StageCheck& how)
@@ -47,10 +41,10 @@ class StageExaminer : Examination<StageExaminer> {
   std::vector<std::string> run() {
     duty("describe itself", &StageExaminer::describes_itself);
     if (!findings.empty()) return findings;  // nothing else can be asked of it
-    choose_places();
+    choose_positions();
     if (how_.home) duty("find home", &StageExaminer::homes);
-    duty("go where it is told", &StageExaminer::goes_where_it_is_told);
-    duty("tell that it moves", &StageExaminer::tells_that_it_moves);
+    duty("go where it is told", &StageExaminer::reaches_its_targets);
+    duty("tell that it moves", &StageExaminer::reports_that_it_moves);
     duty("refuse a wrong target", &StageExaminer::refuses_what_is_no_target);
     duty("refuse what is beyond its limits", &StageExaminer::refuses_what_is_beyond_its_limits);
     duty("stop", &StageExaminer::stops);
@@ -66,7 +60,9 @@ class StageExaminer : Examination<StageExaminer> {
 
   const std::vector<StageAxis>& axes() const { return stage_.info().axes; }
 
-  void choose_places() {
+  /// near_ in the middle of the travel, far_ a hundredth of the travel beside it; of an axis
+  /// without ends, 0 and 0.1 (rad). The speed is that of the slowest axis.
+  void choose_positions() {
     near_ = far_ = how_.start;
     speed_ = how_.speed > 0 ? how_.speed : std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < axes().size(); ++i) {
@@ -83,22 +79,25 @@ class StageExaminer : Examination<StageExaminer> {
     }
   }
 
-  void expect_place(const Place& wanted, const std::string& when) {
+  /// Both what the stage reports and, where it is known, the truth.
+  void expect_position(const Position& wanted, const std::string& when) {
     expect_near(stage_.position(), wanted, when + ", position() is not the target");
     if (how_.measured) expect_near(how_.measured(), wanted, when + ", it is really somewhere else");
   }
-  void expect_near(const Place& place, const Place& wanted, const std::string& finding) {
-    bool good = place.size() == wanted.size();
-    for (std::size_t i = 0; good && i < place.size(); ++i) {
+  void expect_near(const Position& position, const Position& wanted, const std::string& finding) {
+    bool good = position.size() == wanted.size();
+    for (std::size_t i = 0; good && i < position.size(); ++i) {
       const double tolerance = how_.tolerance > 0 ? how_.tolerance : 4 * axes()[i].resolution;
-      good = std::abs(place[i] - wanted[i]) <= tolerance;
+      good = std::abs(position[i] - wanted[i]) <= tolerance;
     }
     expect(good, finding);
   }
-  void go(const Place& target) { move_to(stage_, target, speed_, how_.timeout, clock_); }
+  void go(const Position& target) { move_to(stage_, target, speed_, how_.timeout, clock_); }
 
+  /// start() must throw `Error`, which tells a mistake of the caller from a limit of the stage, and
+  /// nothing may move.
   template <class Error>
-  void expect_refusal(const Place& target, double speed, const std::string& name) {
+  void expect_refusal(const Position& target, double speed, const std::string& name) {
     try {
       stage_.start(target, speed);
       findings.push_back(name + " is accepted");
@@ -122,28 +121,28 @@ class StageExaminer : Examination<StageExaminer> {
       expect(axis.resolution > 0 && std::isfinite(axis.resolution),
              "axis " + axis.name + " has no resolution");
     }
-    expect(!stage_.moving(), "it moves before anybody has set it off");
+    expect(!stage_.moving(), "it moves before it was set off");
   }
   void homes() {
     stage_.home(how_.timeout);
     expect(!stage_.moving(), "after home(), it moves");
   }
-  void goes_where_it_is_told() {
-    for (const Place& target : {near_, far_, near_}) {
+  void reaches_its_targets() {
+    for (const Position& target : {near_, far_, near_}) {
       go(target);
-      expect_place(target, "after a motion");
+      expect_position(target, "after a motion");
     }
     go(near_);
-    expect_place(near_, "after a motion to where it stands");
+    expect_position(near_, "after a motion to where it stands");
   }
-  void tells_that_it_moves() {
+  void reports_that_it_moves() {
     stage_.start(far_, speed_);
     expect(stage_.moving(), "it says that it stands while it moves");
     expect_busy();
     stage_.wait(how_.timeout);
     expect(!stage_.moving(), "it says that it moves when it is there");
     stage_.wait(how_.timeout);
-    expect_place(far_, "after start() and wait()");
+    expect_position(far_, "after start() and wait()");
   }
   void expect_busy() {
     try {
@@ -156,7 +155,7 @@ class StageExaminer : Examination<StageExaminer> {
   }
   void refuses_what_is_no_target() {
     go(near_);
-    Place fewer = near_, more = near_, nothing = near_;
+    Position fewer = near_, more = near_, nothing = near_;
     fewer.pop_back();
     more.push_back(0);
     nothing.back() = std::numeric_limits<double>::quiet_NaN();
@@ -166,15 +165,16 @@ class StageExaminer : Examination<StageExaminer> {
     expect_refusal<std::invalid_argument>(far_, 0, "a speed of zero");
     expect_refusal<std::invalid_argument>(far_, std::numeric_limits<double>::quiet_NaN(),
                                           "a speed that is not a number");
-    expect_place(near_, "after refusals");
+    expect_position(near_, "after refusals");
   }
+  /// Ten steps beyond each end of each axis, and a hundredth above its speed.
   void refuses_what_is_beyond_its_limits() {
     go(near_);
     for (std::size_t i = 0; i < axes().size(); ++i) {
       const StageAxis& axis = axes()[i];
       for (const double edge : {axis.travel_min, axis.travel_max}) {
         if (std::isinf(edge)) continue;
-        Place beyond = near_;
+        Position beyond = near_;
         beyond[i] = edge + (edge == axis.travel_min ? -1 : 1) * 10 * axis.resolution;
         expect_refusal<DeviceError>(beyond, speed_,
                                     "a target beyond the travel of axis " + axis.name);
@@ -182,8 +182,9 @@ class StageExaminer : Examination<StageExaminer> {
       expect_refusal<DeviceError>(far_, 1.01 * axis.max_speed,
                                   "a speed above that of axis " + axis.name);
     }
-    expect_place(near_, "after refusals");
+    expect_position(near_, "after refusals");
   }
+  /// A stop is no arrival: wait() must throw; and a motion after it must work.
   void stops() {
     go(near_);
     stage_.start(far_, speed_);
@@ -199,8 +200,9 @@ class StageExaminer : Examination<StageExaminer> {
     stands("after stop()");
     stage_.stop();
     go(far_);
-    expect_place(far_, "after a stop and another motion");
+    expect_position(far_, "after a stop and another motion");
   }
+  /// A wait whose deadline passes must leave the stage standing.
   void stops_at_the_deadline() {
     go(near_);
     stage_.start(far_, speed_);
@@ -218,8 +220,9 @@ class StageExaminer : Examination<StageExaminer> {
     stage_.make_safe();
     stands("after make_safe()");
   }
+  /// Two equal positions, 30 ms apart.
   void stands(const std::string& when) {
-    const Place before = stage_.position();
+    const Position before = stage_.position();
     clock_.sleep_for(std::chrono::milliseconds(30));
     expect_near(stage_.position(), before, when + ", it still moves");
   }
@@ -227,7 +230,8 @@ class StageExaminer : Examination<StageExaminer> {
   Stage& stage_;
   Clock& clock_;
   const StageCheck& how_;
-  Place near_, far_;
+  Position near_;
+  Position far_;
   double speed_ = 0;
 };
 

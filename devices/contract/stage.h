@@ -1,5 +1,5 @@
-// What every Stage and RotationStage owes its callers, as a check that runs on emulators and on
-// real instruments alike.
+// Contract suite of Stage and RotationStage: the duties of the roles, checked alike on emulators
+// and real instruments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,15 +13,14 @@
 namespace vitreo::contract {
 
 struct StageCheck {
-  std::vector<double>
-      start{};       ///< m, where it goes first, one per axis; empty: the middle of the travel
+  /// m, where it goes first, one per axis; empty: the middle of the travel.
+  std::vector<double> start{};
   double way = 0;    ///< m, how far it is then moved along each axis; 0: a hundredth of the travel
   double speed = 0;  ///< m/s; 0: the usual one
-  double tolerance = 0;  ///< m, between target and place; 0: four steps of the axis
+  double tolerance = 0;  ///< m, between target and position; 0: four steps of the axis
   bool home = false;     ///< home it first
   Time timeout = std::chrono::seconds(60);  ///< of each motion
-  /// Where it really is, in m, where somebody can tell (an emulator, a second instrument); else
-  /// nothing.
+  /// Where it really is, in m, where it can be known (an emulator, a second instrument); else null.
   std::function<std::vector<double>()> measured{};
 };
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/stage_driver.h"
 
-#include "devices/time/error.h"
-
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <exception>
 #include <stdexcept>
 #include <utility>
@@ -11,9 +11,11 @@
 namespace vitreo {
 namespace {
 
+/// Between two questions whether a motion goes on.
 constexpr Time kPoll = std::chrono::milliseconds(20);
 
-/// All of a stage's driver but the role it plays.
+/// All of a stage's driver but its role. Each public call is one or more Turns of the dialogue, so
+/// that tasks may share a stage: one waits while another asks for the position or stops it.
 class Motion {
  public:
   Motion(std::unique_ptr<StageProtocol> protocol, const char* unit)
@@ -24,7 +26,7 @@ class Motion {
   ~Motion() {
     try {
       if (!dialogue_.lost()) stop();
-    } catch (...) {  // nobody is left to hear it
+    } catch (...) {  // a destructor cannot report it
     }
   }
   Motion(const Motion&) = delete;
@@ -48,15 +50,16 @@ class Motion {
   bool moving() {
     const Dialogue::Turn turn(dialogue_);
     be_open();
-    return look();
+    return poll_motion();
   }
 
+  /// Polls, with the dialogue free for other tasks in between.
   void wait(Time timeout) {
     const Time deadline = later(clock().now(), timeout);
     for (;;) {
       {
         const Dialogue::Turn turn(dialogue_);
-        if (!look()) {
+        if (!poll_motion()) {
           if (const auto ending = std::exchange(ending_, nullptr)) std::rethrow_exception(ending);
           return;
         }
@@ -87,15 +90,14 @@ class Motion {
 
   void begin(bool homing) {
     be_open();
-    if (look()) dialogue_.fail(DeviceErrorKind::refused, "it is still moving");
+    if (poll_motion()) dialogue_.fail(DeviceErrorKind::refused, "it is still moving");
     ending_ = nullptr;
     moving_ = true;  // should the exchange fail half-way, it may be
     homing_ = homing;
   }
 
-  /// Whether the motion goes on; when it does not, ending_ says how it ended, or is null when it is
-  /// there.
-  bool look() {
+  /// Whether the motion goes on; when it does not, ending_ is how it ended, or null at its target.
+  bool poll_motion() {
     if (!moving_) return false;
     try {
       if (protocol_->busy()) return true;
@@ -104,11 +106,13 @@ class Motion {
     } catch (const DeviceError& error) {
       ending_ = std::current_exception();
       moving_ = false;
-      if (error.kind != DeviceErrorKind::lost) protocol_->tell_to_halt();
+      // Whatever the fault is, the stage may still move; over a lost link nothing can be sent.
+      if (error.kind != DeviceErrorKind::lost) protocol_->send_halt();
     }
     return false;
   }
 
+  /// For a task that is in wait(), or comes to it.
   void end(DeviceErrorKind kind, const char* how) {
     moving_ = false;
     ending_ = std::make_exception_ptr(DeviceError(kind, dialogue_.device(), how));
@@ -141,8 +145,10 @@ class Motion {
   Dialogue& dialogue_;
   const char* const unit_;
   StageInfo info_;
-  bool moving_ = false, homing_ = false;
-  std::exception_ptr ending_;  // how the last motion ended, unless well, until wait() has told it
+  bool moving_ = false;
+  bool homing_ = false;
+  // How the last motion ended, unless well, until wait() has thrown it.
+  std::exception_ptr ending_;
 };
 
 class DrivenStage final : public Stage {
@@ -187,6 +193,82 @@ class DrivenRotationStage final : public RotationStage {
 };
 
 }  // namespace
+
+std::int32_t SilentStageProtocol::aim(std::span<const double> target) {
+  std::int32_t longest = 0;
+  for (std::size_t i = 0; i < target_.size(); ++i) {
+    target_[i] = static_cast<std::int32_t>(std::lround(target[i] / traits_.ustep));
+    longest = std::max(longest, std::abs(target_[i] - from_[i]));
+  }
+  return longest;
+}
+
+void SilentStageProtocol::begin(Time longest) {
+  begun_ = clock().now();
+  deadline_ = later(begun_, longest);
+  moving_ = true;
+}
+
+/// While it moves: from + s (target - from), where s grows from 0 to 1 at the speed of the axis
+/// with the longest way. Any byte on the wire would end the motion.
+std::vector<double> SilentStageProtocol::position() {
+  std::vector<double> position(target_.size());
+  if (!moving_) {
+    const Usteps at = where();
+    std::transform(at.begin(), at.end(), position.begin(),
+                   [this](std::int32_t axis) { return axis * traits_.ustep; });
+    return position;
+  }
+  double longest = 0;
+  for (std::size_t i = 0; i < target_.size(); ++i)
+    longest = std::max(longest, std::abs(target_[i] - from_[i]) * traits_.ustep);
+  const double part =
+      longest > 0 ? std::min(1., to_seconds(clock().now() - begun_) * speed_ / longest) : 1;
+  for (std::size_t i = 0; i < target_.size(); ++i)
+    position[i] = (from_[i] + part * (target_[i] - from_[i])) * traits_.ustep;
+  return position;
+}
+
+/// Listens for the byte at the end of the motion, and sends nothing.
+bool SilentStageProtocol::busy() {
+  if (!moving_) return false;
+  const auto answer = dialogue.next(clock().now());
+  if (!answer && clock().now() < deadline_) return true;
+  moving_ = false;
+  if (!answer) fail(DeviceErrorKind::timeout, "it was silent when its motion should have ended");
+  if (*answer != traits_.end) fail_for(*answer);
+  unsure_ = false;
+  return false;
+}
+
+void SilentStageProtocol::check_arrival(bool) {
+  const Usteps at = where();
+  for (std::size_t i = 0; i < at.size(); ++i)
+    if (std::abs(at[i] - target_[i]) > traits_.tolerance)
+      fail(DeviceErrorKind::refused,
+           std::string("axis ") + "xyz"[i] + ": it stands " +
+               std::to_string((at[i] - target_[i]) / traits_.usteps_per_um) +
+               " um from its target");
+}
+
+/// The interrupt is the only byte that may be sent during a motion. Whether the motion's own answer
+/// comes as well is not known, so resynchronize() reads until the line is silent. Two equal
+/// positions afterwards show that it stands.
+void SilentStageProtocol::halt() {
+  if (!moving_ && !unsure_) return;
+  resynchronize();
+  const Usteps first = where();
+  clock().sleep_for(traits_.silence);
+  if (where() != first) fail(DeviceErrorKind::timeout, "it does not stop");
+}
+
+void SilentStageProtocol::send_halt() {
+  unsure_ = true;
+  try {
+    dialogue.send(std::span(&traits_.interrupt, 1));
+  } catch (const DeviceError&) {  // the first error says more
+  }
+}
 
 std::unique_ptr<Stage> make_stage(std::unique_ptr<StageProtocol> protocol) {
   return std::make_unique<DrivenStage>(std::move(protocol));

@@ -8,12 +8,15 @@
 namespace vitreo {
 namespace {
 
+/// A host that is there answers within milliseconds; a host that is not there is silent for
+/// minutes.
 constexpr Time kConnectTimeout = std::chrono::seconds(2);
 
 }  // namespace
 
 Address parse_address(const std::string& text) {
   if (text == "emulated") return {text, ""};
+  // At the first colon: paths and ports may hold more of them.
   const std::size_t colon = text.find(':');
   if (colon == std::string::npos || colon == 0 || colon + 1 == text.size())
     throw std::invalid_argument("address: \"" + text +

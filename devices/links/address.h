@@ -1,5 +1,5 @@
-// Where an instrument is, as a rig file writes it: "serial:/dev/ttyUSB0", "tcp:192.168.1.7:5025",
-// "emulated".
+// Address of an instrument, as a rig file writes it: "serial:/dev/ttyUSB0",
+// "tcp:192.168.1.7:5025", "emulated".
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

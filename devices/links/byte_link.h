@@ -1,4 +1,4 @@
-// A link that carries a stream of bytes, serial or TCP: to an instrument, an emulator or a
+// Byte link: carries a stream of bytes, serial or TCP, to an instrument, an emulator or a
 // recording; the driver never learns which.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -31,31 +31,31 @@ class ByteLink {
   virtual void reopen() = 0;
 };
 
-/// What an instrument says, and when.
+/// Bytes that an instrument sends, and when.
 struct TimedBytes {
   Time at{};
   ByteString bytes;
 };
 
-/// The instrument's end of the same wire. It has no thread and no clock: it is told the time, which
-/// never goes back.
+/// The instrument's end of the same wire. It has no thread and no clock: the time is an argument,
+/// which never goes back.
 class BytePeer {
  public:
   virtual ~BytePeer() = default;
   virtual void receive(std::span<const std::uint8_t> bytes, Time now) = 0;
-  /// What it has said up to `now` and was not yet taken, in order.
+  /// What it has sent up to `now` and was not yet taken, in order.
   virtual std::vector<TimedBytes> say(Time now) = 0;
-  /// When it will say something next if nobody talks to it; kForever when never. In the past: it
-  /// has something to say.
+  /// When it will send something next if it receives nothing before; kForever when never. In the
+  /// past: bytes wait to be taken.
   virtual Time next() const = 0;
 };
 
-/// What can go wrong with a link in memory; set them at any time.
+/// Faults of a link in memory; set them at any time.
 struct LinkFaults {
   bool unplugged = false;  ///< every call throws DeviceError{lost}
-  bool deaf = false;       ///< what the host says does not arrive
-  bool silent = false;     ///< what the instrument says does not arrive
-  Time late{};             ///< how much later what the instrument says arrives
+  bool deaf = false;       ///< what the host sends does not arrive
+  bool silent = false;     ///< what the instrument sends does not arrive
+  Time late{};             ///< how much later what the instrument sends arrives
   int keep = -1;    ///< only so many of the next bytes from the instrument arrive; negative: all
   int garble = -1;  ///< so many arrive before one arrives with `flip`; negative: none does
   std::uint8_t flip = 0x15;

@@ -1,5 +1,5 @@
-// One conversation with one instrument over a byte link: whole replies within a deadline, one
-// exchange at a time, errors under the name by which the rig knows the device.
+// Dialogue with one instrument over a byte link: whole replies within a deadline, one exchange at a
+// time, errors under the name that the device has in the rig.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -44,9 +44,9 @@ class Dialogue {
   /// What comes before `terminator`, by `deadline`; DeviceError{protocol} when there are more than
   /// `most` bytes.
   std::string line(char terminator, std::size_t most, Time deadline);
-  /// Throws away what has arrived.
+  /// Discards what has arrived.
   void discard();
-  /// Throws away what arrives until it was silent for `silence`, for at most 50 times as long.
+  /// Discards what arrives until it was silent for `silence`, for at most 50 times as long.
   void settle(Time silence);
 
   /// Whether the link was lost; from then on every exchange throws DeviceError{lost} until

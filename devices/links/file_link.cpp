@@ -14,8 +14,11 @@
 namespace vitreo {
 namespace {
 
-constexpr Time kFirstSlice = std::chrono::microseconds(100),
-               kLongestSlice = std::chrono::milliseconds(4);
+/// Waiting polls at doubling intervals: 100 us at first, for an answer that is nearly there, up to
+/// 4 ms, four bytes at 9600 baud, so that a long silence costs little of a processor. poll() itself
+/// may not block: this task holds the clock's baton.
+constexpr Time kFirstSlice = std::chrono::microseconds(100);
+constexpr Time kLongestSlice = std::chrono::milliseconds(4);
 constexpr std::size_t kMostAtOnce = 4096;
 
 class Descriptor final : public OpenFile {
@@ -39,12 +42,12 @@ class FileLink final : public ByteLink {
 
   void write(std::span<const std::uint8_t> bytes, Time timeout) override {
     const Time deadline = later(clock_.now(), timeout);
-    const StopShield shield(
-        clock_);  // half a command on the wire would confuse the instrument; it is over soon
+    // Half a command on the wire would confuse the instrument; the deadline ends it soon enough.
+    const StopShield shield(clock_);
     Time slice = kFirstSlice;
     while (!bytes.empty()) {
       // A port that is gone can still take bytes into the kernel's buffer.
-      if (look(POLLOUT)) {
+      if (poll_for(POLLOUT)) {
         const std::ptrdiff_t written = write_quietly(file_->handle(), bytes);
         if (written > 0) {
           bytes = bytes.subspan(static_cast<std::size_t>(written));
@@ -62,9 +65,11 @@ class FileLink final : public ByteLink {
     const Time deadline = later(clock_.now(), timeout);
     Time slice = kFirstSlice;
     for (;;) {
-      if (look(POLLIN)) {
+      if (poll_for(POLLIN)) {
         ByteString bytes(std::min(most, kMostAtOnce));
         const ssize_t count = ::read(file_->handle(), bytes.data(), bytes.size());
+        // poll() reported something to read, so none is the end: a socket was shut down, or a port
+        // hung up.
         if (count == 0) lose("the far end is gone");
         if (count > 0) {
           bytes.resize(static_cast<std::size_t>(count));
@@ -85,7 +90,7 @@ class FileLink final : public ByteLink {
  private:
   /// Whether `event` (POLLIN, POLLOUT) can be served now. What had arrived before the far end went
   /// may still be read.
-  bool look(short event) {
+  bool poll_for(short event) {
     if (!file_) lose("it is closed");
     pollfd file{file_->handle(), static_cast<short>(event | POLLRDHUP), 0};
     if (::poll(&file, 1, 0) < 0 && errno != EINTR) lose(system_error());
@@ -95,11 +100,13 @@ class FileLink final : public ByteLink {
     return (file.revents & event) != 0;
   }
 
+  /// A stop of the task comes through here.
   void pause(Time& slice, Time deadline) {
     clock_.sleep_for(std::min(slice, deadline - clock_.now()));
     slice = std::min(2 * slice, kLongestSlice);
   }
 
+  /// Closes at once: a terminal that was hung up stays so, even when its cable comes back.
   [[noreturn]] void lose(const std::string& what) {
     file_.reset();
     throw DeviceError(DeviceErrorKind::lost, address_, what);

@@ -1,5 +1,4 @@
-// A byte link over a file descriptor: what serial ports, pseudo-terminals and sockets have in
-// common.
+// Byte link over a file descriptor: what serial ports, pseudo-terminals and sockets have in common.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +14,7 @@
 
 namespace vitreo {
 
-/// A descriptor that is open, does not block, and is closed by the destructor.
+/// An open descriptor that does not block, and is closed by the destructor.
 class OpenFile {
  public:
   virtual ~OpenFile() = default;

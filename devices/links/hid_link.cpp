@@ -1,4 +1,4 @@
-// The HID link in memory: the wire between a real driver and an emulator.
+// HID link in memory: the wire between a real driver and an emulator.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/hid_link.h"
 
@@ -32,6 +32,7 @@ class MemoryHidLink final : public HidLink {
 
   std::optional<std::vector<std::uint8_t>> read(Time timeout) override {
     const Time deadline = later(clock_.now(), timeout);
+    // A report may be in the queue and still on its way: then this waits for it as well.
     while (clock_.wait(
         arrival_, [this] { return !replies_.empty(); }, deadline)) {
       const Time due = replies_.front().due;
@@ -42,7 +43,7 @@ class MemoryHidLink final : public HidLink {
       replies_.pop_front();
       return report;
     }
-    clock_.sleep_until(deadline);
+    clock_.sleep_until(deadline);  // the queue held only what comes too late
     return std::nullopt;
   }
 

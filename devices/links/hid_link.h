@@ -1,5 +1,5 @@
-// A link that carries HID reports: to an instrument, an emulator or a recording; the driver never
-// learns which.
+// HID link: carries reports to an instrument, an emulator or a recording; the driver never learns
+// which.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -34,8 +34,8 @@ class HidPeer {
   virtual ~HidPeer() = default;
   /// Takes one output report and returns the input reports that answer it.
   virtual std::vector<std::vector<std::uint8_t>> receive(std::span<const std::uint8_t> report) = 0;
-  /// For instruments that speak unasked: `send` puts an input report on the wire. Null when the
-  /// link goes.
+  /// For instruments that send unasked: `send` puts an input report on the wire. Null when the link
+  /// is destroyed.
   using Send = std::function<void(std::vector<std::uint8_t>)>;
   virtual void connect(const Send& /*send*/) {}
 };

@@ -1,4 +1,4 @@
-// HID devices by hidapi's hidraw back end. The only file that knows hidapi.
+// HID devices by hidapi's hidraw back end. The only file that includes hidapi.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/hid_link.h"
 #include "devices/time/error.h"
@@ -17,6 +17,7 @@
 namespace vitreo {
 namespace {
 
+/// hidapi's strings are wide; what is not ASCII becomes '?'.
 std::string narrow(const wchar_t* wide) {
   std::string text;
   for (; wide != nullptr && *wide != L'\0'; ++wide)
@@ -31,6 +32,8 @@ std::string last_error(hid_device* device) {
 
 using Device = std::unique_ptr<hid_device, decltype(&hid_close)>;
 
+/// A full-speed device takes a report within a few milliseconds; after this time it does not take
+/// it at all.
 constexpr std::chrono::milliseconds kWriteDeadline{500};
 
 /// Writes reports on a thread of its own: the kernel has no deadline for them that a caller could
@@ -51,8 +54,8 @@ class Writer {
     return stuck_;
   }
 
-  /// Bytes written; negative with why in `why`. Nothing at the deadline, and ever after: the report
-  /// may still go out.
+  /// Bytes written; negative with the reason in `why`. Nothing at the deadline, and ever after: the
+  /// report may still go out, and another behind it would come out of order.
   std::optional<int> write(std::span<const std::uint8_t> report, std::string& why) {
     std::unique_lock lock(mutex_);
     if (stuck_) return std::nullopt;
@@ -84,7 +87,7 @@ class Writer {
       why_ = why;
       report_.reset();
       changed_.notify_all();
-      if (stuck_) return;  // nobody waits for it any more
+      if (stuck_) return;  // the link has given this thread up
     }
   }
 
@@ -97,6 +100,7 @@ class Writer {
   bool stuck_ = false, ended_ = false;
 };
 
+/// Reads and writes block, so they run outside the clock's baton.
 class HidapiLink final : public HidLink {
  public:
   HidapiLink(const UsbAddress& address, Clock& clock)
@@ -132,7 +136,7 @@ class HidapiLink final : public HidLink {
     int size = 0;
     std::string why;
     clock_.outside([&] {
-      // Of two readers that were both told of one report, hidapi would let one wait for ever.
+      // Of two readers that poll() woke for one report, hidapi would let one wait for ever.
       const std::lock_guard lock(reading_);
       size = hid_read_timeout(writer_->device(), bytes.data(), bytes.size(),
                               static_cast<int>(milliseconds));
@@ -144,9 +148,10 @@ class HidapiLink final : public HidLink {
   }
 
  private:
-  static constexpr std::size_t kLargest =
-      4096;  // HID_MAX_BUFFER_SIZE of the kernel is 16 KiB; ours have 64 bytes
+  /// Bytes of a report: the kernel's HID_MAX_BUFFER_SIZE is 16 KiB; our instruments have 64.
+  static constexpr std::size_t kLargest = 4096;
 
+  /// By the node's path: hid_open() by ids would take the first of several devices in silence.
   void open(const UsbAddress& address) {
     std::string path;
     for (const UsbIdentity& found : list_hid_devices()) {

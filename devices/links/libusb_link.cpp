@@ -1,4 +1,4 @@
-// USB devices by libusb. The only file that knows libusb.
+// USB devices by libusb. The only file that includes libusb.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/usb_link.h"
 #include "devices/time/error.h"
@@ -15,6 +15,8 @@ namespace {
 using Context = std::unique_ptr<libusb_context, decltype(&libusb_exit)>;
 using Handle = std::unique_ptr<libusb_device_handle, decltype(&libusb_close)>;
 
+/// libusb's errors by what a caller can do about them: a stall (PIPE) is the device's refusal of a
+/// request, a lack of rights or a second owner the system's.
 DeviceError usb_error(int code, const std::string& device, const std::string& what) {
   const auto kind = [code] {
     switch (code) {
@@ -28,7 +30,7 @@ DeviceError usb_error(int code, const std::string& device, const std::string& wh
         return DeviceErrorKind::refused;
       case LIBUSB_ERROR_OVERFLOW:
         return DeviceErrorKind::protocol;
-      default:  // NO_DEVICE, IO and what else a bus says of a device that is going
+      default:  // NO_DEVICE, IO and the other errors of a device that is being unplugged
         return DeviceErrorKind::lost;
     }
   }();
@@ -42,6 +44,7 @@ Context new_context() {
   return {context, libusb_exit};
 }
 
+/// A string descriptor; empty where there is none or it cannot be read.
 std::string text(libusb_device_handle* handle, std::uint8_t index) {
   std::array<unsigned char, 256> bytes{};
   if (handle == nullptr || index == 0) return "";
@@ -50,7 +53,7 @@ std::string text(libusb_device_handle* handle, std::uint8_t index) {
   return size < 0 ? "" : std::string(bytes.begin(), bytes.begin() + size);
 }
 
-/// Calls `visit(device, descriptor)` for each device on the bus until it returns true.
+/// Calls `visit(device, descriptor)` for each device on the bus.
 template <class Visit>
 void for_each_device(libusb_context* context, Visit visit) {
   libusb_device** devices = nullptr;
@@ -76,6 +79,8 @@ UsbIdentity identify(libusb_device* device, const libusb_device_descriptor& d,
               std::to_string(libusb_get_device_address(device))};
 }
 
+/// Transfers block, so they run outside the clock's baton. A context of its own each: no state is
+/// shared between links.
 class LibusbLink final : public UsbLink {
  public:
   LibusbLink(const UsbAddress& address, Clock& clock)
@@ -104,8 +109,10 @@ class LibusbLink final : public UsbLink {
   }
 
  private:
+  /// Opens every candidate: serial numbers can be read of open devices only.
   void find(const UsbAddress& address) {
-    int found = 0, refusal = 0;
+    int found = 0;
+    int refusal = 0;
     for_each_device(
         context_.get(), [&](libusb_device* device, const libusb_device_descriptor& descriptor) {
           if (descriptor.idVendor != address.vendor || descriptor.idProduct != address.product)

@@ -1,4 +1,4 @@
-// The byte link in memory: the wire between a real driver and an emulator.
+// Byte link in memory: the wire between a real driver and an emulator.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/byte_link.h"
 #include "devices/time/error.h"
@@ -11,8 +11,8 @@
 namespace vitreo {
 namespace {
 
-constexpr Time kLook =
-    std::chrono::milliseconds(50);  // how often a reader looks whether a test has pulled the cable
+/// How often a reader checks whether a test has pulled the cable: faults are set without a signal.
+constexpr Time kFaultPoll = std::chrono::milliseconds(50);
 
 class MemoryByteLink final : public ByteLink {
  public:
@@ -76,16 +76,18 @@ class MemoryByteLink final : public ByteLink {
   }
 
   void deliver(std::span<const std::uint8_t> bytes) {
-    collect();  // what it said before is not changed by what it hears now
+    collect();  // what it sent before is not changed by what it receives now
     if (faults_ == nullptr || !faults_->deaf) peer_.receive(bytes, clock_.now());
     ++deliveries_;
     clock_.notify(arrival_);
   }
 
+  /// Takes what the peer has sent, and gives each byte the time of its arrival: the latency once,
+  /// then one byte's time after the other, as on a line of that baud rate.
   void collect() {
-    for (const TimedBytes& saying : peer_.say(clock_.now())) {
-      for (const std::uint8_t value : saying.bytes) {
-        Byte byte{later(saying.at, settings_.latency), value};
+    for (const TimedBytes& sent : peer_.say(clock_.now())) {
+      for (const std::uint8_t value : sent.bytes) {
+        Byte byte{later(sent.at, settings_.latency), value};
         if (faults_ != nullptr && !survives(byte)) continue;
         if (!coming_.empty()) byte.due = std::max(byte.due, coming_.back().due);
         byte.due += settings_.per_byte;
@@ -94,7 +96,8 @@ class MemoryByteLink final : public ByteLink {
     }
   }
 
-  /// What the faults make of one byte; they count bytes since they were set.
+  /// Applies the faults to one byte; false when it gets lost. `keep` and `garble` count bytes since
+  /// they were set.
   bool survives(Byte& byte) {
     if (faults_->silent || faults_->unplugged) return false;
     if (faults_->keep != keep_set_) keep_left_ = keep_set_ = faults_->keep;
@@ -114,10 +117,11 @@ class MemoryByteLink final : public ByteLink {
     return bytes;
   }
 
+  /// The next time at which a reader may find something: the deadline, a byte, the peer, a fault.
   Time wake_up(Time deadline) const {
     Time due = std::min(deadline, peer_.next());
     if (!coming_.empty()) due = std::min(due, coming_.front().due);
-    if (faults_ != nullptr) due = std::min(due, later(clock_.now(), kLook));
+    if (faults_ != nullptr) due = std::min(due, later(clock_.now(), kFaultPoll));
     return due;
   }
 
@@ -126,7 +130,10 @@ class MemoryByteLink final : public ByteLink {
   Clock& clock_;
   const MemoryLinkSettings settings_;
   const LinkFaults* const faults_;
-  int keep_set_ = -1, keep_left_ = 0, garble_set_ = -1, garble_left_ = 0;
+  int keep_set_ = -1;  // the fault's value, by which a new one is noticed
+  int keep_left_ = 0;
+  int garble_set_ = -1;
+  int garble_left_ = 0;
   std::deque<Byte> coming_;
   std::uint64_t deliveries_ = 0;
   Signal arrival_;

@@ -20,20 +20,23 @@ std::unique_ptr<OpenFile> owned(int handle, const char* what) {
   return own_descriptor(handle);
 }
 
-/// False when nobody is at the other side any more.
+/// False when the other side has closed its end.
 bool pump_bytes(int handle, BytePeer& peer, Time now, ByteString& unsent) {
   std::array<std::uint8_t, 4096> buffer{};
   const ssize_t count = ::read(handle, buffer.data(), buffer.size());
   if (count > 0) peer.receive({buffer.data(), static_cast<std::size_t>(count)}, now);
-  for (const TimedBytes& saying : peer.say(now))
-    unsent.insert(unsent.end(), saying.bytes.begin(), saying.bytes.end());
+  for (const TimedBytes& sent : peer.say(now))
+    unsent.insert(unsent.end(), sent.bytes.begin(), sent.bytes.end());
   if (!unsent.empty()) {
-    const std::ptrdiff_t sent = write_quietly(handle, unsent);
-    if (sent > 0) unsent.erase(unsent.begin(), unsent.begin() + sent);
+    // What the kernel does not take now goes out at the next call.
+    const std::ptrdiff_t written = write_quietly(handle, unsent);
+    if (written > 0) unsent.erase(unsent.begin(), unsent.begin() + written);
   }
   return count != 0;
 }
 
+/// A read of the master gives EIO once the last program has closed the slave. That is no end, since
+/// another may open it later, so what pump_bytes() returns is not used.
 class PtyEnd final : public PeerEnd {
  public:
   PtyEnd() : master_(owned(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC), "pseudo-terminal")) {
@@ -66,7 +69,9 @@ class TcpEnd final : public PeerEnd {
     here.sin_port = htons(static_cast<std::uint16_t>(port));
     auto* const generic = reinterpret_cast<sockaddr*>(&here);
     socklen_t size = sizeof here;
-    const int handle = listener_->handle(), yes = 1;
+    const int handle = listener_->handle();
+    const int yes = 1;
+    // The same port again at once, not after the minute of TIME_WAIT.
     ::setsockopt(handle, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
     if (::bind(handle, generic, size) != 0 || ::listen(handle, 1) != 0 ||
         ::getsockname(handle, generic, &size) != 0)
@@ -89,7 +94,8 @@ class TcpEnd final : public PeerEnd {
   }
 
  private:
-  std::unique_ptr<OpenFile> listener_, connection_;
+  std::unique_ptr<OpenFile> listener_;
+  std::unique_ptr<OpenFile> connection_;
   std::string address_;
   ByteString unsent_;
 };

@@ -1,5 +1,4 @@
-// The far end of a real wire, for emulators: a pseudo-terminal or a TCP port that any program can
-// open.
+// Far end of a real wire, for emulators: a pseudo-terminal or a TCP port that any program can open.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,13 +9,13 @@
 
 namespace vitreo {
 
-/// Whoever owns it calls pump() again and again. Destruction hangs up: the other side sees a pulled
+/// Its owner calls pump() again and again. Destruction hangs up: the other side sees a pulled
 /// cable.
 class PeerEnd {
  public:
   virtual ~PeerEnd() = default;
-  virtual const std::string& address() const = 0;  ///< what a rig file would say to reach it
-  /// Hands `peer` what has arrived and takes away what it has said; never blocks.
+  virtual const std::string& address() const = 0;  ///< as a rig file would write it
+  /// Gives `peer` what has arrived and sends what it has to send; never blocks.
   virtual void pump(BytePeer& peer, Time now) = 0;
 };
 

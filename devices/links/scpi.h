@@ -1,5 +1,5 @@
-// What instruments that speak SCPI have in common: one line asked, one line answered, an error
-// queue.
+// SCPI: the syntax that its instruments have in common, one line as a question, one line as its
+// answer, and an error queue.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,8 +15,8 @@
 
 namespace vitreo::scpi {
 
-/// Without the blanks and control characters round it, and without XON and XOFF wherever they
-/// stand.
+/// Without the blanks and control characters round it, and without XON (0x11) and XOFF (0x13),
+/// which flow control may put anywhere.
 inline std::string trimmed(std::string_view text) {
   std::string kept;
   for (const char c : text)

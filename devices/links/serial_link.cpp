@@ -7,8 +7,8 @@
 namespace vitreo {
 
 bool has_sysfs_entry(const std::string& path) {
-  // /dev/serial/by-id/... are links. Step by step, for umockdev's realpath() writes past its end
-  // where a link of its testbed leads out of it.
+  // /dev/serial/by-id/... are links. Followed step by step, for umockdev's realpath() writes past
+  // its end where a link of its testbed leads out of it.
   constexpr int kMostLinks = 8;
   std::filesystem::path real = path;
   std::error_code none;
@@ -26,6 +26,8 @@ std::unique_ptr<ByteLink> open_serial(const std::string& path, const SerialSetti
   return file_link(
       "serial:" + path,
       [path, settings] {
+        // Decided at each opening: libserialport refuses a pseudo-terminal, which has no sysfs
+        // entry and no modem lines.
         return has_sysfs_entry(path) ? open_with_libserialport(path, settings)
                                      : open_with_termios(path, settings);
       },

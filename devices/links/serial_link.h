@@ -11,7 +11,7 @@
 
 namespace vitreo {
 
-/// Always 8 data bits and no parity: no instrument here wants anything else.
+/// Always 8 data bits, no parity, one stop bit: no instrument here wants anything else.
 struct SerialSettings {
   int baud_rate = 9600;
   bool rts_cts = false;   ///< hardware flow control

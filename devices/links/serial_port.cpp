@@ -17,6 +17,7 @@ class Port final : public OpenFile {
   explicit Port(std::string path) : path_(std::move(path)) {
     check(sp_get_port_by_name(path_.c_str(), &port_), DeviceErrorKind::not_found, "no such port");
     if (sp_open(port_, SP_MODE_READ_WRITE) != SP_OK) {
+      // The destructor does not run for a constructor that throws.
       const std::string what = why("does not open");
       sp_free_port(std::exchange(port_, nullptr));
       throw DeviceError(DeviceErrorKind::not_found, "serial:" + path_, what);
@@ -29,6 +30,7 @@ class Port final : public OpenFile {
   Port(const Port&) = delete;
   Port& operator=(const Port&) = delete;
 
+  /// 8N1. RTS and DTR are asserted, as drivers of the Sutter MP-285 do without flow control.
   void configure(const SerialSettings& settings) {
     const auto set = [this](sp_return result, const char* what) {
       check(result, DeviceErrorKind::refused, what);
@@ -41,9 +43,11 @@ class Port final : public OpenFile {
                                 : settings.xon_xoff ? SP_FLOWCONTROL_XONXOFF
                                                     : SP_FLOWCONTROL_NONE;
     set(sp_set_flowcontrol(port_, flow), "does not take the flow control");
+    // With hardware flow control RTS is the driver's.
     if (!settings.rts_cts) set(sp_set_rts(port_, SP_RTS_ON), "does not assert RTS");
     set(sp_set_dtr(port_, SP_DTR_ON), "does not assert DTR");
     set(sp_flush(port_, SP_BUF_BOTH), "does not flush");
+    // A port has one owner: the kernel itself lets any number of programs open it.
     if (::flock(handle(), LOCK_EX | LOCK_NB) != 0)
       throw DeviceError(DeviceErrorKind::refused, "serial:" + path_, "another program has it open");
   }

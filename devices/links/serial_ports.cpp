@@ -18,6 +18,7 @@ std::string attribute(const fs::path& folder, const char* name) {
   return line;
 }
 
+/// sysfs prints the numbers of USB in hexadecimal, without a prefix.
 std::uint16_t number(const fs::path& folder, const char* name) {
   return static_cast<std::uint16_t>(std::strtoul(attribute(folder, name).c_str(), nullptr, 16));
 }
@@ -44,6 +45,7 @@ std::vector<SerialPort> list_serial_ports(const fs::path& listing) {
   for (fs::directory_iterator port(listing, none), end; !none && port != end;
        port.increment(none)) {
     std::error_code absent;
+    // Virtual consoles are listed too; they have no device behind them.
     if (!fs::exists(port->path() / "device/driver", absent)) continue;
     ports.push_back(
         {"/dev/" + port->path().filename().string(), usb_above(port->path() / "device")});

@@ -1,5 +1,5 @@
-// The serial ports that the system has, and what their adapters say of themselves. Nothing is
-// opened, no byte is sent.
+// List of the system's serial ports, with the identities of their adapters. Nothing is opened, no
+// byte is sent.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,8 +17,8 @@ struct SerialPort {
   std::optional<UsbIdentity> usb;  // of the adapter, or of an instrument that is its own adapter
 };
 
-/// Those with a device behind them, by name; a pseudo-terminal has none. `listing`: the kernel's,
-/// for tests another.
+/// Those with a device behind them, by name; a pseudo-terminal has none. `listing`: the kernel's
+/// folder, or a test's.
 std::vector<SerialPort> list_serial_ports(const std::filesystem::path& listing = "/sys/class/tty");
 
 }  // namespace vitreo

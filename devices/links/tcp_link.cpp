@@ -17,14 +17,16 @@
 namespace vitreo {
 namespace {
 
-constexpr int kUserTimeout_ms =
-    500;  // after which bytes that nobody acknowledged mean that the far end is gone
+/// After which bytes that were not acknowledged mean that the far end is gone (RFC 5482).
+constexpr int kUserTimeout_ms = 500;
+/// How often a connection under way is polled.
 constexpr Time kSlice = std::chrono::milliseconds(1);
 
 struct HostAndPort {
   std::string host, port;
 };
 
+/// "host:port"; an IPv6 address, which has colons itself, stands in brackets (RFC 3986).
 HostAndPort split(const std::string& text) {
   const std::size_t colon = text.rfind(':');
   HostAndPort result;
@@ -45,6 +47,7 @@ HostAndPort split(const std::string& text) {
 std::string connected(int handle, Time deadline, Clock& clock) {
   for (;;) {
     pollfd file{handle, POLLOUT, 0};
+    // connect(2): a socket that became writable has its result in SO_ERROR.
     if (::poll(&file, 1, 0) > 0) {
       int error = 0;
       socklen_t size = sizeof error;
@@ -57,15 +60,19 @@ std::string connected(int handle, Time deadline, Clock& clock) {
   }
 }
 
+/// No delay: commands are short, and Nagle's algorithm would hold each back until the one before is
+/// acknowledged, up to 40 ms.
 void configure(int handle) {
-  const int yes = 1, user_timeout = kUserTimeout_ms;
+  const int yes = 1;
+  const int user_timeout = kUserTimeout_ms;
   ::setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
   ::setsockopt(handle, IPPROTO_TCP, TCP_USER_TIMEOUT, &user_timeout, sizeof user_timeout);
 }
 
 std::unique_ptr<OpenFile> connect(const std::string& address, const HostAndPort& to, Time timeout,
                                   Clock& clock) {
-  addrinfo wanted{}, *found = nullptr;
+  addrinfo wanted{};
+  addrinfo* found = nullptr;
   wanted.ai_socktype = SOCK_STREAM;
   const auto fail = [&address](DeviceErrorKind kind, const std::string& what) {
     throw DeviceError(kind, address, what);
@@ -76,6 +83,8 @@ std::unique_ptr<OpenFile> connect(const std::string& address, const HostAndPort&
   const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> guard(found, &::freeaddrinfo);
   const Time deadline = later(clock.now(), timeout);
   std::string why;
+  // A name may have several addresses, of IPv6 and IPv4: the first that answers. The error is that
+  // of the last one.
   for (const addrinfo* one = found; one != nullptr; one = one->ai_next) {
     const int handle =
         ::socket(one->ai_family, one->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, one->ai_protocol);

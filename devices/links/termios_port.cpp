@@ -23,6 +23,8 @@ DeviceErrorKind kind_of_errno() {
                                                              : DeviceErrorKind::not_found;
 }
 
+/// Raw bytes, 8N1: no echo, no translation of line ends, no signals. CLOCAL: no modem lines are
+/// waited for; HUPCL: DTR falls when the port is closed.
 void configure(int handle, const std::string& path, const SerialSettings& settings) {
   termios2 wanted{};
   if (::ioctl(handle, TCGETS2, &wanted) != 0)
@@ -36,7 +38,8 @@ void configure(int handle, const std::string& path, const SerialSettings& settin
   wanted.c_cc[VTIME] = 0;
   if (::ioctl(handle, TCSETS2, &wanted) != 0)
     fail(DeviceErrorKind::refused, path, "does not take the settings: " + system_error());
-  termios2 taken{};  // TCSETS2 succeeds when any of the settings could be made
+  // TCSETS2 succeeds when any of the settings could be made (tcsetattr(3)): read back.
+  termios2 taken{};
   if (::ioctl(handle, TCGETS2, &taken) != 0 || taken.c_ospeed != wanted.c_ospeed ||
       taken.c_lflag != 0)
     fail(DeviceErrorKind::refused, path,
@@ -55,7 +58,7 @@ std::unique_ptr<OpenFile> open_with_termios(const std::string& path,
   configure(handle, path, settings);
   const int lines = TIOCM_DTR | TIOCM_RTS;
   ::ioctl(handle, TIOCMBIS, &lines);   // pseudo-terminals have no such lines, and need none
-  ::ioctl(handle, TCFLSH, TCIOFLUSH);  // what came before we listened is not for us
+  ::ioctl(handle, TCFLSH, TCIOFLUSH);  // what came before the opening answers no question of ours
   return file;
 }
 

@@ -9,15 +9,19 @@
 namespace vitreo {
 
 struct UsbAddress {
-  std::uint16_t vendor = 0, product = 0;
-  std::string serial;  ///< empty: whichever is there, if it is the only one
+  std::uint16_t vendor = 0;
+  std::uint16_t product = 0;
+  std::string serial;  ///< empty: any, if it is the only one
 };
 
-/// What a device on the bus says of itself.
+/// Identity of a device on the bus, from its descriptors.
 struct UsbIdentity {
-  std::uint16_t vendor = 0, product = 0;
+  std::uint16_t vendor = 0;
+  std::uint16_t product = 0;
   std::uint16_t release = 0;  ///< bcdDevice, which many use for the firmware's version
-  std::string serial, manufacturer, name;
+  std::string serial;
+  std::string manufacturer;
+  std::string name;
   std::string place;  ///< where it is plugged in: bus and device, or the node
   bool matches(const UsbAddress& address) const {
     return vendor == address.vendor && product == address.product &&

@@ -1,4 +1,4 @@
-// The USB link in memory: the wire between a real driver and an emulator.
+// USB link in memory: the wire between a real driver and an emulator.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/links/usb_link.h"
 
@@ -33,8 +33,8 @@ class MemoryUsbLink final : public UsbLink {
     try {
       clock_.sleep_for(std::min(latency_, timeout));
     } catch (const Stopped&) {
-      stopped =
-          std::current_exception();  // what is on the wire arrives, whatever becomes of the sender
+      // What is on the wire arrives, whatever becomes of the sender.
+      stopped = std::current_exception();
     }
     auto answer = peer_.control(setup, data, length);
     if (stopped) std::rethrow_exception(stopped);

@@ -1,5 +1,4 @@
-// A link to a USB device by control transfers on its endpoint 0: to an instrument, an emulator or a
-// recording.
+// USB link: control transfers on endpoint 0 of an instrument, an emulator or a recording.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,8 +17,10 @@ namespace vitreo {
 /// The eight bytes that begin a control transfer, but for the length. Bit 7 of `type` set: device
 /// to host.
 struct UsbSetup {
-  std::uint8_t type = 0, request = 0;
-  std::uint16_t value = 0, index = 0;
+  std::uint8_t type = 0;
+  std::uint8_t request = 0;
+  std::uint16_t value = 0;
+  std::uint16_t index = 0;
 };
 
 class UsbLink {

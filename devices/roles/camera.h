@@ -14,8 +14,8 @@ namespace vitreo {
 
 /// One image. The first pixel's center is (0, 0); u goes right, v goes down.
 struct Frame {
-  cv::Mat image;  ///< 8-bit gray, or blue, green, red of a color camera; never written to after
-                  ///< delivery
+  /// 8-bit gray, or blue, green, red of a color camera; never written to after delivery.
+  cv::Mat image;
   std::uint64_t number = 0;  ///< counts exposures, so a gap shows dropped frames
   Time exposed{};            ///< the middle of the exposure
   Time received{};           ///< when the host had it
@@ -26,15 +26,16 @@ struct Frame {
 
 struct CameraInfo {
   std::string identity;
-  int width_px = 0, height_px = 0;
+  int width_px = 0;
+  int height_px = 0;
   double frame_period = 0;  ///< s
-  double effective_pixel =
-      0;  ///< m of the observed plane (the aerial image for a microscope on the eye) per pixel
+  /// m of the observed plane (the aerial image for a microscope on the eye) per pixel.
+  double effective_pixel = 0;
 };
 
-/// What became of the frames since the camera was opened.
+/// Counts of frames since the camera was opened.
 struct CameraStatistics {
-  std::uint64_t delivered = 0;  ///< came whole, whether or not somebody grabbed them
+  std::uint64_t delivered = 0;  ///< came whole, whether or not they were grabbed
   std::uint64_t lost = 0;       ///< exposed, by their numbers, but never came
   std::uint64_t torn = 0;       ///< came in part, and were dropped
 };

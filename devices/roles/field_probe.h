@@ -12,15 +12,15 @@ namespace vitreo {
 struct FieldProbeInfo {
   Identity identity;
   int axes = 1;      ///< 1 or 3
-  double range = 0;  ///< T: the largest magnitude of a component that it can tell
+  double range = 0;  ///< T: the largest magnitude of a component that it can measure
 };
 
 struct FieldReading {
   std::vector<double> field;  ///< T, one per axis, along the probe's own axes
-  Time measured{};            ///< when it was asked for
+  Time measured{};            ///< when it was requested
 };
 
-/// It only listens: there is nothing to make safe.
+/// It has no outputs: there is nothing to make safe.
 class FieldProbe {
  public:
   virtual ~FieldProbe() = default;

@@ -9,6 +9,7 @@
 namespace vitreo {
 
 cv::Mat in_gray(const cv::Mat& image) {
+  // Eight bits: 65535 = 257 * 255, so white stays white. convertTo() rounds and saturates.
   cv::Mat eight;
   if (image.depth() == CV_8U)
     eight = image;
@@ -16,8 +17,9 @@ cv::Mat in_gray(const cv::Mat& image) {
     image.convertTo(eight, CV_8U, 1. / 257);
   else
     throw std::invalid_argument("neither 8 nor 16 bits per channel");
-  if (eight.channels() == 1) return eight.clone();
+  if (eight.channels() == 1) return eight.clone();  // the caller may write to its image again
   if (eight.channels() < 3) throw std::invalid_argument("neither gray nor color");
+  // Luma, ITU-R BT.601: Y = 0.299 R + 0.587 G + 0.114 B, in OpenCV's order of channels.
   cv::Mat gray;
   const cv::Matx<float, 1, 4> of_bgra(0.114F, 0.587F, 0.299F, 0);
   const cv::Matx<float, 1, 3> of_bgr(0.114F, 0.587F, 0.299F);

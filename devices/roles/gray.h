@@ -1,4 +1,4 @@
-// Images of any kind as the 8-bit gray that a Frame holds.
+// Conversion of images to the 8-bit gray that a Frame holds.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

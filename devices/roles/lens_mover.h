@@ -12,17 +12,17 @@ class LensMover {
  public:
   virtual ~LensMover() = default;
   virtual std::string identity() const = 0;
-  virtual double position()
-      const = 0;  ///< m from the nominal place of the condensing lens, away from the eye
+  /// m from the nominal position of the condensing lens, away from the eye.
+  virtual double position() const = 0;
   /// Moves and waits until it is there. Throws DeviceError{refused} outside the travel or before
   /// home(), {timeout}; Stopped. However it ends, the motor stands.
   virtual void move_to(double position, Time timeout) = 0;
   virtual double travel_min() const = 0;
   virtual double travel_max() const = 0;
-  /// Whether position() can be believed; a motor that counts its steps forgets where it is when it
-  /// loses its power.
+  /// Whether position() can be believed; a motor that counts its steps loses its position with its
+  /// power.
   virtual bool homed() const = 0;
-  /// Finds its place by its switch, and waits for it. Throws as move_to() does.
+  /// Finds its reference by its switch, and waits for it. Throws as move_to() does.
   virtual void home(Time timeout) = 0;
   virtual void make_safe() = 0;  ///< stops where it is
 };

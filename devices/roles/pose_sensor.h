@@ -1,4 +1,4 @@
-// The role of a pose sensor: a place with its covariance, without any picture.
+// The role of a pose sensor: a position with its covariance, without any image.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -11,6 +11,7 @@
 namespace vitreo {
 namespace {
 
+/// As the instrument reports it; compared when it comes back.
 template <class Role>
 std::string identity_of(const Role& device) {
   return device.identity();
@@ -20,6 +21,7 @@ std::string identity_of(const Camera& device) {
   return device.info().identity;
 }
 
+/// What a call does for an instrument that is gone: opens it again, or fails as lost.
 enum class Gone { comes_back, stays };
 
 /// What all roles have in common: the instrument, or that it is gone. Called with the clock's baton
@@ -42,6 +44,7 @@ class Held {
   const Role* now() const { return gone_ ? nullptr : device_.get(); }
   int times_opened() const { return times_opened_; }
 
+  /// Calls `call(device)`, and notes when the instrument is lost during that.
   template <class Call>
   auto use(Gone gone, const Call& call) {
     if (gone_ && gone == Gone::stays) fail("it was lost; make it safe first: that opens it again");
@@ -50,6 +53,7 @@ class Held {
     try {
       return call(*device);
     } catch (const DeviceError& error) {
+      // Not when another task has opened it again during this call: then the new one is there.
       gone_ = gone_ || (error.kind == DeviceErrorKind::lost && device == device_);
       throw;
     }
@@ -61,12 +65,14 @@ class Held {
     throw DeviceError(kind, settings_.name, what);
   }
 
+  /// Opens it again, at most once within `retry`; opening waits, so a second task may get here
+  /// meanwhile.
   void come_back() {
     if (opening_ || (tried_ && clock_.now() - *tried_ < settings_.retry))
       fail("it was lost, and is not back yet");
     opening_ = true;
-    device_.reset();  // its port must be free; only here, for a camera that is gone takes seconds
-                      // to close
+    // Its port must be free. Only here, for a camera that is gone takes seconds to close.
+    device_.reset();
     try {
       std::unique_ptr<Role> back = open_();
       if (identity_of(*back) != identity_)
@@ -76,6 +82,7 @@ class Held {
     } catch (const DeviceError& error) {
       tried_ = clock_.now();
       opening_ = false;
+      // Another instrument came back: that error of ours is passed on as it is.
       if (error.kind == DeviceErrorKind::refused && error.device == settings_.name) throw;
       fail(std::string("it was lost, and cannot be opened again: ") + error.what());
     } catch (...) {
@@ -94,11 +101,13 @@ class Held {
   // Shared with the calls under way: of two tasks inside the same instrument one may find it lost,
   // and open it again.
   std::shared_ptr<Role> device_;
-  bool gone_ = false, opening_ = false;
-  std::optional<Time> tried_;
+  bool gone_ = false;
+  bool opening_ = false;
+  std::optional<Time> tried_;  // the last attempt that failed
   int times_opened_ = 1;
 };
 
+/// A set-point never opens it: only make_safe() does, at zero.
 class ReopeningAmplifier final : public CoilAmplifier {
  public:
   explicit ReopeningAmplifier(Held<CoilAmplifier> held)
@@ -128,6 +137,7 @@ class ReopeningAmplifier final : public CoilAmplifier {
   std::vector<double> last_;  // A, as last set: what a lost one may still hold
 };
 
+/// As the amplifier: only make_safe(), or level 0, opens it.
 class ReopeningLamp final : public Lamp {
  public:
   explicit ReopeningLamp(Held<Lamp> held) : held_(std::move(held)) {}
@@ -148,6 +158,7 @@ class ReopeningLamp final : public Lamp {
   double last_ = 0;
 };
 
+/// Its travel is kept from the first opening, so that asking for it opens nothing.
 class ReopeningLensMover final : public LensMover {
  public:
   explicit ReopeningLensMover(Held<LensMover> held)
@@ -174,10 +185,12 @@ class ReopeningLensMover final : public LensMover {
   }
 
  private:
-  mutable Held<LensMover> held_;  // asking for its place may open it
-  const double travel_min_, travel_max_;
+  mutable Held<LensMover> held_;  // asking for its position may open it
+  const double travel_min_;
+  const double travel_max_;
 };
 
+/// Frames are numbered through all openings: a camera's own numbers begin anew with each.
 class ReopeningCamera final : public Camera {
  public:
   explicit ReopeningCamera(Held<Camera> held)
@@ -202,6 +215,7 @@ class ReopeningCamera final : public Camera {
   }
 
  private:
+  /// What the former opening counted goes to the sums.
   void begin_again(const Camera& device) {
     times_opened_ = held_.times_opened();
     info_ = device.info();
@@ -214,8 +228,10 @@ class ReopeningCamera final : public Camera {
   Held<Camera> held_;
   CameraInfo info_;
   int times_opened_ = 1;
-  std::uint64_t last_number_ = 0, numbers_before_ = 0;
-  CameraStatistics counted_, before_;  // since it was opened last, and in all before
+  std::uint64_t last_number_ = 0;     // as returned
+  std::uint64_t numbers_before_ = 0;  // of all openings before this one
+  CameraStatistics counted_;          // since it was opened last
+  CameraStatistics before_;           // of all openings before this one
 };
 
 class ReopeningInput final : public OperatorInput {

@@ -1,8 +1,9 @@
-// Instruments that come back. What was lost (DeviceError{lost}: an unplugged cable, a camera that
-// has fallen silent) is opened again, by what opened it first, at the next call that asks it
-// something, stops it or makes it safe. Opening applies all settings, reads back what can be read,
-// and neither moves nor energizes; what was set off before is dropped. For the roles whose links
-// cannot be opened again by themselves; stages and probes have ByteLink::reopen().
+// Reopening decorators: an instrument that was lost (DeviceError{lost}: an unplugged cable, a
+// camera that has fallen silent) is opened again, by the function that opened it first, at the next
+// call that asks it something, stops it or makes it safe. Opening applies all settings, reads back
+// what can be read, and neither moves nor energizes; what was set off before is dropped. For the
+// roles whose links cannot be opened again by themselves; stages and probes have
+// ByteLink::reopen().
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -20,15 +21,15 @@
 namespace vitreo {
 
 struct ReopeningSettings {
-  std::string name = "device";  // how errors call it
-  Time retry = std::chrono::milliseconds(
-      100);  // of the clock, between two attempts to open what is still gone
+  std::string name = "device";  ///< in errors
+  /// Of the clock, between two attempts to open what is still gone.
+  Time retry = std::chrono::milliseconds(100);
 };
 
-/// Opens it, and gives what stands before it; `clock` outlives that. Throws what `open` throws.
-/// While the instrument is gone each call throws DeviceError{lost}, with why it cannot be opened;
-/// one that names itself otherwise than the first is let go again, DeviceError{refused}. A call
-/// that opens takes as long as that takes.
+/// Opens the instrument, and returns a decorator of it; `clock` outlives that. Throws what `open`
+/// throws. While the instrument is gone each call throws DeviceError{lost} with the reason why it
+/// cannot be opened; one of another identity than the first is closed again, DeviceError{refused}.
+/// A call that opens takes as long as that takes.
 ///
 /// An amplifier and a lamp come back by make_safe() only: a set-point for one that is gone is
 /// refused as lost, so that nothing is energized because a cable was put back.
@@ -36,14 +37,14 @@ std::unique_ptr<CoilAmplifier> reopening(std::function<std::unique_ptr<CoilAmpli
                                          const ReopeningSettings& settings, const Clock& clock);
 std::unique_ptr<Lamp> reopening(std::function<std::unique_ptr<Lamp>()> open,
                                 const ReopeningSettings& settings, const Clock& clock);
-/// Whether it still knows its place is for the driver to say: homed().
+/// Whether it still has its reference is for the driver to report: homed().
 std::unique_ptr<LensMover> reopening(std::function<std::unique_ptr<LensMover>()> open,
                                      const ReopeningSettings& settings, const Clock& clock);
-/// Numbers and statistics go on from where they were; how many exposures fell into the gap nobody
-/// knows.
+/// Numbers and statistics go on from where they were; how many exposures fell into the gap is not
+/// known.
 std::unique_ptr<Camera> reopening(std::function<std::unique_ptr<Camera>()> open,
                                   const ReopeningSettings& settings, const Clock& clock);
-/// Nothing is pressed or deflected until the instrument says so itself.
+/// Nothing is pressed or deflected until the instrument reports it.
 std::unique_ptr<OperatorInput> reopening(std::function<std::unique_ptr<OperatorInput>()> open,
                                          const ReopeningSettings& settings, const Clock& clock);
 

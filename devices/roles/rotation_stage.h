@@ -13,7 +13,7 @@ struct RotationStageInfo {
   StageAxis axis;  ///< rad, rad/s; an axis that turns without end has an infinite travel
 };
 
-/// As Stage, with an angle in its positions' place.
+/// As Stage, with an angle instead of positions.
 class RotationStage {
  public:
   virtual ~RotationStage() = default;

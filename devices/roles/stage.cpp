@@ -1,4 +1,3 @@
-// Moving and waiting in one, for stages that turn and stages that do not.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/roles/stage.h"
 
@@ -9,6 +8,8 @@
 namespace vitreo {
 namespace {
 
+/// Whatever ends the wait early (a deadline, a stop of the task, a lost link) also stops the stage;
+/// the stop of the stage itself cannot be broken off.
 template <class AnyStage>
 void wait_or_stop(AnyStage& stage, Time timeout, Clock& clock) {
   try {
@@ -18,7 +19,7 @@ void wait_or_stop(AnyStage& stage, Time timeout, Clock& clock) {
     const StopShield shield(clock);
     try {
       stage.stop();
-    } catch (const std::exception&) {  // what broke the wait off says more
+    } catch (const std::exception&) {  // the error that ended the wait says more
     }
     std::rethrow_exception(first);
   }

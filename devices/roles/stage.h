@@ -30,16 +30,16 @@ class Stage {
   /// returns. Checks as check_motion() does; then nothing moves. DeviceError{refused} also while it
   /// moves, and where it wants home() first.
   virtual void start(std::span<const double> target, double speed) = 0;
-  /// Whether the motion that was started goes on. How it ended, wait() tells.
+  /// Whether the motion that was started goes on. How it ended, wait() reports.
   virtual bool moving() = 0;
   /// Until the motion has ended, at once when there is none. DeviceError{timeout}, and the stage is
   /// stopped; DeviceError{refused} when it was stopped, or ended anywhere but at its target.
   virtual void wait(Time timeout) = 0;
   /// Finds the reference of its positions by moving to it, at the instrument's own speed; waits.
-  /// DeviceError{timeout}, and the stage is stopped; DeviceError{refused} where there is nothing of
-  /// the kind.
+  /// DeviceError{timeout}, and the stage is stopped; DeviceError{refused} where it has no
+  /// reference.
   virtual void home(Time timeout) = 0;
-  /// Returns when it stands still. Whoever is in wait() gets DeviceError{refused}. Idempotent.
+  /// Returns when it stands still. A task that is in wait() gets DeviceError{refused}. Idempotent.
   virtual void stop() = 0;
   /// Stands still, whatever the state. Idempotent.
   virtual void make_safe() = 0;

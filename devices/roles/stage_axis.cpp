@@ -11,6 +11,7 @@
 namespace vitreo {
 namespace {
 
+/// Six significant digits, as %g prints them.
 std::string in_short(double number) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%g", number);
@@ -21,6 +22,8 @@ std::string in_short(double number) {
 
 void check_motion(const std::vector<StageAxis>& axes, std::span<const double> target, double speed,
                   const std::string& device, const char* unit) {
+  // Mistakes of the caller first, limits of the axes after them: a caller's mistake is never taken
+  // for a refusal of the instrument.
   if (target.size() != axes.size())
     throw std::invalid_argument("target: " + device + " has " + std::to_string(axes.size()) +
                                 " axes, not " + std::to_string(target.size()));
@@ -30,6 +33,7 @@ void check_motion(const std::vector<StageAxis>& axes, std::span<const double> ta
   if (!std::isfinite(speed) || speed <= 0) throw std::invalid_argument("speed: must be positive");
   for (std::size_t i = 0; i < axes.size(); ++i) {
     const StageAxis& axis = axes[i];
+    // No tolerance: a target on the limit is allowed, one beyond it by the last bit is not.
     if (target[i] < axis.travel_min || target[i] > axis.travel_max)
       throw DeviceError(DeviceErrorKind::refused, device,
                         in_short(target[i]) + " " + unit + " on axis " + axis.name +

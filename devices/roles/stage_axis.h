@@ -1,5 +1,4 @@
-// One axis of a stage: how far it may go, and how fast. Where no target gets through that is beyond
-// it.
+// Axis of a stage: its travel and speed limits, and the check of targets against them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,15 +11,17 @@ namespace vitreo {
 /// Of a linear axis in m and m/s, of a rotary one in rad and rad/s.
 struct StageAxis {
   std::string name;
-  double travel_min = 0, travel_max = 0;  ///< the narrower of the instrument's and the rig file's
-  double max_speed = 0;                   ///< likewise
-  double speed = 0;                       ///< the usual one, at most max_speed
+  double travel_min = 0;  ///< the narrower of the instrument's and the rig file's
+  double travel_max = 0;  ///< likewise
+  double max_speed = 0;   ///< likewise
+  double speed = 0;       ///< the usual one, at most max_speed
   double resolution = 0;  ///< the instrument's step: how far a position may be off its target
 };
 
-/// What every stage checks before it moves. Throws std::invalid_argument for a wrong count, a
+/// The check of every stage before it moves. Throws std::invalid_argument for a wrong count, a
 /// number that is not finite or a speed that is not positive; DeviceError{refused} under the name
-/// `device` for a target outside the travel or a speed above the limit of an axis.
+/// `device` for a target outside the travel or a speed above the limit of an axis. `unit` is that
+/// of positions, for messages.
 void check_motion(const std::vector<StageAxis>& axes, std::span<const double> target, double speed,
                   const std::string& device, const char* unit);
 

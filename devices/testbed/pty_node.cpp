@@ -12,6 +12,7 @@
 namespace vitreo {
 
 PtyNode::PtyNode() {
+  // Raw: no echo and no translation, or bytes in the queue would multiply.
   char name[64] = {};
   termios raw{};
   cfmakeraw(&raw);
@@ -29,9 +30,11 @@ PtyNode::~PtyNode() {
   ::close(near_);
 }
 
+/// TCOOFF suspends output: poll() no longer reports POLLOUT.
 void PtyNode::block_output() { tcflow(near_, TCOOFF); }
 void PtyNode::allow_output() { tcflow(near_, TCOON); }
 
+/// A byte in the queue is POLLIN for each program that has the node open.
 void PtyNode::put_byte() {
   const char byte = 1;
   if (far_ >= 0 && ::write(far_, &byte, 1) != 1)
@@ -40,7 +43,7 @@ void PtyNode::put_byte() {
 
 void PtyNode::take_byte() {
   char byte = 0;
-  if (::read(near_, &byte, 1) != 1) return;  // hung up meanwhile: nobody waits for it any more
+  if (::read(near_, &byte, 1) != 1) return;  // hung up meanwhile: the byte is gone with it
 }
 
 void PtyNode::close_far_end() {

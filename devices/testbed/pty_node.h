@@ -1,6 +1,6 @@
-// A pseudo-terminal in the place of a device node, for what poll() sees: an emulated node is a
-// plain file, which is always ready, so a client would spin. Output that is held back (Ctrl-S, so
-// to speak) makes it unwritable, a byte in its queue readable, and a closed far end is a hang-up.
+// Pseudo-terminal in place of an emulated device node, for poll(): umockdev's node is a plain file,
+// which is always ready, so a client would spin. Output that is held back (as by Ctrl-S) makes it
+// unwritable, a byte in its queue readable, and a closed far end is a hang-up.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,7 +22,8 @@ class PtyNode {
   void close_far_end();
 
  private:
-  int near_ = -1, far_ = -1;
+  int near_ = -1;
+  int far_ = -1;
   std::string path_;
 };
 

@@ -7,7 +7,10 @@ namespace vitreo {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-constexpr std::uint8_t kManufacturer = 1, kProduct = 2, kSerial = 3;  // of the string descriptors
+// Indices of the string descriptors.
+constexpr std::uint8_t kManufacturer = 1;
+constexpr std::uint8_t kProduct = 2;
+constexpr std::uint8_t kSerial = 3;
 
 std::string format(const char* pattern, int a, int b = 0, int c = 0) {
   char text[64];
@@ -22,30 +25,27 @@ std::string in_hex(const Bytes& bytes) {
 std::uint8_t low(int value) { return static_cast<std::uint8_t>(value & 0xFF); }
 std::uint8_t high(int value) { return static_cast<std::uint8_t>(value >> 8 & 0xFF); }
 
+// clang-format off
+/// USB 2.0, table 9-8; little-endian.
 Bytes device_descriptor(const UsbIdentity& d) {
-  return {18,
-          1,
-          0x00,
-          0x02,
-          0,
-          0,
-          0,
-          8,
-          low(d.vendor),
-          high(d.vendor),
-          low(d.product),
-          high(d.product),
-          low(d.release),
-          high(d.release),
-          kManufacturer,
-          kProduct,
-          kSerial,
-          1};
+  return {18, 1,         // length, type
+          0x00, 0x02,    // USB 2.0
+          0, 0, 0,       // the class is the interface's
+          8,             // bytes of a packet on endpoint 0
+          low(d.vendor), high(d.vendor), low(d.product), high(d.product),
+          low(d.release), high(d.release),
+          kManufacturer, kProduct, kSerial,
+          1};            // configuration
 }
-/// One configuration, one interface, no endpoint but 0.
+/// One configuration, one interface, no endpoint but 0: USB 2.0, tables 9-10 and 9-12.
 Bytes configuration_descriptor(std::uint8_t interface_class) {
-  return {9, 2, 18, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 0, interface_class, 0, 0, 0};
+  return {9, 2, 18, 0,   // length, type, length of all
+          1, 1, 0,       // interfaces, number, no name
+          0x80, 50,      // powered by the bus, 100 mA
+          9, 4, 0, 0, 0, interface_class, 0, 0, 0};
 }
+// clang-format on
+/// USB 2.0, table 9-16: UTF-16, little-endian.
 Bytes string_descriptor(const std::string& text) {
   Bytes bytes{low(static_cast<int>(2 + 2 * text.size())), 3};
   for (const char letter : text) {
@@ -57,13 +57,13 @@ Bytes string_descriptor(const std::string& text) {
 
 }  // namespace
 
-UsbPlace::UsbPlace(int number)
+UsbPaths::UsbPaths(int number)
     : device(number + 1),
       devpath(format("/devices/pci0000:00/0000:00:14.0/usb1/1-%d", number)),
       name(format("1-%d", number)),
       node(format("/dev/bus/usb/001/%03d", number + 1)) {}
 
-HidPlace::HidPlace(const UsbPlace& usb, const UsbIdentity& identity)
+HidPaths::HidPaths(const UsbPaths& usb, const UsbIdentity& identity)
     : interface_devpath(usb.devpath + "/" + usb.name + ":1.0"),
       hid_devpath(interface_devpath + "/" +
                   format("0003:%04X:%04X", identity.vendor, identity.product) +
@@ -71,15 +71,18 @@ HidPlace::HidPlace(const UsbPlace& usb, const UsbIdentity& identity)
       raw_devpath(hid_devpath + "/hidraw/hidraw" + std::to_string(usb.device)),
       node("/dev/hidraw" + std::to_string(usb.device)) {}
 
-std::string describe_usb(const UsbPlace& place, const UsbIdentity& d,
+/// umockdev's format: P the path, N the node, E properties of udev, A attributes of sysfs, H binary
+/// attributes in hexadecimal. libusb reads busnum, devnum, speed, bConfigurationValue and the
+/// descriptors.
+std::string describe_usb(const UsbPaths& paths, const UsbIdentity& d,
                          std::uint8_t interface_class) {
   Bytes descriptors = device_descriptor(d);
   const Bytes configuration = configuration_descriptor(interface_class);
   descriptors.insert(descriptors.end(), configuration.begin(), configuration.end());
-  const std::string device = std::to_string(place.device);
-  return "P: " + place.devpath + "\nN: " + place.node.substr(5) +
-         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=" + place.node +
-         "\nE: BUSNUM=001\nE: DEVNUM=" + format("%03d", place.device) +
+  const std::string device = std::to_string(paths.device);
+  return "P: " + paths.devpath + "\nN: " + paths.node.substr(5) +
+         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=" + paths.node +
+         "\nE: BUSNUM=001\nE: DEVNUM=" + format("%03d", paths.device) +
          "\nA: busnum=1\nA: devnum=" + device +
          "\nA: speed=12\nA: bConfigurationValue=1\nA: idVendor=" + format("%04x", d.vendor) +
          "\nA: idProduct=" + format("%04x", d.product) +
@@ -88,7 +91,9 @@ std::string describe_usb(const UsbPlace& place, const UsbIdentity& d,
          "\nH: descriptors=" + in_hex(descriptors) + "\n\n";
 }
 
-std::string describe_hid(const UsbPlace&, const HidPlace& hid, const UsbIdentity& d,
+/// Three devices, each the parent of the next: USB interface, HID device, hidraw node. hidapi reads
+/// HID_ID, HID_NAME and HID_UNIQ of the middle one. MINOR need not be right: nothing opens by it.
+std::string describe_hid(const UsbPaths&, const HidPaths& hid, const UsbIdentity& d,
                          const Bytes& report_descriptor) {
   return "P: " + hid.interface_devpath +
          "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\nA: bInterfaceNumber=00\n\nP: " +
@@ -100,40 +105,28 @@ std::string describe_hid(const UsbPlace&, const HidPlace& hid, const UsbIdentity
          "\nE: MAJOR=241\nE: MINOR=0\n\n";
 }
 
+// clang-format off
+/// Items of HID 1.11, section 6.2.2.
 Bytes report_descriptor(int usage_page, int usage) {
-  return {0x06,
-          low(usage_page),
-          high(usage_page),
-          0x0A,
-          low(usage),
-          high(usage),
-          0xA1,
-          0x01,  // collection
-          0x85,
-          0x01,
-          0x15,
-          0x00,
-          0x26,
-          0xFF,
-          0x00,
-          0x75,
-          0x08,
-          0x95,
-          0x3F,  // 63 bytes, report 1
-          0x09,
-          0x01,
-          0x81,
-          0x02,
-          0x09,
-          0x01,
-          0x91,
-          0x02,
-          0xC0};  // in, out
+  return {0x06, low(usage_page), high(usage_page),  // usage page
+          0x0A, low(usage), high(usage),            // usage
+          0xA1, 0x01,                               // application collection
+          0x85, 0x01,                               // report 1
+          0x15, 0x00, 0x26, 0xFF, 0x00,             // values 0 to 255
+          0x75, 0x08, 0x95, 0x3F,                   // of 8 bits, 63 of them
+          0x09, 0x01, 0x81, 0x02,                   // input
+          0x09, 0x01, 0x91, 0x02,                   // output
+          0xC0};                                    // end of the collection
 }
+// clang-format on
 
 std::optional<Bytes> standard_answer(const UsbIdentity& identity, const UsbSetup& setup) {
-  constexpr std::uint8_t kGetDescriptor = 6, kString = 3, kDevice = 1, kConfiguration = 2;
-  if (setup.type != 0x80) return std::nullopt;
+  // USB 2.0, tables 9-4 and 9-5.
+  constexpr std::uint8_t kGetDescriptor = 6;
+  constexpr std::uint8_t kDevice = 1;
+  constexpr std::uint8_t kConfiguration = 2;
+  constexpr std::uint8_t kString = 3;
+  if (setup.type != 0x80) return std::nullopt;  // device to host, standard, of the device
   if (setup.request != kGetDescriptor) return Bytes{};
   switch (setup.value >> 8) {
     case kDevice:
@@ -142,8 +135,8 @@ std::optional<Bytes> standard_answer(const UsbIdentity& identity, const UsbSetup
       return configuration_descriptor(0xFF);
     case kString:
       switch (setup.value & 0xFF) {
-        case 0:
-          return Bytes{4, 3, 0x09, 0x04};  // English
+        case 0:  // the languages: English (United States)
+          return Bytes{4, 3, 0x09, 0x04};
         case kManufacturer:
           return string_descriptor(identity.manufacturer);
         case kProduct:

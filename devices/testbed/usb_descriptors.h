@@ -1,5 +1,5 @@
-// What the kernel shows of a USB or HID device: its descriptors and its places in sysfs and /dev,
-// as text for umockdev.
+// USB and HID devices as the kernel shows them: descriptors, and paths in sysfs and /dev, as text
+// for umockdev.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,29 +12,34 @@
 
 namespace vitreo {
 
-/// Where the device with this number is, on an emulated bus of its own.
-struct UsbPlace {
-  explicit UsbPlace(int number);
+/// Paths of the device with this number, on an emulated bus of its own.
+struct UsbPaths {
+  explicit UsbPaths(int number);
   std::string sysfs() const { return "/sys" + devpath; }
-  int device;
-  std::string devpath, name, node;
+  int device;           ///< its address on the bus
+  std::string devpath;  ///< in sysfs, without /sys
+  std::string name;     ///< as the kernel calls it: bus and port
+  std::string node;     ///< below /dev
 };
 
-struct HidPlace {
-  HidPlace(const UsbPlace& usb, const UsbIdentity& identity);
-  std::string interface_devpath, hid_devpath, raw_devpath, node;
+struct HidPaths {
+  HidPaths(const UsbPaths& usb, const UsbIdentity& identity);
+  std::string interface_devpath;
+  std::string hid_devpath;
+  std::string raw_devpath;
+  std::string node;
 };
 
-std::string describe_usb(const UsbPlace& place, const UsbIdentity& identity,
+std::string describe_usb(const UsbPaths& paths, const UsbIdentity& identity,
                          std::uint8_t interface_class);
-std::string describe_hid(const UsbPlace& place, const HidPlace& hid, const UsbIdentity& identity,
+std::string describe_hid(const UsbPaths& paths, const HidPaths& hid, const UsbIdentity& identity,
                          const std::vector<std::uint8_t>& report_descriptor);
 
 /// One collection of the usage, with an input and an output report of 63 bytes.
 std::vector<std::uint8_t> report_descriptor(int usage_page, int usage);
 
-/// What every USB device answers by itself: its descriptors. Nothing when the request is not a
-/// standard one.
+/// The answer of every USB device to a standard request: its descriptors. Nothing when the request
+/// is not a standard one.
 std::optional<std::vector<std::uint8_t>> standard_answer(const UsbIdentity& identity,
                                                          const UsbSetup& setup);
 

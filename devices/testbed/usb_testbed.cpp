@@ -1,5 +1,4 @@
-// The testbed by umockdev. The only file that knows umockdev and the kernel's usbfs and hidraw from
-// inside.
+// The testbed by umockdev. The only file that implements the kernel's side of usbfs and hidraw.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/testbed/usb_testbed.h"
 
@@ -43,10 +42,13 @@ namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
 using Data = std::unique_ptr<UMockdevIoctlData, decltype(&g_object_unref)>;
 
+/// The memory that a pointer in the client's structure refers to, copied from the client and, when
+/// the request is completed, back to it.
 Data resolve(UMockdevIoctlData* from, std::size_t offset, std::size_t size) {
   return {umockdev_ioctl_data_resolve(from, offset, size, nullptr), g_object_unref};
 }
 
+/// Completes a request with the result of the system call; true means handled.
 gboolean done(UMockdevIoctlClient* client, long result, int error = 0) {
   umockdev_ioctl_client_complete(client, result, error);
   return TRUE;
@@ -72,8 +74,8 @@ class Plugged {
     g_signal_handlers_disconnect_by_data(handler_, this);
     g_object_unref(handler_);
   }
-  /// Announces it: the handler before the device, or a fast client would find a node that nobody
-  /// answers.
+  /// Announces it: the handler before the device, or a fast client would find a node without an
+  /// answer.
   void add(UMockdevTestbed* testbed, const std::string& description) {
     umockdev_testbed_attach_ioctl(testbed, node_.c_str(), handler_, nullptr);
     GError* error = nullptr;
@@ -83,6 +85,7 @@ class Plugged {
       throw DeviceError(DeviceErrorKind::refused, "testbed", why);
     }
   }
+  /// As an unplugged cable: a hang-up for clients that poll, then the uevent, then the files.
   virtual void remove(UMockdevTestbed* testbed) {
     {
       const std::lock_guard lock(mutex_);
@@ -101,13 +104,14 @@ class Plugged {
   virtual gboolean ioctl(UMockdevIoctlClient* client, unsigned long request,
                          UMockdevIoctlData* arg) = 0;
   virtual gboolean read(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
-  virtual void forget() {
-  }  // what waited for an owner before this one: the kernel drops it with the file
+  /// Drops what waited for an owner before this one, as the kernel does with the file.
+  virtual void forget() {}
   virtual gboolean write(UMockdevIoctlClient*, UMockdevIoctlData*) { return FALSE; }
 
   std::mutex& mutex_;
-  const std::string node_, sysfs_;
-  PtyNode pty_;  // what poll() sees
+  const std::string node_;
+  const std::string sysfs_;
+  PtyNode pty_;  // for poll()
   bool gone_ = false;
   UsbFault fault_ = UsbFault::none;
   bool exclusive_ = false;
@@ -129,6 +133,8 @@ class Plugged {
       return me.write(client, umockdev_ioctl_client_get_arg(client));
     });
   }
+  /// Every request under the testbed's lock. ENODEV once it is unplugged, EBUSY for a second owner
+  /// of an exclusive device.
   template <class Work>
   gboolean serve(UMockdevIoctlClient* client, Work work) {
     const std::lock_guard lock(mutex_);
@@ -153,11 +159,12 @@ class Plugged {
   }
 
   UMockdevIoctlBase* const handler_;
-  UMockdevIoctlClient* owner_ =
-      nullptr;  // of an exclusive device; null again when umockdev has dropped it
+  // Of an exclusive device; null again when umockdev has dropped it.
+  UMockdevIoctlClient* owner_ = nullptr;
 };
 
-/// usbfs: control transfers come as URBs that are submitted and later reaped.
+/// usbfs: control transfers come as URBs (USB request blocks) that are submitted and later reaped
+/// (linux/usbdevice_fs.h).
 class PluggedUsb final : public Plugged {
  public:
   PluggedUsb(std::mutex& mutex, const std::string& node, const std::string& sysfs, UsbPeer& peer)
@@ -191,6 +198,7 @@ class PluggedUsb final : public Plugged {
     }
   }
 
+  /// Done at once, but for a silent device. The buffer begins with the eight bytes of the setup.
   gboolean submit(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     Data urb_data = resolve(arg, 0, sizeof(usbdevfs_urb));
     auto* urb = reinterpret_cast<usbdevfs_urb*>(urb_data->data);
@@ -207,6 +215,7 @@ class PluggedUsb final : public Plugged {
     return done(client, 0);
   }
 
+  /// USB 2.0, table 9-2: type, request, value, index, length. A stall is the status -EPIPE.
   void transfer(usbdevfs_urb& urb, std::uint8_t* bytes) {
     const auto word = [bytes](int at) {
       return static_cast<std::uint16_t>(bytes[at] | bytes[at + 1] << 8);
@@ -234,6 +243,7 @@ class PluggedUsb final : public Plugged {
     pty_.allow_output();
   }
 
+  /// The oldest finished URB; none blocks the node's output again.
   gboolean reap(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     if (finished_.empty()) {
       pty_.block_output();
@@ -246,6 +256,7 @@ class PluggedUsb final : public Plugged {
     return done(client, 0);
   }
 
+  /// A transfer at its deadline: libusb takes it back, and then reaps it with -ENOENT.
   gboolean discard(UMockdevIoctlClient* client, UMockdevIoctlData* arg) {
     unsigned long address = 0;
     std::memcpy(&address, arg->data, sizeof address);
@@ -260,7 +271,8 @@ class PluggedUsb final : public Plugged {
   }
 
   UsbPeer& peer_;
-  std::deque<Data> pending_, finished_;
+  std::deque<Data> pending_;
+  std::deque<Data> finished_;
 };
 
 /// hidraw: reports are written and read whole; one byte waits in the pty for each report that can
@@ -300,6 +312,7 @@ class PluggedHid final : public Plugged {
   }
 
   gboolean write(UMockdevIoctlClient* client, UMockdevIoctlData* arg) override {
+    // Not completed: the writer blocks until release_writers().
     if (fault_ == UsbFault::stuck) {
       stuck_.push_back(UMOCKDEV_IOCTL_CLIENT(g_object_ref(client)));
       return TRUE;
@@ -310,6 +323,7 @@ class PluggedHid final : public Plugged {
     return done(client, arg->data_len);
   }
 
+  /// One report a read, cut to the reader's buffer, and its byte out of the pty.
   gboolean read(UMockdevIoctlClient* client, UMockdevIoctlData* arg) override {
     if (reports_.empty()) return done(client, -1, EAGAIN);
     const Bytes report = std::move(reports_.front());
@@ -341,12 +355,12 @@ class PluggedHid final : public Plugged {
 
   HidPeer& peer_;
   const Bytes descriptor_;
-  std::vector<UMockdevIoctlClient*> stuck_;  // whoever waits for a write to end
+  std::vector<UMockdevIoctlClient*> stuck_;  // they wait for the end of a write
   std::deque<Bytes> reports_;
 };
 
-/// A node that is a link to a real terminal: whoever has it open executes what it asks of it.
-/// (Without a handler umockdev answers ioctls on a node of the testbed itself, and wrongly.)
+/// A node that is a link to a real terminal: the client itself executes its ioctls on it. (Without
+/// a handler umockdev answers ioctls on a node of the testbed itself, and wrongly.)
 class TerminalNode {
  public:
   TerminalNode(UMockdevTestbed* testbed, std::string node)
@@ -386,19 +400,19 @@ class Umockdev final : public UsbTestbed {
 
   int plug(UsbPeer& peer) override {
     const int number = next_++;
-    const UsbPlace place(number);
-    add(number, place.node, std::make_unique<PluggedUsb>(mutex_, place.node, place.sysfs(), peer),
-        describe_usb(place, peer.identity(), 0xFF));
+    const UsbPaths paths(number);
+    add(number, paths.node, std::make_unique<PluggedUsb>(mutex_, paths.node, paths.sysfs(), peer),
+        describe_usb(paths, peer.identity(), 0xFF));
     return number;
   }
   int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page, int usage) override {
     const int number = next_++;
-    const UsbPlace place(number);
+    const UsbPaths paths(number);
     const Bytes descriptor = report_descriptor(usage_page, usage);
-    const HidPlace hid(place, identity);
+    const HidPaths hid(paths, identity);
     add(number, hid.node,
-        std::make_unique<PluggedHid>(mutex_, hid.node, place.sysfs(), peer, descriptor),
-        describe_usb(place, identity, 0x03) + describe_hid(place, hid, identity, descriptor));
+        std::make_unique<PluggedHid>(mutex_, hid.node, paths.sysfs(), peer, descriptor),
+        describe_usb(paths, identity, 0x03) + describe_hid(place, hid, identity, descriptor));
     return number;
   }
   void unplug(int plug) override {
@@ -450,6 +464,7 @@ class Umockdev final : public UsbTestbed {
 
 }  // namespace
 
+/// umockdev-wrapper is known by the library that it preloads.
 std::string why_no_usb_testbed() {
   const char* const preloaded = std::getenv("LD_PRELOAD");
   if (preloaded != nullptr &&

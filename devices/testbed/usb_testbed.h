@@ -1,6 +1,6 @@
-// Emulated USB instruments under an unmodified libusb, hidapi and kernel interface, by umockdev:
-// the operating system's own path without hardware. Works only in a process that umockdev-wrapper
-// started, and for the processes that it starts.
+// USB testbed: emulated USB instruments under an unmodified libusb, hidapi and kernel interface, by
+// umockdev: the operating system's own path without hardware. Works only in a process that
+// umockdev-wrapper started, and for the processes that it starts.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,13 +13,13 @@
 
 namespace vitreo {
 
-/// How a plugged device misbehaves.
+/// Faults of a plugged device.
 enum class UsbFault {
   none,
-  stuck,   ///< a HID report that is written to it does not get through: the writer waits, as in the
-           ///< kernel
-  silent,  ///< takes what it is given and never answers: transfers stay pending, reports do not
-           ///< come
+  /// A HID report that is written to it does not get through: the writer waits, as in the kernel.
+  stuck,
+  /// It accepts everything and never answers: transfers stay pending, reports do not come.
+  silent,
 };
 
 class UsbTestbed {
@@ -33,19 +33,19 @@ class UsbTestbed {
   virtual int plug(HidPeer& peer, const UsbIdentity& identity, int usage_page = 0xFF00,
                    int usage = 1) = 0;
   virtual void unplug(int plug) = 0;
-  /// The serial port `node` (below /dev) is the terminal `target` from now on: a pseudo-terminal,
-  /// say.
+  /// From now on the serial port `node` (below /dev) is the terminal `target`, such as a
+  /// pseudo-terminal.
   virtual void add_node(const std::string& node, const std::string& target) = 0;
   virtual void set_fault(int plug, UsbFault fault) = 0;
   /// A HID device that belongs to the process that opened it first, as long as that lives: others
   /// get EBUSY. hidraw is not like that by itself; a device that is claimed by libusb is.
   virtual void set_exclusive(int plug) = 0;
-  /// Emulators are called from a thread of the testbed: whoever else wants to touch them does it in
-  /// `work`.
+  /// Emulators are called from a thread of the testbed: everything else that touches them does so
+  /// in `work`.
   virtual void with_emulators(const std::function<void()>& work) = 0;
 };
 
-/// Whether this program can make a testbed, and if not, why (in words for the user); empty: it can.
+/// Why this program cannot make a testbed, in words for the user; empty: it can.
 std::string why_no_usb_testbed();
 /// One at a time in a process. Throws DeviceError{not_found} where why_no_usb_testbed() has
 /// something to say.

@@ -1,8 +1,7 @@
-// The virtual clock: threads that hand one baton round, and a time that jumps to whatever is due
-// next.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/clock.h"
 
+#include "devices/time/clock_task.h"
 #include "devices/time/quiet_thread.h"
 
 #include <algorithm>
@@ -20,7 +19,7 @@ namespace vitreo {
 
 Time from_seconds(double seconds) {
   const double nanoseconds = seconds * 1e9;
-  // The largest double below 2^63; written so that a NaN fails too.
+  // The bound is the largest double below 2^63; written so that a NaN fails too.
   if (!(std::abs(nanoseconds) <= 9223372036854774784.0))
     throw std::invalid_argument("seconds: " + std::to_string(seconds) + " is not a time that fits");
   return Time(std::llround(nanoseconds));
@@ -28,33 +27,29 @@ Time from_seconds(double seconds) {
 
 namespace {
 
-constexpr Time kSlice =
-    std::chrono::milliseconds(10);  // how long a real-time wait may be deaf to interrupt()
-constexpr Time kForgetLag =
-    std::chrono::milliseconds(100);  // a pace that fell back further does not rush to catch up
-/// How often a waiter looks before it falls asleep: the baton is mostly back within microseconds,
-/// while to wake a thread on another core costs about 25 us.
+/// How long a wait at the pace of the wall clock may miss interrupt(), which sets a flag only.
+constexpr Time kSlice = std::chrono::milliseconds(10);
+/// A simulation that is further behind the wall clock than this does not rush to catch up.
+constexpr Time kForgetLag = std::chrono::milliseconds(100);
+/// How often a waiter polls before it sleeps: the baton is mostly back within microseconds, while
+/// to wake a thread on another core costs about 25 us.
 constexpr int kYields = 20;
 
-/// What the scheduler knows of one task. Touched only by whoever holds the baton.
-struct VirtualEntry {
-  std::string name;
-  std::uint64_t number = 0;  // order of birth, for tasks of the same name
-  std::thread::id thread;
+struct VirtualEntry : TaskEntry {
+  std::uint64_t number = 0;  // order of spawning, for tasks of the same name
   std::condition_variable turn;
   Time due{};
-  const Signal* signal = nullptr;  // what it waits for, if anything
-  bool deaf = false;               // its waits must not be broken off: it is cleaning up
-  bool stop = false;
-  bool done = false;
-  Signal ended;
-  std::exception_ptr error;
 };
 
+/// The order of tasks, the same in every run: due time, then name, then order of spawning. Nothing
+/// in it depends on addresses or on the timing of threads.
 bool goes_before(const VirtualEntry* a, const VirtualEntry* b) {
   return std::tie(a->due, a->name, a->number) < std::tie(b->due, b->name, b->number);
 }
 
+/// Tasks are threads of which one runs at a time, the one that holds the baton. A waiting task is
+/// an entry with a due time; to hand the baton over is to find the entry that is due first, set the
+/// time to its due time and wake its thread.
 class VirtualClock final : public Clock {
  public:
   explicit VirtualClock(Pace pace) : pace_(pace), origin_(std::chrono::steady_clock::now()) {
@@ -78,12 +73,11 @@ class VirtualClock final : public Clock {
   Time stuck_for() const noexcept override;
   bool displaced() override { return displaced_ != nullptr; }
 
-  void run(VirtualEntry& entry, std::function<void()>& body);
   void start(VirtualEntry& entry, std::thread& thread, std::function<void()> body);
   void request_stop(VirtualEntry& entry);
-  void join(VirtualEntry& entry, bool deaf);
 
  private:
+  void run(VirtualEntry& entry, std::function<void()>& body);
   VirtualEntry& running();
   void come_back();
   void throw_if_stopped(VirtualEntry& self);
@@ -96,67 +90,53 @@ class VirtualClock final : public Clock {
   bool pace_to(Time due);
 
   const Pace pace_;
-  std::chrono::steady_clock::time_point origin_;  // of virtual time zero, under Pace::real_time
-  std::atomic<std::int64_t> now_{0};              // atomic only so that any thread may look at it
+  // Of virtual time zero, under Pace::real_time.
+  std::chrono::steady_clock::time_point origin_;
+  // ns; atomic only so that any thread may read it.
+  std::atomic<std::int64_t> now_{0};
   std::atomic<bool> interrupted_{false};
   static_assert(std::atomic<bool>::is_always_lock_free, "interrupt() must be async-signal-safe");
 
-  std::mutex
-      mutex_;  // held while the baton changes hands; what a task does with the baton needs no lock
+  // Held while the baton changes hands; what a task does with the baton needs no lock.
+  std::mutex mutex_;
+  // The holder of the baton.
   std::atomic<VirtualEntry*> current_;
-  VirtualEntry main_, intruder_;
+  VirtualEntry main_;
+  VirtualEntry intruder_;  // the thread of break_in()
   std::atomic<bool> intruder_waits_{false};
-  std::atomic<std::int64_t> moved_at_{0};  // ns since origin_'s epoch; only under Pace::real_time
-  std::atomic<VirtualEntry*> displaced_{
-      nullptr};  // whom the baton was taken from, until it has had a new turn
-  std::vector<VirtualEntry*> entries_;  // all that have not ended; few, so a scan beats any heap
+  // ns since origin_'s epoch; only under Pace::real_time.
+  std::atomic<std::int64_t> moved_at_{0};
+  // The task that the baton was taken from, until it has had a new turn.
+  std::atomic<VirtualEntry*> displaced_{nullptr};
+  // All that have not ended; few, so a scan is faster than a heap.
+  std::vector<VirtualEntry*> entries_;
   std::uint64_t births_ = 0;
+  // The error that the main task is to throw.
   std::string deadlock_;
 };
 
-class VirtualTask final : public Task {
- public:
-  VirtualTask(VirtualClock& clock, std::string name) : clock_(clock) {
-    entry_.name = std::move(name);
-  }
-  ~VirtualTask() override {
-    if (!thread_.joinable()) return;
-    clock_.request_stop(entry_);
-    clock_.join(entry_, true);
-    thread_.join();
-  }
-  void start(std::function<void()> body) { clock_.start(entry_, thread_, std::move(body)); }
-  void request_stop() override { clock_.request_stop(entry_); }
-  void join() override {
-    clock_.join(entry_, false);
-    if (thread_.joinable()) thread_.join();
-    if (entry_.error) std::rethrow_exception(std::exchange(entry_.error, nullptr));
-  }
-  bool done() const override { return entry_.done; }
-
- private:
-  VirtualClock& clock_;
-  VirtualEntry entry_;
-  std::thread thread_;
-};
-
+/// The caller's entry; every call but now() begins here. Throws std::logic_error for a thread that
+/// does not hold the baton and was not displaced.
 VirtualEntry& VirtualClock::running() {
   if (current_.load()->thread != std::this_thread::get_id()) come_back();
   return *current_;
 }
 
-/// A displaced task waits for a new turn; any other thread has no business here.
+/// A displaced task waits for a new turn; for any other thread the call is an error.
 void VirtualClock::come_back() {
   std::unique_lock lock(mutex_);
   if (current_.load()->thread == std::this_thread::get_id()) return;  // given back meanwhile
   VirtualEntry* const self = displaced_;
   if (!self || self->thread != std::this_thread::get_id())
     throw std::logic_error("virtual clock: called by a thread that does not hold the baton");
-  self->due = now();
+  self->due = now();  // from kForever: it may be chosen again
   self->turn.wait(lock, [&] { return current_ == self; });
   displaced_ = nullptr;
 }
 
+/// Becomes a task in two ways: in turn, when a task hands the baton over within `patience`
+/// (choose() prefers the intruder), or by force. Then the holder still runs, outside of all tasks,
+/// until its next call of the clock, and is not chosen until then: its due time is kForever.
 bool VirtualClock::break_in(Time patience) {
   intruder_.name = "watchdog";
   intruder_.thread = std::this_thread::get_id();
@@ -178,6 +158,8 @@ bool VirtualClock::break_in(Time patience) {
   return !in_turn;
 }
 
+/// Notes when the baton was seen to move, for stuck_for(). Not without a pace: the time of day has
+/// no part in such a run.
 void VirtualClock::moved() noexcept {
   if (pace_ == Pace::real_time)
     moved_at_ = std::chrono::steady_clock::now().time_since_epoch().count();
@@ -193,8 +175,8 @@ void VirtualClock::leave() {
   running();
   const std::lock_guard lock(mutex_);
   std::erase(entries_, &intruder_);
-  if (VirtualEntry* const stuck =
-          displaced_.exchange(nullptr)) {  // it has the baton back before it knew of its loss
+  // A displaced task that has not called the clock meanwhile gets the baton back and never knows.
+  if (VirtualEntry* const stuck = displaced_.exchange(nullptr)) {
     stuck->due = now();
     current_ = stuck;
     stuck->turn.notify_one();
@@ -203,6 +185,7 @@ void VirtualClock::leave() {
   pass_baton();
 }
 
+/// An interrupt is thrown once, a stop at every wait.
 void VirtualClock::throw_if_stopped(VirtualEntry& self) {
   if (self.deaf) return;
   if (&self == &main_ && interrupted_.exchange(false)) throw Stopped();
@@ -218,8 +201,8 @@ void VirtualClock::sleep_until(Time due) {
 bool VirtualClock::wait(Signal& signal, const std::function<bool()>& ready, Time deadline) {
   VirtualEntry& self = running();
   throw_if_stopped(self);
-  // A notified task looks for itself, at its turn: what it waits for may have been taken by another
-  // one meanwhile.
+  // A notified task evaluates ready() at its own turn: another one may have taken what it waits for
+  // meanwhile.
   while (!ready()) {
     if (now() >= deadline) return false;
     self.signal = &signal;
@@ -240,23 +223,10 @@ void VirtualClock::request_stop(VirtualEntry& entry) {
   if (&entry != &self && !entry.deaf) entry.due = now();
 }
 
-void VirtualClock::join(VirtualEntry& entry, bool deaf) {
-  VirtualEntry& self = running();
-  const bool was_deaf = std::exchange(self.deaf, self.deaf || deaf);
-  try {
-    wait(
-        entry.ended, [&entry] { return entry.done; }, kForever);
-  } catch (...) {
-    self.deaf = was_deaf;
-    throw;
-  }
-  self.deaf = was_deaf;
-}
-
-/// The caller waits until `due`, or until somebody moves its due time forward, and has the baton
-/// again on return.
+/// The caller waits until `due`, or until a notify() or a stop moves its due time forward, and has
+/// the baton again on return.
 void VirtualClock::hand_over(VirtualEntry& self, Time due) {
-  self.due = std::max(due, now());
+  self.due = std::max(due, now());  // the time never goes back
   {
     const std::lock_guard lock(mutex_);
     pass_baton();
@@ -272,7 +242,7 @@ void VirtualClock::hand_over(VirtualEntry& self, Time due) {
   if (!deadlock.empty()) throw std::logic_error(deadlock);
 }
 
-/// Under the lock; every task that has not ended waits, and somebody always goes on.
+/// Under the lock; every task that has not ended waits, and one always goes on.
 void VirtualClock::pass_baton() {
   moved();
   VirtualEntry* const next = choose();
@@ -281,6 +251,8 @@ void VirtualClock::pass_baton() {
   next->turn.notify_one();
 }
 
+/// The next holder, and the time at which it goes on: the intruder first, then a main task that was
+/// interrupted, then the first by goes_before().
 VirtualEntry* VirtualClock::choose() {
   if (intruder_waits_) return &intruder_;
   if (main_is_called()) return &main_;
@@ -291,6 +263,8 @@ VirtualEntry* VirtualClock::choose() {
   return next;
 }
 
+/// All wait for kForever, so no event can ever come: the main task is to throw the names of all, in
+/// alphabetical order so that the message is the same in every run.
 VirtualEntry* VirtualClock::deadlocked() {
   std::vector<std::string> names;
   for (const VirtualEntry* entry : entries_) names.push_back(entry->name);
@@ -314,14 +288,14 @@ bool VirtualClock::pace_to(Time due) {
     std::this_thread::sleep_for(std::min(kSlice, due - wall()));
     moved();
   }
-  // Somebody thought at the prompt, or the machine is too slow: go on from here at the right pace.
+  // A long command at the prompt, or a machine that is too slow: go on from here at the right pace.
   if (const Time lag = wall() - due; lag > kForgetLag) origin_ += lag;
   return true;
 }
 
 std::unique_ptr<Task> VirtualClock::spawn(std::string name, std::function<void()> body) {
   running();
-  auto task = std::make_unique<VirtualTask>(*this, std::move(name));
+  auto task = std::make_unique<ClockTask<VirtualClock, VirtualEntry>>(*this, std::move(name));
   task->start(std::move(body));
   return task;
 }
@@ -335,20 +309,13 @@ void VirtualClock::start(VirtualEntry& entry, std::thread& thread, std::function
   entries_.push_back(&entry);
 }
 
-/// The top of a task's thread.
+/// The top of a task's thread: waits for its first turn, and passes the baton on at its end.
 void VirtualClock::run(VirtualEntry& entry, std::function<void()>& body) {
   {
     std::unique_lock lock(mutex_);
     entry.turn.wait(lock, [&] { return current_ == &entry; });
   }
-  try {
-    body();
-  } catch (const Stopped&) {
-  } catch (...) {
-    entry.error = std::current_exception();
-  }
-  body = nullptr;  // what it holds dies with the baton in hand
-  entry.done = true;
+  entry.run(body);
   notify(entry.ended);
   const std::lock_guard lock(mutex_);
   std::erase(entries_, &entry);

@@ -1,6 +1,6 @@
-// Time, and the only way to block. Every task of a run (script, servo loop, cameras, emulators)
-// waits through a Clock, so a simulated run can jump from event to event and still be plain
-// blocking code.
+// Clock: the time, and the only way to block. Every task of a run (script, servo loop, cameras,
+// emulators) waits through a Clock, so a simulated run can jump from event to event and still be
+// plain blocking code.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -31,7 +31,7 @@ class Stopped : public std::exception {
   const char* what() const noexcept override { return "stopped"; }
 };
 
-/// What tasks wait for; it carries no state of its own. Belongs to whoever owns the condition;
+/// What tasks wait for; it carries no state of its own. Belongs to the owner of the condition and
 /// outlives every waiter.
 struct Signal {};
 
@@ -50,8 +50,8 @@ class Clock {
  public:
   virtual ~Clock() = default;
   virtual Time now() const = 0;
-  /// Returns at `due`, at once when it has passed (under the virtual clock, who else is due now
-  /// still gets its turn). Throws Stopped.
+  /// Returns at `due`, at once when it has passed (under the virtual clock, other tasks that are
+  /// due now still get their turn). Throws Stopped.
   virtual void sleep_until(Time due) = 0;
   /// Waits until `ready()` holds or the time is `deadline`; returns `ready()`. `ready` is evaluated
   /// at the start and after each notify(signal). Throws Stopped.
@@ -71,15 +71,15 @@ class Clock {
   /// for later. Returns what was set before. Use StopShield.
   virtual bool set_deaf(bool deaf) = 0;
 
-  /// For a watchdog's own thread, which belongs to no task: waits its turn for `patience` of wall
-  /// time, then takes it from the task that did not give it back, which stands still at its next
+  /// For a watchdog's own thread, which belongs to no task: waits for the baton for `patience` of
+  /// wall time, then takes it from the task that did not give it back, which blocks at its next
   /// call. Returns whether it had to take it. From then on until leave() the thread is a task like
   /// any other. One thread at a time.
   virtual bool break_in(Time patience) = 0;
   /// Whether the task that break_in() took the turn from has not come back yet.
   virtual bool displaced() = 0;
   virtual void leave() = 0;
-  /// Wall time since the baton last changed hands, or since the clock last looked while all waited:
+  /// Wall time since the baton last changed hands, or since the clock last polled while all waited:
   /// at the pace of the wall clock, how long the program has been stuck. Zero at any other pace.
   /// Any thread.
   virtual Time stuck_for() const noexcept = 0;
@@ -87,8 +87,8 @@ class Clock {
   void sleep_for(Time duration) { sleep_until(now() + duration); }
 };
 
-/// Lets a task finish what must not be broken off half-way, such as the zeros on their way to the
-/// coils.
+/// Scope guard that defers stops: a task finishes what must not be broken off half-way, such as the
+/// zeros on their way to the coils.
 class StopShield {
  public:
   explicit StopShield(Clock& clock) : clock_(clock), before_(clock.set_deaf(true)) {}
@@ -103,16 +103,17 @@ class StopShield {
 
 enum class Pace { as_fast_as_possible, real_time };
 
-/// The clock of simulated runs: one baton, held by one task at a time, so no two tasks ever run
-/// together; when all wait, the time jumps to the next event (Pace::real_time: sleeps until then).
-/// Construct it on the thread that is to be the main task and destroy it there, after every Task.
-/// Throws std::logic_error out of a wait when no task could ever go on.
+/// The clock of simulated runs: one baton (a global scheduler lock), held by one task at a time, so
+/// no two tasks ever run together; when all wait, the time jumps to the next event
+/// (Pace::real_time: sleeps until then). Construct it on the thread that is to be the main task and
+/// destroy it there, after every Task. Throws std::logic_error out of a wait when no task could
+/// ever go on.
 std::unique_ptr<Clock> virtual_clock(Pace pace = Pace::as_fast_as_possible);
 
 /// The clock of real instruments: the time is the machine's monotonic clock, counted from the
-/// construction. One baton here too, so what is right under the virtual clock is right here;
-/// whoever waits, or is outside(), puts it down. Construct and destroy it on the main task's
-/// thread. now() and nothing else may be called by any thread.
+/// construction. One baton here too, so what is right under the virtual clock is right here; a task
+/// that waits, or is outside(), puts it down. Construct and destroy it on the main task's thread.
+/// now() and nothing else may be called by any thread.
 std::unique_ptr<Clock> wall_clock();
 
 /// s of the machine's steady clock: for what takes real time, never for the science.

@@ -1,4 +1,3 @@
-// What a device says when it fails: one line that names the device and the kind.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/error.h"
 
@@ -22,6 +21,7 @@ const char* to_string(DeviceErrorKind kind) {
   return "unknown";
 }
 
+// "coils: no answer within 0.1 s (timeout)"
 DeviceError::DeviceError(DeviceErrorKind its_kind, std::string its_device, const std::string& what)
     : std::runtime_error(its_device + ": " + what + " (" + to_string(its_kind) + ")"),
       kind(its_kind),

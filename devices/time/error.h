@@ -1,4 +1,4 @@
-// What a device says when it fails.
+// DeviceError: the failure of a device, of one of a few kinds.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// Who an instrument says it is; asked for and checked when it is opened, and shown to people.
+// Identity of an instrument as it reports it: asked for and checked when it is opened, and shown.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -8,8 +8,8 @@ namespace vitreo {
 
 struct Identity {
   std::string name;      ///< maker and model
-  std::string serial;    ///< empty where the instrument does not tell
-  std::string firmware;  ///< empty where the instrument does not tell
+  std::string serial;    ///< empty where the instrument does not report it
+  std::string firmware;  ///< empty where the instrument does not report it
 };
 
 /// One line: "Zaber X-LSM050A, serial 12345, firmware 7.14".

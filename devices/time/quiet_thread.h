@@ -1,4 +1,4 @@
-// A thread that no signal reaches: those are for the script's thread, the one that can be
+// Thread with all signals blocked: signals go to the script's thread, the one that can be
 // interrupted.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -18,7 +18,8 @@ std::thread quiet_thread(Body&& body) {
     Mask() {
       sigset_t all;
       sigfillset(&all);
-      pthread_sigmask(SIG_SETMASK, &all, &before);  // a new thread inherits it
+      // Blocked before the thread exists: a new thread inherits its creator's mask.
+      pthread_sigmask(SIG_SETMASK, &all, &before);
     }
     ~Mask() { pthread_sigmask(SIG_SETMASK, &before, nullptr); }
   } const mask;

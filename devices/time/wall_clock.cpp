@@ -1,6 +1,7 @@
-// The wall clock: tasks are threads that share one baton, a mutex, which whoever waits puts down.
+// Wall clock: tasks are threads that share one baton, a mutex, which a waiting task puts down.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/clock.h"
+#include "devices/time/clock_task.h"
 #include "devices/time/quiet_thread.h"
 
 #include <algorithm>
@@ -16,12 +17,13 @@
 namespace vitreo {
 namespace {
 
-using Steady = std::chrono::steady_clock;
-constexpr Time kWallSlice =
-    std::chrono::milliseconds(10);  // how long the main task may be deaf to interrupt()
+using Steady = std::chrono::steady_clock;  // monotonic: a step of the system's time is no step here
 
-/// A mutex that can be taken from a holder who does not give it back, and that knows for how long
-/// it has been held.
+/// How long a wait of the main task may miss interrupt(), which sets a flag only.
+constexpr Time kWallSlice = std::chrono::milliseconds(10);
+
+/// A mutex that can be taken from a holder that does not give it back, and that knows for how long
+/// it has been held. std::mutex can neither be taken over nor asked.
 class Baton {
  public:
   void lock() {
@@ -51,21 +53,14 @@ class Baton {
   void take() { taken_at_ = Steady::now().time_since_epoch().count(); }
   std::mutex mutex_;
   std::condition_variable free_;
-  std::atomic<std::int64_t> taken_at_{0};  // ns of the steady clock; 0: nobody holds it
+  // ns of the steady clock; 0: it is free.
+  std::atomic<std::int64_t> taken_at_{0};
 };
 
-/// What the clock knows of one task. Touched only with the baton in hand.
-struct WallEntry {
-  std::thread::id thread;
+struct WallEntry : TaskEntry {
   std::unique_lock<Baton> baton;
   std::condition_variable_any turn;
-  const Signal* signal = nullptr;  // what it waits for, if anything
   bool notified = false;
-  bool deaf = false;  // its waits must not be broken off: it is cleaning up
-  bool stop = false;
-  bool done = false;
-  Signal ended;
-  std::exception_ptr error;
 };
 
 class WallClock final : public Clock {
@@ -92,7 +87,6 @@ class WallClock final : public Clock {
 
   void start(WallEntry& entry, std::thread& thread, std::function<void()> body);
   void request_stop(WallEntry& entry);
-  void join(WallEntry& entry, bool deaf);
 
  private:
   WallEntry& running();
@@ -107,36 +101,18 @@ class WallClock final : public Clock {
   std::atomic<bool> interrupted_{false};
   static_assert(std::atomic<bool>::is_always_lock_free, "interrupt() must be async-signal-safe");
   Baton baton_;
-  std::atomic<WallEntry*> current_;             // who holds it
-  std::atomic<WallEntry*> displaced_{nullptr};  // whom it was taken from, until it is back
-  std::vector<WallEntry*> entries_;             // all that have not ended
-  WallEntry main_, intruder_;
+  // The holder; null while all wait or are outside().
+  std::atomic<WallEntry*> current_;
+  // The task that it was taken from, until it is back.
+  std::atomic<WallEntry*> displaced_{nullptr};
+  // All that have not ended.
+  std::vector<WallEntry*> entries_;
+  WallEntry main_;
+  WallEntry intruder_;  // the thread of break_in()
 };
 
-class WallTask final : public Task {
- public:
-  explicit WallTask(WallClock& clock) : clock_(clock) {}
-  ~WallTask() override {
-    if (!thread_.joinable()) return;
-    clock_.request_stop(entry_);
-    clock_.join(entry_, true);
-    clock_.outside([this] { thread_.join(); });
-  }
-  void start(std::function<void()> body) { clock_.start(entry_, thread_, std::move(body)); }
-  void request_stop() override { clock_.request_stop(entry_); }
-  void join() override {
-    clock_.join(entry_, false);
-    if (thread_.joinable()) clock_.outside([this] { thread_.join(); });
-    if (entry_.error) std::rethrow_exception(std::exchange(entry_.error, nullptr));
-  }
-  bool done() const override { return entry_.done; }
-
- private:
-  WallClock& clock_;
-  WallEntry entry_;
-  std::thread thread_;
-};
-
+/// The caller's entry; a displaced task waits here for the baton. Throws std::logic_error for a
+/// thread that does not hold it and was not displaced.
 WallEntry& WallClock::running() {
   WallEntry* entry = current_;
   if (WallEntry* const stuck = displaced_;
@@ -150,6 +126,7 @@ WallEntry& WallClock::running() {
   return *entry;
 }
 
+/// By force the holder goes on outside of all tasks until its next call of the clock.
 bool WallClock::break_in(Time patience) {
   const bool in_turn = baton_.try_lock_for(patience);
   if (!in_turn) {
@@ -167,8 +144,9 @@ bool WallClock::break_in(Time patience) {
 void WallClock::leave() {
   running();
   std::erase(entries_, &intruder_);
-  if (WallEntry* const stuck =
-          displaced_.exchange(nullptr)) {  // it has the baton back before it knew of its loss
+  // A displaced task that has not called the clock meanwhile gets the baton back and never knows:
+  // its own lock was not released.
+  if (WallEntry* const stuck = displaced_.exchange(nullptr)) {
     intruder_.baton.release();
     current_ = stuck;
     return;
@@ -177,14 +155,16 @@ void WallClock::leave() {
   intruder_.baton.unlock();
 }
 
+/// An interrupt is thrown once, a stop at every wait.
 void WallClock::throw_if_stopped(WallEntry& self) {
   if (self.deaf) return;
   if (&self == &main_ && interrupted_.exchange(false)) throw Stopped();
   if (self.stop) throw Stopped();
 }
 
-/// Puts the baton down until somebody calls or `due` has come; the main task looks up now and then
-/// for interrupt(), which may not touch a condition variable.
+/// Puts the baton down until the task is notified or `due` has come. The main task wakes every
+/// kWallSlice for interrupt(), which, called by a signal handler, may not touch a condition
+/// variable.
 void WallClock::rest(WallEntry& self, Time due) {
   const Time until = &self == &main_ ? std::min(due, later(now(), kWallSlice)) : due;
   current_ = nullptr;
@@ -196,7 +176,7 @@ void WallClock::rest(WallEntry& self, Time due) {
 void WallClock::sleep_until(Time due) {
   WallEntry& self = running();
   throw_if_stopped(self);
-  if (now() >= due) outside([] { std::this_thread::yield(); });
+  if (now() >= due) outside([] { std::this_thread::yield(); });  // let the others have a turn
   while (now() < due && !is_stopped(self)) rest(self, due);
   throw_if_stopped(self);
 }
@@ -215,6 +195,8 @@ bool WallClock::wait(Signal& signal, const std::function<bool()>& ready, Time de
   return true;
 }
 
+/// The flag tells a notification from a wake-up for another reason: wait() evaluates ready() only
+/// after the former.
 void WallClock::notify(Signal& signal) {
   running();
   for (WallEntry* entry : entries_)
@@ -224,6 +206,7 @@ void WallClock::notify(Signal& signal) {
     }
 }
 
+/// The baton comes back even when `work` throws.
 void WallClock::outside(const std::function<void()>& work) {
   WallEntry& self = running();
   struct Return {
@@ -245,22 +228,9 @@ void WallClock::request_stop(WallEntry& entry) {
   entry.turn.notify_one();
 }
 
-void WallClock::join(WallEntry& entry, bool deaf) {
-  WallEntry& self = running();
-  const bool was_deaf = std::exchange(self.deaf, self.deaf || deaf);
-  try {
-    wait(
-        entry.ended, [&entry] { return entry.done; }, kForever);
-  } catch (...) {
-    self.deaf = was_deaf;
-    throw;
-  }
-  self.deaf = was_deaf;
-}
-
-std::unique_ptr<Task> WallClock::spawn(std::string, std::function<void()> body) {
+std::unique_ptr<Task> WallClock::spawn(std::string name, std::function<void()> body) {
   running();
-  auto task = std::make_unique<WallTask>(*this);
+  auto task = std::make_unique<ClockTask<WallClock, WallEntry>>(*this, std::move(name));
   task->start(std::move(body));
   return task;
 }
@@ -272,18 +242,11 @@ void WallClock::start(WallEntry& entry, std::thread& thread, std::function<void(
   entries_.push_back(&entry);
 }
 
-/// The top of a task's thread.
+/// The top of a task's thread: waits for its first turn, and frees the baton at its end.
 void WallClock::run(WallEntry& entry, std::function<void()>& body) {
   entry.baton = std::unique_lock(baton_);
   current_ = &entry;
-  try {
-    body();
-  } catch (const Stopped&) {
-  } catch (...) {
-    entry.error = std::current_exception();
-  }
-  body = nullptr;  // what it holds dies with the baton in hand
-  entry.done = true;
+  entry.run(body);
   notify(entry.ended);
   std::erase(entries_, &entry);
   current_ = nullptr;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/twin.h"
 
+#include "devices/roles/forwarding_stage.h"
 #include "host/rig/registry.h"
 
 #include <algorithm>
@@ -76,46 +77,30 @@ class Note {
   const std::string role_, unit_;
 };
 
-/// Each lets everything through, and notes the targets that the instrument took.
-class WatchedStage final : public Stage {
+/// Each forwards everything, and notes the targets that the instrument accepted.
+class WatchedStage final : public ForwardingStage {
  public:
   WatchedStage(Stage& stage, std::vector<AxisUse>& uses)
-      : stage_(stage), note_(uses, "stage", "m") {}
-  const StageInfo& info() const override { return stage_.info(); }
-  std::vector<double> position() override { return stage_.position(); }
+      : ForwardingStage(stage), note_(uses, "stage", "m") {}
   void start(std::span<const double> target, double speed) override {
-    stage_.start(target, speed);
+    ForwardingStage::start(target, speed);
     for (std::size_t i = 0; i < target.size(); ++i) note_.sent(info().axes[i].name, target[i]);
   }
-  bool moving() override { return stage_.moving(); }
-  void wait(Time timeout) override { stage_.wait(timeout); }
-  void home(Time timeout) override { stage_.home(timeout); }
-  void stop() override { stage_.stop(); }
-  void make_safe() override { stage_.make_safe(); }
 
  private:
-  Stage& stage_;
   Note note_;
 };
 
-class WatchedRotation final : public RotationStage {
+class WatchedRotation final : public ForwardingRotationStage {
  public:
   WatchedRotation(RotationStage& stage, std::vector<AxisUse>& uses)
-      : stage_(stage), note_(uses, "rotation_stage", "rad") {}
-  const RotationStageInfo& info() const override { return stage_.info(); }
-  double angle() override { return stage_.angle(); }
+      : ForwardingRotationStage(stage), note_(uses, "rotation_stage", "rad") {}
   void start(double angle, double speed) override {
-    stage_.start(angle, speed);
+    ForwardingRotationStage::start(angle, speed);
     note_.sent(info().axis.name, angle);
   }
-  bool moving() override { return stage_.moving(); }
-  void wait(Time timeout) override { stage_.wait(timeout); }
-  void home(Time timeout) override { stage_.home(timeout); }
-  void stop() override { stage_.stop(); }
-  void make_safe() override { stage_.make_safe(); }
 
  private:
-  RotationStage& stage_;
   Note note_;
 };
 

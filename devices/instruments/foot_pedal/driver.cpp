@@ -9,9 +9,11 @@
 namespace vitreo::foot_pedal {
 namespace {
 
-constexpr int kMostReports =
-    1024;  // in one call: a device that floods the link is not obeyed for ever
+/// In one call: a device that floods the link is not read for ever.
+constexpr int kMostReports = 1024;
 
+/// No watchdog as the SpaceMouse's: a pedal that is held sends nothing. What a lost link leaves
+/// pressed is the error of the next call, which is_held() takes for released.
 class FootPedal final : public OperatorInput {
  public:
   FootPedal(std::unique_ptr<HidLink> link, const Settings& settings)
@@ -29,7 +31,7 @@ class FootPedal final : public OperatorInput {
         if (const auto down = decode(*report, settings_.layout)) state_.pressed = *down;
       }
     } catch (const DeviceError& error) {
-      lost_ = true;  // one that comes back is not pressed because it was when it went
+      lost_ = true;  // its last state is void: it may come back released
       throw DeviceError(error.kind, settings_.name, error.what());
     }
     return state_;

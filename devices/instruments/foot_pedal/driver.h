@@ -1,5 +1,5 @@
-// USB foot pedals: each pedal is one bit of one byte of a HID report. Also a dead-man: released or
-// unplugged means stop.
+// Driver of USB foot pedals: each pedal is one bit of one byte of a HID report. Also a dead-man:
+// released or unplugged means stop.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,12 +13,13 @@
 namespace vitreo::foot_pedal {
 
 struct Settings {
-  std::string name = "pedal";   ///< how errors call it
+  std::string name = "pedal";   ///< in errors
   Layout layout = xkeys_xk3();  ///< where its pedals are in its reports
   void check() const;           ///< throws std::invalid_argument naming the setting
 };
 
-/// A pedal says only when something changes: until it first did, all its pedals count as released.
+/// A pedal sends reports only when something changes: until the first, all its pedals count as
+/// released.
 std::unique_ptr<OperatorInput> open(std::unique_ptr<HidLink> link, const Settings& settings);
 
 }  // namespace vitreo::foot_pedal

@@ -1,4 +1,4 @@
-// The foot pedal's end of the wire: a foot for the simulated laboratory and the tests.
+// Emulator of the foot pedal: its end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace vitreo::foot_pedal {
 
-/// Says what changes to whoever is connected.
+/// Sends what changes to the connected link.
 class Emulator final : public HidPeer {
  public:
   explicit Emulator(Layout layout = xkeys_xk3()) : layout_(std::move(layout)) {}

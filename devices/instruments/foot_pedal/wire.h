@@ -1,4 +1,5 @@
-// A foot pedal's input reports, encoded and decoded; no I/O.
+// Wire of foot pedals: input reports encoded and decoded; no I/O. The layout differs from maker to
+// maker, so it is data.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,7 +13,7 @@ namespace vitreo::foot_pedal {
 using Bytes = std::span<const std::uint8_t>;
 using Report = std::vector<std::uint8_t>;
 
-/// Where one pedal is in a report.
+/// Byte and bit of one pedal in a report.
 struct Pedal {
   std::size_t byte = 0;
   std::uint8_t mask = 1;

@@ -1,4 +1,4 @@
-// Aravis and GLib, with ownership. Only devices/instruments/genicam/ includes it.
+// Aravis and GLib with ownership. Only devices/instruments/genicam/ includes it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,3 @@
-// The camera server by Aravis' fake camera: its registers and its stream, our images.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/genicam/camera_server.h"
 
@@ -12,6 +11,8 @@
 namespace vitreo::genicam {
 namespace {
 
+/// Aravis' fake camera (ArvGvFakeCamera): its registers and its stream, our images. It never
+/// answers a request to resend a packet, and now and then stalls for 100 ms.
 class FakeCameraServer final : public CameraServer {
  public:
   FakeCameraServer(const ServerSettings& settings, Draw draw)
@@ -37,13 +38,13 @@ class FakeCameraServer final : public CameraServer {
                       ArvPixelFormat format) {
     static_cast<FakeCameraServer*>(self)->fill(buffer, exposure_us * 1e-6, format);
   }
+  /// Called by the fake camera's thread, for each frame that it is about to send.
   void fill(ArvBuffer* buffer, double exposure, ArvPixelFormat format) {
-    const int width = arv_buffer_get_image_width(buffer),
-              height = arv_buffer_get_image_height(buffer);
+    const int width = arv_buffer_get_image_width(buffer);
+    const int height = arv_buffer_get_image_height(buffer);
     // The size that comes with the data is that of what was received, which here is nothing yet.
     void* const pixels = const_cast<void*>(arv_buffer_get_data(buffer, nullptr));
-    // Another format than the one that this server has an image for: the client gets what was
-    // there.
+    // Of another format this server has no image: the client gets what was in the buffer.
     if (format != ARV_PIXEL_FORMAT_MONO_8 || width < 1 || height < 1) return;
     cv::Mat image(height, width, CV_8U, pixels);
     draw_({exposures_++, exposure}, image);

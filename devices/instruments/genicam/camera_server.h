@@ -1,5 +1,5 @@
-// A GigE Vision camera in software: real GVCP and GVSP on a network interface, streaming the images
-// that it is given.
+// Camera server: a GigE Vision camera in software, with real GVCP and GVSP on a network interface,
+// that streams the images it is given.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,12 +13,13 @@
 namespace vitreo::genicam {
 
 struct ServerSettings {
-  std::string interface =
-      "127.0.0.1";  ///< its address or the interface's name; one camera an address
+  /// Its address or the interface's name; one camera an address, for the port 3956 is fixed.
+  std::string interface = "127.0.0.1";
   std::string serial = "VITREO01";
-  int width_px = 640, height_px = 480;  ///< at first; a client may ask for others, up to 2048
-  double lost_packets = 0;              ///< of all image packets, in [0, 1]: never sent
-  void check() const;                   ///< throws std::invalid_argument naming the setting
+  int width_px = 640;       ///< at first; a client may ask for another, up to 2048
+  int height_px = 480;      ///< likewise
+  double lost_packets = 0;  ///< of all image packets, in [0, 1]: never sent
+  void check() const;       ///< throws std::invalid_argument naming the setting
 };
 
 /// One image to be drawn, into a CV_8U matrix of the size that the client asked for.
@@ -28,9 +29,9 @@ struct Exposure {
 };
 using Draw = std::function<void(const Exposure&, cv::Mat& image)>;
 
-/// Lives as long as the object; dies like a camera that is unplugged. `draw` is called from a
-/// thread of its own. Throws DeviceError{refused} when the interface or its port 3956 is not to be
-/// had.
+/// Serves as long as the object exists; its destruction is that of an unplugged camera. `draw` is
+/// called from a thread of its own. Throws DeviceError{refused} when the interface or its port 3956
+/// is not to be had.
 class CameraServer {
  public:
   virtual ~CameraServer() = default;

@@ -16,11 +16,18 @@ namespace vitreo::genicam {
 namespace {
 
 using namespace std::chrono_literals;
+/// Frames that wait between two grabs; when all are full, what waits is old.
 constexpr int kBuffers = 16;
-constexpr Time kSlice = 20ms;     // how long a stop may have to wait
-constexpr Time kSilence = 450ms;  // after which a camera is lost
-constexpr int kWrap = 65535;      // GigE Vision counts frames from 1 to this
+/// How long a stop may have to wait for a frame.
+constexpr Time kSlice = 20ms;
+/// After which a camera is lost: Aravis' own signal, control-lost, comes 5 s after a camera's
+/// death.
+constexpr Time kSilence = 450ms;
+/// GigE Vision counts frames from 1 to this, and then from 1 again: 0 is for what has no number.
+constexpr int kWrap = 65535;
 
+/// Aravis receives on threads of its own, which know nothing of the clock's baton: they only push
+/// full buffers, and the flag of a lost control.
 class GenicamCamera final : public Camera {
  public:
   GenicamCamera(const Settings& settings, Clock& clock) : settings_(settings), clock_(clock) {
@@ -65,6 +72,7 @@ class GenicamCamera final : public Camera {
   CameraStatistics statistics_;
 };
 
+/// Calls Aravis; its error is thrown under the name of the setting.
 template <class Call>
 auto GenicamCamera::ask(const std::string& what, Call call) {
   GError* error = nullptr;
@@ -78,6 +86,7 @@ auto GenicamCamera::ask(const std::string& what, Call call) {
   }
 }
 
+/// Outside the baton: to find a camera by name asks all interfaces, which takes a second.
 void GenicamCamera::start() {
   GError* error = nullptr;
   camera_.reset(
@@ -91,8 +100,11 @@ void GenicamCamera::start() {
   open_stream();
 }
 
+/// Settings first, then what the camera made of them: it may round or clip without an error. Rate
+/// and exposure may differ by a twentieth.
 void GenicamCamera::configure() {
   ArvCamera* const c = camera_.get();
+  // A camera that still streams, for a host that died, may refuse settings.
   ask("stop", [c](GError** e) { arv_camera_stop_acquisition(c, e); });
   ask("8-bit gray",
       [c](GError** e) { arv_camera_set_pixel_format(c, ARV_PIXEL_FORMAT_MONO_8, e); });
@@ -143,7 +155,10 @@ void GenicamCamera::open_stream() {
   ArvCamera* const c = camera_.get();
   stream_.reset(
       ask("stream", [c](GError** e) { return arv_camera_create_stream(c, nullptr, nullptr, e); }));
-  if (!stream_) fail(DeviceErrorKind::refused, "no stream; does somebody else control it?");
+  // "Controller privilege required": a second client may read registers, but gets no stream.
+  if (!stream_) fail(DeviceErrorKind::refused, "no stream; does another program control it?");
+  // With the buffer that the kernel chooses, a loaded machine lost nearly all frames (2.5 of 30 a
+  // second); with a fixed one of 4 MiB none.
   if (ARV_IS_GV_STREAM(stream_.get()))
     g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                  "socket-buffer-size", settings_.socket_buffer, nullptr);
@@ -153,7 +168,7 @@ void GenicamCamera::open_stream() {
   ask("start", [c](GError** e) { arv_camera_start_acquisition(c, e); });
 }
 
-/// Blocks for seconds when nobody answers any more, and then says so to nobody.
+/// Blocks for about 5 s when the camera answers no more; the error that follows is of no use.
 void GenicamCamera::stop() {
   if (camera_) g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
   if (camera_ && stream_ && !control_lost_) {
@@ -165,7 +180,8 @@ void GenicamCamera::stop() {
   camera_.reset();
 }
 
-/// Frames are numbered by the exposure; the gap to the one before is what was lost.
+/// Frames are numbered by the exposure: the gap to the one before is what was lost. Ids of 16 bits
+/// wrap from 65535 to 1; an id beyond that is of the extended mode of 64 bits, which does not.
 void GenicamCamera::count(std::uint64_t id) {
   std::uint64_t step = 1;
   if (last_id_ != 0) {
@@ -180,6 +196,8 @@ void GenicamCamera::count(std::uint64_t id) {
   statistics_.lost += step - 1;
 }
 
+/// The frame in a buffer; nothing when packets of it are missing. The image is copied, for the
+/// buffer goes back to the stream.
 std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
   heard_ = clock_.now();
   count(arv_buffer_get_frame_id(buffer));
@@ -188,8 +206,8 @@ std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
     return std::nullopt;
   }
   ++statistics_.delivered;
-  const int width = arv_buffer_get_image_width(buffer),
-            height = arv_buffer_get_image_height(buffer);
+  const int width = arv_buffer_get_image_width(buffer);
+  const int height = arv_buffer_get_image_height(buffer);
   std::size_t size = 0;
   const void* const pixels = arv_buffer_get_data(buffer, &size);
   if (width != info_.width_px || height != info_.height_px ||
@@ -201,6 +219,9 @@ std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
   std::memcpy(frame.image.data, pixels, std::size_t(width) * std::size_t(height));
   frame.number = number_;
   frame.received = clock_.now();
+  // The buffer's system time stamp is the wall clock's at the arrival of the first packet (ns),
+  // taken for the end of the exposure. A wall clock that was set meanwhile cannot shift a frame by
+  // more than a second.
   const std::int64_t age =
       g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
   frame.exposed = frame.received - Time(std::clamp<std::int64_t>(age, 0, 1'000'000'000)) -
@@ -208,8 +229,8 @@ std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
   return frame;
 }
 
-/// Of all that wait. When nobody has looked for so long that all buffers are full, what waits is
-/// old: then nothing.
+/// The newest whole frame of those that wait. When all buffers are full, the stream had none for
+/// newer frames, and what waits is old: then nothing.
 std::optional<Frame> GenicamCamera::newest(ArvBuffer* first) {
   std::optional<Frame> frame;
   int count = 0;
@@ -231,7 +252,7 @@ std::optional<Frame> GenicamCamera::newest(ArvBuffer* first) {
 Frame GenicamCamera::grab(Time timeout) {
   const Time deadline = later(clock_.now(), timeout);
   const Time silence = std::max(kSilence, from_seconds(5 * info_.frame_period));
-  // What nobody looked for is no silence.
+  // The time between two grabs is no silence of the camera's.
   Time listening = clock_.now();
   for (;;) {
     if (control_lost_) fail(DeviceErrorKind::lost, "the camera no longer answers");

@@ -1,5 +1,5 @@
-// GenICam cameras by Aravis: GigE Vision, and USB3 Vision (compiled, but never proven without a
-// camera at hand).
+// Driver of GenICam cameras by Aravis: GigE Vision, and USB3 Vision (compiled, but never proven
+// without a camera at hand).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,16 +13,17 @@
 namespace vitreo::genicam {
 
 struct Settings {
-  std::string name = "camera";  ///< how errors call it
-  std::string camera{};  ///< its identity as list_cameras() shows it, or its IP address; empty: the
-                         ///< first found
-  int width_px = 640, height_px = 480;
+  std::string name = "camera";  ///< in errors
+  /// Its identity as list_cameras() shows it, or its IP address; empty: the first found.
+  std::string camera{};
+  int width_px = 640;
+  int height_px = 480;
   double frame_rate = 60;          ///< Hz
   double exposure = 5e-3;          ///< s
   double gain = 0;                 ///< in the camera's unit, mostly dB
   double effective_pixel = 20e-6;  ///< m of the observed plane per pixel
-  int packet_size =
-      1400;  ///< bytes of a GigE Vision packet; jumbo frames (8000) where the network has them
+  /// Bytes of a GigE Vision packet; jumbo frames (8000) where the network has them.
+  int packet_size = 1400;
   /// Bytes. The kernel's default loses nearly every frame on a loaded machine; sysctl
   /// net.core.rmem_max bounds it.
   int socket_buffer = 4 << 20;
@@ -30,8 +31,8 @@ struct Settings {
 };
 
 /// Opens the camera, applies the settings, reads them back and starts it. Throws
-/// DeviceError{not_found}, {refused} (somebody else controls it, or it does not take a setting; it
-/// is named), {lost}. A frame's `exposed` is the arrival of its first packet less half the
+/// DeviceError{not_found}, {refused} (another program controls it, or it does not take a setting;
+/// it is named), {lost}. A frame's `exposed` is the arrival of its first packet less half the
 /// exposure: a camera's clock is its own. grab() throws DeviceError{lost} when the camera has been
 /// silent for 0.45 s or five frames, whatever is longer. A camera that was lost stays lost: open it
 /// again. Destruction blocks up to 5 s then, on the clock's outside().

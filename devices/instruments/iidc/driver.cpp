@@ -1,4 +1,4 @@
-// The only file that knows libdc1394.
+// Driver of IIDC cameras; the only file that includes libdc1394.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/iidc/driver.h"
 
@@ -49,12 +49,19 @@ std::unique_ptr<Camera> open(const Settings& settings, Clock&) {
 
 namespace {
 
-constexpr double kSilence = 0.45;  // s after which a camera is lost
-constexpr double kCycles = 8000;   // packets/s of an isochronous channel
-constexpr unsigned kBuffers = 8;   // frames of the DMA ring
+/// s after which a camera is lost.
+constexpr double kSilence = 0.45;
+/// Isochronous cycles a second of IEEE 1394, each with one packet of the camera.
+constexpr double kCycles = 8000;
+/// Frames of the DMA ring.
+constexpr unsigned kBuffers = 8;
+/// Format 7 is the one of free regions; its mode 0 has the sensor's full resolution.
 constexpr dc1394video_mode_t kMode = DC1394_VIDEO_MODE_FORMAT7_0;
+/// How long a stop may have to wait for a frame.
 constexpr Time kSlice = std::chrono::milliseconds(50);
 
+/// Frames arrive by DMA in a ring of the kernel's; the driver takes all that wait and keeps the
+/// last.
 class IidcCamera final : public Camera {
  public:
   IidcCamera(const Settings& settings, Clock& clock)
@@ -96,6 +103,7 @@ class IidcCamera final : public Camera {
   [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
     throw DeviceError(kind, settings_.name, what);
   }
+  /// libdc1394's error, under the name of the setting.
   void need(dc1394error_t code, const char* setting) const {
     if (code != DC1394_SUCCESS)
       fail(DeviceErrorKind::refused, std::string(setting) + ": " + dc1394_error_get_string(code));
@@ -105,7 +113,7 @@ class IidcCamera final : public Camera {
     library_.reset(dc1394_new());
     if (!library_) fail(DeviceErrorKind::not_found, "there is no FireWire bus");
     camera_.reset(dc1394_camera_new(library_.get(), guid()));
-    if (!camera_) fail(DeviceErrorKind::not_found, "it does not answer, or somebody else has it");
+    if (!camera_) fail(DeviceErrorKind::not_found, "it does not answer, or another program has it");
     if (settings_.fast_bus)
       need(dc1394_video_set_operation_mode(camera_.get(), DC1394_OPERATION_MODE_1394B), "fast_bus");
     need(dc1394_video_set_iso_speed(
@@ -122,6 +130,7 @@ class IidcCamera final : public Camera {
              settings_.height_px, 1 / settings_.frame_rate, settings_.effective_pixel};
   }
 
+  /// The 64 bits by which a FireWire device is known, in any port.
   std::uint64_t guid() const {
     if (!settings_.guid.empty()) return std::stoull(settings_.guid, nullptr, 16);
     dc1394camera_list_t* found = nullptr;
@@ -133,12 +142,16 @@ class IidcCamera final : public Camera {
     return list->ids[0].guid;
   }
 
-  /// In the sensor's middle; each packet as large as the frame rate wants it.
+  /// In the sensor's middle. In Format 7 the packet's size sets the frame rate: bytes of an image
+  /// times the rate, over 8000 packets a second, rounded up to the camera's unit.
   void set_region() {
-    std::uint32_t width = 0, height = 0, unit = 0, most = 0;
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::uint32_t unit = 0;
+    std::uint32_t most = 0;
     need(dc1394_format7_get_max_image_size(camera_.get(), kMode, &width, &height), "width_px");
-    const auto x = static_cast<std::uint32_t>(settings_.width_px),
-               y = static_cast<std::uint32_t>(settings_.height_px);
+    const auto x = static_cast<std::uint32_t>(settings_.width_px);
+    const auto y = static_cast<std::uint32_t>(settings_.height_px);
     if (x > width || y > height)
       fail(DeviceErrorKind::refused, "width_px, height_px: the sensor has " +
                                          std::to_string(width) + " x " + std::to_string(height));
@@ -157,6 +170,8 @@ class IidcCamera final : public Camera {
     need(dc1394_format7_set_packet_size(camera_.get(), kMode, packet), "frame_rate");
   }
 
+  /// By absolute values (s, dB). The Basler A620f and AVT's Guppy and Pike have none, and are
+  /// refused here.
   void set_feature(dc1394feature_t feature, double value, const char* setting) {
     need(dc1394_feature_set_mode(camera_.get(), feature, DC1394_FEATURE_MODE_MANUAL), setting);
     need(dc1394_feature_set_absolute_control(camera_.get(), feature, DC1394_ON), setting);
@@ -164,6 +179,7 @@ class IidcCamera final : public Camera {
          setting);
   }
 
+  /// Until a frame is in the ring, outside the clock's baton.
   void wait(Time timeout) {
     clock_.outside([&] {
       pollfd ready{dc1394_capture_get_fileno(camera_.get()), POLLIN, 0};

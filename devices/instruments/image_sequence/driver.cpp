@@ -19,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Image i is exposed at start + i / frame_rate, whether or not it is grabbed.
 class ImageSequence final : public Camera {
  public:
   ImageSequence(const Settings& settings, Clock& clock)
@@ -34,12 +35,14 @@ class ImageSequence final : public Camera {
   const CameraInfo& info() const override { return info_; }
   CameraStatistics statistics() const override { return statistics_; }
 
+  /// With every_frame the next image, else the newest that was not yet grabbed; waits for it.
   Frame grab(Time timeout) override {
     const std::int64_t arrived = (clock_.now() - start_) / period_;
     const std::int64_t number = settings_.every_frame ? last_ + 1 : std::max(arrived, last_ + 1);
     const auto count = static_cast<std::int64_t>(files_.size());
     if (!settings_.repeat && number >= count) fail(DeviceErrorKind::lost, "the sequence is over");
-    const Time exposed = start_ + number * period_, deadline = later(clock_.now(), timeout);
+    const Time exposed = start_ + number * period_;
+    const Time deadline = later(clock_.now(), timeout);
     if (exposed > deadline) {
       clock_.sleep_until(deadline);
       fail(DeviceErrorKind::timeout, "no frame in time");
@@ -58,6 +61,7 @@ class ImageSequence final : public Camera {
     throw DeviceError(kind, settings_.name, what);
   }
 
+  /// By the extension, whatever its case; what is no image is found when it is loaded.
   void find_images() {
     std::error_code error;
     static const std::set<std::string> kKnown{".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp"};
@@ -73,6 +77,7 @@ class ImageSequence final : public Camera {
     std::sort(files_.begin(), files_.end(), naturally_before);
   }
 
+  /// Loaded when it is grabbed: a long sequence may not fit into memory.
   cv::Mat load(std::size_t index) const {
     const std::string& file = files_[index];
     cv::Mat image;
@@ -113,11 +118,14 @@ std::string number_at(const std::string& text, std::size_t& at) {
 
 }  // namespace
 
+/// Numbers of any length compare by their count of digits, then digit by digit.
 bool naturally_before(const std::string& a, const std::string& b) {
-  std::size_t i = 0, j = 0;
+  std::size_t i = 0;
+  std::size_t j = 0;
   while (i < a.size() && j < b.size()) {
     if (is_digit(a[i]) && is_digit(b[j])) {
-      const std::string left = number_at(a, i), right = number_at(b, j);
+      const std::string left = number_at(a, i);
+      const std::string right = number_at(b, j);
       if (left.size() != right.size()) return left.size() < right.size();
       if (left != right) return left < right;
     } else {

@@ -1,4 +1,4 @@
-// A folder of images that plays the role of a camera.
+// Driver of an image sequence: a folder of images that plays the role of a camera.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,12 +12,13 @@
 namespace vitreo::image_sequence {
 
 struct Settings {
-  std::string name = "camera";  ///< how errors call it
-  std::string folder;        ///< all its .png, .tif, .tiff, .jpg and .bmp files, in natural order
-  double frame_rate = 15;    ///< Hz
-  bool every_frame = false;  ///< true: wait for whoever grabs; false: play on like a camera, and
-                             ///< drop what nobody saw
-  bool repeat = false;       ///< begin again after the last; else grab() throws {lost} there
+  std::string name = "camera";  ///< in errors
+  std::string folder;      ///< all its .png, .tif, .tiff, .jpg and .bmp files, in natural order
+  double frame_rate = 15;  ///< Hz
+  /// true: the next image waits for the next grab; false: play on like a camera, and drop what was
+  /// not grabbed.
+  bool every_frame = false;
+  bool repeat = false;             ///< begin again after the last; else grab() throws {lost} there
   double effective_pixel = 20e-6;  ///< m of the observed plane per pixel
   void check() const;              ///< throws std::invalid_argument naming the setting
 };

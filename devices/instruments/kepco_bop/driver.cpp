@@ -17,9 +17,12 @@
 namespace vitreo::kepco_bop {
 namespace {
 
+/// After which nothing more of an older answer comes: 29 bytes' time at 9600 baud.
 constexpr Time kSilence = std::chrono::milliseconds(30);
-constexpr int kMostErrors = 16;     // its queue holds 15
-constexpr double kReadBack = 1e-3;  // relative: a limit comes back in few digits
+/// Its error queue holds 15.
+constexpr int kMostErrors = 16;
+/// Relative, of limits that are read back: they come back in few digits.
+constexpr double kReadBack = 1e-3;
 
 std::string in_short(double number) {
   std::array<char, 32> text{};
@@ -27,7 +30,8 @@ std::string in_short(double number) {
   return text.data();
 }
 
-/// One supply: one channel.
+/// One supply: one channel. Each line that is sent has one answer, so a late one is found by the
+/// line being unsure: then the input is cleared by ESC, and what still comes is discarded.
 class Supply {
  public:
   Supply(std::unique_ptr<ByteLink> link, int channel, const Settings& settings, Clock& clock)
@@ -73,8 +77,10 @@ class Supply {
   const std::string channel_;
   Dialogue dialogue_;
   Identity identity_;
-  bool unsure_ = true;      // something may still come that answers an older question
-  std::deque<Set> lately_;  // what was set within the settling time, and the last before
+  // An answer to an older question may still come.
+  bool unsure_ = true;
+  // What was set within the settling time, and the last before.
+  std::deque<Set> lately_;
 };
 
 void Supply::send(const std::string& line) {
@@ -88,8 +94,9 @@ void Supply::send(const std::string& line) {
   dialogue_.send(line + "\n");
 }
 
-/// The next line that is not empty: set commands are answered by an empty one on a serial port, but
-/// not on the network.
+/// The next line that is not empty: on a serial port set commands are answered by an empty one
+/// (manual of the 1 kW BOP: the line terminator is returned when a line was parsed), on the network
+/// by none. XON and XOFF, which may wrap an answer, are removed by trimmed().
 std::string Supply::answer() {
   const Time deadline = later(clock().now(), from_seconds(settings_.reply_timeout));
   for (;;) {
@@ -100,6 +107,7 @@ std::string Supply::answer() {
   }
 }
 
+/// Sends a line that ends in a question, and compares its answer.
 void Supply::expect(const std::string& line, const std::string& wanted) {
   const std::string said = ask(line);
   if (said != wanted)
@@ -116,6 +124,8 @@ void Supply::expect_number(const std::string& line, double wanted) {
     fail(DeviceErrorKind::refused, "after \"" + line + "\" it keeps " + in_short(*number));
 }
 
+/// -222 is "data out of range"; the device's own errors (temperature, overcurrent) are positive,
+/// the other negative ones are of syntax.
 void Supply::fail_for(const scpi::Error& error) {
   if (error.code == 0) return;
   const std::string what = "error " + std::to_string(error.code) + ", " + printable(error.text);
@@ -136,12 +146,14 @@ void Supply::configure() {
          "it was a " + to_string(identity_) + ", and now there is a " + to_string(*who));
   expect("*CLS;SYST:REM 1;SYST:REM?", "1");
   expect_number("CURR 0;CURR?", 0);
+  // The zero once more: in voltage mode the one above was not the set point.
   const std::string mode = ask("FUNC:MODE CURR;FUNC:MODE?");
   if (mode != "1" && mode != "CURR") fail(DeviceErrorKind::refused, "it stays in voltage mode");
   expect_number("CURR 0;CURR?", 0);
   expect_number(with_number("CURR:LIM", settings_.current_limit) + ";CURR:LIM?",
                 settings_.current_limit);
   expect_number(with_number("VOLT", settings_.voltage_limit) + ";VOLT?", settings_.voltage_limit);
+  // Off must not open the circuit of an inductive load: ACTIVE holds 0 A and 0 V instead.
   expect("OUTP:MODE ACTIVE;OUTP:MODE?", "ACTIVE");
   expect("OUTP ON;OUTP?", "1");
   for (int i = 0; i < kMostErrors; ++i) {
@@ -188,11 +200,11 @@ double Supply::measure() {
   return *current;
 }
 
-/// What flows lies between what was set within the settling time, or something is broken: a fuse, a
-/// coil, a supply.
+/// The current that flows lies between the least and the largest set-point of the settling time,
+/// but for the tolerance, or something is broken: a fuse, a coil, a supply.
 void Supply::check_read_back(double measured) {
-  const Time begin =
-      lately_.back().at - from_seconds(settings_.settling_time);  // it was measured when it was set
+  // From the last set-point, not from now: it was measured with that.
+  const Time begin = lately_.back().at - from_seconds(settings_.settling_time);
   while (lately_.size() > 1 && lately_[1].at <= begin) lately_.pop_front();
   const auto [low, high] =
       std::minmax_element(lately_.begin(), lately_.end(),
@@ -203,6 +215,7 @@ void Supply::check_read_back(double measured) {
          in_short(measured) + " A flow where " + in_short(lately_.back().current) + " A were set");
 }
 
+/// The dialogue of the first supply lends its Turn to all: an exchange with all supplies is one.
 class Bops final : public Amplifier {
  public:
   Bops(std::vector<std::unique_ptr<ByteLink>> links, const Settings& settings, Clock& clock)
@@ -220,7 +233,7 @@ class Bops final : public Amplifier {
     const auto quietly = [](const auto& work) {
       try {
         work();
-      } catch (...) {  // nobody is left to hear it; the other supplies still get their zero
+      } catch (...) {  // a destructor cannot report it; the other supplies still get their zero
       }
     };
     quietly([this] { zero_all(false); });
@@ -256,6 +269,7 @@ class Bops final : public Amplifier {
   std::vector<double> currents_;  // A, as last set
 };
 
+/// Before anything is sent: a refused set-point changes no channel.
 void Bops::check(std::span<const double> currents) const {
   if (currents.size() != supplies_.size())
     throw std::invalid_argument("currents: " + settings_.name + " has " +
@@ -272,22 +286,23 @@ void Bops::check(std::span<const double> currents) const {
                             " is beyond the limit of " + in_short(settings_.current_limit) + " A");
 }
 
-/// All channels are told before any is listened to: they step together but for the time of a line.
+/// All set-points are sent before any answer is read: the channels step together but for the time
+/// of a line. A channel that fails does not keep the others from their set-points.
 void Bops::step(const std::vector<double>& currents) {
   std::exception_ptr failure;
-  std::vector<bool> told(supplies_.size());
+  std::vector<bool> sent(supplies_.size());
   for (std::size_t i = 0; i < supplies_.size(); ++i) {
     try {
       currents_[i] = currents[i];  // from here on it may flow
       supplies_[i]->send_current(currents[i]);
-      told[i] = true;
+      sent[i] = true;
     } catch (const DeviceError&) {
       if (!failure) failure = std::current_exception();
     }
   }
   for (std::size_t i = 0; i < supplies_.size(); ++i) {
     try {
-      if (told[i]) supplies_[i]->take_measured();
+      if (sent[i]) supplies_[i]->take_measured();
     } catch (const DeviceError&) {
       if (!failure) failure = std::current_exception();
     }
@@ -295,7 +310,8 @@ void Bops::step(const std::vector<double>& currents) {
   if (failure) std::rethrow_exception(failure);
 }
 
-/// In as many steps as the steepest channel wants, on straight ways.
+/// A ramp of n = ceil(max |dI| / (max_slope step_time)) set-points, linear in each channel, which
+/// bounds the voltage L dI/dt of the coils.
 void Bops::set_currents(std::span<const double> currents) {
   check(currents);
   const Dialogue::Turn turn(supplies_.front()->dialogue());
@@ -315,8 +331,8 @@ void Bops::set_currents(std::span<const double> currents) {
   }
 }
 
-/// At once, for the supplies' own voltage limits protect the coils; each zero that gets through
-/// counts.
+/// Without a ramp, for the supplies' own voltage limits protect the coils. Each zero that gets
+/// through counts, so each supply has two attempts, and none waits for another's success.
 void Bops::zero_all(bool open_lost) {
   std::exception_ptr failure;
   for (std::size_t i = 0; i < supplies_.size(); ++i) {

@@ -1,5 +1,5 @@
-// Kepco BOP bipolar supplies in current mode, by SCPI over a serial port or TCP: several units as
-// one amplifier.
+// Driver of Kepco BOP bipolar supplies in current mode, by SCPI over a serial port or TCP: several
+// units as one amplifier.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,16 +14,16 @@
 namespace vitreo::kepco_bop {
 
 struct Settings {
-  std::string name = "coils";  ///< how errors call it
+  std::string name = "coils";  ///< in errors
   double current_limit = 12;   ///< A, per channel, either sign; also set as the supply's own limit
   double voltage_limit = 20;   ///< V: how far it may drive the coils' inductance
-  double max_slope =
-      200;  ///< A/s: larger steps are made in several set-points, for the coils are inductive
+  /// A/s: larger steps are made in several set-points, for the coils are inductive.
+  double max_slope = 200;
   double step_time = 0.02;     ///< s between those
   double reply_timeout = 0.5;  ///< s
   double settling_time = 0.3;  ///< s, within which the current follows its set-point
-  double read_back_tolerance =
-      0.2;             ///< A, between what was set lately and what is measured with every set-point
+  /// A, between what was set lately and what is measured with every set-point.
+  double read_back_tolerance = 0.2;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 

@@ -1,5 +1,3 @@
-// A BOP supply as it looks from the far end of the wire: remote control, limits, an error queue, CR
-// LF after every line.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/kepco_bop/emulator.h"
 
@@ -14,13 +12,14 @@
 namespace vitreo::kepco_bop {
 namespace {
 
+/// Errors; one more turns the last into -350.
 constexpr std::size_t kQueueLength = 15;
 
 class EmulatedBop final : public Emulator {
  public:
   EmulatedBop(EmulatorSettings settings, std::function<void(Time, double)> on_current)
       : settings_(std::move(settings)), on_current_(std::move(on_current)) {
-    wake_up();
+    power_up();
   }
 
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
@@ -40,10 +39,11 @@ class EmulatedBop final : public Emulator {
   Time next() const override { return said_.empty() ? kForever : said_.front().at; }
   double current() const override { return flows_; }
   bool output() const override { return on_; }
-  void power_cycle() override { wake_up(); }
+  void power_cycle() override { power_up(); }
 
  private:
-  void wake_up() {
+  /// As after power-up: voltage mode, local control, output off.
+  void power_up() {
     values_ = {{"CURR", 0},
                {"VOLT", 0},
                {"CURR:LIM", settings_.max_current},
@@ -56,6 +56,7 @@ class EmulatedBop final : public Emulator {
     flows_ = 0;
   }
 
+  /// Commands between semicolons, in order; the answers to its questions form one line.
   void obey_line(const std::string& line, Time now) {
     std::string answer;
     bool asked = false;
@@ -71,7 +72,7 @@ class EmulatedBop final : public Emulator {
       }
     }
     update(now);
-    // On a serial line every line is answered; on the network only questions are.
+    // On RS-232 every line is answered, if only by CR LF; on the network only questions are.
     if (asked || !settings_.network) speak(answer, now);
   }
 
@@ -100,7 +101,7 @@ class EmulatedBop final : public Emulator {
 
   void obey(const Command& command) {
     if (command.header == "*CLS") return errors_.clear();
-    if (command.header == "*RST") return wake_up();
+    if (command.header == "*RST") return power_up();
     if (command.header == "SYST:REM") {
       remote_ = command.value == "1" || command.value == "ON";
       return;
@@ -109,7 +110,7 @@ class EmulatedBop final : public Emulator {
     const bool known = values_.contains(command.header) || command.header == "FUNC:MODE" ||
                        command.header == "OUTP" || command.header == "OUTP:MODE";
     if (!known) return complain(-113, "Undefined header");
-    if (!remote_) return;  // under its front panel's control it takes no order, and says nothing
+    if (!remote_) return;  // under local control set commands are ignored, without an error
     if (command.header == "FUNC:MODE") {
       mode_ = command.value;
     } else if (command.header == "OUTP") {
@@ -125,18 +126,22 @@ class EmulatedBop final : public Emulator {
     }
   }
 
+  /// A current within the set-point limit, everything within the model's rating; limits are not
+  /// negative.
   bool within(const std::string& name, double value) const {
     const double most = name[0] == 'C' ? settings_.max_current : settings_.max_voltage;
     if (name == "CURR" && std::abs(value) > values_.at("CURR:LIM")) return false;
     return std::abs(value) <= most && (name.find("LIM") == std::string::npos || value >= 0);
   }
 
+  /// Into the error queue.
   void complain(int code, const char* text) {
     if (errors_.size() == kQueueLength) errors_.back() = "-350,\"Queue overflow\"";
     if (errors_.size() < kQueueLength)
       errors_.push_back(std::to_string(code) + ",\"" + text + "\"");
   }
 
+  /// The current follows its set-point at once; without output, or in voltage mode, none flows.
   void update(Time now) {
     const double flows = on_ && mode_ == "CURR" ? settings_.gain * values_["CURR"] : 0;
     if (flows == flows_) return;

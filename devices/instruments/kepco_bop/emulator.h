@@ -1,4 +1,4 @@
-// A BOP supply's end of the wire, for the simulated laboratory and the tests.
+// Emulator of a BOP supply: its end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -12,18 +12,21 @@ namespace vitreo::kepco_bop {
 namespace {
 
 constexpr Time kPatience = std::chrono::milliseconds(500);
-constexpr Time kRescueSilence = std::chrono::milliseconds(
-    60);  // then it is told again: on a line that somebody died on, words get lost
+/// Then the zero is sent again: a host that dies in the middle of a line leaves bytes behind that
+/// spoil the next one.
+constexpr Time kRescueSilence = std::chrono::milliseconds(60);
 constexpr int kMostSilences = 8;
-constexpr int kMostLines = 64;  // that may still come from before
-// Answered by "0.00000E0;0": unlike anything that the host before may have asked.
+/// That may still come from before.
+constexpr int kMostLines = 64;
+/// Answered by "0.00000E0;0", unlike anything that the host before may have asked. ESC clears what
+/// that host had begun.
 constexpr std::string_view kToZero = "\x1BSYST:REM 1;CURR 0;OUTP OFF;CURR?;OUTP?\n";
 
-void tell(ByteLink& link, std::string_view text) {
+void send_text(ByteLink& link, std::string_view text) {
   link.write({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, kPatience);
 }
 
-/// Nothing after a silence.
+/// The next line without its end; nothing when the link falls silent before that.
 std::optional<std::string> line_of(ByteLink& link) {
   std::string line;
   while (line.size() < kMaxAnswer) {
@@ -35,6 +38,8 @@ std::optional<std::string> line_of(ByteLink& link) {
   return line;
 }
 
+/// Reads lines until one says that current and output are zero; lines of another form answer what
+/// was asked before.
 void read_back(ByteLink& link) {
   int silences = 0;
   for (int i = 0; i < kMostLines; ++i) {
@@ -43,7 +48,7 @@ void read_back(ByteLink& link) {
       if (++silences == kMostSilences)
         throw DeviceError(DeviceErrorKind::timeout, link.address(),
                           "was told to go to zero, and is silent");
-      tell(link, kToZero);
+      send_text(link, kToZero);
       continue;
     }
     const std::string said = scpi::trimmed(*line);
@@ -60,7 +65,7 @@ void read_back(ByteLink& link) {
 }  // namespace
 
 bool answers(ByteLink& link) {
-  tell(link, "*IDN?\n");
+  send_text(link, "*IDN?\n");
   const auto line = line_of(link);
   return line && decode_identity(scpi::trimmed(*line));
 }
@@ -76,7 +81,7 @@ void rescue(const std::vector<std::unique_ptr<ByteLink>>& links) {
       }
     }
   };
-  each([](ByteLink& link) { tell(link, kToZero); });
+  each([](ByteLink& link) { send_text(link, kToZero); });
   each(read_back);
   if (failure) std::rethrow_exception(failure);
 }

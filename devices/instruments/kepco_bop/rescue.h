@@ -1,4 +1,4 @@
-// BOP supplies that a host which is gone has left energized.
+// Rescue of BOP supplies: zero current and output off after the death of the host that drove them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,13 +9,13 @@
 
 namespace vitreo::kepco_bop {
 
-/// Whether a BOP is there, asked without telling it anything: for a line that may lead elsewhere by
+/// Whether a BOP answers, by a question that sets nothing: for a line that may lead elsewhere by
 /// now.
 bool answers(ByteLink& link);
 
-/// Clears what is half said, then zero current and output off, told to all of them before any is
-/// listened to; then reads back. Throws DeviceError when one did not take it or does not answer;
-/// the others have had theirs.
+/// Clears what was begun, then zero current and output off, sent to all of them before any answer
+/// is read; then reads back. Throws DeviceError when one did not take it or does not answer; the
+/// others have had theirs.
 void rescue(const std::vector<std::unique_ptr<ByteLink>>& links);
 
 }  // namespace vitreo::kepco_bop

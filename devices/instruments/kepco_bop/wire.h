@@ -1,4 +1,6 @@
-// The SCPI lines of Kepco's BOP supplies, encoded and decoded in both directions; no I/O.
+// Wire of Kepco's BOP supplies: SCPI lines encoded and decoded in both directions; no I/O. Sources:
+// the operator manual of the 1 kW BOP (3.6.4 to 3.6.6 on the syntax, B.22 and B.94 on limits), and
+// public drivers (slab, Kepco_BOP_Utilities, lantz).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,9 +14,9 @@
 
 namespace vitreo::kepco_bop {
 
-constexpr std::size_t kMaxLine = 127;  // bytes that it takes; answers may be 253 long
-constexpr std::size_t kMaxAnswer = 253;
-constexpr char kClearInput = 0x1B;  // ESC: forgets what was begun, and says CR LF
+constexpr std::size_t kMaxLine = 127;    ///< bytes of a line that it accepts
+constexpr std::size_t kMaxAnswer = 253;  ///< bytes of a line that it sends
+constexpr char kClearInput = 0x1B;       ///< ESC: clears the input buffer, and returns CR LF
 
 /// "CURR -1.5": up to 4 digits before and 8 behind the point are understood.
 inline std::string with_number(std::string_view command, double value) {
@@ -32,8 +34,9 @@ inline std::optional<Identity> decode_identity(std::string_view answer) {
   return who;
 }
 
-/// A set-point; the line asks what flows, and what was wrong, so that there is always an answer to
-/// wait for.
+/// A set-point; the line also asks for the current that flows and for the error, so that there is
+/// always an answer to wait for: a set command alone is answered by CR LF on RS-232, and by nothing
+/// on the network.
 inline std::string set_and_measure(double current) {
   return with_number("CURR", current) + ";MEAS:CURR?;SYST:ERR?";
 }

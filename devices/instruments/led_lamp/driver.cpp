@@ -10,6 +10,7 @@
 namespace vitreo::led_lamp {
 namespace {
 
+/// The lamp owns the amplifier: its other outputs stay at zero.
 class LedLamp final : public Lamp {
  public:
   LedLamp(std::unique_ptr<CoilAmplifier> outputs, const Settings& settings)
@@ -23,6 +24,7 @@ class LedLamp final : public Lamp {
     // Written so that NaN is refused too.
     if (!(level >= 0 && level <= 1))
       throw std::invalid_argument("level: " + settings_.name + " takes 0 to 1");
+    // Dark is the amplifier's safe state, not a set-point of zero: it also disables what it can.
     if (level == 0) return make_safe();
     std::vector<double> currents(static_cast<std::size_t>(outputs_->channels()), 0.0);
     currents[static_cast<std::size_t>(settings_.output)] = level * settings_.full_current;
@@ -36,7 +38,7 @@ class LedLamp final : public Lamp {
   }
 
  private:
-  std::unique_ptr<CoilAmplifier> outputs_;  // leaves its outputs at zero when it goes
+  std::unique_ptr<CoilAmplifier> outputs_;  // its destruction leaves its outputs at zero
   const Settings settings_;
   double level_ = 0;
 };

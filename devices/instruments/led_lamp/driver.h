@@ -1,5 +1,6 @@
-// An LED behind a current source that a spare analog output dims: the transscleral ring. It has no
-// wire of its own: it composes the driver of whatever has that output, by the amplifier's role.
+// Driver of an LED behind a current source that a spare analog output dims: the transscleral ring.
+// It has no wire of its own: it composes the driver of the device with that output, by the
+// amplifier's role.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,7 +13,7 @@
 namespace vitreo::led_lamp {
 
 struct Settings {
-  std::string name = "lamp";   ///< how errors call it
+  std::string name = "lamp";   ///< in errors
   int output = 0;              ///< of the amplifier's channels, from 0
   double full_current = 0.35;  ///< A, at level 1: what the eye and the LED bear
   void check() const;          ///< throws std::invalid_argument naming the setting

@@ -15,10 +15,15 @@
 namespace vitreo::opencv_camera {
 namespace {
 
-constexpr double kSilence = 0.45;    // s after which a camera is lost
-constexpr double kUnknownRate = 15;  // Hz
-constexpr double kFastest = 1e4;     // Hz; more is what a broken header says
+/// s after which a camera is lost.
+constexpr double kSilence = 0.45;
+/// Hz: of a file that does not say.
+constexpr double kUnknownRate = 15;
+/// Hz; more is found only in broken headers.
+constexpr double kFastest = 1e4;
 
+/// A file is exposed at its own pace, frame by frame; a camera delivers when it does, and the
+/// frames in between are estimated from the time that has passed.
 class OpencvCamera final : public Camera {
  public:
   OpencvCamera(const Settings& settings, Clock& clock)
@@ -59,6 +64,7 @@ class OpencvCamera final : public Camera {
     period_ = from_seconds(1 / rate);
   }
 
+  /// V4L2 takes the nearest setting in silence: each is read back.
   void configure() {
     const auto want = [this](int property, double value, const char* setting) {
       if (value == 0) return;
@@ -71,8 +77,8 @@ class OpencvCamera final : public Camera {
     want(cv::CAP_PROP_FRAME_WIDTH, settings_.width_px, "width_px");
     want(cv::CAP_PROP_FRAME_HEIGHT, settings_.height_px, "height_px");
     want(cv::CAP_PROP_FPS, settings_.frame_rate, "frame_rate");
-    capture_.set(cv::CAP_PROP_BUFFERSIZE,
-                 2);  // of a queue of old frames only the newest would count
+    // Of a queue of old frames only the newest would count.
+    capture_.set(cv::CAP_PROP_BUFFERSIZE, 2);
     const double rate = std::max(capture_.get(cv::CAP_PROP_FPS), 1.);
     capture_.set(cv::CAP_PROP_READ_TIMEOUT_MSEC, 1e3 * std::max(kSilence, 5 / rate));
   }
@@ -97,7 +103,8 @@ class OpencvCamera final : public Camera {
   }
 
   Frame grab_of_file(Time timeout) {
-    const Time exposed = begin_ + (last_ + 1) * period_, deadline = later(clock_.now(), timeout);
+    const Time exposed = begin_ + (last_ + 1) * period_;
+    const Time deadline = later(clock_.now(), timeout);
     if (exposed > deadline) {
       clock_.sleep_until(deadline);
       fail(DeviceErrorKind::timeout, "no frame in time");
@@ -116,6 +123,7 @@ class OpencvCamera final : public Camera {
       clock_.sleep_until(now);  // a stop comes through here
       fail(DeviceErrorKind::lost, "the camera has fallen silent");
     }
+    // Periods since the last frame, rounded: the camera has no numbers of its own.
     const auto passed =
         last_ < 0 ? 1 : std::max<std::int64_t>(1, (now - heard_ + period_ / 2) / period_);
     statistics_.lost += static_cast<std::uint64_t>(passed - 1);
@@ -130,7 +138,9 @@ class OpencvCamera final : public Camera {
   const bool live_;
   cv::VideoCapture capture_;
   CameraInfo info_;
-  Time begin_{}, heard_{}, period_{};
+  Time begin_{};
+  Time heard_{};
+  Time period_{};
   std::int64_t last_ = -1;
   CameraStatistics statistics_;
 };

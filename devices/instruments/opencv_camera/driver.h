@@ -1,4 +1,4 @@
-// UVC cameras (V4L2) and video files by OpenCV's videoio.
+// Driver of UVC cameras (V4L2) and video files by OpenCV's videoio.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,18 +11,19 @@
 namespace vitreo::opencv_camera {
 
 struct Settings {
-  std::string name = "camera";      ///< how errors call it
-  std::string source;               ///< /dev/videoN, or a video file
-  int width_px = 0, height_px = 0;  ///< of a UVC camera; 0: as it comes
-  double frame_rate = 0;            ///< Hz; 0: as it comes (15 Hz for a file that does not say)
-  double effective_pixel = 20e-6;   ///< m of the observed plane per pixel
-  void check() const;               ///< throws std::invalid_argument naming the setting
+  std::string name = "camera";     ///< in errors
+  std::string source;              ///< /dev/videoN, or a video file
+  int width_px = 0;                ///< of a UVC camera; 0: as it comes
+  int height_px = 0;               ///< likewise
+  double frame_rate = 0;           ///< Hz; 0: as it comes (15 Hz for a file that does not say)
+  double effective_pixel = 20e-6;  ///< m of the observed plane per pixel
+  void check() const;              ///< throws std::invalid_argument naming the setting
 };
 
 /// A file plays every frame, at its rate; grab() throws {lost} at its end. Throws
 /// DeviceError{not_found}, {refused} when a camera does not take size or rate. A camera that stops
 /// sending is noticed after 0.45 s or five frames; its frames carry no time of their own, so
-/// `exposed` is the arrival.
+/// `exposed` is the time of arrival.
 std::unique_ptr<Camera> open(const Settings& settings, Clock& clock);
 
 }  // namespace vitreo::opencv_camera

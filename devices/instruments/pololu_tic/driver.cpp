@@ -1,5 +1,3 @@
-// The driver of the Tic: every motion is a call in progress that polls the motor and feeds its
-// command timeout.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/pololu_tic/driver.h"
 
@@ -18,12 +16,17 @@ namespace vitreo::pololu_tic {
 namespace {
 
 using namespace std::chrono_literals;
+/// Between two reads of the variables during a motion.
 constexpr Time kPoll = 20ms;
-constexpr Time kEnergizing = 1s;  // until the coils have settled and the state is normal
-constexpr Time kSettingTimeout =
-    1600ms;  // the controller may stall while it writes its settings (Pololu's own value)
-constexpr double kPerSpeed = 1e4;         // speeds count usteps per 10000 s
-constexpr double kPerAcceleration = 100;  // accelerations count usteps per 100 s^2
+/// Until the motor's coils have settled and the state is normal.
+constexpr Time kEnergizing = 1s;
+/// The controller may stall for 1500 ms while it writes its settings (Pololu's own library).
+constexpr Time kSettingTimeout = 1600ms;
+/// Speeds count usteps per 10000 s.
+constexpr double kPerSpeed = 1e4;
+/// Accelerations count usteps per 100 s^2.
+constexpr double kPerAcceleration = 100;
+/// Errors that energize and exit_safe_start clear; all others have a cause that lasts.
 constexpr std::uint16_t kEndsByItself =
     kCommandTimeout | kSafeStartViolation | kIntentionallyDeEnergized;
 
@@ -33,6 +36,7 @@ std::string in_millimeters(double meters) {
   return text;
 }
 
+/// The bits of error_status in words, from bit 0.
 std::string names_of(std::uint16_t errors) {
   static constexpr const char* kNames[] = {"intentionally de-energized",
                                            "motor driver error",
@@ -74,7 +78,7 @@ class Tic final : public LensMover {
         clock_(clock),
         ustep_(settings.step_length / settings.usteps_per_step) {
     check_identity();
-    // First of all, for it may still be on the way on which a host that died sent it.
+    // First of all, for it may still be in the motion that a host which died has begun.
     command({Code::set_target_velocity, 0});
     command({Code::enter_safe_start});
     apply_settings();
@@ -85,7 +89,7 @@ class Tic final : public LensMover {
   ~Tic() override {
     try {
       make_safe();
-    } catch (...) {  // nobody is left to hear it; the motor's own command timeout remains
+    } catch (...) {  // a destructor cannot report it; the motor's own command timeout remains
     }
   }
 
@@ -99,6 +103,7 @@ class Tic final : public LensMover {
   void make_safe() override;
 
  private:
+  /// The controller counts from its home switch.
   double meters(std::int32_t usteps) const { return settings_.home_position + usteps * ustep_; }
   std::int32_t usteps(double meters) const {
     return static_cast<std::int32_t>(std::lround((meters - settings_.home_position) / ustep_));
@@ -110,6 +115,7 @@ class Tic final : public LensMover {
     return static_cast<std::int32_t>(
         std::lround(settings_.acceleration / std::abs(ustep_) * kPerAcceleration));
   }
+  /// The code of 2^code usteps a full step.
   std::uint8_t step_mode() const {
     return static_cast<std::uint8_t>(std::lround(std::log2(settings_.usteps_per_step)));
   }
@@ -145,7 +151,7 @@ class Tic final : public LensMover {
   const double ustep_;  // m
 };
 
-/// Errors of the link, under the name by which the rig knows the device.
+/// Errors of the link, under the device's name in the rig.
 template <class Work>
 auto Tic::on_link(Work work) const {
   try {
@@ -173,6 +179,7 @@ Variables Tic::read_variables() const {
   return *variables;
 }
 
+/// The firmware's version is bcdDevice: 0106 is 1.06.
 std::string Tic::identity() const {
   const UsbIdentity& usb = link_->identity();
   char text[96];
@@ -189,6 +196,8 @@ void Tic::check_identity() const {
          "this is no Tic: " + to_string("usb", {usb.vendor, usb.product, ""}));
 }
 
+/// Commands by USB; the safe start in force; the command timeout, little-endian; a soft error
+/// decelerates and keeps the position.
 std::vector<std::pair<std::uint16_t, std::uint8_t>> Tic::wanted_settings() const {
   return {{kControlMode, std::uint8_t{0}},
           {kDisableSafeStart, std::uint8_t{0}},
@@ -214,6 +223,7 @@ void Tic::apply_settings() {
   if (!settings_are_as_wanted()) fail(DeviceErrorKind::refused, "it does not keep its settings");
 }
 
+/// What is not kept in the settings' memory: step mode, current limit, speed, acceleration.
 void Tic::configure() {
   const std::uint8_t current =
       code_from_current(link_->identity().product, settings_.current_limit);
@@ -223,7 +233,7 @@ void Tic::configure() {
   command({Code::set_max_speed, speed_units()});
   command({Code::set_max_acceleration, acceleration_units()});
   command({Code::set_max_deceleration, acceleration_units()});
-  // Its counter is in steps of another size, which say nothing about the place any more.
+  // Its counter is in steps of another size: a halt_and_hold marks the position as uncertain.
   if (counted_otherwise) command({Code::halt_and_hold});
   const Variables now = read_variables();
   const auto same = [](std::uint32_t is, std::int32_t wanted) {
@@ -236,13 +246,15 @@ void Tic::configure() {
          "it does not take its speed, acceleration, current limit or step mode");
 }
 
+/// In any state but the normal one the controller has stopped the motor, or is about to.
 void Tic::check_no_error(const Variables& now) const {
   if (now.state != OperationState::normal)
     fail(DeviceErrorKind::refused,
          "the motor was stopped by its controller: " + names_of(now.error_status));
 }
 
-/// From whatever state to the normal one. Only a call that is asked to move does this.
+/// From whatever state to the normal one. Only a call that moves does this: leaving the normal
+/// state sets the safe-start violation, which only an explicit command clears.
 void Tic::energize(Time deadline) {
   const Time settled = std::min(deadline, clock_.now() + kEnergizing);
   for (;;) {
@@ -259,6 +271,8 @@ void Tic::energize(Time deadline) {
   }
 }
 
+/// Polls until `arrived`, and feeds the command timeout at least four times within its period:
+/// should this task hang, the motor stops by itself.
 void Tic::watch(Time deadline, const std::string& what,
                 const std::function<bool(const Variables&)>& arrived) {
   const Time pause = std::min(kPoll, from_seconds(settings_.command_timeout / 4));
@@ -272,6 +286,8 @@ void Tic::watch(Time deadline, const std::string& what,
   }
 }
 
+/// One motion from energizing to arrival. However it fails, the motor is stopped before the error
+/// is thrown.
 void Tic::drive(Time timeout, const std::string& what, const std::function<void()>& start,
                 const std::function<bool(const Variables&)>& arrived) {
   const Time deadline = later(clock_.now(), timeout);
@@ -282,8 +298,8 @@ void Tic::drive(Time timeout, const std::string& what, const std::function<void(
   } catch (...) {
     try {
       make_safe();
-    } catch (
-        const DeviceError&) {  // the first error says more; the motor's command timeout remains
+    } catch (const DeviceError&) {
+      // The first error says more; the motor's command timeout remains.
     }
     throw;
   }
@@ -294,6 +310,7 @@ void Tic::move_to(double position, Time timeout) {
     fail(DeviceErrorKind::refused, in_millimeters(position) + " is outside the travel from " +
                                        in_millimeters(settings_.travel_min) + " to " +
                                        in_millimeters(settings_.travel_max));
+  // Open loop: an uncertain position would end the lens somewhere else.
   if (!homed()) fail(DeviceErrorKind::refused, "it does not know its position; home it first");
   const std::int32_t target = usteps(position);
   drive(
@@ -308,6 +325,8 @@ void Tic::move_to(double position, Time timeout) {
       });
 }
 
+/// Without a switch: the present position becomes home_position. With one: the controller's own
+/// homing, to the switch and back until it is just released.
 void Tic::home(Time timeout) {
   if (settings_.home == Home::none) {
     command({Code::halt_and_set_position, 0});
@@ -322,8 +341,8 @@ void Tic::home(Time timeout) {
       [](const Variables& now) { return !now.homing && !now.position_uncertain; });
 }
 
-/// Decelerates, then forbids motion until the next call that moves. Where it does not slow down,
-/// halts abruptly, which costs the position.
+/// Decelerates, then forbids motion until the next call that moves. Deceleration takes v / a; where
+/// it is not over after twice that, the halt is abrupt, which makes the position uncertain.
 void Tic::make_safe() {
   const StopShield shield(clock_);
   command({Code::set_target_velocity, 0});

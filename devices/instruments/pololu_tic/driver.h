@@ -1,6 +1,6 @@
-// Pololu Tic (T825 and its kin): a stepper motor that moves the BIOM's condensing lens. The motor's
-// own command timeout stops it when the host hangs or the cable is pulled: nothing but a move in
-// progress feeds it (docs/instruments.md).
+// Driver of the Pololu Tic (T825 and its kin): a stepper motor that moves the BIOM's condensing
+// lens. Every motion is a call in progress that polls the motor and feeds its command timeout,
+// which stops it when the host hangs or the cable is pulled (docs/instruments.md).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,18 +13,19 @@
 
 namespace vitreo::pololu_tic {
 
-/// Where the home switch is. Without one, home() takes it that the lens was put at home_position by
+/// Side of the home switch. Without one, home() assumes that the lens was put at home_position by
 /// hand.
 enum class Home { none, reverse, forward };
 
 struct Settings {
-  std::string name = "lens_mover";  ///< how errors call it
-  double step_length =
-      5e-6;  ///< m of lens travel per full step; negative where forward is towards the eye
-  int usteps_per_step = 8;                         ///< 1, 2, 4, 8, 16 or 32
-  double speed = 5e-3;                             ///< m/s
-  double acceleration = 50e-3;                     ///< m/s^2, and deceleration
-  double travel_min = -10e-3, travel_max = 10e-3;  ///< m
+  std::string name = "lens_mover";  ///< in errors
+  /// m of lens travel per full step; negative where forward is towards the eye.
+  double step_length = 5e-6;
+  int usteps_per_step = 8;      ///< 1, 2, 4, 8, 16 or 32
+  double speed = 5e-3;          ///< m/s
+  double acceleration = 50e-3;  ///< m/s^2, and deceleration
+  double travel_min = -10e-3;   ///< m
+  double travel_max = 10e-3;    ///< m
   double current_limit = 0.48;  ///< A, of the motor's coils; rounded down to the controller's steps
   Home home = Home::reverse;
   double home_position = -10e-3;  ///< m: where the lens is when the home switch is just released

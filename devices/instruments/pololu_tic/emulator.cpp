@@ -1,5 +1,3 @@
-// The Tic as it looks from the far end of the wire. Its motion is integrated up to the present
-// whenever somebody asks.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/pololu_tic/emulator.h"
 
@@ -13,16 +11,23 @@ namespace vitreo::pololu_tic {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr Time kStep = 1ms;  // of the integration
+/// Of the integration.
+constexpr Time kStep = 1ms;
+/// exit_safe_start clears the violation for this time, unless the state is normal by then.
 constexpr Time kSafeStartGrace = 200ms;
-constexpr double kLowVoltage = 8;        // V
-constexpr double kTwoSecondsAtRest = 2;  // s after which nothing of a motion can be left
+/// V: of the motor's supply.
+constexpr double kLowVoltage = 8;
+/// s after which nothing of a motion can be left.
+constexpr double kTwoSecondsAtRest = 2;
+/// They de-energize the motor; the others only stop it.
 constexpr std::uint16_t kHardErrors =
     kIntentionallyDeEnergized | kMotorDriverError | kLowVin | kKillSwitch;
 
 enum class Planning { off, position, velocity };
 enum class Homing { no, approaching, leaving };
 
+/// It has no thread: its motion is integrated up to the present at each call. Two positions differ:
+/// motor_, the truth, and the controller's counter, motor_ - zero_.
 class EmulatedTic final : public Emulator {
  public:
   EmulatedTic(const EmulatorSettings& settings, const Clock& clock)
@@ -109,6 +114,7 @@ class EmulatedTic final : public Emulator {
     return v;
   }
   void obey(const Command& command);
+  /// Abrupt.
   void halt() {
     speed_ = 0;
     planning_ = Planning::off;
@@ -135,11 +141,16 @@ class EmulatedTic final : public Emulator {
   Variables reported_;  // the part that commands set and reads show
   std::uint16_t errors_ = kIntentionallyDeEnergized | kSafeStartViolation;
   OperationState state_ = OperationState::de_energized;
-  bool uncertain_ = true, jammed_ = false, killed_ = false;
-  double vin_ = 0;
-  Time now_{}, fed_{}, safe_start_left_{};
-  double motor_ = 0, zero_ = 0;  // usteps: where the motor is, and where the counter is 0
-  double speed_ = 0;             // usteps per s
+  bool uncertain_ = true;
+  bool jammed_ = false;
+  bool killed_ = false;
+  double vin_ = 0;          // V
+  Time now_{};              // up to which the motion is integrated
+  Time fed_{};              // the last command that feeds the timeout
+  Time safe_start_left_{};  // the last exit from safe start
+  double motor_ = 0;        // usteps
+  double zero_ = 0;         // usteps: where the counter is 0
+  double speed_ = 0;        // usteps/s
   Planning planning_ = Planning::off;
   Homing homing_ = Homing::no;
   bool homing_forward_ = false;
@@ -147,6 +158,8 @@ class EmulatedTic final : public Emulator {
   double target_speed_ = 0;
 };
 
+/// Commands change what the motion aims at; step() does the motion. What marks the position as
+/// uncertain is Pololu's list: halt_and_hold, go_home, de_energize.
 void EmulatedTic::obey(const Command& command) {
   switch (command.code) {
     case Code::set_target_position:
@@ -217,7 +230,8 @@ void EmulatedTic::obey(const Command& command) {
   }
 }
 
-/// From the errors follows the state; leaving the normal one wants a new exit from safe start.
+/// The state follows from the errors: hard ones de-energize, soft ones stop. Leaving the normal
+/// state sets the safe-start violation, which lasts until the next exit_safe_start.
 void EmulatedTic::update_state() {
   const auto set = [this](std::uint16_t error, bool on) {
     errors_ = static_cast<std::uint16_t>(on ? errors_ | error : errors_ & ~error);
@@ -232,6 +246,7 @@ void EmulatedTic::update_state() {
   } else {
     state_ = errors_ != 0 ? OperationState::soft_error : OperationState::normal;
   }
+  // A virtual clock begins at 0, where no exit from safe start can have been.
   const bool in_grace =
       now_ - safe_start_left_ <= kSafeStartGrace && safe_start_left_ != Time::zero();
   if (state_ == OperationState::normal) return;
@@ -241,9 +256,10 @@ void EmulatedTic::update_state() {
   }
 }
 
+/// Integrates up to the clock's time, in steps of kStep. A motor at rest takes one long step up to
+/// a second before the present: only the command timeout can happen meanwhile.
 void EmulatedTic::advance() {
   const Time until = clock_.now();
-  // What stood still for so long goes on standing still: only the timeouts have to be looked at.
   while (now_ < until) {
     const bool at_rest =
         speed_ == 0 &&
@@ -259,6 +275,7 @@ void EmulatedTic::advance() {
     if (timeout > Time::zero() && now_ - fed_ > timeout) errors_ |= kCommandTimeout;
     update_state();
     if (at_rest) continue;
+    // A jammed motor stands, and the counter goes on.
     const double before = motor_;
     step(to_seconds(step_length));
     if (!jammed_) continue;
@@ -267,10 +284,12 @@ void EmulatedTic::advance() {
   }
 }
 
+/// usteps/s: fast to the switch, slowly off it.
 double EmulatedTic::homing_speed() const {
   return reported_.max_speed / 1e4 / (homing_ == Homing::approaching ? 4 : 16);
 }
 
+/// usteps/s that the motor accelerates or decelerates to.
 double EmulatedTic::wanted_speed(double dt) const {
   if (state_ != OperationState::normal) return 0;  // the soft error response: decelerate to hold
   if (homing_ != Homing::no) {
@@ -280,11 +299,14 @@ double EmulatedTic::wanted_speed(double dt) const {
   const double limit = reported_.max_speed / 1e4;
   if (planning_ == Planning::velocity) return std::clamp(target_speed_, -limit, limit);
   if (planning_ == Planning::off) return 0;
+  // v = sqrt(2 a s): the fastest from which it still stops at the target; and s / dt, so that the
+  // last step does not pass it.
   const double way = zero_ + target_ - motor_;
   const double slow_enough = std::sqrt(2 * reported_.max_deceleration / 100. * std::abs(way));
   return std::copysign(std::min({limit, slow_enough, std::abs(way) / dt}), way);
 }
 
+/// Explicit Euler: v by at most a dt towards the wanted speed, then x by v dt.
 void EmulatedTic::step(double dt) {
   const double wanted = wanted_speed(dt);
   const bool speeds_up = std::abs(wanted) > std::abs(speed_);
@@ -295,6 +317,7 @@ void EmulatedTic::step(double dt) {
   speed_ = abrupt ? 0 : std::clamp(wanted, speed_ - change, speed_ + change);
   if (abrupt && settings_bytes_[kSoftErrorResponse] <= 1) uncertain_ = true;
   motor_ += speed_ * dt;
+  // Arrived: within half a microstep, and slow enough to stop.
   if (planning_ == Planning::position && state_ == OperationState::normal &&
       std::abs(zero_ + target_ - motor_) < 0.5 && std::abs(speed_) <= 4 * change) {
     motor_ = zero_ + target_;
@@ -303,6 +326,7 @@ void EmulatedTic::step(double dt) {
   if (homing_ != Homing::no) follow_the_switch();
 }
 
+/// Homing: to the switch, back off it, and 0 where it is just released.
 void EmulatedTic::follow_the_switch() {
   if (!given_.home_switch_works || state_ != OperationState::normal) return;
   const double from_switch =

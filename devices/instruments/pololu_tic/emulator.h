@@ -1,5 +1,5 @@
-// The Tic's end of the wire, with a motor, a home switch, the command timeout and the safe start
-// behind it.
+// Emulator of the Tic: its end of the wire, with a motor, a home switch, the command timeout and
+// the safe start behind it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,10 +16,10 @@ struct EmulatorSettings {
   std::uint16_t product = 0x00B3;
   std::string serial = "00123456";
   bool position_known = false;  ///< as if it had been homed since it was powered
-  std::int32_t position = 0;    ///< what the controller's counter says at first, usteps
+  std::int32_t position = 0;    ///< usteps, of the controller's counter at first
   std::uint8_t step_mode = 0;   ///< as its settings have it
-  std::int64_t home_usteps =
-      0;  ///< where the home switch is, counted in usteps from where the motor stands at first
+  /// Position of the home switch, in usteps from where the motor stands at first.
+  std::int64_t home_usteps = 0;
   bool home_switch_works = true;  ///< else homing never ends
   double vin = 12;                ///< V
   std::uint8_t soft_error_response = 2;
@@ -29,11 +29,11 @@ struct EmulatorSettings {
 /// Not safe for several threads at a time. `clock` is asked only for the time.
 class Emulator : public UsbPeer {
  public:
-  /// Where the motor is, in usteps from where it stood at first, whatever the controller believes.
+  /// True position of the motor, in usteps from where it stood at first.
   virtual double motor_usteps() = 0;
   virtual bool moving() = 0;
   virtual bool energized() = 0;
-  /// Somebody turns the knob, or steps were lost: the controller does not notice.
+  /// The knob was turned, or steps were lost: the controller does not notice.
   virtual void slip(std::int64_t usteps) = 0;
   /// The motor's supply goes and comes back; the controller lives on USB.
   virtual void set_vin(double volts) = 0;

@@ -1,6 +1,7 @@
-// The Pololu Tic's control transfers, encoded and decoded in both directions; no I/O. Everything
-// goes over endpoint 0: commands carry their argument in wValue and wIndex, variables and settings
-// are read in blocks (Tic user's guide, sections 6, 7 and 11; Pololu's tic_protocol.h).
+// Wire of the Pololu Tic: control transfers encoded and decoded in both directions; no I/O.
+// Everything goes over endpoint 0: commands carry their argument in wValue and wIndex, variables
+// and settings are read in blocks (Tic user's guide 0J71, sections 6, 7 and 11; Pololu's
+// tic_protocol.h).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -47,7 +48,7 @@ enum class Code : std::uint8_t {
 
 constexpr std::uint8_t kToDevice = 0x40, kToHost = 0xC0;
 
-/// What the host can say but for reads.
+/// Commands of the host but for reads.
 struct Command {
   Code code = Code::reset_command_timeout;
   std::int32_t argument = 0;  ///< 7-bit commands use the low bits; quick ones none
@@ -56,7 +57,8 @@ struct Command {
 /// A block of variables or settings.
 struct Read {
   Code code = Code::get_variable;
-  std::uint16_t offset = 0, length = 0;
+  std::uint16_t offset = 0;
+  std::uint16_t length = 0;
 };
 
 /// Whether the command's argument is one of 32 bits.
@@ -77,7 +79,7 @@ constexpr bool is_wide(Code code) {
 constexpr bool is_narrow(Code code) {
   return code == Code::go_home || code == Code::set_step_mode || code == Code::set_current_limit;
 }
-/// Which commands tell the Tic that its host is alive. Reads do not.
+/// Whether the command restarts the Tic's command timeout. Reads do not.
 constexpr bool feeds_the_timeout(Code code) {
   switch (code) {
     case Code::set_target_position:
@@ -166,14 +168,18 @@ enum Error : std::uint16_t {
 constexpr std::uint16_t kVariablesSize = 0x55;
 struct Variables {
   OperationState state = OperationState::reset;
-  bool energized = false, position_uncertain = false, forward_limit = false, reverse_limit = false,
-       homing = false;
+  bool energized = false;
+  bool position_uncertain = false;
+  bool forward_limit = false;
+  bool reverse_limit = false;
+  bool homing = false;
   std::uint16_t error_status = 0;
-  std::int32_t target_position = 0;                          // usteps
-  std::uint32_t max_speed = 0;                               // usteps per 10000 s
-  std::uint32_t max_deceleration = 0, max_acceleration = 0;  // usteps per 100 s^2
-  std::int32_t current_position = 0;                         // usteps
-  std::int32_t current_velocity = 0;                         // usteps per 10000 s
+  std::int32_t target_position = 0;    // usteps
+  std::uint32_t max_speed = 0;         // usteps per 10000 s
+  std::uint32_t max_deceleration = 0;  // usteps per 100 s^2
+  std::uint32_t max_acceleration = 0;  // usteps per 100 s^2
+  std::int32_t current_position = 0;   // usteps
+  std::int32_t current_velocity = 0;   // usteps per 10000 s
   std::uint16_t vin_millivolts = 0;
   std::uint8_t step_mode = 0;      // 2^mode usteps a full step
   std::uint8_t current_limit = 0;  // in the model's unit
@@ -268,13 +274,13 @@ inline std::uint8_t code_from_current(std::uint16_t product, double current) {
   return static_cast<std::uint8_t>(best);
 }
 
-/// Where the settings are that the driver uses; they survive the power's loss.
+/// Offsets of the settings that the driver uses; they survive a loss of power.
 constexpr std::uint16_t kSettingsSize = 0x60;
 constexpr std::uint16_t kControlMode = 0x01;  // 0: commands by USB, serial or I2C
 constexpr std::uint16_t kDisableSafeStart = 0x03;
 constexpr std::uint16_t kCommandTimeoutSetting = 0x09;  // ms, 16 bits, 0: never
 constexpr std::uint16_t kSoftErrorResponse = 0x53;
-constexpr std::uint8_t kDecelerateToHold =
-    2;  // as the soft error response: stops, and still knows where it is
+/// As the soft error response: stops, and keeps its position.
+constexpr std::uint8_t kDecelerateToHold = 2;
 
 }  // namespace vitreo::pololu_tic

@@ -12,7 +12,10 @@
 namespace vitreo::scpi_probe {
 namespace {
 
-constexpr Time kReplyTimeout = std::chrono::seconds(1), kSilence = std::chrono::milliseconds(30);
+/// Of everything but a measurement, whose deadline is the caller's.
+constexpr Time kReplyTimeout = std::chrono::seconds(1);
+/// After which nothing more of an older answer comes.
+constexpr Time kSilence = std::chrono::milliseconds(30);
 
 class Probe final : public FieldProbe {
  public:
@@ -35,6 +38,8 @@ class Probe final : public FieldProbe {
   bool unsure_ = true;  // an older answer may still come
 };
 
+/// One line, one answer. Where the last answer did not come in time it may come now, and would be
+/// taken for that of this question: so the line must be silent first. Empty lines are skipped.
 std::string Probe::ask(const std::string& question, Time timeout) {
   const Time deadline = later(dialogue_.clock().now(), timeout);
   if (unsure_) dialogue_.settle(kSilence);
@@ -49,6 +54,8 @@ std::string Probe::ask(const std::string& question, Time timeout) {
   }
 }
 
+/// Identity, then a clean error queue, the rig file's setup, and whether that was accepted: set
+/// commands have no answers of their own.
 Identity Probe::configure() {
   unsure_ = true;
   const std::string said = ask("*IDN?", kReplyTimeout);
@@ -68,6 +75,7 @@ Identity Probe::configure() {
   return *who;
 }
 
+/// After a lost link: half configured counts as lost, and another instrument is refused.
 void Probe::be_open() {
   if (!dialogue_.lost()) return;
   dialogue_.reopen();
@@ -81,6 +89,7 @@ void Probe::be_open() {
   }
 }
 
+/// The reading is of the time of the question: the instrument measures after it was asked.
 FieldReading Probe::measure(Time timeout) {
   const Dialogue::Turn turn(dialogue_);
   be_open();

@@ -1,4 +1,4 @@
-// A teslameter by SCPI, as a plain example of a driver: over a serial port or TCP.
+// Driver of a teslameter by SCPI over a serial port or TCP; also the plainest example of a driver.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,8 +12,8 @@
 namespace vitreo::scpi_probe {
 
 struct Settings {
-  std::string name = "field_probe";  ///< how errors call it
-  std::string model;                 ///< must stand in what *IDN? answers; empty: anything will do
+  std::string name = "field_probe";     ///< in errors
+  std::string model;                    ///< part of the answer to *IDN?; empty: any
   std::string question = "MEAS:FIEL?";  ///< what asks for the field
   std::string setup;   ///< sent when it is opened, lines separated by |; empty: nothing
   int axes = 1;        ///< 1 or 3

@@ -1,4 +1,3 @@
-// A teslameter as it looks from the far end of the wire.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/scpi_probe/emulator.h"
 
@@ -11,6 +10,7 @@
 namespace vitreo::scpi_probe {
 namespace {
 
+/// The field is read when a measurement begins; its answer comes after the measurement's duration.
 class EmulatedProbe final : public BytePeer {
  public:
   EmulatedProbe(EmulatorSettings settings, std::function<std::vector<double>(Time)> field)
@@ -27,13 +27,13 @@ class EmulatedProbe final : public BytePeer {
   }
   std::vector<TimedBytes> say(Time now) override {
     std::vector<TimedBytes> said;
-    while (!sayings_.empty() && sayings_.front().at <= now) {
-      said.push_back(std::move(sayings_.front()));
-      sayings_.pop_front();
+    while (!answers_.empty() && answers_.front().at <= now) {
+      said.push_back(std::move(answers_.front()));
+      answers_.pop_front();
     }
     return said;
   }
-  Time next() const override { return sayings_.empty() ? kForever : sayings_.front().at; }
+  Time next() const override { return answers_.empty() ? kForever : answers_.front().at; }
 
  private:
   void obey(const std::string& line, Time now) {
@@ -52,14 +52,15 @@ class EmulatedProbe final : public BytePeer {
     }
   }
   void speak(const std::string& text, Time at) {
-    sayings_.push_back({at, {text.begin(), text.end()}});
-    sayings_.back().bytes.push_back('\n');
+    answers_.push_back({at, {text.begin(), text.end()}});
+    answers_.back().bytes.push_back('\n');
   }
 
   const EmulatorSettings settings_;
   const std::function<std::vector<double>(Time)> field_;
-  std::string line_, complaint_;
-  std::deque<TimedBytes> sayings_;
+  std::string line_;
+  std::string complaint_;  // the error queue, of one entry
+  std::deque<TimedBytes> answers_;
 };
 
 }  // namespace

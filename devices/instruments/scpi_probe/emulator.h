@@ -1,4 +1,4 @@
-// A teslameter's end of the wire, for the simulated laboratory and the tests.
+// Emulator of a teslameter: its end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,7 +14,7 @@ namespace vitreo::scpi_probe {
 struct EmulatorSettings {
   std::string identity = "VITREO,PROBE-3,P001,1.0";
   std::string question = "MEAS:FIEL?";
-  double range = 0.1;  ///< in its own unit: beyond it, it says that it is overloaded
+  double range = 0.1;  ///< in its own unit: beyond it, it answers the number of an overload
   Time duration = std::chrono::milliseconds(20);  ///< of a measurement
 };
 

@@ -1,4 +1,4 @@
-// A teslameter that speaks plain SCPI: *IDN?, one question for the field, one line of numbers as
+// Wire of a teslameter with plain SCPI: *IDN?, one question for the field, one line of numbers as
 // its answer; no I/O.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -15,8 +15,8 @@
 namespace vitreo::scpi_probe {
 
 constexpr std::size_t kMaxAnswer = 256;
-/// What instruments say in a number's place when the field is beyond their range (IEEE 488.2's
-/// infinity).
+/// What instruments answer in a number's place when the field is beyond their range: SCPI's
+/// infinity, 9.9E37.
 constexpr double kOverload = 9.9e37;
 
 /// "1.2E-3,-4.5E-3,0.1E-3": exactly `axes` numbers, in the instrument's unit. Nothing when it is

@@ -12,9 +12,13 @@
 namespace vitreo::spacemouse {
 namespace {
 
-constexpr int kMostReports =
-    1024;  // in one call: a device that floods the link is not obeyed for ever
+/// In one call: a device that floods the link is not read for ever.
+constexpr int kMostReports = 1024;
 
+/// Reports are absolute deflections, whatever the descriptors of old models say, and come every 8
+/// ms (Navigator) or 16 ms (wireless) while the handle is deflected. After the release three
+/// reports of zeros follow; where they are lost, or the device is unplugged, the watchdog ends the
+/// deflection.
 class SpaceMouse final : public OperatorInput {
  public:
   SpaceMouse(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock)
@@ -40,6 +44,7 @@ class SpaceMouse final : public OperatorInput {
   }
 
  private:
+  /// Reports of other kinds are ignored (battery).
   void take(const Report& report) {
     const auto input = decode(report);
     if (!input) return;
@@ -55,11 +60,12 @@ class SpaceMouse final : public OperatorInput {
       state_.rotation = ours(both->rotation);
     }
   }
-  /// The device's y and z point the other way than ours: half a turn about x, so that rotations
-  /// follow.
+  /// Device axes are x right, y towards the operator, z down; ours y away from the operator, z up.
+  /// The two differ by half a turn about x, which holds for rotations too.
   Eigen::Vector3d ours(const Axes& counts) const {
     return {scaled(counts[0]), -scaled(counts[1]), -scaled(counts[2])};
   }
+  /// 0 within the dead zone, and continuous at its edge: (|d| - dead) / (1 - dead).
   double scaled(int counts) const {
     const double deflection = std::clamp(static_cast<double>(counts) / kFullScale_counts, -1., 1.);
     const double beyond = std::abs(deflection) - settings_.dead_zone;

@@ -1,5 +1,5 @@
-// 3Dconnexion SpaceMouse and SpaceNavigator: a handle with six axes. It speaks only while it is
-// deflected.
+// Driver of 3Dconnexion's SpaceMouse and SpaceNavigator: a handle with six axes that sends reports
+// only while it is deflected.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,10 +13,10 @@
 namespace vitreo::spacemouse {
 
 struct Settings {
-  std::string name = "joystick";  ///< how errors call it
+  std::string name = "joystick";  ///< in errors
   double dead_zone = 0.03;        ///< of full deflection: what counts as none
-  double watchdog =
-      0.1;  ///< s without a report after which a deflection counts as none: its end may be lost
+  /// s without a report after which a deflection counts as none: the report of its end may be lost.
+  double watchdog = 0.1;
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 

@@ -1,4 +1,4 @@
-// The SpaceMouse's end of the wire: a hand for the simulated laboratory and the tests.
+// Emulator of the SpaceMouse: its end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,11 +9,11 @@
 
 namespace vitreo::spacemouse {
 
-/// Sends what the hand does to whoever is connected; loses it otherwise, as the device does.
+/// Sends deflections and buttons to the connected link; they are lost without one, as the device's.
 class Emulator final : public HidPeer {
  public:
   explicit Emulator(bool six_axes_at_once = false) : at_once_(six_axes_at_once) {}
-  /// It takes only the LED's report, and answers nothing.
+  /// It accepts only the LED's report, and answers nothing.
   std::vector<Report> receive(Bytes) override { return {}; }
   void connect(const Send& send) override { send_ = send; }
   /// One period of the device: the two reports of the Navigator family, or the one of the wireless

@@ -1,5 +1,5 @@
-// The SpaceMouse's input reports, encoded and decoded; no I/O. Byte 0 is the report's id, then
-// 16-bit little-endian deflections in [-350, 350] or a bit mask of buttons (spacenavd's device
+// Wire of the SpaceMouse: input reports encoded and decoded; no I/O. Byte 0 is the report's id,
+// then 16-bit little-endian deflections in [-350, 350] or a bit mask of buttons (spacenavd's device
 // table; AndunHH/spacemouse).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -17,7 +17,9 @@ namespace vitreo::spacemouse {
 using Bytes = std::span<const std::uint8_t>;
 using Report = std::vector<std::uint8_t>;
 
-constexpr std::uint8_t kTranslation = 1, kRotation = 2, kButtons = 3;
+constexpr std::uint8_t kTranslation = 1;
+constexpr std::uint8_t kRotation = 2;
+constexpr std::uint8_t kButtons = 3;
 constexpr int kFullScale_counts = 350;
 
 /// Device axes: x right, y towards the operator, z down.
@@ -29,7 +31,8 @@ struct Rotation {
   Axes counts{};
 };
 struct Both {  ///< the wireless family sends all six in one report
-  Axes translation{}, rotation{};
+  Axes translation{};
+  Axes rotation{};
 };
 struct Buttons {
   std::uint32_t pressed = 0;

@@ -15,66 +15,70 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time kBetween = 2ms;  // it wants a rest between commands
-constexpr Time kSilence =
-    20ms;  // after which two bytes were all: 13 of them take 13.5 ms at 9600 baud
+/// The least rest between two commands (Lemaire's driver; the same in the MPC-200's manual).
+constexpr Time kBetween = 2ms;
+/// After which two bytes were a whole answer: 13 of them take 13.5 ms at 9600 baud.
+constexpr Time kSilence = 20ms;
+/// A motion may take this much longer than distance over speed: it accelerates and decelerates.
+constexpr double kMotionFactor = 1.25;
 constexpr Time kMotionMargin = 1s;
-constexpr double kMotionFactor =
-    1.25;                        // how much longer than distance over speed a motion may take
-constexpr int kHandshake = 777;  // um/s: what no other instrument would say back
-constexpr double kFinestMax = 1310e-6;  // m/s: above it only steps of 0.2 um
+/// um/s: an odd speed, as the MATLAB class and acq4 send it; no other instrument would return it.
+constexpr int kHandshake = 777;
+/// m/s: the fastest of high resolution; above it only steps of 0.2 um.
+constexpr double kFinestMax = 1310e-6;
+/// m/s: of low resolution. navigate and Lemaire allow 3 mm/s, acq4 6.55: the lower one counts.
 constexpr double kCoarsestMax = 3000e-6;
-constexpr int kSlack_usteps = 5;  // one coarse step
+/// One coarse step: how far from its target an axis may end.
+constexpr int kSlack_usteps = 5;
 constexpr double kMicro = 1e-6;
 
-class Mp285 final : public StageProtocol {
+class Mp285 final : public SilentStageProtocol {
  public:
   Mp285(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock)
-      : StageProtocol(std::move(link), settings.name, clock), settings_(settings) {}
+      : SilentStageProtocol(std::move(link), settings.name, clock,
+                            {.ustep = kUstep,
+                             .usteps_per_um = kUsteps_per_um,
+                             .tolerance = kSlack_usteps,
+                             .silence = kSilence,
+                             .reply_timeout = settings.reply_timeout,
+                             .end = kEnd,
+                             .interrupt = kInterrupt}),
+        settings_(settings) {}
   StageInfo configure() override;
-  std::vector<double> position() override;
   void set_off(std::span<const double> target, double speed) override;
   void set_off_home() override {
     fail(DeviceErrorKind::refused, "it has no reference that it could find");
   }
-  bool busy() override;
-  void check_arrival(bool homing) override;
-  void halt() override;
-  void tell_to_halt() override;
 
  private:
-  Time reply_deadline() const {
-    return later(clock().now(), from_seconds(settings_.reply_timeout));
-  }
+  Usteps where() override;
+  void resynchronize() override;
+  [[noreturn]] void fail_for(std::uint8_t answer) const override;
+  [[noreturn]] void fail_for(const Fault& fault) const;
   void send(const Command& command);
   void expect_end(Time deadline);
   ByteString block(const Command& question, std::size_t size);
-  Usteps where();
   Status status();
   void set_velocity(double speed);
-  void resynchronize();
-  Clock& clock() const { return dialogue.clock(); }
-  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
-    dialogue.fail(kind, what);
-  }
-  [[noreturn]] void fail(const Fault& fault) const;
 
   const Settings settings_;
-  bool unsure_ = false;  // an exchange was broken off: something of it may still come
-  SetVelocity velocity_{};
-  bool moving_ = false;
-  Usteps from_{}, target_{};
-  double speed_ = 0;  // m/s
-  Time begun_{}, deadline_{};
+  SetVelocity velocity_{};  // as last set
 };
 
-void Mp285::fail(const Fault& fault) const {
+/// Several bits may be set; the interrupted motion explains the others (a byte that came in the
+/// middle of it).
+void Mp285::fail_for(const Fault& fault) const {
   if (fault.interrupted) fail(DeviceErrorKind::refused, "its motion was interrupted");
   if (fault.bad_command) fail(DeviceErrorKind::protocol, "it did not understand the command");
   fail(DeviceErrorKind::protocol, "bytes were lost on their way to it");
 }
 
-/// Nobody talks to it while it moves.
+void Mp285::fail_for(std::uint8_t answer) const {
+  if (const auto fault = decode_fault(answer)) fail_for(*fault);
+  fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&answer, 1)));
+}
+
+/// Not during a motion: any byte would interrupt it.
 void Mp285::send(const Command& command) {
   if (unsure_) resynchronize();
   clock().sleep_for(kBetween);
@@ -83,7 +87,7 @@ void Mp285::send(const Command& command) {
   dialogue.send(encode(command));
 }
 
-/// The CR that says that a command was obeyed; an error comes in its place.
+/// The CR that acknowledges a command; an error comes in its place.
 void Mp285::expect_end(Time deadline) {
   const std::uint8_t first = dialogue.take(1, deadline).front();
   if (first == kEnd) {
@@ -94,7 +98,7 @@ void Mp285::expect_end(Time deadline) {
   if (!fault || dialogue.take(1, deadline).front() != kEnd)
     fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&first, 1)));
   unsure_ = false;
-  fail(*fault);
+  fail_for(*fault);
 }
 
 /// `size` bytes and a CR. An error is told from data by its being alone: data, too, may begin with
@@ -103,12 +107,13 @@ ByteString Mp285::block(const Command& question, std::size_t size) {
   send(question);
   const Time deadline = reply_deadline();
   ByteString reply = dialogue.take(2, deadline);
+  // Two bytes that look like an error: it is one when nothing follows within the silence.
   const auto fault = decode_fault(reply[0]);
   if (fault && reply[1] == kEnd) {
     const auto more = dialogue.next(later(clock().now(), kSilence));
     if (!more) {
       unsure_ = false;
-      fail(*fault);
+      fail_for(*fault);
     }
     reply.push_back(*more);
   }
@@ -123,8 +128,8 @@ ByteString Mp285::block(const Command& question, std::size_t size) {
 Usteps Mp285::where() { return *decode_position(block(GetPosition{}, kPositionSize)); }
 Status Mp285::status() { return *decode_status(block(GetStatus{}, kStatusSize)); }
 
-/// After an answer that did not come or could not be read. The interrupt ends whatever it was at;
-/// it locks up when an answer is abandoned, so everything it may still say is heard out.
+/// The MP-285A locks up when an answer is abandoned (navigate), so everything that it may still
+/// send is read.
 void Mp285::resynchronize() {
   unsure_ = false;
   dialogue.send(encode(Interrupt{}));
@@ -132,6 +137,8 @@ void Mp285::resynchronize() {
   moving_ = false;
 }
 
+/// In whole um/s, at least 1; of high resolution where that is fast enough. Sent only when it
+/// changes: each command costs a rest and an answer.
 void Mp285::set_velocity(double speed) {
   const SetVelocity wanted{std::max(1, static_cast<int>(speed / kMicro + 0.5)),
                            speed <= kFinestMax};
@@ -141,8 +148,8 @@ void Mp285::set_velocity(double speed) {
   velocity_ = wanted;
 }
 
-/// After power-up nothing works before a first V; that the status gives its odd speed back tells an
-/// MP-285 from others.
+/// After power-up nothing works before a first V (MATLAB class, acq4); that the status returns its
+/// odd speed identifies an MP-285, which has no command for its identity.
 StageInfo Mp285::configure() {
   clock().sleep_for(from_seconds(settings_.opening_pause));
   velocity_ = {};
@@ -159,6 +166,7 @@ StageInfo Mp285::configure() {
   if (first.velocity.speed != kHandshake || !first.velocity.fine || first.usteps_per_um != 25)
     fail(DeviceErrorKind::not_found,
          "this is no MP-285: its status does not give back what it was told");
+  // Before anything can move: in relative mode a target would be added to the position.
   send(Absolute{});
   expect_end(reply_deadline());
   set_velocity(settings_.speed);
@@ -177,80 +185,14 @@ StageInfo Mp285::configure() {
   return info;
 }
 
-std::vector<double> Mp285::position() {
-  std::vector<double> place(3);
-  if (!moving_) {
-    const Usteps at = where();
-    std::transform(at.begin(), at.end(), place.begin(),
-                   [](std::int32_t axis) { return axis * kUstep; });
-    return place;
-  }
-  double longest = 0;
-  for (std::size_t i = 0; i < 3; ++i)
-    longest = std::max(longest, std::abs(target_[i] - from_[i]) * kUstep);
-  const double gone =
-      longest > 0 ? std::min(1., to_seconds(clock().now() - begun_) * speed_ / longest) : 1;
-  for (std::size_t i = 0; i < 3; ++i)
-    place[i] = (from_[i] + gone * (target_[i] - from_[i])) * kUstep;
-  return place;
-}
-
+/// The velocity counts as that of the axis with the longest way.
 void Mp285::set_off(std::span<const double> target, double speed) {
   from_ = where();
-  double longest = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    target_[i] = static_cast<std::int32_t>(std::lround(target[i] / kUstep));
-    longest = std::max(longest, std::abs(target_[i] - from_[i]) * kUstep);
-  }
+  const double longest = aim(target) * kUstep;
   set_velocity(speed);
   speed_ = velocity_.speed * kMicro;
   send(Move{target_});
-  begun_ = clock().now();
-  deadline_ = later(begun_, from_seconds(kMotionFactor * longest / speed_) + kMotionMargin);
-  moving_ = true;
-}
-
-/// Listens for the CR at the end of the motion, and says nothing.
-bool Mp285::busy() {
-  if (!moving_) return false;
-  const auto first = dialogue.next(clock().now());
-  if (!first && clock().now() < deadline_) return true;
-  moving_ = false;
-  if (!first) fail(DeviceErrorKind::timeout, "it was silent when its motion should have ended");
-  unsure_ = false;
-  if (*first == kEnd) return false;
-  unsure_ = true;
-  const auto fault = decode_fault(*first);
-  if (!fault)
-    fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&*first, 1)));
-  fail(*fault);
-}
-
-void Mp285::check_arrival(bool) {
-  const Usteps at = where();
-  for (std::size_t i = 0; i < 3; ++i)
-    if (std::abs(at[i] - target_[i]) > kSlack_usteps)
-      fail(DeviceErrorKind::refused, std::string("axis ") + "xyz"[i] + ": it stands " +
-                                         std::to_string((at[i] - target_[i]) * 40 / 1000) +
-                                         " um from its target");
-}
-
-/// The interrupt is the only byte that may be sent during a motion. Whether the motion's own CR
-/// comes as well is not known, so all is heard out; that it answers then shows that it stands.
-void Mp285::halt() {
-  if (!moving_ && !unsure_) return;
-  resynchronize();
-  const Usteps first = where();
-  clock().sleep_for(kSilence);
-  if (where() != first) fail(DeviceErrorKind::timeout, "it does not stop");
-}
-
-void Mp285::tell_to_halt() {
-  unsure_ = true;
-  try {
-    dialogue.send(encode(Interrupt{}));
-  } catch (const DeviceError&) {  // it was told what could be told
-  }
+  begin(from_seconds(kMotionFactor * longest / speed_) + kMotionMargin);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Sutter MP-285 and MP-285A: a micromanipulator of three axes, on a serial port.
+// Driver of the Sutter MP-285 and MP-285A: a micromanipulator of three axes, on a serial port.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,20 +13,21 @@
 namespace vitreo::sutter_mp285 {
 
 struct Settings {
-  std::string name = "stage";  ///< how errors call it
-  std::array<double, 3> travel_min{-12.5e-3, -12.5e-3, -12.5e-3},
-      travel_max{12.5e-3, 12.5e-3, 12.5e-3};  ///< m
-  double max_speed = 3e-3;                    ///< m/s; above 1.31 mm/s it steps coarsely, by 0.2 um
-  double speed = 1e-3;                        ///< m/s
-  double opening_pause =
-      1.0;  ///< s: opening the port toggles its lines, and the controller starts anew
+  std::string name = "stage";  ///< in errors
+  /// m, from the origin: 25 mm of travel about the factory's.
+  std::array<double, 3> travel_min{-12.5e-3, -12.5e-3, -12.5e-3};
+  std::array<double, 3> travel_max{12.5e-3, 12.5e-3, 12.5e-3};
+  double max_speed = 3e-3;  ///< m/s; above 1.31 mm/s it steps coarsely, by 0.2 um
+  double speed = 1e-3;      ///< m/s
+  /// s: opening the port toggles its lines, and the controller starts anew (acq4 waits 1 s).
+  double opening_pause = 1.0;
   double reply_timeout = 0.5;  ///< s, of everything but a motion
   void check() const;          ///< throws std::invalid_argument naming the setting
 };
 
 /// Opens the controller, with what moves stopped; absolute positions from wherever its origin was
 /// set. Throws DeviceError{not_found} when it is no MP-285. During a motion nothing is sent, since
-/// any byte would end it: position() is an estimate then, and a controller that falls silent is
+/// any byte would end it: position() is an estimate then, and the silence of a controller is
 /// noticed when the motion should have ended. home() is refused: it has no reference. Destruction
 /// stops it.
 std::unique_ptr<Stage> open(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock);

@@ -1,5 +1,3 @@
-// The MP-285 as it looks from the far end of the wire: motions that any byte ends, and a reply only
-// at their end.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/sutter_mp285/emulator.h"
 
@@ -10,6 +8,8 @@
 namespace vitreo::sutter_mp285 {
 namespace {
 
+/// One motion at a time: from from_ to to_, begun at begun_, at constant speed, without
+/// acceleration. While it is under way every byte interrupts it; its answer comes at its end.
 class EmulatedMp285 final : public Emulator {
  public:
   explicit EmulatedMp285(const EmulatorSettings& settings)
@@ -46,13 +46,15 @@ class EmulatedMp285 final : public Emulator {
   }
 
  private:
-  double way() const {  // usteps, of the axis that goes farthest
+  /// usteps, of the axis with the longest way.
+  double way() const {
     double longest = 0;
     for (std::size_t i = 0; i < 3; ++i)
       longest = std::max(longest, std::abs(static_cast<double>(to_[i]) - from_[i]));
     return longest;
   }
-  double speed() const { return velocity_.speed * 25.; }  // usteps/s
+  /// usteps/s: 25 a um.
+  double speed() const { return velocity_.speed * 25.; }
   Time arrival() const { return later(begun_, from_seconds(way() / std::max(1., speed()))); }
 
   void hear(std::uint8_t byte, Time now) {
@@ -69,6 +71,8 @@ class EmulatedMp285 final : public Emulator {
     std::visit([&](const auto& what) { obey(what, now); }, *command);
   }
 
+  /// Stands where it was. An interrupt is answered by '=' and CR, any other byte by the error "bad
+  /// command, interrupted".
   void interrupt(std::uint8_t byte, Time now) {
     from_ = to_ = position(now);
     under_way_ = false;
@@ -112,10 +116,15 @@ class EmulatedMp285 final : public Emulator {
   }
 
   const int version_;
-  Usteps from_, to_;
-  Time begun_{}, arrived_{};
-  bool under_way_ = false, awake_ = false, absolute_ = true, silent_ = false;
-  double part_ = 1;
+  Usteps from_;
+  Usteps to_;
+  Time begun_{};
+  Time arrived_{};
+  bool under_way_ = false;
+  bool awake_ = false;  // it has had its first V
+  bool absolute_ = true;
+  bool silent_ = false;
+  double part_ = 1;  // of each way, after which its motions end
   SetVelocity velocity_{1000, true};
   ByteString heard_;
   std::vector<TimedBytes> said_;

@@ -1,4 +1,4 @@
-// The MP-285's end of the wire, for the simulated laboratory and the tests.
+// Emulator of the MP-285: its end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,12 +14,12 @@ struct EmulatorSettings {
   int version = 312;  ///< times 100
 };
 
-/// As it wakes up: deaf to everything before a first V. Any byte during a motion ends it.
+/// As after power-up: ignores everything before a first V. Any byte during a motion ends it.
 class Emulator : public BytePeer {
  public:
   virtual Usteps position(Time now) const = 0;
   virtual bool moving(Time now) const = 0;
-  /// It moves on, and says nothing more.
+  /// It moves on, and sends nothing more.
   virtual void fall_silent() = 0;
   /// Its motions end after this part of their way, as if all were well.
   virtual void stop_short(double part) = 0;

@@ -1,6 +1,9 @@
-// The Sutter MP-285's and MP-285A's bytes, encoded and decoded in both directions; no I/O. Numbers
-// are little-endian. A reply's end cannot be told by its CR: positions and status may hold one, so
-// they are read by their length.
+// Wire of the Sutter MP-285 and MP-285A: bytes encoded and decoded in both directions; no I/O.
+// Numbers are little-endian. A reply's end cannot be found by its CR: positions and status may hold
+// one, so they are read by their length. Sources, for the maker's manual was not to be had: the
+// drivers of Micro-Manager (MP285), acq4 (mp285.py), navigate (MP285.py) and M. Hopcroft's MATLAB
+// class. Micro-Manager alone sends the velocity big-endian and LF after each CR; the others agree
+// on what stands here.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,15 +21,21 @@ using Bytes = std::span<const std::uint8_t>;
 using ByteString = std::vector<std::uint8_t>;
 using Usteps = std::array<std::int32_t, 3>;  ///< x, y, z
 
-constexpr std::uint8_t kEnd = 0x0D, kInterrupt = 0x03, kInterrupted = '=';
+constexpr std::uint8_t kEnd = 0x0D;
+constexpr std::uint8_t kInterrupt = 0x03;
+/// The answer, before its CR, to an interrupt during a motion (navigate, quoting the manual).
+constexpr std::uint8_t kInterrupted = '=';
 constexpr double kUstep = 0.04e-6;  ///< m, in all positions, whatever the resolution
+constexpr int kUsteps_per_um = 25;
 constexpr std::size_t kPositionSize = 12, kStatusSize = 32;  ///< bytes, without the CR
 
-/// What the host can say.
+/// Commands of the host.
 struct GetPosition {};
+/// Absolute or relative, by the mode; answered only when the motion has ended.
 struct Move {
   Usteps target{};
 };
+/// Bits 14 to 0: um/s; bit 15: the resolution.
 struct SetVelocity {
   int speed = 0;     ///< um/s, to 32767
   bool fine = true;  ///< 50 microsteps per step in place of 10
@@ -34,7 +43,7 @@ struct SetVelocity {
 struct SetOrigin {};
 struct Absolute {};
 struct Relative {};
-struct Refresh {};
+struct Refresh {};  ///< of the controller's display
 struct GetStatus {};
 struct Interrupt {};
 using Command = std::variant<GetPosition, Move, SetVelocity, SetOrigin, Absolute, Relative, Refresh,
@@ -137,7 +146,8 @@ inline std::optional<Usteps> decode_position(Bytes b) {
   return Usteps{detail::int32_at(b, 0), detail::int32_at(b, 4), detail::int32_at(b, 8)};
 }
 
-/// What of the status block is of use.
+/// The part of the status block that is used: byte 0 bit 5 (mode), byte 15 bit 2 (step mode), word
+/// 24 (STEP_DIV: usteps/um), word 28 (XSPEED, as the argument of V), word 30 (VERSION).
 struct Status {
   bool absolute = true;
   SetVelocity velocity;
@@ -170,7 +180,8 @@ inline std::optional<Status> decode_status(Bytes b) {
   return status;
 }
 
-/// In place of a reply: one byte, then CR. Several may be meant at once.
+/// Error in place of a reply: 0x30 and its bits in one byte, then CR. '8' | '4' = '<' is what an
+/// interrupted motion gives (Micro-Manager).
 struct Fault {
   bool frame = false, overflow = false, bad_command = false, interrupted = false;
 };

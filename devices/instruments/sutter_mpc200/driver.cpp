@@ -1,4 +1,3 @@
-// The driver of the MPC-200: one drive of the controller, silent while it moves.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/sutter_mpc200/driver.h"
 
@@ -18,13 +17,18 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time kBetween = 2ms;  // it wants a rest between commands
-constexpr Time kSilence =
-    20ms;  // after which nothing more comes: 14 bytes take 1.1 ms at 128000 baud
+/// The least rest between two commands, by the manual.
+constexpr Time kBetween = 2ms;
+/// After which nothing more comes: 14 bytes take 1.1 ms at 128000 baud.
+constexpr Time kSilence = 20ms;
+/// A motion may take this much longer than distance over speed: the speeds were measured on one
+/// stage, and differ from stage to stage.
+constexpr double kMotionFactor = 1.5;
 constexpr Time kMotionMargin = 1s;
-constexpr Time kLongestHoming = 100s;  // 25 mm at its slowest, and a quarter
-constexpr double kMotionFactor = 1.5;  // its speeds differ from stage to stage
-constexpr int kFast = -1;              // in place of a straight motion's speed
+/// 25 mm at its slowest take 74 s; and a quarter.
+constexpr Time kLongestHoming = 100s;
+/// In place of a straight motion's speed: all axes at full speed, on a bent path.
+constexpr int kFast = -1;
 
 /// The fastest that is not faster than `speed`; nothing when it cannot go so slowly.
 std::optional<int> code_for(double speed) {
@@ -35,43 +39,40 @@ std::optional<int> code_for(double speed) {
   return std::nullopt;
 }
 
-class Mpc200 final : public StageProtocol {
+class Mpc200 final : public SilentStageProtocol {
  public:
   Mpc200(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock)
-      : StageProtocol(std::move(link), settings.name, clock), settings_(settings) {}
+      : SilentStageProtocol(std::move(link), settings.name, clock,
+                            {.ustep = kUstep,
+                             .usteps_per_um = kUsteps_per_um,
+                             .tolerance = kLeastMotion_usteps - 1,
+                             .silence = kSilence,
+                             .reply_timeout = settings.reply_timeout,
+                             .end = kEnd,
+                             .interrupt = kInterrupt}),
+        settings_(settings) {}
   StageInfo configure() override;
-  std::vector<double> position() override;
   void set_off(std::span<const double> target, double speed) override;
   void set_off_home() override;
-  bool busy() override;
-  void check_arrival(bool homing) override;
-  void halt() override;
-  void tell_to_halt() override;
 
  private:
-  Time reply_deadline() const {
-    return later(clock().now(), from_seconds(settings_.reply_timeout));
-  }
+  Usteps where() override;
+  void resynchronize() override;
+  [[noreturn]] void fail_for(std::uint8_t answer) const override;
   void send(const Command& command);
   ByteString ask(const Command& question, std::size_t size);
   void take_drive();
-  Usteps where();
-  void resynchronize();
-  void begin(Time longest);
-  Clock& clock() const { return dialogue.clock(); }
-  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
-    dialogue.fail(kind, what);
-  }
 
   const Settings settings_;
-  bool unsure_ = false;  // an exchange was broken off: something of it may still come
-  bool moving_ = false;
-  Usteps from_{}, target_{};
-  double speed_ = 0;  // m/s, of the motion under way
-  Time begun_{}, deadline_{};
 };
 
-/// Nobody talks to it while it moves. A straight motion in one write would crash it.
+void Mpc200::fail_for(std::uint8_t answer) const {
+  if (answer == kInterrupted) fail(DeviceErrorKind::refused, "its motion was interrupted");
+  fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&answer, 1)));
+}
+
+/// Not during a motion. A straight motion in one write would crash the controller (acq4), so its
+/// first byte goes alone.
 void Mpc200::send(const Command& command) {
   if (unsure_) resynchronize();
   clock().sleep_for(kBetween);
@@ -84,8 +85,8 @@ void Mpc200::send(const Command& command) {
   dialogue.send(std::span(bytes).subspan(1));
 }
 
-/// `size` bytes and a CR; the mark of an interrupted motion may stand before them, and no reply
-/// begins like it.
+/// `size` bytes and a CR; the mark 'I' of an interrupted motion may stand before them. No reply
+/// begins with 'I': the first byte is a drive, 1 to 4, a count of drives or 'E'.
 ByteString Mpc200::ask(const Command& question, std::size_t size) {
   send(question);
   const Time deadline = reply_deadline();
@@ -108,7 +109,8 @@ void Mpc200::take_drive() {
     fail(DeviceErrorKind::protocol, "it took another drive than it was told: " + printable(reply));
 }
 
-/// Where the drive stands. Somebody at its panel may have made another one the active one.
+/// The answer names the active drive: at the panel another one may have been selected meanwhile,
+/// and its position must not be taken for this one's.
 Usteps Mpc200::where() {
   for (int attempt = 0; attempt < 2; ++attempt) {
     const ByteString reply = ask(GetPosition{}, kPositionSize);
@@ -121,7 +123,7 @@ Usteps Mpc200::where() {
        "it does not keep drive " + std::to_string(settings_.drive) + " active");
 }
 
-/// After an answer that did not come or could not be read. The interrupt ends whatever it was at.
+/// The interrupt ends whatever it does.
 void Mpc200::resynchronize() {
   unsure_ = false;
   moving_ = false;
@@ -129,6 +131,7 @@ void Mpc200::resynchronize() {
   dialogue.settle(kSilence);
 }
 
+/// The firmware's version, two BCD bytes, and the list of drives identify the controller.
 StageInfo Mpc200::configure() {
   resynchronize();
   std::optional<Drive> is;
@@ -155,33 +158,12 @@ StageInfo Mpc200::configure() {
   return info;
 }
 
-std::vector<double> Mpc200::position() {
-  std::vector<double> place(3);
-  const Usteps at = moving_ ? from_ : where();
-  double longest = 0, gone = 0;
-  for (std::size_t i = 0; i < 3; ++i)
-    longest = std::max(longest, std::abs(target_[i] - from_[i]) * kUstep);
-  if (moving_)
-    gone = longest > 0 ? std::min(1., to_seconds(clock().now() - begun_) * speed_ / longest) : 1;
-  for (std::size_t i = 0; i < 3; ++i) place[i] = (at[i] + gone * (target_[i] - at[i])) * kUstep;
-  return place;
-}
-
-void Mpc200::begin(Time longest) {
-  begun_ = clock().now();
-  deadline_ = later(begun_, longest);
-  moving_ = true;
-}
-
+/// There is no command for the speed: it is a part of the straight motion, or full speed.
 void Mpc200::set_off(std::span<const double> target, double speed) {
   const auto code = code_for(speed);
   if (!code) fail(DeviceErrorKind::refused, "its slowest motion is 0.338 mm/s");
   from_ = where();
-  std::int32_t longest = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    target_[i] = static_cast<std::int32_t>(std::lround(target[i] / kUstep));
-    longest = std::max(longest, std::abs(target_[i] - from_[i]));
-  }
+  const std::int32_t longest = aim(target);
   if (longest < kLeastMotion_usteps) return;  // it would not move, and not answer either
   speed_ = *code == kFast ? kFastMotion : speed_of(*code);
   if (*code == kFast)
@@ -191,53 +173,13 @@ void Mpc200::set_off(std::span<const double> target, double speed) {
   begin(later(from_seconds(kMotionFactor * longest * kUstep / speed_), kMotionMargin));
 }
 
+/// 'N' calibrates: all axes go to the beginning of their travel, which becomes 0.
 void Mpc200::set_off_home() {
   from_ = where();
   target_ = {0, 0, 0};
   speed_ = speed_of(kFastest);  // of the estimate only: its own is not known
   send(Calibrate{});
   begin(kLongestHoming);
-}
-
-/// Listens for the CR at the end of the motion, and says nothing.
-bool Mpc200::busy() {
-  if (!moving_) return false;
-  const auto first = dialogue.next(clock().now());
-  if (!first && clock().now() < deadline_) return true;
-  moving_ = false;
-  if (!first) fail(DeviceErrorKind::timeout, "it was silent when its motion should have ended");
-  if (*first == kInterrupted) fail(DeviceErrorKind::refused, "its motion was interrupted");
-  if (*first != kEnd)
-    fail(DeviceErrorKind::protocol, "an answer that is none: " + printable(std::span(&*first, 1)));
-  unsure_ = false;
-  return false;
-}
-
-void Mpc200::check_arrival(bool) {
-  const Usteps at = where();
-  for (std::size_t i = 0; i < 3; ++i)
-    if (std::abs(at[i] - target_[i]) >= kLeastMotion_usteps)
-      fail(DeviceErrorKind::refused, std::string("axis ") + "xyz"[i] + ": it stands " +
-                                         std::to_string((at[i] - target_[i]) / kUsteps_per_um) +
-                                         " um from its target");
-}
-
-/// The interrupt is the only byte that may be sent during a motion; that it answers afterwards
-/// shows that it stands.
-void Mpc200::halt() {
-  if (!moving_ && !unsure_) return;
-  resynchronize();
-  const Usteps first = where();
-  clock().sleep_for(kSilence);
-  if (where() != first) fail(DeviceErrorKind::timeout, "it does not stop");
-}
-
-void Mpc200::tell_to_halt() {
-  unsure_ = true;
-  try {
-    dialogue.send(encode(Interrupt{}));
-  } catch (const DeviceError&) {  // it was told what could be told
-  }
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// Sutter MPC-200: a controller of up to four manipulators of three axes, on a virtual serial port
-// of 128000 baud.
+// Driver of the Sutter MPC-200: a controller of up to four manipulators of three axes, on a virtual
+// serial port of 128000 baud. It drives one of them, and sends nothing while that moves.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,7 +14,7 @@
 namespace vitreo::sutter_mpc200 {
 
 struct Settings {
-  std::string name = "stage";                 ///< how errors call it
+  std::string name = "stage";                 ///< in errors
   int drive = 1;                              ///< 1 to 4: the manipulator that this stage is
   std::array<double, 3> travel_min{0, 0, 0};  ///< m, within 0 to 25 mm
   std::array<double, 3> travel_max{25e-3, 25e-3, 25e-3};  ///< m, likewise

@@ -1,5 +1,3 @@
-// The MPC-200 as it looks from the far end of the wire: a reply only at a motion's end, none for a
-// short one.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/sutter_mpc200/emulator.h"
 
@@ -12,15 +10,18 @@
 namespace vitreo::sutter_mpc200 {
 namespace {
 
-constexpr double kCalibration = 2e-3;  // m/s; its true speed is not known
+/// m/s, of 'N'; the true speed is not known.
+constexpr double kCalibration = 2e-3;
 
+/// One motion at a time, of the active drive, at constant speed from its position to to_. An answer
+/// comes only at its end, and none to a motion that is too short to be made.
 class EmulatedMpc200 final : public Emulator {
  public:
   explicit EmulatedMpc200(const EmulatorSettings& settings)
       : connected_(settings.connected),
         version_(settings.version),
         straight_pause_(settings.straight_pause) {
-    places_.fill(settings.start);
+    positions_.fill(settings.start);
   }
 
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
@@ -36,7 +37,7 @@ class EmulatedMpc200 final : public Emulator {
   }
 
   Usteps position(int drive, Time now) const override {
-    const Usteps& from = places_[static_cast<std::size_t>(drive - 1)];
+    const Usteps& from = positions_[static_cast<std::size_t>(drive - 1)];
     if (!under_way_ || drive != active_ || now <= begun_) return from;
     if (now >= arrival_) return to_;
     const double gone = to_seconds(now - begun_) / to_seconds(arrival_ - begun_);
@@ -51,7 +52,7 @@ class EmulatedMpc200 final : public Emulator {
   void fall_silent() override { silent_ = true; }
   void stop_short(double part) override { part_ = part; }
   void power_cycle(Time now) override {
-    place() = position(active_, now);
+    active_position() = position(active_, now);
     under_way_ = silent_ = crashed_ = interrupted_ = false;
     active_ = 1;
     heard_.clear();
@@ -59,8 +60,9 @@ class EmulatedMpc200 final : public Emulator {
   }
 
  private:
-  Usteps& place() { return places_[static_cast<std::size_t>(active_ - 1)]; }
+  Usteps& active_position() { return positions_[static_cast<std::size_t>(active_ - 1)]; }
 
+  /// Byte by byte: commands have no end mark, so each is complete when it has its length.
   void hear(std::uint8_t byte, Time now) {
     if (crashed_) return;
     if (under_way_ && now >= arrival_) end_motion();
@@ -80,34 +82,36 @@ class EmulatedMpc200 final : public Emulator {
       std::visit([&](const auto& what) { obey(what, now); }, *command);
   }
 
+  /// The CR comes at once, and 'I' stands before the next reply.
   void interrupt(Time now) {
-    place() = position(active_, now);
+    active_position() = position(active_, now);
     under_way_ = false;
     speak({kEnd}, now);
     interrupted_ = true;
   }
   void end_motion() {
     under_way_ = false;
-    place() = to_;
+    active_position() = to_;
     speak({kEnd}, arrival_);
   }
   void set_off(const Usteps& target, double speed, double part, Time now) {
     double way = 0;
     for (std::size_t i = 0; i < 3; ++i) {
       const double full =
-          static_cast<double>(std::clamp(target[i], 0, kTravel_usteps)) - place()[i];
-      to_[i] = place()[i] + static_cast<std::int32_t>(std::lround(part * full));
+          static_cast<double>(std::clamp(target[i], 0, kTravel_usteps)) - active_position()[i];
+      to_[i] = active_position()[i] + static_cast<std::int32_t>(std::lround(part * full));
       way = std::max(way, std::abs(full));
     }
     begun_ = now;
     arrival_ = later(now, from_seconds(part * way * kUstep / speed));
     under_way_ = true;
   }
+  /// Shorter than 16 usteps on every axis: neither made nor answered.
   void move(const Usteps& target, double speed, Time now) {
     bool any = false;
     for (std::size_t i = 0; i < 3; ++i)
-      any =
-          any || std::abs(static_cast<std::int64_t>(target[i]) - place()[i]) >= kLeastMotion_usteps;
+      any = any || std::abs(static_cast<std::int64_t>(target[i]) - active_position()[i]) >=
+                       kLeastMotion_usteps;
     if (any) set_off(target, speed, part_, now);
   }
 
@@ -119,7 +123,9 @@ class EmulatedMpc200 final : public Emulator {
     if (is_there) active_ = command.drive;
     speak({is_there ? static_cast<std::uint8_t>(command.drive) : kNoSuchDrive, kEnd}, now);
   }
-  void obey(const GetPosition&, Time now) { speak(encode_position({active_, place()}), now); }
+  void obey(const GetPosition&, Time now) {
+    speak(encode_position({active_, active_position()}), now);
+  }
   void obey(const FastMove& command, Time now) { move(command.target, kFastMotion, now); }
   void obey(const StraightMove& command, Time now) {
     move(command.target, speed_of(command.speed), now);
@@ -136,11 +142,16 @@ class EmulatedMpc200 final : public Emulator {
   const Connected connected_;
   const int version_;
   const Time straight_pause_;
-  std::array<Usteps, kDrives> places_{};
+  std::array<Usteps, kDrives> positions_{};
   int active_ = 1;
   Usteps to_{};
-  Time begun_{}, arrival_{}, begun_hearing_{};
-  bool under_way_ = false, silent_ = false, crashed_ = false, interrupted_ = false;
+  Time begun_{};
+  Time arrival_{};
+  Time begun_hearing_{};  // of the command that is not complete
+  bool under_way_ = false;
+  bool silent_ = false;
+  bool crashed_ = false;
+  bool interrupted_ = false;
   double part_ = 1;
   ByteString heard_;
   std::vector<TimedBytes> said_;

@@ -1,4 +1,4 @@
-// The MPC-200's end of the wire, for the simulated laboratory and the tests.
+// Emulator of the MPC-200: its end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,8 +14,8 @@ struct EmulatorSettings {
   Usteps start{};  ///< where the drives stand
   Connected connected{true, false, false, false};
   int version = 110;  ///< times 100
-  /// Less between the first byte of a straight motion and the next crashes it; 0 where nobody can
-  /// tell, as on a real wire that is looked at now and then.
+  /// Less between the first byte of a straight motion and the next crashes it; 0 where the pause
+  /// cannot be measured, as on a real wire that is polled.
   Time straight_pause = std::chrono::milliseconds(kStraightPause_ms);
 };
 
@@ -26,9 +26,9 @@ class Emulator : public BytePeer {
   virtual Usteps position(int drive, Time now) const = 0;  ///< from 1
   virtual bool moving(Time now) const = 0;
   virtual bool crashed() const = 0;
-  virtual void fall_silent() = 0;  ///< it moves on, and says nothing more
-  virtual void stop_short(
-      double part) = 0;  ///< its motions end after this part of their way, as if all were well
+  virtual void fall_silent() = 0;  ///< it moves on, and sends nothing more
+  /// Its motions end after this part of their way, as if all were well.
+  virtual void stop_short(double part) = 0;
   virtual void power_cycle(Time now) = 0;
 };
 

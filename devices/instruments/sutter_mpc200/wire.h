@@ -1,6 +1,7 @@
-// The Sutter MPC-200's bytes (with MPC-385 and MP-265 drives behind it), encoded and decoded in
-// both directions; no I/O. Commands have no end mark, replies end with a CR, numbers are
-// little-endian. Positions may hold a CR, so everything is read by its length.
+// Wire of the Sutter MPC-200 (with MPC-385 and MP-265 drives behind it): bytes encoded and decoded
+// in both directions; no I/O. Commands have no end mark, replies end with a CR, numbers are
+// little-endian. Positions may hold a CR, so everything is read by its length. Sources: the
+// MPC-200's manual and quick reference (v1.10), and acq4's driver (mpc200.py).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -19,26 +20,31 @@ using Bytes = std::span<const std::uint8_t>;
 using ByteString = std::vector<std::uint8_t>;
 using Usteps = std::array<std::int32_t, 3>;  ///< x, y, z
 
-constexpr std::uint8_t kEnd = 0x0D, kInterrupt = 0x03, kNoSuchDrive = 'E';
-constexpr std::uint8_t kInterrupted =
-    'I';  ///< stands before the next reply after a motion that was interrupted
-constexpr int kDrives = 4, kSlowest = 0, kFastest = 15;  ///< speeds of a straight motion
+constexpr std::uint8_t kEnd = 0x0D;
+constexpr std::uint8_t kInterrupt = 0x03;
+constexpr std::uint8_t kNoSuchDrive = 'E';
+/// Stands before the next reply after a motion that was interrupted.
+constexpr std::uint8_t kInterrupted = 'I';
+constexpr int kDrives = 4;
+constexpr int kSlowest = 0;   ///< speed of a straight motion
+constexpr int kFastest = 15;  ///< likewise
 constexpr int kUsteps_per_um = 16;
 constexpr double kUstep = 1e-6 / kUsteps_per_um;  ///< m
 constexpr std::int32_t kTravel_usteps = 400'000;  ///< from 0: 25 mm
-constexpr std::int32_t kLeastMotion_usteps =
-    16;  ///< what is shorter on every axis is neither made nor answered
-constexpr int kStraightPause_ms =
-    30;  ///< after the first byte of a straight motion; without it, it crashes
-constexpr std::size_t kDriveSize = 3, kDrivesSize = 5,
-                      kPositionSize = 13;  ///< bytes of the replies, without the CR
+/// A motion that is shorter on every axis is neither made nor answered (acq4).
+constexpr std::int32_t kLeastMotion_usteps = 16;
+/// After the first byte of a straight motion: sent in one write it crashes the controller (acq4).
+constexpr int kStraightPause_ms = 30;
+constexpr std::size_t kDriveSize = 3;      ///< bytes of the reply, without the CR
+constexpr std::size_t kDrivesSize = 5;     ///< likewise
+constexpr std::size_t kPositionSize = 13;  ///< likewise
 
 /// m/s of a straight motion's fastest axis. As measured on one stage (acq4, 2015): the time for a
 /// millimeter falls evenly, from 2.96 s to 0.36 s. Others may differ.
 constexpr double speed_of(int code) { return 1e-3 / (2.959 - 0.1732 * code); }
 constexpr double kFastMotion = 4.65e-3;  ///< m/s, likewise, of a motion that is not straight
 
-/// What the host can say.
+/// Commands of the host.
 struct GetDrive {};   // the active one, and the firmware
 struct GetDrives {};  // which are connected
 struct SelectDrive {
@@ -58,20 +64,20 @@ using Command = std::variant<GetDrive, GetDrives, SelectDrive, GetPosition, Fast
                              Calibrate, Interrupt>;
 
 namespace detail {
-inline void put(ByteString& to, const Usteps& place) {
-  for (const std::int32_t axis : place)
+inline void put(ByteString& to, const Usteps& position) {
+  for (const std::int32_t axis : position)
     for (unsigned i = 0; i < 4; ++i)
       to.push_back(static_cast<std::uint8_t>(std::bit_cast<std::uint32_t>(axis) >> 8 * i));
 }
 inline Usteps usteps_at(Bytes b, std::size_t at) {
-  Usteps place{};
+  Usteps position{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     std::uint32_t bits = 0;
     for (unsigned i = 0; i < 4; ++i)
       bits |= static_cast<std::uint32_t>(b[at + 4 * axis + i]) << 8 * i;
-    place[axis] = std::bit_cast<std::int32_t>(bits);
+    position[axis] = std::bit_cast<std::int32_t>(bits);
   }
-  return place;
+  return position;
 }
 inline std::uint8_t bcd(int number) {
   return static_cast<std::uint8_t>(number / 10 % 10 << 4 | number % 10);
@@ -148,7 +154,8 @@ inline std::optional<Command> decode_command(Bytes b) {
 
 /// The active drive, from 1, and the firmware's version times 100.
 struct Drive {
-  int drive = 1, version = 0;
+  int drive = 1;
+  int version = 0;
 };
 inline ByteString encode_drive(const Drive& is) {
   return {static_cast<std::uint8_t>(is.drive), detail::bcd(is.version % 100),

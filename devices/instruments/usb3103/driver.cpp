@@ -1,4 +1,3 @@
-// The driver of the USB-3103: eight latched writes and one sync make all coils step together.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/usb3103/driver.h"
 
@@ -16,10 +15,12 @@
 namespace vitreo::usb3103 {
 namespace {
 
-constexpr double kFullScale = 10;    // V
-constexpr int kForeignReports = 32;  // how many reports that are not the answer may come before it
+/// V, of either sign.
+constexpr double kFullScale = 10;
+/// How many reports that are not the answer may come before it.
+constexpr int kForeignReports = 32;
 
-/// The error of a link, under the name by which the rig knows the device.
+/// The error of a link, under the device's name in the rig.
 DeviceError renamed(const DeviceError& error, const std::string& name) {
   return {error.kind, name, error.what()};
 }
@@ -35,8 +36,8 @@ class Usb3103 final : public CoilAmplifier {
   Usb3103(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock)
       : link_(std::move(link)), settings_(settings), clock_(clock) {
     check_identity();
-    // First of all, for it may still hold what a host that died asked of it: this sets every output
-    // to 0 V.
+    // First of all, for it may still hold the voltages of a host that died: AOutConfig sets the
+    // channel to 0 V in its new range.
     for (int channel = 0; channel < kChannels; ++channel)
       send(AnalogOutConfig{static_cast<std::uint8_t>(channel), Range::plus_minus_10_v});
     if (settings_.enable_line) {
@@ -52,7 +53,7 @@ class Usb3103 final : public CoilAmplifier {
   ~Usb3103() override {
     try {
       make_safe();
-    } catch (...) {  // nobody is left to hear it; the guardian and the enable line remain
+    } catch (...) {  // a destructor cannot report it; the guardian and the enable line remain
     }
   }
 
@@ -68,6 +69,7 @@ class Usb3103 final : public CoilAmplifier {
   void become_master();
   void read_calibration();
   void check(std::span<const double> currents) const;
+  /// DAC counts for a current: the amplifier's gain is in A/V.
   std::uint16_t counts(int channel, double current) const {
     return counts_from_volts(current / settings_.amperes_per_volt, calibration_[channel]);
   }
@@ -104,8 +106,8 @@ std::optional<Report> Usb3103::read(Time timeout) {
   }
 }
 
-/// Answers carry nothing of the question but its id, so what an earlier question left behind goes
-/// first.
+/// Answers carry nothing of the question but its id, so answers to earlier questions are read and
+/// dropped first.
 Report Usb3103::ask(const Command& command) {
   for (int i = 0; i < kForeignReports && read(Time::zero()); ++i) {
   }
@@ -129,7 +131,8 @@ Status Usb3103::ask_status() {
   return *status;
 }
 
-/// There is no identity to ask for; that it answers GetStatus in this way must do.
+/// There is no report for the identity (that of the USB was checked by the link): an answer to
+/// GetStatus must do.
 void Usb3103::check_identity() {
   try {
     ask_status();
@@ -139,23 +142,26 @@ void Usb3103::check_identity() {
   }
 }
 
-/// A slave of the sync pin would not obey AOutSync.
+/// AOutSync has no effect while the sync pin is an input, as it is in a slave
+/// (wjasper/Linux_Drivers, usb-3100).
 void Usb3103::become_master() {
   send(SetSync{.master = true});
   if (!ask_status().master)
     fail(DeviceErrorKind::refused, "stays a slave of its sync pin, so coils cannot step together");
 }
 
+/// Per channel two little-endian floats in flash: counts = slope k + offset.
 void Usb3103::read_calibration() {
   for (int channel = 0; channel < kChannels; ++channel) {
     const auto calibration =
         decode_calibration(ask(MemoryRead{calibration_address(channel), kCalibrationSize}));
     if (!calibration) fail(DeviceErrorKind::protocol, "its calibration is cut short");
-    // An erased flash reads as NaN: such a device is used as if it were ideal.
+    // An erased flash reads as NaN (all bits set): such a device is used as if it were ideal.
     calibration_[channel] = calibration->plausible() ? *calibration : Calibration{};
   }
 }
 
+/// Before anything is sent: a refused set-point changes no channel.
 void Usb3103::check(std::span<const double> currents) const {
   if (currents.size() != kChannels)
     throw std::invalid_argument("currents: " + settings_.name + " has 8 channels, not " +
@@ -178,6 +184,8 @@ void Usb3103::set_enabled(bool enabled) {
   enabled_ = enabled;
 }
 
+/// The eight values are latched one by one (update = 1) and take effect together at AOutSync. A
+/// failure in between leaves the old currents flowing.
 void Usb3103::set_currents(std::span<const double> currents) {
   check(currents);
   if (!enabled_) set_enabled(true);  // at zero, before the step
@@ -185,12 +193,14 @@ void Usb3103::set_currents(std::span<const double> currents) {
     send(AnalogOut{static_cast<std::uint8_t>(channel), counts(channel, currents[channel]), true});
   std::copy(currents.begin(), currents.end(), currents_.begin());  // from here on they may be out
   send(AnalogOutSync{});
-  ask_status();  // writes are not answered: that it still lives is all that can be known, and the
-                 // coils do not wait
+  // Writes are not answered, and outputs cannot be read back: that it still answers is all that can
+  // be known. After the sync, so that the coils do not wait for it.
+  ask_status();
 }
 
-/// At once and channel by channel: each zero that gets through counts. A second round for those
-/// that did not.
+/// Unlatched and channel by channel: each zero that gets through counts. A second round for those
+/// that did not. A stop is thrown only when all is done, for the link throws it after the report
+/// has left.
 void Usb3103::make_safe() {
   std::exception_ptr stopped, failure;
   std::array<bool, kChannels> zeroed{};
@@ -202,7 +212,7 @@ void Usb3103::make_safe() {
         zeroed[channel] = true;
         send(AnalogOut{static_cast<std::uint8_t>(channel), counts(channel, 0), false});
       } catch (const Stopped&) {
-        stopped = std::current_exception();  // thrown after the report has left
+        stopped = std::current_exception();
       } catch (...) {
         zeroed[channel] = false;
         failure = std::current_exception();

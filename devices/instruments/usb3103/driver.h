@@ -1,6 +1,7 @@
-// Measurement Computing USB-3103: eight analog outputs of +-10 V that set the currents of eight
-// coil amplifiers. The device has no watchdog and no read-back: after a lost link it holds its last
-// voltages (docs/instruments.md).
+// Driver of the Measurement Computing USB-3103: eight analog outputs of +-10 V that set the
+// currents of eight coil amplifiers; eight latched writes and one sync make all step together. The
+// device has no watchdog and no read-back: after a lost link it holds its last voltages
+// (docs/instruments.md).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +16,7 @@
 namespace vitreo::usb3103 {
 
 struct Settings {
-  std::string name = "coils";     ///< how errors call it
+  std::string name = "coils";     ///< in errors
   double amperes_per_volt = 2.0;  ///< gain of the amplifiers behind it
   double current_limit = 12.0;    ///< A, per channel
   double reply_timeout = 0.1;     ///< s

@@ -1,5 +1,3 @@
-// The USB-3103 as it looks from the far end of the wire: ranges, latches, sync, calibration; no
-// watchdog.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/usb3103/emulator.h"
 
@@ -20,12 +18,15 @@ struct Channel {
   std::optional<std::uint16_t> latched;
 };
 
+/// Outputs change at unlatched writes, at the sync and at a change of range; never by themselves,
+/// for the device has no watchdog.
 class EmulatedUsb3103 final : public Emulator {
  public:
   EmulatedUsb3103(const EmulatorSettings& settings, std::function<void(const Voltages&)> on_output)
       : on_output_(std::move(on_output)), master_(settings.master) {
     for (std::size_t i = 0; i < channels_.size(); ++i) {
-      // As the flash holds it: what the driver reads and what the DAC does are the same number.
+      // As the flash holds it, in single precision: what the driver reads and what the DAC does are
+      // the same number.
       const Calibration calibration{static_cast<float>(settings.slope[i]),
                                     static_cast<float>(settings.offset[i])};
       if (!std::isnormal(calibration.slope) || !std::isfinite(calibration.offset))
@@ -69,6 +70,7 @@ class EmulatedUsb3103 final : public Emulator {
     set(wanted);
     return {};
   }
+  /// A new range sets the channel to 0 V, and drops what was latched in the old one.
   std::vector<Report> handle(const AnalogOutConfig& command) {
     channels_[command.channel].range = command.range;
     channels_[command.channel].latched.reset();
@@ -81,6 +83,7 @@ class EmulatedUsb3103 final : public Emulator {
     master_ = command.master;
     return {};
   }
+  /// Beyond the memory it reads zeros.
   std::vector<Report> handle(const MemoryRead& command) {
     Report bytes(command.count, 0);
     for (std::size_t i = 0; i < bytes.size(); ++i)
@@ -115,7 +118,8 @@ class EmulatedUsb3103 final : public Emulator {
   std::array<Channel, kChannels> channels_;
   std::array<std::uint8_t, 0x300> memory_{};
   Voltages outputs_{};
-  unsigned directions_out_ = 0, levels_ = 0;
+  unsigned directions_out_ = 0;  // a bit a digital line that is an output
+  unsigned levels_ = 0;
 };
 
 }  // namespace

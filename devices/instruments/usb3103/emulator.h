@@ -1,4 +1,4 @@
-// The USB-3103's end of the wire, for the simulated laboratory and the tests.
+// Emulator of the USB-3103: its end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,8 +16,8 @@ using Voltages = std::array<double, kChannels>;  // V
 struct EmulatorSettings {
   /// DAC calibration as the flash would hold it, per channel.
   std::array<double, kChannels> slope{1, 1, 1, 1, 1, 1, 1, 1}, offset{};
-  /// How it wakes up; whether AOutSync does anything depends on it. As a slave unless somebody says
-  /// otherwise.
+  /// At power-up; whether AOutSync does anything depends on it. A slave by default, for what a
+  /// device is at power-up is not documented.
   bool master = false;
 };
 

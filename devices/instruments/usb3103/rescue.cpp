@@ -9,9 +9,11 @@
 namespace vitreo::usb3103 {
 namespace {
 
+/// For the answer to the last report: some ten reports take a full-speed device about 11 ms.
 constexpr Time kPatience = std::chrono::milliseconds(100);
 
-bool lives(HidLink& link, Clock& clock) {
+/// Whether it answers; answers to questions of the host that died are skipped.
+bool answers_status(HidLink& link, Clock& clock) {
   const Time deadline = later(clock.now(), kPatience);
   while (clock.now() < deadline) {
     const auto report = link.read(deadline - clock.now());
@@ -24,22 +26,22 @@ bool lives(HidLink& link, Clock& clock) {
 
 void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock) {
   std::exception_ptr failure;
-  const auto tell = [&](const Command& command) {
+  const auto send = [&](const Command& command) {
     try {
       link.write(encode(command));
     } catch (const DeviceError&) {
       failure = std::current_exception();
     }
   };
-  if (enable_line) tell(DigitalOut{static_cast<std::uint8_t>(*enable_line), false});
+  if (enable_line) send(DigitalOut{static_cast<std::uint8_t>(*enable_line), false});
   // To set a range sets the output to 0 V: no calibration is needed for that, and latched values
   // are forgotten.
   for (int channel = 0; channel < kChannels; ++channel)
-    tell(AnalogOutConfig{static_cast<std::uint8_t>(channel), Range::plus_minus_10_v});
-  if (enable_line) tell(DigitalConfig{static_cast<std::uint8_t>(*enable_line), false});
-  tell(GetStatus{});
+    send(AnalogOutConfig{static_cast<std::uint8_t>(channel), Range::plus_minus_10_v});
+  if (enable_line) send(DigitalConfig{static_cast<std::uint8_t>(*enable_line), false});
+  send(GetStatus{});
   if (failure) std::rethrow_exception(failure);
-  if (!lives(link, clock))
+  if (!answers_status(link, clock))
     throw DeviceError(DeviceErrorKind::timeout, "usb3103",
                       "was told to go to 0 V, and does not answer");
 }

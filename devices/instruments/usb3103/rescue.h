@@ -1,4 +1,4 @@
-// A USB-3103 that a host which is gone has left energized.
+// Rescue of a USB-3103: outputs at 0 V after the death of the host that drove it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,9 +9,9 @@
 
 namespace vitreo::usb3103 {
 
-/// The amplifiers disabled, every output at 0 V, whatever it holds: told at once and unasked, for
-/// each report that gets through counts. Then asks whether it lives. Throws DeviceError when that,
-/// or a report, failed.
+/// Disables the amplifiers and sets every output to 0 V, whatever it holds: all reports are sent
+/// without waiting for an answer, for each that gets through counts. Then asks for the status.
+/// Throws DeviceError when that, or a report, failed.
 void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock);
 
 }  // namespace vitreo::usb3103

@@ -1,5 +1,6 @@
-// The USB-3103's reports, encoded and decoded in both directions; no I/O. Byte 0 of a report is the
-// command, both ways.
+// Wire of the USB-3103: HID reports encoded and decoded in both directions; no I/O. Byte 0 of a
+// report is the command, both ways. Source: wjasper/Linux_Drivers, USB/mcc-libusb (usb-3100.h, .c)
+// and its Python twin, whose author has the hardware.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,17 +19,22 @@ namespace vitreo::usb3103 {
 using Bytes = std::span<const std::uint8_t>;
 using Report = std::vector<std::uint8_t>;
 
-constexpr std::uint8_t kDigitalConfig = 0x02, kDigitalOut = 0x06, kAnalogOut = 0x14,
-                       kAnalogOutSync = 0x15, kAnalogOutConfig = 0x1C, kMemoryRead = 0x30,
-                       kSetSync = 0x43, kGetStatus = 0x44;
+constexpr std::uint8_t kDigitalConfig = 0x02;
+constexpr std::uint8_t kDigitalOut = 0x06;
+constexpr std::uint8_t kAnalogOut = 0x14;
+constexpr std::uint8_t kAnalogOutSync = 0x15;
+constexpr std::uint8_t kAnalogOutConfig = 0x1C;
+constexpr std::uint8_t kMemoryRead = 0x30;
+constexpr std::uint8_t kSetSync = 0x43;
+constexpr std::uint8_t kGetStatus = 0x44;
 constexpr int kChannels = 8;
 constexpr int kDigitalLines = 8;
-constexpr int kMaxRead =
-    62;  // bytes of memory in one report, which always has room for all of them
+/// Bytes of memory in one report, which always has room for all of them.
+constexpr int kMaxRead = 62;
 
 enum class Range : std::uint8_t { zero_to_10_v = 0, plus_minus_10_v = 1 };
 
-/// What the host can say. Only MemoryRead and GetStatus are answered.
+/// Commands of the host. Only MemoryRead and GetStatus are answered.
 struct AnalogOut {
   std::uint8_t channel = 0;
   std::uint16_t counts = 0;
@@ -134,10 +140,10 @@ inline Report encode_memory(Bytes memory) {
 /// How one channel's DAC errs in one range: it wants slope * k + offset counts where an ideal one
 /// wants k.
 struct Calibration {
-  float slope = 1, offset = 0;
-  bool plausible() const {
-    return slope >= 0.9F && slope <= 1.1F && std::abs(offset) < 2000;
-  }  // a NaN is not
+  float slope = 1;
+  float offset = 0;
+  /// A NaN is not.
+  bool plausible() const { return slope >= 0.9F && slope <= 1.1F && std::abs(offset) < 2000; }
 };
 constexpr std::uint8_t kCalibrationSize = 8;
 /// Where the flash keeps the calibration of +-10 V.

@@ -16,11 +16,17 @@
 namespace vitreo::zaber {
 namespace {
 
-constexpr Time kPoll = std::chrono::milliseconds(20), kAgain = std::chrono::milliseconds(10);
-constexpr Time kStopTimeout =
-    std::chrono::seconds(3);  // a fast stage may need a while to decelerate
-constexpr int kTries = 3, kIds = 100;
-constexpr double kSlack_usteps = 2;  // how far an axis at rest may be from its target
+/// Between two questions whether it still moves.
+constexpr Time kPoll = std::chrono::milliseconds(20);
+/// Before a command that was refused with AGAIN is sent once more.
+constexpr Time kAgain = std::chrono::milliseconds(10);
+/// A fast stage may need a while to decelerate.
+constexpr Time kStopTimeout = std::chrono::seconds(3);
+constexpr int kTries = 3;
+/// Message ids are of two digits.
+constexpr int kIds = 100;
+/// How far an axis at rest may be from its target.
+constexpr double kSlack_usteps = 2;
 
 std::string in_short(double number) {
   std::array<char, 32> text{};
@@ -28,7 +34,7 @@ std::string in_short(double number) {
   return text.data();
 }
 
-/// What the driver knows of one axis.
+/// Settings and state of one axis.
 struct Axis {
   AxisSettings settings;
   double unit = 0;    // m or rad per microstep
@@ -49,7 +55,7 @@ class Chain final : public StageProtocol {
   bool busy() override;
   void check_arrival(bool homing) override;
   void halt() override;
-  void tell_to_halt() override;
+  void send_halt() override;
 
  private:
   Message ask(int device, int axis, const std::string& data);
@@ -62,11 +68,7 @@ class Chain final : public StageProtocol {
   Identity identify(const AxisSettings& axis);
   StageAxis configure_axis(Axis& axis);
   void set_speed(Axis& axis, double speed);
-  double place_to_start(const Axis& axis);
-  Clock& clock() const { return dialogue.clock(); }
-  [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) const {
-    dialogue.fail(kind, what);
-  }
+  double position_to_start(const Axis& axis);
 
   const Settings settings_;
   const char* const unit_;
@@ -75,10 +77,12 @@ class Chain final : public StageProtocol {
   bool checksums_ = false;  // replies have one
 };
 
+/// For messages.
 std::string which(const Axis& axis) { return "axis " + axis.settings.name + ": "; }
 
-/// The reply to the command `id`, or nothing in time; replies to others, informations and alerts
-/// are passed over, and so is `garbage`.
+/// The reply to the command `id`, or nothing in time. Skipped are replies to other commands (an
+/// answer that came too late), informations, alerts, and lines that cannot be read, of which the
+/// last is left in `garbage`.
 std::optional<Message> Chain::answer(int device, int axis, int id, std::string& garbage) {
   const Time deadline = later(clock().now(), from_seconds(settings_.reply_timeout));
   for (;;) {
@@ -123,6 +127,7 @@ Message Chain::ask(int device, int axis, const std::string& data) {
   }
 }
 
+/// A setting of one axis, in the instrument's unit.
 double Chain::number(const Axis& axis, const std::string& setting) {
   const Message reply = ask(axis, "get " + setting);
   const auto numbers = decode_numbers(reply.data);
@@ -132,6 +137,7 @@ double Chain::number(const Axis& axis, const std::string& setting) {
   return numbers->front();
 }
 
+/// A device rounds or clips some settings with a note only, so each is read back.
 void Chain::set_and_check(int device, int axis, const std::string& setting, std::int64_t value) {
   ask(device, axis, "set " + setting + " " + std::to_string(value));
   const auto now = decode_numbers(ask(device, axis, "get " + setting).data);
@@ -140,6 +146,9 @@ void Chain::set_and_check(int device, int axis, const std::string& setting, std:
          "device " + std::to_string(device) + " does not keep its " + setting);
 }
 
+/// Checksums are asked for as soon as the devices are known; until then a reply without one is
+/// accepted, and one with a wrong checksum never. Alerts are switched off: they come unasked in the
+/// middle of an exchange.
 StageInfo Chain::configure() {
   checksums_ = false;
   dialogue.send("\n");  // ends what a host that died may have begun
@@ -159,6 +168,8 @@ StageInfo Chain::configure() {
   return info;
 }
 
+/// The setting for the device's model is `device.id` since firmware 7, `deviceid` before. It is a
+/// number: the model's name is in Zaber's tables only.
 Identity Chain::identify(const AxisSettings& axis) {
   const std::string device = std::to_string(axis.device);
   const auto text = [&](const char* setting) {
@@ -185,6 +196,8 @@ Identity Chain::identify(const AxisSettings& axis) {
   return {"Zaber device " + id, text("system.serial"), version};
 }
 
+/// Limits are the narrower of the instrument's and the rig file's; its own are in microsteps, of
+/// which `resolution` are a full step.
 StageAxis Chain::configure_axis(Axis& axis) {
   const AxisSettings& wanted = axis.settings;
   const double resolution = number(axis, "resolution");
@@ -205,6 +218,7 @@ StageAxis Chain::configure_axis(Axis& axis) {
   return shown;
 }
 
+/// Unknown while the exchange goes on: should it fail, the next motion sets it anew.
 void Chain::set_speed(Axis& axis, double speed) {
   if (speed == axis.speed) return;
   const std::int64_t data = std::max<std::int64_t>(1, speed_data(speed / axis.unit));
@@ -219,8 +233,9 @@ std::vector<double> Chain::position() {
   return positions;
 }
 
-/// m or rad. Refuses an axis that is in no state to move.
-double Chain::place_to_start(const Axis& axis) {
+/// m or rad. Refuses an axis without a reference, or with a fault. A device itself accepts a motion
+/// without a reference, and only warns (WR).
+double Chain::position_to_start(const Axis& axis) {
   ask(axis, "warnings clear");  // a stall of the last motion would else look like one of this
   const Message status = ask(axis, "get pos");
   const auto here = decode_numbers(status.data);
@@ -233,17 +248,19 @@ double Chain::place_to_start(const Axis& axis) {
   return here->front() * axis.unit;
 }
 
+/// Each axis is a device with a speed of its own: v_i = v |d_i| / max |d|, so that all arrive
+/// together and the path is straight.
 void Chain::set_off(std::span<const double> target, double speed) {
   double longest = 0;
   std::vector<double> ways;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    ways.push_back(std::abs(target[i] - place_to_start(axes_[i])));
+    ways.push_back(std::abs(target[i] - position_to_start(axes_[i])));
     longest = std::max(longest, ways.back());
   }
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     axes_[i].target = std::round(target[i] / axes_[i].unit);
-    if (ways[i] > axes_[i].unit / 2)
-      set_speed(axes_[i], speed * ways[i] / longest);  // all arrive together: the path is straight
+    // An axis that is at its target keeps its speed: 0 is none.
+    if (ways[i] > axes_[i].unit / 2) set_speed(axes_[i], speed * ways[i] / longest);
   }
   for (const Axis& axis : axes_) ask(axis, "move abs " + std::to_string(std::llround(axis.target)));
 }
@@ -253,6 +270,7 @@ void Chain::set_off_home() {
   for (const Axis& axis : axes_) ask(axis, "home");
 }
 
+/// An empty command only asks for the status. A fault of any axis ends the motion of all.
 bool Chain::busy() {
   bool any = false;
   for (const Axis& axis : axes_) {
@@ -264,6 +282,7 @@ bool Chain::busy() {
   return any;
 }
 
+/// IDLE is not arrival: a stop at the panel or a stall ends a motion as well.
 void Chain::check_arrival(bool homing) {
   for (const Axis& axis : axes_) {
     if (homing && ask(axis, "").warning == kNoReference)
@@ -277,7 +296,7 @@ void Chain::check_arrival(bool homing) {
   }
 }
 
-/// Tells every axis, whatever the others say, and waits until all stand still.
+/// Stops every axis, whatever the others answer, and waits until all stand still.
 void Chain::halt() {
   std::exception_ptr failure;
   for (const Axis& axis : axes_) {
@@ -298,7 +317,8 @@ void Chain::halt() {
   }
 }
 
-void Chain::tell_to_halt() {
+/// Without an id: no reply is waited for.
+void Chain::send_halt() {
   for (const Axis& axis : axes_) {
     try {
       dialogue.send(

@@ -1,5 +1,5 @@
-// Zaber's stages by its ASCII protocol, linear and rotary: X-series devices in a chain, and
-// A-series stages behind a controller.
+// Driver of Zaber's stages by their ASCII protocol, linear and rotary: X-series devices in a chain,
+// and A-series stages behind a controller.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -20,18 +20,18 @@ struct AxisSettings {
   std::string name = "z";
   int device = 1;  ///< its number in the chain, 1 to 99
   int axis = 1;    ///< 1 to 9: of a controller with several
-  double step =
-      3.048e-6;  ///< m or rad per full step, from the data sheet (X-LSM: 3.048 um; 64 microsteps)
+  /// m or rad per full step, from the data sheet (X-LSM: 3.048 um; 64 microsteps).
+  double step = 3.048e-6;
   /// m or rad from the home end; the instrument's own limits hold as well.
-  double travel_min = -std::numeric_limits<double>::infinity(),
-         travel_max = std::numeric_limits<double>::infinity();
+  double travel_min = -std::numeric_limits<double>::infinity();
+  double travel_max = std::numeric_limits<double>::infinity();
   double max_speed = 10e-3;        ///< m/s or rad/s
   double speed = 2e-3;             ///< m/s or rad/s
-  std::optional<int> device_id{};  ///< what the instrument must say it is; else anything is taken
+  std::optional<int> device_id{};  ///< that the instrument must report; else any is accepted
 };
 
 struct Settings {
-  std::string name = "stage";  ///< how errors call it
+  std::string name = "stage";  ///< in errors
   std::vector<AxisSettings> axes{AxisSettings{}};
   double reply_timeout = 0.5;  ///< s
   void check() const;          ///< throws std::invalid_argument naming the setting

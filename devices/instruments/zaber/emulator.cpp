@@ -1,5 +1,3 @@
-// A chain of Zaber devices as it looks from the far end of the wire: positions, limits, flags,
-// refusals.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/zaber/emulator.h"
 
@@ -17,9 +15,11 @@
 namespace vitreo::zaber {
 namespace {
 
+/// Numbers of the protocol are whole, without an exponent.
 std::string whole(double value) { return std::to_string(std::llround(value)); }
 
-/// One axis, and where it is at any time.
+/// One axis: a motion at constant speed from `from` to `to`, begun at `begun`. Its state at a time
+/// is computed, not integrated.
 struct AxisState {
   explicit AxisState(const EmulatedAxis& its)
       : settings(its), from(its.start), to(its.start), referenced(its.referenced) {
@@ -37,6 +37,7 @@ struct AxisState {
     return gone >= std::abs(to - from) ? to : from + std::copysign(gone, to - from);
   }
   bool moving(Time now) const { return now < arrival() && from != to; }
+  /// A blocked position between here and the target ends the motion there, with a stall.
   void set_off(double target, Time now) {
     from = at(now);
     begun = now;
@@ -48,7 +49,7 @@ struct AxisState {
     begun = now;
     homing = false;
   }
-  /// What the end of a motion brings with it.
+  /// The consequences of a motion's end: the stall's flag, the reference of a homing.
   void settle(Time now) {
     if (moving(now)) return;
     if (std::exchange(stalled, false)) flag = "FS";
@@ -77,10 +78,11 @@ struct DeviceState {
   }
   EmulatedDevice settings;
   std::vector<AxisState> axes;
-  bool checksum = false, alert = false;
+  bool checksum = false;
+  bool alert = false;
 };
 
-/// What one command does to one device: an answer for each of the axes it is for.
+/// Execution of one command by one device: one answer, with the values of all axes that it is for.
 class Execution {
  public:
   Execution(DeviceState& device, const Command& command, Time now)
@@ -135,6 +137,7 @@ class Execution {
   }
   void answer(const std::string& value) { data_ += (data_.empty() ? "" : " ") + value; }
 
+  /// Settings of the device are refused with DEVICEONLY when one axis is asked.
   std::string get(const std::string& name) {
     const bool seven = device_.settings.version.rfind("7.", 0) == 0;
     const std::map<std::string, std::string> of_device{
@@ -186,6 +189,8 @@ class Execution {
     });
   }
 
+  /// abs, rel, min, max. A target outside the limits is BADDATA, and nothing moves; a motion under
+  /// way is replaced.
   std::string move(std::string_view rest) {
     const std::string_view how = detail::next_word(rest);
     const auto value = decode_numbers(rest);
@@ -208,6 +213,7 @@ class Execution {
     });
   }
 
+  /// To 0, which becomes the reference when it is reached; see settle().
   std::string home(AxisState& axis) {
     if (axis.parked) return "PARKED";
     axis.stop(now_);
@@ -217,6 +223,7 @@ class Execution {
     return {};
   }
 
+  /// "NN F1 F2 ...": a count of two digits, then the flags.
   std::string warnings(bool clear) {
     std::string flags;
     int count = 0;
@@ -311,6 +318,7 @@ class EmulatedChain final : public Emulator {
   }
 
  private:
+  /// Device 0 is every device: each answers once.
   void obey(const Command& command, Time now) {
     for (DeviceState& device : devices_) {
       if (command.device != 0 && command.device != device.settings.address) continue;

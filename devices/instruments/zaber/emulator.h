@@ -1,4 +1,4 @@
-// Zaber devices' end of the wire, for the simulated laboratory and the tests.
+// Emulator of Zaber devices: their end of the wire, for the simulated laboratory and the tests.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,12 +11,13 @@
 namespace vitreo::zaber {
 
 struct EmulatedAxis {
-  double limit_min = 0, limit_max = 1'062'992;  ///< usteps (50.6 mm of an X-LSM050A)
-  double max_speed = 153'600;                   ///< usteps/s; as it wakes up
-  double home_speed = 80'000;                   ///< usteps/s
-  int resolution = 64;                          ///< usteps per step
-  double start = 0;                             ///< usteps, where it stands when it wakes up
-  bool referenced = true;  ///< it knows where it stands (parked, or an absolute encoder)
+  double limit_min = 0;
+  double limit_max = 1'062'992;  ///< usteps (50.6 mm of an X-LSM050A)
+  double max_speed = 153'600;    ///< usteps/s; at power-up
+  double home_speed = 80'000;    ///< usteps/s
+  int resolution = 64;           ///< usteps per step
+  double start = 0;              ///< usteps, at power-up
+  bool referenced = true;        ///< at power-up (parked, or an absolute encoder)
 };
 
 struct EmulatedDevice {
@@ -33,12 +34,11 @@ class Emulator : public BytePeer {
   /// usteps, where the axis really is at `now`, or was since it last set off. Indices from 0.
   virtual double position(std::size_t device, std::size_t axis, Time now) const = 0;
   virtual bool moving(std::size_t device, std::size_t axis, Time now) const = 0;
-  /// Somebody holds the axis: it stalls there on its way, and stops (FS).
+  /// The axis is blocked at a position: it stalls there on its way, and stops (FS).
   virtual void jam(std::size_t device, std::size_t axis, double at) = 0;
-  /// Somebody holds all axes where they are: one that moves stops, one that sets off stalls at once
-  /// (FS).
+  /// All axes are held where they are: one that moves stops, one that sets off stalls at once (FS).
   virtual void hold(bool held, Time now) = 0;
-  /// Switched off and on: it stands where it stood, and no longer knows where that is.
+  /// Switched off and on: it stands where it stood, without a reference.
   virtual void power_cycle(Time now) = 0;
 };
 

@@ -1,6 +1,8 @@
-// Zaber's ASCII protocol (firmware 6.06 and later), encoded and decoded in both directions; no I/O.
-// One packet is one line of at most 80 bytes; its first byte tells a command (/) from a reply (@),
-// an information (#) and an alert (!).
+// Wire of Zaber's ASCII protocol (firmware 6.06 and later): lines encoded and decoded in both
+// directions; no I/O. One packet is one line of at most 80 bytes; its first byte tells a command
+// (/) from a reply (@), an information (#) and an alert (!). Sources: Zaber's ASCII protocol manual
+// (zaber.com/wiki, and its copy of firmware 6.06), stphnt/zproto, Zaber's own motion library for
+// the warning flags, Micro-Manager's driver for the unit of speed.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -29,9 +31,12 @@ enum class Kind : char { reply = '@', info = '#', alert = '!' };
 
 struct Message {
   Kind kind = Kind::reply;
-  int device = 0, axis = 0;
+  int device = 0;
+  int axis = 0;
   std::optional<int> id;
-  bool accepted = true;        ///< replies: OK, or RJ with the reason in `data`
+  /// Replies: OK, or RJ with the reason in `data`. OK only means that the command was accepted; a
+  /// motion has ended when the status is IDLE.
+  bool accepted = true;
   bool busy = false;           ///< replies and alerts: moving
   std::string warning = "--";  ///< replies and alerts: the most important flag, two characters
   std::string data;
@@ -40,7 +45,8 @@ struct Message {
 
 namespace detail {
 
-/// Of what stands between the first character and the ':' of the checksum, both not included.
+/// Of what stands between the first character and the ':' of the checksum, both not included: the
+/// two's complement of the low byte of the sum, in two upper-case hexadecimal digits.
 inline std::string checksum(std::string_view body) {
   unsigned sum = 0;
   for (const char c : body) sum += static_cast<std::uint8_t>(c);
@@ -113,20 +119,20 @@ inline std::optional<Command> decode_command(std::string_view line) {
   // the data.
   Command command;
   std::string_view text = *body;
-  for (int place = 0; place < 3; ++place) {
+  for (int field = 0; field < 3; ++field) {
     std::string_view after = text;
-    const auto number = detail::small_number(detail::next_word(after), place == 1 ? 1 : 2);
+    const auto number = detail::small_number(detail::next_word(after), field == 1 ? 1 : 2);
     if (!number) break;
-    if (place == 0) command.device = *number;
-    if (place == 1) command.axis = *number;
-    if (place == 2) command.id = *number;
+    if (field == 0) command.device = *number;
+    if (field == 1) command.axis = *number;
+    if (field == 2) command.id = *number;
     text = after;
   }
   command.data = detail::rest_of(text);
   return command;
 }
 
-/// As a device says it: with CR LF, and a checksum when `with_checksum`.
+/// As a device sends it: with CR LF, and a checksum when `with_checksum`.
 inline std::string encode(const Message& message, bool with_checksum) {
   std::array<char, 16> head{};
   std::snprintf(head.data(), head.size(), "%02d %d", message.device, message.axis);
@@ -190,17 +196,18 @@ inline std::optional<std::vector<double>> decode_numbers(std::string_view data) 
   return numbers;
 }
 
-/// The data of `set maxspeed` in microsteps per second * 1.6384; and back.
+/// The data of `set maxspeed` is in microsteps per second * 1.6384 (Micro-Manager's driver).
 constexpr double kSpeedUnit = 1.6384;
 inline std::int64_t speed_data(double usteps_per_second) {
   return std::llround(usteps_per_second * kSpeedUnit);
 }
 inline double usteps_per_second(double data) { return data / kSpeedUnit; }
 
-/// Flags after which a motion cannot be trusted: those that begin with F.
+/// Flags after which a motion cannot be trusted: those that begin with F. W are warnings, N notes.
 inline bool is_fault(std::string_view warning) {
   return !warning.empty() && warning.front() == 'F';
 }
+/// Stays until the axis is homed; `warnings clear` does not clear it.
 constexpr std::string_view kNoReference = "WR";
 
 /// What a flag or a reason for a refusal means, for errors; the flag itself where it is not known.

@@ -11,7 +11,7 @@
 
 namespace vitreo::lua {
 
-/// The list of positions at `index`; `name` is how errors call it.
+/// The list of positions at `index`; `name` is in errors.
 std::vector<Eigen::Vector3d> points_at(lua_State* L, int index, const char* name);
 /// The options speed and acceleration, and what they say.
 std::vector<Argument> motion_options();
