@@ -6,6 +6,9 @@ find_package(Ceres REQUIRED)
 find_package(SQLite3 REQUIRED)
 find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)
+find_package(OpenSSL REQUIRED COMPONENTS Crypto)  # digests of the records; libssl is not linked
+find_package(ZLIB REQUIRED)                        # CRC-32 of the frames
+find_package(yaml-cpp REQUIRED)                    # field calibrations, as those who write them have it
 find_package(GTest REQUIRED)
 find_package(benchmark REQUIRED)
 find_package(PkgConfig REQUIRED)

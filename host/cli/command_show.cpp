@@ -1,7 +1,7 @@
 // `vitreo show RUN`: what was asked, what came out, what is recorded.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
-#include "host/files/sha256.h"
+#include "host/files/digest.h"
 #include "host/record/record_json.h"
 #include "host/record/recorder.h"
 #include "host/runs/run_reader.h"

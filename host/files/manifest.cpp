@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/manifest.h"
 
+#include "host/files/digest.h"
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
-#include "host/files/sha256.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -12,7 +12,6 @@
 #include <map>
 #include <sstream>
 #include <stdexcept>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -51,19 +50,22 @@ std::map<std::string, std::string> read_manifest(const std::filesystem::path& fo
 }  // namespace
 
 std::string sha256_file(const std::filesystem::path& file) {
-  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-  if (descriptor < 0) throw std::runtime_error(file.string() + ": " + std::strerror(errno));
+  const Descriptor open(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+  if (open.number() < 0) throw std::runtime_error(file.string() + ": " + std::strerror(errno));
   struct stat status {};
-  const bool known = ::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
-  const auto size = static_cast<std::size_t>(status.st_size);
-  void* const bytes =
-      known && size > 0 ? ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0) : MAP_FAILED;
-  ::close(descriptor);
-  if (known && size == 0) return sha256("");
-  if (bytes == MAP_FAILED) throw std::runtime_error(file.string() + ": cannot be read as a file");
-  std::string hash = sha256({static_cast<const char*>(bytes), size});
-  ::munmap(bytes, size);
-  return hash;
+  if (::fstat(open.number(), &status) != 0 || !S_ISREG(status.st_mode))
+    throw std::runtime_error(file.string() + ": cannot be read as a file");
+  // Read in parts, not mapped: a file that another program shortens meanwhile then has another
+  // hash, where a mapping would raise SIGBUS.
+  Sha256 digest;
+  std::vector<char> part(std::size_t{1} << 20);
+  for (;;) {
+    const ssize_t count = ::read(open.number(), part.data(), part.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) throw std::runtime_error(file.string() + ": " + std::strerror(errno));
+    if (count == 0) return digest.hex();
+    digest.update({part.data(), static_cast<std::size_t>(count)});
+  }
 }
 
 std::size_t count_files(const std::filesystem::path& folder) { return files_of(folder).size(); }

@@ -21,20 +21,11 @@ int opened(const std::filesystem::path& file, int flags) {
   return descriptor;
 }
 
-/// For one reading: closes itself.
-class Reading {
- public:
-  explicit Reading(const std::filesystem::path& file) : descriptor_(opened(file, O_RDONLY)) {}
-  ~Reading() { ::close(descriptor_); }
-  Reading(const Reading&) = delete;
-  Reading& operator=(const Reading&) = delete;
-  int descriptor() const { return descriptor_; }
-
- private:
-  int descriptor_;
-};
-
 }  // namespace
+
+Descriptor::~Descriptor() {
+  if (number_ >= 0) ::close(number_);
+}
 
 int create_new_file(const std::filesystem::path& file) {
   return opened(file, O_RDWR | O_CREAT | O_EXCL);
@@ -78,15 +69,14 @@ void sync_file(int descriptor, const std::filesystem::path& file) {
 }
 
 void sync_folder(const std::filesystem::path& folder) {
-  const Reading reading(folder);
-  if (::fsync(reading.descriptor()) != 0 && errno != EINVAL)
-    fail(folder);  // some file systems cannot
+  const Descriptor reading(opened(folder, O_RDONLY));
+  if (::fsync(reading.number()) != 0 && errno != EINVAL) fail(folder);  // some file systems cannot
 }
 
 std::string read_whole_file(const std::filesystem::path& file) {
-  const Reading reading(file);
+  const Descriptor reading(opened(file, O_RDONLY));
   struct stat status {};
-  if (::fstat(reading.descriptor(), &status) != 0) fail(file);
+  if (::fstat(reading.number(), &status) != 0) fail(file);
   if (!S_ISREG(status.st_mode)) throw std::runtime_error(file.string() + ": is not a file");
   std::string text(static_cast<std::size_t>(status.st_size), '\0');
   read_at(file, 0, text.data(), text.size());
@@ -95,10 +85,10 @@ std::string read_whole_file(const std::filesystem::path& file) {
 
 void read_at(const std::filesystem::path& file, std::uint64_t offset, void* into,
              std::size_t bytes) {
-  const Reading reading(file);
+  const Descriptor reading(opened(file, O_RDONLY));
   auto* at = static_cast<char*>(into);
   while (bytes > 0) {
-    const ssize_t got = ::pread(reading.descriptor(), at, bytes, static_cast<off_t>(offset));
+    const ssize_t got = ::pread(reading.number(), at, bytes, static_cast<off_t>(offset));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) fail(file);
     if (got == 0) throw std::runtime_error(file.string() + ": is shorter than it should be");

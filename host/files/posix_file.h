@@ -11,6 +11,19 @@
 
 namespace vitreo {
 
+/// Owns a descriptor and closes it; a negative one owns nothing.
+class Descriptor {
+ public:
+  explicit Descriptor(int number) : number_(number) {}
+  ~Descriptor();
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int number() const { return number_; }
+
+ private:
+  int number_;
+};
+
 int create_new_file(const std::filesystem::path& file);     // must not be there yet
 int open_existing_file(const std::filesystem::path& file);  // to read and write
 void close_file(int& descriptor) noexcept;                  // -1 is none

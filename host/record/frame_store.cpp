@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record/frame_store.h"
 
-#include "host/files/crc32.h"
+#include "host/files/digest.h"
 #include "host/files/run_folder.h"
 
 #include <utility>

@@ -1,7 +1,7 @@
 // A record as text: the canonical export that two runs of one seed share, and the summary that
 // programs read.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/files/sha256.h"
+#include "host/files/digest.h"
 #include "host/record/recorder.h"
 
 #include <fmt/format.h>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record/record_file.h"
 
+#include "host/files/digest.h"
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
-#include "host/files/sha256.h"
 #include "host/record/record_json.h"
 #include "host/record/record_schema.h"
 

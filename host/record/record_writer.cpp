@@ -2,7 +2,7 @@
 #include "host/record/record_writer.h"
 
 #include "devices/time/quiet_thread.h"
-#include "host/files/crc32.h"
+#include "host/files/digest.h"
 #include "host/record/frame_store.h"
 
 #include <fmt/format.h>

@@ -1,7 +1,7 @@
 // A small MCAP writer, by the published specification (version 0): chunks without compression, each
 // with its index.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/files/crc32.h"
+#include "host/files/digest.h"
 #include "host/files/posix_file.h"
 #include "host/record/record_json.h"
 #include "host/runs/export.h"

@@ -1,7 +1,7 @@
 // Film without loss, by the program ffmpeg, and proof that nothing was lost.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/child_process.h"
-#include "host/files/crc32.h"
+#include "host/files/digest.h"
 #include "host/files/run_folder.h"
 #include "host/runs/export.h"
 #include "host/runs/run_reader.h"

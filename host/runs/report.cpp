@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/runs/report.h"
 
-#include "host/files/sha256.h"
+#include "host/files/digest.h"
 #include "host/plot/plot_layout.h"
 #include "host/runs/report_files.h"
 #include "host/runs/report_page.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/runs/run_care.h"
 
-#include "host/files/crc32.h"
+#include "host/files/digest.h"
 #include "host/files/manifest.h"
 #include "host/files/ndtiff.h"
 #include "host/files/run_folder.h"

@@ -2,7 +2,7 @@
 #include "host/trials/soak.h"
 
 #include "host/config/config.h"
-#include "host/files/sha256.h"
+#include "host/files/digest.h"
 #include "host/rig/registry.h"
 #include "host/session/session.h"
 #include "host/trials/silent_listener.h"

@@ -28,8 +28,9 @@ struct Row {
 
 inline const Strings kEverything{"optics/", "vision/", "control/", "devices/", "host/"};
 inline const Strings kOfHost{
-    "Eigen/",    "opencv2/core", "opencv2/imgproc", "opencv2/imgcodecs", "opencv2/videoio", "fmt/",
-    "sqlite3.h", "nlohmann/",    "ceres/version",   "readline/",         "hdf5.h"};
+    "Eigen/", "opencv2/core",  "opencv2/imgproc", "opencv2/imgcodecs", "opencv2/videoio",
+    "fmt/",   "sqlite3.h",     "nlohmann/",       "ceres/version",     "readline/",
+    "hdf5.h", "openssl/evp.h", "zlib.h",          "yaml-cpp/"};
 inline const Strings kOfDevices{"Eigen/", "opencv2/core"};
 inline Strings with(Strings some, const Strings& more) {
   some.insert(some.end(), more.begin(), more.end());

@@ -3,7 +3,7 @@
 // opens, and lacks nothing older than a second. What this process writes is written down by
 // standing before the C library's calls.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/files/crc32.h"
+#include "host/files/digest.h"
 #include "host/files/ndtiff.h"
 #include "host/files/sqlite.h"
 #include "host/record/recorder.h"

@@ -1,7 +1,7 @@
 // A recording process is killed with SIGKILL at random moments: what is older than a second is
 // there, and it opens.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/files/crc32.h"
+#include "host/files/digest.h"
 #include "host/files/ndtiff.h"
 #include "host/files/sqlite.h"
 #include "host/record/recorder.h"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record/recorder.h"
 
+#include "host/files/digest.h"
 #include "host/files/run_folder.h"
-#include "host/files/sha256.h"
 #include "host/files/sqlite.h"
 #include "tests/host/record/run_fixture.h"
 
