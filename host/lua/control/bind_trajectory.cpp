@@ -143,7 +143,7 @@ std::vector<Binding> trajectory_functions() {
                         number("first_radius", "m", "at the bottom (0.5 mm)"),
                         number("last_radius", "m", "at the top (3.5 mm)"),
                         number("turns", "", "(4)")},
-                    motion_options())},
+                       motion_options())},
            "trajectory",
            "a spiral that widens as it climbs, like those of thesis 5.5",
            spiral},
