@@ -1,5 +1,5 @@
-// `vitreo attach`: follows a run that is going on in another program; with --control it may also
-// speak to it.
+// `vitreo attach`: live status of a run of another program; with --control also a line of commands
+// to it.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
@@ -16,7 +16,8 @@ namespace {
 
 struct Attach {
   std::string run;
-  bool control = false, json = false;
+  bool control = false;
+  bool json = false;
 };
 
 void show(const nlohmann::json& reply, bool json) {
@@ -34,8 +35,8 @@ void show(const nlohmann::json& reply, bool json) {
 /// "pause after focus", "answer 3 mm": the first word and the rest.
 nlohmann::json request_of(const std::string& line) {
   const std::size_t blank = line.find(' ');
-  const std::string word = line.substr(0, blank),
-                    rest = blank == std::string::npos ? "" : line.substr(blank + 1);
+  const std::string word = line.substr(0, blank);
+  const std::string rest = blank == std::string::npos ? "" : line.substr(blank + 1);
   nlohmann::json request = {{"do", word}};
   if (word == "answer") request["text"] = rest;
   if (word == "pause" && !rest.empty()) request["at"] = rest;
@@ -65,18 +66,20 @@ bool take_typed(ControlConnection& run, bool control, std::string& typed) {
   return false;
 }
 
+/// Waits for the run and for the keyboard at once, until the run closes its socket.
 int attach(const Attach& wanted) {
   ControlConnection run(wanted.run);
   run.send({{"do", "watch"}});
   bool typing = true;
   std::string typed;
   for (;;) {
+    // A negative descriptor is left out by poll().
     pollfd watched[] = {{run.descriptor(), POLLIN, 0}, {typing ? STDIN_FILENO : -1, POLLIN, 0}};
     if (poll(watched, 2, -1) < 0 && errno != EINTR) return static_cast<int>(ExitCode::internal);
     if (watched[0].revents != 0) {
       if (!run.receive()) break;
       while (const auto reply = run.next()) show(*reply, wanted.json);
-      if (!std::cout) return 0;  // nobody reads it any more
+      if (!std::cout) return 0;  // the reader has closed the pipe
     }
     if (typing && watched[1].revents != 0) typing = take_typed(run, wanted.control, typed);
   }

@@ -1,4 +1,5 @@
-// `vitreo check`: what a run would do and whether it would be let, without touching an instrument.
+// `vitreo check`: preflight of a run, what it would do and whether it would be let, without
+// touching an instrument.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
@@ -13,10 +14,8 @@
 namespace vitreo::cli {
 namespace {
 
-struct Check : RunOptions {
-  std::string protocol;
-  double limit = 10;
-  bool json = false;
+struct Check : ProtocolOptions {
+  double limit = 10;  // s of wall time
 };
 
 void show(const PreflightReport& report, bool json) {
@@ -27,9 +26,9 @@ void show(const PreflightReport& report, bool json) {
 }
 
 int check(Program& program, Check& wanted) {
-  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
   PreflightLimits limits;
   limits.wall = wanted.limit;
+  // A script that does not end cannot be unwound: the report is shown, and the process left.
   limits.stuck = [&wanted](const PreflightReport& report) {
     show(report, wanted.json);
     _exit(static_cast<int>(ExitCode::preflight_failed));

@@ -1,4 +1,4 @@
-// `vitreo verify RUN`, `vitreo recover RUN`, `vitreo report RUN`.
+// Commands `vitreo verify RUN`, `vitreo recover RUN`, `vitreo report RUN`.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
 #include "host/record/record_json.h"

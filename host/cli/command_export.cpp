@@ -1,4 +1,4 @@
-// `vitreo export RUN --csv|--mcap|--tiff|--mkv|--hdf5`.
+// Command `vitreo export RUN --csv|--mcap|--tiff|--mkv|--hdf5`.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
 #include "host/record/record_json.h"

@@ -37,6 +37,7 @@ std::vector<std::string> CommandLine::State::names() const {
 
 namespace {
 
+/// "; did you mean ...?", or nothing where no word is near.
 std::string suggestion(const std::string& word, const std::vector<std::string>& known) {
   const std::string near = nearest(word, known);
   return near.empty() ? "" : "; did you mean " + near + "?";
@@ -96,6 +97,7 @@ int CommandLine::run(int count, char** words) {
   try {
     state_->app.parse(count, words);
   } catch (const CLI::CallForHelp& call) {
+    // `vitreo run NAME --help` is about the protocol.
     for (const auto& [command, print] : state_->about_word)
       if (command->parsed() && print && command->get_option_no_throw(kAboutWord) != nullptr &&
           command->get_option(kAboutWord)->count() > 0)
@@ -113,8 +115,8 @@ int CommandLine::run(int count, char** words) {
 
 namespace {
 
-/// For CLI11: what is wrong with a whole number, or nothing. Its own reader takes -1 for the
-/// largest of all.
+/// Validator for CLI11: the complaint about what is no whole number, or nothing. CLI11's own
+/// conversion takes -1 for the largest unsigned number.
 template <class Number>
 std::string is_number(const std::string& text) {
   Number number{};

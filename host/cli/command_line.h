@@ -1,5 +1,5 @@
-// The words after `vitreo`: commands, their options and their help, over CLI11, whose headers only
-// one file of ours reads.
+// Command line: commands, their options and their help, over CLI11, whose headers only one file of
+// ours reads.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,10 +22,11 @@ class Option {
  public:
   explicit Option(CLI::Option* option) : option_(option) {}
   Option required();
-  Option needs(const std::string&
-                   other);  ///< another option of the command, which must be given with this one
+  /// Another option of the command, which must be given with this one.
+  Option needs(const std::string& other);
   Option delimiter(char separator);  ///< a list may be given as one word
-  Option one_word_each();  ///< of a list: each `--name word` adds one, and the next word is not its
+  /// Of a list: each `--name word` adds one, and the word after that does not belong to it.
+  Option one_word_each();
   Option between(int least, int most);
 
  private:
@@ -67,9 +68,12 @@ struct Described {
   struct Word {
     std::vector<std::string> names;  // "--json"; the bare name of a positional word
     std::string help;
-    bool positional = false, takes_value = false;
+    bool positional = false;
+    bool takes_value = false;
   };
-  std::string name, help, examples;  // name: "" for the program without a command
+  std::string name;  // "" for the program without a command
+  std::string help;
+  std::string examples;
   std::vector<Word> words;
 };
 

@@ -1,5 +1,5 @@
-// `vitreo replay RUN`: the recorded frames through today's tracker and localizer, and how that
-// differs from then.
+// `vitreo replay RUN`: the recorded frames through today's tracker and localizer, and the
+// difference from then.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
 #include "host/cli/replay.h"
@@ -46,19 +46,19 @@ RigModel model_of(ScriptEngine& engine, const RunData& data) {
   return model;
 }
 
-std::string place_text(const std::optional<Eigen::Vector3d>& place) {
-  return place ? fmt::format("{},{},{}", place->x(), place->y(), place->z()) : ",,";
+/// Three cells, m; empty where the robot was not seen.
+std::string position_text(const std::optional<Eigen::Vector3d>& position) {
+  return position ? fmt::format("{},{},{}", position->x(), position->y(), position->z()) : ",,";
 }
 
 std::string csv_of(const Replay& replayed) {
   std::string text =
-      "number,t_ns,recorded_x (m),recorded_y (m),recorded_z (m),replayed_x (m),replayed_y "
-      "(m),replayed_z (m),distance "
-      "(m)\r\n";
+      "number,t_ns,recorded_x (m),recorded_y (m),recorded_z (m),"
+      "replayed_x (m),replayed_y (m),replayed_z (m),distance (m)\r\n";
   for (const ReplayedFrame& frame : replayed.frames) {
     const bool both = frame.recorded && frame.replayed;
     text += fmt::format("{},{},{},{},{}\r\n", frame.number, frame.exposed.count(),
-                        place_text(frame.recorded), place_text(frame.replayed),
+                        position_text(frame.recorded), position_text(frame.replayed),
                         both ? fmt::format("{}", (*frame.replayed - *frame.recorded).norm()) : "");
   }
   return text;

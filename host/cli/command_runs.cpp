@@ -1,4 +1,4 @@
-// `vitreo runs`: what was recorded, newest last.
+// `vitreo runs`: list of the recorded runs, newest last.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
 #include "host/config/config.h"
@@ -41,7 +41,7 @@ bool is_time(const std::string& text) {
   return true;
 }
 
-/// A filter that nothing could pass is a slip of the pen.
+/// A filter that no run could pass is a mistake of typing.
 void check(const RunFilter& filter) {
   static const std::vector<std::string> kStates{"completed", "failed",  "stopped",   "aborted",
                                                 "lost",      "running", "unreadable"};

@@ -1,4 +1,4 @@
-// `vitreo show RUN`: what was asked, what came out, what is recorded.
+// `vitreo show RUN`: summary of a run, what was asked, what came out, what is recorded.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
 #include "host/files/digest.h"
@@ -29,7 +29,7 @@ nlohmann::json streams_of(const RunData& data) {
   return list;
 }
 
-/// The summary, and what only the whole record knows.
+/// The summary, and what only the whole record has.
 nlohmann::json json_of(const RunData& data, const RunHead& head) {
   nlohmann::json json = summary(data);
   json["outcome"] = head.state;

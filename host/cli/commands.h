@@ -1,5 +1,5 @@
-// The commands about runs that are over: what `vitreo runs`, `show`, `verify`, `recover`, `report`,
-// `export` and `replay` do. Each prints to `out` and returns the program's exit code; RecordError
+// Commands about closed runs: `vitreo runs`, `show`, `verify`, `recover`, `report`, `export` and
+// `replay`. Each prints to `out` and returns the program's exit code; RecordError
 // and std::runtime_error leave it with a message. `json`: one JSON document, SI units.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -14,11 +14,11 @@ namespace vitreo {
 class ScriptEngine;
 
 struct RunFilter {
-  std::string protocol, operator_name;  // a part of the protocol's file or title; of the name
-  std::string state;                    // "completed", "lost", ...
-  std::string
-      since;       // "2026-11-21", "2026-11-21T14:30": the beginning of a time; those from then on
-  int newest = 0;  // only so many; 0: all
+  std::string protocol;       // a part of the protocol's file or title
+  std::string operator_name;  // a part of the name
+  std::string state;          // "completed", "lost", ...
+  std::string since;          // "2026-11-21", "2026-11-21T14:30": the beginning of a time
+  int newest = 0;             // only so many; 0: all
 };
 
 int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool json,

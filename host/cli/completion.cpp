@@ -95,6 +95,7 @@ Words run_words() {
   return found;
 }
 
+/// Whether the word after this option is its value.
 bool takes_value(const Described& command, const std::string& option) {
   return std::any_of(command.words.begin(), command.words.end(), [&](const Described::Word& word) {
     return word.takes_value && !word.positional &&
@@ -141,11 +142,12 @@ Words positional_words(Program& program, const std::string& command, const Words
   return kOfRuns.contains(command) ? run_words() : Words{};
 }
 
+/// Candidates for the last of `words`: commands, option names, values, positional words.
 Words complete(const CommandLine& line, Program& program, Words words) {
   if (words.empty()) words.emplace_back();
   const std::string word = words.back();
   words.pop_back();
-  const auto commands = line.describe();
+  const auto commands = line.describe();  // the first is the program without a command
   auto here = commands.begin();
   for (auto it = commands.begin() + 1; it != commands.end(); ++it)
     if (!words.empty() && it->name == words.front()) here = it;

@@ -1,4 +1,4 @@
-// `vitreo control`: speaks to a run that is going on, through its control socket.
+// `vitreo control`: one command to a run that is going on, through its control socket.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
@@ -17,8 +17,12 @@ namespace vitreo::cli {
 namespace {
 
 struct Control {
-  std::string word, text, run, by;
-  bool json = false, force = false;
+  std::string word;
+  std::string text;
+  std::string run;
+  std::string by;
+  bool json = false;
+  bool force = false;
 };
 
 /// The status in a line, and the alarms that stand, the most urgent first.
@@ -45,6 +49,7 @@ const std::vector<std::string>& words() {
   return known;
 }
 
+/// The request in the socket's own JSON: {"do": word, ...}; refused here where a slip can be named.
 int control(const Control& wanted) {
   if (std::find(words().begin(), words().end(), wanted.word) == words().end()) {
     const std::string near = nearest(wanted.word, words());

@@ -61,6 +61,7 @@ void describe(const ProtocolDescription& protocol, bool json) {
   std::cout << (json ? dumped(describe_json(protocol)) + "\n" : describe_text(protocol));
 }
 
+/// A protocol that does not load is listed with its error.
 void list(ScriptEngine& engine, bool json) {
   nlohmann::json rows = nlohmann::json::array();
   std::size_t widest = 0;

@@ -13,7 +13,8 @@ namespace vitreo::cli {
 namespace {
 
 struct DeviceWords {
-  std::string rig, test;
+  std::string rig;
+  std::string test;
   std::vector<std::string> command;
   bool json = false;
 };
@@ -57,6 +58,8 @@ void add_devices(CommandLine& line, Program& program) {
   command.examples({"vitreo devices", "vitreo devices --rig lab.lua",
                     "vitreo devices --rig lab.lua --test stage"});
 
+  // A command sees emulated USB only from within umockdev-wrapper, so the program starts itself
+  // anew.
   const auto emulation = [&program, &line, wanted] {
     if (!wanted->command.empty()) restart_in_testbed(line.words());
     return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), wanted->command);

@@ -31,6 +31,7 @@ std::string troff(const std::string& text) {
   return made;
 }
 
+/// The words of one command as tagged paragraphs (.TP).
 std::string manual_words(const Described& command) {
   std::string text;
   for (const Described::Word& word : command.words) {
@@ -47,12 +48,11 @@ std::string manual_words(const Described& command) {
 std::string manual(const CommandLine& line) {
   const std::vector<Described> all = line.describe();
   std::string text =
-      ".\\\" Printed by the program: vitreo docs man\n.TH VITREO 1 \"\" \"vitreo\" \"User "
-      "commands\"\n.SH NAME\nvitreo "
-      "\\- "
-      "drives the instruments of a laboratory that steers microrobots inside the eye\n.SH "
-      "SYNOPSIS\n.B "
-      "vitreo\n[options]\n"
+      ".\\\" Printed by the program: vitreo docs man\n"
+      ".TH VITREO 1 \"\" \"vitreo\" \"User commands\"\n"
+      ".SH NAME\n"
+      "vitreo \\- drives the instruments of a laboratory that steers microrobots inside the eye\n"
+      ".SH SYNOPSIS\n.B vitreo\n[options]\n"
       ".br\n.B vitreo\n.I command\n[options] [words]\n.SH DESCRIPTION\n.nf\n" +
       troff(all.front().help) + "\n.fi\n.SH OPTIONS\n" + manual_words(all.front()) +
       ".SH COMMANDS\n";
@@ -134,6 +134,7 @@ int print_page(const std::string& name, const std::string& text, bool json) {
   return 0;
 }
 
+/// Pages that the program prints come first, then files of docs/, by their name or its last part.
 int docs(const CommandLine& line, const std::string& page, const std::string& into, bool json) {
   if (page.empty()) return list_pages(json);
   if (page == "stubs") return write_stubs(into, json);
@@ -166,7 +167,8 @@ std::vector<std::string> page_names() {
 
 void add_docs(CommandLine& line, Program&) {
   struct Wanted {
-    std::string page, into;
+    std::string page;
+    std::string into;
     bool json = false;
   };
   const auto wanted = std::make_shared<Wanted>();

@@ -1,4 +1,4 @@
-// `vitreo faults`: what can be made to go wrong on a simulated rig.
+// `vitreo faults`: list of the faults that a simulated rig can be given.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session/faults.h"
 

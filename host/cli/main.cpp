@@ -1,4 +1,4 @@
-// The program: its command line joins the host and Lua. A command is a row here and a file in
+// Main program: its command line joins the host and Lua. A command is a row here and a file in
 // host/cli/.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/error.h"
@@ -51,8 +51,8 @@ int dispatch(int count, char** words) {
   return line.run(count, words);
 }
 
-/// A stream that was closed would give its number to the next file, and what is printed would land
-/// in the record.
+/// POSIX gives a new file the lowest free number: a stream that was closed would give its number to
+/// the next file, and what is printed would land in the record.
 void keep_standard_streams() {
   for (int stream = 0; stream < 3; ++stream)
     if (fcntl(stream, F_GETFD) < 0 && open("/dev/null", O_RDWR) != stream) _exit(5);
@@ -65,7 +65,7 @@ bool json_wanted(int count, char** words) {
   return false;
 }
 
-/// What was printed has reached its file, or nobody waits for it any more (`| head`).
+/// What was printed has reached its file, or its reader has gone (`| head`): a pipe or a socket.
 bool printed() {
   std::cout.flush();
   const bool whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
@@ -74,8 +74,7 @@ bool printed() {
                    (S_ISFIFO(about.st_mode) || S_ISSOCK(about.st_mode)));
 }
 
-/// The code, unless what was said is lost: who reads it from a file must not take the half for the
-/// whole.
+/// The exit code, unless output was lost: a file with half of it must not pass for the whole.
 int leave(int code) {
   if (printed()) return code;
   std::cerr << "vitreo: what was printed cannot be written to the standard output\n";
@@ -88,8 +87,8 @@ int leave(int code) {
 int main(int count, char** words) {
   using vitreo::ExitCode;
   vitreo::keep_standard_streams();
-  std::signal(SIGPIPE, SIG_IGN);  // who does not listen any more must not end a run
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error that can be told
+  std::signal(SIGPIPE, SIG_IGN);  // a reader that has gone must not end a run
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of write()
   cv::setNumThreads(1);           // the same bytes on every run; and the loop owns its core
   const auto fail = [json = vitreo::json_wanted(count, words)](const std::string& error,
                                                                ExitCode code) {
@@ -102,8 +101,8 @@ int main(int count, char** words) {
   };
   try {
     if (const auto log = vitreo::default_log(); !log.empty()) vitreo::open_log(log);
-  } catch (
-      const std::exception& error) {  // a home that cannot be written to is no reason not to run
+  } catch (const std::exception& error) {
+    // A home that cannot be written to is no reason not to run.
     std::cerr << "vitreo: no log: " << error.what() << "\n";
   }
   try {

@@ -1,4 +1,4 @@
-// `vitreo mask`: masks of an object, to train a tracker with.
+// Command `vitreo mask`: its words; the work is mask_command.h's.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/mask_command.h"
@@ -13,8 +13,8 @@ namespace {
 int mask(const MaskRequest& request) {
   try {
     return make_masks(request, std::cout) == 0 ? 0 : 1;
-  } catch (
-      const std::invalid_argument& error) {  // all of them name an option or a file of the user's
+  } catch (const std::invalid_argument& error) {
+    // All of them name an option or a file of the user's.
     throw ConfigError(std::string("mask: ") + error.what());
   }
 }

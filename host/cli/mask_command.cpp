@@ -22,10 +22,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Numbers with commas between, and nothing else.
 std::vector<double> numbers_of(const std::string& text, const std::string& option,
                                const std::string& wanted) {
   std::vector<double> numbers;
-  const char *at = text.data(), *const end = text.data() + text.size();
+  const char* at = text.data();
+  const char* const end = text.data() + text.size();
   while (at != end) {
     double value = 0;
     const auto [next, error] = std::from_chars(at, end, value);
@@ -50,6 +52,7 @@ vision::Ellipse ellipse_of(const std::string& text) {
   if (n.size() != 5 || !(n[2] > 0 && n[3] > 0))
     throw std::invalid_argument("--ellipse: wants cx,cy,A,B,phi with axes above 0, got " + text);
   const double turn = n[3] > n[2] ? 90 : 0;  // the axes may be given either way round
+  // Full axes to semi-axes; an ellipse's angle is known modulo pi.
   return {{n[0], n[1]},
           std::max(n[2], n[3]) / 2,
           std::min(n[2], n[3]) / 2,
@@ -88,7 +91,9 @@ vision::MaskOutline outline_of(const MaskRequest& request) {
 
 /// Where the files of one image go.
 struct Target {
-  fs::path image, mask, overlay;
+  fs::path image;
+  fs::path mask;
+  fs::path overlay;
   std::string name;
 };
 
@@ -133,6 +138,7 @@ class Follower {
   std::unique_ptr<vision::ColorTracker> tracker_;
 };
 
+/// Size and bounding box, for a mask that is wrong shows there first.
 void say(std::ostream& out, const Target& target, const cv::Mat& mask) {
   const cv::Rect all({0, 0}, mask.size()), box = [&mask] {
     std::vector<cv::Point> on;
@@ -149,6 +155,8 @@ void say(std::ostream& out, const Target& target, const cv::Mat& mask) {
 
 }  // namespace
 
+// The first image's mask is the outline's, cut by color where it is rough. In the others the
+// trained tracker finds an ellipse, and the same cut by color makes the mask.
 int make_masks(const MaskRequest& request, std::ostream& out) {
   if (request.images.empty()) throw std::invalid_argument("images: there is none");
   const vision::MaskOutline outline = outline_of(request);

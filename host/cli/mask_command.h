@@ -1,4 +1,4 @@
-// `vitreo mask`: masks of an object for training, without a painting program.
+// Mask command: masks of an object for training, without a painting program.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,10 +10,10 @@ namespace vitreo {
 
 struct MaskRequest {
   std::vector<std::string> images;
-  std::vector<std::string>
-      ellipses;  ///< "cx,cy,A,B,phi": full axes in px, degrees from +u towards +v
+  std::vector<std::string> ellipses;  ///< "cx,cy,A,B,phi": full axes in px, degrees from +u to +v
   std::vector<std::string> polygons;  ///< "x,y,x,y,x,y..."
-  std::vector<std::string> on, off;   ///< "x,y"
+  std::vector<std::string> on;        ///< "x,y", surely on the object
+  std::vector<std::string> off;       ///< "x,y", surely not
   bool grab = false;                  ///< the outline is rough: cut by color around it
   double margin_px = 6;               ///< how rough
   std::string out;  ///< folder for NAME.png, NAME_mask.png, overlays/NAME.png; "": beside the image

@@ -27,6 +27,7 @@ bool is_name(const std::string& name) {
          name.find_first_not_of(kLetters) == std::string::npos;
 }
 
+/// "acme_stage" to "AcmeStage".
 std::string camel_case(const std::string& name) {
   std::string camel;
   bool upper = true;
@@ -46,8 +47,9 @@ std::string replaced(std::string text, const std::string& mark, const std::strin
 
 /// What was written, and what to do with it.
 struct Made {
-  std::vector<std::string> files, changed;  // new ones; those that got a line more
-  std::string next;                         // for people
+  std::vector<std::string> files;
+  std::vector<std::string> changed;  // those that got a line more
+  std::string next;                  // advice for the next step
 };
 
 /// Never over a file that is there.
@@ -98,7 +100,9 @@ Made new_protocol(const std::string& name) {
 /// A driver of the project that a new one of the same role begins as: it speaks, has an emulator,
 /// and its tests pass.
 struct Model {
-  std::string role, driver, camel;
+  std::string role;
+  std::string driver;
+  std::string camel;
 };
 const std::vector<Model>& models() {
   static const std::vector<Model> known{{"stage", "sutter_mp285", "Mp285"},
@@ -126,33 +130,34 @@ void add_row(Made& made, const fs::path& file, const std::string& after, const M
   const std::size_t at = text.find(after);
   if (at == std::string::npos)
     throw ConfigError(file.string() + ": has no line for " + model.driver);
-  const std::size_t begin = text.rfind('\n', at) + 1, end = text.find('\n', at) + 1;
+  const std::size_t begin = text.rfind('\n', at) + 1;
+  const std::size_t end = text.find('\n', at) + 1;
   text.insert(end, replaced(text.substr(begin, end - begin), model.driver, name));
   std::ofstream(file) << text;
   made.changed.push_back(file.string());
 }
 
-/// In Vitreo's source folder: devices/NAME/, its row in the registry, its tests; a copy of a driver
-/// of that role.
+/// In Vitreo's source folder: devices/instruments/NAME/, its row in the registry, its tests; a copy
+/// of a driver of that role.
 Made new_driver(const std::string& name, const std::string& role) {
   Made made;
   const Model& model = model_for(role);
-  if (!fs::is_directory(fs::path("devices") / model.driver))
-    throw ConfigError("new driver: is called in Vitreo's source folder, where devices/" +
-                      model.driver + " is");
-  if (fs::exists(fs::path("devices") / name))
-    throw ConfigError("devices/" + name + ": is there already");
+  const fs::path drivers = "devices/instruments";
+  const fs::path tests = "tests" / drivers;
+  if (!fs::is_directory(drivers / model.driver))
+    throw ConfigError("new driver: is called in Vitreo's source folder, where " +
+                      (drivers / model.driver).string() + " is");
+  if (fs::exists(drivers / name))
+    throw ConfigError((drivers / name).string() + ": is there already");
   const auto renamed = [&](const fs::path& from) {
     const std::string text = replaced(template_text(from), model.driver, name);
     return replaced(text, model.camel, camel_case(name));
   };
   for (const char* part : {"wire.h", "driver.h", "driver.cpp", "emulator.h", "emulator.cpp"})
-    write_new(made, fs::path("devices") / name / part,
-              renamed(fs::path("devices") / model.driver / part));
+    write_new(made, drivers / name / part, renamed(drivers / model.driver / part));
   write_new(made, "host/rig/drivers/" + name + ".cpp",
             renamed("host/rig/drivers/" + model.driver + ".cpp"));
-  write_new(made, "tests/devices/" + name + "_test.cpp",
-            renamed("tests/devices/" + model.driver + "_test.cpp"));
+  write_new(made, tests / (name + "_test.cpp"), renamed(tests / (model.driver + "_test.cpp")));
   add_row(made, "host/rig/drivers/drivers.h", "read_" + model.driver + "(", model, name);
   add_row(made, "host/rig/registry.cpp", "{\"" + model.driver + "\"", model, name);
   made.next = "it begins as " + model.driver +
@@ -189,7 +194,9 @@ int show(const Made& made, bool json) {
 
 void add_new(CommandLine& line, Program&) {
   struct Wanted {
-    std::string kind, name, role;
+    std::string kind;
+    std::string name;
+    std::string role;
     bool json = false;
   };
   const auto wanted = std::make_shared<Wanted>();

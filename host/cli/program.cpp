@@ -35,7 +35,7 @@ std::string Program::in_data_folder(const std::string& below) {
                     : here                                     ? "."
                     : fs::exists(installed / "scripts", error) ? installed
                                                                : VITREO_SOURCE_DIR;
-  // Docs and templates are the program's own, also where somebody's folder has protocols.
+  // Docs and templates are the program's own, also where the present folder has protocols.
   if (given == nullptr && here && !fs::exists(folder / below, error) &&
       !below.starts_with("protocols") && !below.starts_with("scripts"))
     folder = fs::exists(installed / "scripts", error) ? installed : fs::path(VITREO_SOURCE_DIR);
@@ -55,7 +55,7 @@ std::vector<std::string> lua_files(const std::string& folder) {
 }
 
 /// A file as given (a folder may have its name), or NAME.lua in `folder`. What looks like a path
-/// and is none is left to who opens it.
+/// and is none is returned as it is: opening it fails with the system's reason.
 std::string file_or_name(const std::string& given, const std::string& folder,
                          const std::string& kind, const std::string& read_on) {
   if (fs::exists(given) && !fs::is_directory(given)) return given;
@@ -143,6 +143,11 @@ void add_view_options(Command& command, RunOptions& options) {
   command.option(
       "--token-file", options.token_file,
       "a file for you alone (0600; made where there is none) whose token lets browsers in");
+}
+
+RunRequest& ProtocolOptions::complete(Program& program) {
+  request.what.protocol_file = Program::protocol_file(protocol);
+  return RunOptions::complete(program);
 }
 
 RunRequest& RunOptions::complete(Program& program) {

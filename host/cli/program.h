@@ -1,4 +1,4 @@
-// What the commands of the program share: where its files are, and the script engine.
+// Program: what its commands share, such as where its files are, and the script engine.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -28,8 +28,8 @@ class Program {
   /// protocols/ and scripts/ are, else beside the installed program (../share/vitreo), else where
   /// the program was built.
   static std::string in_data_folder(const std::string& below);
-  /// What `--rig` says: a file, or the name of one in scripts/rigs/. Throws ConfigError when it can
-  /// be neither.
+  /// The value of `--rig`: a file, or the name of one in scripts/rigs/. Throws ConfigError when it
+  /// can be neither.
   static std::string rig_file(const std::string& given);
   /// A path as given, or a protocol's bare name. Throws ConfigError when it can be neither.
   static std::string protocol_file(const std::string& given);
@@ -52,12 +52,19 @@ struct RunOptions {
   RunRequest& complete(Program& program);
 };
 void add_run_options(Command& command, RunOptions& options);
-/// Of those that somebody watches, too: --real-time, --view, ...
+/// For runs that can be watched: --real-time, --view, ...
 void add_view_options(Command& command, RunOptions& options);
 
+/// The words of a command that runs a protocol.
+struct ProtocolOptions : RunOptions {
+  std::string protocol;  // as given: a file or a name
+  bool json = false;
+  /// As RunOptions', with the protocol's file. Throws ConfigError where there is none.
+  RunRequest& complete(Program& program);
+};
+
 // One for each row of main.cpp, in a file of its name.
-void add_run(CommandLine& line,
-             Program& program);  // and the prompt, which is the program without a command
+void add_run(CommandLine& line, Program& program);  // and the prompt: without a command
 void add_check(CommandLine& line, Program& program);
 void add_control(CommandLine& line, Program& program);
 void add_describe(CommandLine& line, Program& program);
@@ -73,9 +80,9 @@ void add_completion(CommandLine& line, Program& program);
 void add_docs(CommandLine& line, Program& program);
 void add_new(CommandLine& line, Program& program);
 
-/// What `vitreo describe` prints.
+/// The text of `vitreo describe`.
 std::string describe_text(const ProtocolDescription& protocol);
-/// What `vitreo docs` can print.
+/// The pages of `vitreo docs`.
 std::vector<std::string> page_names();
 /// The program's exit codes, one a line.
 std::string exit_codes_text();

@@ -1,4 +1,4 @@
-// The commands about recorded runs; docs/records.md tells what they are for.
+// Command words about recorded runs (docs/records.md); commands.h has what they do.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/commands.h"
@@ -13,9 +13,15 @@ namespace vitreo::cli {
 namespace {
 
 struct RecordWords {
-  std::string run = "last", parent = "runs", into, format, csv, plots;
+  std::string run = "last";
+  std::string parent = "runs";
+  std::string into;
+  std::string format;
+  std::string csv;
+  std::string plots;
   RunFilter filter;
-  bool json = false, png = false;
+  bool json = false;
+  bool png = false;
   std::filesystem::path folder() const { return find_run(run, parent); }
 };
 

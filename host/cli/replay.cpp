@@ -13,6 +13,7 @@
 namespace vitreo {
 namespace {
 
+/// A background learnt during the run: from which exposure on, from how many frames.
 struct Learning {
   Time from{};
   int count = 0;
@@ -29,7 +30,7 @@ std::vector<Learning> learnings_of(const RunData& data) {
   return learnings;
 }
 
-/// The robot's axis as the servo was told.
+/// The robot's axis as the servo was set to.
 std::optional<Eigen::Vector3d> axis_of(const RunData& data) {
   for (const Event& event : data.events) {
     if (event.kind != "servo") continue;
@@ -59,14 +60,14 @@ std::map<Time, std::optional<Eigen::Vector3d>> seen_then(const RunData& data) {
   }
   std::map<Time, std::optional<Eigen::Vector3d>> seen;
   for (std::size_t row = 0; row < servo->times.size(); ++row) {
-    const Eigen::Vector3d place(servo->at(row, xyz[0]), servo->at(row, xyz[1]),
-                                servo->at(row, xyz[2]));
-    seen[servo->times[row]] = place.allFinite() ? std::optional(place) : std::nullopt;
+    const Eigen::Vector3d position(servo->at(row, xyz[0]), servo->at(row, xyz[1]),
+                                   servo->at(row, xyz[2]));
+    seen[servo->times[row]] = position.allFinite() ? std::optional(position) : std::nullopt;
   }
   return seen;
 }
 
-/// Walks through the frames: those of a background are learnt, those of the servo are looked at.
+/// Takes the frames in order: those of a background are learnt, those of the servo are localized.
 class Player {
  public:
   Player(const RunData& data, const RigModel& model)
@@ -119,7 +120,8 @@ class Player {
 
 ReplayStatistics Replay::statistics() const {
   ReplayStatistics statistics;
-  double sum = 0, squares = 0;
+  double sum = 0;
+  double squares = 0;
   for (const ReplayedFrame& frame : frames) {
     ++statistics.frames;
     if (frame.recorded.has_value() != frame.replayed.has_value())

@@ -1,4 +1,4 @@
-// A recorded run's frames through today's tracker and localizer: what would this program have seen?
+// Replay: a recorded run's frames through today's tracker and localizer, compared with then.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,14 +16,21 @@ namespace vitreo {
 struct ReplayedFrame {
   std::uint64_t number = 0;
   Time exposed{};
-  std::optional<Eigen::Vector3d> recorded, replayed;  // m, world: where the robot was seen
+  // m, world: where the robot was seen.
+  std::optional<Eigen::Vector3d> recorded;
+  std::optional<Eigen::Vector3d> replayed;
 };
 
 struct ReplayStatistics {
-  std::size_t frames = 0, compared = 0;              // compared: seen then and now
-  std::size_t same = 0;                              // of those, to the bit
-  std::size_t only_recorded = 0, only_replayed = 0;  // seen by one of the two
-  double rms = 0, mean = 0, max = 0;                 // m, of the distance
+  std::size_t frames = 0;
+  std::size_t compared = 0;  // seen then and now
+  std::size_t same = 0;      // of those, to the bit
+  std::size_t only_recorded = 0;
+  std::size_t only_replayed = 0;
+  // m, of the distance.
+  double rms = 0;
+  double mean = 0;
+  double max = 0;
 };
 
 struct Replay {

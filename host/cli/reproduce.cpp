@@ -1,5 +1,5 @@
-// `vitreo reproduce`: every protocol that has numbers of the thesis, and a page of theirs beside
-// ours.
+// `vitreo reproduce`: every protocol that has numbers of the thesis, and a page of the two side by
+// side.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
@@ -22,14 +22,19 @@ namespace fs = std::filesystem;
 
 struct ReproductionWords {
   std::vector<std::string> only;
-  std::string out = "runs", docs, plan;
-  int processes = 0;
-  bool json = false, brief = false;
+  std::string out = "runs";
+  std::string docs;
+  std::string plan;
+  int processes = 0;  // 0: one a core
+  bool json = false;
+  bool brief = false;
 };
 
+/// The runs of the plan that were asked for; the short form leaves some out.
 std::vector<PlannedRun> chosen(const RigDescription& plan, const ReproductionWords& wanted) {
   const std::string& file = plan.file;
-  std::vector<PlannedRun> all = read_plan(plan), runs;
+  std::vector<PlannedRun> all = read_plan(plan);
+  std::vector<PlannedRun> runs;
   std::vector<std::string> known;
   for (const PlannedRun& run : all) known.push_back(run.protocol);
   for (const std::string& name : wanted.only)
@@ -44,7 +49,7 @@ std::vector<PlannedRun> chosen(const RigDescription& plan, const ReproductionWor
   return runs;
 }
 
-void tell(const ReproducedRun& run) {
+void report(const ReproducedRun& run) {
   int missed = 0;
   for (const ReproducedRow& row : run.rows) missed += is_missed(row.verdict);
   fmt::print(stderr, "{:<26} {:<10} {:5.1f} s  {} numbers, {} missed{}{}\n", run.plan.protocol,
@@ -64,7 +69,7 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   request.brief = wanted.brief;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   request.processes = wanted.processes > 0 ? wanted.processes : cores;
-  std::vector<ReproducedRun> runs = reproduce(request, tell);
+  std::vector<ReproducedRun> runs = reproduce(request, report);
   ReproducedRun together = join_rows(joined, runs, wanted.only.empty() && !wanted.brief);
   if (!together.rows.empty()) runs.push_back(std::move(together));
   const fs::path docs =
@@ -73,7 +78,8 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   fs::create_directories(request.out);
   // A part of the plan, or its short form, is no reason to write over the page about the whole.
   const bool whole = wanted.only.empty() && !wanted.brief && wanted.plan.empty();
-  const fs::path text = docs / "reproduction.md", page = request.out / "reproduction.html";
+  const fs::path text = docs / "reproduction.md";
+  const fs::path page = request.out / "reproduction.html";
   if (whole || !wanted.docs.empty()) write_file(text, reproduction_markdown(runs));
   write_file(page, reproduction_page(runs, request.out));
   bool well = true;

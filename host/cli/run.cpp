@@ -1,4 +1,4 @@
-// `vitreo run`, and the prompt: what opens a rig and leaves a record.
+// Commands that open a rig and leave a record: `vitreo run`, `vitreo view` and the prompt.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
 #include "host/cli/faces.h"
@@ -23,13 +23,13 @@
 namespace vitreo::cli {
 namespace {
 
-struct Run : RunOptions {
-  std::string protocol;
-  bool json = false, quiet = false, verbose = false;
+struct Run : ProtocolOptions {
+  bool quiet = false;
+  bool verbose = false;
 };
 
-/// Nothing but questions, which want an answer, and the live view's address, without which it was
-/// asked for in vain.
+/// Progress of --quiet: nothing but questions, which want an answer, and the live view's address,
+/// without which the page cannot be opened.
 class Quiet : public ProgressLine {
  public:
   using ProgressLine::ProgressLine;
@@ -40,7 +40,7 @@ class Quiet : public ProgressLine {
 };
 
 /// What was opened, and what became of it, for --verbose: on the standard error.
-void tell_before(ScriptEngine& engine, const RunRequest& request) {
+void print_before(ScriptEngine& engine, const RunRequest& request) {
   const ProtocolDescription protocol = engine.describe(request.what.protocol_file);
   fmt::print(stderr, "protocol {}\nrig {}\nseed {}\n", protocol.file, request.where.rig_file,
              request.how.seed);
@@ -58,7 +58,8 @@ void tell_before(ScriptEngine& engine, const RunRequest& request) {
   }
 }
 
-void tell_after(const RunResult& result) {
+/// Every event of the record.
+void print_after(const RunResult& result) {
   for (const Event& event : read_run(result.folder).events)
     fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind,
                for_terminal(event.text));
@@ -71,7 +72,10 @@ std::string colored(Outcome outcome) {
   const bool plain = isatty(STDOUT_FILENO) == 0 || (no_color != nullptr && *no_color != '\0') ||
                      terminal == nullptr || std::string_view(terminal) == "dumb";
   if (plain) return to_string(outcome);
-  constexpr int kGreen = 32, kYellow = 33, kRed = 31;
+  // SGR parameters (ECMA-48) of the foreground.
+  constexpr int kGreen = 32;
+  constexpr int kYellow = 33;
+  constexpr int kRed = 31;
   const int color = outcome == Outcome::completed ? kGreen
                     : outcome == Outcome::stopped ? kYellow
                                                   : kRed;
@@ -91,23 +95,22 @@ void show(const RunResult& result, bool json) {
 }
 
 int run(Program& program, Run& wanted) {
-  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
   const bool terminal = isatty(STDERR_FILENO) != 0;
   const auto progress = wanted.quiet ? std::make_unique<Quiet>(std::cerr, false)
                                      : std::make_unique<ProgressLine>(std::cerr, terminal);
   const RunRequest& request = wanted.complete(program);
-  if (wanted.verbose) tell_before(program.engine(), request);
+  if (wanted.verbose) print_before(program.engine(), request);
   Faces faces(wanted, *progress);
   const RunResult result = run_protocol(program.engine(), faces.of(request), faces.listener());
   progress->clear();
-  if (wanted.verbose) tell_after(result);
+  if (wanted.verbose) print_after(result);
   if (!wanted.quiet || wanted.json) show(result, wanted.json);
   if (wanted.quiet && result.exit_code != ExitCode::completed)
     fmt::print(stderr, "vitreo: {}: {}\n", to_string(result.outcome), for_terminal(result.reason));
   return static_cast<int>(result.exit_code);
 }
 
-/// What is said while somebody types appears above the line.
+/// Progress at a prompt: messages that come while a line is typed appear above it.
 class PromptLines : public ProgressLine {
  public:
   PromptLines(std::ostream& out, bool animate, LineEditor& editor)
@@ -120,7 +123,7 @@ class PromptLines : public ProgressLine {
   LineEditor& editor_;
 };
 
-/// What is printed at a prompt takes the progress away that stands in the line.
+/// Stream buffer of the prompt's output: clears the progress that stands in the line first.
 class AfterProgress : public std::streambuf {
  public:
   AfterProgress(ProgressLine& progress, std::ostream& out) : progress_(progress), out_(out) {}
@@ -143,11 +146,11 @@ class AfterProgress : public std::streambuf {
 };
 
 int prompt(Program& program, RunOptions& options) {
-  const bool sits_there = isatty(STDIN_FILENO) != 0;
-  if (sits_there) options.real_time = true;
-  const bool edits = sits_there && isatty(STDOUT_FILENO) != 0;
+  const bool terminal = isatty(STDIN_FILENO) != 0;
+  if (terminal) options.real_time = true;
+  const bool edits = terminal && isatty(STDOUT_FILENO) != 0;
   const auto editor =
-      edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, sits_there);
+      edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, terminal);
   PromptLines progress(edits ? std::cout : std::cerr, edits, *editor);
   AfterProgress buffer(progress, std::cout);
   std::ostream above(&buffer);
@@ -157,7 +160,7 @@ int prompt(Program& program, RunOptions& options) {
   const RunResult result = run_prompt(program.engine(), faces.of(request), faces.listener(),
                                       *editor, out, edits ? out : std::cerr);
   progress.clear();
-  if (sits_there) fmt::print("run: {}\n", result.folder);
+  if (terminal) fmt::print("run: {}\n", result.folder);
   return static_cast<int>(result.exit_code);
 }
 

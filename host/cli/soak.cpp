@@ -1,4 +1,4 @@
-// `vitreo soak`: a protocol under faults, stops and kills that seeds draw.
+// `vitreo soak`: soak test, a protocol under faults, stops and kills drawn from seeds.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/trials/soak.h"
 
@@ -16,15 +16,14 @@ namespace {
 
 constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
 
-struct SoakWords : RunOptions {
-  std::string protocol;
-  std::uint64_t seeds = 100, seed = kNone, run_seed = 1;
-  bool json = false;
+struct SoakWords : ProtocolOptions {
+  std::uint64_t seeds = 100;
+  std::uint64_t seed = kNone;  // only this one
+  std::uint64_t run_seed = 1;
 };
 
 int soak_protocol(Program& program, SoakWords& wanted) {
   SoakRequest request;
-  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
   wanted.request.how.seed = wanted.run_seed;
   request.run = wanted.complete(program);
   request.first = wanted.seed == kNone ? 1 : wanted.seed;

@@ -1,4 +1,4 @@
-// `vitreo test PROTOCOL`: whether it completes, fails as it should, and can be stopped at any
+// `vitreo test PROTOCOL`: tests that it completes, fails as it should, and can be stopped at any
 // moment.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/command_line.h"
@@ -13,10 +13,8 @@
 namespace vitreo::cli {
 namespace {
 
-struct TestWords : RunOptions {
-  std::string protocol;
-  int stops = 0;
-  bool json = false;
+struct TestWords : ProtocolOptions {
+  int stops = 0;  // 0: as the test says
 };
 
 /// Those that the protocol lists, else the usual ones with the arguments that were given.
@@ -34,9 +32,9 @@ std::vector<ProtocolTest> tests_of(Program& program, const RunRequest& base) {
 }
 
 int test(Program& program, TestWords& wanted) {
-  wanted.request.what.protocol_file = Program::protocol_file(wanted.protocol);
   const RunRequest& base = wanted.complete(program);
-  int runs = 0, failed = 0;
+  int runs = 0;
+  int failed = 0;
   for (ProtocolTest& one : tests_of(program, base)) {
     if (!one.rig.empty()) one.rig = Program::rig_file(one.rig);
     if (wanted.stops > 0) one.times = wanted.stops;

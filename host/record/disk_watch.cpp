@@ -26,9 +26,9 @@ std::string size_text(std::uint64_t space) {
   return fmt::format("{:.0f} kB", bytes / 1e3);
 }
 
-std::uint64_t free_bytes(const std::filesystem::path& place) {
+std::uint64_t free_bytes(const std::filesystem::path& path) {
   std::error_code error;
-  const auto space = std::filesystem::space(place, error);
+  const auto space = std::filesystem::space(path, error);
   // What cannot be asked is not held against the run: a write will say.
   return error ? std::numeric_limits<std::uint64_t>::max() : space.available;
 }
@@ -48,6 +48,7 @@ void DiskWatch::check_start() const {
                     folder_.parent_path().string(), size_text(left), size_text(wanted)));
 }
 
+/// fallocate sets blocks aside without writing them.
 void DiskWatch::make_reserve() {
   if (limits_.reserve_bytes == 0) return;
   int file = create_new_file(folder_ / kReserve);
@@ -61,6 +62,7 @@ void DiskWatch::give_up_reserve() noexcept {
   std::filesystem::remove(folder_ / kReserve, ignored);
 }
 
+/// Bytes per second over the last kSpan; 0 as long as less than kLeast is known.
 double DiskWatch::rate(std::uint64_t written, Instant now) {
   history_.emplace_back(now, written);
   while (history_.size() > 1 && now - history_.front().first > kSpan) history_.pop_front();
@@ -74,6 +76,7 @@ DiskWatch::Verdict DiskWatch::look(std::uint64_t written, bool frames, Instant n
   const double bytes_per_second = rate(written, now);
   const std::uint64_t left = free();
   const double seconds = bytes_per_second > 0 ? static_cast<double>(left) / bytes_per_second : 1e9;
+  // Frames fill a disk far faster than samples: then more must be left.
   const std::uint64_t least = frames ? limits_.stop_bytes_with_frames : limits_.stop_bytes;
   Verdict verdict;
   const std::string state =

@@ -1,4 +1,5 @@
-// How long the disk will last at the rate at which a run writes, and when that is too short.
+// Disk watch: how long the disk will last at the rate at which a run writes, and when that is too
+// short.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,19 +14,21 @@
 namespace vitreo {
 
 struct DiskLimits {
-  double warn_seconds = 600, stop_seconds = 120;  // of recording at the present rate
+  // s of recording that are left at the present rate.
+  double warn_seconds = 600;
+  double stop_seconds = 120;
   std::uint64_t stop_bytes = 256000000;  // where nothing but samples and pictures is recorded
   std::uint64_t stop_bytes_with_frames = 1000000000;
-  std::uint64_t reserve_bytes =
-      64000000;  // kept by a file that goes when the end record needs the room
-  /// What is free at a place; the tests put in another. The default asks the file system.
+  // Kept by a file that is removed when the end record needs the room.
+  std::uint64_t reserve_bytes = 64000000;
+  /// Bytes that are free at a path; the tests put in another. The default asks the file system.
   std::function<std::uint64_t(const std::filesystem::path&)> free_bytes;
 };
 
-/// What is free at a place; the most there can be where the file system cannot be asked.
-std::uint64_t free_bytes(const std::filesystem::path& place);
+/// Bytes that are free at `path`; the most there can be where the file system cannot be asked.
+std::uint64_t free_bytes(const std::filesystem::path& path);
 
-/// `space` bytes as people read them: "1.2 GB".
+/// `space` bytes in a display unit: "1.2 GB".
 std::string size_text(std::uint64_t space);
 
 class DiskWatch {
@@ -39,7 +42,9 @@ class DiskWatch {
   void make_reserve();
   void give_up_reserve() noexcept;
   struct Verdict {
-    std::string warning, stop;  // empty: none; the warning comes once
+    // Empty: none; the warning comes once.
+    std::string warning;
+    std::string stop;
   };
   /// `written`: bytes of this run so far.
   Verdict look(std::uint64_t written, bool frames, Instant now);

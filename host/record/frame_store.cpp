@@ -11,6 +11,7 @@ namespace {
 
 constexpr auto kFrameSyncAfter = std::chrono::seconds(1);
 
+/// What stands beside each image in the stack. `vitreo recover` makes the missing rows from it.
 nlohmann::json metadata_of(const RecordedCameraInfo& info, const Frame& frame,
                            std::uint64_t dropped_before) {
   nlohmann::json json = {
@@ -31,6 +32,8 @@ FrameStore::FrameStore(std::filesystem::path folder, std::uint64_t largest_stack
 
 void FrameStore::add(const RecordedCameraInfo& info) { stacks_.push_back({info, nullptr, 0}); }
 
+/// The stack's head, with Micro-Manager's keys where it has them: its reader shows scale and
+/// interval.
 void FrameStore::open(Stack& stack, const Frame& frame) {
   const RecordedCameraInfo& info = stack.info;
   const nlohmann::json summary = {
@@ -69,10 +72,12 @@ void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dro
   row.crc32 = crc32(image.data, entry.pixel_bytes());
   row.dropped_before = dropped_before;
   bytes_ += row.bytes;
+  // The first row that waits starts the clock of write_rows().
   if (named_ == rows_.size()) waiting_since_ = std::chrono::steady_clock::now();
   rows_.push_back(std::move(row));
 }
 
+/// Pixels first, rows second: after a crash a row never names pixels that are not there.
 void FrameStore::write_rows(RecordFile& file, bool now) {
   if (named_ == rows_.size()) return;
   if (!now && std::chrono::steady_clock::now() - waiting_since_ < kFrameSyncAfter) return;

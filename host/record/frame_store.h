@@ -1,5 +1,5 @@
-// Recorded frames: an NDTiff stack a camera, and the rows that name the frames once their pixels
-// are on the disk.
+// Frame store: an NDTiff stack a camera, and the rows that name the frames once their pixels are on
+// the disk.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -38,7 +38,8 @@ class FrameStore {
   void open(Stack& stack, const Frame& frame);
 
   std::filesystem::path folder_;
-  std::uint64_t largest_stack_, bytes_ = 0;
+  std::uint64_t largest_stack_;  // bytes
+  std::uint64_t bytes_ = 0;
   std::vector<Stack> stacks_;
   std::vector<FrameRow> rows_;
   std::size_t named_ = 0;  // rows that are in run.sqlite

@@ -1,5 +1,5 @@
-// A record as text: the canonical export that two runs of one seed share, and the summary that
-// programs read.
+// Record as text: the canonical export that two runs of one seed share, and the summary for
+// programs.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/digest.h"
 #include "host/record/recorder.h"
@@ -12,7 +12,7 @@
 namespace vitreo {
 namespace {
 
-/// The shortest text that reads back as the same double.
+/// The shortest text that reads back as the same double (fmt's default).
 std::string exact(double value) { return std::isnan(value) ? "nan" : fmt::format("{}", value); }
 
 std::string one_line(const std::string& text) {
@@ -42,6 +42,8 @@ std::string canonical_export(const Recorder& recorder) {
   return canonical_export(data);
 }
 
+// Streams, frames, results, events, pictures, in the order of the record: a line each, so that a
+// diff of two exports names what differs.
 std::string canonical_export(const RunData& data) {
   std::string out;
   for (const Stream& stream : data.streams) out += export_stream(stream);
@@ -49,13 +51,13 @@ std::string canonical_export(const RunData& data) {
     out += fmt::format("frame {} {} {} {} {:08x}\n", one_line(row.camera), row.number,
                        row.exposed.count(), row.received.count(), row.crc32);
   for (const StatedResult& one : data.results) {
-    if (one.name.starts_with("wall_")) continue;
+    if (one.name.starts_with("wall_")) continue;  // of the wall clock: other in every run
     out +=
         "result " + one_line(one.name) + " " + exact(one.value) + " " + one_line(one.unit) + "\n";
   }
   for (const Event& event : data.events) {
     if (event.kind == "alarm" && event.text.find("back pressure:") != std::string::npos)
-      continue;  // the disk's own time
+      continue;  // of the disk's own time: other in every run
     out += fmt::format("event {} {} {}\n", event.time.count(), one_line(event.kind),
                        one_line(event.text));
   }
@@ -68,12 +70,14 @@ std::string canonical_export(const RunData& data) {
 }
 
 nlohmann::json summary(const RunData& data) {
-  nlohmann::json results = nlohmann::json::object(), units = nlohmann::json::object();
+  nlohmann::json results = nlohmann::json::object();
+  nlohmann::json units = nlohmann::json::object();
   for (const StatedResult& one : data.results) {
     results[one.name] = std::isfinite(one.value) ? nlohmann::json(one.value) : nlohmann::json();
     units[one.name] = one.unit;
   }
-  nlohmann::json samples = nlohmann::json::object(), frames = nlohmann::json::object();
+  nlohmann::json samples = nlohmann::json::object();
+  nlohmann::json frames = nlohmann::json::object();
   for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();
   for (std::size_t i = 0; i < data.cameras.size(); ++i) {
     const std::string& camera = data.cameras[i].camera;

@@ -14,6 +14,8 @@
 namespace vitreo {
 namespace {
 
+// A commit costs far more than a row, and readers see what is committed. Together with the writer's
+// naps these keep the promise that what is a second old is on the disk.
 constexpr auto kCommitAfter = std::chrono::milliseconds(100);
 constexpr auto kSyncAfter = std::chrono::milliseconds(400);
 constexpr int kCommitRows = 1000;
@@ -29,10 +31,13 @@ bool is_grave(const std::string& kind) {
 
 }  // namespace
 
+// One transaction for tables and start record: a file is a whole record or none.
 RecordFile::RecordFile(const std::filesystem::path& file, const RunStart& start)
     : wal_(file.string() + "-wal"), database_(file.string(), Database::Mode::create) {
-  database_.execute("PRAGMA busy_timeout=5000");  // ms: somebody who writes into it by hand for a
-                                                  // moment ends no run
+  // ms: another program that writes into it for a moment ends no run.
+  database_.execute("PRAGMA busy_timeout=5000");
+  // WAL: readers never block the writer. FULL: a commit waits for the disk; NORMAL: it does not,
+  // and a power cut may take the last commits but never breaks the file (sqlite.org/pragma.html).
   database_.execute("PRAGMA journal_mode=WAL");
   database_.execute("PRAGMA synchronous=FULL");
   begin();
@@ -63,12 +68,14 @@ void RecordFile::write_start(const RunStart& start) {
       .run();
 }
 
+/// A wide table a stream, a column a channel, so that common tools plot it without joins.
 void RecordFile::add_stream(const StreamInfo& info) {
   const std::string table = quoted_identifier("sample_" + info.name);
-  std::string columns = "seq INTEGER PRIMARY KEY, t_ns INTEGER NOT NULL", places = "?,?";
+  std::string columns = "seq INTEGER PRIMARY KEY, t_ns INTEGER NOT NULL";
+  std::string parameters = "?,?";
   for (const Channel& channel : info.channels) {
     columns += ", " + quoted_identifier(channel.name) + " REAL";
-    places += ",?";
+    parameters += ",?";
   }
   begin();
   database_.execute("CREATE TABLE " + table + "(" + columns + ")");
@@ -90,7 +97,7 @@ void RecordFile::add_stream(const StreamInfo& info) {
   commit();
   // A row that is there already is the same row: see write_again().
   inserts_.push_back(
-      database_.prepare("INSERT OR IGNORE INTO " + table + " VALUES(" + places + ")"));
+      database_.prepare("INSERT OR IGNORE INTO " + table + " VALUES(" + parameters + ")"));
 }
 
 /// `row` runs one statement within the transaction; an error takes all of the transaction along.
@@ -121,7 +128,7 @@ void RecordFile::sample(std::size_t stream, std::size_t row, Time time,
 void RecordFile::event(std::size_t number, const Event& event) {
   const bool grave = is_grave(event.kind);
   if (grave) {
-    commit();
+    commit();  // the pragma does not work within a transaction
     database_.execute("PRAGMA synchronous=FULL");
   }
   write([&] {
@@ -141,8 +148,7 @@ void RecordFile::result(const StatedResult& result) {
     database_
         .prepare(
             "INSERT INTO result VALUES(?,?,?) ON CONFLICT(name) DO UPDATE SET "
-            "value=excluded.value, "
-            "unit=excluded.unit")
+            "value=excluded.value, unit=excluded.unit")
         .bind(1, result.name)
         .bind(2, result.value)
         .bind(3, result.unit)
@@ -243,13 +249,13 @@ void RecordFile::frame(std::size_t number, const FrameRow& row) {
 
 void RecordFile::end(const RunEnd& end, const RunData& data, const std::vector<FrameRow>& frames,
                      bool all_there) {
-  std::exception_ptr trouble;
+  std::exception_ptr failure;
   const auto guarded = [&](auto action) {
     try {
       action();
       return true;
     } catch (const std::exception&) {
-      if (!trouble) trouble = std::current_exception();
+      if (!failure) failure = std::current_exception();
       abandon();
       return false;
     }
@@ -258,13 +264,14 @@ void RecordFile::end(const RunEnd& end, const RunData& data, const std::vector<F
   if (!all_there || lost_rows_) {
     // What the WAL holds moves into the file proper, and its room is free for what follows.
     guarded([&] { database_.execute("PRAGMA wal_checkpoint(TRUNCATE)"); });
-    trouble = nullptr;  // all is tried again
+    failure = nullptr;  // all is tried again
     guarded([&] { write_again(data, frames); });
   }
   write_end(end, data);
-  if (trouble) std::rethrow_exception(trouble);
+  if (failure) std::rethrow_exception(failure);
 }
 
+/// Everything once more, from memory. Rows that are there stay (INSERT OR IGNORE by their number).
 void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& frames) {
   lost_rows_ = false;
   for (std::size_t i = inserts_.size(); i < data.streams.size(); ++i)
@@ -290,8 +297,10 @@ void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& f
   commit();
 }
 
+/// Counts of what must be in the file: `vitreo verify` compares.
 void RecordFile::write_end(const RunEnd& end, const RunData& data) {
-  nlohmann::json counts = nlohmann::json::object(), dropped = nlohmann::json::object();
+  nlohmann::json counts = nlohmann::json::object();
+  nlohmann::json dropped = nlohmann::json::object();
   for (const Stream& stream : data.streams) counts[stream.info.name] = stream.times.size();
   for (std::size_t i = 0; i < data.cameras.size() && i < data.dropped.size(); ++i)
     dropped[data.cameras[i].camera] = data.dropped[i];
@@ -311,6 +320,7 @@ void RecordFile::write_end(const RunEnd& end, const RunData& data) {
   commit();
 }
 
+/// Back to a rollback journal, so that the closed record is one file.
 void RecordFile::close() {
   commit();
   inserts_.clear();
@@ -319,11 +329,12 @@ void RecordFile::close() {
     database_.execute("PRAGMA wal_checkpoint(TRUNCATE)");
     database_.execute("PRAGMA journal_mode=DELETE");
   } catch (const std::exception&) {
-    // Somebody reads it right now: it stays in WAL mode, as whole as before.
+    // Another program reads it right now: it stays in WAL mode, as whole as before.
   }
   database_.close();
 }
 
+/// IMMEDIATE takes the write lock at once: a later row cannot fail for it.
 void RecordFile::begin() {
   if (in_transaction_) return;
   database_.execute("BEGIN IMMEDIATE");

@@ -1,5 +1,5 @@
-// run.sqlite: the tables of a run (docs: facts B2), one writer. WAL while it grows, one plain file
-// once closed.
+// Record file: run.sqlite with the tables of a run, one writer. In SQLite's write-ahead log (WAL)
+// mode while it grows, one plain file once closed.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -26,8 +26,8 @@ class RecordFile {
   /// `row` counts from 0; the table's seq is one more.
   void sample(std::size_t stream, std::size_t row, Time time, std::span<const double> values);
   // Everything below counts from 0 too, and what is there already under that number stays.
-  void event(std::size_t number,
-             const Event& event);  // committed at once; an alarm is on the disk when this returns
+  /// Committed at once; an alarm is on the disk when this returns.
+  void event(std::size_t number, const Event& event);
   void result(const StatedResult& result);
   void plot(std::size_t number, const Plot& plot);
   void drawing(std::size_t number, const SvgDrawing& drawing);
@@ -44,7 +44,7 @@ class RecordFile {
   /// took along is written again from `data` and `frames`; where that fails too the end record
   /// still stands, and the error is thrown after.
   void end(const RunEnd& end, const RunData& data, const std::vector<FrameRow>& frames, bool whole);
-  /// Leaves one file, unless somebody reads it right now: then a later opening does.
+  /// Leaves one file, unless another program reads it right now: then a later opening does.
   void close();
   std::uint64_t bytes() const { return bytes_; }  // written so far, about
 
@@ -63,11 +63,13 @@ class RecordFile {
   std::filesystem::path wal_;  // where commits go first
   Database database_;
   std::vector<Statement> inserts_;  // one a stream
-  bool in_transaction_ = false, lost_rows_ = false;
+  bool in_transaction_ = false;
+  bool lost_rows_ = false;
   bool unsynced_ = false;  // a commit may not be on the disk yet
   int pending_ = 0;
   std::uint64_t bytes_ = 0;
-  std::chrono::steady_clock::time_point begun_, unsynced_since_;
+  std::chrono::steady_clock::time_point begun_;
+  std::chrono::steady_clock::time_point unsynced_since_;
 };
 
 }  // namespace vitreo

@@ -16,6 +16,7 @@ std::vector<double> numbers(const nlohmann::json& list) {
   return values;
 }
 
+// By Mark.
 constexpr const char* kMarks[] = {"line", "dashed", "points"};
 
 }  // namespace

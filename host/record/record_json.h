@@ -1,4 +1,4 @@
-// JSON in the record: plots, and the one way in which it is written.
+// JSON of the record: plots, and the one form in which JSON is written.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// Who looks on while a run is recorded, such as the live view.
+// Record listener: interface to follow a run while it is recorded, as the live view does.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,8 +14,8 @@ namespace vitreo {
 class RecordListener {
  public:
   virtual ~RecordListener() = default;
-  virtual void seen(const std::string& camera,
-                    const Frame& frame) = 0;  // each frame that somebody took
+  /// Each frame that was taken from a camera.
+  virtual void seen(const std::string& camera, const Frame& frame) = 0;
   virtual void sample(const StreamInfo& stream, Time time, std::span<const double> values) = 0;
   virtual void event(Time time, const std::string& kind, const std::string& text) = 0;
 };

@@ -22,12 +22,15 @@ namespace {
 using namespace std::chrono_literals;
 using Instant = std::chrono::steady_clock::time_point;
 
-constexpr auto kNap = 50ms;  // nobody wakes the writer for a single row
+// A single row does not wake the writer: it waits at most so long for others.
+constexpr auto kNap = 50ms;
 constexpr auto kLookAtDisk = 1s;
-constexpr std::size_t kWakeRows = 512;  // of samples, below a commit's worth
+// Rows that do wake it: about half of what makes a commit (record_file.cpp).
+constexpr std::size_t kWakeRows = 512;
 
 struct SampleJob {
-  std::size_t stream, row;
+  std::size_t stream;
+  std::size_t row;
   Time time;
   std::vector<double> values;
 };
@@ -68,39 +71,42 @@ struct RecordWriter::State {
     if (thread.joinable()) thread.join();
   }
 
-  // What follows is called by those who record.
+  // The callers' side: the run's threads, which record.
 
   void must_be_well() {
-    if (in_trouble) throw std::runtime_error(trouble_text());
+    if (has_failed) throw std::runtime_error(fault_text());
   }
-  std::string trouble_text() {
+  std::string fault_text() {
     const std::lock_guard lock(mutex);
-    return trouble;
+    return fault;
   }
 
-  /// Waits for room; the time counts as back pressure and is said once each time it begins.
+  /// Waits for room in a queue; the time counts as back pressure, with an alarm each time. Throws
+  /// std::runtime_error where the disk has failed, or does not answer in time.
   template <class Room>
   void wait_for_room(std::unique_lock<std::mutex>& lock, Room room) {
     if (room()) return;
     const Instant began = std::chrono::steady_clock::now();
     work.notify_one();
     const bool got =
-        space.wait_for(lock, limits.patience, [&] { return room() || !trouble.empty(); });
+        space.wait_for(lock, limits.patience, [&] { return room() || !fault.empty(); });
     const double waited =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     held += waited;
     if (!got)
-      set_trouble(lock, fmt::format("the recorder's disk has not answered for {:.0f} s", waited));
-    if (!trouble.empty()) throw std::runtime_error(trouble);
+      set_fault(lock, fmt::format("the recorder's disk has not answered for {:.0f} s", waited));
+    if (!fault.empty()) throw std::runtime_error(fault);
     alarms.push_back(
         fmt::format("back pressure: the disk is behind and held up the run for {:.3f} s", waited));
     has_alarms = true;
   }
 
+  /// Rows and image bytes are bounded apart: a queue full of frames does not hold up samples.
   void push(Job job, std::size_t rows, std::size_t bytes, bool urgent) {
     std::unique_lock lock(mutex);
     if (rows > 0) wait_for_room(lock, [&] { return queued_rows < limits.queued_rows; });
     if (bytes > 0)
+      // A frame larger than the whole queue passes through an empty one.
       wait_for_room(lock, [&] {
         return queued_bytes == 0 || queued_bytes + bytes <= limits.queued_frame_bytes;
       });
@@ -113,6 +119,8 @@ struct RecordWriter::State {
     if (now) work.notify_one();
   }
 
+  /// False: dropped and counted. The next frame that is recorded states how many were lost before
+  /// it.
   bool push_frame(std::size_t camera, const Frame& frame) {
     const std::size_t bytes = image_bytes(frame);
     std::uint64_t lost = 0;
@@ -134,20 +142,22 @@ struct RecordWriter::State {
     return true;
   }
 
+  /// Returns when all that was given is written, or the disk has failed.
   void drain() {
     std::unique_lock lock(mutex);
     wake = true;
     work.notify_one();
-    space.wait(lock, [&] { return (queue.empty() && !busy) || !trouble.empty(); });
+    space.wait(lock, [&] { return (queue.empty() && !busy) || !fault.empty(); });
   }
 
-  // What follows runs in the writer's own thread.
+  // The writer's own thread.
 
-  void set_trouble(std::unique_lock<std::mutex>& lock, const std::string& what) {
-    if (!trouble.empty()) return;
-    trouble = what;
-    in_trouble = true;
-    const std::function<void()> call = tell;
+  /// The first fault stays. The callback runs without the lock, so that it may call the record.
+  void set_fault(std::unique_lock<std::mutex>& lock, const std::string& what) {
+    if (!fault.empty()) return;
+    fault = what;
+    has_failed = true;
+    const std::function<void()> call = notify_fault;
     space.notify_all();
     if (!call) return;
     lock.unlock();
@@ -155,6 +165,8 @@ struct RecordWriter::State {
     lock.lock();
   }
 
+  /// Takes the whole queue at each turn and writes it without the lock, so that callers only wait
+  /// for the disk where a queue is full. A last turn follows the request to stop.
   void run() {
     Instant looked = std::chrono::steady_clock::now();
     std::unique_lock lock(mutex);
@@ -173,11 +185,12 @@ struct RecordWriter::State {
       lock.lock();
       busy = false;
       space.notify_all();
-      if (!failed.empty()) set_trouble(lock, failed);
+      if (!failed.empty()) set_fault(lock, failed);
       if (last) return;
     }
   }
 
+  /// The error's text; empty: it went well.
   template <class Action>
   static std::string attempt(Action action) {
     try {
@@ -190,8 +203,8 @@ struct RecordWriter::State {
   }
 
   void work_off(std::deque<Job>& jobs, bool last, Instant& looked) {
-    if (in_trouble)
-      return give_back(jobs);  // what is not written now is written again at the end, from memory
+    // What is not written now is written again at the end, from memory (RecordFile::end).
+    if (has_failed) return give_back(jobs);
     while (!jobs.empty()) {
       const std::string failed =
           attempt([&] { std::visit([this](auto& one) { write(one); }, jobs.front()); });
@@ -213,6 +226,7 @@ struct RecordWriter::State {
     has_alarms = true;
   }
 
+  /// Frees the room of frames that will not be written, and counts them as dropped.
   void give_back(std::deque<Job>& jobs) {
     for (const Job& job : jobs)
       if (const auto* one = std::get_if<FrameJob>(&job))
@@ -246,17 +260,24 @@ struct RecordWriter::State {
   FrameStore store;  // likewise
 
   mutable std::mutex mutex;
-  std::condition_variable work, space;
+  std::condition_variable work;   // for the writer
+  std::condition_variable space;  // for the callers
   std::deque<Job> queue;
-  std::size_t queued_rows = 0, queued_bytes = 0;
-  bool wake = false, busy = false, stopping = false;
-  std::string trouble;
-  std::function<void()> tell;
+  std::size_t queued_rows = 0;
+  std::size_t queued_bytes = 0;
+  bool wake = false;
+  bool busy = false;  // jobs are being written
+  bool stopping = false;
+  std::string fault;
+  std::function<void()> notify_fault;
   std::vector<std::string> alarms;
-  std::vector<std::string> names;  // of the cameras
-  std::vector<std::uint64_t> pending_drops, dropped;
+  std::vector<std::string> names;            // of the cameras
+  std::vector<std::uint64_t> pending_drops;  // since the camera's last recorded frame
+  std::vector<std::uint64_t> dropped;        // in all
   double held = 0;
-  std::atomic<bool> in_trouble{false}, has_alarms{false};
+  // For callers, without the lock.
+  std::atomic<bool> has_failed{false};
+  std::atomic<bool> has_alarms{false};
   std::thread thread;  // last: it uses all of the above
 };
 
@@ -272,11 +293,11 @@ void RecordWriter::sample(std::size_t stream, std::size_t row, Time time,
 }
 
 void RecordWriter::post(std::function<void(RecordFile&)> job, bool at_once) {
-  if (state_->in_trouble) return;
+  if (state_->has_failed) return;
   try {
     state_->push(OtherJob{std::move(job)}, 1, 0, at_once);
-  } catch (const std::runtime_error&) {  // trouble came while it waited
-    if (!state_->in_trouble) throw;
+  } catch (const std::runtime_error&) {  // fault came while it waited
+    if (!state_->has_failed) throw;
   }
 }
 
@@ -299,12 +320,12 @@ bool RecordWriter::frame(std::size_t camera, const Frame& frame) {
   return state_->push_frame(camera, frame);
 }
 
-void RecordWriter::on_trouble(std::function<void()> call) {
+void RecordWriter::on_fault(std::function<void()> call) {
   const std::lock_guard lock(state_->mutex);
-  state_->tell = std::move(call);
+  state_->notify_fault = std::move(call);
 }
 
-std::string RecordWriter::trouble() const { return state_->trouble_text(); }
+std::string RecordWriter::fault() const { return state_->fault_text(); }
 
 std::vector<std::string> RecordWriter::drain_alarms() {
   if (!state_->has_alarms) return {};
@@ -333,14 +354,14 @@ void RecordWriter::stop() { state_->stop(); }
 void RecordWriter::late_event(std::size_t number, const Event& event) noexcept {
   try {
     state_->file.event(number, event);
-  } catch (const std::exception&) {  // the report has it, and the end record is on the disk already
-                                     // or comes next
+  } catch (const std::exception&) {
+    // The report has it, and the end record is on the disk already or comes next.
   }
 }
 
 void RecordWriter::finish(const RunEnd& end, const RunData& data) {
   state_->disk.give_up_reserve();  // now there is room for what a full disk kept out
-  const bool whole = !state_->in_trouble;
+  const bool whole = !state_->has_failed;
   state_->file.end(end, data, whole ? std::vector<FrameRow>{} : state_->store.rows(), whole);
 }
 

@@ -1,5 +1,5 @@
-// The recorder's own thread: takes rows and frames from bounded queues and is the only one that
-// writes them.
+// Record writer: the recorder's own thread, which takes rows and frames from bounded queues and is
+// the only one that writes them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -23,8 +23,8 @@ struct RecordLimits {
   std::size_t queued_rows = 65536;  // then the next sample waits: samples are never dropped
   std::size_t queued_frame_bytes = 256u << 20;  // then the next frame is dropped or waits
   bool drop_frames = false;  // real time: dropped, counted, alarmed. Else the caller waits
-  std::chrono::milliseconds patience{
-      10000};  // with a disk that does not answer; then the run is in trouble
+  /// For a disk that does not answer; then recording has failed.
+  std::chrono::milliseconds patience{10000};
   std::uint64_t largest_stack = 0xFFFFFFFF;  // bytes of one TIFF file
   DiskLimits disk;
 };
@@ -40,18 +40,18 @@ class RecordWriter {
   ~RecordWriter();
 
   void sample(std::size_t stream, std::size_t row, Time time, std::span<const double> values);
-  /// Anything else that goes into run.sqlite, such as an event; in trouble it is left to finish().
-  /// `at_once`: the writer is woken for it.
+  /// Anything else that goes into run.sqlite, such as an event; after a fault it is left to
+  /// finish(). `at_once`: the writer is woken for it.
   void post(std::function<void(RecordFile&)> job, bool at_once);
   /// A camera whose frames follow; they count from 0 in the order of these calls.
   void add_camera(const RecordedCameraInfo& info);
   /// False: dropped, because the disk is behind.
   bool frame(std::size_t camera, const Frame& frame);
 
-  /// Called once, from the writer's thread, when trouble begins. Set it before there can be any; an
-  /// empty one unsets.
-  void on_trouble(std::function<void()> call);
-  std::string trouble() const;  // empty: none
+  /// Called once, from the writer's thread, when the disk fails or is nearly full. Set it before it
+  /// can; an empty one unsets.
+  void on_fault(std::function<void()> call);
+  std::string fault() const;  // empty: none
   /// What is to be said in the record, in order; each is handed out once.
   std::vector<std::string> drain_alarms();
   double held() const;                         // s for which callers had to wait
@@ -59,8 +59,8 @@ class RecordWriter {
   std::vector<FrameRow> frames() const;        // waits until all that was given is written
   /// Writes what is left and ends the thread. What follows is called after it, and writes at once.
   void stop();
-  void late_event(std::size_t number,
-                  const Event& event) noexcept;  // what the disk refuses it refuses
+  /// What the disk refuses is left out.
+  void late_event(std::size_t number, const Event& event) noexcept;
   /// The end record, and again what a failed disk did not take; an error is thrown when all that
   /// could be saved was.
   void finish(const RunEnd& end, const RunData& data);

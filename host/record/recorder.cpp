@@ -17,6 +17,7 @@
 namespace vitreo {
 namespace {
 
+/// ASCII letters in lower case, as SQLite compares names.
 std::string folded(std::string text) {
   for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   return text;
@@ -56,6 +57,7 @@ void keep_scripts(const std::filesystem::path& folder, const RunStart& start) {
   }
 }
 
+/// PNG holds 8 and 16 bits a channel, gray, BGR or BGRA, without loss.
 std::vector<unsigned char> png_of(const std::string& name, const cv::Mat& image) {
   const bool depth_fits = image.depth() == CV_8U || image.depth() == CV_16U;
   const int channels = image.channels();
@@ -99,7 +101,7 @@ struct Recorder::State {
   RunData data;
   AlarmListener listener;
   std::function<std::string(const RunData&)> report;
-  RecordListener* watcher = nullptr;
+  RecordListener* observer = nullptr;
 };
 
 Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start,
@@ -109,8 +111,8 @@ Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start,
   try {
     DiskWatch(folder, limits.disk).check_start();
     state_ = std::make_unique<State>(folder, start, limits);
-  } catch (...) {  // a folder without a start record is nobody's; it was made a moment ago by this
-                   // very call
+  } catch (...) {
+    // A folder without a start record is no run's; it was made a moment ago by this very call.
     std::error_code ignored;
     std::filesystem::remove_all(folder, ignored);
     throw;
@@ -120,14 +122,15 @@ Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start,
 Recorder::~Recorder() {
   try {
     finish({Outcome::failed, "never finished", 0, 0});
-  } catch (const std::exception&) {  // nobody is left to be told
+  } catch (const std::exception&) {
+    // A destructor has no caller that could be told.
   }
 }
 
 const std::filesystem::path& Recorder::folder() const { return state_->data.folder; }
 const RunStart& Recorder::start() const { return state_->data.start; }
-void Recorder::watch(RecordListener* listener) { state_->watcher = listener; }
-RecordListener* Recorder::listener() const { return state_->watcher; }
+void Recorder::watch(RecordListener* listener) { state_->observer = listener; }
+RecordListener* Recorder::listener() const { return state_->observer; }
 const std::vector<Stream>& Recorder::streams() const { return state_->data.streams; }
 const std::vector<StatedResult>& Recorder::results() const { return state_->data.results; }
 const std::vector<Plot>& Recorder::plots() const { return state_->data.plots; }
@@ -138,15 +141,15 @@ const std::vector<Event>& Recorder::events() const { return state_->data.events;
 const RunEnd* Recorder::end() const { return state_->data.end ? &*state_->data.end : nullptr; }
 const RunData& Recorder::data() const { return state_->data; }
 const Stream* Recorder::stream(const std::string& name) const { return state_->data.stream(name); }
-std::string Recorder::trouble() const { return state_->writer.trouble(); }
-void Recorder::on_trouble(std::function<void()> call) {
-  state_->writer.on_trouble(std::move(call));
-}
+std::string Recorder::trouble() const { return state_->writer.fault(); }
+void Recorder::on_trouble(std::function<void()> call) { state_->writer.on_fault(std::move(call)); }
 
 std::vector<FrameRow> Recorder::frames() const {
   return state_->data.end ? state_->data.frames : state_->writer.frames();
 }
 
+// The record in memory is kept whole beside the file: reports, canonical export and a second
+// writing after a failed disk need it.
 int Recorder::add_stream(const StreamInfo& info) {
   state_->must_be_open();
   quoted_identifier(info.name);
@@ -175,14 +178,15 @@ void Recorder::sample(int stream, Time time, std::span<const double> values) {
   }
   target.times.push_back(time);
   target.values.insert(target.values.end(), values.begin(), values.end());
+  // First in memory, then in the queue: what the writer refuses now is written again at the end.
   state_->writer.sample(index, target.times.size() - 1, time, values);
-  if (state_->watcher != nullptr) state_->watcher->sample(target.info, time, values);
+  if (state_->observer != nullptr) state_->observer->sample(target.info, time, values);
   state_->drain_alarms(time);
 }
 
 void Recorder::State::add_event(const Event& event) {
   data.events.push_back(event);
-  if (watcher != nullptr) watcher->event(event.time, event.kind, event.text);
+  if (observer != nullptr) observer->event(event.time, event.kind, event.text);
   writer.post(
       [event, number = data.events.size() - 1](RecordFile& file) { file.event(number, event); },
       true);
@@ -191,6 +195,7 @@ void Recorder::State::add_event(const Event& event) {
 /// What the writer has to say becomes part of the record.
 void Recorder::State::drain_alarms(Time time) {
   for (const std::string& alarm : writer.drain_alarms()) {
+    // DiskWatch's warning needs an answer by the operator; back pressure and drops do not.
     const bool disk = alarm.starts_with("the disk");
     raise(time, disk ? "disk" : "recording", disk ? AlarmPriority::medium : AlarmPriority::low,
           alarm);
@@ -232,8 +237,8 @@ void Recorder::result(const StatedResult& result) {
 
 void Recorder::plot(const Plot& plot) {
   state_->must_be_open();
-  lay_out_plot(plot, 640,
-               360);  // throws here, where the script's line is known, and not in the report
+  // Throws here, where the script's line is known, and not in the report.
+  lay_out_plot(plot, 640, 360);
   state_->data.plots.push_back(plot);
   state_->writer.post(
       [plot, number = state_->data.plots.size() - 1](RecordFile& file) { file.plot(number, plot); },
@@ -265,6 +270,7 @@ void Recorder::picture(const std::string& name, const std::string& caption, cons
   Picture picture{name, caption, "", png_of(name, image)};
   picture.file = fmt::format("pictures/{:03}_{}.png", pictures.size() + 1, slug(name, "picture"));
   pictures.push_back(picture);
+  // The file before its row: a row never names a picture that is not there.
   const auto write = [picture, number = pictures.size() - 1,
                       &folder = state_->data.folder](RecordFile& file) {
     std::filesystem::create_directory(folder / "pictures");
@@ -339,8 +345,8 @@ void Recorder::State::write_outputs() {
   for (const SvgDrawing& one : data.drawings) write(one.title, [&] { return one.svg; });
   for (const Plot& one : data.plots) write(one.title, [&] { return to_svg(one); });
   for (const Picture& one : data.pictures) {
-    if (std::filesystem::exists(data.folder / one.file))
-      continue;  // a full disk had no room for it
+    // A picture that a full disk had no room for is written now.
+    if (std::filesystem::exists(data.folder / one.file)) continue;
     try_to("picture", [&] {
       std::filesystem::create_directory(data.folder / "pictures");
       write_file(data.folder / one.file, as_text(one.png));
@@ -353,17 +359,21 @@ void Recorder::State::write_outputs() {
   });
 }
 
+/// Each step is tried whatever became of those before it, and the first error is thrown last. The
+/// order: the writer's queues, the end record, the files made of it, one plain database, the hashes
+/// of all files, the folder itself.
 void Recorder::finish(const RunEnd& end) {
   RunData& data = state_->data;
   if (data.end) return;
-  std::exception_ptr trouble;
+  std::exception_ptr failure;
   const auto guarded = [&](auto action) {
     try {
       action();
     } catch (const std::exception&) {
-      if (!trouble) trouble = std::current_exception();
+      if (!failure) failure = std::current_exception();
     }
   };
+  // The clock is not known here: what the writer still has to say gets the last event's time.
   const Time last = data.events.empty() ? Time{} : data.events.back().time;
   guarded([&] { state_->writer.stop(); });
   for (const std::string& alarm : state_->writer.drain_alarms()) {
@@ -380,7 +390,7 @@ void Recorder::finish(const RunEnd& end) {
   guarded([&] { write_manifest(data.folder); });
   guarded([&] { sync_folder(data.folder); });
   state_->lock.release();
-  if (trouble) std::rethrow_exception(trouble);
+  if (failure) std::rethrow_exception(failure);
 }
 
 }  // namespace vitreo

@@ -1,4 +1,5 @@
-// The record of a run: what was asked, what happened, what came out; one folder a run.
+// Recorder: the record of a run while it grows (what was asked, what happened, what came out), one
+// folder a run.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -28,7 +29,7 @@ namespace vitreo {
 class Recorder {
  public:
   /// Makes the folder `parent/NAME`, new and unique, and writes run.sqlite with the start record.
-  /// Throws std::runtime_error naming the place, also where the disk is too full to begin.
+  /// Throws std::runtime_error naming the folder, also where the disk is too full to begin.
   Recorder(const std::filesystem::path& parent, const RunStart& start,
            const RecordLimits& limits = {});
   /// Writes the end record "failed: never finished" when finish() was not called.
@@ -43,8 +44,8 @@ class Recorder {
   /// unknown stream.
   void sample(int stream, Time time, std::span<const double> values);
   void event(Time time, const std::string& kind, const std::string& text);
-  /// Something that needs attention: an event "alarm", or, where somebody listens, theirs to latch
-  /// and to record.
+  /// Something that needs attention: an event "alarm", or, where there is a listener, the
+  /// listener's to latch and to record.
   void alarm(Time time, const std::string& name, AlarmPriority priority, const std::string& text);
   using AlarmListener =
       std::function<void(const std::string& name, AlarmPriority, const std::string& text)>;
@@ -55,8 +56,8 @@ class Recorder {
   /// nothing in it runs.
   void drawing(const std::string& title, const std::string& svg);
   void table(const Table& table);
-  void picture(const std::string& name, const std::string& caption,
-               const cv::Mat& image);  // stored as PNG
+  /// Stored as PNG.
+  void picture(const std::string& name, const std::string& caption, const cv::Mat& image);
 
   /// A Lua file that the scripts required; once a name.
   void module(const Module& module);
@@ -79,17 +80,16 @@ class Recorder {
   /// All of it; frames and dropped only after finish().
   const RunData& data() const;
 
-  /// Told of samples and events from now on, and by the cameras' recording of frames; nullptr:
-  /// nobody. Borrowed.
+  /// Notified of samples and events from now on, and by the cameras' recording of frames; nullptr:
+  /// none. Borrowed.
   void watch(RecordListener* listener);
   RecordListener* listener() const;
 
-  /// What is wrong with the disk, "" while all is well. `call`: told once, from another thread,
-  /// when it begins.
+  /// Fault of the disk, "" while there is none. `call`: once, from another thread, when it begins.
   std::string trouble() const;
   void on_trouble(std::function<void()> call);
 
-  /// What makes report.html of the record at finish(); without one there is no report.
+  /// Makes report.html of the record at finish(); without one there is no report.
   void set_report(std::function<std::string(const RunData&)> report);
 
   /// Writes the end record, then report.html, plots/*.svg and summary.json, and closes the file.

@@ -8,6 +8,7 @@
 namespace vitreo {
 namespace {
 
+// By Outcome.
 constexpr std::array kOutcomes = {"completed", "failed", "stopped", "aborted", "lost"};
 
 }  // namespace
@@ -43,6 +44,8 @@ std::optional<Outcome> outcome_named(const std::string& name) {
   return static_cast<Outcome>(found - kOutcomes.begin());
 }
 
+// A Lua error begins with "FILE.lua:LINE:"; a blank before the ending means that the name stands
+// somewhere in the text.
 std::string script_line(const std::string& reason) {
   const std::size_t name_end = reason.find(".lua:");
   if (name_end == std::string::npos || reason.find_first_of(" \n") < name_end) return "";

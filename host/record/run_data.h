@@ -1,5 +1,5 @@
-// What is known of a run: asked, happened, came out. Filled by the recorder while it goes on, by
-// the reader afterwards.
+// Run data: what was asked of a run, what happened, what came out. Filled by the recorder while it
+// goes on, by the reader afterwards.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,7 +18,9 @@ namespace vitreo {
 
 /// What was asked.
 struct RunStart {
-  std::string protocol_file, protocol_title, protocol_text;
+  std::string protocol_file;
+  std::string protocol_title;
+  std::string protocol_text;
   nlohmann::json parameters;       // name: SI value
   nlohmann::json parameter_units;  // name: unit as the protocol declares it, "mm/s"; missing ones
                                    // are plain numbers
@@ -44,33 +46,37 @@ std::string alarm_text(AlarmPriority priority, const std::string& name, const st
 
 struct RunEnd {
   Outcome outcome = Outcome::completed;
-  std::string reason;                         // one line; empty when completed
-  double experiment_time = 0, wall_time = 0;  // s
-  std::string place{};  // "protocols/drift.lua:12" where the script was; empty: not known
+  std::string reason;          // one line; empty when completed
+  double experiment_time = 0;  // s
+  double wall_time = 0;        // s
+  std::string place{};         // "protocols/drift.lua:12" where the script was; empty: not known
 };
 
 /// "protocols/drift.lua:12" where a reason begins with a script's line, else "".
 std::string script_line(const std::string& reason);
 
 struct Channel {
-  std::string name, unit;  // unit: SI, "" for plain numbers
+  std::string name;
+  std::string unit;  // SI, "" for plain numbers
 };
 
 struct StreamInfo {
   std::string name;    // "servo", "truth"
-  std::string source;  // "simulator truth (never seen by the loop)", "top camera"
+  std::string source;  // "the simulator's truth, which the loop never sees", "top camera"
   std::vector<Channel> channels;
 };
 
+/// A number that the run states as its result.
 struct StatedResult {
   std::string name;
-  double value;      // SI
-  std::string unit;  // SI: shown in people's unit of that size; or a unit such as "um": shown in
-                     // just that one
+  double value;  // SI
+  /// SI: shown in the display unit of that size; or a unit such as "um": shown in just that one.
+  std::string unit;
 };
 
 struct Picture {
-  std::string name, caption;
+  std::string name;
+  std::string caption;
   std::string file;  // below the run's folder
   std::vector<unsigned char> png;
 };
@@ -83,12 +89,14 @@ struct Table {
 
 /// A drawing that is no plot, such as a layout of lenses.
 struct SvgDrawing {
-  std::string title, svg;
+  std::string title;
+  std::string svg;
 };
 
 struct Event {
   Time time{};
-  std::string kind, text;
+  std::string kind;
+  std::string text;
 };
 
 /// A stream as it stands in memory: row-major samples.
@@ -103,30 +111,37 @@ struct Stream {
 
 /// A Lua file that the run's scripts required.
 struct Module {
-  std::string name, file, text;
+  std::string name;
+  std::string file;
+  std::string text;
 };
 
 /// One recorded frame, and where its pixels are.
 struct FrameRow {
-  std::string camera;          // role: "top_camera"
-  std::uint64_t number = 0;    // the camera's own count
-  Time exposed{}, received{};  // the host's clock; exposed: the middle of the exposure
-  std::optional<Time>
-      device;        // the instrument's own clock at the middle of the exposure, where it has one
-  std::string file;  // below the run's folder
-  std::uint64_t offset = 0, bytes = 0;  // of the pixels, row by row, uncompressed
-  int width_px = 0, height_px = 0;
+  std::string camera;        // role: "top_camera"
+  std::uint64_t number = 0;  // the camera's own count
+  Time exposed{};            // the host's clock at the middle of the exposure
+  Time received{};           // the host's clock
+  /// The instrument's own clock at the middle of the exposure, where it has one.
+  std::optional<Time> device;
+  std::string file;          // below the run's folder
+  std::uint64_t offset = 0;  // of the pixels, row by row, uncompressed
+  std::uint64_t bytes = 0;   // of the pixels
+  int width_px = 0;
+  int height_px = 0;
   int pixel_type = 0;       // as NDTiff has it: 0: 8 bit, 1: 16 bit, 2: 8-bit color
   std::uint32_t crc32 = 0;  // of the image as the camera gave it
-  std::uint64_t dropped_before =
-      0;  // frames lost to a full queue since the last recorded one of this camera
+  /// Frames lost to a full queue since the last recorded one of this camera.
+  std::uint64_t dropped_before = 0;
 };
 
-/// What one camera's frames are, stated when their recording began.
+/// A camera whose frames are recorded, as stated when their recording began.
 struct RecordedCameraInfo {
-  std::string camera, identity;
-  int every = 1;                                 // each n-th frame is recorded
-  double frame_period = 0, effective_pixel = 0;  // s; m of the observed plane
+  std::string camera;  // role
+  std::string identity;
+  int every = 1;               // each n-th frame is recorded
+  double frame_period = 0;     // s
+  double effective_pixel = 0;  // m of the observed plane
 };
 
 struct RunData {
@@ -144,7 +159,7 @@ struct RunData {
   std::vector<RecordedCameraInfo> cameras;
   std::vector<FrameRow> frames;  // the recorder leaves them to its writer: see Recorder::frames()
   std::vector<std::uint64_t> dropped;  // frames that were not recorded, one number a camera
-  double held = 0;                     // s for which the recorder held up those who gave it samples
+  double held = 0;                     // s for which the recorder held up its callers
   const Stream* stream(const std::string& name) const;  // null where there is none
 };
 

@@ -18,6 +18,8 @@ std::filesystem::path lock_file(const std::filesystem::path& folder) {
 
 }  // namespace
 
+// flock (BSD) belongs to the open file: it excludes other parts of this process, too, which a POSIX
+// record lock would not, and goes with the process.
 RunLock::RunLock(const std::filesystem::path& folder) : file_(lock_file(folder)) {
   descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
   if (descriptor_ < 0) throw std::runtime_error(file_.string() + ": " + std::strerror(errno));

@@ -1,5 +1,5 @@
-// Who writes a run's folder right now: a lock that the system takes back when its process dies,
-// however it dies.
+// Run lock: a run's folder belongs to the process that records into it; the system takes the lock
+// back when that dies, however it dies.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,7 +16,7 @@ class RunLock {
   RunLock(const RunLock&) = delete;
   RunLock& operator=(const RunLock&) = delete;
   void release() noexcept;
-  /// Whether somebody records into the folder now.
+  /// Whether a process records into the folder now.
   static bool is_held(const std::filesystem::path& folder);
 
  private:

@@ -1,4 +1,4 @@
-// A run in the formats of other programs. Each returns the files it made; errors throw
+// Exports of a run in the formats of other programs. Each returns the files it made; errors throw
 // std::runtime_error naming the file.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once

@@ -1,4 +1,4 @@
-// Tables for spreadsheets: a file a stream.
+// CSV export: tables for spreadsheets, a file a stream.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/run_folder.h"
 #include "host/runs/export.h"
@@ -23,6 +23,7 @@ std::string cell(const std::string& text) {
   return formula || text.find_first_of(",\"\r\n") != std::string::npos ? quoted : text;
 }
 
+/// The shortest text that reads back as the same double; NaN is an empty cell.
 std::string number(double value) { return std::isnan(value) ? "" : fmt::format("{}", value); }
 
 /// Exact: nanoseconds have more digits than a double keeps after some days.
@@ -66,8 +67,8 @@ std::string results_of(const RunData& data) {
 
 std::string frames_table(const RunData& data) {
   std::string out =
-      "t (s),received (s),device "
-      "(s),camera,number,file,offset,bytes,width_px,height_px,crc32,dropped_before\r\n";
+      "t (s),received (s),device (s),camera,number,file,offset,bytes,"
+      "width_px,height_px,crc32,dropped_before\r\n";
   for (const FrameRow& row : data.frames)
     out += fmt::format("{},{},{},{},{},{},{},{},{},{},{:08x},{}\r\n", seconds(row.exposed),
                        seconds(row.received), row.device ? seconds(*row.device) : "",

@@ -1,4 +1,4 @@
-// HDF5 by its own C library.
+// HDF5 export, by the format's own C library.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record/record_json.h"
 #include "host/runs/export.h"
@@ -28,16 +28,18 @@ class Handle {
   herr_t (*close_)(hid_t);
 };
 
+/// Throws where the library reports an error, as a negative value.
 void wanted(herr_t result, const std::string& what) {
   if (result < 0) throw std::runtime_error("HDF5: " + what + " cannot be written");
 }
 
-/// HDF5's names know the slash as a level.
+/// In HDF5's names a slash separates levels, and "." is the group itself.
 std::string named(std::string name) {
   for (char& c : name) c = c == '/' ? '_' : c;
   return name.empty() || name == "." ? "_" : name;
 }
 
+/// Variable length, UTF-8.
 Handle text_type() {
   return {[] {
             const hid_t type = H5Tcopy(H5T_C_S1);
@@ -86,6 +88,7 @@ void texts(hid_t in, const std::string& name, const std::vector<std::string>& va
     wanted(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()), name);
 }
 
+/// A column of integers, one for each element.
 template <class List, class Each>
 void times(hid_t in, const std::string& name, const List& list, Each each) {
   std::vector<std::int64_t> values;
@@ -105,6 +108,8 @@ void write_stream(hid_t streams, const Stream& stream) {
   }
 }
 
+/// One dataset (frames, v, u[, BGR]), a chunk a frame, so that readers load single frames. Written
+/// frame by frame through a hyperslab, for the whole need not fit into memory.
 void write_images(hid_t here, const RunData& data, const std::vector<const FrameRow*>& rows) {
   const FrameRow& first = *rows[0];
   const bool color = first.pixel_type == 2;
@@ -112,7 +117,8 @@ void write_images(hid_t here, const RunData& data, const std::vector<const Frame
   const int rank = color ? 4 : 3;
   const std::array<hsize_t, 4> all{rows.size(), static_cast<hsize_t>(first.height_px),
                                    static_cast<hsize_t>(first.width_px), 3};
-  std::array<hsize_t, 4> one = all, at{0, 0, 0, 0};
+  std::array<hsize_t, 4> one = all;
+  std::array<hsize_t, 4> at{0, 0, 0, 0};
   one[0] = 1;
   const Handle space(H5Screate_simple(rank, all.data(), nullptr), H5Sclose, "images");
   const Handle memory(H5Screate_simple(rank, one.data(), nullptr), H5Sclose, "images");
@@ -151,7 +157,8 @@ void write_events(hid_t file, const RunData& data) {
   const Handle here = group(file, "events");
   times(here, "t_ns", data.events,
         [](const Event& event) { return std::int64_t{event.time.count()}; });
-  std::vector<std::string> kinds, words;
+  std::vector<std::string> kinds;
+  std::vector<std::string> words;
   for (const Event& event : data.events) {
     kinds.push_back(event.kind);
     words.push_back(event.text);
@@ -178,6 +185,7 @@ Files export_hdf5(const RunData& data, const std::filesystem::path& folder) {
     for (const Stream& stream : data.streams) write_stream(streams, stream);
     write_events(file, data);
     write_frames(file, data);
+    // The handle's close cannot report an error any more: flushed here.
     wanted(H5Fflush(file, H5F_SCOPE_GLOBAL), part);
   }
   std::filesystem::rename(part, path);

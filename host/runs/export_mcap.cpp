@@ -1,5 +1,5 @@
-// A small MCAP writer, by the published specification (version 0): chunks without compression, each
-// with its index.
+// MCAP export, by the published specification (mcap.dev/spec, version 0): chunks without
+// compression, each with its index.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/digest.h"
 #include "host/files/posix_file.h"
@@ -22,9 +22,22 @@ namespace vitreo {
 namespace {
 
 constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);
+
+// Opcodes of the records.
+constexpr unsigned char kHeader = 0x01;
+constexpr unsigned char kFooter = 0x02;
+constexpr unsigned char kSchema = 0x03;
+constexpr unsigned char kChannel = 0x04;
+constexpr unsigned char kMessage = 0x05;
+constexpr unsigned char kChunk = 0x06;
+constexpr unsigned char kMessageIndex = 0x07;
+constexpr unsigned char kChunkIndex = 0x08;
+constexpr unsigned char kStatistics = 0x0B;
+constexpr unsigned char kDataEnd = 0x0F;
+
 constexpr std::size_t kChunkBytes = 1 << 20;
 
-/// Little-endian numbers, length-prefixed texts.
+/// The fields of a record: little-endian numbers, length-prefixed texts.
 class Fields {
  public:
   template <class Number>
@@ -47,6 +60,7 @@ class Fields {
   std::string bytes_;
 };
 
+/// Opcode, length, fields.
 std::string record(unsigned char kind, const Fields& fields) {
   Fields whole;
   whole.add(kind).add(std::uint64_t{fields.str().size()}).rest(fields.str());
@@ -61,42 +75,45 @@ class McapFile {
     std::filesystem::remove(part_, ignored);
     descriptor_ = create_new_file(part_);
     put(std::string(kMagic));
-    put(record(0x01, Fields().text("").text("vitreo")));
+    put(record(kHeader, Fields().text("").text("vitreo")));
   }
   ~McapFile() { close_file(descriptor_); }
   McapFile(const McapFile&) = delete;
   McapFile& operator=(const McapFile&) = delete;
 
+  /// A schema and a channel of the same number, in the data and again in the summary.
   std::uint16_t channel(const std::string& topic, const std::string& schema,
                         const nlohmann::json& content) {
     const auto id = static_cast<std::uint16_t>(counts_.size() + 1);
     const std::string both =
-        record(0x03, Fields().add(id).text(schema).text("jsonschema").text(dumped(content))) +
-        record(0x04, Fields().add(id).add(id).text(topic).text("json").add(std::uint32_t{0}));
+        record(kSchema, Fields().add(id).text(schema).text("jsonschema").text(dumped(content))) +
+        record(kChannel, Fields().add(id).add(id).text(topic).text("json").add(std::uint32_t{0}));
     put(both);
     summary_ += both;
     counts_[id] = 0;
     return id;
   }
 
+  /// `time`: ns, as log time and as publish time.
   void message(std::uint16_t channel, std::uint64_t time, const std::string& data) {
     const auto sequence = static_cast<std::uint32_t>(counts_[channel]++);
     index_[channel].emplace_back(time, chunk_.size());
     first_ = std::min(first_, time);
     last_ = std::max(last_, time);
-    chunk_ += record(0x05, Fields().add(channel).add(sequence).add(time).add(time).rest(data));
+    chunk_ += record(kMessage, Fields().add(channel).add(sequence).add(time).add(time).rest(data));
     if (chunk_.size() >= kChunkBytes) end_chunk();
   }
 
+  /// Data end, summary section, footer. The summary's CRC covers the footer up to the CRC itself.
   void finish() {
     end_chunk();
-    put(record(0x0F, Fields().add(crc_)));
+    put(record(kDataEnd, Fields().add(crc_)));
     const std::uint64_t summary_at = size_;
     summary_ += chunk_indexes_ + statistics();
-    Fields footer;
+    Fields footer;  // no summary offset section: 0
     footer.add(summary_at).add(std::uint64_t{0});
     Fields begin;
-    begin.add(static_cast<unsigned char>(0x02)).add(std::uint64_t{20}).rest(footer.str());
+    begin.add(kFooter).add(std::uint64_t{20}).rest(footer.str());
     const std::uint32_t crc =
         crc32(begin.str().data(), begin.str().size(), crc32(summary_.data(), summary_.size()));
     put(summary_ + begin.str() + Fields().add(crc).str() + std::string(kMagic));
@@ -111,35 +128,37 @@ class McapFile {
     crc_ = crc32(bytes.data(), bytes.size(), crc_);
   }
 
+  /// The chunk, its message indexes (offset of each message within the chunk, by channel), and its
+  /// row in the summary.
   void end_chunk() {
     if (chunk_.empty()) return;
     const std::uint64_t begin = size_;
-    put(record(0x06, Fields()
-                         .add(first_)
-                         .add(last_)
-                         .add(std::uint64_t{chunk_.size()})
-                         .add(crc32(chunk_.data(), chunk_.size()))
-                         .text("")
-                         .add(std::uint64_t{chunk_.size()})
-                         .rest(chunk_)));
+    put(record(kChunk, Fields()
+                           .add(first_)
+                           .add(last_)
+                           .add(std::uint64_t{chunk_.size()})
+                           .add(crc32(chunk_.data(), chunk_.size()))
+                           .text("")
+                           .add(std::uint64_t{chunk_.size()})
+                           .rest(chunk_)));
     const std::uint64_t length = size_ - begin;
-    Fields places;
+    Fields offsets;
     for (const auto& [channel, entries] : index_) {
-      places.add(channel).add(size_);
+      offsets.add(channel).add(size_);
       Fields list;
       for (const auto& [time, offset] : entries) list.add(time).add(offset);
-      put(record(0x07, Fields().add(channel).text(list.str())));
+      put(record(kMessageIndex, Fields().add(channel).text(list.str())));
     }
-    chunk_indexes_ += record(0x08, Fields()
-                                       .add(first_)
-                                       .add(last_)
-                                       .add(begin)
-                                       .add(length)
-                                       .text(places.str())
-                                       .add(size_ - begin - length)
-                                       .text("")
-                                       .add(std::uint64_t{chunk_.size()})
-                                       .add(std::uint64_t{chunk_.size()}));
+    chunk_indexes_ += record(kChunkIndex, Fields()
+                                              .add(first_)
+                                              .add(last_)
+                                              .add(begin)
+                                              .add(length)
+                                              .text(offsets.str())
+                                              .add(size_ - begin - length)
+                                              .text("")
+                                              .add(std::uint64_t{chunk_.size()})
+                                              .add(std::uint64_t{chunk_.size()}));
     ++chunks_;
     run_first_ = std::min(run_first_, first_);
     run_last_ = std::max(run_last_, last_);
@@ -157,29 +176,38 @@ class McapFile {
       all += count;
     }
     const auto channels = static_cast<std::uint16_t>(counts_.size());
-    return record(0x0B, Fields()
-                            .add(all)
-                            .add(channels)
-                            .add(std::uint32_t{channels})
-                            .add(std::uint32_t{0})
-                            .add(std::uint32_t{0})
-                            .add(chunks_)
-                            .add(all > 0 ? run_first_ : 0)
-                            .add(run_last_)
-                            .text(per_channel.str()));
+    return record(kStatistics, Fields()
+                                   .add(all)
+                                   .add(channels)
+                                   .add(std::uint32_t{channels})
+                                   .add(std::uint32_t{0})
+                                   .add(std::uint32_t{0})
+                                   .add(chunks_)
+                                   .add(all > 0 ? run_first_ : 0)
+                                   .add(run_last_)
+                                   .text(per_channel.str()));
   }
 
   static constexpr std::uint64_t kNever = std::numeric_limits<std::uint64_t>::max();
-  const std::filesystem::path file_, part_;
+  const std::filesystem::path file_;
+  const std::filesystem::path part_;
   int descriptor_ = -1;
   std::uint64_t size_ = 0;
-  std::uint32_t crc_ = 0, chunks_ = 0;
-  std::string chunk_, summary_, chunk_indexes_;
+  std::uint32_t crc_ = 0;  // of all written so far
+  std::uint32_t chunks_ = 0;
+  std::string chunk_;
+  std::string summary_;
+  std::string chunk_indexes_;
   std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>> index_;
   std::map<std::uint16_t, std::uint64_t> counts_;
-  std::uint64_t first_ = kNever, last_ = 0, run_first_ = kNever, run_last_ = 0;
+  // Least and greatest time of the chunk, and of the file.
+  std::uint64_t first_ = kNever;
+  std::uint64_t last_ = 0;
+  std::uint64_t run_first_ = kNever;
+  std::uint64_t run_last_ = 0;
 };
 
+/// ns, unsigned in MCAP: what lies before the run's beginning is at 0.
 std::uint64_t log_time(Time time) {
   return static_cast<std::uint64_t>(std::max<std::int64_t>(0, time.count()));
 }
@@ -201,7 +229,8 @@ nlohmann::json event_schema() {
 
 /// https://docs.foxglove.dev/docs/visualization/message-schemas/compressed-image
 nlohmann::json image_schema() {
-  const nlohmann::json integer = {{"type", "integer"}}, text = {{"type", "string"}};
+  const nlohmann::json integer = {{"type", "integer"}};
+  const nlohmann::json text = {{"type", "string"}};
   return {{"type", "object"},
           {"title", "foxglove.CompressedImage"},
           {"properties",
@@ -238,7 +267,8 @@ std::string image_text(const RunData& data, const FrameRow& row) {
 struct Item {
   std::uint64_t time;
   std::uint16_t channel;
-  std::size_t kind, row;  // kind: the stream's number, then events, then frames
+  std::size_t kind;  // the stream's number, then events, then frames
+  std::size_t row;
 };
 
 }  // namespace
@@ -247,7 +277,8 @@ Files export_mcap(const RunData& data, const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / "run.mcap";
   McapFile file(path);
   std::vector<Item> items;
-  const std::size_t events = data.streams.size(), frames = events + 1;
+  const std::size_t events = data.streams.size();
+  const std::size_t frames = events + 1;
   for (std::size_t i = 0; i < data.streams.size(); ++i) {
     const Stream& stream = data.streams[i];
     const std::uint16_t channel =
@@ -265,6 +296,7 @@ Files export_mcap(const RunData& data, const std::filesystem::path& folder) {
       if (data.frames[row].camera == camera.camera)
         items.push_back({log_time(data.frames[row].exposed), channel, frames, row});
   }
+  // Stable: of one moment streams come before events, events before frames.
   std::stable_sort(items.begin(), items.end(),
                    [](const Item& a, const Item& b) { return a.time < b.time; });
   for (const Item& item : items) {

@@ -1,5 +1,5 @@
-// ImageJ's kind of stack: all pixels in one piece behind the head, as it reads them, then the pages
-// for everybody else.
+// TIFF export: an ImageJ stack, all pixels in one piece behind the head, as ImageJ reads them, then
+// the page directories for other readers (TIFF 6.0).
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
@@ -16,10 +16,13 @@
 namespace vitreo {
 namespace {
 
-constexpr std::uint64_t kLargest =
-    0xFFFFFFFF - (16u << 20);  // TIFF's 32 bits, less room for the pages' directories
-constexpr std::uint32_t kEntries = 13, kDirectory = 2 + kEntries * 12 + 4;
+// TIFF's 32 bits, less room for the pages' directories.
+constexpr std::uint64_t kLargest = 0xFFFFFFFF - (16u << 20);
+// Bytes of a directory: its count, twelve for each entry, the offset of the next.
+constexpr std::uint32_t kEntries = 13;
+constexpr std::uint32_t kDirectory = 2 + kEntries * 12 + 4;
 
+/// Little-endian.
 std::string u16(std::uint32_t value) {
   return {static_cast<char>(value & 0xFF), static_cast<char>(value >> 8 & 0xFF)};
 }
@@ -27,6 +30,7 @@ std::string u32(std::uint64_t value) {
   return u16(static_cast<std::uint32_t>(value & 0xFFFF)) +
          u16(static_cast<std::uint32_t>(value >> 16));
 }
+/// An entry of a directory. A value of up to four bytes stands in place of its offset.
 std::string tag(std::uint32_t id, std::uint32_t type, std::uint64_t count, std::uint64_t value) {
   return u16(id) + u16(type) + u32(count) + u32(value);
 }
@@ -34,16 +38,25 @@ std::string tag(std::uint32_t id, std::uint32_t type, std::uint64_t count, std::
 /// What stands behind the pixels: description, bits, resolution; then the directories.
 struct Tail {
   std::uint64_t at;
-  std::string description, bits, resolution;
+  std::string description;
+  std::string bits;
+  std::string resolution;
   std::uint64_t bits_at() const { return at + description.size(); }
   std::uint64_t resolution_at() const { return bits_at() + bits.size(); }
   std::uint64_t pages_at() const { return resolution_at() + resolution.size(); }
 };
 
+/// The directory of one page, in the ascending order of tags that TIFF asks for: 256 width, 257
+/// height, 258 bits a sample, 259 compression (1: none), 262 photometric (1: black is 0, 2: RGB),
+/// 270 description, 273 strip offset, 277 samples a pixel, 278 rows a strip, 279 strip bytes, 282
+/// and 283 resolution, 296 its unit (1: none; ImageJ reads it from the description).
 std::string page(const FrameRow& first, const Tail& tail, std::uint64_t pixels_at,
                  std::uint64_t next) {
   const bool rgb = first.pixel_type == 2;
-  constexpr std::uint32_t kText = 2, kShort = 3, kLong = 4, kRational = 5;
+  constexpr std::uint32_t kText = 2;
+  constexpr std::uint32_t kShort = 3;
+  constexpr std::uint32_t kLong = 4;
+  constexpr std::uint32_t kRational = 5;
   return u16(kEntries) + tag(256, kLong, 1, first.width_px) + tag(257, kLong, 1, first.height_px) +
          tag(258, kShort, rgb ? 3 : 1,
              rgb                     ? tail.bits_at()
@@ -56,6 +69,7 @@ std::string page(const FrameRow& first, const Tail& tail, std::uint64_t pixels_a
          tag(283, kRational, 1, tail.resolution_at()) + tag(296, kShort, 1, 1) + u32(next);
 }
 
+/// ImageJ's own keys. Ended by a zero, as TIFF's texts are, and of even length.
 std::string description_of(const RecordedCameraInfo& camera, std::size_t count) {
   std::string text = fmt::format(
       "ImageJ=1.53t\nimages={0}\nframes={0}\nhyperstack=true\nmode=grayscale\nunit=um\nfinterval={"
@@ -71,6 +85,7 @@ void write_stack(const RunData& data, const RecordedCameraInfo& camera, const Fr
                  std::size_t count, const std::filesystem::path& file) {
   const FrameRow& first = *rows[0];
   const std::uint64_t pixels_end = 8 + (count * first.bytes + 1) / 2 * 2;
+  // Resolution as pixels per micrometer, a fraction of two 32-bit numbers.
   const double pixel_um = camera.effective_pixel > 0 ? camera.effective_pixel * 1e6 : 1;
   const Tail tail{pixels_end, description_of(camera, count), u16(8) + u16(8) + u16(8) + u16(0),
                   u32(1000000) + u32(static_cast<std::uint64_t>(std::lround(pixel_um * 1e6)))};
@@ -79,6 +94,7 @@ void write_stack(const RunData& data, const RecordedCameraInfo& camera, const Fr
   std::filesystem::remove(part, ignored);
   const int out = create_new_file(part);
   try {
+    // "II", little-endian, and TIFF's 42.
     write_at(out, 0, u16(0x4949) + u16(42) + u32(tail.pages_at()), part);
     std::string pages;
     for (std::size_t i = 0; i < count; ++i) {

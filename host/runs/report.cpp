@@ -21,9 +21,12 @@
 namespace vitreo {
 namespace {
 
-// px of the drawings, which the page stretches by 1.2: on paper their letters are then still of 6
-// pt.
-constexpr int kHalfWidth = 456, kWholeWidth = 929, kPlotHeight = 270, kViewHeight = 400;
+// CSS px of the drawings, which the page stretches by 1.2: on paper their letters are then still of
+// 6 pt.
+constexpr int kHalfWidth = 456;
+constexpr int kWholeWidth = 929;
+constexpr int kPlotHeight = 270;
+constexpr int kViewHeight = 400;
 constexpr std::size_t kEventsShown = 60;
 
 std::string text_of(const nlohmann::json& value) {
@@ -32,6 +35,7 @@ std::string text_of(const nlohmann::json& value) {
   return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+/// With a minus in place of the hyphen.
 std::string minus_sign(const std::string& number) {
   return number.starts_with('-') ? "\u2212" + number.substr(1) : number;
 }
@@ -40,8 +44,8 @@ std::string minus_sign(const std::string& number) {
 std::string with_micro(std::string text) {
   for (std::size_t at = 1; (at = text.find(" u", at)) != std::string::npos; at += 2) {
     const bool number = text[at - 1] >= '0' && text[at - 1] <= '9';
-    const char unit = at + 2 < text.size() ? text[at + 2] : ' ',
-               next = at + 3 < text.size() ? text[at + 3] : ' ';
+    const char unit = at + 2 < text.size() ? text[at + 2] : ' ';
+    const char next = at + 3 < text.size() ? text[at + 3] : ' ';
     const bool ends = std::string_view("/ ,;)").find(next) != std::string_view::npos;
     if (number && ends && std::string_view("msNATVW").find(unit) != std::string_view::npos)
       text.replace(at + 1, 1, "\u00b5");
@@ -63,7 +67,7 @@ std::string with_unit(const Shown& shown) {
   return shown.number + (joined ? "" : "\u00a0") + shown.unit;
 }
 
-/// "path_error_rms" as people read it.
+/// "path error rms" of "path_error_rms".
 std::string spaced(std::string name) {
   std::replace(name.begin(), name.end(), '_', ' ');
   return name;
@@ -79,8 +83,8 @@ std::string row_of(const std::string& name, const std::string& value) {
 
 std::string badge(const RunEnd* end) {
   if (!end) return "<span class=\"badge running\">running</span>";
-  constexpr const char* kSigns[] = {"\u2713", "\u2715", "\u25a0", "\u25a0",
-                                    "?"};  // told apart without color too
+  // By Outcome, distinguishable without color too.
+  constexpr const char* kSigns[] = {"\u2713", "\u2715", "\u25a0", "\u25a0", "?"};
   const std::string name = to_string(end->outcome);
   return "<span class=\"badge " + name + "\">" + kSigns[static_cast<std::size_t>(end->outcome)] +
          " " + name + "</span>";
@@ -92,6 +96,7 @@ std::string when(const std::string& folder) {
   return folder.substr(0, 10) + " " + folder.substr(11, 2) + ":" + folder.substr(13, 2);
 }
 
+/// Title, outcome, and the facts of the start record.
 std::string head_section(const RunData& data) {
   const RunStart& start = data.start;
   const RunEnd* end = data.end ? &*data.end : nullptr;
@@ -118,6 +123,7 @@ std::string head_section(const RunData& data) {
   return out + "</div>\n";
 }
 
+/// The stated results, a tile each.
 std::string result_tiles(const RunData& data) {
   std::string out;
   for (const StatedResult& result : data.results) {
@@ -338,8 +344,8 @@ void flatten(const nlohmann::json& value, const std::string& path, std::string& 
     return;
   }
   for (const auto& [key, inner] : value.items()) {
-    if (path.empty() && (key == "text" || key == "bases"))
-      continue;  // the files as they were written stand beside
+    // The files as they were written stand beside.
+    if (path.empty() && (key == "text" || key == "bases")) continue;
     flatten(inner, path.empty() ? key : fmt::format("{}.{}", path, key), out);
   }
 }
@@ -352,7 +358,8 @@ std::string fold(const std::string& title, const std::string& text) {
 
 std::string source_section(const RunData& data) {
   const RunStart& start = data.start;
-  std::string resolved, files;
+  std::string resolved;
+  std::string files;
   if (start.rig.is_object()) {
     flatten(start.rig, "", resolved);
     if (start.rig.contains("text")) files = fold("Rig file", text_of(start.rig["text"]));
@@ -369,7 +376,8 @@ std::string source_section(const RunData& data) {
 /// looked at, so no text of a run can name a part of the page.
 std::string filled(std::string_view page,
                    const std::map<std::string_view, std::string_view>& values) {
-  constexpr std::string_view kOpen = "{{", kClose = "}}";
+  constexpr std::string_view kOpen = "{{";
+  constexpr std::string_view kClose = "}}";
   std::string out;
   for (std::size_t at = 0; at < page.size();) {
     const std::size_t open = std::min(page.find(kOpen, at), page.size());

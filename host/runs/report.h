@@ -1,5 +1,4 @@
-// The report of a run: one self-contained page that reads on screen, on paper, and without a
-// network.
+// Report of a run: one self-contained page that reads on screen, on paper, and without a network.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -19,12 +19,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Marked by a diamond in the timeline.
 bool is_bad(const Event& event) {
   for (const char* kind : {"error", "alarm", "interlock", "unsafe"})
     if (event.kind == kind) return true;
   return false;
 }
 
+/// "01_path_in_depth.svg": of the title only ASCII letters and digits, in lower case.
 std::string file_name(std::size_t number, const std::string& title, const char* ending) {
   std::string name = fmt::format("{:02}_", number);
   for (const char c : title.substr(0, 60)) {
@@ -38,19 +40,21 @@ std::string file_name(std::size_t number, const std::string& title, const char* 
   return name + ending;
 }
 
-std::string said(const nlohmann::json& value) {
+/// JSON without its quotes and braces.
+std::string plain(const nlohmann::json& value) {
   if (value.is_number_float()) return format_number(value.get<double>(), 4);
   if (value.is_string()) return value.get<std::string>();
   if (!value.is_structured()) return value.dump();
   std::string out;
   for (const auto& [key, inner] : value.items())
-    out += (out.empty() ? "" : ", ") + (value.is_object() ? key + " = " : "") + said(inner);
+    out += (out.empty() ? "" : ", ") + (value.is_object() ? key + " = " : "") + plain(inner);
   return value.is_array() ? "(" + out + ")" : out;
 }
 
 /// From 0 to the end by a step that clocks have, s; the end instead of what is too near to it.
 std::vector<double> round_times(double end) {
-  constexpr double kMost = 6, kNear = 0.11;  // steps; of the whole
+  constexpr double kMost = 6;     // steps
+  constexpr double kNear = 0.11;  // of the whole
   double step = 0;
   for (const double clock :
        {15., 30., 60., 120., 300., 600., 900., 1800., 3600., 7200., 21600., 43200., 86400.})
@@ -67,11 +71,15 @@ std::vector<double> round_times(double end) {
 std::string event_text(const std::string& text) {
   if (!text.starts_with('{') && !text.starts_with('[')) return text;
   const auto value = nlohmann::json::parse(text, nullptr, false);
-  return value.is_discarded() || value.empty() ? text : said(value);
+  return value.is_discarded() || value.empty() ? text : plain(value);
 }
 
 std::string timeline_svg(const RunData& data) {
-  constexpr int kWidth = 960, kHeight = 44, kMargin = 12, kLine = 16;  // px
+  // CSS px, as the viewBox; the page scales the drawing to its width.
+  constexpr int kWidth = 960;
+  constexpr int kHeight = 44;
+  constexpr int kMargin = 12;
+  constexpr int kLine = 16;
   constexpr std::size_t kMost = 500;
   double end = data.end ? data.end->experiment_time : 0;
   for (const Event& event : data.events) end = std::max(end, to_seconds(event.time));

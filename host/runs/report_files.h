@@ -16,8 +16,8 @@ namespace vitreo {
 /// no time passed.
 std::string timeline_svg(const RunData& data);
 
-/// What devices and the loop said as JSON, with the digits that a person can use: "axis = (1, 0,
-/// 0), field = 0.01"; other texts as they are.
+/// Events that devices and the loop wrote as JSON, with four digits: "axis = (1, 0, 0), field =
+/// 0.01"; other texts as they are.
 std::string event_text(const std::string& text);
 
 enum class PlotFiles { svg, png };

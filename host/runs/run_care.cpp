@@ -24,6 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kProblemsShown = 100;
 
+/// Collects problems, a bounded number of them: a broken disk has thousands.
 class Findings {
  public:
   explicit Findings(std::vector<std::string>& problems) : problems_(problems) {}
@@ -46,6 +47,8 @@ class Findings {
   std::vector<std::string>& problems_;
 };
 
+/// SQLite's own integrity check, one end record, and as many samples as that counted, without gaps
+/// in their numbers.
 void check_database(const fs::path& folder, Findings& findings) {
   Database database((folder / "run.sqlite").string(), Database::Mode::read_only);
   Statement check = database.prepare("PRAGMA integrity_check");
@@ -79,6 +82,7 @@ void check_streams(const RunData& data, Findings& findings, RunCheck& verdict) {
   }
 }
 
+/// Every recorded image against its CRC-32, and each camera's numbers rising.
 void check_frames(const RunData& data, Findings& findings, RunCheck& verdict) {
   std::map<std::string, std::uint64_t> last;
   for (const FrameRow& row : data.frames) {
@@ -99,6 +103,9 @@ void check_frames(const RunData& data, Findings& findings, RunCheck& verdict) {
 }
 
 /// Frames that were whole in their stacks when the program died, but not yet named by a row.
+/// Rows are written in the order of the stack, so those that are missing are the last of each
+/// camera; mend_ndtiff() drops what a crash left incomplete. Number and times come from the image's
+/// metadata.
 std::size_t name_frames(Database& database, const RunData& data) {
   std::size_t named = 0;
   std::int64_t seq = static_cast<std::int64_t>(data.frames.size());
@@ -129,6 +136,7 @@ std::size_t name_frames(Database& database, const RunData& data) {
   return named;
 }
 
+/// The end record of a run that has none; its time is that of the last sample.
 void write_lost(Database& database, const RunData& data) {
   nlohmann::json counts = nlohmann::json::object();
   Time last{};
@@ -150,6 +158,7 @@ void write_lost(Database& database, const RunData& data) {
       .run();
 }
 
+/// The files that are made of the record, and their hashes last.
 void write_outputs(const RunData& data) {
   try {
     write_file(data.folder / "report.html", report_html(data));
@@ -163,6 +172,7 @@ void write_outputs(const RunData& data) {
 
 }  // namespace
 
+// Of a run that is being recorded no hashes: its files change.
 RunCheck verify_run(const fs::path& folder) {
   RunCheck verdict;
   Findings findings(verdict.problems);
@@ -185,6 +195,7 @@ RunCheck verify_run(const fs::path& folder) {
   return verdict;
 }
 
+/// All rows in one transaction: a second death while recovering leaves what was there.
 Recovery recover_run(const fs::path& folder) {
   Recovery recovery;
   RunLock lock(folder);  // first: a run that goes on is left alone

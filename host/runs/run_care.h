@@ -1,4 +1,4 @@
-// After a run: is its record as it was closed, and what a kill left behind brought into order.
+// Verification and recovery of closed runs.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,8 +11,11 @@
 namespace vitreo {
 
 struct RunCheck {
-  std::vector<std::string> problems;               // one line each; none: the record is whole
-  std::size_t files = 0, frames = 0, samples = 0;  // looked at
+  std::vector<std::string> problems;  // one line each; none: the record is whole
+  // Checked.
+  std::size_t files = 0;
+  std::size_t frames = 0;
+  std::size_t samples = 0;
 };
 
 /// Hashes, the database's own integrity, sample counts against the end record, order of time, and
@@ -20,8 +23,8 @@ struct RunCheck {
 RunCheck verify_run(const std::filesystem::path& folder);
 
 struct Recovery {
-  bool was_closed =
-      false;  // there was an end record already: nothing was done but what was left of its files
+  /// There was an end record already: nothing was done but what was left of its files.
+  bool was_closed = false;
   std::size_t frames_named = 0;  // frames that were in the stacks without a row
 };
 

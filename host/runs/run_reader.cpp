@@ -35,7 +35,7 @@ Database open_record(const fs::path& folder) {
   return database;
 }
 
-/// JSON from the record, or null where it is none.
+/// JSON from the record; discarded where it is none.
 nlohmann::json parsed(const std::string& text) {
   return nlohmann::json::parse(text, nullptr, false);
 }
@@ -45,11 +45,11 @@ nlohmann::json object_of(const std::string& text) {
   return json.is_discarded() ? nlohmann::json::object() : json;
 }
 
+/// The start record, one row.
 void read_start(Database& database, RunData& data) {
   Statement row = database.prepare(
       "SELECT protocol, title, script, operator, parameters, parameter_units, seed, versions, rig, "
-      "devices, files "
-      "FROM run");
+      "devices, files FROM run");
   if (!row.step()) throw RecordError(data.folder.string() + ": its start record is missing");
   RunStart& start = data.start;
   start.protocol_file = row.text(0);
@@ -65,6 +65,7 @@ void read_start(Database& database, RunData& data) {
   start.files = object_of(row.text(10));
 }
 
+/// The end record, where there is one yet. After read_frames(): drops are listed by camera.
 void read_end(Database& database, RunData& data) {
   Statement row = database.prepare(
       "SELECT exit_status, reason, experiment_time, wall_time, dropped, held FROM stop LIMIT 1");
@@ -82,6 +83,7 @@ void read_end(Database& database, RunData& data) {
   data.held = row.real(5);
 }
 
+/// NULL is NaN: SQLite has no NaN and stores one as NULL.
 void read_samples(Database& database, Stream& stream, const std::string& table) {
   std::string columns;
   for (const Channel& channel : stream.info.channels)
@@ -134,6 +136,7 @@ std::string inside(const RunData& data, const std::string& file) {
   return file;
 }
 
+/// What came out: results, plots, drawings, tables, pictures.
 void read_results(Database& database, RunData& data) {
   rows_of(database, "SELECT name, value, unit FROM result ORDER BY rowid",
           [&](const Statement& row) {
@@ -182,8 +185,7 @@ void read_frames(Database& database, RunData& data) {
           });
   rows_of(database,
           "SELECT camera, number, t_ns, t_received_ns, t_device_ns, file, offset, bytes, width_px, "
-          "height_px, "
-          "pixel_type, crc32, dropped_before FROM frame ORDER BY seq",
+          "height_px, pixel_type, crc32, dropped_before FROM frame ORDER BY seq",
           [&](const Statement& row) {
             FrameRow frame;
             frame.camera = row.text(0);
@@ -203,6 +205,7 @@ void read_frames(Database& database, RunData& data) {
           });
 }
 
+/// Without an end record: running as long as a process holds the folder's lock, else lost.
 std::string state_of(Database& database, const fs::path& folder, RunHead& head) {
   Statement stop =
       database.prepare("SELECT exit_status, reason, experiment_time FROM stop LIMIT 1");
@@ -224,6 +227,7 @@ std::vector<fs::path> run_folders(const fs::path& parent) {
   return folders;
 }
 
+// In this order: a path, "last", a whole name, the beginning of exactly one name.
 fs::path find_run(const std::string& word, const fs::path& parent) {
   if (fs::exists(fs::path(word) / "run.sqlite")) return fs::path(word);
   const std::vector<fs::path> folders = run_folders(parent);
@@ -275,6 +279,7 @@ cv::Mat read_frame(const RunData& data, const FrameRow& row) {
   entry.width_px = row.width_px;
   entry.height_px = row.height_px;
   entry.pixel_type = row.pixel_type;
+  // A broken row must not ask for an absurd amount of memory.
   constexpr int kLargest = 1 << 16;  // px
   const bool sensible = row.width_px > 0 && row.height_px > 0 && row.width_px <= kLargest &&
                         row.height_px <= kLargest && row.pixel_type >= 0 && row.pixel_type <= 2;
@@ -284,6 +289,7 @@ cv::Mat read_frame(const RunData& data, const FrameRow& row) {
   return read_ndtiff_image(data.folder, entry);
 }
 
+// Whatever is wrong becomes a RecordError with the file's name.
 RunData read_run(const fs::path& folder) {
   RunData data;
   data.folder = folder;

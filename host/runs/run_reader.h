@@ -1,5 +1,5 @@
-// Reads a run's folder back, of a run that is over, goes on, or was killed. What is broken or
-// foreign is an error that says so, never a crash.
+// Run reader: a run's folder read back, of a run that is over, goes on, or was killed. What is
+// broken or foreign is an error that says so, never a crash.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -20,16 +20,21 @@ class RecordError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// RUN as people say it: a folder, its name or the beginning of one below `parent`, or "last".
+/// RUN of the command line: a folder, its name or the beginning of one below `parent`, or "last".
 /// Throws RecordError that says which runs a beginning could mean.
 std::filesystem::path find_run(const std::string& word, const std::filesystem::path& parent);
 
 /// The run folders below `parent`, oldest first; none where there is no such folder.
 std::vector<std::filesystem::path> run_folders(const std::filesystem::path& parent);
 
-/// What a list wants: quick, without samples and pictures.
+/// Head of a record, for lists: quick, without samples and pictures.
 struct RunHead {
-  std::string folder, time, protocol, title, operator_name, seed;
+  std::string folder;
+  std::string time;
+  std::string protocol;
+  std::string title;
+  std::string operator_name;
+  std::string seed;
   std::string state;  // the outcome, or "running", "lost" (killed, not recovered yet), "unreadable"
   std::string reason;          // of the end, or why it cannot be read
   double experiment_time = 0;  // s

@@ -20,6 +20,7 @@ class StreamLines final : public LineEditor {
     if (interactive_) {
       out_ << prompt << std::flush;
       pollfd input{STDIN_FILENO, POLLIN, 0};
+      // What the stream has buffered already is not seen by poll().
       while (idle && in_.rdbuf()->in_avail() <= 0 && poll(&input, 1, 0) == 0) idle();
     }
     return std::getline(in_, line) ? Read::line : Read::end;
@@ -41,6 +42,7 @@ std::unique_ptr<LineEditor> stream_lines(std::istream& in, std::ostream& out, bo
   return std::make_unique<StreamLines>(in, out, interactive);
 }
 
+// XDG base directory specification: a relative path is to be ignored.
 std::filesystem::path history_file() {
   if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/')
     return std::filesystem::path(state) / "vitreo" / "history";
@@ -50,6 +52,7 @@ std::filesystem::path history_file() {
 }
 
 std::size_t word_start(const std::string& line, std::size_t cursor) {
+  // As readline's in terminal_lines.cpp.
   constexpr const char* kBreaks = " \t\n\"'()[]{}=<>~+-*/%^#&|,;";
   if (cursor > line.size()) cursor = line.size();
   if (cursor == 0) return 0;

@@ -1,5 +1,5 @@
-// Where the prompt's lines come from: a terminal with editing, history and completion, or any
-// stream.
+// Line editor: source of the prompt's lines, a terminal with editing, history and completion, or
+// any stream.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,7 +17,7 @@ class LineEditor {
  public:
   /// canceled: Ctrl-C took back what was being typed.
   enum class Read { line, canceled, end };
-  /// What the word that ends at `cursor` may become; each candidate replaces the word from its
+  /// Candidates for the word that ends at `cursor`; each replaces the word from its
   /// first letter on. A word reaches back to a blank, a quote, a bracket or an operator; dots and
   /// colons belong to it.
   using Complete =
@@ -31,7 +31,7 @@ class LineEditor {
   /// Puts a whole statement, of one line or several, into the history.
   virtual void remember(const std::string& statement) = 0;
   virtual void set_completion(Complete complete) = 0;
-  /// Somebody sits there.
+  /// A person types the lines.
   virtual bool interactive() const = 0;
   /// Shows a line above what is being typed; false when nothing is being typed, and nothing was
   /// shown. Any thread.
@@ -49,7 +49,7 @@ std::unique_ptr<LineEditor> terminal_lines(const std::filesystem::path& history)
 /// home.
 std::filesystem::path history_file();
 
-/// Where the word begins that ends at `cursor`.
+/// Index of the first character of the word that ends at `cursor`.
 std::size_t word_start(const std::string& line, std::size_t cursor);
 
 }  // namespace vitreo

@@ -26,10 +26,11 @@ std::string duration_text(double seconds) {
                     : fmt::format("{} min {:02} s", whole / 60, whole % 60);
 }
 
-/// Of the terminal that a person looks at; there is always room for a few words.
+/// Width of the terminal on the standard error; at least enough for a few words.
 std::size_t columns() {
   winsize window = {};
-  constexpr std::size_t kUsual = 80, kLeast = 10;
+  constexpr std::size_t kUsual = 80;
+  constexpr std::size_t kLeast = 10;
   if (ioctl(STDERR_FILENO, TIOCGWINSZ, &window) != 0 || window.ws_col == 0) return kUsual;
   return std::max<std::size_t>(window.ws_col, kLeast);
 }
@@ -37,8 +38,10 @@ std::size_t columns() {
 /// The beginning of `text` that fills no more than `width` columns, as far as a character of UTF-8
 /// is one column wide.
 std::string cut(const std::string& text, std::size_t width) {
-  std::size_t shown = 0, end = 0;
+  std::size_t shown = 0;
+  std::size_t end = 0;
   for (; end < text.size(); ++end) {
+    // Bytes 10xxxxxx continue a character.
     const bool begins = (static_cast<unsigned char>(text[end]) & 0xC0) != 0x80;
     if (begins && shown++ == width) break;
   }
@@ -61,8 +64,8 @@ std::string ProgressLine::text(double fraction, const std::string& label) const 
   const int filled = static_cast<int>(std::lround(fraction * kBar));
   std::string bar;
   for (int i = 0; i < kBar; ++i) bar += i < filled ? "#" : ".";
+  // Remaining = elapsed (1 - f) / f. The first percent says little about the rest.
   const double elapsed = wall_seconds() - began_;
-  // The first percent says little about the rest.
   const std::string left = fraction > 0.01 && fraction < 1
                                ? duration_text(elapsed * (1 - fraction) / fraction) + " left"
                                : "";

@@ -1,4 +1,4 @@
-// Shows on a terminal how far a run is and how long it will take; plain lines elsewhere.
+// Progress line: how far a run is and how long it will take, on a terminal; plain lines elsewhere.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace vitreo {
 
-/// May be told from several threads: a script that goes on while the watchdog's alarm comes in.
+/// Thread-safe: a script goes on while the watchdog's alarm comes in.
 class ProgressLine : public ProgressListener {
  public:
   /// `animate`: redraw one line in place (a terminal); else a line at each tenth of the way.
@@ -28,7 +28,8 @@ class ProgressLine : public ProgressListener {
   std::mutex mutex_;  // of all below
   std::ostream& out_;
   bool animate_;
-  double began_, shown_at_ = -1;
+  double began_;          // s, wall clock
+  double shown_at_ = -1;  // s, wall clock
   int shown_tenth_ = -1;
   std::size_t width_ = 0;  // of the line on the screen, columns
 };

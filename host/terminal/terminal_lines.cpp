@@ -1,4 +1,4 @@
-// The prompt on a terminal, over GNU readline: the only file that includes it.
+// Line editor on a terminal, over GNU readline: the only file that includes it.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/terminal/line_editor.h"
 
@@ -26,7 +26,7 @@ constexpr int kCtrlC = 3;
 class TerminalLines;
 TerminalLines* the_editor = nullptr;  // readline's callbacks have no place for one of ours
 
-/// Ctrl-C is a key while somebody types: a signal would ask for the end of a run that does not run.
+/// Ctrl-C is a key at the prompt: a signal would ask for the end of a run that does not run.
 void prepare_terminal(int meta) {
   rl_prep_terminal(meta);
   termios settings = {};
@@ -56,6 +56,7 @@ class TerminalLines final : public LineEditor {
     rl_readline_name = "vitreo";  // for conditions in ~/.inputrc
     rl_catch_signals = 0;         // the run's own handlers stay
     rl_prep_term_function = prepare_terminal;
+    // As word_start() has them.
     rl_basic_word_break_characters = " \t\n\"'()[]{}=<>~+-*/%^#&|,;";
     rl_completer_quote_characters = "";
     rl_attempted_completion_function = complete;
@@ -119,11 +120,14 @@ class TerminalLines final : public LineEditor {
     stifle_history(kKept);
   }
 
+  /// Other threads ask whether a line is being typed.
   void set_reading(bool reading) {
     const std::lock_guard lock(mutex_);
     reading_ = reading;
   }
 
+  /// In readline's own thread: takes the line being typed off the screen, prints, and draws it
+  /// again.
   void show_waiting() {
     std::deque<std::string> lines;
     {
@@ -145,6 +149,7 @@ class TerminalLines final : public LineEditor {
     done_ = true;
   }
 
+  /// readline's callback for a line that is complete; null at the end of the input (Ctrl-D).
   static void take_line(char* typed) {
     TerminalLines& self = *the_editor;
     if (typed == nullptr) {
@@ -180,11 +185,13 @@ class TerminalLines final : public LineEditor {
                            });
   }
 
-  std::string history_, last_, line_;
+  std::string history_;  // file; empty: none
+  std::string last_;     // newest statement of the history
+  std::string line_;
   Complete complete_;
   bool done_ = false;
   Read result_ = Read::end;
-  std::mutex mutex_;
+  std::mutex mutex_;  // of the two below
   bool reading_ = false;
   std::deque<std::string> waiting_;
 };

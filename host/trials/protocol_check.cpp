@@ -49,12 +49,14 @@ Ended run_and_look(ScriptEngine& engine, const RunRequest& request) {
   return ended;
 }
 
+/// NaN for a result that the run did not state.
 double value_of(const RunResult& result, const std::string& name) {
   for (const StatedResult& one : result.results)
     if (one.name == name) return one.value;
   return std::nan("");
 }
 
+/// The first result that is missing or outside its range; empty: none.
 std::string fault_of_results(const RunResult& result, const ProtocolTest& test) {
   for (const auto& [name, range] : test.results) {
     const double value = value_of(result, name);
@@ -71,36 +73,46 @@ std::string titled(const std::string& what, const std::string& how) {
 }
 
 void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
-             const std::function<void(const ProtocolTrial&)>& told) {
+             const std::function<void(const ProtocolTrial&)>& report) {
   const Ended ended = run_and_look(engine, request_of(base, test));
   std::string problem = ended.unsafe;
   if (ended.result.outcome != Outcome::completed)
     problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
   else if (problem.empty())
     problem = fault_of_results(ended.result, test);
-  told({titled("run", test.arguments), problem});
+  report({titled("run", test.arguments), problem});
+}
+
+/// Whether a run that must fail did, and as the test says; empty: yes.
+std::string fault_of_failure(const ProtocolTest& test, const std::string& outcome,
+                             const std::string& reason) {
+  if (outcome == "completed") return "it completed";
+  if (!test.outcome.empty() && outcome != test.outcome)
+    return fmt::format("it ended as {}, not as {}: {}", outcome, test.outcome, reason);
+  if (reason.find(test.says) == std::string::npos)
+    return fmt::format("its reason does not say \"{}\": {}", test.says, reason);
+  return "";
 }
 
 void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
-              const std::function<void(const ProtocolTrial&)>& told) {
-  std::string outcome, reason, problem;
+              const std::function<void(const ProtocolTrial&)>& report) {
+  std::string outcome;
+  std::string reason;
+  std::string problem;
   try {
     const Ended ended = run_and_look(engine, request_of(base, test));
-    outcome = to_string(ended.result.outcome), reason = ended.result.reason, problem = ended.unsafe;
-  } catch (const ConfigError& refused) {
-    outcome = "refused", reason = refused.what();
+    outcome = to_string(ended.result.outcome);
+    reason = ended.result.reason;
+    problem = ended.unsafe;
+  } catch (const ConfigError& refused) {  // of arguments that the protocol does not take
+    outcome = "refused";
+    reason = refused.what();
   }
-  if (!problem.empty())
-    ;
-  else if (outcome == "completed")
-    problem = "it completed";
-  else if (!test.outcome.empty() && outcome != test.outcome)
-    problem = fmt::format("it ended as {}, not as {}: {}", outcome, test.outcome, reason);
-  else if (reason.find(test.says) == std::string::npos)
-    problem = fmt::format("its reason does not say \"{}\": {}", test.says, reason);
-  told({titled(titled("fail", test.arguments), test.fault), problem});
+  if (problem.empty()) problem = fault_of_failure(test, outcome, reason);
+  report({titled(titled("fail", test.arguments), test.fault), problem});
 }
 
+/// A run with a stop asked for at `moment`, s of its clock.
 Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {
   request.how.companion = [moment](Session& session) {
     session.keep(session.clock.spawn("stop by test", [&session, moment] {
@@ -113,7 +125,7 @@ Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {
 }
 
 void try_stop(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
-              const std::function<void(const ProtocolTrial&)>& told) {
+              const std::function<void(const ProtocolTrial&)>& report) {
   const RunRequest request = request_of(base, test);
   const Ended whole = run_and_look(engine, request);
   const double duration = value_of(whole.result, "experiment_time");
@@ -123,15 +135,14 @@ void try_stop(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& 
     const double moment = moments(random);
     const Ended ended = stopped_at(engine, request, moment);
     std::string problem = ended.unsafe;
+    // A run that is not stopped must have ended before the moment came.
     const bool before = ended.result.outcome == Outcome::completed &&
                         value_of(ended.result, "experiment_time") <= moment;
     if (problem.empty() && ended.result.outcome != Outcome::stopped && !before)
       problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
-    told({fmt::format("stop {} of {}, at {:.3f} s", number, test.times, moment), problem});
-    std::error_code ignored;
-    if (problem.empty())
-      std::filesystem::remove_all(ended.result.folder,
-                                  ignored);  // what went well leaves no hundred folders
+    report({fmt::format("stop {} of {}, at {:.3f} s", number, test.times, moment), problem});
+    std::error_code ignored;  // what went well leaves no hundred folders
+    if (problem.empty()) std::filesystem::remove_all(ended.result.folder, ignored);
   }
 }
 
@@ -144,14 +155,14 @@ std::vector<ProtocolTest> usual_tests() {
 }
 
 void try_protocol(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
-                  const std::function<void(const ProtocolTrial&)>& told) {
+                  const std::function<void(const ProtocolTrial&)>& report) {
   switch (test.kind) {
     case ProtocolTest::Kind::run:
-      return try_run(engine, base, test, told);
+      return try_run(engine, base, test, report);
     case ProtocolTest::Kind::fail:
-      return try_fail(engine, base, test, told);
+      return try_fail(engine, base, test, report);
     case ProtocolTest::Kind::stop:
-      return try_stop(engine, base, test, told);
+      return try_stop(engine, base, test, report);
   }
 }
 

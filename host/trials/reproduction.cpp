@@ -41,6 +41,7 @@ std::string text_of(const nlohmann::json& row, const char* key) {
   return found != row.end() && found->is_string() ? found->get<std::string>() : "";
 }
 
+/// The rows of a completed run, as scripts/expect.lua wrote them. JSON has null where Lua had NaN.
 void read_rows(ReproducedRun& run) {
   std::ifstream file(fs::path(run.folder) / "expectations.json");
   const auto rows = nlohmann::json::parse(file, nullptr, false);
@@ -50,10 +51,13 @@ void read_rows(ReproducedRun& run) {
   }
   for (const auto& row : rows) {
     ReproducedRow made;
-    made.id = text_of(row, "id"), made.what = text_of(row, "what"),
+    made.id = text_of(row, "id");
+    made.what = text_of(row, "what");
     made.where = text_of(row, "where");
-    made.unit = text_of(row, "unit"), made.tolerance = text_of(row, "tolerance");
-    made.verdict = text_of(row, "verdict"), made.why = text_of(row, "why");
+    made.unit = text_of(row, "unit");
+    made.tolerance = text_of(row, "tolerance");
+    made.verdict = text_of(row, "verdict");
+    made.why = text_of(row, "why");
     const std::string reason = text_of(row, "reason");
     if (!reason.empty()) made.tolerance += " (" + reason + ")";
     if (row.contains("thesis") && row["thesis"].is_number())
@@ -69,6 +73,7 @@ void read_rows(ReproducedRun& run) {
   }
 }
 
+/// One run in a process of its own, asked and answered as on the command line (--json).
 ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
   ReproducedRun done;
   done.plan = plan;
@@ -77,25 +82,26 @@ ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
   char part[4096];
   for (std::size_t got = 0; (got = child.read(part, sizeof part)) > 0;) said.append(part, got);
   const int code = child.finish();
-  const auto told = nlohmann::json::parse(said, nullptr, false);
-  if (told.is_discarded() || !told.is_object()) {
+  const auto reply = nlohmann::json::parse(said, nullptr, false);
+  if (reply.is_discarded() || !reply.is_object()) {
     done.outcome = "failed";
     done.reason = fmt::format("the program ended with {} and said nothing", code);
     return done;
   }
-  if (told.contains("error")) {  // it did not come to a run
+  if (reply.contains("error")) {  // it did not come to a run
     done.outcome = "failed";
-    done.reason = text_of(told, "error");
+    done.reason = text_of(reply, "error");
     return done;
   }
-  done.outcome = text_of(told, "outcome");
-  done.reason = text_of(told, "reason");
-  done.folder = text_of(told, "run");
-  done.wall_time = told.value("/results/wall_time"_json_pointer, 0.0);
+  done.outcome = text_of(reply, "outcome");
+  done.reason = text_of(reply, "reason");
+  done.folder = text_of(reply, "run");
+  done.wall_time = reply.value("/results/wall_time"_json_pointer, 0.0);
   if (done.outcome == "completed") read_rows(done);
   return done;
 }
 
+/// For a cell of a table, in HTML or in Markdown.
 std::string escaped(const std::string& text, bool html) {
   std::string made;
   for (const char c : text) {
@@ -113,8 +119,13 @@ std::string escaped(const std::string& text, bool html) {
   return made;
 }
 
+/// Numbers by verdict, and runs.
 struct Tally {
-  int well = 0, missed = 0, printed = 0, failed = 0, runs = 0;
+  int well = 0;
+  int missed = 0;
+  int printed = 0;
+  int failed = 0;
+  int runs = 0;
 };
 
 Tally tally(const std::vector<ReproducedRun>& runs) {
@@ -144,6 +155,7 @@ std::string title_of(const ReproducedRun& run) {
 
 }  // namespace
 
+// Lengths below a millimeter in µm, the thesis' own unit for errors.
 std::string quantity_text(double value, const std::string& unit) {
   if (!std::isfinite(value)) return "none";
   const double size = std::abs(value);
@@ -160,6 +172,7 @@ bool is_missed(const std::string& verdict) {
   return verdict != "agrees" && verdict != "better" && verdict != "printed";
 }
 
+// Keys are sorted; entries with `joins` are read_joined()'s.
 std::vector<PlannedRun> read_plan(const RigDescription& file) {
   std::vector<PlannedRun> runs;
   ConfigReader reader(file);
@@ -182,20 +195,21 @@ std::vector<PlannedRun> read_plan(const RigDescription& file) {
 }
 
 std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
-                                     const std::function<void(const ReproducedRun&)>& told) {
+                                     const std::function<void(const ReproducedRun&)>& report) {
   std::vector<ReproducedRun> done(request.runs.size());
   std::atomic<std::size_t> next{0};
-  std::mutex telling;
-  std::exception_ptr trouble;
+  std::mutex reporting;
+  std::exception_ptr failure;
+  // Each worker takes the next run that is left; the first failure ends the taking.
   const auto work = [&] {
     for (std::size_t i = next++; i < request.runs.size(); i = next++) {
       try {
         done[i] = run_one(request, request.runs[i]);
-        const std::lock_guard lock(telling);
-        told(done[i]);
+        const std::lock_guard lock(reporting);
+        report(done[i]);
       } catch (...) {
-        const std::lock_guard lock(telling);
-        trouble = std::current_exception();
+        const std::lock_guard lock(reporting);
+        failure = std::current_exception();
         next = request.runs.size();
       }
     }
@@ -204,7 +218,7 @@ std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
   for (int i = 1; i < std::max(request.processes, 1); ++i) workers.emplace_back(work);
   work();
   for (std::thread& worker : workers) worker.join();
-  if (trouble) std::rethrow_exception(trouble);
+  if (failure) std::rethrow_exception(failure);
   return done;
 }
 

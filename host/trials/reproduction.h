@@ -1,6 +1,6 @@
-// The thesis reproduced: which runs, in which processes, and what came out beside what was printed.
-// Each protocol leaves its rows in expectations.json (scripts/expect.lua); here they are collected
-// and shown.
+// Reproduction of the thesis: which runs, in which processes, and our numbers beside the printed
+// ones. Each protocol leaves its rows in expectations.json (scripts/expect.lua); here they are
+// collected and shown.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -19,8 +19,7 @@ namespace vitreo {
 
 /// One run of the plan.
 struct PlannedRun {
-  std::string
-      key;  // its place in the plan: they are started in the order of their keys, shown in it too
+  std::string key;        // runs are started and shown in the order of their keys
   std::string protocol;   // a name in protocols/
   std::string rig;        // a name in scripts/rigs/
   std::string arguments;  // as on the command line, blanks between
@@ -34,16 +33,27 @@ std::vector<PlannedRun> read_plan(const RigDescription& file);
 
 /// One number beside the thesis'. SI.
 struct ReproducedRow {
-  std::string id, what, where, unit, tolerance, verdict, why, protocol, run;
+  std::string id;
+  std::string what;
+  std::string where;  // table or figure of the thesis
+  std::string unit;
+  std::string tolerance;
+  std::string verdict;
+  std::string why;
+  std::string protocol;
+  std::string run;
   std::optional<double> thesis;
   double ours = 0;
-  std::vector<double> values{};  // of which `ours` is the median, where the protocol tells them
+  std::vector<double> values{};  // of which `ours` is the median, where the protocol states them
 };
 
 struct ReproducedRun {
   PlannedRun plan;
-  std::string outcome, reason, folder;  // as the run itself tells
-  double wall_time = 0;                 // s
+  // As the run itself reports.
+  std::string outcome;
+  std::string reason;
+  std::string folder;
+  double wall_time = 0;  // s
   std::vector<ReproducedRow> rows;
 };
 
@@ -56,10 +66,10 @@ struct ReproduceRequest {
   bool brief = false;         // the short form of each
 };
 
-/// Runs them all; `told` is called as each ends. A run that failed has its reason and no rows.
+/// Runs them all; `report` is called as each ends. A run that failed has its reason and no rows.
 /// Throws std::runtime_error when the program cannot be started at all.
 std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
-                                     const std::function<void(const ReproducedRun&)>& told);
+                                     const std::function<void(const ReproducedRun&)>& report);
 
 /// Whether a verdict is one of those that ask for a reason.
 bool is_missed(const std::string& verdict);

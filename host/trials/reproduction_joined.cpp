@@ -10,6 +10,7 @@
 namespace vitreo {
 namespace {
 
+/// The mean of the middle two of an even number; NaN of none.
 double median_of(std::vector<double> values) {
   if (values.empty()) return std::nan("");
   std::sort(values.begin(), values.end());
@@ -36,6 +37,7 @@ std::string tolerance_of(const JoinedRow& wanted) {
          (wanted.reason.empty() ? "" : " (" + wanted.reason + ")");
 }
 
+/// `missing` gets the ids of the rows that no run brought.
 ReproducedRow joined(const JoinedRow& wanted, const std::vector<ReproducedRun>& runs,
                      std::string& missing) {
   std::vector<double> values;
@@ -54,10 +56,13 @@ ReproducedRow joined(const JoinedRow& wanted, const std::vector<ReproducedRun>& 
       values.insert(values.end(), row->values.begin(), row->values.end());
   }
   ReproducedRow made;
-  made.id = wanted.id, made.what = fmt::format("{} ({} values)", wanted.what, values.size());
-  made.where = wanted.where, made.unit = wanted.unit;
+  made.id = wanted.id;
+  made.what = fmt::format("{} ({} values)", wanted.what, values.size());
+  made.where = wanted.where;
+  made.unit = wanted.unit;
   made.ours = missing.empty() ? median_of(std::move(values)) : std::nan("");
-  made.tolerance = tolerance_of(wanted), made.verdict = verdict_of(wanted, made.ours);
+  made.tolerance = tolerance_of(wanted);
+  made.verdict = verdict_of(wanted, made.ours);
   made.why = missing.empty() ? members : "missing: " + missing;
   return made;
 }
@@ -74,9 +79,11 @@ std::vector<JoinedRow> read_joined(const RigDescription& plan) {
     JoinedRow row;
     row.of = one.texts("joins");
     if (row.of.empty()) one.fail("joins", "must name the rows that are joined");
-    row.id = one.text("id", key), row.what = one.text("what", ""),
+    row.id = one.text("id", key);
+    row.what = one.text("what", "");
     row.where = one.text("where", "");
-    row.unit = one.text("unit", ""), row.reason = one.text("reason", "");
+    row.unit = one.text("unit", "");
+    row.reason = one.text("reason", "");
     if (row.what.empty()) one.fail("what", "must be given");
     if (one.has("at_most")) row.at_most = one.number("at_most", 0, {-kNoLimit, kNoLimit, row.unit});
     one.finish();

@@ -1,4 +1,4 @@
-// Numbers that are about several runs of the reproduction together, such as a median over three
+// Joined rows of the reproduction: numbers about several runs together, such as a median over three
 // experiments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -10,9 +10,13 @@ namespace vitreo {
 /// One row made from others: the median of all the values that they are medians of (`values` of
 /// scripts/expect.lua), or of themselves where they name none.
 struct JoinedRow {
-  std::string id, what, where, unit, reason;
+  std::string id;
+  std::string what;
+  std::string where;
+  std::string unit;
+  std::string reason;
   std::vector<std::string> of;    // ids of the rows
-  std::optional<double> at_most;  // SI; without it the number is only told
+  std::optional<double> at_most;  // SI; without it there is no verdict
 };
 
 /// Of the same plan as read_plan: key = { joins = { ids }, id =, what =, where =, unit =, at_most

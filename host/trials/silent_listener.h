@@ -1,4 +1,4 @@
-// What runs of runs share: a listener that shows nothing, and arguments written in one line.
+// Silent progress listener, and arguments written in one line: shared by runs of runs.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -29,11 +29,12 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-constexpr double kSafeWithin = 0.25;          // s after an abort
+constexpr double kSafeWithin = 0.25;          // s after an abort, of the run's clock
 constexpr std::size_t kHeapGrowth = 4 << 20;  // bytes above the first runs'
 constexpr int kWarmUp = 3;                    // runs, in which caches fill
 
-/// Shared with the worker: what was recorded a second before it was killed.
+/// Memory shared with the worker: the samples recorded a second before it was killed, which outlive
+/// it. Lock-free atomics work across processes.
 struct Page {
   std::atomic<std::uint64_t> samples{0};
   std::atomic<bool> noted{false};
@@ -57,14 +58,14 @@ class Soak {
   Soak(const Soak&) = delete;
   Soak& operator=(const Soak&) = delete;
 
-  void look_at_it_alone();
-  SoakResult run(const std::function<void(const SoakedSeed&)>& told);
+  void run_undisturbed();
+  SoakResult run(const std::function<void(const SoakedSeed&)>& report);
 
  private:
   struct Worker {
     pid_t process = -1;
     int pipe = -1;
-    std::string said;  // the beginning of a line
+    std::string received;  // the beginning of a line
   };
 
   fs::path folder_of(std::uint64_t seed) const {
@@ -77,9 +78,9 @@ class Soak {
   [[noreturn]] void work(std::uint64_t first, int pipe);
   SoakedSeed run_one(std::uint64_t seed);
   void disturb(Session& session, const SoakPlan& plan, SoakWitness& witness);
-  SoakedSeed hear(Worker& worker, std::uint64_t seed);
+  SoakedSeed result_of(Worker& worker, std::uint64_t seed);
   SoakedSeed lost(Worker& worker, std::uint64_t seed, bool stuck);
-  static std::optional<std::string> line_from(Worker& worker, std::chrono::milliseconds patience);
+  static std::optional<std::string> line_from(Worker& worker, std::chrono::milliseconds timeout);
 
   ScriptEngine& engine_;
   SoakRequest request_;
@@ -87,8 +88,9 @@ class Soak {
   Page* page_ = nullptr;
 };
 
-/// The reference: how long it takes, what is recorded, which roles there are.
-void Soak::look_at_it_alone() {
+/// The reference run without disturbance: how long it takes, what is recorded, which roles there
+/// are.
+void Soak::run_undisturbed() {
   RunRequest alone = request_.run;
   alone.where.out = (fs::path(request_.run.where.out) / "soak_reference").string();
   SilentListener quiet;
@@ -107,11 +109,13 @@ void Soak::look_at_it_alone() {
 /// On the run's clock: the stop, or the kill, of the plan.
 void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness) {
   if (!plan.kill && plan.tier == StopTier::none) return;
+  // `session` ends its tasks before `plan` and `witness`, which run_one() holds, go.
   session.keep(session.clock.spawn("soak", [this, &session, &plan, &witness] {
     session.clock.sleep_until(from_seconds(plan.at));
     if (plan.kill) {
       page_->samples = samples_of(session.recorder);
       page_->noted = true;
+      // Wall time on purpose: the promise is about the disk, not about the run's clock.
       std::this_thread::sleep_for(1s);  // what is promised is what is older than that
       raise(SIGKILL);
     }
@@ -127,6 +131,8 @@ void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness)
   }));
 }
 
+/// One run under its plan, in the worker: checked while its rig is still open, and again by its
+/// result.
 SoakedSeed Soak::run_one(std::uint64_t seed) {
   const SoakPlan plan = plan_of(seed);
   SoakWitness witness;
@@ -159,14 +165,17 @@ SoakedSeed Soak::run_one(std::uint64_t seed) {
   return one;
 }
 
+/// The worker process: run after run until one kills it, a line of JSON each. In one process, so
+/// that what leaks from run to run shows.
 void Soak::work(std::uint64_t first, int pipe) {
-  prctl(PR_SET_PDEATHSIG, SIGKILL);
-  setpgid(0, 0);  // the terminal's Ctrl-C is for the parent
+  prctl(PR_SET_PDEATHSIG, SIGKILL);  // the worker does not outlive its parent
+  setpgid(0, 0);                     // the terminal's Ctrl-C is for the parent
   Footprint base;
   for (std::uint64_t seed = first, done = 0; seed < request_.first + request_.count;
        ++seed, ++done) {
     SoakedSeed one = run_one(seed);
     const Footprint now = footprint();
+    // Heap: the largest of the first runs; descriptors and threads: those of the first.
     if (done < kWarmUp) {
       base.heap = std::max(base.heap, now.heap);
       base.descriptors = done == 0 ? now.descriptors : base.descriptors;
@@ -185,9 +194,11 @@ void Soak::work(std::uint64_t first, int pipe) {
         to_json(one).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     if (::write(pipe, line.data(), line.size()) != static_cast<ssize_t>(line.size())) break;
   }
-  _exit(0);
+  _exit(0);  // no destructors of what belongs to the parent
 }
 
+/// Forks: the engine and the reference are there already. Only the calling thread goes on in the
+/// child.
 Soak::Worker Soak::start_worker(std::uint64_t first) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0)
@@ -203,13 +214,13 @@ Soak::Worker Soak::start_worker(std::uint64_t first) {
 }
 
 /// Nothing at its end, or when it does not say anything for so long.
-std::optional<std::string> Soak::line_from(Worker& worker, std::chrono::milliseconds patience) {
-  const auto until = std::chrono::steady_clock::now() + patience;
+std::optional<std::string> Soak::line_from(Worker& worker, std::chrono::milliseconds timeout) {
+  const auto until = std::chrono::steady_clock::now() + timeout;
   for (;;) {
-    const std::size_t end = worker.said.find('\n');
+    const std::size_t end = worker.received.find('\n');
     if (end != std::string::npos) {
-      std::string line = worker.said.substr(0, end);
-      worker.said.erase(0, end + 1);
+      std::string line = worker.received.substr(0, end);
+      worker.received.erase(0, end + 1);
       return line;
     }
     const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
@@ -220,7 +231,7 @@ std::optional<std::string> Soak::line_from(Worker& worker, std::chrono::millisec
     const ssize_t got = ::read(worker.pipe, bytes.data(), bytes.size());
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0) return std::nullopt;
-    worker.said.append(bytes.data(), static_cast<std::size_t>(got));
+    worker.received.append(bytes.data(), static_cast<std::size_t>(got));
   }
 }
 
@@ -249,7 +260,8 @@ SoakedSeed Soak::lost(Worker& worker, std::uint64_t seed, bool stuck) {
   return one;
 }
 
-SoakedSeed Soak::hear(Worker& worker, std::uint64_t seed) {
+/// The worker's line about this seed, or what became of the worker.
+SoakedSeed Soak::result_of(Worker& worker, std::uint64_t seed) {
   const auto began = std::chrono::steady_clock::now();
   const auto line = line_from(worker, request_.patience);
   if (!line)
@@ -259,13 +271,14 @@ SoakedSeed Soak::hear(Worker& worker, std::uint64_t seed) {
           said["outcome"], said["digest"], said["violations"]};
 }
 
-SoakResult Soak::run(const std::function<void(const SoakedSeed&)>& told) {
+/// One worker at a time; a new one takes over after a seed that killed or stuck its process.
+SoakResult Soak::run(const std::function<void(const SoakedSeed&)>& report) {
   const auto began = std::chrono::steady_clock::now();
   SoakResult result;
   Worker worker;
   for (std::uint64_t seed = request_.first; seed < request_.first + request_.count; ++seed) {
     if (worker.process < 0) worker = start_worker(seed);
-    const SoakedSeed one = hear(worker, seed);
+    const SoakedSeed one = result_of(worker, seed);
     ++result.seeds;
     ++result.outcomes[one.outcome];
     result.violations += one.violations.size();
@@ -273,7 +286,7 @@ SoakResult Soak::run(const std::function<void(const SoakedSeed&)>& told) {
       fs::remove_all(folder_of(seed));
     else
       result.bad_seeds.push_back(seed);
-    told(one);
+    report(one);
   }
   if (worker.process >= 0) {
     ::close(worker.pipe);
@@ -285,15 +298,23 @@ SoakResult Soak::run(const std::function<void(const SoakedSeed&)>& told) {
 
 }  // namespace
 
+nlohmann::json to_json(const SoakResult& result) {
+  return {{"seeds", result.seeds},
+          {"violations", result.violations},
+          {"bad_seeds", result.bad_seeds},
+          {"outcomes", result.outcomes},
+          {"wall_time", result.seconds}};
+}
+
 SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
-                const std::function<void(const SoakedSeed&)>& told) {
+                const std::function<void(const SoakedSeed&)>& report) {
   if (has_real_instruments(engine.load_rig(request.run.where.rig_file)))
     throw ConfigError("soak: " + request.run.where.rig_file +
                       " has real instruments: only a rig that is simulated throughout "
                       "is broken on purpose");
   Soak soaking(engine, request);
-  soaking.look_at_it_alone();
-  return soaking.run(told);
+  soaking.run_undisturbed();
+  return soaking.run(report);
 }
 
 }  // namespace vitreo

@@ -16,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr double kZero = 5e-3;  // V: a count of the USB-3103 is 0.3 mV
 
+/// The violations of one run, as texts.
 class Findings {
  public:
   template <class... Words>
@@ -49,7 +50,7 @@ void check_prefix(const SoakPlan& plan, const SoakReference& reference, const Re
   for (const Stream& wanted : reference.streams) {
     std::size_t count = 0;
     // A row's time may lie before the moment at which it is recorded: a frame is seen after it was
-    // exposed.
+    // exposed. Half a second is above every latency of the simulated cameras.
     const Time latest = until == kForever ? kForever : until - std::chrono::milliseconds(500);
     while (count < wanted.times.size() && wanted.times[count] < latest) ++count;
     const Stream* const found = recorder.stream(wanted.info.name);
@@ -65,12 +66,14 @@ void check_prefix(const SoakPlan& plan, const SoakReference& reference, const Re
                    found->times.begin()) &&
         std::equal(
             wanted.values.begin(), wanted.values.begin() + static_cast<std::ptrdiff_t>(values),
+            // NaN equals NaN here.
             found->values.begin(), [](double a, double b) { return a == b || (a != a && b != b); });
     findings.unless(same, "stream {}: before anything happened it is not what it was without",
                     wanted.info.name);
   }
 }
 
+/// No set-point above the amplifier's limit, but for rounding.
 void check_currents(const Recorder& recorder, OpenRig& rig, Findings& findings) {
   const Stream* const stream = recorder.stream("currents");
   if (stream == nullptr || rig.rig().coils == nullptr) return;
@@ -80,6 +83,7 @@ void check_currents(const Recorder& recorder, OpenRig& rig, Findings& findings) 
                   "a current of {:g} A was asked for", most);
 }
 
+/// The record on the disk is whole, and is the one in memory.
 void check_record(const Recorder& recorder, Findings& findings) {
   for (const std::string& problem : verify_run(recorder.folder()).problems)
     findings.unless(false, "verify: {}", problem);
@@ -154,6 +158,7 @@ std::vector<std::string> check_result(const SoakPlan& plan, const SoakWitness& w
                   "{} with exit code {}", to_string(outcome), static_cast<int>(result.exit_code));
   findings.unless(outcome == Outcome::completed || !result.reason.empty(), "{} without a reason",
                   to_string(outcome));
+  // A fault may end the run before the stop does; without one the outcome must be the stop's.
   findings.unless(!witness.asked || outcome != Outcome::completed,
                   "completed, though it was told to end");
   if (!faulty && witness.asked)
@@ -196,6 +201,7 @@ Footprint footprint() {
     return static_cast<std::size_t>(
         std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
   };
+  // glibc's own count: allocated chunks of the arenas, and large blocks that are mapped.
   const struct mallinfo2 heap = mallinfo2();
   return {entries("/proc/self/fd"), entries("/proc/self/task"), heap.uordblks + heap.hblkhd};
 }

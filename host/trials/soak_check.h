@@ -1,8 +1,9 @@
-// What must hold of every run of a soak, whatever happened to it.
+// Soak checks: what must hold of every run of a soak test, whatever happened to it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/trials/soak.h"
+#include "host/engine/run_engine.h"
+#include "host/trials/soak_plan.h"
 
 #include <filesystem>
 #include <string>
@@ -17,7 +18,7 @@ struct SoakReference {
   std::vector<Stream> streams;
 };
 
-/// What the disturbing task saw.
+/// Observations of the disturbing task.
 struct SoakWitness {
   bool asked = false;  // the stop came while the script ran
   std::vector<std::string> violations;
@@ -40,7 +41,9 @@ bool coils_unreachable(const SoakPlan& plan);
 
 /// Of this process: what must not grow from run to run.
 struct Footprint {
-  std::size_t descriptors = 0, threads = 0, heap = 0;  // heap: bytes in use
+  std::size_t descriptors = 0;
+  std::size_t threads = 0;
+  std::size_t heap = 0;  // bytes in use
 };
 Footprint footprint();
 

@@ -1,7 +1,5 @@
-// What a soak's seed draws, and how it is told.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/text/units.h"
-#include "host/trials/soak.h"
+#include "host/trials/soak_plan.h"
 
 #include <fmt/format.h>
 
@@ -11,9 +9,13 @@
 namespace vitreo {
 namespace {
 
+/// Draws that are the same with every standard library: std::mt19937_64 is specified to the bit,
+/// the standard's distributions are not.
 class Dice {
  public:
+  // Weyl's constant, 2^64 over the golden ratio, spreads consecutive seeds.
   explicit Dice(std::uint64_t seed) : random_(seed * 0x9E3779B97F4A7C15U + 0x50AC) {}
+  /// Uniform: the upper 53 bits, as many as a double has, over 2^53.
   double between(double least, double most) {
     return least + (most - least) * (static_cast<double>(random_() >> 11U) * 0x1p-53);
   }
@@ -27,6 +29,8 @@ class Dice {
 /// Rounded to what people can type again.
 double rounded(double value) { return std::round(value * 1e3) / 1e3; }
 
+/// The fault's amount in its own unit (FaultKind::unit), half of them small and half of them gross;
+/// nothing for a kind without one.
 std::optional<double> draw_amount(const FaultKind& kind, Dice& dice) {
   if (kind.unit.empty()) return std::nullopt;
   if (kind.name == "late")
@@ -39,6 +43,7 @@ std::optional<double> draw_amount(const FaultKind& kind, Dice& dice) {
   return static_cast<double>(1 + dice.below(10));  // one of so many
 }
 
+/// Every kind on every role that this rig simulates.
 std::vector<Fault> possible_faults(const SimulatedRoles& roles) {
   std::vector<Fault> possible;
   for (const FaultKind& kind : fault_kinds()) {
@@ -60,6 +65,7 @@ SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horiz
   SoakPlan plan;
   const std::vector<Fault> possible = possible_faults(roles);
   const double many = dice.between(0, 1);
+  // 20 % of the runs without a fault, 50 % with one, 25 % with two, 5 % with three.
   const int faults = many < 0.2 ? 0 : many < 0.7 ? 1 : many < 0.95 ? 2 : 3;
   for (int i = 0; i < faults; ++i) {
     Fault fault = possible[dice.below(possible.size())];
@@ -69,6 +75,7 @@ SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horiz
     if (dice.falls(0.5)) fault.lasting = rounded(dice.between(0.01, dice.falls(0.5) ? 0.3 : 3));
     plan.faults.push_back(fault);
   }
+  // 20 % stopped, 15 % aborted, 10 % emergency stops, 6 % killed; the others run to their end.
   const double end = dice.between(0, 1);
   plan.tier = end < 0.2    ? StopTier::stop
               : end < 0.35 ? StopTier::abort
@@ -98,14 +105,6 @@ std::string to_text(const SoakedSeed& one) {
 nlohmann::json to_json(const SoakedSeed& one) {
   return {{"seed", one.seed},       {"plan", one.plan},     {"ending", one.ending},
           {"outcome", one.outcome}, {"digest", one.digest}, {"violations", one.violations}};
-}
-
-nlohmann::json to_json(const SoakResult& result) {
-  return {{"seeds", result.seeds},
-          {"violations", result.violations},
-          {"bad_seeds", result.bad_seeds},
-          {"outcomes", result.outcomes},
-          {"wall_time", result.seconds}};
 }
 
 }  // namespace vitreo

@@ -296,25 +296,25 @@ TEST(NewDriver, BeginsAsADriverOfItsRoleUnderItsOwnNameAndCompiles) {
     std::filesystem::copy(source / part, place.folder() / part,
                           std::filesystem::copy_options::recursive);
   }
-  std::filesystem::create_directories(place.folder() / "tests/devices");
+  std::filesystem::create_directories(place.folder() / "tests/devices/instruments");
   std::filesystem::copy(source / "tests/devices/instruments/sutter_mp285_test.cpp",
-                        place.folder() / "tests/devices");
-  std::filesystem::copy(source / "host/rig/registry.cpp", place.folder() / "host");
+                        place.folder() / "tests/devices/instruments");
+  std::filesystem::copy(source / "host/rig/registry.cpp", place.folder() / "host/rig");
   const Spoken made = place.vitreo("new driver acme_stage stage");
   ASSERT_EQ(made.exit_code, 0) << made.err;
   EXPECT_TRUE(contains(place.read("host/rig/registry.cpp"), "{\"acme_stage\", read_acme_stage}"));
-  EXPECT_TRUE(contains(place.read("tests/devices/acme_stage_test.cpp"), "AcmeStage"));
-  for (const char* file : {"devices/acme_stage/driver.cpp", "devices/acme_stage/wire.h"})
+  EXPECT_TRUE(contains(place.read("tests/devices/instruments/acme_stage_test.cpp"), "AcmeStage"));
+  for (const char* file :
+       {"devices/instruments/acme_stage/driver.cpp", "devices/instruments/acme_stage/wire.h"})
     EXPECT_FALSE(contains(place.read(file), "sutter_mp285") || contains(place.read(file), "Mp285"))
         << file;
-  EXPECT_EQ(
-      std::system(
-          ("cd '" + place.folder().string() + "' && c++ -std=c++20 -fsyntax-only -I . -I '" +
-           source.string() +
-           "' -I /usr/include/eigen3 devices/acme_stage/driver.cpp devices/acme_stage/emulator.cpp "
-           "tests/devices/acme_stage_test.cpp 2>said")
-              .c_str()),
-      0)
+  EXPECT_EQ(std::system(("cd '" + place.folder().string() +
+                         "' && c++ -std=c++20 -fsyntax-only -I . -I '" + source.string() +
+                         "' -I /usr/include/eigen3 devices/instruments/acme_stage/driver.cpp "
+                         "devices/instruments/acme_stage/emulator.cpp "
+                         "tests/devices/instruments/acme_stage_test.cpp 2>said")
+                            .c_str()),
+            0)
       << place.read("said");
   EXPECT_EQ(place.vitreo("new driver acme_stage stage").exit_code, 2) << "it is there already";
   EXPECT_TRUE(contains(place.vitreo("new driver x_y stag").err, "did you mean stage?"));
