@@ -35,6 +35,7 @@ return {
       "octomag_calibrated.yaml",
       model:text { name = "OctoMag", low = { -p.half, -p.half, -p.half }, high = { p.half, p.half, p.half } }
     )
+    calibrations.note_coils(run, "at the center against the model as it was", told.coils)
     local book = acceptance.new(run, "Coils")
     limits.coils(book, told, "octomag_calibrated.yaml", { field = p.limit })
     run:result("residual_rms", told.residual_rms, "T")

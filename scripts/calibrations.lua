@@ -144,6 +144,22 @@ function calibrations.field(rig, run, options)
   return model, told, readings
 end
 
+--- Notes how each coil compares with another model: `coils` as control.fit_dipoles and use_calibration report them.
+function calibrations.note_coils(run, against, coils)
+  local lines, reversed = {}, {}
+  for number, coil in ipairs(coils) do
+    lines[number] = ("coil %d: sign %s, gain %.3f, angle %.1f deg"):format(
+      number,
+      coil.sign < 0 and "-" or "+",
+      coil.gain or 0 / 0,
+      math.deg(coil.angle)
+    )
+    if coil.sign < 0 then reversed[#reversed + 1] = ("%d"):format(number) end
+  end
+  if #lines > 0 then run:note(("%s: %s"):format(against, table.concat(lines, "; "))) end
+  if #reversed > 0 then run:note("of opposite sign: coils " .. table.concat(reversed, ", ")) end
+end
+
 --- How old a camera's frames are when they arrive, from their own time stamps: mean and deviation, s.
 function calibrations.camera_latency(camera, count)
   local ages = {}

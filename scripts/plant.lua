@@ -1,9 +1,11 @@
 -- Replacement of the simulated plant by a measured machine, before anything moves.
 -- SPDX-License-Identifier: Apache-2.0
+local calibrations = require "calibrations"
+
 local plant = {}
 
 --- A measured calibration (YAML, as ETH's software writes it) in place of the machine that the seed draws; "": nothing is
---- done. Notes how far the measured machine is from what the loop believes.
+--- done. Notes how each coil of the measured machine compares with what the loop believes.
 function plant.calibrate(rig, run, file)
   if file == "" then return end
   if not rig.simulation then
@@ -11,13 +13,11 @@ function plant.calibrate(rig, run, file)
   end
   local found = rig.simulation:use_calibration(file)
   local name = found.name ~= "" and (" (%s)"):format(found.name) or ""
-  run:note(
-    ("the plant is the measured machine of %s%s: its coils differ from the loop's model by %.1f %% at the center"):format(
-      file,
-      name,
-      100 * found.difference
-    )
-  )
+  run:note(("the plant is the measured machine of %s%s"):format(file, name))
+  for _, warning in ipairs(found.warnings) do
+    run:note(warning)
+  end
+  calibrations.note_coils(run, "at the center against the loop's model", found.coils)
   local channels, same = {}, true
   for coil, channel in ipairs(found.channels) do
     channels[coil] = ("%d"):format(channel)

@@ -162,6 +162,7 @@ class DryRun {
     for (const std::string& trip : report_.coils.trips)
       report_.problems.push_back("the interlock tripped: " + trip);
     for (const std::string& remark : rehearsal.remarks) report_.warnings.push_back(remark);
+    for (const std::string& warning : rig.warnings) report_.warnings.push_back(warning);
     report_.frame_bytes_per_second = frame_bytes_per_second(rehearsal.frames, rig);
     report_.disk_bytes =
         sample_bytes(recorder_) + report_.frame_bytes_per_second * report_.duration;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/open_rig.h"
 
-#include "control/field_calibration_file.h"
 #include "control/robots.h"
 #include "control/vitreous.h"
 #include "host/rig/calibrations.h"
+#include "host/rig/field_calibration_yaml.h"
 #include "host/rig/plant_settings.h"
 #include "host/rig/rig_settings.h"
 #include "host/safety/guardian.h"
@@ -150,13 +150,16 @@ std::string beside(const RigDescription& rig, const std::string& key, const std:
   return (std::filesystem::path(rig.source_of(key).file).parent_path() / name).string();
 }
 
-control::MultipoleField model_calibration(const std::string& file) {
+control::MultipoleField model_calibration(const std::string& file,
+                                          std::vector<std::string>& warnings) {
   std::ifstream stream(file, std::ios::binary);
   std::ostringstream text;
   text << stream.rdbuf();
   if (!stream) throw ConfigError(file + ": the field's calibration cannot be read");
   try {
-    return control::parse_field_calibration(text.str()).field;
+    control::FieldCalibration read = parse_field_calibration(text.str());
+    for (const std::string& warning : read.warnings) warnings.push_back(file + ": " + warning);
+    return std::move(read.field);
   } catch (const std::invalid_argument& problem) {
     throw ConfigError(file + ": " + problem.what());
   }
@@ -199,24 +202,27 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
   sim::LaboratorySettings& laboratory = settings.laboratory;
   if (!laboratory.fundus.empty())
     laboratory.fundus = beside(description, "truth.fundus", laboratory.fundus);
+  std::vector<std::string> warnings;
   if (!settings.field_calibration.empty())
-    settings.model.field = laboratory.believed_field =
-        model_calibration(beside(description, "model.calibration", settings.field_calibration));
+    settings.model.field = laboratory.believed_field = model_calibration(
+        beside(description, "model.calibration", settings.field_calibration), warnings);
   keep_simulated_cameras(description, laboratory);
   settings.laboratory.truth_shift = shifts.truth;
   settings.laboratory.drawn_shift = shifts.drawn;
   try {
     if (!settings.calibration.empty()) {
       try {
-        laboratory.world.field =
-            read_calibration(beside(description, "truth.calibration", settings.calibration),
-                             laboratory.world.field)
-                .field;
+        MeasuredField measured = read_calibration(
+            beside(description, "truth.calibration", settings.calibration), laboratory.world.field);
+        laboratory.world.field = std::move(measured.field);
+        warnings.insert(warnings.end(), measured.warnings.begin(), measured.warnings.end());
       } catch (const std::invalid_argument& problem) {
         throw std::invalid_argument(std::string("truth.calibration: ") + problem.what());
       }
     }
-    return std::make_unique<SimulatedRig>(settings, reader.resolved(), clock, seed);
+    auto opened = std::make_unique<SimulatedRig>(settings, reader.resolved(), clock, seed);
+    opened->rig().warnings = std::move(warnings);
+    return opened;
   } catch (const std::invalid_argument& problem) {
     throw ConfigError(description.file + ": " + problem.what());
   }

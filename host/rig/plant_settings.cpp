@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/plant_settings.h"
 
-#include "control/field_calibration_file.h"
+#include "host/rig/field_calibration_yaml.h"
 #include "host/text/units.h"
 
 #include <bit>
@@ -198,17 +198,20 @@ MeasuredField read_calibration(const std::filesystem::path& file,
   if (!stream || std::filesystem::is_directory(file)) throw wrong("cannot be read");
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   try {
-    const control::FieldCalibrationFile read = control::parse_field_calibration(text);
+    const control::FieldCalibration read = parse_field_calibration(text);
     if (read.field.coils() != before.coils())
       throw std::invalid_argument("it has " + std::to_string(read.field.coils()) +
                                   " coils, the rig's model " + std::to_string(before.coils()));
     if (!read.field.region().contains(Eigen::Vector3d::Zero()))
       throw std::invalid_argument("Workspace_Dimensions do not hold the workspace's center");
     check_strength(read.field);
-    MeasuredField found{read.field, read.system_name, 0, wiring(read.field, before)};
+    MeasuredField found;
+    found.system_name = read.system_name;
+    found.channels = wiring(read.field, before);
     found.field = rewired(read.field, found.channels);
-    const CoilFields measured = fields_at_center(found.field), known = fields_at_center(before);
-    found.difference = (measured - known).norm() / known.norm();
+    found.coils = control::compare_coils(found.field, before, Eigen::Vector3d::Zero());
+    for (const std::string& warning : read.warnings)
+      found.warnings.push_back(file.string() + ": " + warning);
     found.field.set_uniform_background(before.uniform_background());
     return found;
   } catch (const std::invalid_argument& problem) {

@@ -90,6 +90,7 @@ struct Rig {
   Simulation* simulation = nullptr;  // null on a laboratory rig
   RigModel model;
   Lamp* lamp = nullptr;
+  std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
   /// The names of the roles that are there, sorted.
   std::vector<std::string> roles() const;
 };

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/multipole_fit.h"
 
-#include "control/field_calibration_file.h"
 #include "control/field_fit.h"
 #include "tests/control/field_support.h"
 
@@ -85,19 +84,6 @@ TEST(FitMultipoles, holds_only_where_it_was_measured) {
                      readings_of(machine(random), {0, 0, 0}, 1e-6, 100, random));
   EXPECT_NO_THROW(fit.field.matrix({0, 0, 0}));
   EXPECT_THROW(fit.field.matrix({11e-3, 0, 0}), std::domain_error);
-}
-
-TEST(FitMultipoles, is_written_as_a_calibration_file_and_read_back_to_the_bit) {
-  std::mt19937_64 random(3);
-  const MultipoleFit fit =
-      fit_multipoles(multipoles_like(CoilField::octomag(), 2, kBox),
-                     readings_of(machine(random), {0, 0, 0}, 1e-6, 150, random));
-  const FieldCalibrationFile back =
-      parse_field_calibration(field_calibration_text({"fitted", fit.field}));
-  for (int trial = 0; trial < 20; ++trial) {
-    const Eigen::Vector3d p = place_within(random, 9e-3);
-    EXPECT_EQ(back.field.matrix(p), fit.field.matrix(p));
-  }
 }
 
 TEST(FitMultipoles, names_what_is_wrong) {

@@ -1,7 +1,7 @@
 // libFuzzer target of the field calibration reader: any bytes give a field or
 // std::invalid_argument, never else. Built and run by `make fuzz`.
 // SPDX-License-Identifier: Apache-2.0
-#include "control/field_calibration_file.h"
+#include "host/rig/field_calibration_yaml.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -9,9 +9,9 @@
 #include <string_view>
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace vitreo::control;
+  using namespace vitreo;
   try {
-    const FieldCalibrationFile file =
+    const control::FieldCalibration file =
         parse_field_calibration({reinterpret_cast<const char*>(data), size});
     // What was read can be written and read again.
     parse_field_calibration(field_calibration_text({"", file.field}));

@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "control/field_model.h"
+#include "control/field_calibration.h"
 #include "control/trajectory.h"
 #include "host/lua/interpreter/binding.h"
 
@@ -16,6 +16,9 @@ std::vector<Eigen::Vector3d> points_at(lua_State* L, int index, const char* name
 /// The options speed and acceleration, and what they say.
 std::vector<Argument> motion_options();
 control::MotionLimits motion_limits(const Call& call);
+
+/// A list with a table {sign, gain, angle} a coil; angle in rad.
+void push_comparison(lua_State* L, const std::vector<control::CoilComparison>& coils);
 
 const Class& trajectory_class();
 const Class& field_model_class();

@@ -1,14 +1,15 @@
 // field_model: what currents make, and which currents make what is wanted.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/box_allocation.h"
-#include "control/field_calibration_file.h"
 #include "control/field_fit.h"
 #include "control/robots.h"
 #include "control/stability.h"
 #include "control/workspace_map.h"
 #include "host/lua/control/bind_control.h"
+#include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
+#include "host/rig/field_calibration_yaml.h"
 
 #include <stdexcept>
 #include <string>
@@ -28,7 +29,10 @@ int push_model(const Call& call, FieldModel model) {
 
 int octomag(Call& call) { return push_model(call, control::CoilField::octomag()); }
 int field_calibration(Call& call) {
-  return push_model(call, control::parse_field_calibration(call.text(0)).field);
+  control::FieldCalibration read = parse_field_calibration(call.text(0));
+  if (const auto& show = call.context().print)
+    for (const std::string& warning : read.warnings) show("field_calibration: " + warning);
+  return push_model(call, std::move(read.field));
 }
 
 int robots(Call& call) {

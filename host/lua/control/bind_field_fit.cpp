@@ -1,13 +1,14 @@
 // Calibration of the field's model from what a probe read: dipoles or multipoles, with what is left
 // over.
 // SPDX-License-Identifier: Apache-2.0
-#include "control/field_calibration_file.h"
+#include "control/field_calibration.h"
 #include "control/field_fit.h"
 #include "control/multipole_fit.h"
 #include "host/lua/control/bind_control.h"
 #include "host/lua/interpreter/calculation.h"
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
+#include "host/rig/field_calibration_yaml.h"
 
 #include <stdexcept>
 #include <string>
@@ -63,7 +64,18 @@ struct Fitted {
   control::ResidualReport residual;
   bool converged;
   std::size_t readings;
+  std::vector<control::CoilComparison> coils;  // against the start
 };
+
+/// At the world's origin, or at the nearest position where both models hold; none where there is no
+/// such position.
+std::vector<control::CoilComparison> compared(const FieldModel& fitted, const FieldModel& start) {
+  // Clamping to one box and then to the other ends in both of them where they overlap.
+  const Eigen::Vector3d position =
+      start.nearest_valid(fitted.nearest_valid(Eigen::Vector3d::Zero()));
+  if (!fitted.valid_at(position)) return {};
+  return control::compare_coils(fitted, start, position);
+}
 
 int push_fitted(const Call& call, const Fitted& fitted) {
   FieldModel model = fitted.model;
@@ -78,6 +90,8 @@ int push_fitted(const Call& call, const Fitted& fitted) {
   lua_setfield(call.L, -2, "readings");
   push_vector(call.L, fitted.background);
   lua_setfield(call.L, -2, "background");
+  push_comparison(call.L, fitted.coils);
+  lua_setfield(call.L, -2, "coils");
   lua_pushboolean(call.L, fitted.converged);
   lua_setfield(call.L, -2, "converged");
   return 2;
@@ -96,7 +110,8 @@ int fit_dipoles(Call& call) {
             fit.background,
             {fit.residual_rms, fit.residual_largest, fit.worst_reading, fit.residual_relative},
             fit.converged,
-            readings.size()};
+            readings.size(),
+            compared(fit.field, dipoles)};
       },
       push_fitted);
 }
@@ -121,7 +136,8 @@ int fit_multipoles(Call& call) {
         }();
         breath();
         const control::MultipoleFit fit = control::fit_multipoles(from, readings);
-        return Fitted{fit.field, fit.background, fit.residual, fit.converged, readings.size()};
+        return Fitted{fit.field,     fit.background,  fit.residual,
+                      fit.converged, readings.size(), compared(fit.field, start)};
       },
       push_fitted);
 }
@@ -148,15 +164,23 @@ int text_of(Call& call) {
     const double size = model.uniform_background().norm();
     MultipoleField::Sources background = field.background_sources();
     background.push_back({{0, 0, 0}, model.uniform_background() / size, {size}, {}});
-    return call.result(control::field_calibration_text(
-        {call.text_option("name").value_or(""),
-         MultipoleField(field.sources(), background, field.region())}));
+    return call.result(
+        field_calibration_text({call.text_option("name").value_or(""),
+                                MultipoleField(field.sources(), background, field.region())}));
   }
-  return call.result(
-      control::field_calibration_text({call.text_option("name").value_or(""), field}));
+  return call.result(field_calibration_text({call.text_option("name").value_or(""), field}));
 }
 
 }  // namespace
+
+void push_comparison(lua_State* L, const std::vector<control::CoilComparison>& coils) {
+  lua_createtable(L, static_cast<int>(coils.size()), 0);
+  lua_Integer n = 0;
+  for (const control::CoilComparison& coil : coils) {
+    push_fields(L, {{"sign", coil.sign}, {"gain", coil.gain}, {"angle", coil.angle}});
+    lua_rawseti(L, -2, ++n);
+  }
+}
 
 std::vector<Binding> field_fit_functions() {
   const Argument readings{.name = "readings",
@@ -174,8 +198,8 @@ std::vector<Binding> field_fit_functions() {
            "calibrates one dipole a coil and a uniform background from a probe's readings, at "
            "least 2 a coil and 1; "
            "the table: residual_rms and residual_largest in T, residual_relative, worst_reading, "
-           "background in T, "
-           "converged",
+           "background in T, converged; coils, each as it compares with the start (sign, gain, "
+           "angle in rad)",
            fit_dipoles},
           {"control.fit_multipoles",
            {readings,

@@ -1,5 +1,6 @@
 // rig.simulation: what only a simulated rig can be told.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/lua/control/bind_control.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/readable.h"
@@ -23,7 +24,15 @@ int use_calibration(Call& call) {
   const MeasuredField measured =
       read_calibration(readable(call.context(), call.text(0)), session.rig.model.field);
   call.self<Simulation>().use_calibration(measured.field);
-  push_fields(call.L, {{"difference", measured.difference}});
+  lua_newtable(call.L);
+  push_comparison(call.L, measured.coils);
+  lua_setfield(call.L, -2, "coils");
+  lua_newtable(call.L);
+  for (std::size_t i = 0; i < measured.warnings.size(); ++i) {
+    lua_pushlstring(call.L, measured.warnings[i].data(), measured.warnings[i].size());
+    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i) + 1);
+  }
+  lua_setfield(call.L, -2, "warnings");
   push_numbers(call.L, {measured.channels.begin(), measured.channels.end()});
   lua_setfield(call.L, -2, "channels");
   lua_pushlstring(call.L, measured.system_name.data(), measured.system_name.size());
@@ -92,9 +101,9 @@ const Class& simulation_class() {
        {"use_calibration",
         {{.name = "file", .type = Type::text, .help = "YAML, as ETH's software writes it"}},
         "table",
-        "puts a measured calibration in the plant, as it is: name, difference from the loop's "
-        "model "
-        "at the center (relative), channels that drive the file's coils",
+        "puts a measured calibration in the plant, as it is: name; coils, each as it compares with "
+        "the loop's model at the center (sign, gain, angle in rad); channels that drive the file's "
+        "coils; warnings of the file's reader",
         use_calibration},
        {"set_eye",
         {{.name = "eye", .type = Type::handle, .handle = "optical_system"}},

@@ -1,7 +1,6 @@
 // Coils that warm, saturate and die; calibrations in the plant; draws of a machine; hand tuning.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/allocation.h"
-#include "control/field_calibration_file.h"
 #include "devices/sim/hardware_sample.h"
 
 #include <gtest/gtest.h>
@@ -64,13 +63,11 @@ TEST(Coils, ADeadOneCarriesNothingAndAWrongNumberIsNamed) {
   EXPECT_THROW(CoilBank(settings, 8), std::invalid_argument);
 }
 
-TEST(PlantsField, ACalibrationFileInThePlantMovesTheRobotAsTheDipolesItSays) {
+TEST(PlantsField, ACalibrationInThePlantMovesTheRobotAsTheDipolesItSays) {
   WorldSettings dipoles;
   dipoles.coils.noise = 0;
   WorldSettings calibrated = dipoles;
-  const std::string text = control::field_calibration_text(
-      {"test", as_multipoles(control::CoilField::octomag(), 20e-3)});
-  calibrated.field = control::parse_field_calibration(text).field;
+  calibrated.field = as_multipoles(control::CoilField::octomag(), 20e-3);
   const auto end = [](const WorldSettings& settings) {
     World world(settings, 4);
     world.insert_robot(Time(0), kCenter);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/plant_settings.h"
 
-#include "control/field_calibration_file.h"
+#include "host/rig/field_calibration_yaml.h"
 #include "host/rig/open_rig.h"
 #include "host/rig/rig_settings.h"
 
@@ -107,8 +107,8 @@ class CalibratedPlant : public testing::Test {
           {{dipole.position, dipole.moment_per_ampere.normalized(), {}, {-1e-7 * moment}}});
     }
     const Eigen::Vector3d size = Eigen::Vector3d::Constant(half_size), shift(off, 0, 0);
-    std::ofstream(folder / "machine.yaml") << control::field_calibration_text(
-        {"machine", {sources, {}, {shift - size, shift + size}}});
+    std::ofstream(folder / "machine.yaml")
+        << field_calibration_text({"machine", {sources, {}, {shift - size, shift + size}}});
   }
   std::string opened() const {
     RigDescription description = rig_with({{"calibration", {"machine.yaml"}}});
@@ -129,19 +129,41 @@ TEST_F(CalibratedPlant, ItsFileIsFoundBesideTheRigFileAndTakesNoDraws) {
             0.02);
 }
 
-TEST_F(CalibratedPlant, CoilsInAnotherOrderAreWiredByWhereTheyPointAndTheDifferenceIsTold) {
+TEST_F(CalibratedPlant, CoilsInAnotherOrderAreWiredByWhereTheyPointAndEachIsCompared) {
   const control::FieldModel model = control::CoilField::octomag();
   write(8, 15e-3, 0, 0, 0.9);
   const MeasuredField straight = read_calibration(folder / "machine.yaml", model);
   EXPECT_EQ(straight.channels, (std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8}));
-  EXPECT_NEAR(straight.difference, 0.1, 1e-9);
+  ASSERT_EQ(straight.coils.size(), 8U);
+  for (const control::CoilComparison& coil : straight.coils) {
+    EXPECT_EQ(coil.sign, 1);
+    EXPECT_NEAR(coil.gain, 0.9, 1e-9);
+    EXPECT_LT(coil.angle, 1e-9);
+  }
   write(8, 15e-3, 0, 3);
   const MeasuredField turned = read_calibration(folder / "machine.yaml", model);
   EXPECT_EQ(turned.channels, (std::vector<int>{4, 5, 6, 7, 8, 1, 2, 3}));
   EXPECT_EQ(turned.system_name, "machine");
-  EXPECT_LT(turned.difference, 1e-9);
+  for (const control::CoilComparison& coil : turned.coils) {
+    EXPECT_EQ(coil.sign, 1);
+    EXPECT_NEAR(coil.gain, 1, 1e-9);
+    EXPECT_LT(coil.angle, 1e-9);
+  }
   const Eigen::Vector3d place(2e-3, -1e-3, 3e-3);
   EXPECT_LT((turned.field.matrix(place) - model.matrix(place)).norm(), 1e-9);
+}
+
+// ETH's older OctoMag file is of this kind: one relative difference would be 190 %.
+TEST_F(CalibratedPlant, AFileOfOppositeSignIsComparedBySignGainAndAngle) {
+  write(8, 15e-3, 0, 0, -0.9);
+  const MeasuredField opposite =
+      read_calibration(folder / "machine.yaml", control::CoilField::octomag());
+  EXPECT_EQ(opposite.channels, (std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8}));
+  for (const control::CoilComparison& coil : opposite.coils) {
+    EXPECT_EQ(coil.sign, -1);
+    EXPECT_NEAR(coil.gain, 0.9, 1e-9);
+    EXPECT_LT(coil.angle, 1e-9);
+  }
 }
 
 TEST_F(CalibratedPlant, WithTheWrongCoilsOrElsewhereItIsRefused) {

@@ -1,18 +1,31 @@
-// From the nodes of a calibration file to a multipole field, and back to text.
 // SPDX-License-Identifier: Apache-2.0
-#include "control/field_calibration_file.h"
+#include "host/rig/field_calibration_yaml.h"
 
-#include "control/yaml_text.h"
+#include "host/rig/yaml_tree.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <iterator>
+#include <set>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
-namespace vitreo::control {
+namespace vitreo {
 namespace {
+
+using control::FieldCalibration;
+using control::MultipoleField;
+using control::MultipoleSource;
+using control::Region;
+
+// Of a direction's norm. Printed digits alone stay below the first; public calibrations have up to
+// 1.4e-3 (optimized_quadrupole_5.yaml), and what is beyond the second is another quantity.
+constexpr double kUnitSilently = 1e-3;
+constexpr double kUnitWithWarning = 0.05;
 
 using Kind = YamlNode::Kind;
 
@@ -39,10 +52,18 @@ double number(const YamlNode& node, const std::string& name) {
   return value;
 }
 
+// As in ETH's reader a number of a vector may stand in a list of its own: a column.
+const YamlNode& element(const YamlNode& node) {
+  return node.kind == Kind::sequence && node.items.size() == 1 ? node.items.front() : node;
+}
+
 Eigen::Vector3d vector(const YamlNode& node, const std::string& name) {
   if (node.kind != Kind::sequence || node.items.size() != 3)
     fail(node, name + ": three numbers are expected");
-  return {number(node.items[0], name), number(node.items[1], name), number(node.items[2], name)};
+  Eigen::Vector3d result;
+  for (int axis = 0; axis < 3; ++axis)
+    result[axis] = number(element(node.items[static_cast<std::size_t>(axis)]), name);
+  return result;
 }
 
 // One order alone is also seen without its dash.
@@ -50,34 +71,47 @@ std::vector<double> coefficients(const YamlNode* node, const std::string& name) 
   if (!node || node->kind == Kind::null) return {};
   if (node->kind == Kind::scalar) return {number(*node, name)};
   if (node->kind != Kind::sequence) fail(*node, name + ": a list of numbers or ~ is expected");
-  if (node->items.size() > kMaxMultipoleOrder) fail(*node, name + ": more than 12 orders");
+  if (node->items.size() > control::kMaxMultipoleOrder) fail(*node, name + ": more than 12 orders");
   std::vector<double> values;
-  for (const YamlNode& item : node->items) values.push_back(number(item, name));
+  for (const YamlNode& item : node->items) values.push_back(number(element(item), name));
   return values;
 }
 
 std::vector<std::string> names(const YamlNode& node, const std::string& name) {
   if (node.kind != Kind::sequence) fail(node, name + ": a list of names is expected");
   std::vector<std::string> result;
+  std::set<std::string> known;
   for (const YamlNode& item : node.items) {
     if (item.kind != Kind::scalar) fail(item, name + ": a name is expected");
-    if (std::find(result.begin(), result.end(), item.scalar) != result.end()) {
+    if (!known.insert(item.scalar).second)
       fail(item, name + ": '" + item.scalar + "' is listed twice");
-    }
     result.push_back(item.scalar);
   }
   return result;
 }
 
-MultipoleSource source_from(const YamlNode& node, const std::string& whose) {
+using Warnings = std::vector<std::string>;
+
+// A unit vector. One that is unit to 1e-3 is left to the bit: MultipoleField normalizes it, and a
+// file that is written and read again stays the same.
+Eigen::Vector3d direction(const YamlNode& node, const std::string& name, Warnings& warnings) {
+  const Eigen::Vector3d axis = vector(node, name);
+  const double off = std::abs(axis.norm() - 1);
+  if (off < kUnitSilently) return axis;
+  const std::string norm = fmt::format("{:.4g}", axis.norm());
+  if (!(off <= kUnitWithWarning)) fail(node, name + ": not a unit vector, its norm is " + norm);
+  warnings.push_back("line " + std::to_string(node.line) + ": " + name +
+                     ": not a unit vector, its norm is " + norm + "; normalized");
+  return axis.normalized();
+}
+
+MultipoleSource source_from(const YamlNode& node, const std::string& whose, Warnings& warnings) {
   if (node.kind != Kind::mapping) fail(node, whose + ": a source has keys");
   MultipoleSource source;
   source.position =
       vector(required(node, "Source_Position", whose + "/"), whose + "/Source_Position");
-  const YamlNode& direction = required(node, "Source_Direction", whose + "/");
-  source.axis = vector(direction, whose + "/Source_Direction");
-  if (!(std::abs(source.axis.norm() - 1) < 1e-3))
-    fail(direction, whose + "/Source_Direction: not a unit vector");
+  source.axis = direction(required(node, "Source_Direction", whose + "/"),
+                          whose + "/Source_Direction", warnings);
   source.regular = coefficients(node.find("A_Coeff"), whose + "/A_Coeff");
   source.irregular = coefficients(node.find("B_Coeff"), whose + "/B_Coeff");
   if (source.regular.empty() && source.irregular.empty())
@@ -85,13 +119,14 @@ MultipoleSource source_from(const YamlNode& node, const std::string& whose) {
   return source;
 }
 
-MultipoleField::Sources coil_from(const YamlNode& root, const std::string& coil) {
+MultipoleField::Sources coil_from(const YamlNode& root, const std::string& coil,
+                                  Warnings& warnings) {
   const YamlNode& node = required(root, coil, "");
   if (node.kind != Kind::mapping) fail(node, coil + ": a coil has keys");
   const YamlNode& list = required(node, "Source_List", coil + "/");
   MultipoleField::Sources sources;
   for (const std::string& name : names(list, coil + "/Source_List")) {
-    sources.push_back(source_from(required(node, name, coil + "/"), coil + "/" + name));
+    sources.push_back(source_from(required(node, name, coil + "/"), coil + "/" + name, warnings));
   }
   if (sources.empty()) fail(list, coil + "/Source_List: empty");
   return sources;
@@ -120,6 +155,23 @@ std::string text_of(double value) {
   return {buffer, end};
 }
 
+// A name may be a block scalar, with line ends; it is shown within one line.
+std::string one_line(std::string name) {
+  for (char& c : name) c = static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  const std::size_t end = name.find_last_not_of(' ');
+  return end == std::string::npos ? "" : name.substr(0, end + 1);
+}
+
+// In YAML's double quotes a backslash and a quote are escaped.
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') result += '\\';
+    result += c;
+  }
+  return result + '"';
+}
+
 template <typename Values>
 std::string list_of(const Values& values) {
   std::string text;
@@ -129,7 +181,8 @@ std::string list_of(const Values& values) {
 
 void write_coil(std::string& text, const std::string& name,
                 const MultipoleField::Sources& sources) {
-  std::string list, bodies;
+  std::string list;
+  std::string bodies;
   for (std::size_t k = 0; k < sources.size(); ++k) {
     const std::string source = "Src_" + std::to_string(k);
     list += (k ? ", " : "[") + source;
@@ -143,35 +196,43 @@ void write_coil(std::string& text, const std::string& name,
 
 }  // namespace
 
-FieldCalibrationFile parse_field_calibration(std::string_view text) {
+FieldCalibration parse_field_calibration(std::string_view text) {
   const YamlNode root = parse_yaml(text);
   if (root.kind != Kind::mapping)
     throw std::invalid_argument("line 1: not a field calibration: no keys");
   const YamlNode& list = required(root, "Coil_List", "");
+  const std::vector<std::string> coil_names = names(list, "Coil_List");
+  // Counted before anything is read: with aliases each of the coils may be large.
+  const auto is_offset = [](const std::string& name) {
+    return name.find("Offset") != std::string::npos;
+  };
+  const auto offsets = std::count_if(coil_names.begin(), coil_names.end(), is_offset);
+  const auto count = std::ssize(coil_names) - offsets;
+  if (count < 1 || count > control::kMaxCoils)
+    fail(list, "Coil_List: " + std::to_string(count) + " coils; 1 to 8 are expected");
+  if (offsets > 1) fail(list, "Coil_List: more than one Offset");
   std::vector<MultipoleField::Sources> coils;
   MultipoleField::Sources background;
-  for (const std::string& name : names(list, "Coil_List")) {
-    MultipoleField::Sources sources = coil_from(root, name);
-    if (name == "Offset") {
+  Warnings warnings;
+  for (const std::string& name : coil_names) {
+    MultipoleField::Sources sources = coil_from(root, name, warnings);
+    if (is_offset(name)) {
       background = std::move(sources);
     } else {
       coils.push_back(std::move(sources));
     }
   }
-  if (coils.empty() || coils.size() > kMaxCoils) {
-    fail(list, "Coil_List: " + std::to_string(coils.size()) + " coils; 1 to 8 are expected");
-  }
   const YamlNode* name = root.find("System_Name");
   const Region region = region_from(root);
-  return {name ? name->scalar : "",
-          MultipoleField(std::move(coils), std::move(background), region)};
+  return {name ? one_line(name->scalar) : "",
+          MultipoleField(std::move(coils), std::move(background), region), std::move(warnings)};
 }
 
-std::string field_calibration_text(const FieldCalibrationFile& file) {
-  const MultipoleField& field = file.field;
-  std::string name = file.system_name, text;
-  std::replace(name.begin(), name.end(), '"', '\'');
-  if (!name.empty()) text = "System_Name: \"" + name + "\"\n";
+std::string field_calibration_text(const FieldCalibration& calibration) {
+  const MultipoleField& field = calibration.field;
+  std::string text;
+  if (!calibration.system_name.empty())
+    text = "System_Name: " + quoted(one_line(calibration.system_name)) + "\n";
   text += "Coil_List: [";
   for (int k = 0; k < field.coils(); ++k) text += (k ? ", Coil_" : "Coil_") + std::to_string(k);
   text += field.background_sources().empty() ? "]\n" : ", Offset]\n";
@@ -188,4 +249,4 @@ std::string field_calibration_text(const FieldCalibrationFile& file) {
   return text;
 }
 
-}  // namespace vitreo::control
+}  // namespace vitreo

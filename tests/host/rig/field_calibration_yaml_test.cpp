@@ -1,7 +1,9 @@
 // Calibration files: the layout ETH's software writes, read to the number; what is wrong named with
 // its line.
 // SPDX-License-Identifier: Apache-2.0
-#include "control/field_calibration_file.h"
+#include "host/rig/field_calibration_yaml.h"
+
+#include "control/multipole_fit.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +12,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace vitreo::control {
+namespace vitreo {
 namespace {
 
 // The layout of the real files (keys in any order, block lists, ~ for none, a nested dash), with
@@ -96,7 +98,7 @@ std::string complaint(const std::string& text) {
 }
 
 TEST(FieldCalibrationFile, is_read_in_the_layout_that_eth_writes) {
-  const FieldCalibrationFile file = parse_field_calibration(kFile);
+  const control::FieldCalibration file = parse_field_calibration(kFile);
   EXPECT_EQ(file.system_name, "Two_Coils");
   ASSERT_EQ(file.field.coils(), 2);
   const auto& first = file.field.sources()[0];
@@ -117,9 +119,9 @@ TEST(FieldCalibrationFile, is_read_in_the_layout_that_eth_writes) {
 }
 
 TEST(FieldCalibrationFile, written_and_read_again_is_the_same_to_the_bit) {
-  const FieldCalibrationFile file = parse_field_calibration(kFile);
+  const control::FieldCalibration file = parse_field_calibration(kFile);
   const std::string text = field_calibration_text(file);
-  const FieldCalibrationFile again = parse_field_calibration(text);
+  const control::FieldCalibration again = parse_field_calibration(text);
   EXPECT_EQ(again.system_name, file.system_name);
   EXPECT_EQ(again.field.matrix({1e-3, 2e-3, 3e-3}), file.field.matrix({1e-3, 2e-3, 3e-3}));
   EXPECT_EQ(again.field.background({0, 0, 0}), file.field.background({0, 0, 0}));
@@ -145,7 +147,7 @@ Workspace_Dimensions: [[-.01, 1e-2], [-0.02, .02], [-3E-2, 0.03]]
 Offset: {Source_List: [s], s: {A_Coeff: [5e-5], Source_Position: [0, 0, 0], Source_Direction: [1, 0, 0]}}
 Notes: {}
 )";
-  const MultipoleField field = parse_field_calibration(kInBraces).field;
+  const control::MultipoleField field = parse_field_calibration(kInBraces).field;
   EXPECT_EQ(field.coils(), 2);
   EXPECT_EQ(field.region().low, Eigen::Vector3d(-0.01, -0.02, -0.03));
   EXPECT_EQ(field.sources()[0][0].irregular, (std::vector<double>{9.5e-07, -2.5e-09}));
@@ -154,16 +156,16 @@ Notes: {}
   const auto expect = [](const std::string& text, const std::string& what) {
     EXPECT_NE(complaint(text).find(what), std::string::npos) << complaint(text);
   };
-  expect("a: {b: 1", "line 1: a '{' that does not end");
-  expect("a: {b}", "'key: value' expected");
-  expect("a: {b: 1, b: 2}", "'b' is given twice");
-  expect("a: {b: 1]", "'}' expected in a mapping");
-  expect("a: {b: 1} c", "more after '}'");
-  expect("a: {: 1}", "a key without a name");
-  expect("a: {b:", "does not end");
+  expect("a: {b: 1", "line 1: ");
+  expect("a: {b: 1, b: 2}", "line 1: 'b' is given twice");
+  expect("a: {b: 1]", "line 1: ");
+  expect("a: {b: 1} c", "line 1: ");
+  expect("a: {: 1}", "line 1: a key without a name");
+  expect("a: {[1]: 1}", "line 1: a key without a name");
+  expect("a: {b:", "line 1: ");
   std::string deep = "a: ";
   for (int k = 0; k < 5000; ++k) deep += "{a: ";
-  expect(deep, "does not end");
+  expect(deep, "nested too deeply");
   expect(deep + std::string(5000, '}'), "nested too deeply");
 }
 
@@ -184,22 +186,103 @@ TEST(FieldCalibrationFile, says_what_is_wrong_and_in_which_line) {
   expect(with("- 9.5e-07", "- inf"), "12", "not finite");
   expect(with("- 9.5e-07", "- 1e999"), "12", "not a number");
   expect(with("      - 0.6\n", ""), "15", "Source_Direction: three numbers");
-  expect(with("      - 0.6\n", "      - 0.9\n"), "15", "Source_Direction: not a unit vector");
+  expect(with("      - 0.6\n", "      - 0.9\n"), "15",
+         "Coil_1/Src_0/Source_Direction: not a unit vector, its norm is 1.204");
   expect(with("Source_Position: [0.1, 0.2, 0.3]", "Src_Position: [0.1, 0.2, 0.3]"), "27",
          "Source_Position is missing");
   expect(with("Source_List: [Src_1, Src_0]", "Source_List: []"), "25", "Source_List: empty");
   expect(with("Workspace_Dimensions:", "Workspace:"), "4", "Workspace_Dimensions is missing");
   expect(with("    - -0.02\n", "    - 0.05\n"), "59", "low must be below high");
   expect(with("System_Name: Two_Coils", "Coil_List: [a]"), "53", "'Coil_List' is given twice");
-  expect(with("System_Name: Two_Coils", "\tSystem_Name: Two_Coils"), "53", "tab");
-  expect(with("System_Name: Two_Coils", "System_Name: &anchor"), "53", "not supported");
-  expect(with("System_Name: Two_Coils", "System_Name: \"Two"), "53", "quote");
-  expect(with("System_Name: Two_Coils", "   System_Name: Two_Coils"), "53", "indentation");
-  expect(with("[0.1, 0.2, 0.3]", "[0.1, 0.2, 0.3"), "31", "does not end");
-  expect(std::string(100, '[') + "\n", "1", "");
+  expect(with("System_Name: Two_Coils", "System_Name: *nothing"), "53", "anchor");
+  EXPECT_NE(complaint(with("System_Name: Two_Coils", "System_Name: \"Two")), "");
+  EXPECT_NE(complaint(with("System_Name: Two_Coils", "   System_Name: Two_Coils")), "");
+  expect(with("[0.1, 0.2, 0.3]", "[0.1, 0.2, 0.3"), "32", "flow");
+  expect(with("System_Name: Two_Coils", "System_Name: \x04"), "53", "control character");
+  expect(std::string(kFile) + "---\nb: 1\n", "64", "a second document");
+  expect(with("  - Offset\n", "  - Offset\n  - Offset_2\n"), "5", "more than one Offset");
+  expect(std::string(100, '[') + "\n", "1", "nested too deeply");
   std::string deep;
   for (int k = 0; k < 5000; ++k) deep += "- ";
   expect(deep + "1", "1", "nested too deeply");
+}
+
+// What yaml-cpp, and so ETH's own reader, takes beside the layout that its writer makes.
+TEST(FieldCalibrationFile, reads_anchors_block_scalars_text_over_lines_and_columns) {
+  const std::string text = with("System_Name: Two_Coils", "System_Name: |\n  Two\n  Coils");
+  EXPECT_EQ(parse_field_calibration(text).system_name, "Two Coils");
+  EXPECT_EQ(
+      parse_field_calibration(with("System_Name: Two_Coils", "System_Name: >-\n  Two\n  Coils"))
+          .system_name,
+      "Two Coils");
+  EXPECT_EQ(parse_field_calibration(with("Two_Coils", "\"Two\n  Coils\"")).system_name,
+            "Two Coils");
+  const std::string anchored =
+      with("    - Src_0\nCoil_0:", "    - Src_0\n    - Src_1\n  Src_1: *other\nCoil_0:");
+  const std::size_t at = anchored.find("Coil_1:\n  Src_0:");
+  ASSERT_NE(at, std::string::npos);
+  const std::string with_anchor = std::string(anchored).replace(at, 16, "Coil_1:\n  Src_0: &other");
+  const control::FieldCalibration file = parse_field_calibration(with_anchor);
+  const auto& sources = file.field.sources()[1];
+  ASSERT_EQ(sources.size(), 2U);
+  EXPECT_EQ(sources[1].irregular, sources[0].irregular);
+  EXPECT_EQ(sources[1].position, sources[0].position);
+  const control::FieldCalibration column = parse_field_calibration(
+      with("Source_Position: [0.1, 0.2, 0.3]", "Source_Position: [[0.1], [0.2], [0.3]]"));
+  EXPECT_EQ(column.field.sources()[0][0].position, Eigen::Vector3d(0.1, 0.2, 0.3));
+}
+
+// optimized_quadrupole_5.yaml of ETH's public calibrations has a norm of 1.0014.
+TEST(FieldCalibrationFile, normalizes_a_direction_up_to_5_percent_off_with_a_warning) {
+  EXPECT_TRUE(parse_field_calibration(kFile).warnings.empty());
+  EXPECT_TRUE(parse_field_calibration(with("      - 0.6\n", "      - 0.6005\n")).warnings.empty());
+  const control::FieldCalibration off =
+      parse_field_calibration(with("      - 0.6\n", "      - 0.602333\n"));
+  ASSERT_EQ(off.warnings.size(), 1U);
+  EXPECT_EQ(off.warnings[0],
+            "line 15: Coil_1/Src_0/Source_Direction: not a unit vector, its norm is 1.001; "
+            "normalized");
+  EXPECT_NEAR(off.field.sources()[1][0].axis.norm(), 1, 1e-15);
+  EXPECT_EQ(parse_field_calibration(with("      - 0.6\n", "      - 0.67\n")).warnings.size(), 1U);
+  EXPECT_NE(complaint(with("      - 0.6\n", "      - 0.69\n")).find("not a unit vector"),
+            std::string::npos);
+  EXPECT_NE(complaint(with("Source_Direction: [1, 0, 0]", "Source_Direction: [0, 0, 0]"))
+                .find("not a unit vector"),
+            std::string::npos);
+}
+
+TEST(FieldCalibrationFile, refuses_what_is_too_large_before_it_costs_much) {
+  EXPECT_NE(complaint(std::string((std::size_t{1} << 20) + 1, ' ')).find("larger than 1 MiB"),
+            std::string::npos);
+  std::string bomb = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n";
+  for (int k = 1; k < 12; ++k) {
+    const std::string before = "*a" + std::to_string(k - 1);
+    bomb += "a" + std::to_string(k) + ": &a" + std::to_string(k) + " [";
+    for (int n = 0; n < 10; ++n) bomb += (n > 0 ? ", " : "") + before;
+    bomb += "]\n";
+  }
+  EXPECT_NE(complaint(bomb).find("line 5: more than 50000 values"), std::string::npos)
+      << complaint(bomb);
+  std::string many = "a: [";
+  for (int k = 0; k < 60000; ++k) many += "1, ";
+  EXPECT_NE(complaint(many + "1]").find("more than 50000 values"), std::string::npos);
+  EXPECT_NE(complaint("a: &a [*a]").find("line 1: "), std::string::npos) << complaint("a: &a [*a]");
+}
+
+TEST(FieldCalibrationFile, written_from_dipoles_it_is_read_back_to_the_bit_with_any_name) {
+  std::mt19937_64 random(3);
+  const control::Region box{Eigen::Vector3d::Constant(-12e-3), Eigen::Vector3d::Constant(12e-3)};
+  const control::MultipoleField field =
+      control::multipoles_like(control::CoilField::octomag().perturbed({}, random), 2, box);
+  const std::string name = "Octo\"Mag' \\ n: #1";
+  const control::FieldCalibration back =
+      parse_field_calibration(field_calibration_text({name, field}));
+  EXPECT_EQ(back.system_name, name);
+  std::uniform_real_distribution<double> uniform(-9e-3, 9e-3);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Eigen::Vector3d p(uniform(random), uniform(random), uniform(random));
+    EXPECT_EQ(back.field.matrix(p), field.matrix(p));
+  }
 }
 
 TEST(FieldCalibrationFile, survives_any_damage_with_a_clear_error_or_a_field) {
@@ -218,4 +301,4 @@ TEST(FieldCalibrationFile, survives_any_damage_with_a_clear_error_or_a_field) {
 }
 
 }  // namespace
-}  // namespace vitreo::control
+}  // namespace vitreo
