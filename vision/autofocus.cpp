@@ -50,9 +50,9 @@ struct Autofocus::State {
   // Where an upward approach starts; not below the travel limit.
   double below() const { return std::max(target - settings.backlash, lowest); }
   // The fitted peak; without one the stage still parks at the best sample, if any was not blank.
-  AutofocusDone finish() {
+  AutofocusResult finish() {
     done = true;
-    AutofocusDone result{find_focus_peak(samples, settings.peak), std::nullopt, readings_used};
+    AutofocusResult result{find_focus_peak(samples, settings.peak), std::nullopt, readings_used};
     const auto best = std::max_element(
         samples.begin(), samples.end(),
         [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });

@@ -13,14 +13,14 @@
 
 namespace vitreo::vision {
 
-struct AutofocusDone {
+struct AutofocusResult {
   FocusPeakFit fit;  ///< found: fit.peak has best position and sigma; else why not
   /// Final position: the peak, else the best that was measured; nothing when all was blank.
   std::optional<double> park;
   int readings = 0;  ///< that were used
 };
 /// A position to go to and measure at, or the end.
-using AutofocusStep = std::variant<double, AutofocusDone>;
+using AutofocusStep = std::variant<double, AutofocusResult>;
 
 /// One search. Pure: the caller moves the stage and measures.
 class Autofocus {

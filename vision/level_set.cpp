@@ -219,7 +219,7 @@ void LevelSet::evolve(const Thresholds& thresholds) {
 
 // Table 8.1: N_s iterations in which x in L_out switches in if phi*(x) < 0, and x in L_in out if
 // phi*(x) > 0, each followed by the deletion of points that left the front (clean()).
-void LevelSet::pull_to(const PlacedShape& prior) {
+void LevelSet::evolve_to_prior(const PlacedShape& prior) {
   const std::int16_t* f = evidence_->values().data();
   const cv::Rect& region = evidence_->region();
   const auto at = [&](int p) { return prior.at(region.x + p % stride_, region.y + p / stride_); };

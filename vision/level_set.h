@@ -47,7 +47,7 @@ class LevelSet {
   /// Cycles one and two.
   void evolve(const Thresholds& thresholds);
   /// Cycle three: table 8.1 line by line.
-  void pull_to(const PlacedShape& prior);
+  void evolve_to_prior(const PlacedShape& prior);
   /// Drops all but the largest part from phi and from the lists.
   Segment keep_largest();
 

@@ -85,7 +85,7 @@ Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, d
     level_set_.front(front_);
     const ShapeFit fit =
         model_->shape.fit(front_, model_->shape.pose_of(expected), settings_.shape_fit);
-    level_set_.pull_to(PlacedShape(model_->shape, fit));
+    level_set_.evolve_to_prior(PlacedShape(model_->shape, fit));
     result.segment = level_set_.keep_largest();
     result.shape = fit;
     at = settings_.refine ? model_->shape.ellipse_of(fit) : result.segment.ellipse;

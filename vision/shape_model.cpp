@@ -255,7 +255,7 @@ ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& pre
     sum.matrix.diagonal() += stiffness;
     sum.right -= stiffness.cwiseProduct(from_prior);
     fit.log_posterior = -sum.cost - 0.5 * from_prior.dot(stiffness.cwiseProduct(from_prior));
-    fit.in_line = static_cast<double>(sum.inliers) / static_cast<double>(count);
+    fit.inlier_fraction = static_cast<double>(sum.inliers) / static_cast<double>(count);
     const Vector8 move = sum.matrix.selfadjointView<Eigen::Lower>().ldlt().solve(sum.right);
     if (!move.allFinite()) break;
     fit.pose.center_px += move.head<2>();

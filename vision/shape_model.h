@@ -35,7 +35,7 @@ struct ShapeFit {
   ShapePose pose;
   /// a_i of (8.3), in units of the mode's standard deviation.
   std::array<double, kMaxModes> weights{};
-  double in_line = 0;  ///< inliers: share of the points within the robust norm
+  double inlier_fraction = 0;  ///< inliers: share of the points within the robust norm
   /// Of (8.5), up to a constant: the robust (8.6), (8.8), and the motion prior in place of (8.9).
   /// As in_line, of the pose and weights before the last step.
   double log_posterior = 0;

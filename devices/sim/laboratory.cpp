@@ -311,7 +311,7 @@ FieldProbe& Laboratory::field_probe() { return state_->probe; }
 usb3103::Emulator& Laboratory::coil_outputs() { return *state_->outputs; }
 Faults& Laboratory::faults() { return state_->faults; }
 
-void Laboratory::obey_lens_faults() {
+void Laboratory::apply_lens_faults() {
   state_->lens->set_jammed(state_->faults.lens.stuck);
   state_->lens->set_kill_switch(state_->faults.lens.limit);
 }

@@ -97,7 +97,7 @@ class Laboratory {
   /// Injected faults of the instruments, to be set at any time.
   Faults& faults();
   /// After a change of faults().lens: its motor loses its steps, or its limit switch cuts it off.
-  void obey_lens_faults();
+  void apply_lens_faults();
   /// A, per coil, asked for by amplifiers that are not behind the USB-3103.
   void drive_coils(Time now, const std::vector<double>& currents);
   /// T, as it really is at `position` (m, world frame).

@@ -31,7 +31,7 @@ Eigen::Vector3d noise_of(std::uint64_t seed, std::uint64_t number) {
 // arrived, or waits for the next: those between are never made.
 class SimulatedPoseSensor : public PoseSensor {
  public:
-  SimulatedPoseSensor(const PoseSensorSettings& settings, TruePlace truth, Clock& clock,
+  SimulatedPoseSensor(const PoseSensorSettings& settings, TruePosition truth, Clock& clock,
                       std::uint64_t seed, const ImagingFaults& faults)
       : settings_(settings),
         truth_(std::move(truth)),
@@ -92,7 +92,7 @@ class SimulatedPoseSensor : public PoseSensor {
   }
 
   PoseSensorSettings settings_;
-  TruePlace truth_;
+  TruePosition truth_;
   Clock& clock_;
   std::uint64_t seed_;
   const ImagingFaults& faults_;
@@ -110,7 +110,7 @@ void PoseSensorSettings::check() const {
   require(noise > 0 && noise <= 1e-3, "noise must be in (0, 1 mm]");
 }
 
-std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth,
+std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePosition truth,
                                              Clock& clock, std::uint64_t seed,
                                              const ImagingFaults* faults) {
   static const ImagingFaults none;

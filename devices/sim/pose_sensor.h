@@ -21,10 +21,10 @@ struct PoseSensorSettings {
 };
 
 /// The robot's position (m, world) at a time that lies up to 0.5 s back; nothing without a robot.
-using TruePlace = std::function<std::optional<Eigen::Vector3d>(Time)>;
+using TruePosition = std::function<std::optional<Eigen::Vector3d>(Time)>;
 
 /// `faults` outlives the sensor; null: none.
-std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePlace truth,
+std::unique_ptr<PoseSensor> make_pose_sensor(const PoseSensorSettings& settings, TruePosition truth,
                                              Clock& clock, std::uint64_t seed,
                                              const ImagingFaults* faults = nullptr);
 

@@ -72,7 +72,7 @@ class RunSession {
                              },
                              [&stage] { return stage.rig->make_safe(); }});
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
-    stage.recorder->on_trouble(
+    stage.recorder->on_fault(
         [this] { session_.control.request(StopTier::stop, "because recording failed"); });
     session_.faults = &faults_;
     for (const std::string& word : request.how.faults) faults_.add(parse_fault(word));
@@ -168,10 +168,10 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
 /// Everything to its safe state, each device on its own; what failed is an event, and no run of
 /// that kind is completed. Returns the script's location at its end.
 std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
-  stage.recorder->on_trouble({});
-  const std::string trouble = stage.recorder->trouble();
-  if (!trouble.empty())  // the disk ends a run as a lost device would
-    verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + trouble};
+  stage.recorder->on_fault({});
+  const std::string fault = stage.recorder->fault();
+  if (!fault.empty())  // the disk ends a run as a lost device would
+    verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault};
   session.control.detach();
   session.control.set_phase(RunPhase::ended);
   session.note_alarms();
@@ -182,7 +182,7 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
     if (verdict.outcome == Outcome::completed)
       verdict = {Outcome::aborted, ExitCode::aborted, failure};
   }
-  return session.control.place();
+  return session.control.location();
 }
 
 /// Act three: the end record, then the report.

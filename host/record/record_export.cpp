@@ -89,7 +89,8 @@ nlohmann::json summary(const RunData& data) {
   const auto& end = data.end;
   return {{"outcome", end ? to_string(end->outcome) : "running"},
           {"reason", end ? end->reason : ""},
-          {"script_line", end ? (end->place.empty() ? script_line(end->reason) : end->place) : ""},
+          {"script_line",
+           end ? (end->location.empty() ? script_line(end->reason) : end->location) : ""},
           {"run", data.folder.filename().string()},
           {"protocol", data.start.protocol_file},
           {"title", data.start.protocol_title},

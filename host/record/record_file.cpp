@@ -310,7 +310,7 @@ void RecordFile::write_end(const RunEnd& end, const RunData& data) {
       .bind(1, wall_time_text())
       .bind(2, std::string_view(to_string(end.outcome)))
       .bind(3, end.reason)
-      .bind(4, end.place.empty() ? script_line(end.reason) : end.place)
+      .bind(4, end.location.empty() ? script_line(end.reason) : end.location)
       .bind(5, end.experiment_time)
       .bind(6, end.wall_time)
       .bind(7, dumped(counts))

@@ -141,8 +141,8 @@ const std::vector<Event>& Recorder::events() const { return state_->data.events;
 const RunEnd* Recorder::end() const { return state_->data.end ? &*state_->data.end : nullptr; }
 const RunData& Recorder::data() const { return state_->data; }
 const Stream* Recorder::stream(const std::string& name) const { return state_->data.stream(name); }
-std::string Recorder::trouble() const { return state_->writer.fault(); }
-void Recorder::on_trouble(std::function<void()> call) { state_->writer.on_fault(std::move(call)); }
+std::string Recorder::fault() const { return state_->writer.fault(); }
+void Recorder::on_fault(std::function<void()> call) { state_->writer.on_fault(std::move(call)); }
 
 std::vector<FrameRow> Recorder::frames() const {
   return state_->data.end ? state_->data.frames : state_->writer.frames();

@@ -86,8 +86,8 @@ class Recorder {
   RecordListener* listener() const;
 
   /// Fault of the disk, "" while there is none. `call`: once, from another thread, when it begins.
-  std::string trouble() const;
-  void on_trouble(std::function<void()> call);
+  std::string fault() const;
+  void on_fault(std::function<void()> call);
 
   /// Makes report.html of the record at finish(); without one there is no report.
   void set_report(std::function<std::string(const RunData&)> report);

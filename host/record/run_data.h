@@ -49,7 +49,7 @@ struct RunEnd {
   std::string reason;          // one line; empty when completed
   double experiment_time = 0;  // s
   double wall_time = 0;        // s
-  std::string place{};         // "protocols/drift.lua:12" where the script was; empty: not known
+  std::string location{};      // "protocols/drift.lua:12" where the script was; empty: not known
 };
 
 /// "protocols/drift.lua:12" where a reason begins with a script's line, else "".

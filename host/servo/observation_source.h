@@ -48,7 +48,7 @@ class ObservationSource {
   const Feedback feedback_;
   const bool by_pose_;
   std::optional<Localizer> localizer_;  // of the feedbacks with a camera
-  SideWatch* const side_;
+  SideObservationBuffer* const side_;
   FrameValidator validator_;
   Eigen::Vector3d offset_{0, 0, 0};
   bool was_implausible_ = false;

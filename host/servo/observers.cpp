@@ -27,13 +27,13 @@ SideObservation side_observation(const RigModel& model, Time exposed,
 
 }  // namespace
 
-void SideWatch::add(const Frame& frame, std::optional<SideObservation> seen) {
+void SideObservationBuffer::add(const Frame& frame, std::optional<SideObservation> seen) {
   lately_.push_back({frame.exposed, seen});
   if (lately_.size() > kKept) lately_.pop_front();
   clock_.notify(added_);
 }
 
-std::optional<SideObservation> SideWatch::at(Time exposed, Time deadline) {
+std::optional<SideObservation> SideObservationBuffer::at(Time exposed, Time deadline) {
   // Only a frame of the same exposure counts: cameras that are not triggered together give none.
   const auto there = [&] { return !lately_.empty() && lately_.back().exposed >= exposed; };
   if (!clock_.wait(added_, there, deadline)) return std::nullopt;
@@ -64,7 +64,7 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
 }
 
 std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background,
-                                   Recorder& recorder, SideWatch& watch) {
+                                   Recorder& recorder, SideObservationBuffer& watch) {
   const int stream = recorder.add_stream(side_stream("the side camera's view, orthographic"));
   return clock.spawn(
       "side camera", [&rig, &recorder, &watch, stream, learnt = std::move(background)] {

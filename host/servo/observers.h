@@ -23,9 +23,9 @@ std::unique_ptr<Task> observe_truth(Clock& clock, sim::Laboratory& laboratory, d
 
 /// The side camera's latest observations: its observer alone takes that camera's frames, and a loop
 /// asks here for the one of a moment.
-class SideWatch {
+class SideObservationBuffer {
  public:
-  explicit SideWatch(Clock& clock) : clock_(clock) {}
+  explicit SideObservationBuffer(Clock& clock) : clock_(clock) {}
   void add(const Frame& frame, std::optional<SideObservation> seen);
   /// The view of the frame exposed at `exposed`; waits for it until `deadline`. Nothing when the
   /// robot was not seen in it, or when no frame of that moment came.
@@ -44,6 +44,6 @@ class SideWatch {
 /// Records the stream "side_camera" (x and z) from the side camera's own frames and adds them to
 /// `watch`, which must outlive the task. `background` of the empty scene.
 std::unique_ptr<Task> observe_side(Clock& clock, Rig& rig, vision::Background background,
-                                   Recorder& recorder, SideWatch& watch);
+                                   Recorder& recorder, SideObservationBuffer& watch);
 
 }  // namespace vitreo

@@ -16,7 +16,7 @@
 
 namespace vitreo {
 
-class SideWatch;
+class SideObservationBuffer;
 
 /// Source of the robot's position (thesis 6.1). none: the top camera, as an operator's eye, only
 /// while a position is to be reached; a robot that is released has the constant currents of the
@@ -59,7 +59,7 @@ struct ServoSettings {
 /// Viewing systems of the loop besides the rig's own: learnt by Session::learn_background.
 struct ServoCameras {
   std::optional<vision::Background> top;  // of the empty scene; not for the pose sensor
-  SideWatch* side = nullptr;              // for two cameras
+  SideObservationBuffer* side = nullptr;  // for two cameras
 };
 
 /// Throws std::invalid_argument naming the position where the robot cannot be taken: outside the

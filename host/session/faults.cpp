@@ -230,7 +230,7 @@ void FaultDesk::set(const Fault& fault, double by, bool on) {
   } else if (fault.kind == "stuck" || fault.kind == "limit") {
     if (fault.role != "lens_mover") return faults.sticks.at(fault.role)(on, place_.clock.now());
     (fault.kind == "stuck" ? faults.lens.stuck : faults.lens.limit) = on;
-    place_.laboratory.obey_lens_faults();
+    place_.laboratory.apply_lens_faults();
   } else if (is_in(kLooks, fault.role)) {
     set_looks(faults.looks[fault.role], fault, by, on);
   } else {
@@ -271,7 +271,7 @@ void FaultDesk::set_looks(sim::ImagingFaults& looks, const Fault& fault, double 
 void FaultDesk::fill_disk() {
   using namespace std::chrono_literals;
   const auto until = std::chrono::steady_clock::now() + 5s;
-  while ((place_.recorder.trouble().empty() || place_.control.tier() == StopTier::none) &&
+  while ((place_.recorder.fault().empty() || place_.control.tier() == StopTier::none) &&
          std::chrono::steady_clock::now() < until)
     std::this_thread::sleep_for(1ms);
   std::this_thread::sleep_for(5ms);

@@ -180,14 +180,14 @@ std::string RunControl::reason() const {
   return reason_.empty() ? "by the operator" : reason_;
 }
 
-void RunControl::set_place(const std::string& place) {
+void RunControl::set_location(const std::string& location) {
   const std::lock_guard lock(mutex_);
-  place_ = place;
+  location_ = location;
 }
 
-std::string RunControl::place() const {
+std::string RunControl::location() const {
   const std::lock_guard lock(mutex_);
-  return place_;
+  return location_;
 }
 
 void RunControl::set_phase(RunPhase phase, const std::string& note) {

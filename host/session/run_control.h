@@ -93,8 +93,8 @@ class RunControl {
   std::string reason() const;
   /// "file:line" where the script was when it ended; empty until then, and where it came to its
   /// end.
-  void set_place(const std::string& place);
-  std::string place() const;
+  void set_location(const std::string& location);
+  std::string location() const;
 
   /// The script's thread says where it is.
   void set_phase(RunPhase phase, const std::string& note = "");
@@ -136,7 +136,7 @@ class RunControl {
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;
-  std::string pause_at_, reason_, place_, override_by_;
+  std::string pause_at_, reason_, location_, override_by_;
   const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
   std::vector<std::string> failures_;
 };

@@ -43,10 +43,10 @@ vision::Background Session::learn_background(int count) {
       nlohmann::json{{"camera", "top_camera"}, {"from_ns", from.count()}, {"count", count}}.dump());
   // Once is enough for the side: a second learning during a run keeps the observer that is there.
   // In a rehearsal poses stand in for images, and nobody reads the record.
-  if (rig.side_camera != nullptr && !side_watch_ && rehearsal == nullptr) {
+  if (rig.side_camera != nullptr && !side_observations_ && rehearsal == nullptr) {
     vision::Background side = vitreo::learn_background(*rig.side_camera, count, clock.now());
-    side_watch_ = std::make_unique<SideWatch>(clock);
-    keep(observe_side(clock, rig, std::move(side), recorder, *side_watch_));
+    side_observations_ = std::make_unique<SideObservationBuffer>(clock);
+    keep(observe_side(clock, rig, std::move(side), recorder, *side_observations_));
   }
   return top;
 }

@@ -116,10 +116,10 @@ class Session {
   /// Keeps a task that watches the run until the session ends.
   void keep(std::unique_ptr<Task> observer) { observers_.push_back(std::move(observer)); }
   /// What the side camera sees; null before a background was learnt, and without a side camera.
-  SideWatch* side_watch() { return side_watch_.get(); }
+  SideObservationBuffer* side_observations() { return side_observations_.get(); }
 
  private:
-  std::unique_ptr<SideWatch> side_watch_;  // before the observers that use it
+  std::unique_ptr<SideObservationBuffer> side_observations_;  // before the observers that use it
   std::vector<std::unique_ptr<Task>> observers_;
 };
 

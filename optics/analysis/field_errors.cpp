@@ -129,8 +129,9 @@ std::optional<double> error_of(const Believed& believed, const ImagedField& imag
       pole_shift = now && before ? std::optional(*now - *before) : std::nullopt;
     }
     // 4.1: intersection of isopixel curve and isofocus surface.
-    const auto found = pole_shift ? believed.curves.point_beyond(focus, one.height, *pole_shift)
-                                  : std::optional<WideAngleMap::Plane>();
+    const auto found = pole_shift
+                           ? believed.curves.extrapolated_point(focus, one.height, *pole_shift)
+                           : std::optional<WideAngleMap::Plane>();
     const bool there = found && std::hypot(found->r, found->z) < believed.reach;
     errors.add(there ? std::optional(std::hypot(found->r - one.point.x(), found->z - one.point.z()))
                      : std::nullopt);

@@ -205,12 +205,12 @@ std::optional<WideAngleMap::Plane> ThesisCurves::point(double focus, double heig
   // On the axis the thesis' cubics have constant terms; they are used as they are. A little outside
   // the first and last curve is still within the pixel that the curve stands for.
   if (!pole.covers(focus) || !(height >= 0 && height <= slope.to)) return std::nullopt;
-  return point_beyond(focus, height);
+  return extrapolated_point(focus, height);
 }
 
 /// 4.1: the position is the intersection of the isopixel curve with the isofocus surface.
-std::optional<WideAngleMap::Plane> ThesisCurves::point_beyond(double focus, double height,
-                                                              double pole_shift) const {
+std::optional<WideAngleMap::Plane> ThesisCurves::extrapolated_point(double focus, double height,
+                                                                    double pole_shift) const {
   const double R = radius(focus);
   const double z0 = pole(focus) + pole_shift;
   const double a = intercept(height);

@@ -62,8 +62,8 @@ struct ThesisCurves {
   /// The same with the cubics carried on beyond their ends, which is what an eye that is not the
   /// believed one makes of them (figure 4.2), the pole moved by `pole_shift`. For analyses of
   /// errors only.
-  std::optional<WideAngleMap::Plane> point_beyond(double focus, double height,
-                                                  double pole_shift = 0) const;
+  std::optional<WideAngleMap::Plane> extrapolated_point(double focus, double height,
+                                                        double pole_shift = 0) const;
 };
 
 /// Draws the curves from the map and fits them. A surface or curve with fewer than five points in

@@ -203,7 +203,7 @@ Prescription prescription(std::string_view name) {
                               detail::suggestions(name, prescription_names()));
 }
 
-Prescription accommodated(Prescription relaxed, double accommodation) {
+Prescription accommodate(Prescription relaxed, double accommodation) {
   detail::require(accommodation >= 0 && accommodation <= 10,
                   "accommodation: must lie within 0 and 10 dioptres");
   constexpr double kMm = 1e-3;

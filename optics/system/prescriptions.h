@@ -62,6 +62,6 @@ Prescription with_parameters(Prescription prescription, std::span<const Override
 /// posterior by -0.125 L, its thickness by 0.1 L, the aqueous by -0.05 L, and the lens' index by
 /// 9e-5 (10 A + A^2). The vitreous keeps its length. Throws std::invalid_argument outside 0 to 10,
 /// and for a prescription that has no lens and aqueous.
-Prescription accommodated(Prescription prescription, double accommodation);
+Prescription accommodate(Prescription prescription, double accommodation);
 
 }  // namespace vitreo::optics

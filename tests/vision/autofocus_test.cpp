@@ -46,7 +46,7 @@ AutofocusSettings over(AutofocusStrategy strategy, double low = 0, double high =
   return settings;
 }
 
-AutofocusDone run(const AutofocusSettings& settings, Bench& bench) {
+AutofocusResult run(const AutofocusSettings& settings, Bench& bench) {
   Autofocus autofocus(settings);
   AutofocusStep step = autofocus.start();
   while (const double* position = std::get_if<double>(&step)) {
@@ -54,7 +54,7 @@ AutofocusDone run(const AutofocusSettings& settings, Bench& bench) {
     step = autofocus.next(*position, bench.measure(*position));
   }
   EXPECT_THROW(autofocus.next(1, 1), std::logic_error);  // over is over
-  return std::get<AutofocusDone>(step);
+  return std::get<AutofocusResult>(step);
 }
 
 TEST(Autofocus, finds_the_peak_by_every_strategy_wherever_it_is) {
@@ -64,7 +64,7 @@ TEST(Autofocus, finds_the_peak_by_every_strategy_wherever_it_is) {
       Bench bench;
       bench.best = 0.7 + 8.6 * trial / 39;
       bench.random.seed(static_cast<std::uint64_t>(trial));
-      const AutofocusDone done = run(over(strategy), bench);
+      const AutofocusResult done = run(over(strategy), bench);
       ASSERT_TRUE(done.fit.peak) << name_of(strategy) << " at " << bench.best << ": "
                                  << name_of(done.fit.answer);
       EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05)
@@ -88,7 +88,7 @@ TEST(Autofocus, never_leaves_the_travel) {
         bench.best = best;
         AutofocusSettings settings = over(strategy);
         settings.backlash = backlash;
-        const AutofocusDone done = run(settings, bench);
+        const AutofocusResult done = run(settings, bench);
         EXPECT_GE(bench.lowest, 0) << name_of(strategy);
         EXPECT_LE(bench.highest, 10) << name_of(strategy);
         EXPECT_TRUE(done.park && *done.park >= 0 && *done.park <= 10);
@@ -101,7 +101,7 @@ TEST(Autofocus, says_on_which_side_the_peak_lies_outside) {
   for (const AutofocusStrategy strategy : kAll) {
     Bench low, high;
     low.best = -0.5, high.best = 10.5;
-    const AutofocusDone below = run(over(strategy), low), above = run(over(strategy), high);
+    const AutofocusResult below = run(over(strategy), low), above = run(over(strategy), high);
     EXPECT_EQ(below.fit.answer, FocusAnswer::at_low_end) << name_of(strategy);
     EXPECT_EQ(above.fit.answer, FocusAnswer::at_high_end) << name_of(strategy);
     EXPECT_NEAR(below.park.value(), 0, 0.3)
@@ -116,7 +116,7 @@ TEST(Autofocus, comes_at_every_position_from_below_when_the_stage_has_play) {
     bench.play = 0.2;
     AutofocusSettings settings = over(strategy);
     settings.backlash = 0.3;
-    const AutofocusDone done = run(settings, bench);
+    const AutofocusResult done = run(settings, bench);
     ASSERT_TRUE(done.fit.peak) << name_of(strategy);
     EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05)
         << name_of(strategy);  // not a play of 0.2 away
@@ -131,7 +131,7 @@ TEST(Autofocus, takes_the_median_of_repeats_against_flashes) {
       bench.random.seed(seed);
       AutofocusSettings settings = over(strategy);
       settings.repeats = 5;
-      const AutofocusDone done = run(settings, bench);
+      const AutofocusResult done = run(settings, bench);
       ASSERT_TRUE(done.fit.peak) << name_of(strategy) << " " << seed;
       EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05) << name_of(strategy) << " " << seed;
     }
@@ -143,7 +143,7 @@ TEST(Autofocus, looks_closer_for_a_peak_that_the_first_sweep_stepped_over) {
     Bench bench;
     bench.best = 4.53, bench.width = 0.07, bench.floor = 1,
     bench.noise = 0.0005;  // the coarse spacing is 1
-    const AutofocusDone done = run(over(strategy), bench);
+    const AutofocusResult done = run(over(strategy), bench);
     ASSERT_TRUE(done.fit.peak) << name_of(strategy);
     EXPECT_NEAR(done.fit.peak->position, bench.best, 0.05) << name_of(strategy);
   }
@@ -158,7 +158,7 @@ TEST(Autofocus, answers_that_there_is_no_peak_when_all_is_blank_or_alike) {
       for (; std::holds_alternative<double>(step) && count < 5000; ++count)
         step = autofocus.next(std::get<double>(step), value);
       ASSERT_LT(count, 1000) << name_of(strategy);  // it ends: a full sweep and those before it
-      const AutofocusDone& done = std::get<AutofocusDone>(step);
+      const AutofocusResult& done = std::get<AutofocusResult>(step);
       EXPECT_EQ(done.fit.answer, FocusAnswer::no_peak);
       EXPECT_EQ(done.park.has_value(), value > 0);
     }
@@ -178,7 +178,7 @@ TEST(Autofocus, ends_on_pure_noise_and_on_a_stuck_stage) {
     for (; std::holds_alternative<double>(step) && count < 5000; ++count)
       step = stuck.next(2.5, 1 + 0.1 * (count % 3));
     ASSERT_LT(count, 1000) << name_of(strategy);
-    EXPECT_EQ(std::get<AutofocusDone>(step).fit.answer, FocusAnswer::no_peak);
+    EXPECT_EQ(std::get<AutofocusResult>(step).fit.answer, FocusAnswer::no_peak);
   }
 }
 

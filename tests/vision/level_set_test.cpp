@@ -160,7 +160,7 @@ TEST(CycleThree, pulls_the_front_to_the_shape_where_color_says_nothing) {
   std::vector<FrontPoint> points;
   run.front.front(points);
   const ShapeFit fit = model.fit(points, model.pose_of(start), {});
-  run.front.pull_to(PlacedShape(model, fit));
+  run.front.evolve_to_prior(PlacedShape(model, fit));
   const Segment after = run.front.keep_largest();
   EXPECT_LT(run.segment.area_px, 0.9 * 3.14 * 30 * 15);
   EXPECT_NEAR(after.area_px, 3.14 * 30 * 15,

@@ -78,7 +78,7 @@ TEST(ShapeModel, completes_a_front_that_is_hidden_over_two_fifths) {
   const Ellipse found = model.ellipse_of(fit);
   EXPECT_LT((found.center_px - truth.center_px).norm(),
             1);  // px: Tukey's weights forget what is 2.5 px off
-  EXPECT_LT(fit.in_line, 0.8);
+  EXPECT_LT(fit.inlier_fraction, 0.8);
 }
 
 TEST(ShapeModel, is_a_signed_distance_in_pixels_once_placed) {

@@ -43,7 +43,7 @@ class LuaEngine final : public ScriptEngine {
       lua::run_protocol(script, protocol, arguments);
     } catch (const std::exception&) {
       failure = std::current_exception();
-      session.control.set_place(place_of(script.context()));
+      session.control.set_location(place_of(script.context()));
       lua::limit_clean_up(script.context());
     }
     try {

@@ -100,7 +100,7 @@ int map_limits(Call& call) {
 }
 
 /// Pushes r and z of those places of a curve that lie in the map; a curve may enter and leave it.
-int push_curve(Call& call, const std::vector<std::optional<WideAngleMap::Place>>& places) {
+int push_curve(Call& call, const std::vector<std::optional<WideAngleMap::FieldPosition>>& places) {
   std::vector<double> r, z;
   for (const auto& place : places) {
     if (!place) continue;
@@ -122,7 +122,7 @@ int isofocus(Call& call) {
   const WideAngleMap& map = map_of(call);
   const double focus = call.number(0);
   const std::size_t count = count_of(call);
-  std::vector<std::optional<WideAngleMap::Place>> places;
+  std::vector<std::optional<WideAngleMap::FieldPosition>> places;
   for (std::size_t i = 0; i < count; ++i) {
     const double angle = map.max_angle() * static_cast<double>(i) / static_cast<double>(count - 1);
     const auto excess = [&](double depth) {
@@ -135,7 +135,7 @@ int isofocus(Call& call) {
       const double middle = (near + far) / 2;
       (excess(middle) < 0 ? near : far) = middle;
     }
-    places.push_back(WideAngleMap::Place{angle, far});
+    places.push_back(WideAngleMap::FieldPosition{angle, far});
   }
   return push_curve(call, places);
 }
@@ -144,7 +144,7 @@ int isopixel(Call& call) {
   const WideAngleMap& map = map_of(call);
   const auto nearest = map.at({0, 0}), farthest = map.at({0, map.max_depth()}),
              edge = map.at({map.max_angle(), 0});
-  std::vector<std::optional<WideAngleMap::Place>> places;
+  std::vector<std::optional<WideAngleMap::FieldPosition>> places;
   if (!nearest || !farthest || !edge) return push_curve(call, places);
   const double height = std::copysign(call.number(0), edge->height);
   const double from = std::min(nearest->focus, edge->focus), step = farthest->focus - from;

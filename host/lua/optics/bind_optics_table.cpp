@@ -111,7 +111,7 @@ int with(Call& call) {
 }
 
 int accommodated(Call& call) {
-  push_system(call.L, optics::accommodated(eye_of(call), call.number(0)));
+  push_system(call.L, optics::accommodate(eye_of(call), call.number(0)));
   return 1;
 }
 

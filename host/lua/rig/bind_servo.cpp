@@ -237,7 +237,7 @@ void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras&
 
 int open_servo(Call& call) {
   Session& session = session_of(call.L);
-  ServoCameras eyes{{}, session.side_watch()};
+  ServoCameras eyes{{}, session.side_observations()};
   if (call.push_option("background"))
     eyes.top = call.handle_option<vision::Background>("background");
   lua_pop(call.L, 1);

@@ -102,7 +102,7 @@ int next(Call& call) {
   const vision::AutofocusStep step =
       call.self<vision::Autofocus>().next(call.number(0), call.number(1));
   if (const double* position = std::get_if<double>(&step)) return call.result(*position);
-  const auto& done = std::get<vision::AutofocusDone>(step);
+  const auto& done = std::get<vision::AutofocusResult>(step);
   lua_pushnil(call.L);
   push_fit(call.L, done.fit);
   set_fields(call.L, {{"readings", static_cast<double>(done.readings)}});

@@ -136,7 +136,7 @@ TEST(RecordWriter, EndsTheRunBeforeTheDiskIsFull) {
   RecordLimits limits;
   limits.disk.free_bytes = [&](const std::filesystem::path&) { return left.load(); };
   test::ReportedRecorder recorder(parent.path(), servo_start(), limits);
-  recorder.on_trouble([&] { ++told; });
+  recorder.on_fault([&] { ++told; });
   const int stream = recorder.add_stream({"pose", "test", kOne});
   recorder.sample(stream, Time{0}, std::array{0.0});
   left = 100 << 20;
@@ -148,8 +148,8 @@ TEST(RecordWriter, EndsTheRunBeforeTheDiskIsFull) {
       },
       std::runtime_error);
   EXPECT_EQ(told, 1);
-  EXPECT_NE(recorder.trouble().find("nearly full"), std::string::npos) << recorder.trouble();
-  recorder.finish({Outcome::aborted, recorder.trouble(), 1, 1});
+  EXPECT_NE(recorder.fault().find("nearly full"), std::string::npos) << recorder.fault();
+  recorder.finish({Outcome::aborted, recorder.fault(), 1, 1});
   EXPECT_EQ(number_in(recorder.folder(), "SELECT count(*) FROM sample_pose"),
             static_cast<std::int64_t>(recorder.stream("pose")->times.size()));
   EXPECT_TRUE(check_manifest(recorder.folder()).empty());

@@ -68,7 +68,7 @@ struct TestBench {
 
   ServoCameras eyes() {
     vision::Background top = session->learn_background(4);
-    return {std::move(top), session->side_watch()};
+    return {std::move(top), session->side_observations()};
   }
 
   /// The robot in, held at the center for `seconds`.

@@ -157,7 +157,7 @@ TEST(FieldErrors, SurfacesThatBendTheOtherWayAreCrossedNearTheirPole) {
   ThesisCurves bent;
   bent.radius.c = {-50 * kMm, 0, 0, 0}, bent.pole.c = {5 * kMm, 0, 0, 0};
   bent.intercept.c = {2 * kMm, 0, 0, 0}, bent.slope.c = {-0.1, 0, 0, 0};
-  const auto crossing = bent.point_beyond(10 * kMm, 1 * kMm);
+  const auto crossing = bent.extrapolated_point(10 * kMm, 1 * kMm);
   ASSERT_TRUE(crossing.has_value());
   EXPECT_NEAR(crossing->z, 5 * kMm - crossing->r * crossing->r / (2 * 50 * kMm),
               1e-7);  // the sphere's sag

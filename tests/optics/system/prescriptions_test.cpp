@@ -123,26 +123,26 @@ TEST(Prescriptions, SurfacesThatCrossWithinTheirRimsAreRefused) {
 
 TEST(Prescriptions, TheAccommodatedEyeIsFocusedNearTheDistanceItIsMeantFor) {
   for (double dioptres : {1.0, 2.0, 4.0, 8.0, 10.0}) {
-    const auto image = axial_image(accommodated(prescription("navarro"), dioptres).system, 0);
+    const auto image = axial_image(accommodate(prescription("navarro"), dioptres).system, 0);
     ASSERT_TRUE(image);
     EXPECT_GT(image->distance, 0);
     // Navarro's polynomials are fits to measured lenses; at 10 D they give 9.6 D.
     EXPECT_NEAR(1 / image->distance, dioptres, 0.07 + 0.06 * dioptres) << dioptres;
   }
-  expect_same(accommodated(prescription("navarro_condensing"), 0).system,
+  expect_same(accommodate(prescription("navarro_condensing"), 0).system,
               prescription("navarro_condensing").system);
 }
 
 TEST(Prescriptions, TheAccommodatedLensHasTheNumbersOfNavarrosFormulas) {
-  const Prescription eye = accommodated(prescription("navarro"), 4);
+  const Prescription eye = accommodate(prescription("navarro"), 4);
   const double l = std::log(5.0);
   EXPECT_NEAR(parameter(eye, "lens.anterior.radius"), -(10.2 - 1.75 * l) * kMm, 1e-15);
   EXPECT_NEAR(parameter(eye, "lens.posterior.radius"), (6 - 0.2294 * l) * kMm, 1e-15);
   EXPECT_NEAR(parameter(eye, "lens.index"), 1.42504, 1e-15);
   EXPECT_NEAR(parameter(eye, "lens.thickness"), (4 + 0.1 * l) * kMm, 1e-15);
-  expect_refused("accommodation", [] { (void)accommodated(prescription("navarro"), -1); });
-  expect_refused("accommodation", [] { (void)accommodated(prescription("navarro"), kNan); });
-  expect_refused("parameter", [] { (void)accommodated(prescription("model_eye_in_air"), 2); });
+  expect_refused("accommodation", [] { (void)accommodate(prescription("navarro"), -1); });
+  expect_refused("accommodation", [] { (void)accommodate(prescription("navarro"), kNan); });
+  expect_refused("parameter", [] { (void)accommodate(prescription("model_eye_in_air"), 2); });
 }
 
 TEST(Prescriptions, TheModelEyeInAirMagnifiesAsChapter4Says) {

@@ -73,7 +73,8 @@ struct RunControlTest : testing::Test {
       for (const Event& event : recorder.events()) text << event.kind << ":" << event.text << ";";
       events = text.str();
       experiment_time = recorder.end()->experiment_time;
-      script_place = recorder.end()->place.substr(recorder.end()->place.find_last_of('/') + 1);
+      script_place =
+          recorder.end()->location.substr(recorder.end()->location.find_last_of('/') + 1);
     });
   }
   /// The words of the control socket, said from another thread while the script runs.
