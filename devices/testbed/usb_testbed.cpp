@@ -412,7 +412,7 @@ class Umockdev final : public UsbTestbed {
     const HidPaths hid(paths, identity);
     add(number, hid.node,
         std::make_unique<PluggedHid>(mutex_, hid.node, paths.sysfs(), peer, descriptor),
-        describe_usb(paths, identity, 0x03) + describe_hid(place, hid, identity, descriptor));
+        describe_usb(paths, identity, 0x03) + describe_hid(paths, hid, identity, descriptor));
     return number;
   }
   void unplug(int plug) override {
