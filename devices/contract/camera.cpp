@@ -12,6 +12,7 @@
 namespace vitreo::contract {
 namespace {
 
+/// One function a duty.
 struct Examiner : Examination<Examiner> {
   Camera& camera;
   Clock& clock;

@@ -14,6 +14,7 @@ namespace {
 
 using Currents = std::vector<double>;
 
+/// One function a duty.
 struct AmplifierExaminer : Examination<AmplifierExaminer> {
   CoilAmplifier& amplifier;
   const CoilAmplifierCheck& how;
@@ -65,6 +66,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
     expect(std::isfinite(amplifier.current_limit()) && amplifier.current_limit() > 0,
            "current_limit() is not positive");
   }
+  /// A change of sign crosses zero, where an amplifier of one sign only would fail.
   void sets_currents() {
     Currents wanted = pattern();
     amplifier.set_currents(wanted);
@@ -74,7 +76,8 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
     expect_currents(wanted, "after a change of sign");
   }
   void refuses_a_wrong_count() {
-    Currents fewer = pattern(), more = pattern();
+    Currents fewer = pattern();
+    Currents more = pattern();
     fewer.pop_back();
     more.push_back(0);
     expect_refusal<std::invalid_argument>(fewer, "one current too few");

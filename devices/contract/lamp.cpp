@@ -10,6 +10,7 @@
 namespace vitreo::contract {
 namespace {
 
+/// One function a duty.
 struct LampExaminer : Examination<LampExaminer> {
   Lamp& lamp;
   const LampCheck& how;

@@ -10,6 +10,7 @@
 namespace vitreo::contract {
 namespace {
 
+/// One function a duty.
 struct LensMoverExaminer : Examination<LensMoverExaminer> {
   LensMover& mover;
   const LensMoverCheck& how;

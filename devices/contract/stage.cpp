@@ -155,7 +155,9 @@ class StageExaminer : Examination<StageExaminer> {
   }
   void refuses_what_is_no_target() {
     go(near_);
-    Position fewer = near_, more = near_, nothing = near_;
+    Position fewer = near_;
+    Position more = near_;
+    Position nothing = near_;
     fewer.pop_back();
     more.push_back(0);
     nothing.back() = std::numeric_limits<double>::quiet_NaN();

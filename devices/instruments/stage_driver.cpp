@@ -34,12 +34,14 @@ class Motion {
 
   const StageInfo& info() const { return info_; }
 
+  /// Asking opens a lost link; nothing is set moving by that.
   std::vector<double> position() {
     const Dialogue::Turn turn(dialogue_);
     be_open();
     return protocol_->position();
   }
 
+  /// Limits are checked before the instrument is asked anything.
   void start(std::span<const double> target, double speed) {
     check_motion(info_.axes, target, speed, dialogue_.device(), unit_);
     const Dialogue::Turn turn(dialogue_);
@@ -69,6 +71,7 @@ class Motion {
     }
   }
 
+  /// Nothing to check against the limits: the instrument chooses target and speed.
   void home(Time timeout) {
     {
       const Dialogue::Turn turn(dialogue_);
@@ -78,6 +81,7 @@ class Motion {
     wait(timeout);
   }
 
+  /// Whether or not a motion is known of: the stage may have been set moving at its panel.
   void stop() {
     const Dialogue::Turn turn(dialogue_);
     be_open();
@@ -88,6 +92,7 @@ class Motion {
  private:
   Clock& clock() const { return dialogue_.clock(); }
 
+  /// One motion at a time; the ending of the last one is dropped, for it was not waited for.
   void begin(bool homing) {
     be_open();
     if (poll_motion()) dialogue_.fail(DeviceErrorKind::refused, "it is still moving");
@@ -118,6 +123,7 @@ class Motion {
     ending_ = std::make_exception_ptr(DeviceError(kind, dialogue_.device(), how));
   }
 
+  /// The deadline of wait(): the stage is stopped before the error is thrown.
   [[noreturn]] void give_up() {
     moving_ = false;
     protocol_->halt();
@@ -151,6 +157,7 @@ class Motion {
   std::exception_ptr ending_;
 };
 
+/// A Motion in the role of a Stage: make_safe() is to stand still.
 class DrivenStage final : public Stage {
  public:
   explicit DrivenStage(std::unique_ptr<StageProtocol> protocol)
@@ -170,6 +177,7 @@ class DrivenStage final : public Stage {
   Motion motion_;
 };
 
+/// A Motion of one axis in the role of a RotationStage.
 class DrivenRotationStage final : public RotationStage {
  public:
   explicit DrivenRotationStage(std::unique_ptr<StageProtocol> protocol)

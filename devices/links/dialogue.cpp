@@ -76,6 +76,7 @@ std::optional<std::uint8_t> Dialogue::next(Time deadline) {
   return byte;
 }
 
+/// Bytes of a reply that is cut short are gone: the next exchange begins anew.
 ByteString Dialogue::take(std::size_t count, Time deadline) {
   ByteString bytes;
   while (bytes.size() < count) {
@@ -124,6 +125,7 @@ void Dialogue::reopen() {
   }
 }
 
+// Replies in messages come from a device: control characters must not reach a terminal.
 std::string printable(std::span<const std::uint8_t> bytes) {
   constexpr std::size_t kMost = 40;
   std::string text;

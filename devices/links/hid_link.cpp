@@ -9,6 +9,7 @@
 namespace vitreo {
 namespace {
 
+/// Reports keep their order and their boundaries; each takes the latency on its way, either way.
 class MemoryHidLink final : public HidLink {
  public:
   MemoryHidLink(HidPeer& peer, Clock& clock, Time latency)
@@ -53,6 +54,7 @@ class MemoryHidLink final : public HidLink {
     std::vector<std::uint8_t> report;
   };
 
+  /// The peer answers at once; its answers are on their way from now on.
   void deliver(std::span<const std::uint8_t> report) {
     for (auto& reply : peer_.receive(report)) put(std::move(reply));
   }

@@ -97,7 +97,8 @@ class Writer {
   std::optional<std::vector<std::uint8_t>> report_;  // on its way
   int written_ = 0;
   std::string why_;
-  bool stuck_ = false, ended_ = false;
+  bool stuck_ = false;
+  bool ended_ = false;
 };
 
 /// Reads and writes block, so they run outside the clock's baton.

@@ -37,6 +37,7 @@ DeviceError usb_error(int code, const std::string& device, const std::string& wh
   return {kind, device, what + ": " + libusb_strerror(static_cast<libusb_error>(code))};
 }
 
+/// A session of libusb; fails where the kernel offers no USB at all, as in some containers.
 Context new_context() {
   libusb_context* context = nullptr;
   if (const int code = libusb_init(&context); code != 0)
@@ -67,6 +68,7 @@ void for_each_device(libusb_context* context, Visit visit) {
   }
 }
 
+/// Strings need an open handle; null: they stay empty.
 UsbIdentity identify(libusb_device* device, const libusb_device_descriptor& d,
                      libusb_device_handle* handle) {
   return {d.idVendor,
@@ -95,6 +97,7 @@ class LibusbLink final : public UsbLink {
   }
   const UsbIdentity& identity() const override { return identity_; }
 
+  /// libusb takes a buffer that is not const, for both directions are one function.
   void write(const UsbSetup& setup, std::span<const std::uint8_t> data, Time timeout) override {
     std::vector<std::uint8_t> copy(data.begin(), data.end());
     if (transfer(setup, copy, timeout) != static_cast<int>(copy.size()))

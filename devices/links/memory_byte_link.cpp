@@ -14,6 +14,9 @@ namespace {
 /// How often a reader checks whether a test has pulled the cable: faults are set without a signal.
 constexpr Time kFaultPoll = std::chrono::milliseconds(50);
 
+/// Bytes arrive in order, each at a time that is known when it is sent; a reader sleeps until then.
+/// The peer is driven by the caller: at each read and write it is given the time and asked for what
+/// it has sent.
 class MemoryByteLink final : public ByteLink {
  public:
   MemoryByteLink(BytePeer& peer, Clock& clock, const MemoryLinkSettings& settings,
@@ -29,6 +32,7 @@ class MemoryByteLink final : public ByteLink {
 
   void write(std::span<const std::uint8_t> bytes, Time timeout) override {
     check_cable();
+    // A line of that baud rate is busy for as long as its bytes take; then they have arrived.
     const Time needed =
         settings_.latency + settings_.per_byte * static_cast<std::int64_t>(bytes.size());
     if (needed > timeout) {
@@ -108,6 +112,7 @@ class MemoryByteLink final : public ByteLink {
     return true;
   }
 
+  /// Takes what has arrived up to now.
   ByteString arrived(std::size_t most) {
     ByteString bytes;
     while (!coming_.empty() && coming_.front().due <= clock_.now() && bytes.size() < most) {

@@ -15,6 +15,7 @@
 namespace vitreo {
 namespace {
 
+/// Owns what a system call returned, or throws its error.
 std::unique_ptr<OpenFile> owned(int handle, const char* what) {
   if (handle < 0) throw DeviceError(DeviceErrorKind::refused, what, system_error());
   return own_descriptor(handle);
@@ -59,6 +60,7 @@ class PtyEnd final : public PeerEnd {
   ByteString unsent_;
 };
 
+/// One connection at a time; the next is accepted when the last has ended.
 class TcpEnd final : public PeerEnd {
  public:
   explicit TcpEnd(int port)
@@ -90,7 +92,7 @@ class TcpEnd final : public PeerEnd {
     }
     if (pump_bytes(connection_->handle(), peer, now, unsent_)) return;
     connection_.reset();
-    unsent_.clear();
+    unsent_.clear();  // it answers questions of the program that has gone
   }
 
  private:

@@ -23,7 +23,8 @@ constexpr int kUserTimeout_ms = 500;
 constexpr Time kSlice = std::chrono::milliseconds(1);
 
 struct HostAndPort {
-  std::string host, port;
+  std::string host;
+  std::string port;
 };
 
 /// "host:port"; an IPv6 address, which has colons itself, stands in brackets (RFC 3986).

@@ -19,6 +19,7 @@ std::optional<std::uint16_t> four_digits(const std::string& text) {
 
 }  // namespace
 
+/// "hid:09db:009c" or "hid:09db:009c:SERIAL".
 UsbAddress parse_usb_address(const std::string& scheme, const std::string& address) {
   const std::string head = scheme + ":";
   const auto wrong = [&] {
@@ -27,11 +28,12 @@ UsbAddress parse_usb_address(const std::string& scheme, const std::string& addre
         "VVVV:PPPP:SERIAL, with vendor and product in four hexadecimal digits each");
   };
   // The shortest is hid:0123:4567; a serial number may hold anything, colons too.
-  const std::size_t ids = head.size(), serial = ids + 9;
+  const std::size_t ids = head.size();
+  const std::size_t serial = ids + 9;
   if (address.rfind(head, 0) != 0 || address.size() < serial || address[ids + 4] != ':')
     throw wrong();
-  const auto vendor = four_digits(address.substr(ids, 4)),
-             product = four_digits(address.substr(ids + 5, 4));
+  const auto vendor = four_digits(address.substr(ids, 4));
+  const auto product = four_digits(address.substr(ids + 5, 4));
   if (!vendor || !product) throw wrong();
   if (address.size() == serial) return {*vendor, *product, ""};
   if (address[serial] != ':' || address.size() == serial + 1) throw wrong();

@@ -11,6 +11,8 @@
 namespace vitreo {
 namespace {
 
+/// A transfer is one call of the peer, at the end of the latency. It is made even when the caller
+/// is stopped or its deadline passes meanwhile: the device does not know of either.
 class MemoryUsbLink final : public UsbLink {
  public:
   MemoryUsbLink(UsbPeer& peer, Clock& clock, Time latency)

@@ -60,6 +60,7 @@ class Held {
   }
 
  private:
+  /// Under the name of the rig, not of the link.
   [[noreturn]] void fail(const std::string& what,
                          DeviceErrorKind kind = DeviceErrorKind::lost) const {
     throw DeviceError(kind, settings_.name, what);
@@ -234,6 +235,7 @@ class ReopeningCamera final : public Camera {
   CameraStatistics before_;           // of all openings before this one
 };
 
+/// A new driver begins with nothing pressed or deflected, so nothing is kept from the lost one.
 class ReopeningInput final : public OperatorInput {
  public:
   explicit ReopeningInput(Held<OperatorInput> held) : held_(std::move(held)) {}

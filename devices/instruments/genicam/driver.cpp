@@ -46,7 +46,8 @@ class GenicamCamera final : public Camera {
 
  private:
   void start();
-  void configure();
+  void apply_settings();
+  void read_back();
   void open_stream();
   void stop();
   template <class Call>
@@ -67,8 +68,9 @@ class GenicamCamera final : public Camera {
   Object<ArvCamera> camera_;
   Object<ArvStream> stream_;
   std::atomic<bool> control_lost_{false};
-  Time heard_{};  // when a buffer came last, whole or torn
-  std::uint64_t last_id_ = 0, number_ = 0;
+  Time heard_{};               // when a buffer came last, whole or torn
+  std::uint64_t last_id_ = 0;  // of the camera's
+  std::uint64_t number_ = 0;
   CameraStatistics statistics_;
 };
 
@@ -96,19 +98,20 @@ void GenicamCamera::start() {
                                          (error != nullptr ? ": " + text_and_free(error) : ""));
   g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
                    G_CALLBACK(on_control_lost), this);
-  configure();
+  apply_settings();
+  read_back();
   open_stream();
 }
 
-/// Settings first, then what the camera made of them: it may round or clip without an error. Rate
-/// and exposure may differ by a twentieth.
-void GenicamCamera::configure() {
+void GenicamCamera::apply_settings() {
   ArvCamera* const c = camera_.get();
   // A camera that still streams, for a host that died, may refuse settings.
   ask("stop", [c](GError** e) { arv_camera_stop_acquisition(c, e); });
   ask("8-bit gray",
       [c](GError** e) { arv_camera_set_pixel_format(c, ARV_PIXEL_FORMAT_MONO_8, e); });
-  int least = 0, widest = 0, highest = 0;
+  int least = 0;
+  int widest = 0;
+  int highest = 0;
   ask("width_px", [&](GError** e) { arv_camera_get_width_bounds(c, &least, &widest, e); });
   ask("height_px", [&](GError** e) { arv_camera_get_height_bounds(c, &least, &highest, e); });
   if (settings_.width_px > widest || settings_.height_px > highest)
@@ -125,7 +128,16 @@ void GenicamCamera::configure() {
   if (arv_camera_is_gv_device(c) != FALSE)
     ask("packet_size",
         [&](GError** e) { arv_camera_gv_set_packet_size(c, settings_.packet_size, e); });
-  int x = 0, y = 0, width = 0, height = 0;
+}
+
+/// What the camera made of the settings: it may round or clip without an error. Rate and exposure
+/// may differ by a twentieth.
+void GenicamCamera::read_back() {
+  ArvCamera* const c = camera_.get();
+  int x = 0;
+  int y = 0;
+  int width = 0;
+  int height = 0;
   ask("region", [&](GError** e) { arv_camera_get_region(c, &x, &y, &width, &height, e); });
   const double rate =
       ask("frame_rate", [c](GError** e) { return arv_camera_get_frame_rate(c, e); });

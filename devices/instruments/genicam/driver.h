@@ -39,7 +39,12 @@ struct Settings {
 std::unique_ptr<Camera> open(const Settings& settings, Clock& clock);
 
 struct Found {
-  std::string identity, vendor, model, serial, address, protocol;
+  std::string identity;
+  std::string vendor;
+  std::string model;
+  std::string serial;
+  std::string address;
+  std::string protocol;
 };
 /// Asks every network interface and the USB, which takes a second.
 std::vector<Found> list_cameras();

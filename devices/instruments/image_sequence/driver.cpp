@@ -40,6 +40,7 @@ class ImageSequence final : public Camera {
     const std::int64_t arrived = (clock_.now() - start_) / period_;
     const std::int64_t number = settings_.every_frame ? last_ + 1 : std::max(arrived, last_ + 1);
     const auto count = static_cast<std::int64_t>(files_.size());
+    // As a camera that is unplugged.
     if (!settings_.repeat && number >= count) fail(DeviceErrorKind::lost, "the sequence is over");
     const Time exposed = start_ + number * period_;
     const Time deadline = later(clock_.now(), timeout);
@@ -48,6 +49,7 @@ class ImageSequence final : public Camera {
       fail(DeviceErrorKind::timeout, "no frame in time");
     }
     clock_.sleep_until(exposed);
+    // Images that were exposed between two grabs are lost, as a camera's.
     statistics_.lost += static_cast<std::uint64_t>(number - last_ - 1);
     last_ = number;
     Frame frame{load(static_cast<std::size_t>(number % count)), static_cast<std::uint64_t>(number),
@@ -87,6 +89,7 @@ class ImageSequence final : public Camera {
       fail(DeviceErrorKind::protocol, file + " cannot be read: " + problem.err);
     }
     if (image.empty()) fail(DeviceErrorKind::protocol, file + " is no image");
+    // info_ is empty while the first image, which sets the size, is loaded.
     if (info_.width_px != 0 && (image.cols != info_.width_px || image.rows != info_.height_px))
       fail(DeviceErrorKind::protocol, file + " has another size than the first image");
     try {

@@ -15,6 +15,8 @@ namespace {
 /// Errors; one more turns the last into -350.
 constexpr std::size_t kQueueLength = 15;
 
+/// A supply without a load of its own: in current mode with its output on, the set current times
+/// `gain` flows.
 class EmulatedBop final : public Emulator {
  public:
   EmulatedBop(EmulatorSettings settings, std::function<void(Time, double)> on_current)
@@ -76,6 +78,8 @@ class EmulatedBop final : public Emulator {
     if (asked || !settings_.network) speak(answer, now);
   }
 
+  /// Questions are answered under local control too. Numbers are in scientific notation, modes as 0
+  /// and 1.
   std::string answer_to(const std::string& question) {
     const std::string name = question.substr(0, question.size() - 1);
     if (name == "*IDN") return settings_.identity;
@@ -99,6 +103,8 @@ class EmulatedBop final : public Emulator {
     return "";
   }
 
+  /// Unknown headers and wrong values go to the error queue; only SYST:REM and the * commands act
+  /// under local control.
   void obey(const Command& command) {
     if (command.header == "*CLS") return errors_.clear();
     if (command.header == "*RST") return power_up();
@@ -158,8 +164,11 @@ class EmulatedBop final : public Emulator {
   const EmulatorSettings settings_;
   const std::function<void(Time, double)> on_current_;
   std::map<std::string, double> values_;
-  std::string mode_, load_, line_;
-  bool on_ = false, remote_ = false;
+  std::string mode_;
+  std::string load_;  // what an output that is off means
+  std::string line_;
+  bool on_ = false;
+  bool remote_ = false;
   std::deque<std::string> errors_;
   double flows_ = 0;  // A
   std::vector<TimedBytes> said_;

@@ -54,8 +54,8 @@ void read_back(ByteLink& link) {
     const std::string said = scpi::trimmed(*line);
     const std::size_t between = said.find(';');
     if (between == std::string::npos) continue;
-    const auto current = scpi::number(said.substr(0, between)),
-               on = scpi::number(said.substr(between + 1));
+    const auto current = scpi::number(said.substr(0, between));
+    const auto on = scpi::number(said.substr(between + 1));
     if (current && on && *current == 0 && *on == 0) return;
   }
   throw DeviceError(DeviceErrorKind::protocol, link.address(),

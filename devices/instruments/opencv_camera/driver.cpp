@@ -47,6 +47,8 @@ class OpencvCamera final : public Camera {
     throw DeviceError(kind, settings_.name, settings_.source + ": " + what);
   }
 
+  /// The back ends are named: left to itself OpenCV tries one after the other, GStreamer among
+  /// them. Exceptions are off, so that each failure is an error of ours.
   void start() {
     capture_.setExceptionMode(false);
     if (!(live_ ? capture_.open(settings_.source, cv::CAP_V4L2)
@@ -91,6 +93,8 @@ class OpencvCamera final : public Camera {
     });
     return image;
   }
+  /// `number` counts exposures from 0. The size is that of the opening: a stream that changes it is
+  /// broken.
   Frame frame_of(const cv::Mat& image, std::int64_t number, Time exposed) {
     if (image.cols != info_.width_px || image.rows != info_.height_px) {
       ++statistics_.torn;
@@ -102,6 +106,7 @@ class OpencvCamera final : public Camera {
             std::max(exposed, clock_.now())};
   }
 
+  /// The next frame, at its time; none is dropped, however late the call is.
   Frame grab_of_file(Time timeout) {
     const Time exposed = begin_ + (last_ + 1) * period_;
     const Time deadline = later(clock_.now(), timeout);
@@ -115,6 +120,8 @@ class OpencvCamera final : public Camera {
     return frame_of(image, last_ + 1, exposed);
   }
 
+  /// V4L2 knows one deadline, that of the camera's silence: a shorter `timeout` is noticed when the
+  /// frame has come.
   Frame grab_live(Time timeout) {
     const Time start = clock_.now();
     const cv::Mat image = read();  // the read timeout set above is the deadline that V4L2 knows

@@ -114,6 +114,7 @@ class EmulatedTic final : public Emulator {
     return v;
   }
   void obey(const Command& command);
+  void configure(const Command& command);
   /// Abrupt.
   void halt() {
     speed_ = 0;
@@ -206,6 +207,15 @@ void EmulatedTic::obey(const Command& command) {
     case Code::reinitialize:
       reload();
       break;
+    default:
+      configure(command);
+      break;
+  }
+}
+
+/// Settings of the motion, and those that are kept.
+void EmulatedTic::configure(const Command& command) {
+  switch (command.code) {
     case Code::set_max_speed:
       reported_.max_speed = static_cast<std::uint32_t>(command.argument);
       break;

@@ -46,7 +46,9 @@ enum class Code : std::uint8_t {
   reinitialize = 0x10,
 };
 
-constexpr std::uint8_t kToDevice = 0x40, kToHost = 0xC0;
+/// bmRequestType: vendor request to the device.
+constexpr std::uint8_t kToDevice = 0x40;
+constexpr std::uint8_t kToHost = 0xC0;
 
 /// Commands of the host but for reads.
 struct Command {

@@ -36,6 +36,7 @@ class EmulatedProbe final : public BytePeer {
   Time next() const override { return answers_.empty() ? kForever : answers_.front().at; }
 
  private:
+  /// Set commands have no answer; what is not known goes to the error queue.
   void obey(const std::string& line, Time now) {
     if (line == "*IDN?") return speak(settings_.identity, now);
     if (line == "*CLS") {

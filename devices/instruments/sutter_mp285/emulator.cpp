@@ -57,6 +57,8 @@ class EmulatedMp285 final : public Emulator {
   double speed() const { return velocity_.speed * 25.; }
   Time arrival() const { return later(begun_, from_seconds(way() / std::max(1., speed()))); }
 
+  /// A command is complete when it has the length of its letter; an unknown letter is answered by
+  /// "bad command".
   void hear(std::uint8_t byte, Time now) {
     if (under_way_ && now >= arrival()) end_motion();
     if (under_way_) return interrupt(byte, now);

@@ -27,7 +27,8 @@ constexpr std::uint8_t kInterrupt = 0x03;
 constexpr std::uint8_t kInterrupted = '=';
 constexpr double kUstep = 0.04e-6;  ///< m, in all positions, whatever the resolution
 constexpr int kUsteps_per_um = 25;
-constexpr std::size_t kPositionSize = 12, kStatusSize = 32;  ///< bytes, without the CR
+constexpr std::size_t kPositionSize = 12;  ///< bytes, without the CR
+constexpr std::size_t kStatusSize = 32;    ///< likewise
 
 /// Commands of the host.
 struct GetPosition {};
@@ -183,7 +184,10 @@ inline std::optional<Status> decode_status(Bytes b) {
 /// Error in place of a reply: 0x30 and its bits in one byte, then CR. '8' | '4' = '<' is what an
 /// interrupted motion gives (Micro-Manager).
 struct Fault {
-  bool frame = false, overflow = false, bad_command = false, interrupted = false;
+  bool frame = false;
+  bool overflow = false;
+  bool bad_command = false;
+  bool interrupted = false;
 };
 inline ByteString encode_fault(const Fault& fault) {
   const int bits = (fault.frame ? 1 : 0) | (fault.overflow ? 2 : 0) | (fault.bad_command ? 4 : 0) |

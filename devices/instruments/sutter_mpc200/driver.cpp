@@ -116,7 +116,7 @@ Usteps Mpc200::where() {
     const ByteString reply = ask(GetPosition{}, kPositionSize);
     const auto is = decode_position(reply);
     if (!is) fail(DeviceErrorKind::protocol, "an answer that is no position: " + printable(reply));
-    if (is->drive == settings_.drive) return is->place;
+    if (is->drive == settings_.drive) return is->position;
     take_drive();
   }
   fail(DeviceErrorKind::refused,

@@ -36,6 +36,7 @@ class EmulatedMpc200 final : public Emulator {
     return under_way_ ? arrival_ : kForever;
   }
 
+  /// On a straight line at constant speed; only the active drive can be under way.
   Usteps position(int drive, Time now) const override {
     const Usteps& from = positions_[static_cast<std::size_t>(drive - 1)];
     if (!under_way_ || drive != active_ || now <= begun_) return from;
@@ -133,6 +134,7 @@ class EmulatedMpc200 final : public Emulator {
   void obey(const Calibrate&, Time now) { set_off({0, 0, 0}, kCalibration, 1, now); }
   void obey(const Interrupt&, Time now) { speak({kEnd}, now); }
 
+  /// The mark of an interrupted motion stands before the next reply, once.
   void speak(ByteString bytes, Time now) {
     if (silent_) return;
     if (std::exchange(interrupted_, false)) bytes.insert(bytes.begin(), kInterrupted);

@@ -190,11 +190,11 @@ inline std::optional<Connected> decode_drives(Bytes b) {
 
 struct Position {
   int drive = 1;
-  Usteps place{};
+  Usteps position{};
 };
 inline ByteString encode_position(const Position& is) {
   ByteString bytes{static_cast<std::uint8_t>(is.drive)};
-  detail::put(bytes, is.place);
+  detail::put(bytes, is.position);
   bytes.push_back(kEnd);
   return bytes;
 }

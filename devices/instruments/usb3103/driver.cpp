@@ -202,7 +202,8 @@ void Usb3103::set_currents(std::span<const double> currents) {
 /// that did not. A stop is thrown only when all is done, for the link throws it after the report
 /// has left.
 void Usb3103::make_safe() {
-  std::exception_ptr stopped, failure;
+  std::exception_ptr stopped;
+  std::exception_ptr failure;
   std::array<bool, kChannels> zeroed{};
   for (int round = 0; round < 2; ++round) {
     failure = nullptr;

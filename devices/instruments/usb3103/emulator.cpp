@@ -39,6 +39,7 @@ class EmulatedUsb3103 final : public Emulator {
     }
   }
 
+  /// What the device would not understand changes nothing and has no answer.
   std::vector<Report> receive(Bytes report) override {
     const auto command = decode_command(report);
     if (!command) return {};
@@ -61,6 +62,7 @@ class EmulatedUsb3103 final : public Emulator {
     set(wanted);
     return {};
   }
+  /// All latched values in one step; a slave waits for its sync pin, which nothing drives here.
   std::vector<Report> handle(const AnalogOutSync&) {
     if (!master_) return {};
     Voltages wanted = outputs_;
@@ -107,6 +109,7 @@ class EmulatedUsb3103 final : public Emulator {
   static double volts(const Channel& channel, std::uint16_t counts) {
     return volts_from_counts(counts, channel.range, channel.calibration);
   }
+  /// Reports a change at the terminals, and only a change.
   void set(const Voltages& wanted) {
     if (wanted == outputs_) return;
     outputs_ = wanted;

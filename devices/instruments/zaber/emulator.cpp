@@ -31,6 +31,7 @@ struct AxisState {
   double speed() const {
     return homing ? settings.home_speed : usteps_per_second(values.at("maxspeed"));
   }
+  /// At constant speed: t = |to - from| / v.
   Time arrival() const { return later(begun, from_seconds(std::abs(to - from) / speed())); }
   double at(Time now) const {
     const double gone = std::max(0.0, to_seconds(now - begun)) * speed();
@@ -44,6 +45,7 @@ struct AxisState {
     stalled = held || (jammed && (target - *jammed) * (from - *jammed) < 0);
     to = held ? from : stalled ? *jammed : target;
   }
+  /// Without deceleration.
   void stop(Time now) {
     from = to = at(now);
     begun = now;
@@ -64,14 +66,19 @@ struct AxisState {
 
   EmulatedAxis settings;
   std::map<std::string, double> values;  // the settings that can be written
-  double from = 0, to = 0;               // usteps
+  double from = 0;                       // usteps
+  double to = 0;                         // usteps
   Time begun{};
-  bool referenced, homing = false, stalled = false, parked = false;
+  bool referenced;
+  bool homing = false;
+  bool stalled = false;
+  bool parked = false;
   std::optional<double> jammed;
   bool held = false;
   std::string flag = "--";
 };
 
+/// One device of the chain: its axes, and how it answers.
 struct DeviceState {
   explicit DeviceState(const EmulatedDevice& its) : settings(its) {
     for (const EmulatedAxis& axis : its.axes) axes.emplace_back(axis);
@@ -129,6 +136,7 @@ class Execution {
     return "BADCOMMAND";
   }
 
+  /// `work` returns the reason for a refusal, or nothing; the first refusal ends it.
   template <class Do>
   std::string each(const Do& work) {
     for (AxisState* const axis : axes_)
@@ -164,6 +172,7 @@ class Execution {
     });
   }
 
+  /// Communication settings are the device's, all others an axis'.
   std::string set(std::string_view rest) {
     const std::string name(detail::next_word(rest));
     const auto value = decode_numbers(rest);
@@ -198,8 +207,9 @@ class Execution {
     if (how != "abs" && how != "rel" && !to_end) return "BADCOMMAND";
     if (!value || value->size() != (to_end ? 0U : 1U)) return "BADDATA";
     return each([&](AxisState& axis) -> std::string {
-      const double here = axis.at(now_), low = axis.values["limit.min"],
-                   high = axis.values["limit.max"];
+      const double here = axis.at(now_);
+      const double low = axis.values["limit.min"];
+      const double high = axis.values["limit.max"];
       const double target = how == "min"   ? low
                             : how == "max" ? high
                             : how == "abs" ? value->front()
@@ -237,6 +247,7 @@ class Execution {
     return {};
   }
 
+  /// "tools echo" and "tools parking"; a parked axis refuses to move.
   std::string tools(std::string_view rest) {
     const std::string_view which = detail::next_word(rest);
     if (which == "echo") {
@@ -304,6 +315,7 @@ class EmulatedChain final : public Emulator {
       }
     }
   }
+  /// Communication settings are kept in the device; the reference is lost.
   void power_cycle(Time now) override {
     for (DeviceState& device : devices_) {
       for (AxisState& axis : device.axes) {

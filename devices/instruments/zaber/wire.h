@@ -157,8 +157,8 @@ inline std::optional<Message> decode_message(std::string_view line) {
   const auto body = detail::without_checksum(line.substr(1), message.checked);
   if (!body) return std::nullopt;
   std::string_view text = *body;
-  const auto device = detail::small_number(detail::next_word(text), 2),
-             axis = detail::small_number(detail::next_word(text), 1);
+  const auto device = detail::small_number(detail::next_word(text), 2);
+  const auto axis = detail::small_number(detail::next_word(text), 1);
   if (!device || !axis) return std::nullopt;
   message.device = *device;
   message.axis = *axis;
@@ -172,7 +172,8 @@ inline std::optional<Message> decode_message(std::string_view line) {
     message.accepted = verdict == "OK";
   }
   if (message.kind != Kind::info) {
-    const std::string_view status = detail::next_word(text), warning = detail::next_word(text);
+    const std::string_view status = detail::next_word(text);
+    const std::string_view warning = detail::next_word(text);
     if ((status != "BUSY" && status != "IDLE") || warning.size() != 2) return std::nullopt;
     message.busy = status == "BUSY";
     message.warning = warning;
@@ -213,7 +214,8 @@ constexpr std::string_view kNoReference = "WR";
 /// What a flag or a reason for a refusal means, for errors; the flag itself where it is not known.
 inline std::string meaning(std::string_view word) {
   struct Row {
-    std::string_view word, meaning;
+    std::string_view word;
+    std::string_view meaning;
   };
   static constexpr Row rows[] = {
       {"FF", "critical system error"},

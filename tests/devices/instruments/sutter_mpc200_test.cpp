@@ -57,7 +57,7 @@ TEST(Mpc200Wire, ReadsRepliesByTheirLength) {
   EXPECT_EQ(encode_drives({true, false, true, false}), (ByteString{2, 1, 0, 1, 0, 0x0D}));
   const Position place{1, {0x0D0D, 13, 0x0D000000}};  // any byte of it may be a CR
   ASSERT_TRUE(decode_position(encode_position(place)));
-  EXPECT_EQ(decode_position(encode_position(place))->place, place.place);
+  EXPECT_EQ(decode_position(encode_position(place))->position, place.position);
   EXPECT_FALSE(decode_drive(ByteString{0, 0x10, 1, 0x0D}));
   EXPECT_FALSE(decode_drive(ByteString{1, 0x1A, 1, 0x0D}));
   EXPECT_FALSE(decode_drives(ByteString{2, 1, 0, 1, 0, 0}));
