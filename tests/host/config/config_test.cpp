@@ -98,7 +98,7 @@ TEST(Config, TheWrongTypeIsNamed) {
                                        {"bits", {8.5}},
                                        {"center", {ConfigList{{1.0}, {2.0}, {3.0}}}},
                                        {"axis", {ConfigList{{1.0}, {true}, {3.0}}}},
-                                       {"kind", {std::string("gray")}},
+                                       {"kind", {std::string("grai")}},
                                        {"mirror", {1.0}},
                                        {"gain", {std::numeric_limits<double>::quiet_NaN()}}});
   ConfigReader root(rig);

@@ -172,7 +172,7 @@ TEST_F(CalibratedPlant, WithTheWrongCoilsOrElsewhereItIsRefused) {
   write(8, 5e-3, 0.1);
   EXPECT_NE(opened().find("Workspace_Dimensions"), std::string::npos) << opened();
   std::ofstream(folder / "machine.yaml") << "Coil_List: [A\n";
-  EXPECT_NE(opened().find("line 1"), std::string::npos) << opened();
+  EXPECT_NE(opened().find("line 2"), std::string::npos) << opened();
   write(8, 15e-3, 0, 0, 0);
   EXPECT_NE(opened().find("coil 1 makes no field"), std::string::npos) << opened();
   write(8, 15e-3, 0, 0, 1e3);
