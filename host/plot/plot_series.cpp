@@ -64,7 +64,9 @@ Stroke thinned(const Stroke& pixels) {
   Stroke result;
   for (std::size_t start = 0; start < pixels.size();) {
     const double column = std::floor(pixels[start].x);
-    std::size_t end = start + 1, low = start, high = start;
+    std::size_t end = start + 1;
+    std::size_t low = start;
+    std::size_t high = start;
     for (; end < pixels.size() && std::floor(pixels[end].x) == column; ++end) {
       if (pixels[end].y < pixels[low].y) low = end;
       if (pixels[end].y > pixels[high].y) high = end;
@@ -108,7 +110,8 @@ std::vector<Pen> pens_for(const std::vector<Series>& series) {
 
 std::string series_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
   if (pen.mark == Mark::points) return cloud_svg(pixels, pen);
-  std::string data, lonely;
+  std::string data;
+  std::string lonely;
   for (const Stroke& stroke : pixels) {
     if (stroke.size() == 1) {
       lonely += dot(stroke.front(), pen.width);

@@ -73,7 +73,8 @@ class Note {
 
  private:
   std::vector<AxisUse>& uses_;
-  const std::string role_, unit_;
+  const std::string role_;
+  const std::string unit_;
 };
 
 /// Each lets everything through, and notes the targets that the instrument took.
@@ -159,7 +160,7 @@ RigDescription twin_of(const RigDescription& rig) {
     auto* const role = std::get_if<ConfigTable>(&value.value);
     if (role != nullptr && is_real(*role)) (*role)["address"].value = std::string("emulated");
   }
-  // Nobody stands on an emulated pedal.
+  // An emulated pedal is never pressed.
   if (ConfigTable* const pedal = table_in(twin.table, "pedal")) pedal->erase("dead_man");
   if (ConfigTable* const camera = table_in(twin.table, "top_camera");
       camera && !twin.table.contains("pose_sensor") && !has_real_instruments(twin)) {

@@ -11,19 +11,20 @@
 namespace vitreo {
 namespace {
 
-constexpr double kNothing =
-    1e-8;  // of the smallest unit there is: what a subtraction of doubles leaves
+// Of the smallest unit there is: what a subtraction of doubles leaves counts as zero.
+constexpr double kNothing = 1e-8;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-/// People's unit for a dimension: used from `from` (SI) upwards; the smallest of a dimension goes
+/// Display unit of a dimension: used from `from` (SI) upwards; the smallest of a dimension goes
 /// down to zero.
 struct Step {
-  std::string_view dimension, symbol;
+  std::string_view dimension;
+  std::string_view symbol;
   double from;
 };
 
-// Largest first. Speeds and fields stay in their usual unit one decade longer: people say 0.5 mm/s,
+// Largest first. Speeds and fields keep their display unit one decade longer: 0.5 mm/s is written,
 // not 500 um/s.
 constexpr Step kSteps[] = {
     {"m", "m", 1},          {"m", "mm", 1e-3},     {"m", "um", 1e-7},     {"m", "nm", 0},
@@ -41,7 +42,7 @@ constexpr Step kSteps[] = {
     {"m^2", "m^2", 1},      {"m^2", "mm^2", 1e-8}, {"m^2", "um^2", 0},    {"1/m", "D", 0},
 };
 
-/// What zero is shown in.
+/// The unit in which zero is shown.
 std::string_view usual_symbol(std::string_view dimension) {
   if (dimension == "m") return "mm";
   if (dimension == "m/s") return "mm/s";
@@ -60,6 +61,7 @@ std::string_view symbol_for(double magnitude, std::string_view dimension) {
   return dimension;
 }
 
+/// To `digits` significant digits, by way of the decimal text: what is shown is what was meant.
 double rounded(double number, int digits) {
   if (number == 0 || !std::isfinite(number)) return number;
   const std::string text = fmt::format("{:.{}e}", number, digits - 1);
@@ -84,7 +86,7 @@ std::string replaced(std::string text, std::string_view from, std::string_view t
   return text;
 }
 
-/// The table's spelling of what people may also write.
+/// The table's spelling of a symbol: Unicode signs by their ASCII equivalents.
 std::string plain_symbol(std::string_view symbol) {
   constexpr std::pair<std::string_view, std::string_view> kSpellings[] = {
       {"\u00b5", "u"},  {"\u03bc", "u"},   {"\u00b0", "deg"}, {"\u00b2", "^2"},
@@ -219,7 +221,7 @@ std::optional<Quantity> parse_quantity(std::string_view text) {
     text.remove_prefix(1);
     if (text.starts_with('-')) return std::nullopt;
   }
-  // from_chars also reads "nan" and "inf", which no instrument should be told.
+  // from_chars also reads "nan" and "inf", which no instrument may be sent.
   const std::size_t first = text.starts_with('-') ? 1 : 0;
   if (first >= text.size() || !(text[first] == '.' || (text[first] >= '0' && text[first] <= '9')))
     return std::nullopt;

@@ -15,8 +15,10 @@ namespace {
 /// What is done to an emulated SpaceMouse: nothing, or a push, once or again and again.
 struct Push {
   Eigen::Vector3d deflection{0, 0, 0};  // of full
-  double from = 0, lasting = 0;         // s
-  double every = 0;                     // s from one to the next; 0: there is one only
+  // s
+  double from = 0;
+  double lasting = 0;
+  double every = 0;  // s from one to the next; 0: there is one only
 };
 
 /// The driver over an emulator that a hand pushes; the hand goes first.
@@ -91,10 +93,10 @@ Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
     settings.layout = foot_pedal::infinity();
   if (instrument.emulated())
     return [settings](const RigContext& where) {
-      auto nobody =
-          std::make_shared<foot_pedal::Emulator>(settings.layout);  // a pedal that nobody stands on
-      auto link = memory_hid_link(*nobody, where.clock, Time(0));
-      return Opened<OperatorInput>{nobody, foot_pedal::open(std::move(link), settings)};
+      // Never pressed.
+      auto released = std::make_shared<foot_pedal::Emulator>(settings.layout);
+      auto link = memory_hid_link(*released, where.clock, Time(0));
+      return Opened<OperatorInput>{released, foot_pedal::open(std::move(link), settings)};
     };
   const auto open = [settings,
                      address = read_usb_address(instrument, "hid")](const RigContext& where) {

@@ -31,7 +31,10 @@ class BorrowedProbe : public FieldProbe {
 
 /// Of a linear axis in m, of a rotary one in rad.
 struct Usual {
-  double travel, max_speed, speed, resolution;
+  double travel;
+  double max_speed;
+  double speed;
+  double resolution;
 };
 constexpr Usual kSensor{15e-3, 20e-3, 5e-3, 1e-6}, kProbe{20e-3, 20e-3, 10e-3, 5e-6},
     kTurn{1e3, 3, 1, 1e-4};
