@@ -10,7 +10,7 @@
 namespace vitreo {
 namespace {
 
-/// What a simulated camera understands of a real one's settings.
+/// The settings of a real camera that a simulated one has too.
 constexpr std::array kCameraKeys{
     "width_px",        "height_px",  "frame_rate", "effective_pixel",  "view",  "center_px",
     "sensor_aperture", "microscope", "projection", "projection_reach", "sensor"};
@@ -20,8 +20,8 @@ ConfigTable* table_in(ConfigTable& table, const std::string& key) {
   return found == table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
 }
 
-/// Images and films in files do nothing, and a twin may look at them too; a camera of the system is
-/// no film.
+/// Whether the address leads to an instrument. Images and videos in files do nothing, and a twin
+/// reads them too; "video:/dev/video0" and "video:0" are cameras.
 bool is_real(const ConfigTable& role) {
   const auto address = role.find("address");
   const auto* text =
@@ -33,6 +33,7 @@ bool is_real(const ConfigTable& role) {
   return film.empty() || camera;
 }
 
+/// A real camera may be outside of what a simulated one can be.
 void clamp_number(ConfigTable& table, const char* key, double min, double max) {
   const auto found = table.find(key);
   if (found == table.end()) return;
@@ -77,7 +78,7 @@ class Note {
   const std::string unit_;
 };
 
-/// Each lets everything through, and notes the targets that the instrument took.
+/// Decorator: passes every call on, and notes the targets that the instrument accepted.
 class WatchedStage final : public Stage {
  public:
   WatchedStage(Stage& stage, std::vector<AxisUse>& uses)
@@ -150,6 +151,7 @@ bool is_laboratory(const RigDescription& rig) {
   });
 }
 
+// Cameras first: after the second loop no address says any more which of them are real.
 RigDescription twin_of(const RigDescription& rig) {
   RigDescription twin = rig;
   for (const char* name : {"top_camera", "side_camera"}) {
@@ -177,7 +179,8 @@ struct Twin::State {
         real(has_real_instruments(rig)),
         open(vitreo::open_rig(twin_of(rig), the_clock, seed)) {
     Rig& roles = open->rig();
-    if (real) roles.simulation = nullptr;  // nothing of a laboratory can be redrawn
+    // A rig with real instruments has nothing that a script could redraw.
+    if (real) roles.simulation = nullptr;
     if (roles.stage != nullptr) roles.stage = &stage.emplace(*roles.stage, uses);
     if (roles.rotation_stage != nullptr)
       roles.rotation_stage = &rotation.emplace(*roles.rotation_stage, uses);
@@ -190,7 +193,8 @@ struct Twin::State {
   std::optional<WatchedStage> stage;
   std::optional<WatchedRotation> rotation;
   std::optional<WatchedLens> lens;
-  std::unique_ptr<OpenRig> open;  // dies first: it makes safe what the watches stand before
+  // Destroyed first: it makes safe the instruments that the decorators borrow.
+  std::unique_ptr<OpenRig> open;
 };
 
 Twin::Twin(const RigDescription& rig, Clock& clock, std::uint64_t seed)

@@ -190,6 +190,7 @@ std::optional<Unit> find_unit(std::string_view symbol) {
   return *found;
 }
 
+// "mm/s" is mm_per_s in Lua's module `units`, "m^2" is m2; empty for what gives no identifier.
 std::string unit_name(std::string_view symbol) {
   std::string name;
   for (const char c : symbol) {
@@ -215,6 +216,7 @@ std::string quantity_name(std::string_view dimension) {
   return std::string(dimension);
 }
 
+// number [*] [unit]; the sign + is taken, two signs are not.
 std::optional<Quantity> parse_quantity(std::string_view text) {
   text = trimmed(text);
   if (text.starts_with('+')) {
@@ -236,12 +238,15 @@ std::optional<Quantity> parse_quantity(std::string_view text) {
   return Quantity{number * unit->factor, std::string(unit->dimension), false};
 }
 
+// Fixed notation for powers of ten from -4 to 7 (or to `digits`, if that is more), trailing zeros
+// cut; outside of it exponential notation.
 std::string format_number(double number, int digits) {
   if (std::isnan(number)) return "not a number";
   if (std::isinf(number)) return number > 0 ? "infinity" : "-infinity";
   digits = std::clamp(digits, 1, 17);
   const double value = rounded(number, digits);
   if (value == 0) return "0";
+  // 1e-12: log10(1000) may come out a little below 3.
   const int exponent = static_cast<int>(std::floor(std::log10(std::fabs(value)) + 1e-12));
   if (exponent < -4 || exponent > std::max(7, digits)) return fmt::format("{:.{}g}", value, digits);
   const int decimals = std::max(0, digits - 1 - exponent);

@@ -11,7 +11,7 @@
 namespace vitreo {
 namespace {
 
-/// The emulators of all channels, and what flows through their coils.
+/// The emulators of all channels, and the currents of their coils, A.
 struct EmulatedSupplies {
   std::vector<double> currents;
   std::vector<std::unique_ptr<kepco_bop::Emulator>> supplies;
