@@ -39,7 +39,7 @@ std::string describe(const ConfigValue& value) {
   return std::visit(Visitor{}, value.value);
 }
 
-/// People may have written the dimension or one of its units into the bounds.
+/// The bounds may name a dimension or one of its units.
 std::string dimension_of(std::string_view unit) {
   const auto found = find_unit(unit);
   return std::string(found ? found->dimension : unit);
@@ -59,8 +59,9 @@ std::string listed(const std::vector<std::string>& words) {
   return text;
 }
 
+/// Damerau & Levenshtein, restricted to adjacent swaps (optimal string alignment).
 std::size_t edit_distance(const std::string& a, const std::string& b) {
-  // Two rows back, so that swapped neighbors ("focsu") count as one slip.
+  // Three rows of the table: a swap of neighbors ("focsu") looks two rows back.
   std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), row(b.size() + 1);
   std::iota(last.begin(), last.end(), std::size_t{0});
   for (std::size_t i = 1; i <= a.size(); ++i) {
@@ -85,8 +86,9 @@ std::string lower(std::string text) {
 }  // namespace
 
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {
-  constexpr std::size_t kTooLong = 64;  // nobody mistypes that
+  constexpr std::size_t kTooLong = 64;  // no slip of the hand; bounds the cost of a hostile file
   if (word.empty() || word.size() > kTooLong) return "";
+  // A third of the letters may be wrong, at least one and at most three.
   std::size_t best = std::clamp<std::size_t>((word.size() + 1) / 3, 1, 3) + 1;
   std::string result;
   for (const std::string& candidate : candidates) {
@@ -125,9 +127,9 @@ ConfigReader::ConfigReader(const RigDescription& rig, const ConfigTable& table, 
 void ConfigReader::fail(const std::string& key, const std::string& problem) const {
   const RigSource source = rig_.source_of(path_ + key);
   const int line = find_line(source.text, path_ + key);
-  const std::string place =
+  const std::string location =
       line > 0 ? fmt::format("{}:{}: ", source.file, line) : source.file + ": ";
-  throw ConfigError(place + path_ + key + " " + problem);
+  throw ConfigError(location + path_ + key + " " + problem);
 }
 
 void ConfigReader::wrong_type(const std::string& key, const std::string& wanted,
@@ -155,7 +157,8 @@ void ConfigReader::check_bounds(const std::string& key, double value, const Boun
   if (value >= bounds.min && value <= bounds.max) return;
   const std::string dimension = dimension_of(bounds.unit);
   const auto shown = [&](double number) { return format_quantity(number, dimension, 6); };
-  const bool above = std::isfinite(bounds.min), below = std::isfinite(bounds.max);
+  const bool above = std::isfinite(bounds.min);
+  const bool below = std::isfinite(bounds.max);
   const std::string wanted = above && below ? shown(bounds.min) + " to " + shown(bounds.max)
                              : above        ? "at least " + shown(bounds.min)
                                             : "at most " + shown(bounds.max);
@@ -295,9 +298,9 @@ ConfigReader ConfigReader::table(const std::string& key) {
   const bool empty_list = found && std::holds_alternative<ConfigList>(found->value) &&
                           std::get<ConfigList>(found->value).empty();
   if (found && !inner && !empty_list) wrong_type(key, "a table", *found);
-  nlohmann::json& place = (*resolved_)[key];
-  if (!place.is_object()) place = nlohmann::json::object();
-  return ConfigReader(rig_, inner ? *inner : empty_table(), path_ + key + ".", &place);
+  nlohmann::json& below = (*resolved_)[key];
+  if (!below.is_object()) below = nlohmann::json::object();
+  return ConfigReader(rig_, inner ? *inner : empty_table(), path_ + key + ".", &below);
 }
 
 void ConfigReader::finish() const {

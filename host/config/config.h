@@ -1,4 +1,4 @@
-// A rig file as plain data, and the reader that knows which keys were read: an unread key is an
+// Rig file as plain data, and its reader: every key has bounds, and a key that was not read is an
 // error.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -24,7 +24,8 @@ struct ConfigValue {
 };
 
 struct RigSource {
-  std::string file, text;
+  std::string file;
+  std::string text;
 };
 
 /// What a rig file says, on top of what the files that it builds on say; files and texts are kept
@@ -40,14 +41,17 @@ struct RigDescription {
   RigSource source_of(std::string key) const;
 };
 
-/// One line for people: "scripts/rigs/x.lua:12: top_camera.focsu is not known; did you mean focus?"
+/// One line, with file and line number: "scripts/rigs/x.lua:12: top_camera.focsu is not known; did
+/// you mean focus?"
 class ConfigError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
 struct Bounds {
-  double min, max;        // inclusive, SI
+  // inclusive, SI
+  double min;
+  double max;
   std::string_view unit;  // dimension, for the error
 };
 
@@ -79,7 +83,7 @@ class ConfigReader {
   std::vector<std::string> keys() const;
   /// A sub-table; empty when it is not there.
   ConfigReader table(const std::string& key);
-  /// Throws ConfigError for the first key that nobody read, with the nearest known one.
+  /// Throws ConfigError for the first key that was not read, with the nearest known one.
   void finish() const;
   const nlohmann::json& resolved() const { return *resolved_; }
   [[noreturn]] void fail(const std::string& key, const std::string& problem) const;

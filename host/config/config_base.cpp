@@ -15,12 +15,13 @@ const std::string* driver_of(const ConfigTable& table) {
   return found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
 }
 
-/// Of one driver's settings the next one knows nothing.
+/// Settings of one driver mean nothing to another: then the base's table is replaced, not joined.
 bool is_another_driver(const ConfigTable& own, const ConfigTable& base) {
   const std::string *wanted = driver_of(own), *before = driver_of(base);
   return wanted != nullptr && before != nullptr && *wanted != *before;
 }
 
+/// `false` in the place of a table, number, text or list.
 bool takes_away(const ConfigValue& own, const ConfigValue& base) {
   const bool* const flag = std::get_if<bool>(&own.value);
   return flag != nullptr && !*flag && !std::holds_alternative<bool>(base.value);
@@ -30,7 +31,8 @@ class Joiner {
  public:
   explicit Joiner(RigDescription& rig) : rig_(rig) {}
 
-  /// Every key of the base is its own, until a nearer file says something about it.
+  /// Notes every key of the base as the base's, until a nearer file sets it. `first`: its index in
+  /// `bases`; what the base itself has from farther files comes behind it.
   void claim(const ConfigTable& base, const std::string& path, const RigDescription& from,
              std::size_t first) {
     for (const auto& [key, value] : base) {
@@ -59,6 +61,7 @@ class Joiner {
   }
 
  private:
+  // Two tables of the same driver are joined key by key; anything else replaces what was there.
   void put(ConfigValue& under, ConfigValue value, const std::string& dotted) {
     auto* const own = std::get_if<ConfigTable>(&value.value);
     auto* const before = std::get_if<ConfigTable>(&under.value);
@@ -70,6 +73,7 @@ class Joiner {
     under = std::move(value);
   }
 
+  // The key and all below it come from the nearer file from now on.
   void forget(const std::string& dotted) {
     rig_.from_base.erase(dotted);
     std::erase_if(rig_.from_base,

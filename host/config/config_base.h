@@ -1,4 +1,4 @@
-// Rig files that build on others: the same bench with another camera says only what differs.
+// Inheritance of rig files: a rig builds on another one and states only what differs.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -19,6 +19,7 @@ const char* to_string(Right right) {
   return right == Right::researcher ? "researcher" : "technician";
 }
 
+// Without the table `rights` the default `others_` (researcher) holds for every account.
 Rights Rights::read(ConfigReader& rig) {
   Rights rights;
   if (!rig.has("rights")) return rights;

@@ -1,6 +1,6 @@
-// Who may do what: a technician runs protocols within their ranges; a researcher also has the
-// prompt and may override what was refused. It keeps people from mistakes, not from malice: whoever
-// can write the rig file can do anything.
+// Rights of operators: a technician runs protocols within their ranges; a researcher also has the
+// prompt and may override what was refused. They prevent mistakes, not malice: an account that can
+// write the rig file can do anything.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,15 +15,15 @@ namespace vitreo {
 enum class Right { technician, researcher };
 const char* to_string(Right right);
 
-/// Somebody asked for what only a researcher may do; what() names both.
+/// A request that only a researcher may make; what() names the operator and the request.
 class RightError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
 /// As the rig file's table `rights` has them: { anna = "researcher", others = "technician" }.
-/// Without that table everybody is a researcher; in it, who is not named is a technician, or what
-/// `others` says.
+/// Without that table every operator is a researcher; with it, one that is not named is a
+/// technician, or what `others` says.
 class Rights {
  public:
   Rights() = default;

@@ -15,6 +15,8 @@ extern char** environ;
 
 namespace vitreo {
 
+// Both ends are close-on-exec, so that no other child inherits them and keeps the pipe open; the
+// end that is duplicated onto 0, 1 or 2 is not.
 ChildProcess::ChildProcess(const std::vector<std::string>& words, Pipe pipe) {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0)
@@ -25,8 +27,8 @@ ChildProcess::ChildProcess(const std::vector<std::string>& words, Pipe pipe) {
   if (!input) posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&actions, ends[input ? 0 : 1], input ? 0 : 1);
   if (pipe == Pipe::from_output_and_errors) posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
-  posix_spawnattr_t
-      attributes;  // a task that blocks signals hands that on, and the program would be deaf
+  // A signal mask is inherited: a task that blocks signals would make a program that none can end.
+  posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   sigset_t none;
   sigemptyset(&none);
@@ -54,7 +56,7 @@ ChildProcess::~ChildProcess() {
 }
 
 bool ChildProcess::write(std::string_view bytes) {
-  // A program that has ended must not end this one too.
+  // A write to a program that has ended raises SIGPIPE, which would end this one too.
   const auto before = std::signal(SIGPIPE, SIG_IGN);
   bool taken = true;
   while (!bytes.empty() && taken) {
@@ -90,6 +92,7 @@ std::size_t ChildProcess::read_some(void* into, std::size_t bytes) {
   }
 }
 
+// The exit code as a shell gives it: 128 and the signal's number for one that was killed.
 int ChildProcess::finish() {
   if (pipe_ >= 0) ::close(pipe_);
   pipe_ = -1;

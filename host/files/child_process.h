@@ -1,4 +1,4 @@
-// Another program, with a pipe to its input or from its output (with its errors, if so wished).
+// Child process with one pipe: to its input, or from its output and, if asked for, its errors.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -32,7 +32,8 @@ class ChildProcess {
   int finish();
 
  private:
-  int pid_ = -1, pipe_ = -1;
+  int pid_ = -1;
+  int pipe_ = -1;
 };
 
 }  // namespace vitreo

@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Against files that would take the memory: the first is checked before decoding.
 constexpr std::uintmax_t kLargestFile = 256U << 20U;  // bytes
 constexpr std::size_t kMostPixels = 1U << 26U;
 constexpr std::string_view kMask = "_mask";
@@ -67,7 +68,8 @@ cv::Mat read(const fs::path& file, int flags) {
   cv::Mat image;
   try {
     image = cv::imdecode(bytes, flags);
-  } catch (const cv::Exception&) {  // it says where in OpenCV: of no use to whoever gave the file
+    // Its text names a place in OpenCV's sources, which does not help the operator.
+  } catch (const cv::Exception&) {
     image.release();
   }
   if (image.empty())
@@ -81,10 +83,12 @@ cv::Mat read(const fs::path& file, int flags) {
 }  // namespace
 
 bool natural_less(const std::string& a, const std::string& b) {
-  std::size_t i = 0, j = 0;
+  std::size_t i = 0;
+  std::size_t j = 0;
   while (i < a.size() && j < b.size()) {
     if (digit(a[i]) && digit(b[j])) {
-      const std::string_view x = number_at(a, i), y = number_at(b, j);
+      const std::string_view x = number_at(a, i);
+      const std::string_view y = number_at(b, j);
       if (x.size() != y.size()) return x.size() < y.size();
       if (x != y) return x < y;
       continue;
@@ -142,8 +146,8 @@ std::vector<LabeledFiles> labeled_files(const fs::path& folder) {
   std::vector<LabeledFiles> pairs;
   for (const fs::path& mask : all) {
     if (!is_mask(mask)) continue;
-    const std::string stem = mask.stem().string(),
-                      name = stem.substr(0, stem.size() - kMask.size());
+    const std::string stem = mask.stem().string();
+    const std::string name = stem.substr(0, stem.size() - kMask.size());
     const auto image = std::find_if(
         all.begin(), all.end(), [&](const fs::path& one) { return one.stem().string() == name; });
     if (image == all.end())

@@ -1,4 +1,4 @@
-// Pictures in files: read whole or refused, listed in the order that people number them.
+// Image files: whole or refused, listed in natural order of their numbers.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -34,7 +34,8 @@ cv::Mat read_mask(const std::filesystem::path& file);
 /// NAME.png with NAME_mask.png beside it.
 struct LabeledFiles {
   std::string name;
-  std::filesystem::path image, mask;
+  std::filesystem::path image;
+  std::filesystem::path mask;
 };
 /// Throws std::invalid_argument naming the folder when it has no such pair, or a mask whose image
 /// is missing.

@@ -33,6 +33,7 @@ fs::path numbered(const fs::path& file, int number) {
   return file.string() + "." + std::to_string(number);
 }
 
+/// host.log becomes host.log.1, that host.log.2, and so on; the oldest is removed.
 void rotate(const Log& log) {
   std::error_code ignored;  // what is not there yet cannot be moved
   fs::remove(numbered(log.file, log.limits.kept), ignored);
@@ -41,7 +42,8 @@ void rotate(const Log& log) {
   fs::rename(log.file, numbered(log.file, 1), ignored);
 }
 
-/// Other programs wait while it lives; the system takes it back when this one dies.
+/// Advisory lock of the log's own lock file: other programs wait while it lives, and the system
+/// releases it when this one dies. Not of the log itself, which is renamed under it.
 class Lock {
  public:
   explicit Lock(const fs::path& file)
@@ -57,6 +59,7 @@ class Lock {
   const int descriptor_;
 };
 
+/// One write() in append mode: lines of several programs do not mix.
 void append(const Log& log, const std::string& line) {
   const Lock lock(log.file.string() + ".lock");
   if (file_size_or_zero(log.file) + line.size() > log.limits.bytes) rotate(log);
@@ -68,6 +71,7 @@ void append(const Log& log, const std::string& line) {
   if (!whole) throw std::runtime_error(log.file.string() + ": cannot be written");
 }
 
+/// Time, process and the text without control characters: one event is one line.
 std::string one_line(const std::string& text) {
   std::string line = wall_time_text() + " [" + std::to_string(getpid()) + "] ";
   for (const char c : text) line += static_cast<unsigned char>(c) < 0x20 || c == 0x7F ? ' ' : c;
@@ -79,7 +83,7 @@ std::string one_line(const std::string& text) {
 void open_log(const fs::path& file, const LogLimits& limits) {
   Log& log = the_log();
   const std::lock_guard guard(log.mutex);
-  log.file.clear();  // where it cannot be opened there is none, and it is said once
+  log.file.clear();  // stays so where the new one cannot be opened
   fs::create_directories(file.parent_path());
   { const Lock lock(file.string() + ".lock"); }
   log.file = file;

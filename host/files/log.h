@@ -1,5 +1,4 @@
-// The host's own log: one line for each thing that matters beyond one run, in a file that does not
-// grow for ever.
+// Log of the host: one line an event that matters beyond one run, in files of bounded size.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -18,7 +18,8 @@
 namespace vitreo {
 namespace {
 
-/// Of a run that goes on or was lost, or not its own.
+/// Whether the file is part of the record: not the manifest itself, not the files of a run that is
+/// being written, not exports.
 bool belongs(const std::filesystem::path& below) {
   const std::string name = below.generic_string();
   return name != kManifest && name != "recording.lock" && name != "reserve.room" &&

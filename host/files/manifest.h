@@ -1,4 +1,4 @@
-// SHA256SUMS: the hash of every file of a closed run, as `sha256sum -c` reads it.
+// Manifest of a closed run, SHA256SUMS: the hash of every file, as `sha256sum -c` reads it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -17,12 +17,16 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "the files are written as this machine has its numbers");
 
-constexpr int kEntries = 13;  // tags a page
-constexpr std::uint32_t kLinkBehindPixels =
-    4;  // bytes of the next page's offset, which stand before the small values
-constexpr std::uint64_t kSmallestHead =
-    28 + 2 + kEntries * 12 + 4 + 16;  // nothing's pixels begin before
-constexpr std::uint32_t kMagic = 483729, kSummary = 2355492, kMajor = 3, kMinor = 3;
+constexpr int kEntries = 13;             // tags a page
+constexpr std::uint32_t kLinkBytes = 4;  // the next page's offset, in front of the small values
+// Head of the file, directory of a page (count, tags, link) and two resolutions: no pixels begin
+// before.
+constexpr std::uint64_t kSmallestHead = 28 + 2 + kEntries * 12 + kLinkBytes + 16;
+// Marks of NDTiff in the file's head (NDStorage, "NDTiff file format").
+constexpr std::uint32_t kMagic = 483729;
+constexpr std::uint32_t kSummary = 2355492;
+constexpr std::uint32_t kMajor = 3;
+constexpr std::uint32_t kMinor = 3;
 
 class Bytes {
  public:
@@ -62,26 +66,36 @@ std::string text_of(const nlohmann::json& json) {
   return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
 
-/// Places within one page. The small values (bits of RGB, two resolutions) stand between directory
+/// Offsets within one page. The small values (bits of RGB, two resolutions) stand between directory
 /// and pixels.
 struct Page {
   Page(std::uint64_t start, int pixel_type, std::uint64_t pixel_bytes)
       : at(start),
-        small_at(at + 2 + kEntries * 12 + kLinkBehindPixels),
+        small_at(at + 2 + kEntries * 12 + kLinkBytes),
         pixels_at(small_at + (pixel_type == 2 ? 6 : 0) + 16),
         metadata_at(pixels_at + pixel_bytes) {}
-  std::uint64_t link_at() const { return small_at - kLinkBehindPixels; }
-  std::uint64_t at, small_at, pixels_at, metadata_at;
+  std::uint64_t link_at() const { return small_at - kLinkBytes; }
+  std::uint64_t at;
+  std::uint64_t small_at;
+  std::uint64_t pixels_at;
+  std::uint64_t metadata_at;
 };
 
 std::uint64_t link_of(const NdtiffEntry& entry) {
-  return entry.pixels_at - 16 - (entry.pixel_type == 2 ? 6 : 0) - kLinkBehindPixels;
+  return entry.pixels_at - 16 - (entry.pixel_type == 2 ? 6 : 0) - kLinkBytes;
 }
 
+// TIFF 6.0, section 2. Tags: 256 width, 257 height, 258 bits, 259 compression, 262 photometric
+// interpretation, 273 and 279 offset and size of the one strip, 277 samples a pixel, 278 rows a
+// strip, 282 and 283 resolutions, 296 resolution unit, 51123 Micro-Manager's metadata; in ascending
+// order.
 std::string directory_of(const Page& page, const NdtiffEntry& entry) {
   const bool rgb = entry.pixel_type == 2;
   const std::uint32_t bits = entry.pixel_type == 1 ? 16 : 8;
-  constexpr std::uint32_t kText = 2, kShort = 3, kLong = 4, kRational = 5;
+  constexpr std::uint32_t kText = 2;
+  constexpr std::uint32_t kShort = 3;
+  constexpr std::uint32_t kLong = 4;
+  constexpr std::uint32_t kRational = 5;
   Bytes bytes;
   bytes.u16(kEntries);
   bytes.tag(256, kLong, 1, entry.width_px).tag(257, kLong, 1, entry.height_px);
@@ -132,6 +146,8 @@ NdtiffWriter::~NdtiffWriter() {
   close_file(index_);
 }
 
+// The head: byte order "II", 42, offset of the first page (0 until there is one), NDTiff's marks
+// and the summary.
 void NdtiffWriter::begin_file() {
   const std::string next =
       name_ + "_NDTiffStack" + (files_ == 0 ? "" : "_" + std::to_string(files_)) + ".tif";
@@ -155,7 +171,7 @@ NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image
   entry.pixel_type = pixel_type_of(image);
   entry.width_px = image.cols;
   entry.height_px = image.rows;
-  cv::Mat pixels;  // never converted in place: the image is the caller's
+  cv::Mat pixels;  // never converted in place: the image belongs to the caller
   if (entry.pixel_type == 2)
     cv::cvtColor(image, pixels, cv::COLOR_BGR2RGB);
   else
@@ -163,7 +179,7 @@ NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image
   if (!pixels.isContinuous()) pixels = pixels.clone();
   std::string words = text_of(metadata);
   if ((entry.pixel_bytes() + words.size()) % 2 == 1) words += ' ';  // pages begin on even offsets
-  constexpr std::uint64_t kRoom = 4096;                             // of the directory, generously
+  constexpr std::uint64_t kRoom = 4096;  // bytes for the directory, more than it has
   if (end_ + entry.pixel_bytes() + words.size() + kRoom > largest_ && link_at_ != 4) begin_file();
   const Page page(end_, entry.pixel_type, entry.pixel_bytes());
   entry.file = file_;
@@ -171,7 +187,8 @@ NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image
   entry.metadata_at = page.metadata_at;
   entry.metadata_bytes = words.size();
   const std::string directory = directory_of(page, entry);
-  const std::filesystem::path stack = folder_ / file_, index = folder_ / "NDTiff.index";
+  const std::filesystem::path stack = folder_ / file_;
+  const std::filesystem::path index = folder_ / "NDTiff.index";
   try {
     write_at(stack_, page.at, directory, stack);
     write_at(stack_, page.pixels_at,
@@ -181,6 +198,8 @@ NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image
     shorten_file(stack_, end_);
     throw;
   }
+  // The page is whole in the file before anything refers to it: first the chain of pages, then the
+  // index. After a kill in between the page is in TIFF's chain and not in the index: mend_ndtiff().
   write_at(stack_, link_at_, Bytes().u32(page.at).str(), stack);
   append_whole(index_, index_text(entry), index);
   link_at_ = page.link_at();
@@ -280,6 +299,8 @@ nlohmann::json read_ndtiff_metadata(const std::filesystem::path& folder, const N
   return json.is_object() ? json : nlohmann::json::object();
 }
 
+// Keeps the longest run of entries from the beginning whose pages are all there, and cuts index and
+// last file behind it; the last page's link becomes 0, the end of TIFF's chain.
 std::vector<NdtiffEntry> mend_ndtiff(const std::filesystem::path& folder) {
   std::uint64_t whole = 0;
   std::vector<NdtiffEntry> entries = read_ndtiff_index(folder, &whole);

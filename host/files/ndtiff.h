@@ -1,6 +1,5 @@
-// NDTiff 3.3 stacks (github.com/micro-manager/NDStorage): TIFF pages and an index file beside them
-// that says where each one is. Both are whole at every moment, also while they grow and after kill
-// -9.
+// NDTiff 3.3 stacks (github.com/micro-manager/NDStorage): TIFF pages and an index file that says
+// where each one is. Both are whole at every moment, also while they grow and after kill -9.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,8 +17,11 @@ namespace vitreo {
 struct NdtiffEntry {
   nlohmann::json axes;  // {"time": 12}
   std::string file;     // a name in the stack's folder
-  std::uint64_t pixels_at = 0, metadata_at = 0, metadata_bytes = 0;
-  int width_px = 0, height_px = 0;
+  std::uint64_t pixels_at = 0;
+  std::uint64_t metadata_at = 0;
+  std::uint64_t metadata_bytes = 0;
+  int width_px = 0;
+  int height_px = 0;
   int pixel_type = 0;           // 0: 8 bit, 1: 16 bit, 2: 8-bit RGB
   std::uint64_t index_end = 0;  // where its entry ends in the index, when it was read from there
   std::uint64_t pixel_bytes() const;
@@ -40,7 +42,7 @@ class NdtiffWriter {
   NdtiffWriter& operator=(const NdtiffWriter&) = delete;
 
   /// 8- or 16-bit gray or 8-bit BGR (stored as RGB), not empty: std::invalid_argument. Pixels
-  /// first, then the page's place in the chain, then the index entry.
+  /// first, then the page's link in the chain, then the index entry.
   NdtiffEntry write(const nlohmann::json& axes, const cv::Mat& image,
                     const nlohmann::json& metadata);
   /// What was written is on the disk when this returns.
@@ -50,12 +52,16 @@ class NdtiffWriter {
   void begin_file();
 
   std::filesystem::path folder_;
-  std::string name_, file_;
+  std::string name_;
+  std::string file_;
   std::string summary_;
-  std::uint64_t largest_, end_ = 0;
+  std::uint64_t largest_;
+  std::uint64_t end_ = 0;
   std::uint64_t link_at_ =
       0;  // where the last page keeps the offset of the next; 4 is the file's head
-  int stack_ = -1, index_ = -1, files_ = 0;
+  int stack_ = -1;
+  int index_ = -1;
+  int files_ = 0;
 };
 
 /// The whole entries of a stack's index. `whole_bytes`, when given: how long they are together;

@@ -49,6 +49,7 @@ void write_at(int descriptor, std::uint64_t offset, std::string_view bytes,
   }
 }
 
+// A write that fails half-way is cut off again, so that the file ends with a whole record.
 void append_whole(int descriptor, std::string_view bytes, const std::filesystem::path& file) {
   const off_t end = ::lseek(descriptor, 0, SEEK_END);
   try {
@@ -68,6 +69,7 @@ void sync_file(int descriptor, const std::filesystem::path& file) {
   if (::fdatasync(descriptor) != 0) fail(file);
 }
 
+// A new name is durable only when its folder is.
 void sync_folder(const std::filesystem::path& folder) {
   const Descriptor reading(opened(folder, O_RDONLY));
   if (::fsync(reading.number()) != 0 && errno != EINVAL) fail(folder);  // some file systems cannot

@@ -1,4 +1,4 @@
-// Files by their descriptors, for what must be on the disk in a certain order. Errors throw
+// Files by descriptor, for data that must reach the disk in a certain order. Errors throw
 // std::runtime_error naming the file.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once

@@ -31,6 +31,7 @@ std::string random_hex(int digits) {
   return text;
 }
 
+// Every run of other characters becomes one underscore, none at either end.
 std::string slug(std::string_view text, const std::string& fallback) {
   constexpr std::size_t kLongest = 48;
   std::string result;

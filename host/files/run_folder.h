@@ -1,4 +1,4 @@
-// The folder of a run, and files that are there whole or not at all.
+// Folders of runs, and files that exist whole or not at all.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -14,6 +14,7 @@ namespace {
 
 }  // namespace
 
+// SQL's double quotes, inner ones doubled; SQLite would end the name at a NUL.
 std::string quoted_identifier(std::string_view name) {
   if (name.empty()) throw std::invalid_argument("a name is empty");
   if (name.find('\0') != std::string_view::npos)
@@ -52,6 +53,7 @@ Statement& Statement::bind(int index, std::string_view text) {
   return *this;
 }
 
+// Resets at the end and after an error, so that the statement can run again and holds no lock.
 bool Statement::step() {
   const int result = sqlite3_step(handle_.get());
   if (result == SQLITE_ROW) return true;
@@ -88,8 +90,8 @@ Database::Database(const std::string& file, Mode mode) {
       sqlite3_open_v2(file.c_str(), &database, flags | SQLITE_OPEN_PRIVATECACHE, nullptr);
   handle_.reset(database);
   if (result != SQLITE_OK) throw std::runtime_error(file + ": " + sqlite3_errstr(result));
-  sqlite3_busy_timeout(
-      database, 250);  // ms: readers never hold a writer in WAL mode, only its last checkpoint
+  // ms. In WAL mode readers never hold up a writer, but for its last checkpoint.
+  sqlite3_busy_timeout(database, 250);
 }
 
 void Database::execute(const std::string& sql) {
@@ -97,6 +99,7 @@ void Database::execute(const std::string& sql) {
     fail(handle_.get());
 }
 
+// sqlite3_close refuses while statements are open, unlike the deleter's close: a leak is an error.
 void Database::close() {
   if (handle_ && sqlite3_close(handle_.get()) != SQLITE_OK) fail(handle_.get());
   static_cast<void>(handle_.release());

@@ -1,4 +1,4 @@
-// A thin owner around SQLite: statements that end themselves, errors that name the file.
+// Owners of SQLite databases and statements: released by scope, errors name the file.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

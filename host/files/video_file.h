@@ -1,4 +1,4 @@
-// Recorded videos, frame by frame, as images.
+// Reader of recorded videos, frame by frame.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

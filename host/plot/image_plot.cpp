@@ -16,14 +16,29 @@
 namespace vitreo {
 namespace {
 
-constexpr double kWidest = 640, kTallest = 560, kLargestPixel = 8;       // CSS px, of the picture
-constexpr double kLeft = 58, kRight = 16, kTop = 34, kLegendRoom = 220;  // CSS px
-constexpr double kText = 11.5, kBelow = 44, kNote = 18;                  // CSS px
+// CSS px, of the picture
+constexpr double kWidest = 640;
+constexpr double kTallest = 560;
+constexpr double kLargestPixel = 8;
+// CSS px
+constexpr double kLeft = 58;
+constexpr double kRight = 16;
+constexpr double kTop = 34;
+constexpr double kLegendRoom = 220;
+// CSS px
+constexpr double kText = 11.5;
+constexpr double kBelow = 44;
+constexpr double kNote = 18;
 constexpr int kQuality = 90;
 
-/// Where the picture lies and how large a pixel is.
+/// Geometry of the picture in the SVG. Pixel centers are integers, so that pixel u covers
+/// [u - 0.5, u + 0.5] and its center is drawn at (u + 0.5) * scale.
 struct Frame {
-  double scale, width, height, whole_width, whole_height;
+  double scale;
+  double width;
+  double height;
+  double whole_width;
+  double whole_height;
   double x(double u) const { return (u + 0.5) * scale; }  // within the picture
 };
 
@@ -64,8 +79,8 @@ std::string axes(const ImagePlot& plot, const Frame& frame) {
     const Range range{0, std::max(count - 1.0, 1.0)};
     return make_ticks(range, std::max(1.0, nice_step(range.span(), length / 60)));
   };
-  const Ticks across = ticks(plot.image.cols, frame.width),
-              down = ticks(plot.image.rows, frame.height);
+  const Ticks across = ticks(plot.image.cols, frame.width);
+  const Ticks down = ticks(plot.image.rows, frame.height);
   for (std::size_t i = 0; i < across.at.size(); ++i) {
     const double x = kLeft + frame.x(across.at[i]);
     svg += line(x, bottom, x, bottom + 4) +
@@ -86,7 +101,9 @@ std::string axes(const ImagePlot& plot, const Frame& frame) {
 /// Lines lie on a light rim, for a picture may be dark or bright there; all rims below all lines,
 /// or one would hide another's line.
 std::string marks(const ImagePlot& plot, const Frame& frame, const std::vector<Pen>& pens) {
-  std::string rims, lines, points;
+  std::string rims;
+  std::string lines;
+  std::string points;
   for (std::size_t i = 0; i < plot.marks.size(); ++i) {
     std::vector<Stroke> strokes = strokes_of(plot.marks[i], 1, 1);
     for (Stroke& stroke : strokes)
@@ -104,7 +121,9 @@ std::string marks(const ImagePlot& plot, const Frame& frame, const std::vector<P
 
 std::string scale_bar(const ImagePlot& plot, const Frame& frame) {
   if (!(plot.scale_bar_px > 0)) return "";
-  const double length = plot.scale_bar_px * frame.scale, x = 14, y = frame.height - 14;
+  const double length = plot.scale_bar_px * frame.scale;
+  const double x = 14;
+  const double y = frame.height - 14;
   return fmt::format(
              "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"4\" fill=\"#FFF\" "
              "stroke=\"#000\" "
@@ -141,13 +160,16 @@ std::string picture(const cv::Mat& image, const Frame& frame) {
 
 }  // namespace
 
+// p(t) = c + R(angle) (a cos t, b sin t), closed.
 Series outline(const std::string& label, const vision::Ellipse& ellipse, Mark how) {
   constexpr int kCorners = 96;
   Series made{label, {}, {}, how};
-  const double c = std::cos(ellipse.angle), s = std::sin(ellipse.angle);
+  const double c = std::cos(ellipse.angle);
+  const double s = std::sin(ellipse.angle);
   for (int i = 0; i <= kCorners; ++i) {
     const double at = 2 * std::numbers::pi * i / kCorners;
-    const double a = ellipse.semi_major_px * std::cos(at), b = ellipse.semi_minor_px * std::sin(at);
+    const double a = ellipse.semi_major_px * std::cos(at);
+    const double b = ellipse.semi_minor_px * std::sin(at);
     made.x.push_back(ellipse.center_px.x() + a * c - b * s);
     made.y.push_back(ellipse.center_px.y() + a * s + b * c);
   }

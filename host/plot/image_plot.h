@@ -1,5 +1,5 @@
-// An image with lines, points and ellipses over it, as SVG that stands by itself: for the report
-// and as a file.
+// Image plot: an image with lines, points and ellipses over it, as self-contained SVG for the
+// report and as a file.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -53,7 +53,8 @@ std::string grid_svg(const Drawing& drawing) {
 
 std::string axes_svg(const Drawing& drawing) {
   const Box& box = drawing.box;
-  const double left = crisp(box.left), bottom = crisp(box.bottom());
+  const double left = crisp(box.left);
+  const double bottom = crisp(box.bottom());
   std::string svg = line_svg(left, box.top, left, bottom, kSpine) +
                     line_svg(left, bottom, box.right(), bottom, kSpine);
   const TextStyle below{11, "middle", kSoftInk, ""}, beside{11, "end", kSoftInk, ""};
@@ -109,7 +110,9 @@ std::string data_svg(const Drawing& drawing) {
                     drawing.box.top + drawing.box.height / 2 + 5, "no data",
                     {14, "middle", kSoftInk, ""});
   }
-  std::string svg, dashed;  // references lie on top: thin and broken, they hide nothing
+  // references lie on top: thin and broken, they hide nothing
+  std::string svg;
+  std::string dashed;
   for (std::size_t i = 0; i < drawing.strokes.size(); ++i) {
     std::vector<Stroke> pixels = drawing.strokes[i];
     for (Stroke& stroke : pixels) {

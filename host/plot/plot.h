@@ -1,4 +1,4 @@
-// The plot kit: plots as data, drawn as SVG that stands by itself in the report and as a file.
+// Plots as data, drawn as self-contained SVG for the report and as a file.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

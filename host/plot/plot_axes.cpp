@@ -10,7 +10,8 @@
 
 namespace vitreo {
 
-bool drawable(double value) { return std::fabs(value) < 1e150; }  // false for a NaN too
+// False for a NaN too. 1e150: the square of a span stays finite.
+bool drawable(double value) { return std::fabs(value) < 1e150; }
 
 Range widened(const Range& data) {
   if (data.empty()) return {0, 1};
@@ -24,11 +25,14 @@ Range widened(const Range& data) {
 Range padded(const Range& data, double share, bool reach_zero) {
   const Range range = widened(data);
   Range result{range.low - share * range.span(), range.high + share * range.span()};
+  // Within 35 % of zero: the axis begins there and shows ratios too.
   if (reach_zero && range.low >= 0 && range.low < 0.35 * range.high) result.low = 0;
   if (reach_zero && range.high <= 0 && range.high > 0.35 * range.low) result.high = 0;
   return result;
 }
 
+// The smallest of 1, 2, 5 and 10 times a power of ten that makes at most `wanted` steps (Heckbert's
+// "nice numbers", Graphics Gems 1990, rounded up).
 double nice_step(double span, double wanted) {
   const double raw = span / std::max(wanted, 1.0);
   const double power = std::pow(10.0, std::floor(std::log10(raw)));
@@ -38,13 +42,16 @@ double nice_step(double span, double wanted) {
   return 10 * power;
 }
 
+// Near: within 3 % of the span.
 Range snapped(const Range& range, double step) {
   const double near = 0.03 * range.span();
-  const double low = std::floor(range.low / step) * step,
-               high = std::ceil(range.high / step) * step;
+  const double low = std::floor(range.low / step) * step;
+  const double high = std::ceil(range.high / step) * step;
   return {range.low - low <= near ? low : range.low, high - range.high <= near ? high : range.high};
 }
 
+// Labels are plain from 0.01 to 99 999; beyond, a power of ten that is a multiple of three goes
+// into the axis' title. The values are multiples of the step and not sums of it, so that 0 is 0.
 Ticks make_ticks(const Range& range, double step) {
   Ticks ticks;
   const double magnitude = std::max(std::fabs(range.low), std::fabs(range.high));

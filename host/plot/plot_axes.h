@@ -1,4 +1,4 @@
-// The arithmetic of an axis: ranges, and ticks at 1, 2 or 5 times a power of ten.
+// Axis arithmetic: ranges, and ticks at 1, 2 or 5 times a power of ten.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -36,9 +36,10 @@ double legend_width(const Plot& plot) {
   return width;
 }
 
-/// The ranges as data and taste ask, before the shape of the box has its say.
+/// The ranges from the data with their margins, before the shape of the box changes them.
 void choose_ranges(Drawing& drawing) {
-  Range x, y;
+  Range x;
+  Range y;
   for (const auto& strokes : drawing.strokes) {
     for (const Stroke& stroke : strokes) {
       for (const PlotPoint& point : stroke) {
@@ -77,7 +78,7 @@ void make_equal(Drawing& drawing) {
   drawing.legend_beside = has_legend(drawing.plot) && spare >= legend_width(drawing.plot) + 24;
 }
 
-/// Numbered things: there is nothing half-way between two of them.
+/// Whether x counts (no unit, whole numbers only): then no tick stands half-way between two.
 bool counts_along_x(const Drawing& drawing) {
   if (!drawing.plot.x.unit.empty() || drawing.plot.equal_aspect || drawing.empty) return false;
   for (const auto& strokes : drawing.strokes)
@@ -90,8 +91,8 @@ bool counts_along_x(const Drawing& drawing) {
 void choose_ticks(Drawing& drawing) {
   double x_step = nice_step(drawing.x.span(), drawing.box.width / 60);
   double y_step = nice_step(drawing.y.span(), drawing.box.height / 32);
-  if (drawing.plot
-          .equal_aspect) {  // one step for both, unless that leaves an axis of a sliver bare
+  // One step for both axes, unless that leaves the short axis of a sliver without ticks.
+  if (drawing.plot.equal_aspect) {
     x_step = nice_step(drawing.x.span(), drawing.box.width / 58);
     y_step = std::min(x_step, nice_step(drawing.y.span(), 3));
     x_step = std::min(x_step, nice_step(drawing.x.span(), 3));
@@ -105,13 +106,15 @@ void choose_ticks(Drawing& drawing) {
 /// Room for tick labels, the axis' title and the note.
 double below_box(const Plot& plot) { return 44 + (plot.note.empty() ? 0 : 18); }
 
+/// The box that is left between tick labels, titles and legend.
 void lay_out(Drawing& drawing, bool legend_on_top) {
   const Plot& plot = drawing.plot;
   double labels = 0;
   for (const std::string& label : drawing.y_ticks.labels)
     labels = std::max(labels, text_width(label, 11));
   double legend = 0;
-  const double left = 30 + labels + 6, right = 16;
+  const double left = 30 + labels + 6;
+  const double right = 16;
   if (legend_on_top) legend_places(plot, drawing.width - left - right, &legend);
   const double top = 10 + (plot.title.empty() ? 4 : 22) + (legend > 0 ? legend + 6 : 0);
   drawing.box = {left, top, drawing.width - left - right,
@@ -127,7 +130,8 @@ bool has_legend(const Plot& plot) {
 
 std::vector<PlotPoint> legend_places(const Plot& plot, double width, double* height) {
   std::vector<PlotPoint> places;
-  double x = 0, y = 0;
+  double x = 0;
+  double y = 0;
   for (const Series& one : plot.series) {
     const double needed =
         one.label.empty() ? 0 : kSwatch + 8 + text_width(one.label, kLegendText) + 16;
@@ -153,7 +157,8 @@ Drawing lay_out_plot(const Plot& plot, int width, int height) {
   Drawing drawing{plot};
   drawing.width = std::max(width, 200);
   drawing.height = std::max(height, 140);
-  const double x_factor = factor_of(plot.x), y_factor = factor_of(plot.y);
+  const double x_factor = factor_of(plot.x);
+  const double y_factor = factor_of(plot.y);
   for (const Series& one : plot.series)
     drawing.strokes.push_back(strokes_of(one, x_factor, y_factor));
   drawing.pens = pens_for(plot.series);
@@ -161,7 +166,8 @@ Drawing lay_out_plot(const Plot& plot, int width, int height) {
   // The margin depends on the tick labels and they on the box: the second pass settles it. A
   // trajectory's legend moves beside it where there is room, which the first pass (without a legend
   // on top) finds out.
-  const Range x = drawing.x, y = drawing.y;
+  const Range x = drawing.x;
+  const Range y = drawing.y;
   bool on_top = !plot.equal_aspect;
   for (int pass = 0; pass < 3; ++pass) {
     drawing.x = x;

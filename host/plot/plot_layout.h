@@ -1,5 +1,4 @@
-// Where everything of a plot goes: margins, box, ranges, ticks, legend; decided before anything is
-// drawn.
+// Layout of a plot: margins, box, ranges, ticks and legend, decided before anything is drawn.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,10 +12,16 @@
 
 namespace vitreo {
 
-constexpr double kSwatch = 22, kLegendLine = 17, kLegendText = 11.5;  // px
+// px
+constexpr double kSwatch = 22;
+constexpr double kLegendLine = 17;
+constexpr double kLegendText = 11.5;
 
 struct Box {
-  double left = 0, top = 0, width = 0, height = 0;
+  double left = 0;
+  double top = 0;
+  double width = 0;
+  double height = 0;
   double right() const { return left + width; }
   double bottom() const { return top + height; }
 };
@@ -24,10 +29,13 @@ struct Box {
 /// Everything that has been decided before anything is drawn.
 struct Drawing {
   const Plot& plot;  // borrowed from the caller
-  double width = 0, height = 0;
+  double width = 0;
+  double height = 0;
   Box box{};
-  Range x{}, y{};
-  Ticks x_ticks{}, y_ticks{};
+  Range x{};
+  Range y{};
+  Ticks x_ticks{};
+  Ticks y_ticks{};
   std::vector<std::vector<Stroke>> strokes{};  // per series, in the axes' units
   std::vector<Pen> pens{};
   bool legend_beside = false;

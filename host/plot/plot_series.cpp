@@ -42,6 +42,7 @@ std::string cloud_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
 
 }  // namespace
 
+// What cannot be drawn (NaN, infinite) cuts the line: a gap in the data is a gap in the plot.
 std::vector<Stroke> strokes_of(const Series& series, double x_factor, double y_factor) {
   if (series.x.size() != series.y.size()) {
     throw std::invalid_argument(fmt::format("series \"{}\" has {} x values and {} y values",
@@ -60,11 +61,15 @@ std::vector<Stroke> strokes_of(const Series& series, double x_factor, double y_f
   return strokes;
 }
 
+// Of each column of pixels the first, lowest, highest and last point, in their order: a line
+// through them covers the same pixels as one through all (M4: Jugel et al., VLDB 2014).
 Stroke thinned(const Stroke& pixels) {
   Stroke result;
   for (std::size_t start = 0; start < pixels.size();) {
     const double column = std::floor(pixels[start].x);
-    std::size_t end = start + 1, low = start, high = start;
+    std::size_t end = start + 1;
+    std::size_t low = start;
+    std::size_t high = start;
     for (; end < pixels.size() && std::floor(pixels[end].x) == column; ++end) {
       if (pixels[end].y < pixels[low].y) low = end;
       if (pixels[end].y > pixels[high].y) high = end;
@@ -78,6 +83,7 @@ Stroke thinned(const Stroke& pixels) {
   return result;
 }
 
+// One point in each cell of half a pixel.
 Stroke thinned_cloud(const Stroke& pixels) {
   std::set<std::pair<double, double>> taken;
   Stroke result;
@@ -88,6 +94,7 @@ Stroke thinned_cloud(const Stroke& pixels) {
   return result;
 }
 
+// Colors first; after the last of them the dashes change. 300 points: lines and dots become finer.
 std::vector<Pen> pens_for(const std::vector<Series>& series) {
   std::vector<Pen> pens;
   std::size_t next = 0;
@@ -108,7 +115,8 @@ std::vector<Pen> pens_for(const std::vector<Series>& series) {
 
 std::string series_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
   if (pen.mark == Mark::points) return cloud_svg(pixels, pen);
-  std::string data, lonely;
+  std::string data;
+  std::string lonely;
   for (const Stroke& stroke : pixels) {
     if (stroke.size() == 1) {
       lonely += dot(stroke.front(), pen.width);

@@ -1,4 +1,4 @@
-// Series on their way to pixels: units, gaps, and thinning that nobody can see.
+// Series of a plot on their way to pixels: units, gaps, and thinning below what is visible.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -11,7 +11,8 @@
 namespace vitreo {
 
 struct PlotPoint {
-  double x, y;
+  double x;
+  double y;
 };
 using Stroke = std::vector<PlotPoint>;  // points joined without a gap
 
@@ -28,11 +29,13 @@ Stroke thinned_cloud(const Stroke& pixels);
 
 /// How one series is drawn.
 struct Pen {
-  std::string color, dashes;  // dashes: empty for a full line
+  // dashes: empty for a full line
+  std::string color;
+  std::string dashes;
   double width = 1.6;
   Mark mark = Mark::line;
 };
-/// Colors that color-blind readers tell apart (Okabe and Ito), in the order of the series; the
+/// Colors that color-blind readers can distinguish (Okabe and Ito), in the order of the series; the
 /// first dashed one is dark gray, as references are.
 std::vector<Pen> pens_for(const std::vector<Series>& series);
 

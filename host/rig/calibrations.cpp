@@ -13,8 +13,12 @@
 namespace vitreo {
 namespace {
 
+/// "2026-10-01" as a day; none for another text or a day that the calendar has not.
 std::optional<std::chrono::sys_days> day_of(const std::string& text) {
-  int year = 0, month = 0, day = 0, read = 0;
+  int year = 0;
+  int month = 0;
+  int day = 0;
+  int read = 0;
   if (std::sscanf(text.c_str(), "%4d-%2d-%2d%n", &year, &month, &day, &read) != 3 ||
       static_cast<std::size_t>(read) != text.size())
     return std::nullopt;
@@ -31,6 +35,7 @@ Calibration read_one(ConfigReader& rig, ConfigReader reader, const std::string& 
   one.date = reader.text("date", "");
   const auto day = day_of(one.date);
   if (!day) reader.fail("date", "wants the day on which it was made, such as \"2026-10-01\"");
+  // One day ahead is allowed: it may have been made in a time zone farther east.
   if (*day > *day_of(today_text()) + std::chrono::days(1))
     reader.fail("date", "is in the future: " + one.date);
   one.valid_days = reader.integer("valid_days", one.valid_days, 1, 36500);

@@ -1,5 +1,4 @@
-// How old the calibrations of a rig are, and whose: what the rig file's table `calibrations` says
-// of them.
+// Age and origin of a rig's calibrations: the table `calibrations` of the rig file.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -14,17 +13,18 @@
 
 namespace vitreo {
 
-/// calibrations.field = { file = "octomag.yaml", date = "2026-10-01", valid_days = 180, devices = {
-/// coils = "1A2B3C" }
-/// }
+/// calibrations.field = { file = "octomag.yaml", date = "2026-10-01", valid_days = 180,
+///                        devices = { coils = "1A2B3C" } }
 struct Calibration {
-  std::string name, file;  // file: empty where its numbers stand in the rig file itself
-  std::string date;        // "2026-10-01"
+  // file: empty where its numbers stand in the rig file itself
+  std::string name;
+  std::string file;
+  std::string date;  // "2026-10-01"
   int valid_days = 365;
-  std::map<std::string, std::string>
-      devices;  // role: what its identity must hold, such as a serial number
-  std::optional<double>
-      instead_of;  // what the rig file itself says, where an installed value replaces it
+  /// Role: what its identity must hold, such as a serial number.
+  std::map<std::string, std::string> devices;
+  /// What the rig file itself says, where an installed value replaces it.
+  std::optional<double> instead_of;
 };
 
 /// calibrations.installed = { file = "octomag.json", valid_days = 180 }: the file that

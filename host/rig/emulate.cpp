@@ -29,6 +29,7 @@
 namespace vitreo {
 namespace {
 
+// Period at which bytes are moved: below the time of one character at 19 200 baud (521 us).
 constexpr std::chrono::microseconds kPump{500};
 constexpr const char* kLocal = "tcp:127.0.0.1:";
 
@@ -45,7 +46,7 @@ bool begins(const std::string& text, const std::string& with) { return text.rfin
 class Emulation {
  public:
   /// `places`: as the rig file has them (USB, nodes of serial ports), for a command; else new ones,
-  /// that anybody can open.
+  /// that any program can open.
   Emulation(const RigDescription& description, bool places)
       : in_place_(places),
         reader_(description),
@@ -113,7 +114,8 @@ class Emulation {
     if (role == "coils" && driver == "kepco_bop") settings_.coils(where);
   }
 
-  /// To the standard output, for whoever reads the addresses; beside a command to the error output.
+  /// To the standard output, where a program may read the addresses; beside a command to the error
+  /// output.
   void say(const std::string& role, const std::string& what) const {
     std::ostream& out = in_place_ ? std::cerr : std::cout;
     out << role << ": " << what << std::endl;
@@ -151,8 +153,8 @@ class Emulation {
       with_world([&] { eye = laboratory_.top_image(clock_->now(), exposure.number); });
       cv::resize(eye, image, image.size());  // where the client asked for another size
     };
-    laboratory_.top_image(clock_->now(),
-                          0);  // the first look takes its time: a client would call it silence
+    // The first image takes long: a client would take that for silence.
+    laboratory_.top_image(clock_->now(), 0);
     camera_ = genicam::serve_camera(settings, draw);
   }
 

@@ -12,6 +12,8 @@ namespace {
 
 constexpr std::size_t kLongestPath = 1024;
 
+/// Adds the hash of the file that the text names, if it names one. A text of a rig file may be
+/// anything: what is too long for a path, or no path, is passed over.
 void add_hash(const std::string& text, const std::filesystem::path& beside,
               nlohmann::json& hashes) {
   if (text.empty() || text.size() > kLongestPath ||
@@ -25,6 +27,7 @@ void add_hash(const std::string& text, const std::filesystem::path& beside,
   }
 }
 
+/// Every text of the value, at any depth.
 void walk(const nlohmann::json& value, const std::filesystem::path& beside,
           nlohmann::json& hashes) {
   if (value.is_string()) return add_hash(value.get<std::string>(), beside, hashes);
@@ -52,6 +55,8 @@ nlohmann::json identities(const Rig& rig) {
   return names;
 }
 
+// A key from a base names its file from the base's folder, so every text is tried from each of
+// them.
 nlohmann::json hashes_of_files(const nlohmann::json& rig) {
   nlohmann::json hashes = nlohmann::json::object();
   if (!rig.is_object()) return hashes;

@@ -1,5 +1,4 @@
-// What a run was made with, for its start record: the instruments' identities, the hashes of the
-// files that the rig names.
+// Identities of the instruments and hashes of the files of a rig, for the start record of a run.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -68,7 +68,7 @@ void describe(Json& row, SampleHandler& hands) {
   row["state"] = "waiting";
   row["limits"] = Json::object();
 }
-/// An infinite travel is no JSON number.
+/// An infinite travel is left out: JSON has no such number.
 Json limits_of(const StageAxis& axis) {
   Json limits = {{"name", axis.name}, {"max_speed", axis.max_speed}};
   if (std::isfinite(axis.travel_min)) limits["travel_min"] = axis.travel_min;

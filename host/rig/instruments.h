@@ -1,5 +1,5 @@
-// What a rig file's roles find, and the contract suites on real instruments: `vitreo devices
-// --rig`.
+// Examination of a rig's instruments: identity and state of each role, and the contract suites on
+// real instruments (`vitreo devices --rig`).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// What `vitreo devices` says to people.
+// Tables of `vitreo devices` as text.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/instruments.h"
 #include "host/text/units.h"
@@ -10,10 +10,11 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// "; at 1 mm, 0 m; x: -5 mm to 5 mm, 3 mm/s": what a role's row says about place and limits, in
+/// "; at 1 mm, 0 m; x: -5 mm to 5 mm, 3 mm/s": what a role's row says about position and limits, in
 /// people's units.
 std::string place_and_limits(const Json& row) {
-  const std::string length = row["role"] == "rotation_stage" ? "rad" : "m", speed = length + "/s";
+  const std::string length = row["role"] == "rotation_stage" ? "rad" : "m";
+  const std::string speed = length + "/s";
   std::string text;
   const auto add = [&text](const std::string& more) { text += (text.empty() ? "" : ", ") + more; };
   if (row.contains("position"))

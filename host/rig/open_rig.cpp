@@ -16,7 +16,7 @@
 namespace vitreo {
 namespace {
 
-/// Longer than the host's own dead-man, which has its turn first.
+/// Longer than the interlock's dead-man time (0.25 s), which acts first.
 constexpr Time kStuck = std::chrono::milliseconds(400);
 
 /// Members in the order of their birth: the laboratory first, the interlock last, so that they die
@@ -77,6 +77,8 @@ class SimulatedRig : public OpenRig, public Simulation {
   const nlohmann::json& resolved() const override { return resolved_; }
   sim::Laboratory* laboratory() override { return &laboratory_; }
 
+  // Each device on its own: one that fails does not keep the others from their safe state. A stop
+  // that arrives meanwhile waits.
   std::vector<std::string> make_safe() override {
     const StopShield shield(clock_);
     std::vector<std::string> failures;
@@ -96,9 +98,11 @@ class SimulatedRig : public OpenRig, public Simulation {
   }
 
  private:
+  // The chain of the coils: amplifier <- guarded (arms the guardian) <- interlock <- all others.
   void open_instruments(const RigSettings& settings, const RigContext& where) {
     if (settings.coils) {
-      if (settings.guardian)  // before anything is energized
+      // Before the coils are opened, and so before anything is energized.
+      if (settings.guardian)
         guardian_ = std::make_unique<Guardian>(settings.guarded,
                                                [this] { return clock_.stuck_for() < kStuck; });
       coils_ = settings.coils(where);

@@ -1,4 +1,4 @@
-// Opens a rig file: instruments for the roles, the nominal model, and, when it simulates, the
+// Opening of a rig file: instruments for the roles, the nominal model and, when it simulates, the
 // laboratory behind them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -33,7 +33,9 @@ class OpenRig {
 
 /// What only tests set: see sim::LaboratorySettings.
 struct SimulationShifts {
-  Eigen::Vector3d truth{0, 0, 0}, drawn{0, 0, 0};  // m
+  // m
+  Eigen::Vector3d truth{0, 0, 0};
+  Eigen::Vector3d drawn{0, 0, 0};
 };
 
 /// Throws ConfigError for anything wrong in the description, DeviceError when an instrument does

@@ -106,8 +106,10 @@ CoilFields fields_at_center(const control::FieldModel& model) {
 /// in another order is wired by where they point; one that fits as it is, or in no order, is left
 /// as it is.
 std::vector<int> wiring(const control::FieldModel& measured, const control::FieldModel& before) {
-  constexpr double kAlike = 0.9,
-                   kUnlike = 0.7;  // mean cosine; a neighbor of an OctoMag's coil is at 0.5 or less
+  // Of the mean cosine between coils that are taken for the same; a neighbor of an OctoMag's coil
+  // is at 0.5 or less.
+  constexpr double kAlike = 0.9;
+  constexpr double kUnlike = 0.7;
   const CoilFields from = fields_at_center(measured).colwise().normalized(),
                    to = fields_at_center(before).colwise().normalized();
   const Eigen::MatrixXd cosine = from.transpose() * to;
@@ -115,7 +117,8 @@ std::vector<int> wiring(const control::FieldModel& measured, const control::Fiel
   std::vector<int> channels(coils);
   for (std::size_t k = 0; k < coils; ++k) channels[k] = static_cast<int>(k) + 1;
   if (cosine.diagonal().mean() > kUnlike) return channels;
-  // The best assignment of the first k coils to each set of channels.
+  // Assignment problem, by dynamic programming over sets (Held & Karp 1962): best[set] is the
+  // largest sum of cosines of the first |set| coils on exactly these channels. 2^8 sets of 8 coils.
   const std::size_t sets = std::size_t{1} << coils;
   std::vector<double> best(sets, -1e9);
   std::vector<std::size_t> last(sets, 0);
@@ -136,6 +139,7 @@ std::vector<int> wiring(const control::FieldModel& measured, const control::Fiel
   return channels;
 }
 
+/// The field with its coils in the order of the channels that drive them.
 control::MultipoleField rewired(const control::MultipoleField& field,
                                 const std::vector<int>& channels) {
   std::vector<control::MultipoleField::Sources> coils(channels.size());
@@ -189,6 +193,7 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory,
   reader.finish();
 }
 
+// The order matters: the number of coils before the wiring, the wiring before the comparison.
 MeasuredField read_calibration(const std::filesystem::path& file,
                                const control::FieldModel& before) {
   const auto wrong = [&file](const std::string& what) {

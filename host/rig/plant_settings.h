@@ -1,5 +1,5 @@
-// The rig file's `truth`: what the simulated plant is, beyond what the model says.
-// docs/simulated_laboratory.md has the table of these settings.
+// Settings of the simulated plant beyond the model: the table `truth` of the rig file, and measured
+// fields (docs/simulated_laboratory.md).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

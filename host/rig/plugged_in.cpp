@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Adds what `find` finds, or why it cannot look.
+/// Adds what `find` finds, or why the bus cannot be searched: one bus does not hide the others.
 void look(Json& rows, const std::string& bus, const std::function<void()>& find) {
   try {
     find();
@@ -50,6 +50,8 @@ Json row_of(const SerialPort& port) {
 
 }  // namespace
 
+// By vendor and product numbers: Measurement Computing's USB-3103, Pololu's Tics, 3Dconnexion under
+// 046D (Logitech) and 256F, foot pedals under 05F3 (PI Engineering).
 std::string driver_for(int vendor, int product) {
   const auto is = [product](std::initializer_list<int> ids) {
     return std::find(ids.begin(), ids.end(), product) != ids.end();
@@ -68,6 +70,8 @@ std::string driver_for(int vendor, int product) {
   return "";
 }
 
+// A name in the adapter's descriptor decides; a plain adapter leaves every driver that uses a
+// serial port possible.
 std::vector<std::string> drivers_for(const SerialPort& port) {
   if (port.usb) {
     const auto says = [&port](const char* word) {

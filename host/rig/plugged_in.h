@@ -1,5 +1,5 @@
-// What is plugged in, and which driver would take it: `vitreo devices`. Nothing is opened that
-// could move by it.
+// Search for plugged-in devices and the drivers that fit them: `vitreo devices`. Nothing is opened
+// that could move by it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -13,8 +13,8 @@
 namespace vitreo {
 
 /// [{"bus", "address", "name", "place", "driver"}], driver empty where none would take it. A serial
-/// port whose adapter does not tell what is behind it has "candidates" instead: a question could
-/// move something, so nobody asks; `vitreo devices --rig` does, by the driver that the rig file
+/// port whose adapter does not say what is behind it has "candidates" instead: a question could
+/// move something, so none is asked; `vitreo devices --rig` does, by the driver that the rig file
 /// names. Looking for GenICam cameras takes a second. A bus that cannot be looked at is a row with
 /// "problem".
 nlohmann::json find_instruments();

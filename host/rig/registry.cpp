@@ -19,7 +19,7 @@ const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
 
 template <>
 const std::vector<DriverEntry<LensMover>>& drivers() {
-  // "simulated" is what rig files said when there was no driver yet; it means the same motor.
+  // "simulated" is the name of older rig files for the same emulated motor.
   static const std::vector<DriverEntry<LensMover>> entries{
       {"pololu_tic", read_pololu_tic},
       {"simulated", read_pololu_tic},
@@ -100,6 +100,7 @@ UsbAddress read_usb_address(const InstrumentReader& instrument, const std::strin
   }
 }
 
+// Unlike is_laboratory(), recorded images count: with them not everything is simulated.
 bool has_real_instruments(const RigDescription& description) {
   for (const auto& [role, value] : description.table) {
     const auto* const table = std::get_if<ConfigTable>(&value.value);

@@ -1,5 +1,5 @@
-// The drivers by name: how a rig file's { driver = "zaber", address = "serial:/dev/ttyUSB0", ... }
-// becomes an instrument.
+// Registry of drivers: from { driver = "zaber", address = "serial:/dev/ttyUSB0", ... } in a rig
+// file to an instrument.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

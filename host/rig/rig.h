@@ -1,5 +1,4 @@
-// The rig: which instrument plays which role, and what the host believes about the optics, the
-// coils and the robot.
+// Rig: the instruments by role, and the nominal model of the optics, the coils and the robot.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -32,12 +31,12 @@ struct RigModel {
   optics::System eye;
   optics::Microscope microscope;
   optics::ImageScale top_image;  // pixel from aerial image
-  optics::SingleViewpoint
-      projection;  // the thesis' (5.2) to (5.11), fitted to the chain's own chief rays
-  std::optional<optics::ExactProjection> exact;  // in its place, where the rig asks for it
+  /// The thesis' (5.2) to (5.11), fitted to the chief rays of eye and microscope.
+  optics::SingleViewpoint projection;
+  std::optional<optics::ExactProjection> exact;  // instead of it, where the rig asks for it
   Eigen::Vector3d eye_in_world{0, 0, -5e-3};     // m: the retina's vertex; the axes are parallel
-  bool plain_view = false;  // the top camera looks down without an eye, orthographic, top_image at
-                            // the object: no depth
+  /// The top camera looks down without an eye, orthographic, top_image at the object: no depth.
+  bool plain_view = false;
   double side_pixel = 20.4e-6;           // m per pixel of the side view, orthographic along +y
   Eigen::Vector2d side_center_px{0, 0};  // where the world's origin shows in the side view
   control::FieldModel field = control::CoilField::octomag();  // dipoles, or a measured calibration
@@ -49,7 +48,7 @@ struct RigModel {
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };
 
-/// What only a simulated rig can be told. Nothing can be learnt from it.
+/// Commands that only a simulated rig takes. None of them returns anything of the truth.
 class Simulation {
  public:
   virtual ~Simulation() = default;
@@ -85,9 +84,8 @@ struct Rig {
   Stage* stage = nullptr;
   RotationStage* rotation_stage = nullptr;
   FieldProbe* field_probe = nullptr;
-  PoseSensor* pose_sensor =
-      nullptr;  // simulated rigs only: the one role behind which the truth stands
-  Simulation* simulation = nullptr;  // null on a laboratory rig
+  PoseSensor* pose_sensor = nullptr;  // simulated rigs only: the one role that gives the truth
+  Simulation* simulation = nullptr;   // null on a laboratory rig
   RigModel model;
   Lamp* lamp = nullptr;
   std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each

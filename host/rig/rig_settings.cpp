@@ -39,6 +39,7 @@ void read_model(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
+// The default exposure is at most half a frame period and twice the latency.
 void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixel) {
   camera.size.width = reader.integer("width_px", camera.size.width, 64, 8192);
   camera.size.height = reader.integer("height_px", camera.size.height, 64, 8192);
@@ -59,7 +60,7 @@ void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixe
   sensor.finish();
 }
 
-/// A simulated camera, or an opener of a real one; both tell the model how large a pixel is.
+/// A simulated camera (a null opener), or an opener of a real one; both set the model's pixel size.
 Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role,
                                sim::LaboratorySettings& laboratory, sim::CameraSettings& camera,
                                double& pixel) {
@@ -124,8 +125,8 @@ void read_side_camera(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
-/// What the guardian must zero, from what was read; nothing in this program's own memory outlives
-/// it.
+/// The outputs that the guardian must bring to zero. It gets them as text: nothing in this
+/// program's memory outlives it.
 void read_guardian(ConfigReader& reader, RigSettings& settings) {
   const std::string address = reader.text("address", "emulated");
   settings.guardian = reader.flag("guardian", address != "emulated");
@@ -137,6 +138,7 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
   settings.guarded.push_back(output);
 }
 
+// The interlock's limit of a channel is interlock_current, else the amplifier's current_limit.
 void read_coils(ConfigReader reader, RigSettings& settings) {
   settings.coils = read_instrument<CoilAmplifier>(reader, "coils", settings.laboratory);
   const double limit = reader.has("current_limit")

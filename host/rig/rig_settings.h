@@ -1,4 +1,4 @@
-// From a rig file's tables to settings: each section is read in one place, with its bounds.
+// Settings from a rig file's tables: each section is read in one function, with its bounds.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -27,7 +27,9 @@ struct RigSettings {
   PausePolicy coil_pause = PausePolicy::hold;
   std::string field_calibration;  // a file of ETH's software for the model's field; empty: dipoles
   std::optional<sim::PoseSensorSettings> pose_sensor;
-  bool top_camera = false, side_camera = false, sample = false;
+  bool top_camera = false;
+  bool side_camera = false;
+  bool sample = false;
   // Empty where the rig has none, or, for cameras, the simulated one.
   Opener<Camera> top, side;
   Opener<OperatorInput> joystick, pedal;

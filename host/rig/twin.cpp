@@ -11,7 +11,7 @@
 namespace vitreo {
 namespace {
 
-/// What a simulated camera understands of a real one's settings.
+/// The settings of a real camera that a simulated one has too.
 constexpr std::array kCameraKeys{
     "width_px",        "height_px",  "frame_rate", "effective_pixel",  "view",  "center_px",
     "sensor_aperture", "microscope", "projection", "projection_reach", "sensor"};
@@ -21,8 +21,8 @@ ConfigTable* table_in(ConfigTable& table, const std::string& key) {
   return found == table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
 }
 
-/// Images and films in files do nothing, and a twin may look at them too; a camera of the system is
-/// no film.
+/// Whether the address leads to an instrument. Images and videos in files do nothing, and a twin
+/// reads them too; "video:/dev/video0" and "video:0" are cameras.
 bool is_real(const ConfigTable& role) {
   const auto address = role.find("address");
   const auto* text =
@@ -34,6 +34,7 @@ bool is_real(const ConfigTable& role) {
   return film.empty() || camera;
 }
 
+/// A real camera may be outside of what a simulated one can be.
 void clamp_number(ConfigTable& table, const char* key, double min, double max) {
   const auto found = table.find(key);
   if (found == table.end()) return;
@@ -74,7 +75,8 @@ class Note {
 
  private:
   std::vector<AxisUse>& uses_;
-  const std::string role_, unit_;
+  const std::string role_;
+  const std::string unit_;
 };
 
 /// Each forwards everything, and notes the targets that the instrument accepted.
@@ -134,6 +136,7 @@ bool is_laboratory(const RigDescription& rig) {
   });
 }
 
+// Cameras first: after the second loop no address says any more which of them are real.
 RigDescription twin_of(const RigDescription& rig) {
   RigDescription twin = rig;
   for (const char* name : {"top_camera", "side_camera"}) {
@@ -144,7 +147,7 @@ RigDescription twin_of(const RigDescription& rig) {
     auto* const role = std::get_if<ConfigTable>(&value.value);
     if (role != nullptr && is_real(*role)) (*role)["address"].value = std::string("emulated");
   }
-  // Nobody stands on an emulated pedal.
+  // An emulated pedal is never pressed.
   if (ConfigTable* const pedal = table_in(twin.table, "pedal")) pedal->erase("dead_man");
   if (ConfigTable* const camera = table_in(twin.table, "top_camera");
       camera && !twin.table.contains("pose_sensor") && !has_real_instruments(twin)) {
@@ -161,7 +164,8 @@ struct Twin::State {
         real(has_real_instruments(rig)),
         open(vitreo::open_rig(twin_of(rig), the_clock, seed)) {
     Rig& roles = open->rig();
-    if (real) roles.simulation = nullptr;  // nothing of a laboratory can be redrawn
+    // A rig with real instruments has nothing that a script could redraw.
+    if (real) roles.simulation = nullptr;
     if (roles.stage != nullptr) roles.stage = &stage.emplace(*roles.stage, uses);
     if (roles.rotation_stage != nullptr)
       roles.rotation_stage = &rotation.emplace(*roles.rotation_stage, uses);
@@ -174,7 +178,8 @@ struct Twin::State {
   std::optional<WatchedStage> stage;
   std::optional<WatchedRotation> rotation;
   std::optional<WatchedLens> lens;
-  std::unique_ptr<OpenRig> open;  // dies first: it makes safe what the watches stand before
+  // Destroyed first: it makes safe the instruments that the decorators borrow.
+  std::unique_ptr<OpenRig> open;
 };
 
 Twin::Twin(const RigDescription& rig, Clock& clock, std::uint64_t seed)

@@ -1,5 +1,5 @@
-// The simulated twin of a rig: the same roles, limits and settings, every instrument emulated; and
-// what a script makes of it, for the dry run before anything is energized.
+// Simulated twin of a rig: the same roles, limits and settings with every instrument emulated, and
+// a meter of what a script does with them, for the dry run before anything is energized.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -20,9 +20,14 @@ RigDescription twin_of(const RigDescription& rig);
 
 /// Motion of one axis.
 struct AxisUse {
-  std::string role, axis, unit;  // "stage", "x", "m"
+  // "stage", "x", "m"
+  std::string role;
+  std::string axis;
+  std::string unit;
   int moves = 0;
-  double min = 0, max = 0;  // of the places it was sent to
+  // of the places it was sent to
+  double min = 0;
+  double max = 0;
 };
 
 /// Opened on a clock, as open_rig() does, with a watch on whatever moves.

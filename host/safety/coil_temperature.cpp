@@ -24,8 +24,12 @@ CoilTemperature::CoilTemperature(const CoilHeat& heat, int coils)
   heat_.check();
 }
 
+// C dT/dt = R(T) I^2 - (T - T_ambient) / R_th with R(T) = R0 (1 + alpha (T - T_ambient)) held over
+// a step has the exact solution T_end + (T - T_end) exp(-dt / (C R_th)), T_end = T_ambient + R I^2
+// R_th.
 void CoilTemperature::advance(double seconds, std::span<const double> currents) {
-  constexpr double kStep = 1;  // s, far below the time constant of minutes
+  // s. The time constant C R_th is 385 s by default, so that R changes little within a step.
+  constexpr double kStep = 1;
   for (double left = seconds; left > 0; left -= kStep) {
     const double keep =
         std::exp(-std::min(left, kStep) / (heat_.heat_capacity * heat_.thermal_resistance));

@@ -1,5 +1,5 @@
-// How warm the coils are, from the currents that were sent through them: what the interlock goes by
-// where nothing measures it.
+// Thermal model of the coils: temperatures estimated from the currents that were sent, for the
+// interlock, where nothing measures them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -23,6 +23,7 @@ using namespace std::chrono_literals;
 using guardian::kBeat;
 
 constexpr int kPatience = 5;  // s, until it is ready
+// SCHED_RR priority of the thread of heartbeats: below the guardian's own 5.
 constexpr int kUrgent = 4;
 
 [[noreturn]] void fail(DeviceErrorKind kind, const std::string& what) {
@@ -39,6 +40,8 @@ std::string program() {
   fail(DeviceErrorKind::not_found, "the program vitreo_guardian is not beside " + self.string());
 }
 
+// Armed before the first current is sent and disarmed after the zero was taken: an error in between
+// leaves the guardian armed.
 class GuardedCoils final : public CoilAmplifier {
  public:
   GuardedCoils(CoilAmplifier& amplifier, Guardian& guardian)
@@ -86,7 +89,8 @@ Guardian::Guardian(const std::vector<guardian::Output>& outputs, std::function<b
 /// In a session of its own, so that no terminal's signal reaches it, and with no descriptor of ours
 /// but its socket.
 void Guardian::start(int end) {
-  const std::string file = program(), self = std::to_string(::getpid());
+  const std::string file = program();
+  const std::string self = std::to_string(::getpid());
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, end, guardian::kSocket);
@@ -107,6 +111,7 @@ void Guardian::start(int end) {
   fail(DeviceErrorKind::not_found, file + " cannot be started: " + std::strerror(error));
 }
 
+// The guardian answers when it has understood every output, or with what it cannot bring to zero.
 void Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
   const std::string asked = "O" + guardian::encode(outputs);
   const timeval patience{kPatience, 0};
@@ -147,6 +152,8 @@ void Guardian::disarm() {
   armed_ = false;
 }
 
+// While armed, a host whose `healthy` is false sends no heartbeat and is killed like one that
+// hangs.
 void Guardian::beat() {
   const sched_param urgent{kUrgent};
   ::sched_setscheduler(0, SCHED_RR, &urgent);  // this thread; where it may not, it goes on as it is

@@ -1,5 +1,5 @@
-// The host's end of its guardian: the small process that brings the outputs to zero when the host
-// dies or hangs.
+// Guardian, the host's side: starts, arms and feeds the process that brings the outputs to zero
+// when the host dies or hangs.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -28,7 +28,7 @@ class Guardian {
   Guardian(const Guardian&) = delete;
   Guardian& operator=(const Guardian&) = delete;
 
-  /// Before anything is energized; from here on the guardian listens for beats. Throws
+  /// Before anything is energized; from here on the guardian waits for heartbeats. Throws
   /// DeviceError{lost} when there is no guardian any more.
   void arm();
   /// The outputs are at zero.
@@ -46,7 +46,8 @@ class Guardian {
   pid_t process_ = -1;
   std::mutex mutex_;  // of what is said, and of armed_
   bool armed_ = false;
-  std::atomic<bool> lost_{false}, done_{false};
+  std::atomic<bool> lost_{false};
+  std::atomic<bool> done_{false};
   std::thread thread_;
 };
 

@@ -13,11 +13,14 @@
 namespace vitreo {
 namespace {
 
-constexpr Time kLook =
-    std::chrono::milliseconds(50);  // how often the watch looks while the coils are energized
-constexpr double kShortest = 1e-3;  // s: set-points closer than this are one
-constexpr Time kRamp = std::chrono::milliseconds(500), kRampStep = std::chrono::milliseconds(20);
-constexpr double kZero = 0.05;  // A, of a reading: noise and offsets of amplifiers are below
+// Period of the watch while the coils are energized: a fifth of the default dead-man time.
+constexpr Time kWatchPeriod = std::chrono::milliseconds(50);
+// s: set-points closer than this count as that far apart, or the slew of two at once is infinite.
+constexpr double kShortest = 1e-3;
+constexpr Time kRamp = std::chrono::milliseconds(500);
+constexpr Time kRampStep = std::chrono::milliseconds(20);
+// A, of a reading that counts as zero: noise and offsets of the amplifiers are below.
+constexpr double kZero = 0.05;
 
 bool is_zero(std::span<const double> currents) {
   return std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
@@ -58,11 +61,13 @@ void Interlock::refuse(const std::string& why) {
   throw DeviceError(DeviceErrorKind::refused, "coils", why + "; the coils are at zero");
 }
 
+// Limits of each channel and of the sum of magnitudes, which is what the supplies share.
 void Interlock::check(std::span<const double> currents) {
   double total = 0;
   for (std::size_t channel = 0; channel < currents.size(); ++channel) {
     const double magnitude = std::abs(currents[channel]);
-    // written so that NaN is refused too
+    // Negated, so that NaN is refused too. 1e-9: a limit that was computed is not passed by
+    // rounding.
     if (!(magnitude <= current_limit() * (1 + 1e-9)))
       refuse(fmt::format("coil {}: {:.3g} A is beyond the limit of {:.3g} A", channel + 1,
                          currents[channel], current_limit()));
@@ -73,11 +78,12 @@ void Interlock::check(std::span<const double> currents) {
                        limits_.total_current));
 }
 
+// |I - I_before| / dt of each channel, dt the time since the last set-point.
 void Interlock::check_slew(std::span<const double> currents) {
   const double since = std::max(to_seconds(clock_->now() - sent_at_), kShortest);
   for (std::size_t channel = 0; channel < currents.size(); ++channel) {
     const double slew = std::abs(currents[channel] - sent_[channel]) / since;
-    // Towards zero may be as fast as it likes; through it is not towards it.
+    // Any rate towards zero is safe; a change of sign is not towards it.
     const bool towards_zero = currents[channel] * sent_[channel] >= 0 &&
                               std::abs(currents[channel]) <= std::abs(sent_[channel]);
     if (slew > limits_.slew && !towards_zero)
@@ -87,6 +93,8 @@ void Interlock::check_slew(std::span<const double> currents) {
   }
 }
 
+// In this order: open, limits, paused, slew, conditions. A set-point beyond a limit trips even
+// while paused; the slew of one that is dropped has no meaning.
 void Interlock::set_currents(std::span<const double> currents) {
   if (!enabled_)
     throw DeviceError(DeviceErrorKind::refused, "coils",
@@ -111,12 +119,14 @@ std::string Interlock::unmet() const {
   return "";
 }
 
+// `energized_` is set before the amplifier is commanded and cleared after it: an error in between
+// leaves the watch at work on coils that may carry current.
 void Interlock::send(std::span<const double> currents) {
   warm_up();
   energized_ = energized_ || !is_zero(currents);
   amplifier_.set_currents(currents);
-  if (!enabled_) {  // it was opened by another task while this set-point was on its way: that is
-                    // taken back
+  // Opened by another task while this set-point was on its way: it is taken back.
+  if (!enabled_) {
     make_safe();
     throw DeviceError(DeviceErrorKind::refused, "coils",
                       "the interlock was opened meanwhile" +
@@ -141,7 +151,7 @@ void Interlock::count(std::span<const double> currents) {
   use_.peak_total = std::max(use_.peak_total, total);
 }
 
-/// The currents since the last time have warmed the coils.
+/// Advances the thermal model by the time since the last call, at the currents that flowed in it.
 void Interlock::warm_up() {
   if (clock_ == nullptr) return;
   if (energized_) use_.energized += to_seconds(clock_->now() - warmed_at_);
@@ -155,6 +165,8 @@ std::vector<double> Interlock::temperatures() {
   return temperature_.temperatures();
 }
 
+// Opened before the amplifier is commanded: where that throws, set-points are refused all the same,
+// and the watch, for which `energized_` still holds, sends the zero again.
 void Interlock::make_safe() {
   enabled_ = false;
   warm_up();
@@ -163,7 +175,7 @@ void Interlock::make_safe() {
   energized_ = false;
 }
 
-/// The first set-point after a rest may come as a step.
+/// Lets the first set-point after a rest be a step: as if the last one were a second ago.
 void Interlock::forget_slew() {
   if (clock_ != nullptr) sent_at_ = clock_->now() - std::chrono::seconds(1);
 }
@@ -172,9 +184,10 @@ void Interlock::enable() {
   enabled_ = true;
   forget_slew();
   tripped_.clear();
-  for (Heartbeat* heart : heartbeats_) heart->beat();
+  for (Heartbeat* heartbeat : heartbeats_) heartbeat->beat();
 }
 
+// The same reason again, at every turn of the watch, is counted and reported once.
 void Interlock::trip(const std::string& why) {
   const std::string before = std::exchange(tripped_, why);
   std::exception_ptr failure;
@@ -189,6 +202,7 @@ void Interlock::trip(const std::string& why) {
   if (failure) std::rethrow_exception(failure);
 }
 
+// The ramp is linear in time and leaves off where the interlock opens meanwhile.
 void Interlock::pause(PausePolicy policy) {
   if (policy == PausePolicy::hold) return;
   paused_ = true;
@@ -217,11 +231,13 @@ void Interlock::resume() {
   forget_slew();
 }
 
+// Task of its own: sleeps until the coils are energized, then checks every kWatchPeriod what no
+// set-point would bring to light: heat, conditions, heartbeats, a zero that was not taken.
 void Interlock::watch() {
   while (true) {
     clock_->wait(
         energized_changed_, [this] { return energized_.load(); }, kForever);
-    clock_->sleep_for(kLook);
+    clock_->sleep_for(kWatchPeriod);
     warm_up();
     if (!energized_) continue;
     try {
@@ -236,16 +252,17 @@ void Interlock::watch() {
         trip("dead-man: " + why);
       else
         check_heartbeats();
-    } catch (const DeviceError&) {  // told by trip(); the next look tries again
+    } catch (const DeviceError&) {
+      // Reported by trip(); the next turn tries again.
     }
   }
 }
 
 void Interlock::check_heartbeats() {
-  for (const Heartbeat* heart : heartbeats_) {
-    const double since = to_seconds(clock_->now() - heart->last_);
+  for (const Heartbeat* heartbeat : heartbeats_) {
+    const double since = to_seconds(clock_->now() - heartbeat->last_);
     if (since <= limits_.dead_man) continue;
-    trip(fmt::format("dead-man: {} has not moved for {:.0f} ms", heart->name_, since * 1e3));
+    trip(fmt::format("dead-man: {} has not moved for {:.0f} ms", heartbeat->name_, since * 1e3));
     return;
   }
 }
@@ -254,8 +271,8 @@ Interlock::Heartbeat::Heartbeat(Interlock& interlock, std::string name)
     : interlock_(interlock), name_(std::move(name)), last_{} {
   beat();
   interlock_.heartbeats_.push_back(this);
-  if (!interlock_.energized_)
-    interlock_.forget_slew();  // the loop before may have ended at zero this very moment
+  // The loop before may have ended at zero this very moment: its last step is not this one's slew.
+  if (!interlock_.energized_) interlock_.forget_slew();
 }
 
 Interlock::Heartbeat::~Heartbeat() { std::erase(interlock_.heartbeats_, this); }

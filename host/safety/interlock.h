@@ -1,5 +1,4 @@
-// What stands between every command and the coils, and cannot be by-passed: a decorator of the
-// amplifier's role.
+// Safety interlock: decorator of the coil amplifier that enforces limits and cannot be by-passed.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -18,9 +17,10 @@ namespace vitreo {
 struct InterlockLimits {
   double current = 12;        // A, per channel
   double total_current = 60;  // A, sum of magnitudes
-  double slew =
-      2000;  // A/s: largest change of a channel since the last set-point, over the time between
-  double dead_man = 0.25;  // s, within which every heart must beat while the coils are energized
+  /// A/s: largest change of a channel since the last set-point, over the time between.
+  double slew = 2000;
+  /// s, within which every heartbeat must come while the coils are energized.
+  double dead_man = 0.25;
   CoilHeat heat{};
   void check() const;  // throws std::invalid_argument naming the limit
 };
@@ -71,9 +71,9 @@ class Interlock : public CoilAmplifier {
     Time last_;
   };
 
-  /// A condition under which a current may flow, beside the hearts (a pedal that is held); `why`
-  /// says that it does not hold. Asked before the coils are energized and every 50 ms while they
-  /// are; must not throw.
+  /// A condition under which a current may flow, beside the heartbeats (a pedal that is held);
+  /// `why` says that it does not hold. Asked before the coils are energized and every 50 ms while
+  /// they are; must not throw.
   void require(std::string why, std::function<bool()> holds);
 
   /// Opens at once, the coils at zero, and says why: to `on_trip` and in each refusal until it is
@@ -90,8 +90,8 @@ class Interlock : public CoilAmplifier {
   /// The coils go to zero (zero: at once; ramp: within 0.5 s); set-points are dropped, not queued,
   /// until resume().
   void pause(PausePolicy policy);
-  /// Throws DeviceError when the amplifier does not read back zero, so that nobody goes on on a
-  /// wrong belief.
+  /// Throws DeviceError when the amplifier does not read back zero, so that no
+  /// loop continues on a wrong state.
   void resume();
 
  private:
@@ -109,13 +109,15 @@ class Interlock : public CoilAmplifier {
   CoilAmplifier& amplifier_;
   const InterlockLimits limits_;
   Clock* const clock_;
-  bool enabled_ = true, paused_ = false;
+  bool enabled_ = true;
+  bool paused_ = false;
   std::atomic<bool> energized_{false};
   std::string tripped_;
   std::function<void(const std::string&)> on_trip_;
   CoilTemperature temperature_;
   std::vector<double> sent_;  // A
-  Time sent_at_{}, warmed_at_{};
+  Time sent_at_{};
+  Time warmed_at_{};
   std::vector<Heartbeat*> heartbeats_;
   struct Condition {
     std::string why;

@@ -6,7 +6,7 @@
 namespace vitreo {
 namespace {
 
-constexpr std::string_view kReplacement = "\uFFFD";
+constexpr std::string_view kReplacement = "\uFFFD";  // REPLACEMENT CHARACTER
 
 /// The length of the valid UTF-8 sequence at the start of `text` that XML allows; 0 when there is
 /// none.
@@ -15,12 +15,15 @@ std::size_t sequence_length(std::string_view text) {
   const unsigned char lead = byte(0);
   if (lead < 0x80) return lead >= 0x20 && lead != 0x7F ? 1 : 0;
   const std::size_t length = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
+  // RFC 3629: 0xC0 and 0xC1 would be overlong, 0xF5 and above beyond U+10FFFF; 0x80 to 0xC1 are no
+  // lead bytes.
   if (lead < 0xC2 || lead > 0xF4 || text.size() < length) return 0;
   std::uint32_t code = lead & (0xFF >> (length + 1));
   for (std::size_t i = 1; i < length; ++i) {
     if ((byte(i) & 0xC0) != 0x80) return 0;
     code = code << 6 | (byte(i) & 0x3F);
   }
+  // Overlong forms, surrogates and the two noncharacters that XML 1.0 excludes (2.2) are refused.
   constexpr std::uint32_t kSmallest[] = {0, 0, 0x80, 0x800, 0x10000};
   const bool surrogate = code >= 0xD800 && code <= 0xDFFF;
   const bool is_character = code <= 0x10FFFF && code != 0xFFFE && code != 0xFFFF;
@@ -29,6 +32,8 @@ std::size_t sequence_length(std::string_view text) {
 
 }  // namespace
 
+// XML 1.0, 2.4: the five predefined entities. One byte of what is no character at a time becomes a
+// replacement, so that the text after it is kept.
 std::string escape_markup(std::string_view text) {
   std::string out;
   out.reserve(text.size() + text.size() / 8);
@@ -55,6 +60,7 @@ std::string escape_markup(std::string_view text) {
   return out;
 }
 
+// Code points: every byte but the continuation bytes 10xxxxxx.
 std::size_t count_characters(std::string_view text) {
   std::size_t count = 0;
   for (char c : text) count += (static_cast<unsigned char>(c) & 0xC0) != 0x80;
@@ -70,6 +76,7 @@ std::string_view first_characters(std::string_view text, std::size_t count) {
   return text;
 }
 
+// RFC 4648, section 4, with padding.
 std::string base64(std::span<const unsigned char> bytes) {
   constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string out;

@@ -1,4 +1,4 @@
-// Text and bytes made safe to stand inside SVG and HTML.
+// Escaping of text and bytes for SVG and HTML.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

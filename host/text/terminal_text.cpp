@@ -5,6 +5,8 @@
 
 namespace vitreo {
 
+// C0 and C1 control characters and DEL can move the cursor, set colors or answer on the terminal's
+// input: they are shown as escapes. New lines and tabs stay.
 std::string harmless(const std::string& text) {
   std::string out;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -23,8 +25,8 @@ std::string harmless(const std::string& text) {
 
 std::string for_terminal(const std::string& text, std::size_t most) {
   if (text.size() <= most) return harmless(text);
-  while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xC0) == 0x80)
-    --most;  // no half of a letter
+  // Back to the start of a UTF-8 sequence.
+  while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xC0) == 0x80) --most;
   return harmless(text.substr(0, most)) + fmt::format(" ... ({} characters)", text.size());
 }
 

@@ -1,4 +1,4 @@
-// What scripts and people wrote, as a terminal may be shown it.
+// Untrusted text made harmless for a terminal: no control characters, no escape sequences.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

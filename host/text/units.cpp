@@ -11,19 +11,20 @@
 namespace vitreo {
 namespace {
 
-constexpr double kNothing =
-    1e-8;  // of the smallest unit there is: what a subtraction of doubles leaves
+// Of the smallest unit there is: what a subtraction of doubles leaves counts as zero.
+constexpr double kNothing = 1e-8;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-/// People's unit for a dimension: used from `from` (SI) upwards; the smallest of a dimension goes
+/// Display unit of a dimension: used from `from` (SI) upwards; the smallest of a dimension goes
 /// down to zero.
 struct Step {
-  std::string_view dimension, symbol;
+  std::string_view dimension;
+  std::string_view symbol;
   double from;
 };
 
-// Largest first. Speeds and fields stay in their usual unit one decade longer: people say 0.5 mm/s,
+// Largest first. Speeds and fields keep their display unit one decade longer: 0.5 mm/s is written,
 // not 500 um/s.
 constexpr Step kSteps[] = {
     {"m", "m", 1},          {"m", "mm", 1e-3},     {"m", "um", 1e-7},     {"m", "nm", 0},
@@ -41,7 +42,7 @@ constexpr Step kSteps[] = {
     {"m^2", "m^2", 1},      {"m^2", "mm^2", 1e-8}, {"m^2", "um^2", 0},    {"1/m", "D", 0},
 };
 
-/// What zero is shown in.
+/// The unit in which zero is shown.
 std::string_view usual_symbol(std::string_view dimension) {
   if (dimension == "m") return "mm";
   if (dimension == "m/s") return "mm/s";
@@ -60,6 +61,7 @@ std::string_view symbol_for(double magnitude, std::string_view dimension) {
   return dimension;
 }
 
+/// To `digits` significant digits, by way of the decimal text: what is shown is what was meant.
 double rounded(double number, int digits) {
   if (number == 0 || !std::isfinite(number)) return number;
   const std::string text = fmt::format("{:.{}e}", number, digits - 1);
@@ -84,7 +86,7 @@ std::string replaced(std::string text, std::string_view from, std::string_view t
   return text;
 }
 
-/// The table's spelling of what people may also write.
+/// The table's spelling of a symbol: Unicode signs by their ASCII equivalents.
 std::string plain_symbol(std::string_view symbol) {
   constexpr std::pair<std::string_view, std::string_view> kSpellings[] = {
       {"\u00b5", "u"},  {"\u03bc", "u"},   {"\u00b0", "deg"}, {"\u00b2", "^2"},
@@ -188,6 +190,7 @@ std::optional<Unit> find_unit(std::string_view symbol) {
   return *found;
 }
 
+// "mm/s" is mm_per_s in Lua's module `units`, "m^2" is m2; empty for what gives no identifier.
 std::string unit_name(std::string_view symbol) {
   std::string name;
   for (const char c : symbol) {
@@ -213,13 +216,14 @@ std::string quantity_name(std::string_view dimension) {
   return std::string(dimension);
 }
 
+// number [*] [unit]; the sign + is taken, two signs are not.
 std::optional<Quantity> parse_quantity(std::string_view text) {
   text = trimmed(text);
   if (text.starts_with('+')) {
     text.remove_prefix(1);
     if (text.starts_with('-')) return std::nullopt;
   }
-  // from_chars also reads "nan" and "inf", which no instrument should be told.
+  // from_chars also reads "nan" and "inf", which no instrument may be sent.
   const std::size_t first = text.starts_with('-') ? 1 : 0;
   if (first >= text.size() || !(text[first] == '.' || (text[first] >= '0' && text[first] <= '9')))
     return std::nullopt;
@@ -234,12 +238,15 @@ std::optional<Quantity> parse_quantity(std::string_view text) {
   return Quantity{number * unit->factor, std::string(unit->dimension), false};
 }
 
+// Fixed notation for powers of ten from -4 to 7 (or to `digits`, if that is more), trailing zeros
+// cut; outside of it exponential notation.
 std::string format_number(double number, int digits) {
   if (std::isnan(number)) return "not a number";
   if (std::isinf(number)) return number > 0 ? "infinity" : "-infinity";
   digits = std::clamp(digits, 1, 17);
   const double value = rounded(number, digits);
   if (value == 0) return "0";
+  // 1e-12: log10(1000) may come out a little below 3.
   const int exponent = static_cast<int>(std::floor(std::log10(std::fabs(value)) + 1e-12));
   if (exponent < -4 || exponent > std::max(7, digits)) return fmt::format("{:.{}g}", value, digits);
   const int decimals = std::max(0, digits - 1 - exponent);

@@ -1,4 +1,4 @@
-// Units at the borders: what people write and read. Inside, every number is SI.
+// Units of the user interface: parsing and printing of quantities. Inside, every number is SI.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -44,7 +44,8 @@ std::string format_number(double number, int digits = 3);
 /// A value in the unit people would choose: {"220", "um"}; {"1 min 02 s", ""} for a time of a
 /// minute and more.
 struct Shown {
-  std::string number, unit;
+  std::string number;
+  std::string unit;
 };
 Shown show_quantity(double in_si, std::string_view dimension, int digits = 3);
 

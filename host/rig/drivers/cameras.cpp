@@ -11,8 +11,8 @@
 namespace vitreo {
 namespace {
 
-/// What stands after `scheme` and the colon.
-std::string place(const InstrumentReader& instrument, const std::string& scheme) {
+/// The address without its scheme and colon.
+std::string address_of(const InstrumentReader& instrument, const std::string& scheme) {
   const std::string head = scheme + ":";
   if (instrument.address.rfind(head, 0) != 0)
     instrument.reader.fail("address", "must begin with " + head);
@@ -29,7 +29,7 @@ Opener<Camera> read_genicam(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   genicam::Settings settings;
   settings.name = instrument.role;
-  settings.camera = place(instrument, "genicam");
+  settings.camera = address_of(instrument, "genicam");
   settings.width_px = reader.integer("width_px", settings.width_px, 1, 1 << 16);
   settings.height_px = reader.integer("height_px", settings.height_px, 1, 1 << 16);
   settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
@@ -49,7 +49,7 @@ Opener<Camera> read_iidc(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   iidc::Settings settings;
   settings.name = instrument.role;
-  settings.guid = place(instrument, "iidc");
+  settings.guid = address_of(instrument, "iidc");
   if (settings.guid == "any") settings.guid.clear();
   settings.width_px = reader.integer("width_px", settings.width_px, 1, 1 << 14);
   settings.height_px = reader.integer("height_px", settings.height_px, 1, 1 << 14);
@@ -68,7 +68,7 @@ Opener<Camera> read_image_sequence(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   image_sequence::Settings settings;
   settings.name = instrument.role;
-  settings.folder = place(instrument, "images");
+  settings.folder = address_of(instrument, "images");
   settings.frame_rate = reader.number("frame_rate", settings.frame_rate, {0.01, 1e4, "Hz"});
   const std::string timing = reader.choice("timing", "camera", {"camera", "every_frame"});
   settings.every_frame = timing == "every_frame";
@@ -83,7 +83,7 @@ Opener<Camera> read_opencv_camera(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   opencv_camera::Settings settings;
   settings.name = instrument.role;
-  settings.source = place(instrument, "video");
+  settings.source = address_of(instrument, "video");
   settings.width_px = reader.integer("width_px", 0, 0, 1 << 16);
   settings.height_px = reader.integer("height_px", 0, 0, 1 << 16);
   settings.frame_rate = reader.number("frame_rate", 0, {0, 1e4, "Hz"});

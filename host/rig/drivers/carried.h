@@ -1,4 +1,4 @@
-// What an emulated stage carries in the simulated laboratory.
+// Loads of emulated stages in the simulated laboratory.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -19,15 +19,15 @@ inline std::string read_load(const InstrumentReader& instrument, const std::stri
   return instrument.reader.choice("carries", usual, {"nothing", "sensor", "probe"});
 }
 
-/// `place`: how far the stage has moved from where it stood, in m and the world's axes; it keeps
-/// what it asks alive.
+/// `displacement`: how far the stage has moved from where it stood, in m and the world's axes; it
+/// keeps what it asks alive.
 inline void carry(const RigContext& where, const std::string& load,
-                  const std::function<Eigen::Vector3d(Time)>& place) {
-  where.places->stage = place;
+                  const std::function<Eigen::Vector3d(Time)>& displacement) {
+  where.places->stage = displacement;
   if (where.laboratory == nullptr) return;
   if (load == "sensor")
-    where.laboratory->carry_sensor([place](Time time) { return place(time).z(); });
-  if (load == "probe") where.laboratory->carry_probe(place);
+    where.laboratory->carry_sensor([displacement](Time time) { return displacement(time).z(); });
+  if (load == "probe") where.laboratory->carry_probe(displacement);
 }
 
 /// What the fault "stuck" of a role does to its emulator.

@@ -1,5 +1,5 @@
-// What reads each driver's settings from a rig file; one file an instrument. Only the registry
-// calls them.
+// Readers of the drivers' settings in a rig file, one source an instrument; called by the registry
+// alone.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -11,7 +11,7 @@
 namespace vitreo {
 namespace {
 
-/// The emulators of all channels, and what flows through their coils.
+/// The emulators of all channels, and the currents of their coils, A.
 struct EmulatedSupplies {
   std::vector<double> currents;
   std::vector<std::unique_ptr<kepco_bop::Emulator>> supplies;
@@ -48,7 +48,7 @@ Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
   settings.read_back_tolerance =
       reader.number("read_back_tolerance", settings.read_back_tolerance, {1e-3, 5, "A"});
   check_settings(instrument, settings);
-  // One place a channel, between commas; "emulated" means all eight of them.
+  // One address a channel, between commas; "emulated" means all eight of them.
   std::vector<SerialPlace> places;
   std::istringstream addresses(instrument.address);
   for (std::string address; std::getline(addresses, address, ',');) {

@@ -39,8 +39,8 @@ Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
               volts[static_cast<std::size_t>(lamp.output)] * outputs.amperes_per_volt;
           if (laboratory != nullptr) laboratory->set_light(current / lamp.full_current);
         });
-    if (where.laboratory != nullptr)
-      where.laboratory->set_light(0);  // this rig has its light from the lamp
+    // This rig has its light from the lamp alone, which is dark at first.
+    if (where.laboratory != nullptr) where.laboratory->set_light(0);
     auto link = memory_hid_link(*unit, where.clock, Time(0));
     return Opened<Lamp>{unit, open(std::move(link), where.clock)};
   };

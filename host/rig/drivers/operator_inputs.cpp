@@ -15,11 +15,12 @@ namespace {
 /// What is done to an emulated SpaceMouse: nothing, or a push, once or again and again.
 struct Push {
   Eigen::Vector3d deflection{0, 0, 0};  // of full
-  double from = 0, lasting = 0;         // s
+  double from = 0;                      // s
+  double lasting = 0;                   // s
   double every = 0;                     // s from one to the next; 0: there is one only
 };
 
-/// The driver over an emulator that a hand pushes; the hand goes first.
+/// The driver on an emulator that a task pushes; the task is ended first.
 class Pushed final : public OperatorInput {
  public:
   Pushed(const spacemouse::Settings& settings, Clock& clock, const Push& push)
@@ -42,8 +43,8 @@ class Pushed final : public OperatorInput {
       clock.sleep_until(next);
       for (const Time end = next + from_seconds(push.lasting); clock.now() < end;
            clock.sleep_for(kReport))
-        emulator_.deflect({counts(0), other(1), other(2)},
-                          {});  // y and z of the device point the other way
+        // y and z of the device point the other way.
+        emulator_.deflect({counts(0), other(1), other(2)}, {});
       emulator_.deflect({}, {});
       next += from_seconds(push.every);
     } while (push.every > 0);
@@ -91,10 +92,10 @@ Opener<OperatorInput> read_foot_pedal(const InstrumentReader& instrument) {
     settings.layout = foot_pedal::infinity();
   if (instrument.emulated())
     return [settings](const RigContext& where) {
-      auto nobody =
-          std::make_shared<foot_pedal::Emulator>(settings.layout);  // a pedal that nobody stands on
-      auto link = memory_hid_link(*nobody, where.clock, Time(0));
-      return Opened<OperatorInput>{nobody, foot_pedal::open(std::move(link), settings)};
+      // Never pressed.
+      auto released = std::make_shared<foot_pedal::Emulator>(settings.layout);
+      auto link = memory_hid_link(*released, where.clock, Time(0));
+      return Opened<OperatorInput>{released, foot_pedal::open(std::move(link), settings)};
     };
   const auto open = [settings,
                      address = read_usb_address(instrument, "hid")](const RigContext& where) {

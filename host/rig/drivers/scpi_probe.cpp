@@ -20,8 +20,7 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument) {
   settings.range = reader.number("range", settings.range, {1e-6, 50, "T"});
   check_settings(instrument, settings);
   const SerialPlace place = read_serial_place(instrument, {});
-  // Where an emulated probe is in the simulated world: here, and farther by as much as the emulated
-  // stage has moved.
+  // Position of an emulated probe in the simulated world, in which an emulated stage may carry it.
   const Eigen::Vector3d origin = reader.vector3("place", {0, 0, 0}, {-0.2, 0.2, "m"});
   const bool carried = reader.flag("on_stage", false);
   return [=](const RigContext& where) {
@@ -31,7 +30,7 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument) {
       if (carried && places->stage) at += places->stage(now);
       const Eigen::Vector3d tesla =
           laboratory == nullptr ? Eigen::Vector3d(0, 0, 0) : laboratory->field(at, now);
-      // A probe of one axis looks along z.
+      // A probe of one axis measures along z.
       if (settings.axes == 1) return std::vector<double>{tesla.z() / settings.unit};
       return std::vector<double>{tesla.x() / settings.unit, tesla.y() / settings.unit,
                                  tesla.z() / settings.unit};

@@ -1,4 +1,4 @@
-// What the rig file's readers of serial instruments share.
+// Shared parts of the readers of serial instruments.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

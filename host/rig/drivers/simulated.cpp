@@ -29,12 +29,16 @@ class BorrowedProbe : public FieldProbe {
   FieldProbe& probe_;
 };
 
-/// Of a linear axis in m, of a rotary one in rad.
+/// Defaults of an axis: m and m/s of a linear one, rad and rad/s of a rotary one.
 struct Usual {
-  double travel, max_speed, speed, resolution;
+  double travel;
+  double max_speed;
+  double speed;
+  double resolution;
 };
-constexpr Usual kSensor{15e-3, 20e-3, 5e-3, 1e-6}, kProbe{20e-3, 20e-3, 10e-3, 5e-6},
-    kTurn{1e3, 3, 1, 1e-4};
+constexpr Usual kSensor{15e-3, 20e-3, 5e-3, 1e-6};
+constexpr Usual kProbe{20e-3, 20e-3, 10e-3, 5e-6};
+constexpr Usual kTurn{1e3, 3, 1, 1e-4};
 
 zaber::AxisSettings read_axis(ConfigReader& reader, const Usual& usual, double travel) {
   zaber::AxisSettings axis;
@@ -60,8 +64,9 @@ std::shared_ptr<zaber::Emulator> emulator_of(const zaber::Settings& settings) {
 
 SerialPlace ideal_place() { return {"emulated", {.baud_rate = 115200}, true}; }
 
-double place_of(const zaber::Settings& settings, const zaber::Emulator& emulator, std::size_t axis,
-                Time time) {
+/// The true position of the axis in m or rad; `position` of the emulator is in microsteps.
+double position_of(const zaber::Settings& settings, const zaber::Emulator& emulator,
+                   std::size_t axis, Time time) {
   return emulator.position(axis, 0, time) * settings.axes[axis].step / kUsteps;
 }
 
@@ -88,10 +93,10 @@ Opener<Stage> read_simulated_stage(const InstrumentReader& instrument) {
     const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings);
     carry(where, load, [settings, emulator](Time time) {
       if (settings.axes.size() == 1)
-        return Eigen::Vector3d(0, 0, place_of(settings, *emulator, 0, time));
-      return Eigen::Vector3d(place_of(settings, *emulator, 0, time),
-                             place_of(settings, *emulator, 1, time),
-                             place_of(settings, *emulator, 2, time));
+        return Eigen::Vector3d(0, 0, position_of(settings, *emulator, 0, time));
+      return Eigen::Vector3d(position_of(settings, *emulator, 0, time),
+                             position_of(settings, *emulator, 1, time),
+                             position_of(settings, *emulator, 2, time));
     });
     let_stick(where, "stage", emulator);
     return open_on<Stage>(ideal_place(), emulator, where, "stage",
@@ -111,7 +116,7 @@ Opener<RotationStage> read_simulated_rotation(const InstrumentReader& instrument
   return [settings](const RigContext& where) -> Opened<RotationStage> {
     const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings);
     where.laboratory->turn_sensor(
-        [settings, emulator](Time time) { return place_of(settings, *emulator, 0, time); });
+        [settings, emulator](Time time) { return position_of(settings, *emulator, 0, time); });
     let_stick(where, "rotation_stage", emulator);
     return open_on<RotationStage>(
         ideal_place(), emulator, where, "rotation_stage", [&](std::unique_ptr<ByteLink> link) {

@@ -14,7 +14,7 @@
 namespace vitreo {
 namespace {
 
-/// Where the emulated drive stands when it is opened: in the middle of its travel, as somebody left
+/// Where the emulated drive stands when it is opened: in the middle of its travel, as a user left
 /// it.
 sutter_mpc200::EmulatorSettings middle_of(const sutter_mpc200::Settings& settings) {
   sutter_mpc200::EmulatorSettings emulated;

@@ -57,10 +57,11 @@ std::unique_ptr<zaber::Emulator> emulator_of(const zaber::Settings& settings, do
   return zaber::make_emulator(chain);
 }
 
-/// Where the axis number `index` of `settings` really is, in m or rad.
-double place_of(const zaber::Settings& settings, std::size_t index, const zaber::Emulator& emulator,
-                Time now) {
-  std::vector<int> chain;  // the emulator counts devices in the order in which the axes name them
+/// The true position of the axis number `index` of `settings`, in m or rad.
+double axis_position(const zaber::Settings& settings, std::size_t index,
+                     const zaber::Emulator& emulator, Time now) {
+  // The emulator counts devices in the order in which the axes name them.
+  std::vector<int> chain;
   for (const zaber::AxisSettings& axis : settings.axes)
     if (std::find(chain.begin(), chain.end(), axis.device) == chain.end())
       chain.push_back(axis.device);
@@ -95,7 +96,7 @@ Opener<Stage> read_zaber(const InstrumentReader& instrument) {
       carry(where, load, [settings, emulator](Time now) -> Eigen::Vector3d {
         Eigen::Vector3d moved(0, 0, 0);
         for (std::size_t i = 0; i < settings.axes.size(); ++i)
-          moved[settings.axes[i].name.front() - 'x'] = place_of(settings, i, *emulator, now);
+          moved[settings.axes[i].name.front() - 'x'] = axis_position(settings, i, *emulator, now);
         return moved;
       });
     if (place.emulated()) let_stick(where, "stage", emulator);
@@ -118,7 +119,7 @@ Opener<RotationStage> read_zaber_rotary(const InstrumentReader& instrument) {
     const std::shared_ptr<zaber::Emulator> emulator = emulator_of(settings, kTurn);
     if ((place.emulated() || where.offer) && where.laboratory != nullptr)
       where.laboratory->turn_sensor(
-          [settings, emulator](Time now) { return place_of(settings, 0, *emulator, now); });
+          [settings, emulator](Time now) { return axis_position(settings, 0, *emulator, now); });
     if (place.emulated()) let_stick(where, "rotation_stage", emulator);
     return open_on<RotationStage>(
         place, emulator, where, "rotation_stage", [&](std::unique_ptr<ByteLink> link) {

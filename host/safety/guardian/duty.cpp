@@ -18,7 +18,8 @@ int integer(const Output& output, const char* name, int fallback) {
   return found == output.settings.end() ? fallback : static_cast<int>(found->second);
 }
 
-std::vector<std::string> places(const Output& output) {
+/// The units' addresses, which stand between commas.
+std::vector<std::string> addresses_of(const Output& output) {
   std::vector<std::string> all;
   std::istringstream addresses(output.address);
   for (std::string one; std::getline(addresses, one, ',');) {
@@ -28,7 +29,7 @@ std::vector<std::string> places(const Output& output) {
   return all;
 }
 
-/// Nothing on another bus than the serial one, and where there is no such terminal.
+/// None on another bus than the serial one, and where there is no such terminal.
 std::optional<Terminal> terminal_at(const std::string& place) {
   const Address address = parse_address(place);
   struct stat found {};
@@ -49,7 +50,7 @@ Duty::Duty(const Output& output) : output_(output) {
     const int line = integer(output, "enable_line", 0);
     if (line < 0 || line > 7) throw std::invalid_argument("enable_line: must be 0 to 7");
   } else if (output.driver == "kepco_bop") {
-    for (const std::string& place : places(output))
+    for (const std::string& place : addresses_of(output))
       places_.push_back({place, terminal_at(place), std::nullopt});
   } else {
     throw std::invalid_argument("the guardian cannot bring a \"" + output.driver + "\" to zero");
@@ -80,6 +81,8 @@ void Duty::bring_bops_to_zero(Clock& clock) {
   if (failure) std::rethrow_exception(failure);
 }
 
+// A serial port's name is trusted only while it leads to the terminal that the host had: after a
+// change of adapters it may be another instrument, to which the same bytes are another command.
 void Duty::recognize(Place& place, Clock& clock) {
   const std::optional<Terminal> now = terminal_at(place.address);
   if (!now || now == place.own) return;

@@ -1,5 +1,5 @@
-// The guardian's duty: to bring to zero what a host that is gone has left energized. Knows the
-// devices and nothing else.
+// Duty of the guardian: one output that it brings to zero when the host is gone. Depends on the
+// devices and on nothing else.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -33,8 +33,9 @@ class Duty {
   explicit Duty(const Output& output);
   const std::string& address() const { return output_.address; }
   /// Opens, resynchronizes, zeroes and reads back as far as the instrument can. Where a serial
-  /// port's name leads to another terminal by now, whoever is there is asked once who it is, and
-  /// left alone unless it is such an amplifier. Throws DeviceError: to be tried again.
+  /// port's name leads to another terminal by now, the instrument there is asked once for its
+  /// identity, and left alone unless it is such an amplifier. Throws DeviceError: to be tried
+  /// again.
   void bring_to_zero(Clock& clock);
 
  private:

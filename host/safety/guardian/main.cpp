@@ -1,6 +1,5 @@
-// The guardian: a small process of its own beside the host. When the host dies, or falls silent
-// while something is energized (then it is killed first), it brings the outputs to zero. The host
-// starts it; people have no use for it.
+// Guardian process: watches the host that started it. When the host dies, or falls silent while
+// something is energized (then it is killed first), it brings the outputs to zero.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/time/clock.h"
 #include "devices/time/error.h"
@@ -27,9 +26,9 @@ using Steady = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr auto kDeath = 2s;       // within which a killed process is gone, if it can be
-constexpr auto kKeenly = 10s;     // tries again each 2 ms for so long,
-constexpr auto kForLong = 10min;  // and each second for so long
-constexpr int kUrgent = 5;        // of the real-time priorities, where they are to be had
+constexpr auto kKeenly = 10s;     // for so long it tries again each 2 ms,
+constexpr auto kForLong = 10min;  // and for so long each second
+constexpr int kUrgent = 5;        // SCHED_RR priority, where it is permitted; above the host's 4
 
 std::string receive(int flags, bool& closed) {
   std::string bytes(kLongest, '\0');
@@ -41,7 +40,8 @@ std::string receive(int flags, bool& closed) {
 
 enum class Verdict { leave, leave_unsure, host_died, host_hangs };
 
-/// Watches until there is something to do.
+/// Waits for a message, for the end of the host (its pidfd becomes readable, its socket closes) or,
+/// while armed, for silence. A pidfd and not a pid, which another process may have by then.
 Verdict watch(int host) {
   bool armed = false;
   Steady::time_point heard = Steady::now();
@@ -66,20 +66,22 @@ Verdict watch(int host) {
   }
 }
 
-/// So that nothing that it still had to say reaches the outputs after their zero.
+/// Kills the host, so that no command of its reaches the outputs after their zero: a device has one
+/// owner.
 void end_host(int host) {
   syscall(SYS_pidfd_send_signal, host, SIGKILL, nullptr, 0);
   pollfd end{host, POLLIN, 0};
   poll(&end, 1, static_cast<int>(std::chrono::milliseconds(kDeath).count()));
 }
 
+/// Tries every output until each was brought to zero once. 0 when all were, else 1.
 int bring_all_to_zero(std::vector<Duty>& duties) {
   const auto clock = wall_clock();
   const auto began = Steady::now();
   std::vector<Duty*> left;
   for (Duty& duty : duties) left.push_back(&duty);
   std::string why;
-  for (bool told = false; !left.empty() && Steady::now() - began < kForLong;) {
+  for (bool reported = false; !left.empty() && Steady::now() - began < kForLong;) {
     std::erase_if(left, [&](Duty* duty) {
       try {
         duty->bring_to_zero(*clock);
@@ -93,7 +95,7 @@ int bring_all_to_zero(std::vector<Duty>& duties) {
       }
     });
     const bool keen = Steady::now() - began < kKeenly;
-    if (!left.empty() && !keen && !std::exchange(told, true))
+    if (!left.empty() && !keen && !std::exchange(reported, true))
       std::fprintf(stderr, "vitreo guardian: NOT at zero yet, still trying: %s\n", why.c_str());
     if (!left.empty()) clock->sleep_for(keen ? Time(2ms) : Time(1s));
   }
@@ -102,6 +104,7 @@ int bring_all_to_zero(std::vector<Duty>& duties) {
   return left.empty() ? 0 : 1;
 }
 
+/// The whole life of the process; its exit code.
 int guard(pid_t host_pid) {
   const int host = static_cast<int>(syscall(SYS_pidfd_open, host_pid, 0));
   bool closed = false;
@@ -145,6 +148,6 @@ int main(int count, char** words) {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGQUIT}) ::signal(signal, SIG_IGN);
   prctl(PR_SET_NAME, "vitreo_guardian");
   const sched_param urgent{vitreo::guardian::kUrgent};
-  sched_setscheduler(0, SCHED_RR, &urgent);  // where it may not, it goes on as it is
+  sched_setscheduler(0, SCHED_RR, &urgent);  // without the permission it keeps its priority
   return vitreo::guardian::guard(static_cast<pid_t>(std::strtol(words[1], nullptr, 10)));
 }

@@ -1,4 +1,4 @@
-// What the host and its guardian say to each other: one packet a message, over a socket pair.
+// Messages between host and guardian: one packet each, over a socket pair.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,18 +12,26 @@
 namespace vitreo::guardian {
 
 constexpr int kSocket = 3;  // the guardian's end has this descriptor
-constexpr std::chrono::milliseconds kBeat{
-    20};  // between two beats of a host whose outputs are energized
-constexpr std::chrono::milliseconds kSilence{200};            // without a beat: then the host hangs
-constexpr std::size_t kLongest = 16384;                       // bytes of a message
-constexpr char kReady = 'R', kBeatMessage = 'b', kArm = 'a';  // something is about to be energized
-constexpr char kDisarm = 'd', kQuit = 'q',
-               kQuitUnsure = 'x';  // at zero; leave; leave, but zero first
+/// Between two heartbeats of a host whose outputs are energized.
+constexpr std::chrono::milliseconds kBeat{20};
+/// Without a heartbeat: then the host hangs. Ten periods, for a host that is only late.
+constexpr std::chrono::milliseconds kSilence{200};
+constexpr std::size_t kLongest = 16384;  // bytes of a message
+
+// From the guardian.
+constexpr char kReady = 'R';
+// From the host.
+constexpr char kBeatMessage = 'b';
+constexpr char kArm = 'a';         // something is about to be energized
+constexpr char kDisarm = 'd';      // everything is at zero
+constexpr char kQuit = 'q';        // leave
+constexpr char kQuitUnsure = 'x';  // leave, but bring to zero first
 
 /// What must be at zero when the host is gone. `settings`: numbers of the driver's own
 /// (enable_line, baud_rate).
 struct Output {
-  std::string driver, address;
+  std::string driver;
+  std::string address;
   std::map<std::string, double> settings{};
   bool operator==(const Output&) const = default;
 };

@@ -186,5 +186,98 @@ TEST(FindLine, TellsTablesWithTheSameKeyApart) {
   EXPECT_EQ(find_line(text, "b.c.gain"), 4);
 }
 
+TEST(FindLine, PassesOverLongStrings) {
+  const std::string text =
+      "return {\n title = [[\n  focsu = 3,\n top_camera = { focsu = 3 },\n]],\n" /* lines 1 to 5 */
+      " note = [==[ ]] focsu = 3, ]=]\n focsu = 4 ]==],\n\n"                     /* to 8 */
+      " top_camera = {\n  driver = 'x',\n  focsu = 3,\n },\n}\n";
+  EXPECT_EQ(find_line(text, "top_camera.focsu"), 11);
+  EXPECT_EQ(find_line(text, "top_camera"), 9);
+  EXPECT_EQ(find_line(text, "note"), 6);
+  EXPECT_EQ(find_line(text, "focsu"), 0);
+}
+
+TEST(FindLine, PassesOverComments) {
+  const std::string text =
+      "-- focsu = 1 } {\n--[==[ focsu = 2\n ]] }\n]==] return {\n"
+      " a = { --[[ focsu = 1, } ]] gain = 1, -- }\n --\n focsu = 3 },\n}";
+  EXPECT_EQ(find_line(text, "a.focsu"), 7);
+  EXPECT_EQ(find_line(text, "a.gain"), 5);
+}
+
+TEST(FindLine, PassesOverStringsWithEscapes) {
+  const std::string text =
+      "return {\n s = \"\\\" focsu = 1, }\\\\\",\n t = 'it\\'s { focsu = 2',\n"
+      " u = \"over\\\nlines focsu = 3\\z\n   \\065\\x41\\u{41}\",\n focsu = 4 }";
+  EXPECT_EQ(find_line(text, "focsu"), 7);
+  EXPECT_EQ(find_line(text, "u"), 4);
+}
+
+TEST(FindLine, KnowsKeysInBrackets) {
+  const std::string text =
+      "return {\n [\"a\"] = {\n [ 'fo\\x63\\115u' ] = 1,\n [ [[gain]] ] = 2,\n [3] = 4,\n"
+      " [1 + 1] = 5 } }";
+  EXPECT_EQ(find_line(text, "a.focsu"), 3);
+  EXPECT_EQ(find_line(text, "a.gain"), 4);
+  EXPECT_EQ(find_line(text, "a.3"), 5);
+}
+
+TEST(FindLine, CountsTheItemsOfLists) {
+  const std::string text =
+      "return { list = {\n { x = 1 },\n 7; f(1, 2),\n { y = 2,\n x = 3 } }, x = 4 }";
+  EXPECT_EQ(find_line(text, "list.1.x"), 2);
+  EXPECT_EQ(find_line(text, "list.2"), 3);
+  EXPECT_EQ(find_line(text, "list.3"), 3);
+  EXPECT_EQ(find_line(text, "list.4.x"), 5);
+}
+
+TEST(FindLine, OfAKeyThatIsMissingGivesItsTableAndNotAnotherTablesKey) {
+  const std::string text = "return {\n a = { focus = 1 },\n b = {\n gain = 2 } }";
+  EXPECT_EQ(find_line(text, "b.focus"), 3);
+  EXPECT_EQ(find_line(text, "focus"), 0);
+}
+
+TEST(FindLine, TakesComparisonsForValues) {
+  const std::string text =
+      "return { a = x == 1, b = y ~= 2 or z <= 3,\n c = { d = a >= 1,\n y = 5 } }";
+  EXPECT_EQ(find_line(text, "c.y"), 3);
+  EXPECT_EQ(find_line(text, "y"), 0);
+}
+
+TEST(FindLine, PassesOverTheBodiesOfFunctions) {
+  const std::string text =
+      "return {\n run = function(rig, p)\n  title, needs = 1, 2\n  if p then title = { title = 3 } "
+      "end\n"
+      "  for i = 1, 2 do repeat title = i until i > 1 end\n  return { title = 4 }\n end,\n"
+      " title = 5 }";
+  EXPECT_EQ(find_line(text, "title"), 8);
+}
+
+TEST(FindLine, FollowsVariablesAndAssignments) {
+  const std::string text =
+      "local top <const> = {\n focsu = 1 }\nlocal rig = { top_camera = top,\n side = {} }\n"
+      "rig.side.gain = 2\nrig['coils'] = {\n limit = 3 }\nreturn rig\n";
+  EXPECT_EQ(find_line(text, "top_camera.focsu"), 2);
+  EXPECT_EQ(find_line(text, "top_camera.nothing"), 3);
+  EXPECT_EQ(find_line(text, "side.gain"), 5);
+  EXPECT_EQ(find_line(text, "coils.limit"), 7);
+}
+
+TEST(FindLine, LooksIntoCallsAndElsewhereWhereATableIsComputed) {
+  const std::string text =
+      "local function camera(t)\n t.focsu = 3\n return t\nend\n"
+      "return { a = camera {\n gain = 1 },\n b = camera(x) }";
+  EXPECT_EQ(find_line(text, "a.gain"), 6);
+  EXPECT_EQ(find_line(text, "b.focsu"), 2);
+  EXPECT_EQ(find_line(text, "b.other"), 7);
+}
+
+TEST(FindLine, CountsLinesAsLuaDoesAndTakesTheLastOfTwo) {
+  EXPECT_EQ(find_line("return {\r\n a = 1,\r\n b = 2 }", "b"), 3);
+  EXPECT_EQ(find_line("return {\r a = [[\r\r]],\r b = 2 }", "b"), 5);
+  EXPECT_EQ(find_line("return { a = 1,\n a = 2 }", "a"), 2);
+  EXPECT_EQ(find_line("return { x = 0x1p4, y = 3e-2,\n z = 1..'', w = 4 }", "w"), 2);
+}
+
 }  // namespace
 }  // namespace vitreo
