@@ -67,7 +67,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
     for (const double target :
          {mover.travel_max() + beyond, mover.travel_min() - beyond,
           std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
-      expect_error(DeviceErrorKind::refused, "a move to " + std::to_string(target),
+      expect_error(DeviceErrorKind::out_of_range, "a move to " + std::to_string(target),
                    [&] { mover.move_to(target, how.timeout); });
     expect(mover.position() == before, "a refused move moves it");
   }

@@ -102,7 +102,7 @@ class StageExaminer : Examination<StageExaminer> {
       stage_.start(target, speed);
       findings.push_back(name + " is accepted");
     } catch (const DeviceError& error) {
-      expect(std::is_same_v<Error, DeviceError> && error.kind == DeviceErrorKind::refused,
+      expect(std::is_same_v<Error, DeviceError> && error.kind == DeviceErrorKind::out_of_range,
              name + " is refused with another kind of error: " + error.what());
     } catch (const std::invalid_argument&) {
       expect(std::is_same_v<Error, std::invalid_argument>,

@@ -18,6 +18,16 @@ std::string in_short(double number) {
   return text.data();
 }
 
+/// Lengths in mm and angles in degrees, as people read them.
+struct Shown {
+  double per_unit;
+  std::string symbol;
+};
+Shown shown_as(const std::string& unit) {
+  if (unit == "m") return {1e3, "mm"};
+  return unit == "rad" ? Shown{180 / M_PI, "deg"} : Shown{1, unit};
+}
+
 }  // namespace
 
 void check_motion(const std::vector<StageAxis>& axes, std::span<const double> target, double speed,
@@ -31,18 +41,21 @@ void check_motion(const std::vector<StageAxis>& axes, std::span<const double> ta
     if (!std::isfinite(target[i]))
       throw std::invalid_argument("target: axis " + axes[i].name + " is not a finite number");
   if (!std::isfinite(speed) || speed <= 0) throw std::invalid_argument("speed: must be positive");
+  const Shown shown = shown_as(unit);
+  const auto text = [&](double value) { return in_short(shown.per_unit * value); };
+  const std::string& symbol = shown.symbol;
   for (std::size_t i = 0; i < axes.size(); ++i) {
     const StageAxis& axis = axes[i];
     // No tolerance: a target on the limit is allowed, one beyond it by the last bit is not.
     if (target[i] < axis.travel_min || target[i] > axis.travel_max)
-      throw DeviceError(DeviceErrorKind::refused, device,
-                        in_short(target[i]) + " " + unit + " on axis " + axis.name +
-                            " is outside its travel of " + in_short(axis.travel_min) + " to " +
-                            in_short(axis.travel_max) + " " + unit);
+      throw DeviceError(DeviceErrorKind::out_of_range, device,
+                        text(target[i]) + " " + symbol + " on axis " + axis.name +
+                            " is outside its travel of " + text(axis.travel_min) + " to " +
+                            text(axis.travel_max) + " " + symbol);
     if (speed > axis.max_speed)
-      throw DeviceError(DeviceErrorKind::refused, device,
-                        in_short(speed) + " " + unit + "/s is faster than the " +
-                            in_short(axis.max_speed) + " " + unit + "/s of axis " + axis.name);
+      throw DeviceError(DeviceErrorKind::out_of_range, device,
+                        text(speed) + " " + symbol + "/s is faster than the " +
+                            text(axis.max_speed) + " " + symbol + "/s of axis " + axis.name);
   }
 }
 

@@ -17,6 +17,8 @@ const char* to_string(DeviceErrorKind kind) {
       return "protocol";
     case DeviceErrorKind::refused:
       return "refused";
+    case DeviceErrorKind::out_of_range:
+      return "out of range";
   }
   return "unknown";
 }

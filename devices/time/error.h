@@ -9,11 +9,12 @@ namespace vitreo {
 
 /// Few kinds, each of which a protocol can act on.
 enum class DeviceErrorKind {
-  not_found,  ///< nothing there, or something else is
-  timeout,    ///< no answer in time
-  lost,       ///< it was there and is gone
-  protocol,   ///< it answered nonsense
-  refused,    ///< it, or a limit of ours, said no
+  not_found,     ///< nothing there, or something else is
+  timeout,       ///< no answer in time
+  lost,          ///< it was there and is gone
+  protocol,      ///< it answered nonsense
+  refused,       ///< it said no, or what it was asked for cannot be now
+  out_of_range,  ///< the caller asked for what lies beyond a stated limit: nothing was sent
 };
 const char* to_string(DeviceErrorKind kind);
 

@@ -22,6 +22,9 @@ Verdict judge(const std::function<void()>& body, const RunControl& control) {
     return {Outcome::aborted, ExitCode::aborted,
             (emergency ? "emergency stop " : "aborted ") + control.reason()};
   } catch (const DeviceError& error) {
+    // What lies beyond a limit is the script's mistake: no instrument failed, nothing was sent.
+    if (error.kind == DeviceErrorKind::out_of_range)
+      return {Outcome::failed, ExitCode::script_error, error.what()};
     return {Outcome::aborted, ExitCode::aborted, error.what()};
   } catch (const ScriptError& error) {
     return {Outcome::failed, ExitCode::script_error, error.what()};

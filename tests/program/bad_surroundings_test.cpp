@@ -5,6 +5,11 @@
 
 #include <gtest/gtest.h>
 
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
 namespace vitreo {
 namespace {
 
@@ -13,8 +18,8 @@ constexpr const char* kIdle =
     "run:result('half', 0.5) end }";
 constexpr const char* kBareRig = "return { title = 'bare' }";
 
-struct RigContext : testing::Test {
-  RigContext() {
+struct Surroundings : testing::Test {
+  Surroundings() {
     place.write("idle.lua", kIdle);
     place.write("bare.lua", kBareRig);
   }
@@ -32,7 +37,7 @@ struct RigContext : testing::Test {
   Workplace place;
 };
 
-TEST_F(RigContext, WordsThatAreNotUnderstoodAreExitCode2) {
+TEST_F(Surroundings, WordsThatAreNotUnderstoodAreExitCode2) {
   EXPECT_EQ(place.vitreo("run idle.lua --rig bare.lua --no-such-flag").exit_code, 2);
   EXPECT_EQ(place.vitreo("run idle.lua --rig").exit_code, 2);
   EXPECT_EQ(place.vitreo("run idle.lua --rig bare.lua --seed").exit_code, 2);
@@ -44,7 +49,7 @@ TEST_F(RigContext, WordsThatAreNotUnderstoodAreExitCode2) {
   EXPECT_EQ(place.vitreo("run --rig bare.lua -- idle.lua").exit_code, 0);
 }
 
-TEST_F(RigContext, ClosedStreamsChangeNothingButWhatIsSeen) {
+TEST_F(Surroundings, ClosedStreamsChangeNothingButWhatIsSeen) {
   EXPECT_EQ(shell("RUN <&- >/dev/null 2>/dev/null"), 0);
   EXPECT_EQ(shell("RUN >&- 2>/dev/null"), 0);
   EXPECT_EQ(shell("RUN 2>&- >/dev/null"), 0);
@@ -52,13 +57,13 @@ TEST_F(RigContext, ClosedStreamsChangeNothingButWhatIsSeen) {
       << "a reader that is gone";
 }
 
-TEST_F(RigContext, WithoutAHomeOrWithOneThatCannotBeWrittenItRunsAndSaysWhatIsMissing) {
+TEST_F(Surroundings, WithoutAHomeOrWithOneThatCannotBeWrittenItRunsAndSaysWhatIsMissing) {
   EXPECT_EQ(shell("env -u HOME -u XDG_STATE_HOME -u VITREO_LOG RUN >/dev/null 2>&1"), 0);
   EXPECT_EQ(shell("VITREO_LOG=/proc/nowhere/host.log RUN >/dev/null 2>err"), 0);
   EXPECT_NE(place.read("err").find("no log"), std::string::npos) << place.read("err");
 }
 
-TEST_F(RigContext, OtherLocalesZonesMasksAndNarrowTerminalsDoNotMatter) {
+TEST_F(Surroundings, OtherLocalesZonesMasksAndNarrowTerminalsDoNotMatter) {
   EXPECT_EQ(shell("LANG=tr_TR.UTF-8 LC_ALL=de_DE.UTF-8 TZ=Pacific/Chatham COLUMNS=20 RUN --json "
                   ">out 2>/dev/null"),
             0);
@@ -67,14 +72,14 @@ TEST_F(RigContext, OtherLocalesZonesMasksAndNarrowTerminalsDoNotMatter) {
   EXPECT_EQ(shell("(umask 0; RUN >/dev/null 2>&1)"), 0);
 }
 
-TEST_F(RigContext, TooFewFilesAreSaidInAWordNotInACrash) {
+TEST_F(Surroundings, TooFewFilesAreSaidInAWordNotInACrash) {
   const int code = shell("(ulimit -n 16; RUN >/dev/null 2>err)");
   EXPECT_TRUE(code >= 0 && code < 8) << code;
   const bool explained = code == 0 || place.read("err").find("vitreo: ") != std::string::npos;
   EXPECT_TRUE(explained) << place.read("err");
 }
 
-TEST_F(RigContext, TheHostLogKeepsWhatMattersOnOneLineEach) {
+TEST_F(Surroundings, TheHostLogKeepsWhatMattersOnOneLineEach) {
   EXPECT_EQ(shell("VITREO_LOG=here/host.log RUN >/dev/null 2>&1"), 0);
   EXPECT_EQ(shell("VITREO_LOG=here/host.log PROGRAM run nowhere.lua >/dev/null 2>&1"), 2);
   const std::string log = place.read("here/host.log");
@@ -83,7 +88,7 @@ TEST_F(RigContext, TheHostLogKeepsWhatMattersOnOneLineEach) {
   EXPECT_NE(log.find("nowhere.lua"), std::string::npos) << log;
 }
 
-TEST_F(RigContext, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
+TEST_F(Surroundings, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
   EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua").exit_code, 0);
   EXPECT_EQ(place.vitreo("check idle.lua --rig bare.lua speed=3").exit_code, 2);
   place.write("fails.lua", "return { title = 'f', run = function() error('no') end }");
@@ -107,7 +112,7 @@ TEST_F(RigContext, CheckSaysByItsExitCodeWhetherARunWouldBeLet) {
   EXPECT_EQ(place.runs(), 0);
 }
 
-TEST_F(RigContext, AnErrorOfMegabytesOrForTheTerminalIsShownShortAndHarmless) {
+TEST_F(Surroundings, AnErrorOfMegabytesOrForTheTerminalIsShownShortAndHarmless) {
   place.write(
       "huge.lua",
       "return { title = 'h', run = function() error('\\27[31mred' .. ('x'):rep(3000000), 0) end }");
@@ -117,6 +122,23 @@ TEST_F(RigContext, AnErrorOfMegabytesOrForTheTerminalIsShownShortAndHarmless) {
   EXPECT_NE(spoken.out.find("failed: \\x1b[31mredxxx"), std::string::npos) << spoken.out;
   EXPECT_NE(spoken.out.find("(3000008 characters)"), std::string::npos) << spoken.out;
   EXPECT_LT(place.vitreo("runs").out.size() + place.vitreo("show last").out.size(), 5000U);
+}
+
+TEST_F(Surroundings, APortInUseIsAWrongRequestAndLeavesNoFolder) {
+  const int taken = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address = {};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  ASSERT_EQ(bind(taken, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ASSERT_EQ(listen(taken, 1), 0);
+  socklen_t size = sizeof address;
+  getsockname(taken, reinterpret_cast<sockaddr*>(&address), &size);
+  const std::string port = std::to_string(ntohs(address.sin_port));
+  const Spoken said = place.vitreo("run hello_rig --view --view-port " + port);
+  close(taken);
+  EXPECT_EQ(said.exit_code, 2) << said.err;
+  EXPECT_NE(said.err.find("cannot listen at 127.0.0.1:" + port), std::string::npos) << said.err;
+  EXPECT_FALSE(std::filesystem::exists(place.folder() / "runs"));
 }
 
 }  // namespace

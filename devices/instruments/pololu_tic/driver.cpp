@@ -307,7 +307,7 @@ void Tic::drive(Time timeout, const std::string& what, const std::function<void(
 
 void Tic::move_to(double position, Time timeout) {
   if (!(position >= settings_.travel_min && position <= settings_.travel_max))
-    fail(DeviceErrorKind::refused, in_millimeters(position) + " is outside the travel from " +
+    fail(DeviceErrorKind::out_of_range, in_millimeters(position) + " is outside the travel from " +
                                        in_millimeters(settings_.travel_min) + " to " +
                                        in_millimeters(settings_.travel_max));
   // Open loop: an uncertain position would end the lens somewhere else.

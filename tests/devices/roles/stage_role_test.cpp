@@ -26,7 +26,7 @@ void expect_refusal(const std::function<void()>& work, const std::string& naming
     work();
     ADD_FAILURE() << "no error that names " << naming;
   } catch (const DeviceError& error) {
-    EXPECT_EQ(error.kind, DeviceErrorKind::refused);
+    EXPECT_EQ(error.kind, DeviceErrorKind::out_of_range);
     EXPECT_EQ(error.device, "focus");
     EXPECT_NE(std::string(error.what()).find(naming), std::string::npos) << error.what();
   }

@@ -143,6 +143,23 @@ TEST_F(RunEngineTest, AStopRunsTheScriptsOwnCleanUpFirst) {
   EXPECT_EQ(interrupting.lines, "now;closed;");
 }
 
+TEST(RunEngine, AMotionBeyondTheTravelIsTheScriptsFailureAndSaysItInMillimeters) {
+  const TemporaryFolder folder;
+  SilentListener listener;
+  const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  const std::string file = (folder.path() / "far.lua").string();
+  std::ofstream(file) << "return { title = 't', needs = { 'stage' }, run = function(rig, p, run)\n"
+                         "rig.stage:move_to({ 9 }, { speed = 1e-4 })\nend }";
+  RunRequest request;
+  request.what.protocol_file = file;
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.where.out = (folder.path() / "runs").string();
+  const RunResult result = run_protocol(*engine, request, listener);
+  EXPECT_EQ(result.exit_code, ExitCode::script_error) << result.reason;
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_NE(result.reason.find("9000 mm on axis "), std::string::npos) << result.reason;
+}
+
 TEST(RunEngine, WhatIsWrongWithTheRequestLeavesNoFolder) {
   const TemporaryFolder folder;
   SilentListener listener;

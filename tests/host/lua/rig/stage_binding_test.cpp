@@ -70,7 +70,7 @@ TEST_F(StageBinding, StopsAndSaysSoToWhoeverWaits) {
 
 TEST_F(StageBinding, RefusesWhatIsBeyondItsLimitsAndWhatIsNoTarget) {
   EXPECT_EQ(run("local ok, why = pcall(rig.stage.move_to, rig.stage, {1})\n"
-                "assert(not ok and why.kind == 'refused' and why.message:find('outside its "
+                "assert(not ok and why.kind == 'out of range' and why.message:find('outside its "
                 "travel'), why)\n"
                 "ok, why = pcall(rig.stage.move_to, rig.stage, {1e-3}, { speed = 1 })\n"
                 "assert(not ok and why.message:find('faster than'))\n"
