@@ -1,5 +1,5 @@
--- The miniature ophthalmoscope of thesis appendix A: a small sensor in the aerial image, decentered, on a stage along the axis and
--- on one that turns it about the axis.
+-- The miniature ophthalmoscope of thesis appendix A: a small sensor in the aerial image, decentered, on a stage along the axis
+-- and on one that turns it about the axis.
 -- SPDX-License-Identifier: Apache-2.0
 return {
   base = "bare_sensor",
