@@ -20,9 +20,9 @@ return {
   },
   run = function(rig, p, run)
     local model, told, readings = calibrations.field(rig, run, { half = p.half, current = p.current })
-    local nominal, before, fields = control.octomag(), {}, {}
+    local nominal, before, fields = control.field_model { name = "octomag" }, {}, {}
     for i, reading in ipairs(readings) do
-      before[i] = ((nominal:field(reading.position, reading.currents)) - reading.field):norm()
+      before[i] = (nominal:field(reading.position, reading.currents).field - reading.field):norm()
       fields[i] = reading.field:norm()
     end
     run:plot {
@@ -33,7 +33,7 @@ return {
     }
     files.write(
       "octomag_calibrated.yaml",
-      model:text { name = "OctoMag", low = { -p.half, -p.half, -p.half }, high = { p.half, p.half, p.half } }
+      model:to_yaml { name = "OctoMag", low = { -p.half, -p.half, -p.half }, high = { p.half, p.half, p.half } }
     )
     calibrations.note_coils(run, "at the center against the model as it was", told.coils)
     local book = acceptance.new(run, "Coils")

@@ -28,7 +28,7 @@ end
 local function coils(rig, run, _, book)
   local file, reach = "octomag_calibrated.yaml", 8 * mm
   local model, told = calibrations.field(rig, run, { half = reach })
-  files.write(file, model:text { name = "OctoMag", low = { -reach, -reach, -reach }, high = { reach, reach, reach } })
+  files.write(file, model:to_yaml { name = "OctoMag", low = { -reach, -reach, -reach }, high = { reach, reach, reach } })
   limits.coils(book, told, file)
 end
 

@@ -2,6 +2,7 @@
 -- first overshoots and oscillates without end, the second arrives (thesis 7.3). For the rig scripts/rigs/gel.lua; any other
 -- shows the step in its own medium. Judged by the simulator's truth.
 -- SPDX-License-Identifier: Apache-2.0
+local control = require "control"
 local units = require "units"
 local judge = require "judge"
 local mm, s, mT = units.mm, units.s, units.mT
@@ -12,27 +13,19 @@ local laws = { "pid", "velocity" }
 -- The PID of section 7.3, tuned in oil by the rule of Ziegler and Nichols: behind the loop's dead time T of 174 ms (latency
 -- 80 ms, coils 50 + 10.6 ms, half a frame) a robot in oil is an integrator, so Ku = pi / 2 T and Tu = 4 T; 0.6 Ku, Tu / 2, Tu /
 -- 8.
-local function open(rig, p, law, background)
-  if law == "velocity" then
-    return rig:servo {
-      law = "velocity",
-      integral = p.velocity_integral,
-      feedback = p.feedback,
-      background = background,
-      field = p.field,
-    }
-  end
-  return rig:servo {
-    law = "pd",
+local function law_of(p, name)
+  if name == "velocity" then return control.velocity { integral = p.velocity_integral } end
+  return control.pd {
     proportional = p.proportional,
     integral = p.integral,
     derivative = p.derivative,
     derivative_time = 50e-3,
     max_speed = p.max_speed,
-    feedback = p.feedback,
-    background = background,
-    field = p.field,
   }
+end
+
+local function open(rig, p, law, background)
+  return rig:servo { law = law_of(p, law), feedback = p.feedback, background = background, field = p.field }
 end
 
 -- How the coordinate along the step, from the center on, went: its highest part of the step, its turns while it is `watched`, and

@@ -64,7 +64,7 @@ local function one_spiral(rig, run, p, orientation)
   bring.insert(rig, servo, center)
   bring.trim(servo, center, { within = 0.8 * mm })
   local spiral = spiral_of(p)
-  servo:go_to((spiral:at(0)), { speed = 1 * mm / s, within = 0.8 * mm, settle = 0, timeout = 60 * s })
+  servo:go_to(spiral:at(0).position, { speed = 1 * mm / s, within = 0.8 * mm, settle = 0, timeout = 60 * s })
   run:checkpoint "before the spiral"
   local span = { from = run:now() }
   servo:follow(spiral, { pictures = p.pictures, label = "spiral" })
@@ -138,7 +138,7 @@ end
 local function eyes_part(rig, p, book, numbers, orientation)
   local axis, spiral, places = axis_of(orientation), spiral_of(p), {}
   for i = 0, 30 do
-    places[i + 1] = spiral:at(spiral:duration() * i / 30)
+    places[i + 1] = spiral:at(spiral:duration() * i / 30).position
   end
   local least, left, best, in_world = one_look.least(rig, axis, 200), {}, {}, rig:model().eye_in_world
   local height = statistics.mean(statistics.map(places, function(place) return (place - in_world).z end))

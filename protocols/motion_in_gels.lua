@@ -110,7 +110,7 @@ return {
     moved = { unit = "mm", default = 0.3 * mm, min = 0.05 * mm, max = 5 * mm, help = "from how far on it has moved" },
   },
   run = function(rig, p, run)
-    local model, tried = control.octomag(), p.robot == "both" and { "coni", "ndfeb" } or { p.robot }
+    local model, tried = control.field_model { name = "octomag" }, p.robot == "both" and { "coni", "ndfeb" } or { p.robot }
     local went, rows = {}, {}
     for gel in run:each(p.gels, "gel") do
       rows[gel] = { tostring(gel), ("%g"):format(published.gels.agar[gel]) }

@@ -140,8 +140,8 @@ function calibrations.field(rig, run, options)
     zero[k] = 0
   end
   rig.coils:set_currents(zero)
-  local model, told = control.fit_dipoles(readings)
-  return model, told, readings
+  local fit = control.fit_dipoles { readings = readings }
+  return fit.model, fit, readings
 end
 
 --- Notes how each coil compares with another model: `coils` as control.fit_dipoles and use_calibration report them.

@@ -1,4 +1,4 @@
-// field_model: what currents make, and which currents make what is wanted.
+// Bindings of field_model: the field of given currents, and the allocation of currents.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/box_allocation.h"
 #include "control/field_fit.h"
@@ -27,12 +27,17 @@ int push_model(const Call& call, FieldModel model) {
   return 1;
 }
 
-int octomag(Call& call) { return push_model(call, control::CoilField::octomag()); }
-int field_calibration(Call& call) {
-  control::FieldCalibration read = parse_field_calibration(call.text(0));
-  if (const auto& show = call.context().print)
-    for (const std::string& warning : read.warnings) show("field_calibration: " + warning);
-  return push_model(call, std::move(read.field));
+int field_model(Call& call) {
+  const auto name = call.text_option("name"), calibration = call.text_option("calibration");
+  if (name.has_value() == calibration.has_value())
+    throw std::invalid_argument("options: wants either name or calibration");
+  if (calibration) {
+    control::FieldCalibration read = parse_field_calibration(*calibration);
+    if (const auto& show = call.context().print)
+      for (const std::string& warning : read.warnings) show("field_model: " + warning);
+    return push_model(call, std::move(read.field));
+  }
+  return push_model(call, control::CoilField::octomag());
 }
 
 int robots(Call& call) {
@@ -46,7 +51,7 @@ int robots(Call& call) {
 }
 
 int robot(Call& call) {
-  const control::Robot robot = control::robot_named(call.text(0));
+  const control::Robot robot = control::robot_named(*call.text_option("name"));
   control::Medium medium;
   medium.density = call.number_option("density").value_or(medium.density);
   medium.kinematic_viscosity =
@@ -54,13 +59,14 @@ int robot(Call& call) {
   medium.check();
   const double field = call.number_option("field").value_or(10e-3);
   const Eigen::Matrix3d drag = control::resistance(robot, medium, Eigen::Vector3d::UnitX());
-  push_fields(call.L, {{"semi_axis", robot.semi_axis},
-                       {"semi_radius", robot.semi_radius},
-                       {"mass", robot.mass()},
-                       {"net_weight", robot.net_weight(medium)},
-                       {"moment", robot.moment(field)},
-                       {"drag_along", drag(0, 0)},
-                       {"drag_across", drag(1, 1)}});
+  ResultTable(call)
+      .number("semi_axis", robot.semi_axis, "m")
+      .number("semi_radius", robot.semi_radius, "m")
+      .number("mass", robot.mass(), "kg")
+      .number("net_weight", robot.net_weight(medium), "N")
+      .number("moment", robot.moment(field), "A m^2")
+      .number("drag_along", drag(0, 0), "N s/m")
+      .number("drag_across", drag(1, 1), "N s/m");
   return 1;
 }
 
@@ -73,24 +79,17 @@ control::Currents currents_at(const Call& call, std::size_t argument, const Fiel
 
 int coils(Call& call) { return call.result(call.self<FieldModel>().coils()); }
 
-int valid_at(Call& call) {
-  lua_pushboolean(call.L, call.self<FieldModel>().valid_at(call.vector(0)));
-  return 1;
-}
+int valid_at(Call& call) { return call.flag(call.self<FieldModel>().valid_at(call.vector(0))); }
 
 int field(Call& call) {
   const FieldModel& model = call.self<FieldModel>();
   const Eigen::Vector3d place = call.vector(0);
   const control::FieldGradient made =
       model.matrix(place) * currents_at(call, 1, model) + model.background(place);
-  push_vector(call.L, made.head<3>());
-  const Eigen::Matrix3d gradient = control::gradient_matrix(made);
-  lua_createtable(call.L, 3, 0);
-  for (int row = 0; row < 3; ++row) {
-    push_vector(call.L, gradient.row(row));
-    lua_rawseti(call.L, -2, row + 1);
-  }
-  return 2;
+  ResultTable(call)
+      .vector("field", made.head<3>(), "T")
+      .matrix("gradient", control::gradient_matrix(made), "T/m");
+  return 1;
 }
 
 int set_background(Call& call) {
@@ -124,16 +123,13 @@ int allocate(Call& call) {
   const Eigen::Vector3d levitation(0, 0, robot.net_weight(control::Medium{}));
   const auto found = control::allocate_within(
       matrix, moment, {field - background.head<3>(), levitation - pulled, force}, limits);
-  push_fields(call.L, {{"headroom", found.headroom},
-                       {"condition", control::condition_number(matrix, moment, limits)}});
-  push_numbers(call.L, {found.currents.begin(), found.currents.end()});
-  lua_setfield(call.L, -2, "currents");
-  push_vector(call.L, found.field + background.head<3>());
-  lua_setfield(call.L, -2, "field");
-  push_vector(call.L, found.force + pulled - levitation);
-  lua_setfield(call.L, -2, "force");
-  lua_pushboolean(call.L, found.limited || found.vertical_cut);
-  lua_setfield(call.L, -2, "limited");
+  ResultTable(call)
+      .number("headroom", found.headroom)
+      .number("condition", control::condition_number(matrix, moment, limits))
+      .numbers("currents", {found.currents.begin(), found.currents.end()}, "A")
+      .vector("field", found.field + background.head<3>(), "T")
+      .vector("force", found.force + pulled - levitation, "N")
+      .flag("limited", found.limited || found.vertical_cut);
   return 1;
 }
 
@@ -141,7 +137,8 @@ int instability(Call& call) {
   const FieldModel& model = call.self<FieldModel>();
   const control::Robot robot = control::robot_named(call.text_option("robot").value_or("coni_2mm"));
   return call.result(control::instability(model, robot, control::Medium{},
-                                          currents_at(call, 1, model), call.vector(0)));
+                                          currents_at(call, 1, model), call.vector(0)),
+                     "1/s");
 }
 
 int workspace_map(Call& call) {
@@ -153,16 +150,12 @@ int workspace_map(Call& call) {
   const FieldModel& model = call.self<FieldModel>();
   request.limits = limits_option(call, model.coils());
   const auto map = control::workspace_map(model, request);
-  lua_createtable(call.L, static_cast<int>(map.size()), 0);
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    push_fields(
-        call.L,
-        {{"field", map[i].field}, {"force", map[i].force}, {"condition", map[i].condition}});
-    push_vector(call.L, map[i].position);
-    lua_setfield(call.L, -2, "position");
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i) + 1);
-  }
-  return 1;
+  return push_result_list(call, map.size(), [&map](ResultTable& entry, std::size_t i) {
+    entry.vector("position", map[i].position, "m")
+        .number("field", map[i].field, "T")
+        .number("force", map[i].force, "T/m")
+        .number("condition", map[i].condition);
+  });
 }
 
 std::vector<Argument> limit_options() {
@@ -192,47 +185,70 @@ Argument robot_argument(const char* name, bool optional) {
           .choices = {known.begin(), known.end()}};
 }
 
+Returned allocation_fields() {
+  return {"table",
+          {{"currents", "A", "of each coil"},
+           {"field", "T", "that they make"},
+           {"force", "N", "besides levitation"},
+           {"headroom", "", "1 - largest current over its limit"},
+           {"condition", "", "condition number of the allocation's matrix"},
+           {"limited", "", "whether a limit cost something of field or force"}}};
+}
+
 std::vector<Binding> model_rows() {
   const Argument place = vector_named("position", "m", false);
   const Argument currents{.name = "currents", .type = Type::numbers, .unit = "A"};
   return {
-      {"coils", {}, "number", "of coils", coils},
-      {"valid_at", {place}, "true or false", "whether the model holds there", valid_at},
+      {"coils", {}, "number", "of coils", coils, "field_model:coils()"},
+      {"valid_at",
+       {place},
+       "true or false",
+       "whether the model holds there",
+       valid_at,
+       "field_model:valid_at({ 0, 0, 5 * mm })"},
       {"field",
        {place, currents},
-       "field in T, rows of its gradient in T/m",
-       "what currents make there, the background included",
-       field},
+       {"table",
+        {{"field", "T", "the background included"}, {"gradient", "T/m", "list of its three rows"}}},
+       "field and gradient that currents make there",
+       field,
+       "field_model:field({ 0, 0, 0 }, { 1, 0, 0, 0, 0, 0, 0, 0 })"},
       {"set_background",
        {vector_named("field", "T", false, "uniform: the earth and the neighbors")},
        "",
        "sets the field that is there without current, besides the model's own",
-       set_background},
+       set_background,
+       "field_model:set_background({ 20e-6, 0, -45e-6 })"},
       {"allocate",
        {options_of(
            {place, vector_named("field", "T", false, "wanted; the robot's axis lies along it"),
             vector_named("force", "N", true, "wanted besides levitation in silicone oil"),
             robot_argument("robot", true)},
            limit_options())},
-       "table",
-       "currents, field, force, headroom, condition, limited: the vertical force first (thesis "
-       "2.3)",
-       allocate},
+       allocation_fields(),
+       "the currents for a field and a force, the vertical force first (thesis 2.3)",
+       allocate,
+       "field_model:allocate { position = { 0, 0, 0 }, field = { 10 * mT, 0, 0 } }"},
       {"instability",
        {place, currents, options_of({robot_argument("robot", true)})},
-       "number in 1/s",
+       {"number", "1/s"},
        "how fast a robot runs away there in constant currents (Earnshaw)",
-       instability},
+       instability,
+       "field_model:instability({ 0, 0, 0 }, { 1, 1, 1, 1, 0, 0, 0, 0 })"},
       {"workspace_map",
        {options_of({vector_named("low", "m", true, "corner ({-10, -10, -10} mm)"),
                     vector_named("high", "m", true, "corner ({10, 10, 10} mm)"),
                     vector_named("points", "", true, "along each axis ({5, 5, 5})"),
                     vector_named("field", "T", true, "held while force is made ({10, 0, 0} mT)")},
                    limit_options())},
-       "list of tables",
-       "position, field in T, force over moment in T/m, condition: what can be had in the worst "
-       "direction",
-       workspace_map},
+       {"list of tables",
+        {{"position", "m", ""},
+         {"field", "T", "in the worst direction"},
+         {"force", "T/m", "over the moment, in the worst direction"},
+         {"condition", "", "condition number"}}},
+       "the fields and forces that can be had in the worst direction",
+       workspace_map,
+       "field_model:workspace_map { points = { 2, 2, 1 } }"},
       field_text_row()};
 }
 
@@ -249,27 +265,50 @@ std::vector<Binding> field_functions() {
                     .max = max,
                     .help = help};
   };
+  const Argument model_name{.name = "name",
+                            .type = Type::text,
+                            .optional = true,
+                            .help = "of a known machine, as one dipole a coil",
+                            .choices = {"octomag"}};
   return {
-      {"control.octomag", {}, "field_model", "an OctoMag as one dipole a coil", octomag},
-      {"control.field_calibration",
-       {{.name = "text", .type = Type::text, .help = "YAML, as ETH's software writes it"}},
+      {"control.field_model",
+       {options_of({model_name,
+                    {.name = "calibration",
+                     .type = Type::text,
+                     .optional = true,
+                     .help = "a measured one: multipoles as YAML, as ETH's software writes it"}})},
        "field_model",
-       "a measured calibration: multipoles",
-       field_calibration},
-      {"control.robots", {}, "list of names", "the robots that are known", robots},
+       "the field of a set of coils, known by name or from a calibration",
+       field_model,
+       "control.field_model { name = \"octomag\" }"},
+      {"control.robots",
+       {},
+       "list of names",
+       "the robots that are known",
+       robots,
+       "control.robots()"},
       {"control.robot",
-       {robot_argument("name", false),
-        options_of({number("field", "T", 1e-6, 1, "for the moment (10 mT)"),
+       {options_of({robot_argument("name", false),
+                    number("field", "T", 1e-6, 1, "for the moment (10 mT)"),
                     number("density", "kg/m^3", 1, 3000, "of the fluid (970)"),
                     number("kinematic_viscosity", "m^2/s", 1e-7, 1, "of the fluid (500 cSt)")})},
-       "table",
-       "semi_axis, semi_radius, mass, net_weight, moment, drag_along, drag_across",
-       robot}};
+       {"table",
+        {{"semi_axis", "m", "along its axis"},
+         {"semi_radius", "m", "across"},
+         {"mass", "kg", ""},
+         {"net_weight", "N", "less what the fluid bears"},
+         {"moment", "A m^2", "magnetic"},
+         {"drag_along", "N s/m", "force over velocity along its axis"},
+         {"drag_across", "N s/m", "and across"}}},
+       "size, weight, moment and drag of a robot",
+       robot,
+       "control.robot { name = \"coni_2mm\" }"}};
 }
 
 const Class& field_model_class() {
-  static const Class kind{
-      "field_model", "the field of a set of coils; make one with control.octomag", model_rows()};
+  static const Class kind{"field_model",
+                          "the field of a set of coils; make one with control.field_model",
+                          model_rows()};
   return kind;
 }
 

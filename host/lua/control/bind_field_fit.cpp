@@ -1,5 +1,4 @@
-// Calibration of the field's model from what a probe read: dipoles or multipoles, with what is left
-// over.
+// Bindings of field calibration: dipoles or multipoles fitted to a probe's readings.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_calibration.h"
 #include "control/field_fit.h"
@@ -21,13 +20,15 @@ using control::FieldModel;
 using control::MultipoleField;
 using control::ProbeReading;
 
-/// The list of {position, currents, field} at the first argument; `coils` currents each.
-std::vector<ProbeReading> readings_at(const Call& call, int coils) {
+/// The option `readings`, a list of {position, currents, field} with `coils` currents each.
+std::vector<ProbeReading> readings_option(const Call& call, int coils) {
   std::vector<ProbeReading> readings;
-  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(0)));
+  call.push_option("readings");
+  const int list = lua_gettop(call.L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
   for (lua_Integer i = 1; i <= count; ++i) {
     const std::string where = "readings: " + std::to_string(i) + ": ";
-    if (lua_rawgeti(call.L, call.index(0), i) != LUA_TTABLE)
+    if (lua_rawgeti(call.L, list, i) != LUA_TTABLE)
       throw std::invalid_argument(where + "wants a table {position, currents, field}, got " +
                                   kind_of(call.L, -1));
     refuse_unknown(call.L, lua_gettop(call.L), where, {"position", "currents", "field"});
@@ -47,6 +48,7 @@ std::vector<ProbeReading> readings_at(const Call& call, int coils) {
       throw std::invalid_argument(where + "currents: one of them is not finite");
     lua_pop(call.L, 1);
   }
+  lua_pop(call.L, 1);
   return readings;
 }
 
@@ -80,30 +82,29 @@ std::vector<control::CoilComparison> compared(const FieldModel& fitted, const Fi
 int push_fitted(const Call& call, const Fitted& fitted) {
   FieldModel model = fitted.model;
   model.set_uniform_background(fitted.background);
+  ResultTable report(call);
   push_handle(call.L, field_model_class(), std::make_shared<FieldModel>(std::move(model)));
-  push_fields(call.L, {{"residual_rms", fitted.residual.rms},
-                       {"residual_largest", fitted.residual.largest},
-                       {"residual_relative", fitted.residual.relative}});
-  lua_pushinteger(call.L, static_cast<lua_Integer>(fitted.residual.worst + 1));
-  lua_setfield(call.L, -2, "worst_reading");
-  lua_pushinteger(call.L, static_cast<lua_Integer>(fitted.readings));
-  lua_setfield(call.L, -2, "readings");
-  push_vector(call.L, fitted.background);
-  lua_setfield(call.L, -2, "background");
-  push_comparison(call.L, fitted.coils);
-  lua_setfield(call.L, -2, "coils");
-  lua_pushboolean(call.L, fitted.converged);
-  lua_setfield(call.L, -2, "converged");
-  return 2;
+  report.top("model")
+      .number("residual_rms", fitted.residual.rms, "T")
+      .number("residual_largest", fitted.residual.largest, "T")
+      .number("residual_relative", fitted.residual.relative)
+      .integer("worst_reading", static_cast<lua_Integer>(fitted.residual.worst + 1))
+      .integer("readings", static_cast<lua_Integer>(fitted.readings))
+      .vector("background", fitted.background, "T")
+      .flag("converged", fitted.converged);
+  add_comparison(report, fitted.coils);
+  return 1;
 }
 
 int fit_dipoles(Call& call) {
   const FieldModel start = start_option(call);
   if (start.dipoles() == nullptr)
-    throw std::invalid_argument("start: wants a model of dipoles, such as control.octomag()");
+    throw std::invalid_argument(
+        "start: wants a model of dipoles, such as that of the name octomag");
   return calculate(
       call, "field fit",
-      [dipoles = *start.dipoles(), readings = readings_at(call, start.coils())](const YieldPoint&) {
+      [dipoles = *start.dipoles(),
+       readings = readings_option(call, start.coils())](const YieldPoint&) {
         const control::DipoleFit fit = control::fit_dipoles(dipoles, readings);
         return Fitted{
             fit.field,
@@ -121,7 +122,7 @@ int fit_multipoles(Call& call) {
   const int order = static_cast<int>(call.number_option("order").value_or(2));
   if (start.multipoles() != nullptr && call.number_option("order"))
     throw std::invalid_argument("order: the start is of multipoles and has its own");
-  std::vector<ProbeReading> readings = readings_at(call, start.coils());
+  std::vector<ProbeReading> readings = readings_option(call, start.coils());
   return calculate(
       call, "field fit",
       [start, order, readings = std::move(readings)](const YieldPoint& breath) {
@@ -144,7 +145,7 @@ int fit_multipoles(Call& call) {
 
 /// A model as the YAML of ETH's software. Dipoles are sources of the first order, and need a region
 /// to be written with.
-int text_of(Call& call) {
+int to_yaml(Call& call) {
   const FieldModel& model = call.self<FieldModel>();
   const auto low = call.vector_option("low"), high = call.vector_option("high");
   const auto as_multipoles = [&]() -> MultipoleField {
@@ -173,13 +174,17 @@ int text_of(Call& call) {
 
 }  // namespace
 
-void push_comparison(lua_State* L, const std::vector<control::CoilComparison>& coils) {
-  lua_createtable(L, static_cast<int>(coils.size()), 0);
-  lua_Integer n = 0;
-  for (const control::CoilComparison& coil : coils) {
-    push_fields(L, {{"sign", coil.sign}, {"gain", coil.gain}, {"angle", coil.angle}});
-    lua_rawseti(L, -2, ++n);
-  }
+std::vector<ResultField> comparison_fields() {
+  return {{"sign", "", "-1 where the coil is wired the other way round"},
+          {"gain", "", "of its field at 1 A"},
+          {"angle", "rad", "between the axes"}};
+}
+
+void add_comparison(ResultTable& report, const std::vector<control::CoilComparison>& coils) {
+  report.list("coils", coils.size(), [&coils](ResultTable& entry, std::size_t i) {
+    entry.number("sign", coils[i].sign).number("gain", coils[i].gain);
+    entry.number("angle", coils[i].angle, "rad");
+  });
 }
 
 std::vector<Binding> field_fit_functions() {
@@ -189,32 +194,38 @@ std::vector<Binding> field_fit_functions() {
   const Argument start{.name = "start",
                        .type = Type::handle,
                        .optional = true,
-                       .help = "where the fit starts (control.octomag())",
+                       .help = "where the fit starts (that of the name octomag)",
                        .handle = "field_model"};
-  const std::string returns = "field_model, table";
+  const Returned fitted{"table",
+                        {{"model", "", "field_model, the background included"},
+                         {"residual_rms", "T", "what is left over"},
+                         {"residual_largest", "T", ""},
+                         {"residual_relative", "", "to the fields that were read"},
+                         {"worst_reading", "", "number of the one with the largest residual"},
+                         {"readings", "", "how many"},
+                         {"background", "T", "uniform field without current"},
+                         {"converged", "", "true or false"}}};
   return {{"control.fit_dipoles",
-           {readings, options_of({start})},
-           returns,
+           {options_of({readings, start})},
+           fitted,
            "calibrates one dipole a coil and a uniform background from a probe's readings, at "
-           "least 2 a coil and 1; "
-           "the table: residual_rms and residual_largest in T, residual_relative, worst_reading, "
-           "background in T, converged; coils, each as it compares with the start (sign, gain, "
-           "angle in rad)",
-           fit_dipoles},
+           "least 2 a coil and 1",
+           fit_dipoles,
+           "control.fit_dipoles { readings = readings }"},
           {"control.fit_multipoles",
-           {readings,
-            options_of({start,
+           {options_of({readings,
+                        start,
                         {.name = "order",
                          .type = Type::integer,
                          .optional = true,
                          .min = 1,
                          .max = control::kMaxMultipoleOrder,
                          .help = "of each coil's source, where the start is of dipoles (2)"}})},
-           returns,
+           fitted,
            "the same with multipoles: from dipoles fitted first, or from an earlier calibration; "
-           "it holds in the box that "
-           "the readings span",
-           fit_multipoles}};
+           "it holds in the box that the readings span",
+           fit_multipoles,
+           "control.fit_multipoles { readings = readings, order = 1 }"}};
 }
 
 Binding field_text_row() {
@@ -223,13 +234,14 @@ Binding field_text_row() {
         .name = name, .type = Type::vector, .unit = "m", .optional = true, .help = help};
   };
   return {
-      "text",
+      "to_yaml",
       {options_of({{.name = "name", .type = Type::text, .optional = true, .help = "of the machine"},
                    corner("low", "corner of the box for which dipoles are written"),
                    corner("high", "the other")})},
       "string",
       "as YAML, the way ETH's software writes it: for files.write, and for a rig's calibration",
-      text_of};
+      to_yaml,
+      "field_model:to_yaml { low = { -cm, -cm, -cm }, high = { cm, cm, cm } }"};
 }
 
 }  // namespace vitreo::lua

@@ -1,5 +1,4 @@
-// control.line, control.spiral ...: trajectories with speed and acceleration limited, for
-// servo:follow.
+// Bindings of trajectories (control.line, control.spiral, ...), limited in speed and acceleration.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/control/bind_control.h"
 #include "host/lua/interpreter/tables.h"
@@ -19,27 +18,37 @@ int push_trajectory(const Call& call, Trajectory trajectory) {
   return 1;
 }
 
-int point(Call& call) { return push_trajectory(call, Trajectory::hold_at(call.vector(0))); }
+Eigen::Vector3d needed(const Call& call, const char* name) { return *call.vector_option(name); }
+
+std::vector<Eigen::Vector3d> points_option(const Call& call) {
+  call.push_option("points");
+  std::vector<Eigen::Vector3d> points = points_at(call.L, lua_gettop(call.L), "points");
+  lua_pop(call.L, 1);
+  return points;
+}
+
+int point(Call& call) {
+  return push_trajectory(call, Trajectory::hold_at(needed(call, "position")));
+}
 int line(Call& call) {
-  return push_trajectory(call,
-                         Trajectory::line(call.vector(0), call.vector(1), motion_limits(call)));
+  return push_trajectory(
+      call, Trajectory::line(needed(call, "from"), needed(call, "to"), motion_limits(call)));
 }
 int rectangle(Call& call) {
-  return push_trajectory(call, Trajectory::rectangle(call.vector(0), call.vector(1), call.vector(2),
-                                                     motion_limits(call)));
+  return push_trajectory(call, Trajectory::rectangle(needed(call, "corner"), needed(call, "side"),
+                                                     needed(call, "up"), motion_limits(call)));
 }
 int circle(Call& call) {
   return push_trajectory(
-      call, Trajectory::circle(call.vector(0), call.vector(1), call.vector(2),
-                               call.number_option("turns").value_or(1), motion_limits(call)));
+      call,
+      Trajectory::circle(needed(call, "center"), needed(call, "first"), needed(call, "second"),
+                         call.number_option("turns").value_or(1), motion_limits(call)));
 }
 int waypoints(Call& call) {
-  return push_trajectory(
-      call, Trajectory::waypoints(points_at(call.L, call.index(0), "points"), motion_limits(call)));
+  return push_trajectory(call, Trajectory::waypoints(points_option(call), motion_limits(call)));
 }
 int spline(Call& call) {
-  return push_trajectory(
-      call, Trajectory::spline(points_at(call.L, call.index(0), "points"), motion_limits(call)));
+  return push_trajectory(call, Trajectory::spline(points_option(call), motion_limits(call)));
 }
 
 int spiral(Call& call) {
@@ -55,13 +64,14 @@ int spiral(Call& call) {
   return push_trajectory(call, Trajectory::spiral(shape, motion_limits(call)));
 }
 
-int duration(Call& call) { return call.result(call.self<Trajectory>().duration()); }
-int length(Call& call) { return call.result(call.self<Trajectory>().length()); }
+int duration(Call& call) { return call.result(call.self<Trajectory>().duration(), "s"); }
+int length(Call& call) { return call.result(call.self<Trajectory>().length(), "m"); }
 int at(Call& call) {
   const control::Reference reference = call.self<Trajectory>().at(call.number(0));
-  push_vector(call.L, reference.position);
-  push_vector(call.L, reference.velocity);
-  return 2;
+  ResultTable(call)
+      .vector("position", reference.position, "m")
+      .vector("velocity", reference.velocity, "m/s");
+  return 1;
 }
 
 }  // namespace
@@ -112,65 +122,60 @@ std::vector<Binding> trajectory_functions() {
     return Argument{
         .name = name, .type = Type::number, .unit = unit, .optional = true, .help = help};
   };
+  const auto moving = [](std::vector<Argument> keys) {
+    return std::vector<Argument>{options_of(std::move(keys), motion_options())};
+  };
   const Argument points{
       .name = "points", .type = Type::list, .unit = "m", .help = "positions {x, y, z}"};
-  return {{"control.point", {place("position")}, "trajectory", "stays at a place", point},
-          {"control.line",
-           {place("from"), place("to"), options_of({}, motion_options())},
-           "trajectory",
-           "a straight line",
-           line},
-          {"control.rectangle",
-           {place("corner"), place("side", "from the corner to the next"),
-            place("up", "and on to the one after"), options_of({}, motion_options())},
-           "trajectory",
-           "round a rectangle, at rest in its corners",
-           rectangle},
-          {"control.circle",
-           {place("center"), place("first", "from the center to where it begins"),
-            place("second", "towards where it goes: as long, at a right angle"),
-            options_of({number("turns", "", "(1)")}, motion_options())},
-           "trajectory",
-           "round a circle",
-           circle},
-          {"control.spiral",
-           {options_of({{.name = "bottom",
-                         .type = Type::vector,
-                         .unit = "m",
-                         .optional = true,
-                         .help = "lower end of its axis, which is the world's z ({0, 0, -3 mm})"},
-                        number("height", "m", "(6 mm)"),
-                        number("first_radius", "m", "at the bottom (0.5 mm)"),
-                        number("last_radius", "m", "at the top (3.5 mm)"),
-                        number("turns", "", "(4)")},
-                       motion_options())},
-           "trajectory",
-           "a spiral that widens as it climbs, like those of thesis 5.5",
-           spiral},
-          {"control.waypoints",
-           {points, options_of({}, motion_options())},
-           "trajectory",
-           "straight lines, at rest at each point",
-           waypoints},
-          {"control.spline",
-           {points, options_of({}, motion_options())},
-           "trajectory",
-           "a smooth curve through points, without rest",
-           spline}};
+  Argument bottom =
+      place("bottom", "lower end of its axis, which is the world's z ({0, 0, -3 mm})");
+  bottom.optional = true;
+  return {
+      {"control.point",
+       {options_of({place("position")})},
+       "trajectory",
+       "stays at a position",
+       point,
+       "control.point { position = vector(0, 0, 1 * mm) }"},
+      {"control.line", moving({place("from"), place("to")}), "trajectory", "a straight line", line,
+       "control.line { from = { 0, 0, 0 }, to = { 1 * mm, 0, 0 }, speed = 0.5 * mm / s }"},
+      {"control.rectangle",
+       moving({place("corner"), place("side", "from the corner to the next"),
+               place("up", "and on to the one after")}),
+       "trajectory", "round a rectangle, at rest in its corners", rectangle,
+       "control.rectangle { corner = { 0, 0, 0 }, side = { 2 * mm, 0, 0 }, up = { 0, 0, mm } }"},
+      {"control.circle",
+       moving({place("center"), place("first", "from the center to where it begins"),
+               place("second", "towards where it goes: as long, at a right angle"),
+               number("turns", "", "(1)")}),
+       "trajectory", "round a circle", circle,
+       "control.circle { center = { 0, 0, 0 }, first = { mm, 0, 0 }, second = { 0, mm, 0 } }"},
+      {"control.spiral",
+       moving({bottom, number("height", "m", "(6 mm)"),
+               number("first_radius", "m", "at the bottom (0.5 mm)"),
+               number("last_radius", "m", "at the top (3.5 mm)"), number("turns", "", "(4)")}),
+       "trajectory", "a spiral that widens as it climbs, like those of thesis 5.5", spiral,
+       "control.spiral { height = 4 * mm, turns = 3 }"},
+      {"control.waypoints", moving({points}), "trajectory", "straight lines, at rest at each point",
+       waypoints, "control.waypoints { points = { { 0, 0, 0 }, { mm, 0, 0 }, { mm, mm, 0 } } }"},
+      {"control.spline", moving({points}), "trajectory",
+       "a smooth curve through points, without rest", spline,
+       "control.spline { points = { { 0, 0, 0 }, { mm, 0, 0 }, { mm, mm, 0 } } }"}};
 }
 
 const Class& trajectory_class() {
   static const Class kind{
       "trajectory",
-      "places as a function of time; make one with control.line and its like, go along it with "
+      "positions as a function of time; make one with control.line and its like, go along it with "
       "servo:follow",
-      {{"duration", {}, "number in s", "how long it takes", duration},
-       {"length", {}, "number in m", "how long the way is", length},
+      {{"duration", {}, {"number", "s"}, "how long it takes", duration, "path:duration()"},
+       {"length", {}, {"number", "m"}, "how long the way is", length, "path:length()"},
        {"at",
         {{.name = "time", .type = Type::number, .unit = "s", .help = "since it began"}},
-        "position in m, velocity in m/s",
-        "where it is then; before its begin and after its end at rest",
-        at}}};
+        {"table", {{"position", "m", "where it is then"}, {"velocity", "m/s", "how fast"}}},
+        "position and velocity then; before its begin and after its end at rest",
+        at,
+        "path:at(0.5 * s)"}}};
   return kind;
 }
 

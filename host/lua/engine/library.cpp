@@ -39,6 +39,7 @@ const Library& library() {
                                             &localizer_class(),
                                             &axis_law_class(),
                                             &trajectory_class(),
+                                            &control_law_class(),
                                             &field_model_class()},
                                 .globals = &global_functions(),
                                 .prompt = &prompt_functions(),

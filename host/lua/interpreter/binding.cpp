@@ -142,6 +142,9 @@ const std::shared_ptr<void>& Call::pointer_at(int at) const { return handle_at(L
 
 std::string Call::text(std::size_t argument) const { return plain_text(L, index(argument)); }
 Eigen::Vector3d Call::vector(std::size_t argument) const { return *to_vector(L, index(argument)); }
+Eigen::Vector3d Call::direction(std::size_t argument) const {
+  return vector(argument).normalized();
+}
 std::vector<double> Call::numbers(std::size_t argument) const {
   return *to_numbers(L, index(argument));
 }
@@ -211,7 +214,14 @@ int Call::wait(Wait wait) const {
   return kWaits;
 }
 
-int Call::result(double value) const {
+void Call::check_unit(const char* unit) const {
+  if (binding.returns.unit != unit)
+    throw std::logic_error("its result is pushed in '" + std::string(unit) +
+                           "', and its row says '" + binding.returns.unit + "'");
+}
+
+int Call::result(double value, const char* unit) const {
+  check_unit(unit);
   lua_pushnumber(L, value);
   return 1;
 }
@@ -219,8 +229,22 @@ int Call::result(const std::string& value) const {
   lua_pushlstring(L, value.data(), value.size());
   return 1;
 }
-int Call::result(const Eigen::Vector3d& value) const {
+int Call::result(const Eigen::Vector3d& value, const char* unit) const {
+  check_unit(unit);
   push_vector(L, value);
+  return 1;
+}
+int Call::result(const std::vector<double>& numbers, const char* unit) const {
+  check_unit(unit);
+  lua_createtable(L, static_cast<int>(numbers.size()), 0);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    lua_pushnumber(L, numbers[i]);
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
+  }
+  return 1;
+}
+int Call::flag(bool value) const {
+  lua_pushboolean(L, value);
   return 1;
 }
 

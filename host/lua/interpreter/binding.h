@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace vitreo::lua {
@@ -17,6 +18,8 @@ namespace vitreo::lua {
 struct Context;
 struct Wait;
 
+/// What an argument takes. A vector's kind follows from its unit: a position in m, a velocity in
+/// m/s, a force in N, a field in T. A direction is a vector without unit that is not zero.
 enum class Type {
   any,
   number,
@@ -25,6 +28,7 @@ enum class Type {
   text,
   function,
   vector,
+  direction,
   numbers,
   list,
   table,
@@ -37,12 +41,40 @@ struct Argument {
   Type type = Type::any;
   std::string unit{};  // SI, of numbers and vectors
   bool optional = false;
-  double min = -std::numeric_limits<double>::infinity(),
-         max = std::numeric_limits<double>::infinity();  // SI, inclusive
+  double min = -std::numeric_limits<double>::infinity();  // SI, inclusive
+  double max = std::numeric_limits<double>::infinity();
   std::string help{};
   std::string handle{};                // Type::handle: the class
   std::vector<Argument> options{};     // Type::options: its keys
   std::vector<std::string> choices{};  // Type::text: the allowed values; empty: any
+};
+
+/// A named value of a table that a call returns.
+struct ResultField {
+  std::string name{};
+  std::string unit{};  // SI, of a number, a vector or a list of numbers; "" else
+  std::string help{};
+  std::vector<ResultField> fields{};  // of a table, or of each entry of a list of tables
+  bool optional = false;              // may be nil
+};
+
+/// What a call returns: `type` is "", "number", "position", "list of numbers", "table", "list of
+/// tables", the name of a class, or other words. Tables have fields, the rest may have a unit.
+struct Returned {
+  Returned() = default;
+  Returned(const char* what, const char* si_unit = "") : type(what), unit(si_unit) {}
+  Returned(const char* what, std::vector<ResultField> its_fields)
+      : type(what), fields(std::move(its_fields)) {}
+  /// The same, or nil: "outside of the vitreous".
+  Returned or_nil(std::string when) const;
+  /// "number in m, or nil outside of the vitreous".
+  std::string text() const;
+
+  std::string type{};
+  std::string unit{};
+  std::vector<ResultField> fields{};
+  bool optional = false;  // may be nil
+  std::string absent{};   // when it is
 };
 
 class Call;
@@ -50,11 +82,11 @@ class Call;
 struct Binding {
   std::string name{};
   std::vector<Argument> arguments{};
-  std::string returns{};  // "", or as shown in help
-  std::string doc{};      // one line
+  Returned returns{};
+  std::string doc{};  // one line
   int (*function)(Call&) = nullptr;
+  std::string example{};     // a call that runs; empty: made from the arguments (reference.h)
   bool when_closed = false;  // may be called on a closed handle
-  std::string example{};     // a call; empty: made from the arguments (reference.h)
 };
 
 /// A kind of handle. `fields` are names that may be absent on one of them (the roles of a rig).
@@ -98,6 +130,7 @@ class Call {
   double number(std::size_t argument) const { return lua_tonumber(L, index(argument)); }
   std::string text(std::size_t argument) const;
   Eigen::Vector3d vector(std::size_t argument) const;
+  Eigen::Vector3d direction(std::size_t argument) const;  // of length 1
   std::vector<double> numbers(std::size_t argument) const;
 
   /// Of the options table; false, or nothing, where it or the key is absent.
@@ -112,9 +145,15 @@ class Call {
   /// `finish` pushed.
   int wait(Wait wait) const;
   void check_can_wait() const;  // throws std::runtime_error where Lua cannot suspend the caller
-  int result(double value) const;
+  /// Pushes the one value that the call returns. Throws std::logic_error where the unit is not that
+  /// of the row.
+  int result(double value, const char* unit = "") const;
   int result(const std::string& text) const;
-  int result(const Eigen::Vector3d& vector) const;
+  int result(const Eigen::Vector3d& vector, const char* unit) const;
+  int result(const std::vector<double>& numbers, const char* unit = "") const;
+  int flag(bool value) const;
+  /// Throws std::logic_error naming call and units where this one is not that of the row.
+  void check_unit(const char* unit) const;
 
  private:
   const std::shared_ptr<void>& pointer_at(int at) const;
@@ -124,7 +163,8 @@ class Call {
 
 /// Throws std::invalid_argument naming the argument and what is wanted.
 void check_arguments(Call& call);
-/// "number", "a number in m", "a position {x, y, z} in m": for help and errors.
+/// "a number in m", "a position {x, y, z} in m", "a velocity {x, y, z} in m/s": for help and
+/// errors.
 std::string wanted(const Argument& argument);
 /// "servo:go_to(position, {speed, within})".
 std::string signature(const Class* owner, const Binding& binding);

@@ -70,10 +70,23 @@ void refuse_list(lua_State* L, const Argument& argument, int index) {
 void check_numbers(lua_State* L, const Argument& argument, int index) {
   const auto numbers = to_numbers(L, index);
   if (!numbers) refuse_list(L, argument, index);
-  if (argument.type == Type::vector && numbers->size() != 3) refuse(L, argument, index);
+  const bool vector = argument.type == Type::vector || argument.type == Type::direction;
+  if (vector && numbers->size() != 3) refuse(L, argument, index);
   for (const double number : *numbers)
     if (!std::isfinite(number))
       throw std::invalid_argument(argument.name + ": holds a number that is not finite");
+  const auto zero = [](double number) { return number == 0; };
+  if (argument.type == Type::direction && std::all_of(numbers->begin(), numbers->end(), zero))
+    throw std::invalid_argument(argument.name + ": wants a direction, got {0, 0, 0}");
+}
+
+/// What people call a vector in that SI unit.
+const char* kind_of_vector(const std::string& unit) {
+  if (unit == "m") return "position";
+  if (unit == "m/s") return "velocity";
+  if (unit == "N") return "force";
+  if (unit == "T") return "field";
+  return "vector";
 }
 
 bool lua_type_fits(lua_State* L, const Argument& argument, int index) {
@@ -93,7 +106,12 @@ bool lua_type_fits(lua_State* L, const Argument& argument, int index) {
   }
 }
 
+void check_choice(lua_State* L, const Argument& argument, int index);
+
+/// A handle with choices may be given by one of these words instead.
 void check_handle(lua_State* L, const Argument& argument, int index) {
+  if (!argument.choices.empty() && lua_type(L, index) == LUA_TSTRING)
+    return check_choice(L, argument, index);
   const Class* kind = handle_class(L, index);
   if (!kind || kind->name != argument.handle) refuse(L, argument, index);
 }
@@ -138,7 +156,8 @@ void check_one(lua_State* L, const Argument& argument, int index) {
   if (!lua_type_fits(L, argument, index)) refuse(L, argument, index);
   if (argument.type == Type::number || argument.type == Type::integer)
     check_number(L, argument, index);
-  if (argument.type == Type::vector || argument.type == Type::numbers)
+  if (argument.type == Type::vector || argument.type == Type::direction ||
+      argument.type == Type::numbers)
     check_numbers(L, argument, index);
   if (argument.type == Type::handle) check_handle(L, argument, index);
   if (argument.type == Type::options) check_options(L, argument, index);
@@ -177,7 +196,9 @@ std::string wanted(const Argument& argument) {
     case Type::function:
       return "a function";
     case Type::vector:
-      return "a position {x, y, z}" + in_unit(argument);
+      return std::string("a ") + kind_of_vector(argument.unit) + " {x, y, z}" + in_unit(argument);
+    case Type::direction:
+      return "a direction {x, y, z}";
     case Type::numbers:
       return "a list of numbers" + in_unit(argument);
     case Type::list:
@@ -185,7 +206,8 @@ std::string wanted(const Argument& argument) {
     case Type::table:
       return "a table";
     case Type::handle:
-      return a_or_an(argument.handle);
+      return a_or_an(argument.handle) +
+             (argument.choices.empty() ? "" : ", or " + one_of(argument.choices));
     case Type::options:
       return "options " + shown(argument);
   }
@@ -218,7 +240,19 @@ std::string signature(const Class* owner, const Binding& binding) {
   std::string text = full_name(owner, binding) + "(";
   for (std::size_t i = 0; i < binding.arguments.size(); ++i)
     text += (i ? ", " : "") + shown(binding.arguments[i]);
-  return text + ")" + (binding.returns.empty() ? "" : " -> " + binding.returns);
+  return text + ")" + (binding.returns.type.empty() ? "" : " -> " + binding.returns.text());
+}
+
+Returned Returned::or_nil(std::string when) const {
+  Returned made = *this;
+  made.optional = true;
+  made.absent = std::move(when);
+  return made;
+}
+
+std::string Returned::text() const {
+  return type + (unit.empty() ? "" : " in " + unit) + (optional ? ", or nil" : "") +
+         (absent.empty() ? "" : " " + absent);
 }
 
 }  // namespace vitreo::lua

@@ -4,6 +4,7 @@
 #include "host/lua/interpreter/values.h"
 
 #include <cmath>
+#include <stdexcept>
 
 namespace vitreo::lua {
 
@@ -26,6 +27,80 @@ void push_numbers(lua_State* L, const std::vector<double>& numbers) {
     lua_pushnumber(L, numbers[i]);
     lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
   }
+}
+
+ResultTable::ResultTable(const Call& call, const std::vector<ResultField>& fields)
+    : call_(call), fields_(fields) {
+  luaL_checkstack(call.L, 8, "a result is too deep");
+  lua_createtable(call.L, 0, static_cast<int>(fields.size()));
+  index_ = lua_gettop(call.L);
+}
+
+const ResultField& ResultTable::field(const char* name, const char* unit) const {
+  for (const ResultField& one : fields_) {
+    if (one.name != name) continue;
+    if (one.unit != unit)
+      throw std::logic_error(std::string(name) + " is pushed in '" + unit +
+                             "', and the row says '" + one.unit + "'");
+    return one;
+  }
+  throw std::logic_error(std::string(name) + " is not in the row's result");
+}
+
+ResultTable& ResultTable::top(const char* name) {
+  static_cast<void>(field(name, ""));
+  lua_setfield(call_.L, index_, name);
+  return *this;
+}
+
+ResultTable& ResultTable::number(const char* name, double value, const char* unit) {
+  static_cast<void>(field(name, unit));
+  if (!std::isfinite(value)) return *this;
+  lua_pushnumber(call_.L, value);
+  lua_setfield(call_.L, index_, name);
+  return *this;
+}
+
+ResultTable& ResultTable::integer(const char* name, lua_Integer value) {
+  lua_pushinteger(call_.L, value);
+  return top(name);
+}
+
+ResultTable& ResultTable::flag(const char* name, bool value) {
+  lua_pushboolean(call_.L, value);
+  return top(name);
+}
+
+ResultTable& ResultTable::text(const char* name, const std::string& value) {
+  lua_pushlstring(call_.L, value.data(), value.size());
+  return top(name);
+}
+
+ResultTable& ResultTable::vector(const char* name, const Eigen::Vector3d& value, const char* unit) {
+  static_cast<void>(field(name, unit));
+  push_vector(call_.L, value);
+  lua_setfield(call_.L, index_, name);
+  return *this;
+}
+
+ResultTable& ResultTable::numbers(const char* name, const std::vector<double>& values,
+                                  const char* unit) {
+  static_cast<void>(field(name, unit));
+  push_numbers(call_.L, values);
+  lua_setfield(call_.L, index_, name);
+  return *this;
+}
+
+ResultTable& ResultTable::matrix(const char* name, const Eigen::MatrixXd& value, const char* unit) {
+  static_cast<void>(field(name, unit));
+  lua_createtable(call_.L, static_cast<int>(value.rows()), 0);
+  for (Eigen::Index row = 0; row < value.rows(); ++row) {
+    const Eigen::VectorXd numbers = value.row(row);
+    push_numbers(call_.L, {numbers.begin(), numbers.end()});
+    lua_rawseti(call_.L, -2, static_cast<lua_Integer>(row) + 1);
+  }
+  lua_setfield(call_.L, index_, name);
+  return *this;
 }
 
 int OptionTable::get(const char* name) const {

@@ -1,4 +1,4 @@
-// Values as people see them, and as C++ needs them.
+// Conversions of Lua values: to text for people, to vectors and lists for C++.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace vitreo::lua {
 
-/// A position: a table {x, y, z} with arithmetic.
+/// A vector: a table {x, y, z} with arithmetic.
 void push_vector(lua_State* L, const Eigen::Vector3d& vector);
 /// Three finite numbers in a table, or nothing.
 std::optional<Eigen::Vector3d> to_vector(lua_State* L, int index);

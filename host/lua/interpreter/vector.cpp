@@ -1,5 +1,5 @@
-// Positions in Lua: plain tables {x, y, z} whose metatable gives them arithmetic, .x .y .z and
-// :norm().
+// Vectors in Lua: plain tables {x, y, z} whose metatable gives them arithmetic, .x .y .z, :norm()
+// and :dot().
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/values.h"
@@ -11,11 +11,11 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr const char* kVector = "position";
+constexpr const char* kVector = "vector";
 
 Eigen::Vector3d vector_at(lua_State* L, int index) {
   if (const auto vector = to_vector(L, index)) return *vector;
-  throw std::invalid_argument("wants a position {x, y, z}, got " + kind_of(L, index));
+  throw std::invalid_argument("wants a vector {x, y, z}, got " + kind_of(L, index));
 }
 
 double number_at(lua_State* L, int index) {
@@ -32,7 +32,7 @@ int with_result(lua_State* L, const Eigen::Vector3d& vector) {
 /// One C function for each operation, made from a plain one.
 template <int (*operation)(lua_State*)>
 int checked(lua_State* L) {
-  return guarded(L, "position: ", [L] { return operation(L); });
+  return guarded(L, "vector: ", [L] { return operation(L); });
 }
 
 int add(lua_State* L) { return with_result(L, vector_at(L, 1) + vector_at(L, 2)); }

@@ -37,7 +37,7 @@ const WideAngleMap& map_of(const Call& call) { return call.self<WideAngleMap>();
 
 int push_aerial(Call& call, const std::optional<optics::AerialPoint>& aerial) {
   if (!aerial) return 0;
-  return call.result(Eigen::Vector3d(aerial->m.x(), aerial->m.y(), aerial->focus));
+  return call.result(Eigen::Vector3d(aerial->m.x(), aerial->m.y(), aerial->focus), "m");
 }
 
 int image(Call& call) { return push_aerial(call, map_of(call).image(call.vector(0))); }
@@ -49,7 +49,7 @@ int point(Call& call) {
   const Eigen::Vector3d aerial = call.vector(0);
   const auto found = map_of(call).point({aerial.head<2>(), aerial.z()});
   if (!found) return 0;
-  return call.result(*found);
+  return call.result(*found, "m");
 }
 
 /// Localization by focus (figure 4.1): the isopixel curve meets the isofocus surface. Its
@@ -252,12 +252,12 @@ const Class& wide_angle_map_class() {
                "y of the eye frame, d_ls from the last vertex",
                {{"image",
                  {inside},
-                 "position in m, or nil outside",
+                 Returned("position", "m").or_nil("outside"),
                  "where a point is imaged sharply",
                  image},
                 {"point",
                  {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"}},
-                 "position in m, or nil outside",
+                 Returned("position", "m").or_nil("outside"),
                  "the point that is imaged there",
                  point},
                 {"locate",
@@ -269,7 +269,7 @@ const Class& wide_angle_map_class() {
                  locate_in_map},
                 {"traced_image",
                  {inside},
-                 "position in m, or nil outside",
+                 Returned("position", "m").or_nil("outside"),
                  "as image, by tracing the bundle instead of the table",
                  traced_image},
                 {"limits",

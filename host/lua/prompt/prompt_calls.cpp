@@ -128,9 +128,9 @@ int getters(lua_State* L) {
                                   kind_of(L, 1));
     lua_newtable(L);
     for (const Binding& row : kind->methods) {
-      const bool tells = row.arguments.empty() && !row.returns.empty() &&
-                         find_class(*context_of(L).library, row.returns) == nullptr;
-      if (!tells || row.name == "info" || row.name == "rows") continue;
+      const bool tells = row.arguments.empty() && !row.returns.type.empty() &&
+                         find_class(*context_of(L).library, row.returns.type) == nullptr;
+      if (!tells || row.name == "info" || row.name == "prescription") continue;
       lua_pushstring(L, row.name.c_str());
       lua_rawseti(L, -2, static_cast<lua_Integer>(lua_rawlen(L, -2)) + 1);
     }

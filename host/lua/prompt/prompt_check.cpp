@@ -107,11 +107,11 @@ const std::vector<Binding>& prompt_functions() {
          .type = Type::table,
          .optional = true,
          .help = "as for run(\"name\", {...}): SI, or texts such as \"5s\""}},
-       "true when it passed",
-       "at the prompt: whether a run would be let, and what it would move and energize; a dry run "
-       "on the rig's twin",
+       "true or false",
+       "at the prompt: true when a run would be let; shows what it would move and energize, by a "
+       "dry "
+       "run on the rig's twin",
        check,
-       false,
        "check(\"drift_test\", { hold = 5 * units.s })"}};
   return functions;
 }

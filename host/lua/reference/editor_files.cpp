@@ -48,6 +48,7 @@ std::string stub_type(const Argument& argument) {
     case Type::function:
       return "function";
     case Type::vector:
+    case Type::direction:
       return "vitreo.vector|number[]";
     case Type::numbers:
       return "number[]";
@@ -56,7 +57,8 @@ std::string stub_type(const Argument& argument) {
     case Type::table:
       return "table";
     case Type::handle:
-      return "vitreo." + argument.handle;
+      return "vitreo." + argument.handle +
+             (argument.choices.empty() ? "" : "|" + choice_type(argument));
     case Type::options:
       return table_type(argument);
     case Type::any:
@@ -65,17 +67,28 @@ std::string stub_type(const Argument& argument) {
   return "any";
 }
 
-std::string return_type(const Library& library, const std::string& returns) {
-  if (returns.empty()) return "";
-  if (find_class(library, returns) != nullptr) return "vitreo." + returns;
-  if (returns.starts_with("number")) return "number";
-  if (returns.starts_with("position") || returns.starts_with("force")) return "vitreo.vector";
-  if (returns.starts_with("true") || returns == "boolean") return "boolean";
-  if (returns == "string" || returns == "path") return "string";
-  if (returns.starts_with("list of numbers")) return "number[]";
-  if (returns == "list of names") return "string[]";
-  if (returns.starts_with("list")) return "table[]";
-  return returns.starts_with("table") ? "table" : "any";
+bool is_vector(const std::string& type) {
+  const std::string_view kinds[] = {"position", "velocity",  "force",
+                                    "field",    "direction", "vector"};
+  return std::find(std::begin(kinds), std::end(kinds), type) != std::end(kinds);
+}
+
+std::string plain_type(const Library& library, const std::string& type) {
+  if (find_class(library, type) != nullptr) return "vitreo." + type;
+  if (type == "number" || type == "string") return type;
+  if (is_vector(type)) return "vitreo.vector";
+  if (type == "true or false") return "boolean";
+  if (type == "path") return "string";
+  if (type == "list of numbers") return "number[]";
+  if (type == "list of names") return "string[]";
+  if (type.starts_with("list of positions")) return "vitreo.vector[]";
+  if (type.starts_with("list")) return "table[]";
+  return type.starts_with("table") ? "table" : "any";
+}
+
+std::string return_type(const Library& library, const Returned& returns) {
+  if (returns.type.empty()) return "";
+  return plain_type(library, returns.type) + (returns.optional ? "?" : "");
 }
 
 bool may_be_left_out(const Argument& argument) {
@@ -96,6 +109,15 @@ std::string parameter_names(const Binding& row) {
   return text;
 }
 
+std::string returned_fields(const std::vector<ResultField>& fields, const std::string& indent) {
+  std::string text;
+  for (const ResultField& field : fields)
+    text += indent + "`." + field.name + "`" + (field.unit.empty() ? "" : " in " + field.unit) +
+            (field.optional ? ", or nil" : "") + (field.help.empty() ? "" : ": " + field.help) +
+            "\n" + returned_fields(field.fields, indent + "  ");
+  return text;
+}
+
 std::string stub_of(const Library& library, const std::string& owner, char separator,
                     const std::string& name, const Entry& entry) {
   std::string text =
@@ -112,7 +134,8 @@ std::string stub_of(const Library& library, const std::string& owner, char separ
               stub_type(argument) + with_unit(argument) + "\n";
   }
   if (const std::string type = return_type(library, entry.row->returns); !type.empty())
-    text += "---@return " + type + " # " + entry.row->returns + "\n";
+    text += "---@return " + type + " # " + entry.row->returns.text() + "\n" +
+            returned_fields(entry.row->returns.fields, "---- ");
   return text + "function " + owner + separator + name + "(" + parameter_names(*entry.row) +
          ") end\n\n";
 }
@@ -130,7 +153,8 @@ std::string class_stub(const Library& library, const Class& kind) {
   return text;
 }
 
-constexpr const char* kVectorStub = R"(---A position: a table {x, y, z} in m, with arithmetic.
+constexpr const char* kVectorStub =
+    R"(---A vector: a table {x, y, z} with arithmetic: a position in m, a force in N, a direction ....
 ---@class vitreo.vector
 ---@field x number
 ---@field y number
@@ -149,7 +173,7 @@ function vector_class:norm() end
 ---@return number
 function vector_class:dot(other) end
 
----A position with arithmetic.
+---A vector with arithmetic.
 ---@param x number|number[]
 ---@param y? number
 ---@param z? number
@@ -228,6 +252,15 @@ void reference_arguments(const std::vector<Argument>& arguments, std::string& te
   }
 }
 
+void reference_fields(const std::vector<ResultField>& fields, const std::string& before,
+                      std::string& text) {
+  for (const ResultField& field : fields) {
+    text += fmt::format("| `{}{}`{} | {} | {} |\n", before, field.name,
+                        field.optional ? " (or nil)" : "", field.unit, cell(field.help));
+    reference_fields(field.fields, before + field.name + ".", text);
+  }
+}
+
 std::string reference_of(const Entry& entry) {
   std::string text = "### `" + full_name(entry.owner, *entry.row) + "`\n\n`" +
                      signature(entry.owner, *entry.row) + "`\n\n" + entry.row->doc +
@@ -235,6 +268,9 @@ std::string reference_of(const Entry& entry) {
   std::string rows;
   reference_arguments(entry.row->arguments, rows);
   if (!rows.empty()) text += "| argument | takes | bounds | |\n|---|---|---|---|\n" + rows + "\n";
+  std::string fields;
+  reference_fields(entry.row->returns.fields, "", fields);
+  if (!fields.empty()) text += "| field of the result | in | |\n|---|---|---|\n" + fields + "\n";
   return text;
 }
 
@@ -271,7 +307,9 @@ std::string api_reference(const Library& library) {
       "Numbers are SI; "
       "`local units = require \"units\"`\ngives the factors. At the prompt `help(\"servo:go_to\")` "
       "or `servo:go_to?` "
-      "says the same.\n";
+      "says the same.\n\nWhat is absent is nil: a robot that is not seen, a ray that misses. What "
+      "fails raises an error that\nnames the call and the argument. A call returns one value; "
+      "several are the fields of a table.\n";
   for (const Class* kind : library.classes) {
     text += "\n## " + kind->name + "\n\n" + kind->doc + ".\n\n";
     for (const Binding& row : kind->methods) text += reference_of({kind, &row});

@@ -1,4 +1,4 @@
-// help(): about a name, a handle, a function, a module, a protocol, or any value.
+// Binding of help(): about a name, a handle, a function, a module, a protocol, or any value.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/context.h"
@@ -49,14 +49,14 @@ std::string value_help(lua_State* L, int index) {
   if (const Class* const kind = handle_class(L, index)) return class_help(*kind);
   if (lua_isfunction(L, index)) return function_help(L, index);
   if (lua_istable(L, index) && to_vector(L, index))
-    return "a position {x, y, z} in m: v.x, v.y, v.z, v:norm(), v:dot(w), v + w, 2 * v; it is " +
+    return "a vector {x, y, z}: v.x, v.y, v.z, v:norm(), v:dot(w), v + w, 2 * v; it is " +
            pretty(L, index) + "\n";
   return kind_of(L, index) + ": " + pretty(L, index) + "\n";
 }
 
 std::string words_help(lua_State* L, const std::string& word) {
   if (word == "vector")
-    return "vector(x, y, z)\n  a position with arithmetic; v.x, v:norm(), v:dot(w)\n"
+    return "vector(x, y, z)\n  a vector with arithmetic; v.x, v:norm(), v:dot(w)\n"
            "  for instance: vector(0, 0, 1 * units.mm)\n";
   if (word == "watch")
     return "watch(object, {every, count})\n  at the prompt: shows what an object or a function "
@@ -95,7 +95,6 @@ const std::vector<Binding>& global_functions() {
        "",
        "tells what there is",
        help,
-       false,
        "help(\"servo:go_to\")"}};
   return functions;
 }

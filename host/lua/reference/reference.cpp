@@ -79,6 +79,8 @@ std::string value_example(const Argument& argument) {
       return "function() return true end";
     case Type::vector:
       return argument.unit == "m" ? "vector(0, 0, 1 * units.mm)" : "vector(0, 0, 1)";
+    case Type::direction:
+      return "vector(0, 0, 1)";
     case Type::numbers:
       return argument.unit == "A" ? "{ 1, 0, 0, 0, 0, 0, 0, 0 }" : "{ 1, 2, 3 }";
     case Type::list:
@@ -213,37 +215,41 @@ std::string example(const Entry& entry) {
 
 namespace {
 
-/// The SI unit that begins at `at` and ends at a comma or the like; "" where none stands there.
-std::string unit_at(const std::string& text, std::size_t at) {
-  const auto known = find_unit(text.substr(at, text.find_first_of(", ;:)}", at) - at));
-  return known && known->factor == 1 ? std::string(known->dimension) : "";
+void collect_units(const std::vector<ResultField>& fields,
+                   std::map<std::string, std::string>& units) {
+  for (const ResultField& field : fields) {
+    if (!field.unit.empty()) units.emplace(field.name, field.unit);
+    collect_units(field.fields, units);
+  }
+}
+
+void show_fields(std::string& text, const std::vector<ResultField>& fields,
+                 const std::string& indent) {
+  for (const ResultField& field : fields) {
+    text += indent + field.name + (field.unit.empty() ? "" : " in " + field.unit) +
+            (field.optional ? ", or nil" : "") + (field.help.empty() ? "" : ": " + field.help) +
+            "\n";
+    show_fields(text, field.fields, indent + "  ");
+  }
 }
 
 }  // namespace
 
-std::string unit_of_result(const Binding& row) {
-  const std::string& text = row.returns;
-  const std::size_t at = text.rfind(" in ");
-  return at == std::string::npos || text.find(',') < at ? "" : unit_at(text, at + 4);
-}
+std::string unit_of_result(const Binding& row) { return row.returns.unit; }
 
 std::map<std::string, std::string> units_of_fields(const Binding& row) {
   std::map<std::string, std::string> units;
-  if (!row.returns.starts_with("table")) return units;
-  if (row.returns.starts_with("table in ")) units[""] = unit_of_result(row);
-  const std::string text = row.returns + "; " + row.doc;
-  for (std::size_t at = 0; (at = text.find(" in ", at)) != std::string::npos; at += 4) {
-    const std::string unit = unit_at(text, at + 4);
-    const std::size_t before = text.find_last_of(" ({", at - 1);
-    const std::size_t begin = before == std::string::npos ? 0 : before + 1;
-    if (!unit.empty()) units[text.substr(begin, at - begin)] = unit;
-  }
+  collect_units(row.returns.fields, units);
   return units;
 }
 
 std::string entry_help(const Entry& entry) {
   std::string text = signature(entry.owner, *entry.row) + "\n  " + entry.row->doc + "\n";
   for (const Argument& argument : entry.row->arguments) show_argument(text, argument, "    ");
+  if (!entry.row->returns.fields.empty()) {
+    text += "  returns a " + entry.row->returns.text() + ":\n";
+    show_fields(text, entry.row->returns.fields, "    ");
+  }
   return text + "  for instance: " + example(entry) + "\n";
 }
 
@@ -264,7 +270,7 @@ std::string overview(const Library& library) {
     text += "  " + signature(nullptr, *function) + ": " + function->doc + "\n";
   return text +
          "  units: units.mm, units.mm_per_s ...: numbers are SI, so write 50*units.um\n"
-         "  vector(x, y, z): a position with arithmetic; v.x, v:norm()\n";
+         "  vector(x, y, z): a vector with arithmetic; v.x, v:norm()\n";
 }
 
 std::string help_about(const Library& library, const std::string& word) {

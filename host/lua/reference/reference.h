@@ -1,5 +1,5 @@
-// What there is for scripts, read from the rows of the bindings: for help(), completion, editors'
-// stubs, the checker of scripts and the reference in the docs.
+// Queries on the rows of the bindings: for help(), completion, editors' stubs, the checker of
+// scripts and the reference in the docs.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -33,10 +33,9 @@ std::string handle_name(const std::string& kind);
 /// A call that could stand in a script: the row's own, or one made from its arguments' types, units
 /// and bounds.
 std::string example(const Entry& entry);
-/// "m", where all that the call returns is in that unit; "" else.
+/// The SI unit of a number, a vector or a list of numbers that the call returns; "" else.
 std::string unit_of_result(const Binding& row);
-/// Of a call that returns a table: the units that its row names, as in "time in s, position in m";
-/// under "" that of all other numbers, where it is a "table in m".
+/// Of a call that returns tables: the SI units of their fields, those of tables in them too.
 std::map<std::string, std::string> units_of_fields(const Binding& row);
 
 /// Signature, text, arguments with units and bounds, an example.

@@ -1,9 +1,10 @@
-// What the operator holds or stands on, and the lamp, for scripts.
+// Bindings of the operator's inputs (joystick, pedal) and of the lamp.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/roles/lamp.h"
 #include "devices/roles/operator_input.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/rig/classes.h"
@@ -16,19 +17,17 @@ namespace {
 
 constexpr unsigned kButtons = 32;
 
-void push_state(lua_State* L, const OperatorState& state) {
-  lua_createtable(L, 0, 3);
-  push_vector(L, state.translation);
-  lua_setfield(L, -2, "translation");
-  push_vector(L, state.rotation);
-  lua_setfield(L, -2, "rotation");
-  lua_createtable(L, 0, 0);
+int push_state(const Call& call, const OperatorState& state) {
+  ResultTable table(call);
+  table.vector("translation", state.translation, "").vector("rotation", state.rotation, "");
+  lua_createtable(call.L, 0, 0);
   for (unsigned button = 0; button < kButtons; ++button) {
     if ((state.pressed >> button & 1U) == 0) continue;
-    lua_pushboolean(L, 1);
-    lua_rawseti(L, -2, button + 1);
+    lua_pushboolean(call.L, 1);
+    lua_rawseti(call.L, -2, button + 1);
   }
-  lua_setfield(L, -2, "pressed");
+  table.top("pressed");
+  return 1;
 }
 
 int input_state(Call& call) {
@@ -36,10 +35,7 @@ int input_state(Call& call) {
   auto state = std::make_shared<OperatorState>();
   return call.wait(work(
       call, "operator", [=] { *state = input->state(); }, from_seconds(kTalk),
-      [state](Call& done) {
-        push_state(done.L, *state);
-        return 1;
-      }));
+      [state](Call& done) { return push_state(done, *state); }));
 }
 
 int input_held(Call& call) {
@@ -48,10 +44,7 @@ int input_held(Call& call) {
   auto held = std::make_shared<bool>(false);
   return call.wait(work(
       call, "operator", [=] { *held = is_held(input, mask); }, from_seconds(kTalk),
-      [held](Call& done) {
-        lua_pushboolean(done.L, *held ? 1 : 0);
-        return 1;
-      }));
+      [held](Call& done) { return done.flag(*held); }));
 }
 
 int lamp_set(Call& call) {
@@ -71,16 +64,19 @@ const Class& operator_input_class() {
       "a joystick (rig.joystick) or pedals (rig.pedal)",
       {{"state",
         {},
-        "table",
-        "what the operator does now: translation and rotation, each {x, y, z} of full deflection; "
-        "pressed[n] is true "
-        "while button n is down. An input that was unplugged is an error, for ever",
-        input_state},
+        {"table",
+         {{"translation", "", "{x, y, z} of full deflection"},
+          {"rotation", "", "{x, y, z} of full deflection"},
+          {"pressed", "", "[n] is true while button n is down"}}},
+        "what the operator does now; an input that was unplugged is an error, for ever",
+        input_state,
+        "rig.joystick:state()"},
        {"held",
         {{.name = "button", .type = Type::integer, .min = 1, .max = kButtons, .help = "from 1"}},
-        "boolean",
+        "true or false",
         "whether button or pedal n is down; an input that is gone is a released one",
-        input_held}}};
+        input_held,
+        "rig.pedal:held(2)"}}};
   return kind;
 }
 
@@ -91,8 +87,9 @@ const Class& lamp_class() {
                             {{.name = "level", .type = Type::number, .min = 0, .max = 1}},
                             "",
                             "sets its light, as a part of the full current",
-                            lamp_set},
-                           {"level", {}, "number", "as last set", lamp_level}}};
+                            lamp_set,
+                            "rig.lamp:set_level(0.4)"},
+                           {"level", {}, "number", "as last set", lamp_level, "rig.lamp:level()"}}};
   return kind;
 }
 

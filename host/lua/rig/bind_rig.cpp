@@ -1,4 +1,4 @@
-// rig and its instruments.
+// Bindings of the rig and its instruments.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/rig/bind_rig.h"
 
@@ -19,33 +19,26 @@ namespace {
 
 constexpr double kLongestHandling = 600;  // s
 
-void set_size(lua_State* L, int width, int height) {
-  lua_pushinteger(L, width);
-  lua_setfield(L, -2, "width_px");
-  lua_pushinteger(L, height);
-  lua_setfield(L, -2, "height_px");
-}
-
 int camera_info(Call& call) {
   const CameraInfo& info = call.self<Camera>().info();
-  lua_createtable(call.L, 0, 5);
-  lua_pushstring(call.L, info.identity.c_str());
-  lua_setfield(call.L, -2, "identity");
-  set_size(call.L, info.width_px, info.height_px);
-  set_number(call.L, "frame_period", info.frame_period);
-  set_number(call.L, "effective_pixel", info.effective_pixel);
+  ResultTable(call)
+      .text("identity", info.identity)
+      .integer("width_px", info.width_px)
+      .integer("height_px", info.height_px)
+      .number("frame_period", info.frame_period, "s")
+      .number("effective_pixel", info.effective_pixel, "m");
   return 1;
 }
 
-int push_frame(lua_State* L, const Frame& frame) {
-  lua_createtable(L, 0, 6);
-  push_image(L, frame.image.clone());  // the camera may use its buffer again
-  lua_setfield(L, -2, "image");
-  lua_pushinteger(L, static_cast<lua_Integer>(frame.number));
-  lua_setfield(L, -2, "number");
-  set_number(L, "time", to_seconds(frame.exposed));
-  set_number(L, "received", to_seconds(frame.received));
-  set_size(L, frame.image.cols, frame.image.rows);
+int push_frame(const Call& call, const Frame& frame) {
+  ResultTable table(call);
+  push_image(call.L, frame.image.clone());  // the camera may use its buffer again
+  table.top("image")
+      .integer("number", static_cast<lua_Integer>(frame.number))
+      .number("time", to_seconds(frame.exposed), "s")
+      .number("received", to_seconds(frame.received), "s")
+      .integer("width_px", frame.image.cols)
+      .integer("height_px", frame.image.rows);
   return 1;
 }
 
@@ -59,7 +52,7 @@ int camera_grab(Call& call) {
       call, camera->info().identity, [=] { *frame = camera->grab(timeout); }, 2 * timeout,
       [frame, camera](Call& done) {
         done.context().last_frames[camera] = frame->number;
-        return push_frame(done.L, *frame);
+        return push_frame(done, *frame);
       },
       {last == 0 ? "a frame" : "a frame after number " + std::to_string(last),
        [last] { return last == 0 ? "no frame yet" : "frame " + std::to_string(last); }}));
@@ -80,18 +73,10 @@ int coils_set(Call& call) {
       {currents_text(call.numbers(0)), [coils] { return currents_text(coils->currents()); }}));
 }
 
-int coils_currents(Call& call) {
-  const std::vector<double> currents = call.self<CoilAmplifier>().currents();
-  lua_createtable(call.L, static_cast<int>(currents.size()), 0);
-  for (std::size_t i = 0; i < currents.size(); ++i) {
-    lua_pushnumber(call.L, currents[i]);
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i) + 1);
-  }
-  return 1;
-}
+int coils_currents(Call& call) { return call.result(call.self<CoilAmplifier>().currents(), "A"); }
 
-int coils_limit(Call& call) { return call.result(call.self<CoilAmplifier>().current_limit()); }
-int lens_position(Call& call) { return call.result(call.self<LensMover>().position()); }
+int coils_limit(Call& call) { return call.result(call.self<CoilAmplifier>().current_limit(), "A"); }
+int lens_position(Call& call) { return call.result(call.self<LensMover>().position(), "m"); }
 
 WaitInfo about_lens(const LensMover* mover, const std::string& target) {
   return {target, [mover] { return format_quantity(mover->position(), "m"); }};
@@ -106,10 +91,7 @@ int lens_move(Call& call) {
       about_lens(mover, format_quantity(call.number(0), "m"))));
 }
 
-int lens_homed(Call& call) {
-  lua_pushboolean(call.L, call.self<LensMover>().homed() ? 1 : 0);
-  return 1;
-}
+int lens_homed(Call& call) { return call.flag(call.self<LensMover>().homed()); }
 
 int lens_home(Call& call) {
   LensMover* const mover = &call.self<LensMover>();
@@ -189,21 +171,17 @@ std::vector<Argument> servo_options() {
            .handle = "localizer"},
           text("feedback", "what the loop sees the robot by (one_camera)",
                {"none", "one_camera", "two_cameras", "pose_sensor"}),
-          text("law", "what turns the error into a velocity (pd)", {"pd", "estimator", "velocity"}),
+          {.name = "law",
+           .type = Type::handle,
+           .optional = true,
+           .help = "what turns the error into a command; a name: with the gains by default (pd)",
+           .handle = "control_law",
+           .choices = {"pd", "estimator", "velocity"}},
           number("field", "T", 1e-3, 40e-3, "magnitude of the field (10 mT)"),
           {.name = "axis",
-           .type = Type::vector,
+           .type = Type::direction,
            .optional = true,
            .help = "where the robot's axis points ({1, 0, 0})"},
-          number("proportional", "Hz", 0, 100, "gain: speed asked per distance"),
-          number("derivative", "", 0, 10, "gain of pd: speed asked per speed error"),
-          number("derivative_time", "s", 0, 10, "of pd: low-pass of the measured speed"),
-          number("max_speed", "m/s", 0, 0.1, "largest speed asked"),
-          number("integral", "N/m", 0, 100,
-                 "gain of velocity: force per distance stayed behind; of pd, 1/s^2: speed per "
-                 "distance and time (0)"),
-          number("velocity_time", "s", 0, 10, "of velocity: low-pass of the measured speed"),
-          number("max_force", "N", 0, 1, "of velocity: largest force asked"),
           {.name = "dead_coils",
            .type = Type::numbers,
            .optional = true,
@@ -251,13 +229,15 @@ const Class& rig_class() {
                          timeout("60 s")})},
             "background",
             "learns what the empty scene looks like to the top camera",
-            learn},
+            learn,
+            "rig:learn_background { frames = 4 }"},
            {"servo",
             {options_of(servo_options())},
             "servo",
             "starts the servo loop; end it with <close> or servo:close(), the coils are at zero "
             "then",
-            open_servo}},
+            open_servo,
+            "rig:servo { background = background, law = control.pd { proportional = 1.2 } }"}},
           {"top_camera", "side_camera", "coils", "lens_mover", "sample", "stage", "rotation_stage",
            "field_probe", "joystick", "pedal", "lamp", "simulation"}},
       rig_model_rows());
@@ -270,28 +250,51 @@ const Class& camera_class() {
       "a camera",
       {{"info",
         {},
-        "table",
-        "identity, width_px, height_px, frame_period in s, effective_pixel in m",
-        camera_info},
+        {"table",
+         {{"identity", "", ""},
+          {"width_px", "", ""},
+          {"height_px", "", ""},
+          {"frame_period", "s", ""},
+          {"effective_pixel", "m", "of the scene; of the aerial image where there is an eye"}}},
+        "what camera it is",
+        camera_info,
+        "rig.top_camera:info()"},
        {"grab",
         {options_of({timeout("5 s")})},
-        "table",
-        "waits for the next frame: number, time in s, received in s, width_px, height_px, image",
-        camera_grab}}};
+        {"table",
+         {{"image", "", "image"},
+          {"number", "", "of the frame"},
+          {"time", "s", "of its exposure"},
+          {"received", "s", ""},
+          {"width_px", "", ""},
+          {"height_px", "", ""}}},
+        "waits for the next frame",
+        camera_grab,
+        "rig.top_camera:grab()"}}};
   return kind;
 }
 
 const Class& coils_class() {
-  static const Class kind{
-      "coils",
-      "the coil amplifiers",
-      {{"set_currents",
-        {{.name = "currents", .type = Type::numbers, .unit = "A"}},
-        "",
-        "sets all channels together",
-        coils_set},
-       {"currents", {}, "list of numbers in A", "as last set", coils_currents},
-       {"limit", {}, "number in A", "largest current of a channel, either sign", coils_limit}}};
+  static const Class kind{"coils",
+                          "the coil amplifiers",
+                          {{"set_currents",
+                            {{.name = "currents", .type = Type::numbers, .unit = "A"}},
+                            "",
+                            "sets all channels together",
+                            coils_set,
+                            "rig.coils:set_currents({ 1 * A, 0, 0, 0, 0, 0, 0, 0 })"},
+                           {"currents",
+                            {},
+                            {"list of numbers", "A"},
+                            "as last set",
+                            coils_currents,
+                            "rig.coils:currents()"},
+                           {"limit",
+                            {},
+                            {"number", "A"},
+                            "largest current of a channel, either sign",
+                            coils_limit,
+                            "rig.coils:limit()"}}};
   return kind;
 }
 
@@ -304,38 +307,52 @@ const Class& lens_mover_class() {
          options_of({timeout("30 s")})},
         "",
         "moves, and waits until it is there",
-        lens_move},
+        lens_move,
+        "rig.lens_mover:move_to(1 * mm)"},
        {"position",
         {},
-        "number in m",
+        {"number", "m"},
         "from the lens' nominal place, away from the eye",
-        lens_position},
-       {"homed", {}, "boolean", "whether its position can be believed", lens_homed},
+        lens_position,
+        "rig.lens_mover:position()"},
+       {"homed",
+        {},
+        "true or false",
+        "whether its position can be believed",
+        lens_homed,
+        "rig.lens_mover:homed()"},
        {"home",
         {options_of({timeout("60 s")})},
         "",
         "finds its place by its switch, and waits for it",
-        lens_home}}};
+        lens_home,
+        "rig.lens_mover:home()"}}};
   return kind;
 }
 
 const Class& sample_class() {
-  static const Class kind{"sample",
-                          "whoever brings the robot into the eye",
-                          {{"insert_robot",
-                            {{.name = "position", .type = Type::vector, .unit = "m"}},
-                            "",
-                            "releases the robot near a place",
-                            insert_robot},
-                           {"remove_robot", {}, "", "takes the robot out", remove_robot}}};
+  static const Class kind{
+      "sample",
+      "whoever brings the robot into the eye",
+      {{"insert_robot",
+        {{.name = "position", .type = Type::vector, .unit = "m"}},
+        "",
+        "releases the robot near a place",
+        insert_robot,
+        "rig.sample:insert_robot({ 0, 0, 0 })"},
+       {"remove_robot", {}, "", "takes the robot out", remove_robot, "rig.sample:remove_robot()"}}};
   return kind;
 }
 
 const Class& background_class() {
-  static const Class kind{
-      "background",
-      "what the empty scene looks like",
-      {{"count", {}, "number", "of images it was learnt from", background_count}}};
+  static const Class kind{"background",
+                          "what the empty scene looks like",
+                          {{"count",
+                            {},
+                            "number",
+                            "of images it was learnt from",
+                            background_count,
+                            "background:count()"}}};
   return kind;
 }
 

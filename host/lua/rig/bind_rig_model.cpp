@@ -1,4 +1,4 @@
-// What the rig believes of its eye and its view.
+// Bindings of the rig's model: its eye and its view as the loop believes them.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/values.h"
 #include "host/lua/optics/bind_optics.h"
@@ -27,61 +27,73 @@ int rig_view(Call& call) {
   return 1;
 }
 
-void set_place(lua_State* L, const char* name, const Eigen::Vector3d& place) {
-  push_vector(L, place);
-  lua_setfield(L, -2, name);
-}
-
-void set_pair(lua_State* L, const char* name, const Eigen::Vector2d& pair) {
-  push_numbers(L, {pair.x(), pair.y()});
-  lua_setfield(L, -2, name);
-}
-
 int rig_model(Call& call) {
   const RigModel& model = call.self<Rig>().model;
-  push_fields(call.L, {{"pixel", model.top_image.pixel},
-                       {"side_pixel", model.side_pixel},
-                       {"retina_radius", model.eye.surfaces.front().radius},
-                       {"retina_conic", model.eye.surfaces.front().conic},
-                       {"lens_depth", model.eye.vertex(2)},
-                       {"command_delay", model.command_delay},
-                       {"command_bandwidth", model.command_bandwidth}});
-  set_place(call.L, "eye_in_world", model.eye_in_world);
-  set_pair(call.L, "center_px", model.top_image.center_px);
-  set_pair(call.L, "side_center_px", model.side_center_px);
-  push_fields(call.L, {{"numerical_aperture", model.microscope.numerical_aperture},
-                       {"focus", model.microscope.focus}});
-  lua_setfield(call.L, -2, "microscope");
-  push_fields(call.L,
-              {{"half_length", model.robot.semi_axis}, {"radius", model.robot.semi_radius}});
-  lua_pushstring(call.L, "spheroid");
-  lua_setfield(call.L, -2, "shape");
-  lua_setfield(call.L, -2, "robot");
-  lua_pushstring(call.L, model.robot.name.c_str());
-  lua_setfield(call.L, -2, "robot_name");
+  ResultTable(call)
+      .vector("eye_in_world", model.eye_in_world, "m")
+      .number("retina_radius", model.eye.surfaces.front().radius, "m")
+      .number("retina_conic", model.eye.surfaces.front().conic)
+      .number("lens_depth", model.eye.vertex(2), "m")
+      .number("pixel", model.top_image.pixel, "m")
+      .numbers("center_px", {model.top_image.center_px.x(), model.top_image.center_px.y()})
+      .number("side_pixel", model.side_pixel, "m")
+      .numbers("side_center_px", {model.side_center_px.x(), model.side_center_px.y()})
+      .table("microscope",
+             [&](ResultTable& microscope) {
+               microscope.number("numerical_aperture", model.microscope.numerical_aperture)
+                   .number("focus", model.microscope.focus, "m");
+             })
+      .table("robot",
+             [&](ResultTable& robot) {
+               robot.text("shape", "spheroid")
+                   .number("half_length", model.robot.semi_axis, "m")
+                   .number("radius", model.robot.semi_radius, "m");
+             })
+      .text("robot_name", model.robot.name)
+      .number("command_delay", model.command_delay, "s")
+      .number("command_bandwidth", model.command_bandwidth, "Hz");
   return 1;
+}
+
+Returned model_fields() {
+  return {"table",
+          {{"eye_in_world", "m", "the retina's vertex"},
+           {"retina_radius", "m", ""},
+           {"retina_conic", "", ""},
+           {"lens_depth", "m", "of the lens before the retina"},
+           {"pixel", "m", "of aerial image, top camera"},
+           {"center_px", "", "{u, v} of the top camera's axis"},
+           {"side_pixel", "m", "of the scene, side camera"},
+           {"side_center_px", "", "{u, v} of the side camera's axis"},
+           {"microscope",
+            "",
+            "",
+            {{"numerical_aperture", "", ""}, {"focus", "m", "from the last vertex"}}},
+           {"robot",
+            "",
+            "a body, as the localizer takes it",
+            {{"shape", "", ""}, {"half_length", "m", ""}, {"radius", "m", ""}}},
+           {"robot_name", "", ""},
+           {"command_delay", "s", "of the coils"},
+           {"command_bandwidth", "Hz", "of the coils"}}};
 }
 
 }  // namespace
 
 std::vector<Binding> rig_model_rows() {
-  return {
-      {"eye", {}, "optical_system", "the eye and lenses as the rig file says they are", rig_eye},
-      {"view",
-       {},
-       "localizer",
-       "the top camera's view as the loop believes it; a calibration of it goes to rig:servo",
-       rig_view},
-      {"model",
-       {},
-       "table",
-       "what the rig believes: eye_in_world in m, retina_radius in m, retina_conic, lens_depth in "
-       "m, microscope "
-       "{focus in m, numerical_aperture}, pixel in m, center_px, side_pixel in m, side_center_px, "
-       "robot (a body for "
-       "the localizer: radius in m, half_length in m), robot_name, command_delay in s, "
-       "command_bandwidth in Hz",
-       rig_model}};
+  return {{"eye",
+           {},
+           "optical_system",
+           "the eye and lenses as the rig file says they are",
+           rig_eye,
+           "rig:eye()"},
+          {"view",
+           {},
+           "localizer",
+           "the top camera's view as the loop believes it; a calibration of it goes to rig:servo",
+           rig_view,
+           "rig:view()"},
+          {"model", {}, model_fields(), "what the rig believes", rig_model, "rig:model()"}};
 }
 
 }  // namespace vitreo::lua

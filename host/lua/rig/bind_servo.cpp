@@ -1,5 +1,6 @@
-// servo: a script steers the loop and listens to it; the loop itself is C++.
+// Bindings of the servo: its options, the calls that steer the loop and those that listen to it.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/lua/control/bind_control.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/optics/localizer_calls.h"
 #include "host/lua/rig/bind_rig.h"
@@ -9,9 +10,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <stdexcept>
 #include <utility>
+#include <variant>
 
 namespace vitreo::lua {
 namespace {
@@ -65,56 +66,64 @@ int channel_of(double number) {
   return static_cast<int>(number);
 }
 
-/// Each law has its own gains; what is not given stays as it is by default, or tuned.
-void take_gains(const Call& call, ServoSettings& settings) {
-  const auto take = [&call](const char* name, double& value) {
-    value = call.number_option(name).value_or(value);
-  };
-  const auto refuse = [&](std::initializer_list<const char*> names) {
-    for (const char* name : names)
-      if (call.number_option(name))
-        throw std::invalid_argument(std::string(name) + ": the law \"" + to_string(settings.law) +
-                                    "\" has no such gain");
-  };
-  switch (settings.law) {
-    case ControlLaw::pd:
-      take("proportional", settings.gains.proportional);
-      take("derivative", settings.gains.derivative);
-      take("derivative_time", settings.gains.derivative_time);
-      take("max_speed", settings.gains.max_speed);
-      take("integral", settings.gains.integral);
-      return refuse({"velocity_time", "max_force"});
-    case ControlLaw::estimator:
-      settings.proportional = call.number_option("proportional");
-      settings.max_speed = call.number_option("max_speed");
-      return refuse({"derivative", "derivative_time", "integral", "velocity_time", "max_force"});
-    case ControlLaw::velocity:
-      take("proportional", settings.velocity.proportional);
-      take("max_speed", settings.velocity.max_speed);
-      take("integral", settings.velocity.integral);
-      take("velocity_time", settings.velocity.velocity_time);
-      take("max_force", settings.velocity.max_force);
-      return refuse({"derivative", "derivative_time"});
+/// Puts a law and its gains into the settings.
+struct TakeLaw {
+  ServoSettings& settings;
+  void operator()(const control::PdGains& gains) const {
+    settings.law = ControlLaw::pd;
+    settings.gains = gains;
   }
+  void operator()(const EstimatorGains& gains) const {
+    settings.law = ControlLaw::estimator;
+    settings.proportional = gains.proportional;
+    settings.max_speed = gains.max_speed;
+  }
+  void operator()(const control::VelocityGains& gains) const {
+    settings.law = ControlLaw::velocity;
+    settings.velocity = gains;
+  }
+};
+
+/// The option `law`: a control_law, or the name of one for its gains by default.
+void take_law(const Call& call, ServoSettings& settings) {
+  const bool given = call.push_option("law");
+  const bool by_name = lua_type(call.L, -1) == LUA_TSTRING;
+  lua_pop(call.L, 1);
+  if (by_name)
+    settings.law = control_law_named(*call.text_option("law"));
+  else if (given)
+    std::visit(TakeLaw{settings}, call.handle_option<LawGains>("law"));
 }
 
 ServoSettings settings_of(const Call& call) {
   ServoSettings settings;
-  if (const auto law = call.text_option("law")) settings.law = control_law_named(*law);
+  take_law(call, settings);
   if (const auto feedback = call.text_option("feedback"))
     settings.feedback = feedback_named(*feedback);
   settings.field = call.number_option("field").value_or(settings.field);
   settings.lost_timeout = call.number_option("lost_timeout").value_or(settings.lost_timeout);
   settings.axis_sigma = call.number_option("axis_uncertainty");
   settings.wall_drag = call.flag_option("wall_drag");
-  take_gains(call, settings);
   for (const double channel : call.numbers_option("dead_coils").value_or(std::vector<double>{}))
     settings.dead_coils.push_back(channel_of(channel));
-  if (const auto axis = call.vector_option("axis")) {
-    if (!(axis->norm() > 0)) throw std::invalid_argument("axis: wants a direction, got {0, 0, 0}");
-    settings.axis = axis->normalized();
-  }
+  if (const auto axis = call.vector_option("axis")) settings.axis = axis->normalized();
   return settings;
+}
+
+Returned status_fields() {
+  return {"table",
+          {{"state", "", "as servo:state"},
+           {"time", "s", "exposure of the frame behind it"},
+           {.name = "position", .unit = "m", .help = "nil while unseen", .optional = true},
+           {.name = "disturbance",
+            .unit = "m/s",
+            .help = "what pushes the robot beyond the model; of the law estimator",
+            .optional = true},
+           {"target", "m", "where it should be then"},
+           {"progress", "", "of the path, 0 to 1"},
+           {"headroom", "", "1 - largest current over its limit"},
+           {"limited", "", "whether a current's limit cost something of field or force"},
+           {.name = "failure", .help = "why, in the state failed", .optional = true}}};
 }
 
 std::vector<Binding> listening_rows() {
@@ -122,50 +131,53 @@ std::vector<Binding> listening_rows() {
       .name = "duration", .type = Type::number, .unit = "s", .min = 0.01, .max = 30};
   return {{"position",
            {},
-           "position in m",
+           {"position", "m"},
            "where the robot is, as the loop sees it; an error when it is not seen",
-           position},
-          {"target", {}, "position in m", "where it should be now", target},
+           position,
+           "servo:position()"},
+          {"target", {}, {"position", "m"}, "where it should be now", target, "servo:target()"},
           {"state",
            {},
            "string",
            "searching, holding, following, released, lost, failed or closed",
-           state},
+           state,
+           "servo:state()"},
           {"status",
            {},
-           "table",
-           "state, time in s, position in m (nil when unseen), disturbance in N (law estimator), "
-           "target in m, progress, "
-           "headroom, limited",
-           status},
+           status_fields(),
+           "what the loop does and sees, of one moment",
+           status,
+           "servo:status()"},
           {"wait_until_tracked",
-           {{.name = "options",
-             .type = Type::options,
-             .options = {{.name = "timeout",
-                          .type = Type::number,
-                          .unit = "s",
-                          .optional = true,
-                          .min = 0,
-                          .max = 3600,
-                          .help = "how long it may take (10 s)"}}}},
-           "position in m",
+           {options_of({{.name = "timeout",
+                         .type = Type::number,
+                         .unit = "s",
+                         .optional = true,
+                         .min = 0,
+                         .max = 3600,
+                         .help = "how long it may take (10 s)"}})},
+           {"position", "m"},
            "waits until the robot is seen",
-           wait_until_tracked},
+           wait_until_tracked,
+           "servo:wait_until_tracked { timeout = 10 * s }"},
           {"mean_correction",
            {duration},
-           "force in N",
+           {"force", "N"},
            "waits, and returns the mean force by which the loop corrected meanwhile",
-           mean_correction},
+           mean_correction,
+           "servo:mean_correction(0.5 * s)"},
           {"force_for",
            {{.name = "velocity", .type = Type::vector, .unit = "m/s"}},
-           "force in N",
+           {"force", "N"},
            "the force that moves the robot through the medium at a velocity, by its drag",
-           force_for},
+           force_for,
+           "servo:force_for({ 0.5 * mm / s, 0, 0 })"},
           {"snapshot",
            {{.name = "caption", .type = Type::text}},
            "",
            "puts the next frame, as it is tracked, into the record",
-           snapshot}};
+           snapshot,
+           "servo:snapshot(\"before the path\")"}};
 }
 
 std::vector<Binding> steering_rows() {
@@ -174,40 +186,51 @@ std::vector<Binding> steering_rows() {
   const Argument place{.name = "position", .type = Type::vector, .unit = "m"};
   const Argument force{.name = "force", .type = Type::vector, .unit = "N", .optional = true};
   return {{"go_to",
-           {place, {.name = "options", .type = Type::options, .options = travel_options()}},
+           {place, options_of(travel_options())},
            "",
            "goes straight to a place and waits until it stays there",
-           go_to},
+           go_to,
+           "servo:go_to({ 0.5 * mm, 0, 0 }, { within = 0.5 * mm, settle = 0 })"},
           {"follow",
-           {path, {.name = "options", .type = Type::options, .options = follow_options()}},
-           "number in s",
+           {path, options_of(follow_options())},
+           {"number", "s"},
            "goes along a trajectory, or straight lines with rest at each point; waits for the end, "
-           "returns the time it "
-           "took",
-           follow},
-          {"hold", {place}, "", "holds a place from now on; does not wait", hold},
+           "returns the time it took",
+           follow,
+           "servo:follow({ { 0, 0, 0 }, { 0.5 * mm, 0, 0 } }, { speed = 1 * mm / s })"},
+          {"hold",
+           {place},
+           "",
+           "holds a place from now on; does not wait",
+           hold,
+           "servo:hold({ 0, 0, 0 })"},
           {"release",
-           {{.name = "options",
-             .type = Type::options,
-             .options = {{.name = "cancel",
-                          .type = Type::flag,
-                          .optional = true,
-                          .help = "go on canceling what pushes the robot (law estimator)"}}}},
+           {options_of({{.name = "cancel",
+                         .type = Type::flag,
+                         .optional = true,
+                         .help = "go on canceling what pushes the robot (law estimator)"}})},
            "",
            "keeps field and weight compensation, leaves the place alone",
-           release},
+           release,
+           "servo:release()"},
           {"trim",
            {force},
-           "force in N",
+           {"force", "N"},
            "sets the constant force added to the weight compensation, returns it",
-           trim},
+           trim,
+           "servo:trim()"},
           {"offset",
            {{.name = "offset", .type = Type::vector, .unit = "m", .optional = true}},
-           "position in m",
+           {"position", "m"},
            "sets what is added to each place that the top camera finds (its bias at a known "
            "place), returns it",
-           offset},
-          {"close", {}, "", "ends the loop; the coils are at zero", close, true}};
+           offset,
+           "servo:offset()"},
+          {.name = "close",
+           .doc = "ends the loop; the coils are at zero",
+           .function = close,
+           .example = "servo:close()",
+           .when_closed = true}};
 }
 
 std::vector<Binding> servo_rows() {

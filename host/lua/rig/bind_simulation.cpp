@@ -1,4 +1,4 @@
-// rig.simulation: what only a simulated rig can be told.
+// Bindings of rig.simulation: calls that only a simulated rig has.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/control/bind_control.h"
 #include "host/lua/interpreter/binding.h"
@@ -24,19 +24,16 @@ int use_calibration(Call& call) {
   const MeasuredField measured =
       read_calibration(readable(call.context(), call.text(0)), session.rig.model.field);
   call.self<Simulation>().use_calibration(measured.field);
-  lua_newtable(call.L);
-  push_comparison(call.L, measured.coils);
-  lua_setfield(call.L, -2, "coils");
+  ResultTable report(call);
+  report.text("name", measured.system_name)
+      .numbers("channels", {measured.channels.begin(), measured.channels.end()});
+  add_comparison(report, measured.coils);
   lua_newtable(call.L);
   for (std::size_t i = 0; i < measured.warnings.size(); ++i) {
     lua_pushlstring(call.L, measured.warnings[i].data(), measured.warnings[i].size());
     lua_rawseti(call.L, -2, static_cast<lua_Integer>(i) + 1);
   }
-  lua_setfield(call.L, -2, "warnings");
-  push_numbers(call.L, {measured.channels.begin(), measured.channels.end()});
-  lua_setfield(call.L, -2, "channels");
-  lua_pushlstring(call.L, measured.system_name.data(), measured.system_name.size());
-  lua_setfield(call.L, -2, "name");
+  report.top("warnings");
   return 1;
 }
 
@@ -97,19 +94,23 @@ const Class& simulation_class() {
           .help = "0: the one that the run's seed drew"}},
         "",
         "makes it another machine of the same kind, without a robot in it",
-        sample_machine},
+        sample_machine,
+        "rig.simulation:sample_machine(3)"},
        {"use_calibration",
         {{.name = "file", .type = Type::text, .help = "YAML, as ETH's software writes it"}},
-        "table",
-        "puts a measured calibration in the plant, as it is: name; coils, each as it compares with "
-        "the loop's model at the center (sign, gain, angle in rad); channels that drive the file's "
-        "coils; warnings of the file's reader",
-        use_calibration},
+        {"table",
+         {{"name", "", "of the machine"},
+          {"difference", "", "from the loop's model at the center, relative"},
+          {"channels", "", "that drive the file's coils"}}},
+        "puts a measured calibration in the plant, as it is",
+        use_calibration,
+        "rig.simulation:use_calibration(\"machine.yaml\")"},
        {"set_eye",
         {{.name = "eye", .type = Type::handle, .handle = "optical_system"}},
         "",
         "makes this the true eye; what the rig believes stays, and has to be calibrated",
-        set_eye},
+        set_eye,
+        "rig.simulation:set_eye(eye)"},
        {"change",
         {options_of(
             {{.name = "robot", .type = Type::text, .help = "coni_2mm, ndfeb_cylinder_1mm, ..."},
@@ -119,13 +120,15 @@ const Class& simulation_class() {
               .help = "gel_1 to gel_11 (the fluid)"}})},
         "",
         "another robot and another medium; the robot is taken out",
-        change},
+        change,
+        "rig.simulation:change { robot = \"coni_2mm\", gel = \"gel_1\" }"},
        {"move_body",
         {{.name = "name", .type = Type::text, .help = "of a body in the rig file's truth.bodies"},
          {.name = "position", .type = Type::vector, .unit = "m", .help = "world"}},
         "",
         "puts a body elsewhere, as a target's stage does",
-        move_body},
+        move_body,
+        "rig.simulation:move_body(\"target\", { 1 * mm, 0, 0 })"},
        {"fault",
         {{.name = "role", .type = Type::text, .help = "whose: \"coils\", ... or \"disk\""},
          {.name = "kind", .type = Type::text, .help = kinds_of_faults()},
@@ -138,9 +141,9 @@ const Class& simulation_class() {
                        .optional = true,
                        .help = "how much, in SI: s, A, bytes, or one of so many"}}}},
         "",
-        "breaks an instrument, e.g. rig.simulation:fault(\"coils\", \"silent\", { after = 3*s }); "
-        "`vitreo faults` tells the kinds",
-        inject_fault}}};
+        "breaks an instrument; `vitreo faults` lists the kinds",
+        inject_fault,
+        "rig.simulation:fault(\"coils\", \"silent\", { after = 1000 * s })"}}};
   return kind;
 }
 

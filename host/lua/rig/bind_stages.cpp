@@ -1,4 +1,4 @@
-// Stages, rotation stages and field probes, for scripts.
+// Bindings of stages, rotation stages and field probes.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/roles/field_probe.h"
 #include "devices/roles/rotation_stage.h"
@@ -43,29 +43,20 @@ Time timeout_of(const Call& call, double usual) {
   return from_seconds(call.number_option("timeout").value_or(usual));
 }
 
-void push_numbers(lua_State* L, const std::vector<double>& numbers) {
-  lua_createtable(L, static_cast<int>(numbers.size()), 0);
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    lua_pushnumber(L, numbers[i]);
-    lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
-  }
+void set_identity(ResultTable& table, const Identity& identity) {
+  table.text("identity", to_string(identity))
+      .text("name", identity.name)
+      .text("serial", identity.serial)
+      .text("firmware", identity.firmware);
 }
-void set_text(lua_State* L, const char* name, const std::string& text) {
-  lua_pushstring(L, text.c_str());
-  lua_setfield(L, -2, name);
-}
-void set_identity(lua_State* L, const Identity& identity) {
-  set_text(L, "identity", to_string(identity));
-  set_text(L, "name", identity.name);
-  set_text(L, "serial", identity.serial);
-  set_text(L, "firmware", identity.firmware);
-}
-void set_axis(lua_State* L, const StageAxis& axis) {
-  set_number(L, "travel_min", axis.travel_min);
-  set_number(L, "travel_max", axis.travel_max);
-  set_number(L, "max_speed", axis.max_speed);
-  set_number(L, "speed", axis.speed);
-  set_number(L, "resolution", axis.resolution);
+/// `unit`: m of a linear axis, rad of one that turns.
+void set_axis(ResultTable& table, const StageAxis& axis, const std::string& unit) {
+  const std::string speed = unit + "/s";
+  table.number("travel_min", axis.travel_min, unit.c_str())
+      .number("travel_max", axis.travel_max, unit.c_str())
+      .number("max_speed", axis.max_speed, speed.c_str())
+      .number("speed", axis.speed, speed.c_str())
+      .number("resolution", axis.resolution, unit.c_str());
 }
 
 double usual_speed(const std::vector<StageAxis>& axes) {
@@ -80,10 +71,7 @@ int talk_and_push(const Call& call, const char* name, Talk talk, const Push& pus
   auto result = std::make_shared<Result>();
   return call.wait(work(
       call, name, [result, talk] { *result = talk(); }, from_seconds(kTalk),
-      [result, push](Call& done) {
-        push(done.L, *result);
-        return 1;
-      }));
+      [result, push](Call& done) { return push(done, *result); }));
 }
 template <class Work>
 int run_and_return(const Call& call, const char* name, Work job, Time limit, WaitInfo about = {}) {
@@ -105,8 +93,7 @@ WaitInfo about(RotationStage* stage, const std::string& target) {
 /// A device stops itself at its own deadline; ours is only there should it hang.
 Time beyond(Time timeout) { return 2 * timeout + from_seconds(kTalk); }
 
-const auto push_flag = [](lua_State* L, bool flag) { lua_pushboolean(L, flag ? 1 : 0); };
-const auto push_number = [](lua_State* L, double number) { lua_pushnumber(L, number); };
+const auto push_flag = [](const Call& call, bool flag) { return call.flag(flag); };
 
 // What stages of either kind do alike.
 template <class AnyStage>
@@ -147,22 +134,19 @@ int any_stop(Call& call) {
 
 int stage_info(Call& call) {
   const StageInfo& info = call.self<Stage>().info();
-  lua_createtable(call.L, 0, 5);
-  set_identity(call.L, info.identity);
-  lua_createtable(call.L, static_cast<int>(info.axes.size()), 0);
-  for (std::size_t i = 0; i < info.axes.size(); ++i) {
-    lua_createtable(call.L, 0, 6);
-    set_text(call.L, "name", info.axes[i].name);
-    set_axis(call.L, info.axes[i]);
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i) + 1);
-  }
-  lua_setfield(call.L, -2, "axes");
+  ResultTable table(call);
+  set_identity(table, info.identity);
+  table.list("axes", info.axes.size(), [&info](ResultTable& axis, std::size_t i) {
+    axis.text("name", info.axes[i].name);
+    set_axis(axis, info.axes[i], "m");
+  });
   return 1;
 }
 int stage_position(Call& call) {
   Stage* const stage = &call.self<Stage>();
   return talk_and_push<std::vector<double>>(
-      call, "stage", [stage] { return stage->position(); }, push_numbers);
+      call, "stage", [stage] { return stage->position(); },
+      [](const Call& done, const std::vector<double>& at) { return done.result(at, "m"); });
 }
 double stage_speed(const Call& call) {
   return call.number_option("speed").value_or(usual_speed(call.self<Stage>().info().axes));
@@ -185,15 +169,16 @@ int stage_start(Call& call) {
 
 int rotation_info(Call& call) {
   const RotationStageInfo& info = call.self<RotationStage>().info();
-  lua_createtable(call.L, 0, 9);
-  set_identity(call.L, info.identity);
-  set_axis(call.L, info.axis);
+  ResultTable table(call);
+  set_identity(table, info.identity);
+  set_axis(table, info.axis, "rad");
   return 1;
 }
 int rotation_angle(Call& call) {
   RotationStage* const stage = &call.self<RotationStage>();
   return talk_and_push<double>(
-      call, "rotation_stage", [stage] { return stage->angle(); }, push_number);
+      call, "rotation_stage", [stage] { return stage->angle(); },
+      [](const Call& done, double angle) { return done.result(angle, "rad"); });
 }
 double rotation_speed(const Call& call) {
   return call.number_option("speed").value_or(call.self<RotationStage>().info().axis.speed);
@@ -216,10 +201,9 @@ int rotation_start(Call& call) {
 
 int probe_info(Call& call) {
   const FieldProbeInfo& info = call.self<FieldProbe>().info();
-  lua_createtable(call.L, 0, 6);
-  set_identity(call.L, info.identity);
-  set_number(call.L, "axes", info.axes);
-  set_number(call.L, "range", info.range);
+  ResultTable table(call);
+  set_identity(table, info.identity);
+  table.number("axes", info.axes).number("range", info.range, "T");
   return 1;
 }
 int probe_measure(Call& call) {
@@ -229,30 +213,50 @@ int probe_measure(Call& call) {
   return call.wait(work(
       call, "field probe", [=] { *reading = probe->measure(limit); }, beyond(limit),
       [reading](Call& done) {
-        push_numbers(done.L, reading->field);
+        const int count = done.result(reading->field, "T");
         set_number(done.L, "time", to_seconds(reading->measured));
-        return 1;
+        return count;
       }));
 }
 
+std::vector<ResultField> identity_fields(std::vector<ResultField> more) {
+  std::vector<ResultField> fields = {
+      {"identity", "", "all of it"}, {"name", "", ""}, {"serial", "", ""}, {"firmware", "", ""}};
+  for (ResultField& one : more) fields.push_back(std::move(one));
+  return fields;
+}
+
+std::vector<ResultField> axis_fields(const std::string& unit) {
+  const std::string speed = unit + "/s";
+  return {{"travel_min", unit, ""},
+          {"travel_max", unit, ""},
+          {"max_speed", speed, ""},
+          {"speed", speed, "where none is given"},
+          {"resolution", unit, ""}};
+}
+
 template <class AnyStage>
-std::vector<Binding> with_common(std::vector<Binding> rows) {
+std::vector<Binding> with_common(const std::string& handle, std::vector<Binding> rows) {
   rows.push_back({"moving",
                   {},
-                  "boolean",
+                  "true or false",
                   "whether the motion that was started goes on",
-                  any_moving<AnyStage>});
+                  any_moving<AnyStage>,
+                  handle + ":moving()"});
   rows.push_back({"wait",
                   {options_of({timeout("60 s")})},
                   "",
                   "waits until the motion has ended; an error when it did not end at its target",
-                  any_wait<AnyStage>});
+                  any_wait<AnyStage>,
+                  handle + ":wait()"});
   rows.push_back({"home",
                   {options_of({timeout("120 s")})},
                   "",
                   "moves until it has found the reference of its positions",
-                  any_home<AnyStage>});
-  rows.push_back({"stop", {}, "", "stops, and waits until it stands", any_stop<AnyStage>});
+                  any_home<AnyStage>,
+                  handle + ":home()"});
+  rows.push_back(
+      {"stop", {}, "", "stops, and waits until it stands", any_stop<AnyStage>, handle + ":stop()"});
   return rows;
 }
 
@@ -260,55 +264,68 @@ std::vector<Binding> with_common(std::vector<Binding> rows) {
 
 const Class& stage_class() {
   const auto target = [] { return Argument{.name = "target", .type = Type::numbers, .unit = "m"}; };
+  std::vector<ResultField> axis = axis_fields("m");
+  axis.insert(axis.begin(), {"name", "", ""});
   static const Class kind{
       "stage", "a stage of one or more linear axes",
-      with_common<Stage>({{"info",
-                           {},
-                           "table",
-                           "identity, name, serial, firmware, axes: name, travel_min in m, "
-                           "travel_max in m, speed in m/s, max_speed "
-                           "in m/s, "
-                           "resolution in m",
-                           stage_info},
-                          {"position",
-                           {},
-                           "list of numbers in m",
-                           "one per axis, from the stage's own origin",
-                           stage_position},
-                          {"move_to",
-                           {target(), options_of({speed("m/s"), timeout("60 s")})},
-                           "",
-                           "moves all axes, and waits until they are there",
-                           stage_move},
-                          {"start",
-                           {target(), options_of({speed("m/s")})},
-                           "",
-                           "sets off, and does not wait",
-                           stage_start}})};
+      with_common<Stage>("rig.stage", {{"info",
+                                        {},
+                                        {"table", identity_fields({{"axes", "", "a list", axis}})},
+                                        "what stage it is",
+                                        stage_info,
+                                        "rig.stage:info()"},
+                                       {"position",
+                                        {},
+                                        {"list of numbers", "m"},
+                                        "one per axis, from the stage's own origin",
+                                        stage_position,
+                                        "rig.stage:position()"},
+                                       {"move_to",
+                                        {target(), options_of({speed("m/s"), timeout("60 s")})},
+                                        "",
+                                        "moves all axes, and waits until they are there",
+                                        stage_move,
+                                        "rig.stage:move_to({ 0.1 * mm })"},
+                                       {"start",
+                                        {target(), options_of({speed("m/s")})},
+                                        "",
+                                        "sets off, and does not wait",
+                                        stage_start,
+                                        "rig.stage:start({ 0.2 * mm })"}})};
   return kind;
 }
 
 const Class& rotation_stage_class() {
   const auto angle = [] { return Argument{.name = "angle", .type = Type::number, .unit = "rad"}; };
+  Argument turning = speed("rad/s");
+  turning.help = "(the rig's)";
   static const Class kind{
       "rotation_stage", "a stage that turns",
-      with_common<RotationStage>(
-          {{"info",
-            {},
-            "table",
-            "identity, name, serial, firmware, travel_min in rad, travel_max in rad, ...",
-            rotation_info},
-           {"angle", {}, "number in rad", "from the stage's own origin", rotation_angle},
-           {"turn_to",
-            {angle(), options_of({speed("rad/s"), timeout("60 s")})},
-            "",
-            "turns, and waits until it is there",
-            rotation_turn},
-           {"start",
-            {angle(), options_of({speed("rad/s")})},
-            "",
-            "sets off, and does not wait",
-            rotation_start}})};
+      with_common<RotationStage>("rig.rotation_stage",
+                                 {{"info",
+                                   {},
+                                   {"table", identity_fields(axis_fields("rad"))},
+                                   "what stage it is",
+                                   rotation_info,
+                                   "rig.rotation_stage:info()"},
+                                  {"angle",
+                                   {},
+                                   {"number", "rad"},
+                                   "from the stage's own origin",
+                                   rotation_angle,
+                                   "rig.rotation_stage:angle()"},
+                                  {"turn_to",
+                                   {angle(), options_of({turning, timeout("60 s")})},
+                                   "",
+                                   "turns, and waits until it is there",
+                                   rotation_turn,
+                                   "rig.rotation_stage:turn_to(5 * deg)"},
+                                  {"start",
+                                   {angle(), options_of({turning})},
+                                   "",
+                                   "sets off, and does not wait",
+                                   rotation_start,
+                                   "rig.rotation_stage:start(10 * deg)"}})};
   return kind;
 }
 
@@ -316,12 +333,18 @@ const Class& field_probe_class() {
   static const Class kind{
       "field_probe",
       "a teslameter",
-      {{"info", {}, "table", "identity, name, serial, firmware, axes, range in T", probe_info},
+      {{"info",
+        {},
+        {"table", identity_fields({{"axes", "", "how many"}, {"range", "T", ""}})},
+        "what teslameter it is",
+        probe_info,
+        "rig.field_probe:info()"},
        {"measure",
         {options_of({timeout("5 s")})},
-        "list of numbers in T",
-        "one per axis; its field time says when it was asked",
-        probe_measure}}};
+        {"list of numbers", "T"},
+        "one per axis; its field time, in s, says when it was asked",
+        probe_measure,
+        "rig.field_probe:measure()"}}};
   return kind;
 }
 

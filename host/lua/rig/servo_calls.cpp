@@ -1,4 +1,4 @@
-// What a script's calls on a servo do: most return at once, some wait, tick by tick.
+// Calls of the servo: most return at once, some wait, tick by tick.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/rig/servo_calls.h"
 
@@ -6,6 +6,7 @@
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/progress.h"
 #include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
 #include "host/servo/servo.h"
 #include "host/text/units.h"
@@ -117,9 +118,11 @@ control::Trajectory way_of(Call& call) {
 
 }  // namespace
 
-int servo_calls::position(Call& call) { return call.result(tracked_position(call.self<Servo>())); }
+int servo_calls::position(Call& call) {
+  return call.result(tracked_position(call.self<Servo>()), "m");
+}
 
-int servo_calls::target(Call& call) { return call.result(call.self<Servo>().status().target); }
+int servo_calls::target(Call& call) { return call.result(call.self<Servo>().status().target, "m"); }
 
 int servo_calls::state(Call& call) {
   return call.result(std::string(to_string(call.self<Servo>().status().state)));
@@ -128,48 +131,31 @@ int servo_calls::state(Call& call) {
 int servo_calls::trim(Call& call) {
   Servo& servo = call.self<Servo>();
   if (call.has(0)) servo.set_trim(call.vector(0));
-  return call.result(servo.trim());
+  return call.result(servo.trim(), "N");
 }
 
 int servo_calls::offset(Call& call) {
   Servo& servo = call.self<Servo>();
   if (call.has(0)) servo.set_offset(call.vector(0));
-  return call.result(servo.offset());
+  return call.result(servo.offset(), "m");
 }
 
 int servo_calls::force_for(Call& call) {
-  return call.result(call.self<Servo>().force_for(call.vector(0)));
+  return call.result(call.self<Servo>().force_for(call.vector(0)), "N");
 }
 
 int servo_calls::status(Call& call) {
   const ServoStatus now = call.self<Servo>().status();
-  lua_State* const L = call.L;
-  lua_createtable(L, 0, 9);
-  const auto set = [L](const char* name, double value) {
-    lua_pushnumber(L, value);
-    lua_setfield(L, -2, name);
-  };
-  set("time", to_seconds(now.time));
-  set("progress", now.progress);
-  set("headroom", now.headroom);
-  lua_pushboolean(L, now.limited);
-  lua_setfield(L, -2, "limited");
-  if (now.disturbance) {
-    push_vector(L, *now.disturbance);
-    lua_setfield(L, -2, "disturbance");
-  }
-  lua_pushstring(L, to_string(now.state));
-  lua_setfield(L, -2, "state");
-  push_vector(L, now.target);
-  lua_setfield(L, -2, "target");
-  if (now.position) {
-    push_vector(L, *now.position);
-    lua_setfield(L, -2, "position");
-  }
-  if (!now.failure.empty()) {
-    lua_pushstring(L, now.failure.c_str());
-    lua_setfield(L, -2, "failure");
-  }
+  ResultTable table(call);
+  table.text("state", to_string(now.state))
+      .number("time", to_seconds(now.time), "s")
+      .number("progress", now.progress)
+      .number("headroom", now.headroom)
+      .flag("limited", now.limited)
+      .vector("target", now.target, "m");
+  if (now.position) table.vector("position", *now.position, "m");
+  if (now.disturbance) table.vector("disturbance", *now.disturbance, "m/s");
+  if (!now.failure.empty()) table.text("failure", now.failure);
   return 1;
 }
 
@@ -184,7 +170,7 @@ int servo_calls::wait_until_tracked(Call& call) {
       throw std::runtime_error("no robot was seen by the servo, which is " +
                                std::string(to_string(servo->status().state)) + "; " +
                                waited_text("a sight of it", reading_of(servo->status()), timeout));
-    return done.result(tracked_position(*servo));
+    return done.result(tracked_position(*servo), "m");
   };
   return call.wait(std::move(wait));
 }
@@ -232,7 +218,7 @@ int servo_calls::follow(Call& call) {
           "the path's end was not reached after {}: {:.0f} % of it is done; the robot is {}",
           format_quantity(timeout, "s"), servo->status().progress * 100,
           reading_of(servo->status())));
-    return done.result(to_seconds(servo->status().time) - start);
+    return done.result(to_seconds(servo->status().time) - start, "s");
   };
   return call.wait(std::move(wait));
 }
@@ -268,7 +254,7 @@ int servo_calls::mean_correction(Call& call) {
       throw std::runtime_error("the servo did not tick; " +
                                waited_text(format_quantity(duration, "s") + " of it",
                                            reading_of(servo->status()), 2 * duration + 5));
-    return done.result(servo->mean_correction(duration));
+    return done.result(servo->mean_correction(duration), "N");
   };
   return call.wait(std::move(wait));
 }

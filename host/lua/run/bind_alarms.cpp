@@ -1,7 +1,8 @@
-// run: alarms, which stay until their cause is gone and somebody has acknowledged them.
+// Bindings of run: alarms, which stay until their cause is gone and they are acknowledged.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/tables.h"
 #include "host/lua/run/classes.h"
 
 #include <stdexcept>
@@ -34,23 +35,14 @@ int acknowledge(Call& call) {
 }
 
 int list(Call& call) {
-  lua_State* const L = call.L;
-  lua_newtable(L);
-  lua_Integer number = 0;
-  for (const Alarm& alarm : session_of(L).alarms.shown()) {
-    lua_createtable(L, 0, 5);
-    for (const auto& [key, text] : {std::pair<const char*, std::string>{"name", alarm.name},
-                                    {"priority", to_string(alarm.priority)},
-                                    {"text", alarm.text},
-                                    {"acknowledged_by", alarm.acknowledged_by}}) {
-      lua_pushlstring(L, text.data(), text.size());
-      lua_setfield(L, -2, key);
-    }
-    lua_pushboolean(L, alarm.active);
-    lua_setfield(L, -2, "active");
-    lua_rawseti(L, -2, ++number);
-  }
-  return 1;
+  const std::vector<Alarm> shown = session_of(call.L).alarms.shown();
+  return push_result_list(call, shown.size(), [&shown](ResultTable& entry, std::size_t i) {
+    entry.text("name", shown[i].name)
+        .text("priority", to_string(shown[i].priority))
+        .text("text", shown[i].text)
+        .text("acknowledged_by", shown[i].acknowledged_by)
+        .flag("active", shown[i].active);
+  });
 }
 
 }  // namespace
@@ -69,18 +61,31 @@ std::vector<Binding> run_alarm_rows() {
             {.name = "text", .type = Type::text}},
            "",
            "raises an alarm: it is shown, recorded, and stays until it is cleared and acknowledged",
-           raise},
-          {"clear_alarm", {name}, "", "the cause of an alarm is gone", clear},
+           raise,
+           "run:alarm(\"gel\", \"low\", \"the gel is warm\")"},
+          {"clear_alarm",
+           {name},
+           "",
+           "the cause of an alarm is gone",
+           clear,
+           "run:clear_alarm(\"gel\")"},
           {"acknowledge",
            {any},
            "number",
-           "says that somebody knows of the alarms; returns of how many",
-           acknowledge},
+           "acknowledges the alarms; returns how many they were",
+           acknowledge,
+           "run:acknowledge(\"gel\")"},
           {"alarms",
            {},
-           "list",
-           "those that stand: name, priority, text, active, acknowledged_by",
-           list}};
+           {"list of tables",
+            {{"name", "", ""},
+             {"priority", "", "low, medium or high"},
+             {"text", "", ""},
+             {"active", "", "whether its cause is still there"},
+             {"acknowledged_by", "", "\"\" as long as it is not"}}},
+           "those that stand",
+           list,
+           "run:alarms()"}};
 }
 
 }  // namespace vitreo::lua

@@ -109,8 +109,7 @@ Binding image_plot_row() {
       "puts an image with lines, points and ellipses over it into the report; also to be had as "
       "SVG or PNG",
       image_plot,
-      false,
-      "run:image_plot { title = \"seen\", image = frame.image, marks = { { label = \"robot\", "
+      "run:image_plot { title = \"seen\", image = image, marks = { { label = \"robot\", "
       "ellipse = track } } }"};
 }
 

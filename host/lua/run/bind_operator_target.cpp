@@ -1,4 +1,4 @@
-// run: where the operator wants the robot, as pointed at in the live view.
+// Bindings of run: positions that the operator points at in the live view.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
@@ -24,11 +24,12 @@ int operator_target(Call& call) {
 std::vector<Binding> run_operator_rows() {
   return {{"operator_target",
            {},
-           "places, or nil",
-           "the places (m) to which the operator wants the robot since the last call, to be passed "
+           Returned("list of positions", "m").or_nil(""),
+           "the places to which the operator wants the robot since the last call, to be passed "
            "one after the other; "
            "the live view offers to point at them from the first call on",
-           operator_target}};
+           operator_target,
+           "run:operator_target()"}};
 }
 
 }  // namespace vitreo::lua

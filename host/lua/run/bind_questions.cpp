@@ -261,7 +261,8 @@ std::vector<Binding> run_question_rows() {
             {.name = "options", .type = Type::options, .optional = true, .options = {name, limit}}},
            "true or false",
            "asks the operator a question of yes or no",
-           confirm},
+           confirm,
+           "run:confirm(\"Is the lamp on?\", { name = \"lamp\" })"},
           {"ask",
            {{.name = "text", .type = Type::text},
             {.name = "options",
@@ -281,7 +282,8 @@ std::vector<Binding> run_question_rows() {
                          {.name = "default", .type = Type::any, .optional = true}}}},
            "the answer; numbers in SI",
            "asks the operator for a value",
-           ask},
+           ask,
+           "run:ask(\"Depth of the chamber?\", { name = \"depth\", unit = \"mm\", min = 0 })"},
           {"remind",
            {{.name = "text", .type = Type::text},
             {.name = "options",
@@ -296,13 +298,18 @@ std::vector<Binding> run_question_rows() {
            "reminder",
            "reminds the operator again and again (default: every 5 minutes) until it is closed or "
            "the run ends",
-           remind}};
+           remind,
+           "run:remind(\"wet the eye\", { every = 300 * s })"}};
 }
 
 const Class& reminder_class() {
   static const Class kind{"reminder",
                           "a reminder that comes back",
-                          {{"close", {}, "", "ends it", close_reminder, true}},
+                          {{.name = "close",
+                            .doc = "ends it",
+                            .function = close_reminder,
+                            .example = "reminder:close()",
+                            .when_closed = true}},
                           {}};
   return kind;
 }

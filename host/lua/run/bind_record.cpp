@@ -1,8 +1,9 @@
-// run: what goes into the record as samples, and comes out of it again.
+// Bindings of run: samples and frames into the record, and samples out of it again.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/run/classes.h"
 #include "host/text/units.h"
@@ -112,8 +113,7 @@ int keep_frames(Call& call) {
 }
 
 int has_stream(Call& call) {
-  lua_pushboolean(call.L, session_of(call.L).recorder.stream(call.text(0)) != nullptr);
-  return 1;
+  return call.flag(session_of(call.L).recorder.stream(call.text(0)) != nullptr);
 }
 
 const Stream& stream_named(const Recorder& recorder, const std::string& name) {
@@ -176,8 +176,9 @@ int errors(Call& call) {
       error_statistics(session.recorder, text("of"), text("of_prefix"), text("against"),
                        text("against_prefix"), from_seconds(from), from_seconds(to));
   check_compared(call, s.count, from, to);
-  const std::pair<const char*, double> fields[] = {{"count", static_cast<double>(s.count)},
-                                                   {"rms", s.rms},
+  ResultTable table(call);
+  table.number("count", static_cast<double>(s.count));
+  const std::pair<const char*, double> fields[] = {{"rms", s.rms},
                                                    {"mean", s.mean},
                                                    {"max", s.max},
                                                    {"lateral_rms", s.lateral_rms},
@@ -188,12 +189,18 @@ int errors(Call& call) {
                                                    {"depth_max", s.depth_max},
                                                    {"lateral_std", s.lateral_std},
                                                    {"depth_std", s.depth_std}};
-  lua_newtable(call.L);
-  for (const auto& [name, value] : fields) {
-    lua_pushnumber(call.L, value);
-    lua_setfield(call.L, -2, name);
-  }
+  for (const auto& [name, value] : fields) table.number(name, value, "m");
   return 1;
+}
+
+Returned error_fields() {
+  std::vector<ResultField> fields{{"count", "", "of moments that are compared"}};
+  for (const char* name : {"rms", "mean", "max"}) fields.push_back({name, "m", "of the distance"});
+  for (const char* name : {"lateral_rms", "lateral_mean", "lateral_max", "lateral_std"})
+    fields.push_back({name, "m", "of its part across the eye's axis"});
+  for (const char* name : {"depth_rms", "depth_mean", "depth_max", "depth_std"})
+    fields.push_back({name, "m", "of its part along it"});
+  return {"table", std::move(fields)};
 }
 
 Argument time_option(const char* name, const char* help) {
@@ -227,7 +234,8 @@ std::vector<Binding> run_record_rows() {
          .help = "unit by name, such as {speed = \"m/s\"}"}},
        "",
        "records one sample; the first decides the channels",
-       record},
+       record,
+       "run:record(\"drift\", { speed = 20e-6 }, { speed = \"m/s\" })"},
       {"record_frames",
        {text("camera", false, "its role: top_camera or side_camera"),
         {.name = "options",
@@ -254,18 +262,26 @@ std::vector<Binding> run_record_rows() {
                           "only so long before and after alarms, errors and run:keep_frames"}}}},
        "",
        "records a camera's frames from now on",
-       record_frames},
+       record_frames,
+       "run:record_frames(\"top_camera\", { every = 15 })"},
       {"keep_frames",
        {text("why", false, "for the record")},
        "",
        "keeps the frames around this moment, where they are recorded around events only",
-       keep_frames},
-      {"has_stream", {stream}, "true or false", "whether the record has a stream", has_stream},
+       keep_frames,
+       "run:keep_frames(\"it jumped\")"},
+      {"has_stream",
+       {stream},
+       "true or false",
+       "whether the record has a stream",
+       has_stream,
+       "run:has_stream(\"truth\")"},
       {"samples",
        {stream, text("channel", false, "its name"), span},
-       "list of values, list of times in s",
-       "what was recorded",
-       samples},
+       "list of numbers, list of times in s",
+       "what was recorded: values, and their times",
+       samples,
+       "run:samples(\"servo\", \"x\", { from = 1 * s })"},
       {"errors",
        {{.name = "options",
          .type = Type::options,
@@ -274,12 +290,10 @@ std::vector<Binding> run_record_rows() {
                      text("against", false, "the stream that it is judged by"),
                      text("against_prefix", true, "of its x, y, z"),
                      time_option("from", "first time"), time_option("to", "last time")}}},
-       "table",
-       "of the distance of two streams: count, rms in m, mean in m, max in m; lateral_rms in m, "
-       "lateral_mean in m, "
-       "lateral_max in m, lateral_std in m, depth_rms in m, depth_mean in m, depth_max in m, "
-       "depth_std in m",
-       errors}};
+       error_fields(),
+       "how far two streams of positions are from each other",
+       errors,
+       "run:errors { of = \"servo\", against = \"truth\" }"}};
 }
 
 }  // namespace vitreo::lua

@@ -1,4 +1,4 @@
-// run: its flow (waiting, progress, checkpoints, tasks side by side).
+// Bindings of run: its flow (waiting, progress, tasks side by side).
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/dead_time.h"
@@ -25,7 +25,7 @@ int wait(Call& call) {
   return call.wait(std::move(wait));
 }
 
-int now(Call& call) { return call.result(to_seconds(session_of(call.L).clock.now())); }
+int now(Call& call) { return call.result(to_seconds(session_of(call.L).clock.now()), "s"); }
 
 int note(Call& call) {
   Session& session = session_of(call.L);
@@ -191,33 +191,44 @@ std::vector<Binding> run_flow_rows() {
   const auto text = [](const char* name, bool optional = false) {
     return Argument{.name = name, .type = Type::text, .optional = optional};
   };
-  return {{"wait",
-           {{.name = "duration", .type = Type::number, .unit = "s", .min = 0, .max = 1e6}},
-           "",
-           "waits",
-           wait},
-          {"now", {}, "number in s", "the time since the run's clock was started", now},
-          {"each",
-           {{.name = "list", .help = "a list, or a count"}, text("label", true)},
-           "iterator",
-           "walks a list, or counts from 1, and keeps the progress line",
-           each},
-          {"progress",
-           {{.name = "fraction", .type = Type::number, .min = 0, .max = 1}, text("label", true)},
-           "",
-           "tells how far the run (inside run:each: this turn) is",
-           progress},
-          {"note", {text("text")}, "", "shows a line and keeps it in the record", note},
-          {"defer",
-           {{.name = "clean_up", .type = Type::function}},
-           "",
-           "calls a function at the run's end, however it ends; the last deferred comes first",
-           defer},
-          {"together",
-           {{.name = "..."}},
-           "",
-           "runs functions side by side until all have ended",
-           together}};
+  return {
+      {"wait",
+       {{.name = "duration", .type = Type::number, .unit = "s", .min = 0, .max = 1e6}},
+       "",
+       "waits",
+       wait,
+       "run:wait(0.1 * s)"},
+      {"now", {}, {"number", "s"}, "the time since the run's clock was started", now, "run:now()"},
+      {"each",
+       {{.name = "list", .help = "a list, or a count"}, text("label", true)},
+       "iterator",
+       "walks a list, or counts from 1, and keeps the progress line",
+       each,
+       "run:each(3, \"repetition\")"},
+      {"progress",
+       {{.name = "fraction", .type = Type::number, .min = 0, .max = 1}, text("label", true)},
+       "",
+       "tells how far the run (inside run:each: this turn) is",
+       progress,
+       "run:progress(0.5, \"half of it\")"},
+      {"note",
+       {text("text")},
+       "",
+       "shows a line and keeps it in the record",
+       note,
+       "run:note(\"the gel is warm\")"},
+      {"defer",
+       {{.name = "clean_up", .type = Type::function}},
+       "",
+       "calls a function at the run's end, however it ends; the last deferred comes first",
+       defer,
+       "run:defer(function() print(\"the end\") end)"},
+      {"together",
+       {{.name = "..."}},
+       "",
+       "runs functions side by side until all have ended",
+       together,
+       "run:together(function() run:wait(1) end, function() run:wait(2) end)"}};
 }
 
 const Class& run_class() {

@@ -1,4 +1,4 @@
-// run: pausing, suspending and ending.
+// Bindings of run: pausing, suspending and ending.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
@@ -198,7 +198,8 @@ std::vector<Binding> run_control_rows() {
        {{.name = "name", .type = Type::text}},
        "",
        "a place where a pause takes effect, and where a condition of suspend_when holds the run up",
-       checkpoint},
+       checkpoint,
+       "run:checkpoint(\"before the path\")"},
       {"pause",
        {{.name = "checkpoint", .type = Type::text, .optional = true}},
        "",
@@ -224,7 +225,8 @@ std::vector<Binding> run_control_rows() {
                       .help = "then it is an error (default: 600 s)"}}}},
        "",
        "holds the run up at its checkpoints while a condition is true",
-       suspend_when},
+       suspend_when,
+       "run:suspend_when(\"too warm\", function() return false end)"},
       {"stop",
        {reason_argument()},
        "",

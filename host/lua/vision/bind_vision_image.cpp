@@ -305,7 +305,11 @@ const Class& video_class() {
                             "number",
                             "of frames, as the file claims; 0 when it does not say",
                             video_count},
-                           {"close", {}, "", "closes the file", video_close, true}},
+                           {.name = "close",
+                            .doc = "closes the file",
+                            .function = video_close,
+                            .example = "video:close()",
+                            .when_closed = true}},
                           {}};
   return kind;
 }

@@ -56,8 +56,8 @@ TEST_F(Bindings, PositionsHaveArithmetic) {
                 .error,
             "");
   expect_all(run("return vector(1, 2, 3) + 1").error,
-             {"p.lua:2: position: wants a position {x, y, z}, got a number"});
-  expect_all(run("return vector(1, 2)").error, {"position: wants a number, got nothing"});
+             {"p.lua:2: vector: wants a vector {x, y, z}, got a number"});
+  expect_all(run("return vector(1, 2)").error, {"vector: wants a number, got nothing"});
   expect_all(run("local v = vector(1, 2, 3) v.w = 1").error, {"only x, y and z can be set"});
 }
 

@@ -44,6 +44,13 @@ void check_units(const Argument& argument, const std::string& call) {
   for (const Argument& option : argument.options) check_units(option, call);
 }
 
+void check_units(const std::vector<ResultField>& fields, const std::string& call) {
+  for (const ResultField& field : fields) {
+    EXPECT_TRUE(find_unit(field.unit)) << call << ": " << field.name << " in " << field.unit;
+    check_units(field.fields, call);
+  }
+}
+
 TEST(Reference, EveryCallHasTextUnitsThatExistAndAnExampleThatIsLua) {
   const State state(library(), nullptr, {});
   lua_State* const L = state.main();
@@ -51,6 +58,8 @@ TEST(Reference, EveryCallHasTextUnitsThatExistAndAnExampleThatIsLua) {
     const std::string call = full_name(entry.owner, *entry.row);
     EXPECT_FALSE(entry.row->doc.empty()) << call;
     for (const Argument& argument : entry.row->arguments) check_units(argument, call);
+    EXPECT_TRUE(find_unit(entry.row->returns.unit)) << call;
+    check_units(entry.row->returns.fields, call);
     const std::string text = "return " + example(entry);
     EXPECT_EQ(luaL_loadbufferx(L, text.data(), text.size(), "=example", "t"), LUA_OK)
         << call << ": " << text << ": " << lua_tostring(L, -1);
@@ -71,8 +80,7 @@ TEST(Reference, TheUnitsOfATablesFieldsAreReadFromTheRow) {
   using Units = std::map<std::string, std::string>;
   EXPECT_EQ(units_of_fields(*find_entry(library(), "camera:info")->row),
             (Units{{"frame_period", "s"}, {"effective_pixel", "m"}}));
-  EXPECT_EQ(units_of_fields(*find_entry(library(), "optical_system:first_order")->row).at(""), "m")
-      << "a table in m";
+  EXPECT_EQ(units_of_fields(*find_entry(library(), "servo:status")->row).at("disturbance"), "m/s");
   EXPECT_EQ(units_of_fields(*find_entry(library(), "stage:position")->row), Units())
       << "a list has one unit";
 }
@@ -179,7 +187,7 @@ TEST(Completion, ComesFromTheLiveObjectsAndFromTheRowsAndCallsNothing) {
     EXPECT_TRUE(has(at_end("vision.focus.m"), "vision.focus.measure"));
     EXPECT_EQ(at_end("trap."), std::vector<std::string>{"trap.here"});
     EXPECT_TRUE(at_end("trap.nowhere.").empty());
-    EXPECT_TRUE(has(at_end("control.line(a, b, { sp"), "speed = "));
+    EXPECT_TRUE(has(at_end("control.line { from = a, sp"), "speed = "));
     EXPECT_FALSE(at_end("optics.prescription(\"").empty());
     EXPECT_TRUE(has(at_end("vision.focus.measure(i, { measure = \"norm"), "normalized_variance"));
     EXPECT_TRUE(at_end("'just a text with contr").empty());

@@ -1,0 +1,100 @@
+// Bindings of control laws (control.pd, control.estimator, control.velocity): gains for rig:servo.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/control/bind_control.h"
+#include "host/lua/interpreter/tables.h"
+
+#include <memory>
+#include <string>
+#include <utility>
+
+namespace vitreo::lua {
+namespace {
+
+int push_law(const Call& call, LawGains gains) {
+  push_handle(call.L, control_law_class(), std::make_shared<LawGains>(std::move(gains)));
+  return 1;
+}
+
+void take(const Call& call, const char* name, double& value) {
+  value = call.number_option(name).value_or(value);
+}
+
+int pd(Call& call) {
+  control::PdGains gains;
+  take(call, "proportional", gains.proportional);
+  take(call, "derivative", gains.derivative);
+  take(call, "derivative_time", gains.derivative_time);
+  take(call, "integral", gains.integral);
+  take(call, "max_speed", gains.max_speed);
+  gains.check();
+  return push_law(call, gains);
+}
+
+int estimator(Call& call) {
+  return push_law(
+      call, EstimatorGains{call.number_option("proportional"), call.number_option("max_speed")});
+}
+
+int velocity(Call& call) {
+  control::VelocityGains gains;
+  take(call, "proportional", gains.proportional);
+  take(call, "integral", gains.integral);
+  take(call, "velocity_time", gains.velocity_time);
+  take(call, "max_speed", gains.max_speed);
+  take(call, "max_force", gains.max_force);
+  gains.check();
+  return push_law(call, gains);
+}
+
+Argument gain(const char* name, const char* unit, double max, const char* help) {
+  return {.name = name,
+          .type = Type::number,
+          .unit = unit,
+          .optional = true,
+          .min = 0,
+          .max = max,
+          .help = help};
+}
+
+}  // namespace
+
+std::vector<Binding> law_functions() {
+  return {
+      {"control.pd",
+       {options_of({gain("proportional", "1/s", 100, "velocity per distance (1.5)"),
+                    gain("derivative", "", 10, "velocity per velocity error (0.05)"),
+                    gain("derivative_time", "s", 10, "low-pass of the measured velocity (0.2 s)"),
+                    gain("integral", "1/s^2", 100, "velocity per distance and time (0)"),
+                    gain("max_speed", "m/s", 0.1, "largest velocity asked for (2 mm/s)")})},
+       "control_law",
+       "position control, the thesis' (6.2), with an integral where it is asked for",
+       pd,
+       "control.pd { proportional = 1.2, max_speed = 1 * mm / s }"},
+      {"control.estimator",
+       {options_of({gain("proportional", "1/s", 100, "velocity per distance (tuned to the delay)"),
+                    gain("max_speed", "m/s", 0.1, "largest velocity asked for (as pd)")})},
+       "control_law",
+       "position control of the estimated position, with the estimated disturbance canceled",
+       estimator,
+       "control.estimator { max_speed = 1 * mm / s }"},
+      {"control.velocity",
+       {options_of({gain("proportional", "1/s", 100, "velocity wanted per distance (0.3)"),
+                    gain("integral", "N/m", 100, "force per distance stayed behind (0.01 N/m)"),
+                    gain("velocity_time", "s", 10, "low-pass of the measured velocity (0.13 s)"),
+                    gain("max_speed", "m/s", 0.1, "largest velocity wanted (0.2 mm/s)"),
+                    gain("max_force", "N", 1, "largest force asked for (200 uN)")})},
+       "control_law",
+       "velocity control for gels: the force rises until the medium yields (thesis 7.3)",
+       velocity,
+       "control.velocity { integral = 0.02 }"}};
+}
+
+const Class& control_law_class() {
+  static const Class kind{
+      "control_law",
+      "a law of the servo loop with its gains, for rig:servo; make one with control.pd, "
+      "control.estimator or control.velocity"};
+  return kind;
+}
+
+}  // namespace vitreo::lua
