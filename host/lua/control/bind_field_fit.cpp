@@ -204,6 +204,7 @@ std::vector<Binding> field_fit_functions() {
                          {"worst_reading", "", "number of the one with the largest residual"},
                          {"readings", "", "how many"},
                          {"background", "T", "uniform field without current"},
+                         {"coils", "", "each as it compares with the start", comparison_fields()},
                          {"converged", "", "true or false"}}};
   return {{"control.fit_dipoles",
            {options_of({readings, start})},
