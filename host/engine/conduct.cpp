@@ -14,6 +14,7 @@
 namespace vitreo {
 namespace {
 
+/// The cameras that the request asks to record. Throws ConfigError for one that this rig has not.
 std::vector<FramePolicy> frame_policies(const RunRequest& request, const Rig& rig) {
   std::vector<FramePolicy> policies;
   for (const std::string& word : request.what.frames) {
@@ -33,7 +34,7 @@ double truth_period(const Rig& rig) {
   return rig.pose_sensor != nullptr ? rig.pose_sensor->period() : 0;
 }
 
-/// The faces that have begun; they let go of the session when it dies.
+/// Scope guard of the faces that have begun: each ends, the last first, before the session dies.
 class FaceScope {
  public:
   FaceScope() = default;
@@ -66,11 +67,13 @@ class RunSession {
     session_.real_time = stage.pace == Pace::real_time;
     session_.questions.prepare(request.what.answers);
     session_.desk.set_rights(stage.rights);
+    // Before any face begins: what it requests must reach the script.
     session_.control.attach({[&engine, &stage] {
                                engine.interrupt();
                                stage.clock->interrupt();
                              },
                              [&stage] { return stage.rig->make_safe(); }});
+    // A face reports its own failure in the record and does not throw (host/session/face.h).
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
     stage.recorder->on_fault(
         [this] { session_.control.request(StopTier::stop, "because recording failed"); });
@@ -92,12 +95,14 @@ class RunSession {
   Session session_;
   const std::vector<FramePolicy> policies_;
   FaceScope faces_;
+  // Ctrl-C requests a stop from here to the end of the session.
   const InterruptScope interrupts_;
+  // Its tasks use the session's control, so they end first.
   FaultDesk faults_;
 };
 
-/// The last words of a run whose script never came back: the record is closed and the process left,
-/// whatever hangs.
+/// End of a run whose script never came back: the record is closed and the process left, whatever
+/// hangs. Called by the watchdog with the clock's baton; the devices are safe by then.
 void give_up(RunStage& stage, const RunControl& control, double began) {
   const std::string waiting = control.status().waiting_for;
   const std::string reason = "not responding: the script was stuck" +
@@ -111,12 +116,14 @@ void give_up(RunStage& stage, const RunControl& control, double began) {
     std::cerr << "vitreo: " << error.what() << "\n";
   }
   std::cerr << "vitreo: " << reason << "; run: " << stage.recorder->folder().string() << std::endl;
+  // Not exit(): static destructors would run beside the thread that hangs.
   _exit(static_cast<int>(ExitCode::not_responding));
 }
 
 /// Reports a stop that takes its time: the script's thread cannot say anything meanwhile.
 std::function<void(const std::string&)> report_of_ending() {
   return [first = true](const std::string& text) mutable {
+    // After the progress line, which has no end of line; and the hint once, for a person only.
     const bool terminal = isatty(STDERR_FILENO) != 0;
     std::cerr << (terminal && first ? "\n" : "") << "vitreo: " << text
               << (terminal && first ? " (Ctrl-C again: abort; once more: kill)" : "") << std::endl;
@@ -124,7 +131,7 @@ std::function<void(const std::string&)> report_of_ending() {
   };
 }
 
-/// Interlock trips go into the record and raise an alarm, while it lives.
+/// Scope guard: interlock trips go into the record and raise an alarm.
 class TripReport {
  public:
   TripReport(RunStage& stage, Session& session) : coils_(session.rig.coils) {
@@ -149,6 +156,7 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
                   const std::function<void(Session&)>& body, double began) {
   Session& session = run.session();
   Interlock* const coils = session.rig.coils;
+  // Destroyed in reverse: the watchdog first, so that it never acts on a run that has ended.
   const TripReport trips(stage, session);
   const Watchdog watchdog(
       session.control, *stage.clock, request.how.watchdog,
@@ -156,6 +164,7 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
        [coils] { return coils != nullptr && coils->energized(); },
        [coils](const std::string& why) { coils->trip(why); }, report_of_ending()});
   const auto script = [&] {
+    // Part of what is judged: a camera that cannot be recorded is an outcome of the run.
     const std::string disk =
         disk_warning(request.where.out, frame_bytes_per_second(run.policies(), session.rig));
     if (!disk.empty()) session.raise("disk", AlarmPriority::medium, disk);
@@ -168,15 +177,20 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
 /// Everything to its safe state, each device on its own; what failed is an event, and no run of
 /// that kind is completed. Returns the script's location at its end.
 std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
+  // From here on a fault of the disk is read here, not signalled to the script.
   stage.recorder->on_fault({});
   const std::string fault = stage.recorder->fault();
-  if (!fault.empty())  // the disk ends a run as a lost device would
+  // A failed disk ends a run as a lost device would.
+  if (!fault.empty())
     verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault};
   session.control.detach();
   session.control.set_phase(RunPhase::ended);
   session.note_alarms();
+  // Failures of the safe state that an abort or the watchdog has brought about already.
   for (const std::string& failure : session.control.failures())
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
+  // Again on every exit: the first may have failed, and clean-up may have energized something
+  // since.
   for (const std::string& failure : stage.rig->make_safe()) {
     stage.recorder->event(stage.clock->now(), "unsafe", failure);
     if (verdict.outcome == Outcome::completed)
@@ -187,6 +201,7 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
 
 /// Act three: the end record, then the report.
 void close_record(RunStage& stage, Verdict& verdict, const std::string& location, double began) {
+  // The two times are results like any other, so that runs can be compared by them.
   const double experiment_time = to_seconds(stage.clock->now());
   const double wall_time = wall_seconds() - began;
   stage.recorder->result({"experiment_time", experiment_time, "s"});
@@ -212,6 +227,7 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
   Verdict verdict;
   std::string location;
   try {
+    // The three acts; an exception of a script never comes out of the second.
     RunSession run(stage, engine, request, listener);
     verdict = carry_out(stage, run, request, body, began);
     location = make_safe(stage, run.session(), verdict);

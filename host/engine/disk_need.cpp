@@ -8,10 +8,10 @@
 namespace vitreo {
 namespace {
 
-constexpr double kMargin = 1.2;
-constexpr double kValue = 9,
-                 kRow = 16;  // bytes of a REAL with its type, and of a row's number, time and heads
-constexpr double kWarn = 600;  // s
+constexpr double kMargin = 1.2;  // of the need: the dry run gives the least of it
+constexpr double kValue = 9;     // bytes of a REAL with its type, in a row of SQLite
+constexpr double kRow = 16;      // bytes of a row's number, time and heads
+constexpr double kWarn = 600;    // s
 
 }  // namespace
 
@@ -21,9 +21,10 @@ double frame_bytes_per_second(const std::vector<FramePolicy>& policies, const Ri
     const Camera* const camera = policy.camera == "side_camera" ? rig.side_camera : rig.top_camera;
     if (camera == nullptr || camera->info().frame_period <= 0) continue;
     const CameraInfo& info = camera->info();
-    if (policy.around > 0) continue;  // nobody knows how much will happen
+    if (policy.around > 0) continue;  // the number of events is not known in advance
     const double whole = static_cast<double>(info.width_px) * info.height_px;
     const double window = static_cast<double>(policy.window) * policy.window;
+    // A window's policy records one whole frame a second beside the windows (FrameRecording).
     rate += policy.window > 0 ? whole + window / info.frame_period / policy.every
                               : whole / info.frame_period / policy.every;
   }
@@ -39,18 +40,19 @@ double sample_bytes(const Recorder& recorder) {
 }
 
 double free_bytes_for(const std::filesystem::path& out) {
-  std::filesystem::path place = std::filesystem::absolute(out);
+  std::filesystem::path folder = std::filesystem::absolute(out);
   std::error_code error;
-  while (!std::filesystem::exists(place, error) && place.has_parent_path() &&
-         place != place.parent_path())
-    place = place.parent_path();
-  return static_cast<double>(std::filesystem::space(place).available);
+  // The first folder above that exists is on the file system on which `out` will be made.
+  while (!std::filesystem::exists(folder, error) && folder.has_parent_path() &&
+         folder != folder.parent_path())
+    folder = folder.parent_path();
+  return static_cast<double>(std::filesystem::space(folder).available);
 }
 
 std::string disk_problem(const std::filesystem::path& out, double need) {
   const DiskLimits limits;
-  const double room = free_bytes_for(out),
-               wanted = need * kMargin + static_cast<double>(limits.reserve_bytes);
+  const double room = free_bytes_for(out);
+  const double wanted = need * kMargin + static_cast<double>(limits.reserve_bytes);
   if (room >= wanted) return "";
   return fmt::format("{}: the run would need {} of disk, with a margin, and {} are free",
                      out.string(), size_text(static_cast<std::uint64_t>(wanted)),

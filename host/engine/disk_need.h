@@ -1,4 +1,4 @@
-// What a run will want of the disk, before it begins.
+// Disk need: the space on the disk that a run will want, estimated before it begins.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

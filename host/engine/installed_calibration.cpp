@@ -19,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
+// A file of a few keys: what is larger is something else, and is not read into memory.
 constexpr std::uintmax_t kLargest = 1'000'000;  // bytes
 
 /// What a calibration may set, and whose it is. Nothing of the interlock's: no file that is made at
@@ -47,12 +48,14 @@ std::string known_keys() {
   return text;
 }
 
+/// The table of that name, made where it is missing.
 ConfigTable& table_of(ConfigTable& parent, const std::string& name) {
   ConfigValue& value = parent[name];
   if (!std::holds_alternative<ConfigTable>(value.value)) value.value = ConfigTable{};
   return std::get<ConfigTable>(value.value);
 }
 
+/// Role: identity of the instrument that a calibration was made with.
 ConfigTable devices_of(const json& devices) {
   ConfigTable table;
   for (const auto& [role, identity] : devices.items())
@@ -64,6 +67,8 @@ ConfigTable devices_of(const json& devices) {
   throw ConfigError(file.string() + ": " + key + (key.empty() ? "" : " ") + problem);
 }
 
+/// The schema of one entry: {"value" or "file" with "sha256", "date", "devices", and "run" if
+/// known}. Throws ConfigError naming file and key, as for a rig file: a hand may have edited it.
 void check_entry(const fs::path& file, const std::string& name, const json& entry) {
   const Key* const key = find_key(name);
   if (key == nullptr)
@@ -74,6 +79,7 @@ void check_entry(const fs::path& file, const std::string& name, const json& entr
     if (field != what && field != "date" && field != "devices" && field != "run" &&
         !(key->is_file && field == "sha256"))
       broken(file, name + "." + field, "is not known");
+  // Throws unless the field is there and as it must be.
   const auto wants = [&](const char* field, bool well, const char* kind) {
     if (!entry.contains(field) || !well)
       broken(file, name + "." + field, std::string("must be ") + kind);
@@ -84,6 +90,7 @@ void check_entry(const fs::path& file, const std::string& name, const json& entr
   if (key->is_file) {
     wants("file", is_text("file"), "the name of a file beside this one");
     wants("sha256", is_text("sha256"), "the hash of that file");
+    // No way out of the calibrations' folder.
     if (fs::path(entry["file"].get<std::string>()).has_parent_path())
       broken(file, name + ".file", "must be the name of a file beside this one, without a folder");
   } else {
@@ -100,6 +107,7 @@ void check_entry(const fs::path& file, const std::string& name, const json& entr
 /// Key: entry. Empty where there is no file yet.
 json read_entries(const fs::path& file) {
   std::error_code error;
+  // The link itself: one that leads nowhere is broken, not "no file yet".
   if (!fs::exists(fs::symlink_status(file, error))) return json::object();
   if (!fs::is_regular_file(file, error)) broken(file, "", "the calibration is no file");
   if (fs::file_size(file, error) > kLargest)
@@ -114,12 +122,15 @@ json read_entries(const fs::path& file) {
   }
   if (!whole.is_object() || !whole.contains("values") || !whole["values"].is_object())
     broken(file, "values", "must be a table of keys of the rig file");
+  // A misspelt key must not be a calibration that is silently not in force.
   for (const auto& [name, value] : whole.items())
     if (name != "values" && name != "rig") broken(file, name, "is not known");
   for (const auto& [name, entry] : whole["values"].items()) check_entry(file, name, entry);
   return whole["values"];
 }
 
+/// Path of the file that an entry names, with the hash that was installed. Throws ConfigError where
+/// it was changed since.
 std::string named_file(const fs::path& file, const std::string& name, const json& entry) {
   const fs::path named = file.parent_path() / entry["file"].get<std::string>();
   std::string hash;
@@ -139,6 +150,7 @@ void take_entry(RigDescription& rig, const json& before, const fs::path& file,
   const Key& key = *find_key(name);
   if (!rig.table.contains(key.role))
     broken(file, name, std::string("is of no use: the rig has no ") + key.role);
+  // As an entry of `calibrations`: its age and its devices are judged by host/rig/calibrations.h.
   ConfigTable dated;
   dated["file"].value = file.string();
   dated["date"].value = entry["date"].get<std::string>();
@@ -149,6 +161,7 @@ void take_entry(RigDescription& rig, const json& before, const fs::path& file,
     value.value = named_file(file, name, entry);
   } else {
     value.value = entry["value"].get<double>();
+    // The rig file's own value, for the record.
     dated["instead_of"].value = before.at(key.table).at(key.name).get<double>();
   }
   table_of(rig.table, "calibrations")[name].value = std::move(dated);
@@ -156,6 +169,7 @@ void take_entry(RigDescription& rig, const json& before, const fs::path& file,
 
 /// On the disk before it has its name, and never half a file under it.
 void install_file(const fs::path& file, const std::string& bytes) {
+  // Write, sync, rename, sync the folder: a power failure leaves the old file or the new one.
   const fs::path part = file.string() + "." + random_hex(8) + ".part";
   int descriptor = create_new_file(part);
   try {
@@ -166,18 +180,20 @@ void install_file(const fs::path& file, const std::string& bytes) {
     sync_folder(file.parent_path());
   } catch (...) {
     close_file(descriptor);
-    std::error_code ignored;  // the first error is the one to be told
+    std::error_code ignored;  // the first error is the one to be reported
     fs::remove(part, ignored);
     throw;
   }
 }
 
+/// Date, devices and run of what was found; the value or the file is added by the caller.
 json entry_of(const Key& key, const RunStart& start, const fs::path& run_folder) {
   json devices = json::object();
   if (start.devices.contains(key.role)) devices[key.role] = start.devices[key.role];
   return {{"date", today_text()}, {"devices", devices}, {"run", run_folder.filename().string()}};
 }
 
+/// The key of that name, if it is of that kind. Throws std::invalid_argument naming the keys.
 const Key& settable(const std::string& name, bool is_file) {
   const Key* const key = find_key(name);
   if (key == nullptr || key->is_file != is_file)
@@ -186,6 +202,7 @@ const Key& settable(const std::string& name, bool is_file) {
   return *key;
 }
 
+/// The text at that path of a record, "" where any step is missing: old records may lack it.
 std::string text_at(const json& value, std::initializer_list<const char*> path) {
   const json* at = &value;
   for (const char* name : path) {
@@ -209,6 +226,7 @@ void take_installed_calibration(RigDescription& rig, const fs::path& runs) {
   ConfigTable& installed = table_of(table_of(rig.table, "calibrations"), "installed");
   installed["file"].value = file.string();
   const json entries = read_entries(file);
+  // Nothing accepted yet: the rig file's own values hold.
   if (entries.empty()) return;
   ConfigReader reader(rig);
   read_rig_settings(reader);  // what is wrong without the calibration is the rig file's own fault
@@ -216,6 +234,7 @@ void take_installed_calibration(RigDescription& rig, const fs::path& runs) {
   for (const auto& [name, entry] : entries.items())
     take_entry(rig, before, file, name, entry, calibrations.installed->valid_days);
   try {
+    // Now with the calibration: what is wrong here is the calibration's fault.
     check_rig(rig);
   } catch (const ConfigError& problem) {
     throw ConfigError(file.string() + ": " + problem.what());
@@ -237,6 +256,7 @@ fs::path install_calibration(const AcceptedCalibration& accepted, const RunStart
   if (file.empty() || (accepted.values.empty() && accepted.files.empty())) return {};
   fs::create_directories(file.parent_path());
   const std::string run = run_folder.filename().string();
+  // What was accepted earlier for other keys stays.
   json values = read_entries(file);
   for (const auto& [name, value] : accepted.values) {
     if (!std::isfinite(value)) throw std::invalid_argument(name + " is not finite");
@@ -248,12 +268,15 @@ fs::path install_calibration(const AcceptedCalibration& accepted, const RunStart
     json entry = entry_of(settable(name, true), start, run_folder);
     const std::string copy =
         file.stem().string() + "_" + run + "_" + fs::path(source).filename().string();
+    // A copy under a name of its own: runs are moved and removed, and earlier files stay for the
+    // way back.
     install_file(file.parent_path() / copy,
                  read_whole_file(run_folder / fs::path(source).filename()));
     entry["file"] = copy;
     entry["sha256"] = sha256_file(file.parent_path() / copy);
     values[name] = entry;
   }
+  // For the way back to what was in force before.
   if (fs::exists(file))
     install_file(file.parent_path() / (file.stem().string() + "_before_" + run + ".json"),
                  read_whole_file(file));

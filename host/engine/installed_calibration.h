@@ -1,5 +1,5 @@
-// The calibration file of a rig: the accepted numbers that stand in place of the rig file's own,
-// from the next start on.
+// Installed calibration: the file of accepted values that replace the rig file's own from the next
+// start on.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -17,12 +17,12 @@ namespace vitreo {
 /// What a calibration found for keys of the rig file, such as top_camera.effective_pixel.
 struct AcceptedCalibration {
   std::map<std::string, double> values;  // SI
-  std::map<std::string, std::string>
-      files;  // names in the run's folder, of keys that name a file: model.calibration
+  /// Names in the run's folder, of keys that name a file: model.calibration.
+  std::map<std::string, std::string> files;
 };
 
-/// Where the rig file's `calibrations.installed.file` lies: beside the runs, so that who may
-/// measure may install.
+/// Path of the rig file's `calibrations.installed.file`: beside the runs, so that the right to
+/// measure is the right to install.
 std::filesystem::path installed_calibration_file(const std::string& name,
                                                  const std::filesystem::path& runs);
 

@@ -10,10 +10,12 @@ namespace {
 
 constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
+// In a signal handler: RunControl::request(tier) is async-signal-safe.
 extern "C" void on_signal(int number) {
   RunControl* const control = attached_control();
   if (control == nullptr || control->tier() >= StopTier::abort) {
     signal(number, SIG_DFL);
+    // The default action ends the process, and its parent sees by which signal.
     raise(number);
     return;
   }

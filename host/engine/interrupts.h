@@ -1,4 +1,4 @@
-// Ctrl-C and SIGTERM: once stops the run, twice aborts it, thrice ends the process.
+// Ctrl-C and SIGTERM: the first stops the run, the second aborts it, the third ends the process.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

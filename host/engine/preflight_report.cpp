@@ -11,12 +11,14 @@
 namespace vitreo {
 namespace {
 
+/// "stage x: 3 moves, 0 mm to 2 mm".
 std::string axis_text(const AxisUse& use) {
   return fmt::format("{}{}: {} move{}, {} to {}", use.role, use.axis.empty() ? "" : " " + use.axis,
                      use.moves, use.moves == 1 ? "" : "s", format_quantity(use.min, use.unit),
                      format_quantity(use.max, use.unit));
 }
 
+/// A: the peak of the coil with the largest one.
 double largest(const std::vector<double>& peaks) {
   return peaks.empty() ? 0 : *std::max_element(peaks.begin(), peaks.end());
 }

@@ -12,7 +12,8 @@
 namespace vitreo {
 namespace {
 
-/// Refuses, unless a researcher overrides it; that is recorded.
+/// Throws PreflightError, unless a researcher overrides it; that is recorded, and logged outside of
+/// the run.
 void refuse_or_override(const RunRequest& request, const RigDescription& rig,
                         const std::string& why, Preparation& preparation) {
   if (request.how.override_reason.empty()) throw PreflightError(why);
@@ -34,7 +35,9 @@ Preparation prepare(ScriptEngine& engine, const RunRequest& request, const Check
                     ProgressListener& listener) {
   Preparation preparation;
   if (!request.how.override_reason.empty())
+    // Refused before the dry run: it may take 10 s.
     Rights::of(checked.rig).require_researcher(operator_of(request), "an override");
+  // A simulated rig can be hurt by nothing that the dry run would find.
   if (!is_laboratory(checked.rig)) return preparation;
   listener.message("preflight: a dry run on the rig's twin");
   const PreflightReport report = rehearse(engine, request, checked);
@@ -53,6 +56,8 @@ Preparation prepare(ScriptEngine& engine, const RunRequest& request, const Check
 void check_calibrations(const RunRequest& request, const RigDescription& description, OpenRig& rig,
                         Preparation& preparation) {
   const Calibrations calibrations = Calibrations::of(description);
+  // Here the instruments are open, so their identities can be compared; the dry run only knows
+  // dates.
   std::vector<std::string> lines = calibrations.out_of_date(today_text());
   for (std::string& line : calibrations.of_others(identities(rig.rig())))
     lines.push_back(std::move(line));

@@ -18,7 +18,7 @@ class PreflightError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Findings before the run, for its record: nothing of them is lost with the terminal's window.
+/// Findings before the run, for its record, so that they outlive the terminal's window.
 struct Preparation {
   std::vector<std::pair<std::string, std::string>> events;    // kind, text
   std::vector<std::pair<std::string, std::string>> concerns;  // name, text: alarms of low priority

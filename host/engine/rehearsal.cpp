@@ -48,7 +48,8 @@ class PassingFolder {
   fs::path path_;
 };
 
-/// Stops the script after so much wall time.
+/// Stops the script after so much wall time: a script that waits for hours of the rig's time
+/// computes for all of them.
 class TimeLimit {
  public:
   TimeLimit(RunControl& control, double seconds) {
@@ -81,12 +82,14 @@ class TimeLimit {
   std::thread thread_;
 };
 
-class DeafListener final : public ProgressListener {
+/// A dry run's messages and progress are not displayed.
+class NullListener final : public ProgressListener {
  public:
   void progress(double, const std::string&) override {}
   void message(const std::string&) override {}
 };
 
+/// Start record of the dry run: only what the run's own calls may read.
 RunStart start_of(const RunRequest& request, const ProtocolDescription& protocol) {
   RunStart start;
   start.protocol_file = protocol.file;
@@ -129,6 +132,7 @@ class DryRun {
   void run() {
     Rig& rig = twin_.open_rig().rig();
     Rehearsal rehearsal;
+    // The script asks its operator to bring the robot; in the twin it is put there.
     if (rig.sample == nullptr) rehearsal.bring_robot = [this] { twin_.bring_robot(); };
     rehearsal.pose_sensor = checked_.rig.table.contains("pose_sensor");
     for (const std::string& word : request_.what.frames)
@@ -138,15 +142,18 @@ class DryRun {
       session.rehearsal = &rehearsal;
       session.questions.prepare(request_.what.answers);
       session.questions.answer_by_themselves();
+      // As in a real run (conduct.cpp): stop and abort take the same ways.
       session.control.attach({[&] {
                                 engine_.interrupt();
                                 clock_->interrupt();
                               },
                               [&] { return twin_.open_rig().make_safe(); }});
+      // A rig with real instruments has no truth, so its script must do without in the dry run too.
       if (!has_real_instruments(checked_.rig)) keep_truth(session);
       if (rig.side_camera != nullptr)
         session.keep(simulate_side(*clock_, *twin_.open_rig().laboratory(),
                                    rig.side_camera->info().frame_period, recorder_));
+      // The script, under the watchdog and the time limit.
       play(session);
       session.control.detach();
       for (const std::string& assumed : session.questions.assumed())
@@ -156,6 +163,7 @@ class DryRun {
           report_.warnings.push_back("nothing was asked that wanted the answer " + answer);
     }
     twin_.open_rig().make_safe();
+    // The virtual clock jumps over waits but counts them.
     report_.duration = to_seconds(clock_->now());
     report_.coils = twin_.coils();
     report_.moves = twin_.moves();
@@ -178,7 +186,9 @@ class DryRun {
   }
 
   void play(Session& session) {
+    // Ctrl-C ends the check itself.
     const InterruptScope interrupts;
+    // Clean-up and grace are shorter than a run's: nothing is energized.
     const WatchdogLimits patience{std::chrono::milliseconds(1000), std::chrono::milliseconds(250),
                                   std::chrono::milliseconds(1000)};
     const auto stuck = [this] {
@@ -202,6 +212,7 @@ class DryRun {
     } catch (const DeviceError& error) {
       if (!limit.end()) report_.problems.push_back(error.what());
     }
+    // Cut short by the limit: what was found until then holds, but it is not all.
     if (limit.end() && !report_.simulated) report_.warnings.push_back(not_fully());
   }
 
@@ -211,6 +222,8 @@ class DryRun {
         limits_.wall, format_quantity(to_seconds(clock_->now()), "s"));
   }
 
+  /// A stop of the script's own is an end of the run like another; an abort of its own is a
+  /// problem.
   void stopped(const RunControl& control, bool time_is_up) {
     if (time_is_up) return;
     if (!control.reason().starts_with("by the script"))
@@ -227,7 +240,7 @@ class DryRun {
   const CheckedRequest& checked_;
   const PreflightLimits& limits_;
   PreflightReport& report_;
-  DeafListener listener_;
+  NullListener listener_;
   PassingFolder folder_;
   std::unique_ptr<Clock> clock_;
   Twin twin_;
@@ -242,6 +255,7 @@ PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
   const double began = wall_seconds();
   const Calibrations calibrations = Calibrations::of(checked.rig);
   for (const std::string& stale : calibrations.out_of_date(today_text()))
+    // By date only: no instrument is open, so their identities are not known.
     (calibrations.refuse_stale ? report.problems : report.warnings).push_back(stale);
   std::optional<DryRun> dry_run;
   try {
@@ -252,6 +266,7 @@ PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
     report.warnings.push_back(std::string("not simulated: the twin does not open: ") +
                               error.what());
   }
+  // Without a twin the run is not refused; the warning says that it was not simulated.
   if (dry_run) dry_run->run();
   const std::string disk = disk_problem(request.where.out, report.disk_bytes);
   if (!disk.empty()) report.problems.push_back(disk);

@@ -12,6 +12,7 @@
 namespace vitreo {
 namespace {
 
+/// Every role that the protocol needs is one of the rig. Throws ConfigError.
 void check_needs(const ProtocolDescription& protocol, const std::vector<std::string>& there,
                  const std::string& rig_file) {
   for (const std::string& role : protocol.needs) {
@@ -21,6 +22,7 @@ void check_needs(const ProtocolDescription& protocol, const std::vector<std::str
   }
 }
 
+/// Every word names a camera of the rig. Throws ConfigError.
 void check_frames(const std::vector<std::string>& words, const std::vector<std::string>& there) {
   for (const std::string& word : words) {
     const std::string camera = parse_frame_policy(word).camera;
@@ -41,6 +43,7 @@ CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
   checked.protocol = engine.describe(request.what.protocol_file);
   checked.arguments = check_arguments(checked.protocol, request.what.arguments);
   checked.rig = engine.load_rig(request.where.rig_file);
+  // Before the bounds are checked: the values in force are those that must be within them.
   take_installed_calibration(checked.rig, request.where.out);
   const std::vector<std::string> roles = check_rig(checked.rig);
   check_needs(checked.protocol, roles, request.where.rig_file);

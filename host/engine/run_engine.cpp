@@ -9,6 +9,7 @@
 namespace vitreo {
 namespace {
 
+/// Values in SI, as the record keeps them.
 nlohmann::json to_json(const std::map<std::string, ArgumentValue>& arguments) {
   nlohmann::json object = nlohmann::json::object();
   for (const auto& [name, value] : arguments)
@@ -25,6 +26,7 @@ void note(const Session& session, const std::string& text) {
 
 RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                        const Inspect& inspect) {
+  // Check, rehearse, prepare, open, conduct; up to open_record() nothing is written.
   const CheckedRequest checked = check_request(engine, request);
   Preparation preparation = prepare(engine, request, checked, listener);
   RunStage stage = open_stage(request, checked.rig);
@@ -33,6 +35,7 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   const auto script = [&](Session& session) {
     preparation.record(session);
     engine.run(checked.protocol, checked.arguments, session);
+    // A misspelt --answer would otherwise go unnoticed.
     for (const std::string& answer : session.questions.left_over())
       note(session, "nothing was asked that wanted the answer " + answer);
   };
@@ -43,6 +46,8 @@ RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressLi
                      LineEditor& in, std::ostream& out, std::ostream& err) {
   RigDescription rig = engine.load_rig(request.where.rig_file);
   take_installed_calibration(rig, request.where.out);
+  // A prompt has no declared parameters with limits, so it is not for technicians; nor is there a
+  // script to rehearse.
   Rights::of(rig).require_researcher(operator_of(request), "the prompt");
   RunStage stage = open_stage(request, rig);
   Preparation preparation;

@@ -12,7 +12,7 @@
 namespace vitreo {
 namespace {
 
-/// Before there is a folder.
+/// Faults of the request fit the rig; checked before there is a folder. Throws ConfigError.
 void check_faults(const RunRequest& request, const OpenRig& rig) {
   for (const std::string& word : request.how.faults) {
     try {
@@ -23,6 +23,8 @@ void check_faults(const RunRequest& request, const OpenRig& rig) {
   }
 }
 
+/// Everything that a later reader needs to repeat the run: protocol and rig as texts, the resolved
+/// rig, versions, seed, devices, and the hashes of files that the rig names.
 RunStart start_record(const RunRequest& request, const ProtocolDescription& protocol,
                       const nlohmann::json& parameters, const RigDescription& description,
                       OpenRig& rig) {
@@ -50,6 +52,8 @@ RunStart start_record(const RunRequest& request, const ProtocolDescription& prot
 RecordLimits record_limits(const RunRequest& request, const RigDescription& description,
                            const std::shared_ptr<DiskFaults>& disk) {
   RecordLimits limits;
+  // Fault injection of the disk (host/session/faults.h) acts where the recorder asks for free
+  // space.
   limits.disk.free_bytes = [disk](const std::filesystem::path& folder) {
     std::this_thread::sleep_for(std::chrono::milliseconds(disk->stall_ms.exchange(0)));
     return disk->full ? 0 : free_bytes(folder);
@@ -64,6 +68,7 @@ RunStage open_stage(const RunRequest& request, const RigDescription& description
   RunStage stage;
   stage.rights = Rights::of(description);
   const bool real = has_real_instruments(description);
+  // Instruments keep the wall clock's pace, whatever was asked for.
   stage.pace = real ? Pace::real_time : request.how.pace;
   stage.clock = real ? wall_clock() : virtual_clock(stage.pace);
   stage.rig = open_rig(description, *stage.clock, request.how.seed, request.how.shifts);
@@ -76,6 +81,7 @@ void open_record(RunStage& stage, const RunRequest& request, const ProtocolDescr
   stage.recorder = std::make_unique<Recorder>(
       request.where.out, start_record(request, protocol, parameters, description, *stage.rig),
       record_limits(request, description, stage.disk));
+  // The recorder (host/record) does not know the report (host/runs).
   stage.recorder->set_report([](const RunData& data) { return report_html(data); });
 }
 

@@ -1,5 +1,5 @@
-// Stage of a run: clock, rig and record, in the order of their births; they die the other way
-// round, and the coils with them.
+// Stage of a run: clock, rig and record, in the order of their construction; they are destroyed in
+// the reverse order, and the coils with the rig.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

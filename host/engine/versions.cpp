@@ -1,4 +1,3 @@
-// The versions that go into every record.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/engine/versions.h"
 

@@ -6,8 +6,8 @@
 namespace vitreo {
 namespace {
 
-constexpr std::chrono::milliseconds kLook{20};  // while something is being ended
-constexpr std::chrono::milliseconds kIdle{50};  // else; a request wakes it
+constexpr std::chrono::milliseconds kEndingPeriod{20};  // of the checks, while a run is being ended
+constexpr std::chrono::milliseconds kIdlePeriod{50};    // else; a request wakes the thread at once
 
 }  // namespace
 
@@ -20,7 +20,8 @@ Watchdog::Watchdog(RunControl& control, Clock& clock, const WatchdogLimits& limi
 Watchdog::~Watchdog() {
   done_ = true;
   control_.wake_watchdog();
-  // Were it joined while it waits for its turn, it would wait for the baton that is held here.
+  // The baton is held here: the thread, joined while it waits for its turn, would wait for ever. So
+  // it gets its turns until it is done, whatever stop is requested meanwhile.
   const StopShield shield(clock_);
   while (inside_) clock_.sleep_for(std::chrono::milliseconds(1));
   thread_.join();
@@ -28,18 +29,19 @@ Watchdog::~Watchdog() {
 
 void Watchdog::watch() {
   while (!done_) {
-    control_.wait_for_request(control_.tier() == StopTier::none ? kIdle : kLook);
+    control_.wait_for_request(control_.tier() == StopTier::none ? kIdlePeriod : kEndingPeriod);
     if (done_) return;
-    look_at_pace();
-    look();
+    check_pace();
+    check_ending();
   }
 }
 
 /// The dead-man of the whole host: on the virtual clock time stands still while anything computes,
 /// so only a run at the pace of the wall clock can be late.
-void Watchdog::look_at_pace() {
+void Watchdog::check_pace() {
   const Time stuck = clock_.stuck_for();
   if (stuck <= limits_.dead_man || !actions_.energized()) return;
+  // At once: the thread that has the baton does not move.
   clock_.break_in(std::chrono::milliseconds(0));
   inside_ = true;
   try {
@@ -47,16 +49,20 @@ void Watchdog::look_at_pace() {
         "dead-man: the host has not moved for " +
         std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(stuck).count()) +
         " ms");
-  } catch (const std::exception&) {  // told by the interlock, which tries again
+  } catch (const std::exception&) {
+    // Reported by the interlock, which tries again.
   }
   inside_ = false;
   clock_.leave();
 }
 
-void Watchdog::look() {
-  const auto stopping = control_.since(StopTier::stop), aborting = control_.since(StopTier::abort);
+/// The deadlines of an end: a clean-up that is too long becomes an abort; an abort that the
+/// script's thread does not carry out in time is carried out here.
+void Watchdog::check_ending() {
+  const auto stopping = control_.since(StopTier::stop);
+  const auto aborting = control_.since(StopTier::abort);
   if (!stopping) return;
-  tell();
+  report();
   if (!aborting && *stopping > limits_.clean_up) {
     control_.request(StopTier::abort,
                      control_.reason() + "; its clean-up took too long after the stop");
@@ -65,20 +71,22 @@ void Watchdog::look() {
   if (!aborting) return;
   const auto patience =
       control_.tier() == StopTier::emergency ? std::chrono::milliseconds(0) : limits_.safe;
+  // Safe by force, or given up although safe: the script does not unwind.
   if ((*aborting > patience && !control_.safe()) || *aborting > limits_.grace) take_over();
 }
 
-void Watchdog::tell() {
+/// Reports a change of the state of a stop that takes its time, at most once an interval.
+void Watchdog::report() {
   const auto now = std::chrono::steady_clock::now();
-  if (!actions_.tell || control_.since(StopTier::stop).value_or(limits_.told) <= limits_.told)
+  if (!actions_.report || control_.since(StopTier::stop).value_or(limits_.report_interval) <= limits_.report_interval)
     return;
-  if (now - told_at_ < limits_.told) return;
+  if (now - reported_at_ < limits_.report_interval) return;
   const std::string text =
       to_string(control_.status()) + (control_.safe() ? "; the devices are safe" : "");
-  if (text == told_) return;
-  told_ = text;
-  told_at_ = now;
-  actions_.tell(text);
+  if (text == reported_) return;
+  reported_ = text;
+  reported_at_ = now;
+  actions_.report(text);
 }
 
 /// The script's thread has not come to make the devices safe. Whatever holds the baton loses it
@@ -92,10 +100,12 @@ void Watchdog::take_over() {
       control_.set_phase(RunPhase::not_responding);
       return actions_.give_up();
     }
+    // The thread that lost the baton has come back: it unwinds from here on.
     if (!clock_.displaced()) break;
-    tell();
-    std::this_thread::sleep_for(kLook);
-    clock_.sleep_for(std::chrono::milliseconds(1));  // whoever comes back gets a turn
+    report();
+    std::this_thread::sleep_for(kEndingPeriod);
+    // A thread that has come back to life gets its turn here.
+    clock_.sleep_for(std::chrono::milliseconds(1));
   }
   inside_ = false;
   clock_.leave();

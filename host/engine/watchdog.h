@@ -1,6 +1,6 @@
-// Sees that a run that was told to end does end: devices safe within 250 ms of an abort even when
-// the script is stuck in a call that nothing can interrupt, and the process gone when it stays
-// stuck. And that the coils of a program that does not move go to zero.
+// Watchdog: forces a stopped or aborted run to a safe end within its deadlines: devices safe within
+// 250 ms of an abort even when the script is stuck in a call that nothing can interrupt, and the
+// process ended when it stays stuck. Dead-man of the coils: zero when the program does not move.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,27 +15,31 @@
 
 namespace vitreo {
 
-/// Wall time, all of it.
+/// All in wall time.
 struct WatchdogLimits {
-  std::chrono::milliseconds clean_up{6000};  // after a stop; then it is an abort
-  std::chrono::milliseconds safe{250};  // after an abort, until the devices are made safe by force
-  std::chrono::milliseconds grace{5000};  // after an abort, until the run is given up
-  std::chrono::milliseconds dead_man{
-      250};  // of a program at the pace of the wall clock that does not move
-  std::chrono::milliseconds told{
-      1000};  // after a stop, until what it waits for is told; and between two tellings
+  /// After a stop; then it is an abort.
+  std::chrono::milliseconds clean_up{6000};
+  /// After an abort, until the devices are made safe by force.
+  std::chrono::milliseconds safe{250};
+  /// After an abort, until the run is given up.
+  std::chrono::milliseconds grace{5000};
+  /// Of a program at the pace of the wall clock that does not move.
+  std::chrono::milliseconds dead_man{250};
+  /// After a stop, until the first report of what it waits for; and between two reports.
+  std::chrono::milliseconds report_interval{1000};
 };
 
-/// What the watchdog does, with the clock's baton in hand.
+/// Actions of the watchdog, called with the clock's baton (devices/time/clock.h) unless said
+/// otherwise.
 struct WatchdogActions {
   /// Writes the end record of a run that does not respond, and leaves the process.
   std::function<void()> give_up;
   /// Whether anything is energized; called from the watchdog's thread at any time.
   std::function<bool()> energized;
-  /// The coils to zero, and why.
+  /// Sets the coils to zero; the argument says why.
   std::function<void(const std::string&)> trip;
-  /// Tells people how far a stop has come that takes its time; without the baton. May be null.
-  std::function<void(const std::string&)> tell{};
+  /// Reports the state of a stop that takes its time; without the baton. May be null.
+  std::function<void(const std::string&)> report{};
 };
 
 /// Lives as long as the script runs. A thread of its own, which takes the clock's baton by force
@@ -51,10 +55,10 @@ class Watchdog {
 
  private:
   void watch();
-  void look();
+  void check_ending();
   void take_over();
-  void look_at_pace();
-  void tell();
+  void check_pace();
+  void report();
 
   RunControl& control_;
   Clock& clock_;
@@ -62,8 +66,8 @@ class Watchdog {
   const WatchdogActions actions_;
   std::atomic<bool> done_{false};
   std::atomic<bool> inside_{false};  // it is a task of the clock now
-  std::string told_;
-  std::chrono::steady_clock::time_point told_at_{};
+  std::string reported_;
+  std::chrono::steady_clock::time_point reported_at_{};
   std::thread thread_;
 };
 

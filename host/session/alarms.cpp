@@ -19,6 +19,8 @@ void Alarms::note(const std::string& kind, const std::string& text) {
   ++changes_;
 }
 
+/// An alarm is one entry from its first raise() until its cause is gone and it is acknowledged; a
+/// later one of that name is a new entry, so that history() has both.
 void Alarms::raise(const std::string& name, AlarmPriority priority, const std::string& text) {
   const std::lock_guard lock(mutex_);
   const auto found = std::find_if(held_.begin(), held_.end(), [&](const Held& held) {
@@ -29,7 +31,9 @@ void Alarms::raise(const std::string& name, AlarmPriority priority, const std::s
     return note("alarm", to_string(held_.back().alarm));
   }
   Alarm& alarm = found->alarm;
+  // An acknowledgement is of what was known then: it does not cover a cause that came back or grew.
   if (!alarm.active || priority > alarm.priority) alarm.acknowledged_by.clear();
+  // A cause that is raised at each tick of a loop is one event of the record, not thousands.
   const bool news = !alarm.active || text != alarm.text || priority != alarm.priority;
   alarm.priority = std::max(alarm.priority, priority);
   alarm.text = text;
@@ -43,6 +47,7 @@ void Alarms::clear(const std::string& name) {
   for (Held& held : held_) {
     if (!held.latched || held.alarm.name != name || !held.alarm.active) continue;
     held.alarm.active = false;
+    // Latching (IEC 60601-1-8): a cause that came and went is still shown until it is acknowledged.
     held.latched = held.alarm.acknowledged_by.empty();
     note("alarm cleared", name);
   }
@@ -58,6 +63,7 @@ int Alarms::acknowledge(const std::string& name, const std::string& by) {
     if (!name.empty() && held.alarm.name != name) continue;
     held.alarm.acknowledged_by = by;
     held.acknowledged_at = wall_();
+    // With its cause gone it goes; else it is silent for kSilence, see as_shown().
     held.latched = held.alarm.active;
     note("alarm acknowledged", held.alarm.name + " (" + by + ")");
     ++count;
@@ -68,6 +74,7 @@ int Alarms::acknowledge(const std::string& name, const std::string& by) {
   return count;
 }
 
+/// The alarm as it is displayed now: the silence of a cause that is still there expires.
 Alarm Alarms::as_shown(const Held& held) const {
   Alarm alarm = held.alarm;
   if (alarm.active && wall_() - held.acknowledged_at > kSilence) alarm.acknowledged_by.clear();
@@ -79,6 +86,7 @@ std::vector<Alarm> Alarms::shown() const {
   std::vector<Alarm> alarms;
   for (const Held& held : held_)
     if (held.latched) alarms.push_back(as_shown(held));
+  // Stable: within a priority the order of raising stays, the oldest first.
   std::stable_sort(alarms.begin(), alarms.end(),
                    [](const Alarm& a, const Alarm& b) { return a.priority > b.priority; });
   return alarms;
@@ -98,7 +106,7 @@ std::vector<Alarm> Alarms::history() const {
   return alarms;
 }
 
-std::vector<Event> Alarms::take_events() {
+std::vector<Event> Alarms::drain_events() {
   const std::lock_guard lock(mutex_);
   return std::exchange(events_, {});
 }

@@ -1,5 +1,5 @@
-// What needs somebody's attention: three priorities by need of action (IEC 60601-1-8), latched
-// until the cause is gone and somebody has acknowledged.
+// Alarms: conditions that need the operator's attention, of three priorities by the need of action
+// (IEC 60601-1-8), latched until the cause is gone and the alarm is acknowledged.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -21,15 +21,15 @@ struct Alarm {
   AlarmPriority priority = AlarmPriority::low;
   std::string text;             // of the last time
   Time raised{};                // the first time, on the run's clock
-  bool active = true;           // the cause is still there, as far as anybody has said
+  bool active = true;           // the cause is still there: clear() was not called
   int times = 1;                // it was raised
-  std::string acknowledged_by;  // empty: nobody, or too long ago while the cause is still there
+  std::string acknowledged_by;  // empty: not, or too long ago while the cause is still there
 };
 
 /// "high: interlock: coil 3: 14 A is beyond the limit of 12 A".
 std::string to_string(const Alarm& alarm);
 
-/// Any thread. What is to be recorded stands in a queue until the thread that owns the record takes
+/// Any thread. What is to be recorded waits in a queue until the thread that owns the record drains
 /// it.
 class Alarms {
  public:
@@ -52,7 +52,7 @@ class Alarms {
   std::vector<Alarm> history() const;
 
   /// What happened since the last time, as events: "alarm", "alarm acknowledged", "alarm cleared".
-  std::vector<Event> take_events();
+  std::vector<Event> drain_events();
   /// Changes each time that something does.
   unsigned long changes() const noexcept { return changes_.load(); }
 

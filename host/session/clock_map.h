@@ -1,5 +1,5 @@
-// An instrument's own clock against the host's: offset and drift, from pairs of times of which the
-// host's are late by a jitter that is never negative.
+// Clock map: offset and drift of an instrument's own clock against the host's, from pairs of times
+// of which the host's are late by a jitter that is never negative.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -25,7 +25,8 @@ class ClockMap {
 
  private:
   struct Pair {
-    double device, offset;  // s
+    double device;  // s, of the instrument's clock
+    double offset;  // s, host's minus instrument's time, jitter included
   };
   std::deque<Pair> best_;  // one a second
   std::optional<Pair> present_;

@@ -1,6 +1,9 @@
-// How far one recorded track is from another.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/session/session.h"
+#include "host/session/error_statistics.h"
+
+#include "host/record/recorder.h"
+
+#include <Eigen/Core>
 
 #include <algorithm>
 #include <array>
@@ -11,6 +14,7 @@
 namespace vitreo {
 namespace {
 
+// A side view has x and z only: its y is not compared.
 constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
 constexpr std::size_t kY = 1;
 
@@ -22,6 +26,7 @@ struct Track {
   double at(std::size_t row, std::size_t axis) const { return stream->at(row, channels[axis]); }
 };
 
+/// The stream and its channels prefix + "x", "y", "z", of which only y may be missing.
 Track find_track(const Recorder& recorder, const std::string& name, const std::string& prefix) {
   Track track{recorder.stream(name), {}};
   if (!track.stream) throw std::invalid_argument("stream \"" + name + "\" is not in the record");
@@ -46,7 +51,8 @@ struct Moments {
     ++count;
     squares += value * value;
     max = std::max(max, value);
-    const double before = value - mean;  // Welford: no cancellation where the scatter is small
+    // Welford 1962: no cancellation where the scatter is small beside the mean.
+    const double before = value - mean;
     mean += before / count;
     scatter += before * (value - mean);
   }
@@ -61,6 +67,8 @@ ErrorStatistics error_statistics(const Recorder& recorder, const std::string& st
                                  const std::string& reference_prefix, Time from, Time to) {
   const Track track = find_track(recorder, stream, prefix);
   const Track other = find_track(recorder, reference, reference_prefix);
+  // Streams of one loop carry the time of the exposure that they are about, so rows match exactly;
+  // nothing is interpolated.
   std::map<Time, std::size_t> row_at;
   for (std::size_t row = 0; row < other.stream->times.size(); ++row)
     row_at[other.stream->times[row]] = row;
@@ -76,6 +84,7 @@ ErrorStatistics error_statistics(const Recorder& recorder, const std::string& st
             track.at(row, axis) - other.at(match->second, axis);
     if (!error.allFinite()) continue;  // the robot was lost
     whole.add(error.norm());
+    // Depth is along z, the optical axis of the eye; lateral is across it.
     lateral.add(std::hypot(error.x(), error.y()));
     depth.add(std::fabs(error.z()));
   }

@@ -19,8 +19,10 @@ namespace {
 
 using Roles = std::vector<std::string>;
 
+// Roles by the kind of failure that can be simulated: of the wire between driver and instrument, of
+// what a sensor delivers, of a motion.
 const Roles kLinks{"coils", "lens_mover", "stage", "rotation_stage", "field_probe"};
-const Roles kLooks{"top_camera", "side_camera", "pose_sensor"};
+const Roles kSensors{"top_camera", "side_camera", "pose_sensor"};
 const Roles kCameras{"top_camera", "side_camera"};
 const Roles kMotions{"lens_mover", "stage", "rotation_stage"};
 constexpr double kLongest = 1e5;  // s
@@ -35,6 +37,7 @@ bool is_in(const Roles& roles, const std::string& role) {
   return std::find(roles.begin(), roles.end(), role) != roles.end();
 }
 
+/// The kind that a fault names, if it can happen to its role. Throws std::invalid_argument.
 const FaultKind& kind_of(const Fault& fault) {
   std::vector<std::string> names;
   const FaultKind* named = nullptr;
@@ -59,6 +62,7 @@ const FaultKind& kind_of(const Fault& fault) {
 double read_option(const std::string& word, const std::string& name, const std::string& text,
                    const std::string& unit) {
   const auto quantity = parse_quantity(text);
+  // A count has no dimension.
   const std::string wanted = unit == "n" ? "" : unit;
   if (!quantity || quantity->dimension != wanted)
     throw ConfigError(fmt::format(
@@ -71,15 +75,16 @@ double read_option(const std::string& word, const std::string& name, const std::
 
 const std::vector<FaultKind>& fault_kinds() {
   static const std::vector<FaultKind> kinds{
-      {"silent", "nothing comes from it any more", all_of(kLinks, kLooks), "", 0, 0, 0},
-      {"late", "what it says or sees comes `by` later", all_of(kLinks, kLooks), "s", 80e-3, 0, 10},
+      {"silent", "nothing comes from it any more", all_of(kLinks, kSensors), "", 0, 0, 0},
+      {"late", "what it says or sees comes `by` later", all_of(kLinks, kSensors), "s", 80e-3, 0,
+       10},
       {"short", "of each answer only `by` bytes come", kLinks, "n", 1, 0, 1000},
       {"garbled", "the byte after the first `by` of an answer is changed", kLinks, "n", 0, 0, 1000},
       {"unplugged", "its cable is pulled; plugged in again when the fault is over",
-       all_of(kLinks, kLooks), "", 0, 0, 0},
-      {"drops", "one of `by` frames or readings never comes", kLooks, "n", 5, 1, 1000},
-      {"torn", "one of `by` frames comes in part, and is dropped", kLooks, "n", 5, 1, 1000},
-      {"frozen", "the same picture, or place, again and again", kLooks, "", 0, 0, 0},
+       all_of(kLinks, kSensors), "", 0, 0, 0},
+      {"drops", "one of `by` frames or readings never comes", kSensors, "n", 5, 1, 1000},
+      {"torn", "one of `by` frames comes in part, and is dropped", kSensors, "n", 5, 1, 1000},
+      {"frozen", "the same picture, or place, again and again", kSensors, "", 0, 0, 0},
       {"overexposed", "`by` times too much light: what is too bright is white", kCameras, "n", 20,
        1, 1000},
       {"dark", "`by` times too little light", kCameras, "n", 50, 1, 1e6},
@@ -88,7 +93,7 @@ const std::vector<FaultKind>& fault_kinds() {
       {"floater", "a dark speck with a radius of `by` px drifts through its picture", kCameras, "n",
        10, 1, 200},
       {"nan", "places that are not numbers", {"pose_sensor"}, "", 0, 0, 0},
-      {"jump", "the clock of its time stamps is wrong by `by`", kLooks, "s", 3600, -1e5, 1e5},
+      {"jump", "the clock of its time stamps is wrong by `by`", kSensors, "s", 3600, -1e5, 1e5},
       {"saturated", "the amplifiers give no more than `by`", {"coils"}, "A", 0.5, 0, 100},
       {"stuck", "it is told to move and stands still", kMotions, "", 0, 0, 0},
       {"limit", "its limit switch is pressed", {"lens_mover"}, "", 0, 0, 0},
@@ -105,6 +110,7 @@ const std::vector<FaultKind>& fault_kinds() {
 
 Fault parse_fault(const std::string& word) {
   Fault fault;
+  // ROLE:KIND[:OPTION=VALUE,...]
   std::istringstream parts(word);
   std::string options;
   if (!std::getline(parts, fault.role, ':') || !std::getline(parts, fault.kind, ':') ||
@@ -119,8 +125,8 @@ Fault parse_fault(const std::string& word) {
     std::set<std::string> given;
     for (std::string option; std::getline(each, option, ',');) {
       const std::size_t at = option.find('=');
-      const std::string name = option.substr(0, at),
-                        text = at == std::string::npos ? "" : option.substr(at + 1);
+      const std::string name = option.substr(0, at);
+      const std::string text = at == std::string::npos ? "" : option.substr(at + 1);
       if (!given.insert(name).second)
         throw ConfigError("fault " + word + ": " + name + " is given twice");
       if (name == "after")
@@ -146,6 +152,7 @@ std::string to_string(const Fault& fault) {
     const auto& kinds = fault_kinds();
     const auto kind = std::find_if(kinds.begin(), kinds.end(),
                                    [&](const auto& one) { return one.name == fault.kind; });
+    // format_quantity() prints SI prefixes, which a count does not take.
     const bool plain = kind == kinds.end() || kind->unit == "n";
     text += " by " + (plain ? format_number(*fault.by) : format_quantity(*fault.by, kind->unit));
   }
@@ -157,10 +164,12 @@ std::string to_string(const Fault& fault) {
 SimulatedRoles simulated_roles(const nlohmann::json& resolved_rig) {
   SimulatedRoles roles;
   for (const auto& [role, table] : resolved_rig.items()) {
+    // A real instrument cannot be broken on purpose.
     if (!table.is_object() || !table.contains("driver") ||
         table.value("address", "emulated") != "emulated")
       continue;
     const std::string driver = table["driver"];
+    // Files and webcams have no simulator behind them.
     if (driver == "image_sequence" || driver == "opencv_camera") continue;
     // A lens mover that is called simulated is the emulated Tic, and simulated stages are emulated
     // Zabers.
@@ -178,11 +187,11 @@ void check(const Fault& fault, const SimulatedRoles& roles) {
     throw std::invalid_argument(
         "role: " + fault.role +
         " is not there, or not simulated: only simulated instruments have faults");
-  const bool motion = kind.name == "stuck" || kind.name == "limit",
-             looks = is_in(kLooks, fault.role);
+  const bool motion = kind.name == "stuck" || kind.name == "limit";
+  const bool sensor = is_in(kSensors, fault.role);
   if (motion && !role->second.sticks)
     throw std::invalid_argument("kind: this " + fault.role + " cannot be " + kind.name);
-  if (!motion && !looks && fault.role != "disk" && !role->second.wire)
+  if (!motion && !sensor && fault.role != "disk" && !role->second.wire)
     throw std::invalid_argument("kind: " + fault.role +
                                 " is simulated without a wire, so it cannot be " + kind.name);
   if (!(fault.after >= 0 && fault.after <= kLongest))
@@ -195,50 +204,55 @@ void check(const Fault& fault, const SimulatedRoles& roles) {
     throw std::invalid_argument(fmt::format("by: must be in [{:g}, {:g}]", kind.least, kind.most));
 }
 
-FaultDesk::FaultDesk(Place place) : place_(std::move(place)) {}
+// Each fault is a task of the run's clock: on the virtual clock it begins at the same moment of
+// each run, and ends with the run at the latest.
+FaultDesk::FaultDesk(Context context) : context_(std::move(context)) {}
 FaultDesk::~FaultDesk() = default;
 
 void FaultDesk::add(const Fault& fault) {
-  check(fault, place_.roles);
+  check(fault, context_.roles);
   const FaultKind& kind = kind_of(fault);
   const std::string name = fmt::format("fault {} {} {}", tasks_.size() + 1, fault.role, fault.kind);
-  tasks_.push_back(place_.clock.spawn(name, [this, fault, &kind] { run(fault, kind); }));
+  tasks_.push_back(context_.clock.spawn(name, [this, fault, &kind] { run(fault, kind); }));
 }
 
 void FaultDesk::run(const Fault& fault, const FaultKind& kind) {
-  place_.clock.sleep_for(from_seconds(fault.after));
+  context_.clock.sleep_for(from_seconds(fault.after));
   const double by = fault.by.value_or(kind.usual);
-  Fault said = fault;
-  said.after = 0;
-  place_.recorder.event(place_.clock.now(), "fault", to_string(said));
+  Fault begun = fault;  // the delay is over: the event names what is the case now
+  begun.after = 0;
+  context_.recorder.event(context_.clock.now(), "fault", to_string(begun));
   set(fault, by, true);
   if (!(fault.lasting > 0)) return;
-  place_.clock.sleep_for(from_seconds(fault.lasting));
+  context_.clock.sleep_for(from_seconds(fault.lasting));
   set(fault, by, false);
-  place_.recorder.event(place_.clock.now(), "fault over", fault.role + " " + fault.kind);
+  context_.recorder.event(context_.clock.now(), "fault over", fault.role + " " + fault.kind);
 }
 
+/// Switches one fault on or off, in whichever part of the simulator it is read.
 void FaultDesk::set(const Fault& fault, double by, bool on) {
-  sim::Faults& faults = place_.laboratory.faults();
+  sim::Faults& faults = context_.laboratory.faults();
   if (fault.kind == "full") {
-    place_.disk.full = on;
+    context_.disk.full = on;
     if (on) fill_disk();
   } else if (fault.kind == "slow") {
-    if (on) place_.disk.stall_ms = static_cast<int>(std::lround(by * 1e3));
+    if (on) context_.disk.stall_ms = static_cast<int>(std::lround(by * 1e3));
   } else if (fault.kind == "saturated") {
     faults.saturation = on ? by : std::numeric_limits<double>::infinity();
   } else if (fault.kind == "stuck" || fault.kind == "limit") {
-    if (fault.role != "lens_mover") return faults.sticks.at(fault.role)(on, place_.clock.now());
+    // Stages registered a function that holds them; the lens mover reads its motor's faults.
+    if (fault.role != "lens_mover") return faults.sticks.at(fault.role)(on, context_.clock.now());
     (fault.kind == "stuck" ? faults.lens.stuck : faults.lens.limit) = on;
-    place_.laboratory.apply_lens_faults();
-  } else if (is_in(kLooks, fault.role)) {
-    set_looks(faults.looks[fault.role], fault, by, on);
+    context_.laboratory.apply_lens_faults();
+  } else if (is_in(kSensors, fault.role)) {
+    set_imaging(faults.looks[fault.role], fault, by, on);
   } else {
     set_link(faults.links[fault.role], fault, by, on);
   }
 }
 
 void FaultDesk::set_link(LinkFaults& link, const Fault& fault, double by, bool on) {
+  // -1: whole answers, unchanged.
   const int count = on ? static_cast<int>(by) : -1;
   if (fault.kind == "silent") link.silent = on;
   if (fault.kind == "late") link.late = on ? from_seconds(by) : Time(0);
@@ -247,35 +261,38 @@ void FaultDesk::set_link(LinkFaults& link, const Fault& fault, double by, bool o
   if (fault.kind == "unplugged") link.unplugged = on;
 }
 
-void FaultDesk::set_looks(sim::ImagingFaults& looks, const Fault& fault, double by, bool on) {
+void FaultDesk::set_imaging(sim::ImagingFaults& imaging, const Fault& fault, double by, bool on) {
+  // 0: none of the frames or readings, and no disc.
   const int count = on ? static_cast<int>(by) : 0;
   const Time time = on ? from_seconds(by) : Time(0);
-  if (fault.kind == "silent") looks.silent = on;
-  if (fault.kind == "late") looks.late = time;
-  if (fault.kind == "unplugged") looks.unplugged = on;
-  if (fault.kind == "drops") looks.drops = count;
-  if (fault.kind == "torn") looks.torn = count;
-  if (fault.kind == "frozen") looks.frozen = on;
-  if (fault.kind == "nan") looks.nan = on;
-  if (fault.kind == "jump") looks.jump = time;
-  if (fault.kind == "overexposed") looks.picture.light = on ? by : 1;
-  if (fault.kind == "dark") looks.picture.light = on ? 1 / by : 1;
-  if (fault.kind == "defocused") looks.picture.blur_px = count;
+  if (fault.kind == "silent") imaging.silent = on;
+  if (fault.kind == "late") imaging.late = time;
+  if (fault.kind == "unplugged") imaging.unplugged = on;
+  if (fault.kind == "drops") imaging.drops = count;
+  if (fault.kind == "torn") imaging.torn = count;
+  if (fault.kind == "frozen") imaging.frozen = on;
+  if (fault.kind == "nan") imaging.nan = on;
+  if (fault.kind == "jump") imaging.jump = time;
+  if (fault.kind == "overexposed") imaging.picture.light = on ? by : 1;
+  if (fault.kind == "dark") imaging.picture.light = on ? 1 / by : 1;
+  if (fault.kind == "defocused") imaging.picture.blur_px = count;
   if (fault.kind != "floater") return;
-  looks.picture.floater_px = count;
-  looks.picture.floater_since = place_.clock.now();
+  imaging.picture.floater_px = count;
+  imaging.picture.floater_since = context_.clock.now();
 }
 
-/// The recorder's thread looks at the disk once a second of wall time: the run's own time waits for
-/// it here, so that a run repeats.
+/// The recorder's thread checks the disk once a second of wall time. The run's own time waits for
+/// it here, with the clock's baton, so that a run with this fault stops at the same moment each
+/// time.
 void FaultDesk::fill_disk() {
   using namespace std::chrono_literals;
   const auto until = std::chrono::steady_clock::now() + 5s;
-  while ((place_.recorder.fault().empty() || place_.control.tier() == StopTier::none) &&
+  while ((context_.recorder.fault().empty() || context_.control.tier() == StopTier::none) &&
          std::chrono::steady_clock::now() < until)
     std::this_thread::sleep_for(1ms);
+  // The request has set the tier, but may not have reached the script's thread yet.
   std::this_thread::sleep_for(5ms);
-  place_.control.request_here(StopTier::stop);
+  context_.control.request_here(StopTier::stop);
 }
 
 }  // namespace vitreo

@@ -1,7 +1,6 @@
-// Faults on purpose: what a simulated rig can be told to do wrong, by a script
-// (rig.simulation:fault), by the command line
-// (--fault coils:silent:after=3s) and by `vitreo soak`. Each is an event of the record when it
-// begins and when it ends.
+// Fault injection: failures of simulated instruments and of the record's disk, asked for by a
+// script (rig.simulation:fault), by the command line (--fault coils:silent:after=3s) and by
+// `vitreo soak`. Each is an event of the record when it begins and when it ends.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -29,12 +28,15 @@ struct Fault {
   std::optional<double> by{};  // how much, in the kind's unit; nothing: its usual
 };
 
-/// One thing that can go wrong.
+/// A kind of failure, and the range of its size `by`.
 struct FaultKind {
-  std::string name, doc;
-  std::vector<std::string> roles;         // to which it can happen
-  std::string unit;                       // of `by`; empty: it takes none
-  double usual = 0, least = 0, most = 0;  // of `by`
+  std::string name;
+  std::string doc;
+  std::vector<std::string> roles;  // to which it can happen
+  std::string unit;                // of `by`: SI, "n" for a plain number; empty: it takes none
+  double usual = 0;                // of `by`, as the two below
+  double least = 0;
+  double most = 0;
 };
 const std::vector<FaultKind>& fault_kinds();
 
@@ -47,7 +49,7 @@ std::string to_string(const Fault& fault);
 /// The simulated roles of a rig.
 struct SimulatedRole {
   bool wire = false;    // there is an emulated one between the driver and the instrument
-  bool sticks = false;  // what stands behind it moves, and can be held
+  bool sticks = false;  // it has a moving part that can be held
 };
 using SimulatedRoles = std::map<std::string, SimulatedRole>;
 SimulatedRoles simulated_roles(const nlohmann::json& resolved_rig);
@@ -55,16 +57,16 @@ SimulatedRoles simulated_roles(const nlohmann::json& resolved_rig);
 /// zero.
 void check(const Fault& fault, const SimulatedRoles& roles);
 
-/// What the record's disk is told to do; shared with the limits of the recorder, whose thread asks.
+/// Faults of the record's disk; shared with the limits of the recorder, whose thread reads them.
 struct DiskFaults {
   std::atomic<bool> full{false};
-  std::atomic<int> stall_ms{0};  // taken once
+  std::atomic<int> stall_ms{0};  // reset to 0 by the recorder's thread when it has stalled
 };
 
 /// Breaks the instruments of one run. Its tasks run on the run's clock.
 class FaultDesk {
  public:
-  struct Place {
+  struct Context {
     Clock& clock;
     sim::Laboratory& laboratory;
     Recorder& recorder;
@@ -72,7 +74,7 @@ class FaultDesk {
     DiskFaults& disk;
     SimulatedRoles roles;
   };
-  explicit FaultDesk(Place place);
+  explicit FaultDesk(Context context);
   ~FaultDesk();
   FaultDesk(const FaultDesk&) = delete;
   FaultDesk& operator=(const FaultDesk&) = delete;
@@ -84,10 +86,10 @@ class FaultDesk {
   void run(const Fault& fault, const FaultKind& kind);
   void set(const Fault& fault, double by, bool on);
   void set_link(LinkFaults& link, const Fault& fault, double by, bool on);
-  void set_looks(sim::ImagingFaults& looks, const Fault& fault, double by, bool on);
+  void set_imaging(sim::ImagingFaults& imaging, const Fault& fault, double by, bool on);
   void fill_disk();
 
-  Place place_;
+  Context context_;
   std::vector<std::unique_ptr<Task>> tasks_;
 };
 

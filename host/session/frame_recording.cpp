@@ -17,22 +17,27 @@
 namespace vitreo {
 namespace {
 
-constexpr int kLongestStride = 1000000, kSmallestWindow = 8, kLargestWindow = 8192;
+constexpr int kLongestStride = 1000000;
+constexpr int kSmallestWindow = 8;                     // px
+constexpr int kLargestWindow = 8192;                   // px
 constexpr double kLongestAround = 600;                 // s
 constexpr std::size_t kRing = std::size_t{512} << 20;  // bytes of frames that wait for an event
 
 template <class Number>
+/// Reads the number behind the mark at `at`, and moves `at` behind it. Throws ConfigError for none,
+/// or one out of [min, max].
 Number number_after(const std::string& word, std::size_t& at, double min, double max) {
   Number value{};
-  const char *begin = word.data() + at + 1, *end = word.data() + word.size();
+  const char* const begin = word.data() + at + 1;
+  const char* const end = word.data() + word.size();
   const auto [last, error] = std::from_chars(begin, end, value);
   if (error != std::errc() ||
       !(value >= static_cast<Number>(min) && value <= static_cast<Number>(max)))
     throw ConfigError(
         "frames: " + word +
         ": wants a camera's role and, if need be, how many frames there are to one that is kept "
-        "(/5), the "
-        "pixels of a window about the robot (@96), the seconds around events (~10), such as "
+        "(/5), the pixels of a window about the robot (@96), the seconds around events (~10), such "
+        "as "
         "top_camera/5@96~10");
   at = static_cast<std::size_t>(last - word.data());
   return value;
@@ -66,13 +71,15 @@ bool keeps_frames(const std::string& event_kind) {
   return std::find(kinds.begin(), kinds.end(), event_kind) != kinds.end();
 }
 
+/// Decorator of one camera: it stands in the rig's slot for the camera, and records the frames that
+/// callers grab through it.
 class FrameRecording::Tap final : public Camera {
  public:
-  Tap(Camera*& place, std::string name, Clock& clock, Recorder& recorder)
-      : name_(std::move(name)), place_(place), camera_(*place), clock_(clock), recorder_(recorder) {
-    place_ = this;
+  Tap(Camera*& slot, std::string name, Clock& clock, Recorder& recorder)
+      : name_(std::move(name)), slot_(slot), camera_(*slot), clock_(clock), recorder_(recorder) {
+    slot_ = this;
   }
-  ~Tap() override { place_ = &camera_; }
+  ~Tap() override { slot_ = &camera_; }
   Tap(const Tap&) = delete;
   Tap& operator=(const Tap&) = delete;
   const CameraInfo& info() const override { return camera_.info(); }
@@ -98,8 +105,8 @@ class FrameRecording::Tap final : public Camera {
     const CameraInfo& info = camera_.info();
     if (policy.window > std::min(info.width_px, info.height_px))
       throw std::invalid_argument("window: is larger than the frames of " + name_);
-    const int whole =
-        static_cast<int>(std::max(1.0, std::round(1 / info.frame_period)));  // one a second
+    // With windows, one whole frame a second.
+    const int whole = static_cast<int>(std::max(1.0, std::round(1 / info.frame_period)));
     recorded_ =
         recorder_.add_camera({name_, info.identity, policy.window > 0 ? whole : policy.every,
                               info.frame_period, info.effective_pixel});
@@ -112,10 +119,12 @@ class FrameRecording::Tap final : public Camera {
     }
     policy_ = policy;
     whole_ = policy.window > 0 ? whole : policy.every;
+    // Events before the start do not keep frames.
     events_seen_ = recorder_.events().size();
   }
 
-  /// Takes the frames that nobody else takes, for as long as the session lasts.
+  /// Grabs frames while no caller does, for as long as the session lasts. Two that grab from one
+  /// camera would take frames from each other, so it gives way for three frame periods.
   void pump() {
     const Time patience = from_seconds(3 * camera_.info().frame_period);
     while (true) {
@@ -136,7 +145,7 @@ class FrameRecording::Tap final : public Camera {
   }
 
  private:
-  /// The instrument's clock against ours, once a second, as the stream NAME_clock.
+  /// Records the instrument's clock against the host's, once a second, as the stream NAME_clock.
   void map_clock(const Frame& frame) {
     if (!frame.device) return;
     map_.add(*frame.device, frame.exposed);
@@ -154,14 +163,16 @@ class FrameRecording::Tap final : public Camera {
   void record(const Frame& frame) {
     silent_ = false;
     if (RecordListener* const listener = recorder_.listener()) listener->seen(name_, frame);
-    if (recorded_ < 0 || (last_ && frame.number <= *last_))
-      return;  // two may be handed the same frame
+    // Two callers may be handed the same frame.
+    if (recorded_ < 0 || (last_ && frame.number <= *last_)) return;
     last_ = frame.number;
     if (policy_.around <= 0) return keep(frame, count_++);
     const Time around = from_seconds(policy_.around);
     if (something_happened()) until_ = frame.exposed + around;
     ring_.emplace_back(frame, count_++);
     ring_bytes_ += bytes_of(frame);
+    // A frame within `around` of an event is kept at once, with those in the ring before it; else
+    // the ring forgets what is older than `around`, or beyond its bytes.
     const bool now = until_ && frame.exposed <= *until_;
     while (!ring_.empty() &&
            (now || ring_bytes_ > kRing || ring_.front().first.exposed < frame.exposed - around)) {
@@ -186,15 +197,17 @@ class FrameRecording::Tap final : public Camera {
   }
 
   void keep_window(const Frame& frame) {
-    const auto place = robot_px();
-    if (!place) return;
+    const auto robot = robot_px();
+    if (!robot) return;
     const int size = policy_.window;
     const auto corner = [size](double center, int length) {
+      // At the border the window is moved inwards, so that all have one size.
       return std::clamp(static_cast<int>(std::lround(center)) - size / 2, 0, length - size);
     };
-    const int left = corner((*place)[0], frame.image.cols),
-              top = corner((*place)[1], frame.image.rows);
+    const int left = corner((*robot)[0], frame.image.cols);
+    const int top = corner((*robot)[1], frame.image.rows);
     Frame window = frame;
+    // A copy: the view would keep the whole frame in memory.
     window.image = frame.image(cv::Rect(left, top, size, size)).clone();
     recorder_.frame(windows_, window);
     recorder_.sample(corners_, frame.exposed,
@@ -202,7 +215,8 @@ class FrameRecording::Tap final : public Camera {
                                 static_cast<double>(top)});
   }
 
-  /// Where the servo, or for the side camera its observer, last saw it; nothing before.
+  /// Pixel of the robot in the top camera as the servo last saw it, within 100 rows; nothing
+  /// before, and for other cameras.
   std::optional<std::array<double, 2>> robot_px() const {
     const Stream* const servo = name_ == "top_camera" ? recorder_.stream("servo") : nullptr;
     if (servo == nullptr) return std::nullopt;
@@ -213,30 +227,41 @@ class FrameRecording::Tap final : public Camera {
                        [name](const Channel& one) { return one.name == name; }) -
           all.begin());
     };
-    const std::size_t u = channel("u_px"), v = channel("v_px"), count = servo->info.channels.size();
+    const std::size_t u = channel("u_px");
+    const std::size_t v = channel("v_px");
+    const std::size_t count = servo->info.channels.size();
     if (u == count || v == count) return std::nullopt;
+    // NaN where the robot was lost.
     for (std::size_t row = servo->times.size(); row-- > 0 && servo->times.size() - row < 100;)
       if (std::isfinite(servo->at(row, u))) return std::array{servo->at(row, u), servo->at(row, v)};
     return std::nullopt;
   }
 
   const std::string name_;
-  Camera*& place_;
+  Camera*& slot_;  // of the rig; holds this decorator
   Camera& camera_;
   Clock& clock_;
   Recorder& recorder_;
-  int recorded_ = -1, windows_ = -1, corners_ = -1, whole_ = 1, takers_ = 0;
   FramePolicy policy_;
-  std::deque<std::pair<Frame, std::int64_t>> ring_;  // and their counts
-  std::size_t ring_bytes_ = 0, events_seen_ = 0;
-  std::optional<Time> until_, mapped_;
+  // The recorder's numbers of the camera, its windows and their corners; -1: none.
+  int recorded_ = -1;
+  int windows_ = -1;
+  int corners_ = -1;
+  int whole_ = 1;                      // each n-th frame is recorded whole
+  int takers_ = 0;                     // callers that wait in grab()
+  std::int64_t count_ = 0;             // frames since start()
+  std::optional<std::uint64_t> last_;  // number of the last frame that was counted
+  std::optional<Time> taken_;          // when a caller last got a frame
+  // Around events: frames with their counts that wait for one.
+  std::deque<std::pair<Frame, std::int64_t>> ring_;
+  std::size_t ring_bytes_ = 0;
+  std::size_t events_seen_ = 0;
+  std::optional<Time> until_;  // exposures up to this are kept
   ClockMap map_;
   int clock_stream_ = -1;
-  std::int64_t count_ = 0;
-  std::optional<Time> taken_;
-  std::optional<std::uint64_t> last_;
+  std::optional<Time> mapped_;  // the last sample of that stream
   bool pumped_ = false;
-  bool silent_ = false;  // the camera is; it has been said
+  bool silent_ = false;  // the camera is; its alarm was raised
 };
 
 FrameRecording::FrameRecording(Clock& clock, Rig& rig, Recorder& recorder)
@@ -247,6 +272,7 @@ FrameRecording::FrameRecording(Clock& clock, Rig& rig, Recorder& recorder)
     taps_.push_back(std::make_unique<Tap>(rig_.side_camera, "side_camera", clock_, recorder_));
 }
 
+// The pumps use the taps.
 FrameRecording::~FrameRecording() { pumps_.clear(); }
 
 FrameRecording::Tap& FrameRecording::tap_of(const FramePolicy& policy) const {

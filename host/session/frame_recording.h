@@ -1,5 +1,5 @@
-// Puts the frames of a rig's cameras into the record: it stands between the cameras and whoever
-// uses them, so what is recorded is what the loop saw.
+// Frame recording: decorators of a rig's cameras that put the frames they deliver into the record,
+// so that what is recorded is what the loop saw.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -39,13 +39,13 @@ class FrameRecording {
   FrameRecording(const FrameRecording&) = delete;
   FrameRecording& operator=(const FrameRecording&) = delete;
 
-  /// Records of the frames that somebody takes from now on; while nobody does, a task of its own
-  /// takes them. std::invalid_argument for a role that is no camera of this rig, or recorded
+  /// Records the frames that are grabbed from now on; while no caller grabs any, a task of its own
+  /// does. Throws std::invalid_argument for a role that is no camera of this rig, or recorded
   /// already.
   void start(const FramePolicy& policy);
   /// Throws as start() does for a role that is no camera of this rig.
   void check(const FramePolicy& policy) const;
-  /// Cameras that nobody takes frames of are looked at all the same, for the recorder's listener,
+  /// Frames of cameras that no caller grabs are grabbed all the same, for the recorder's listener,
   /// as long as the session lasts.
   void watch();
 

@@ -15,7 +15,7 @@ const std::map<std::string, StopTier>& ends() {
   return kEnds;
 }
 
-/// Who is recorded: the name, or the operator at the face that the command came from.
+/// The person for the record: the name, or "operator at" the face that the command came from.
 std::string person(const OperatorCommand& command) {
   return command.by.empty() ? "operator at " + command.source : command.by;
 }
@@ -26,6 +26,7 @@ std::vector<std::string> choices_of(const Parameter& answer) {
                                             : answer.choices;
 }
 
+/// Those that are latched, as every face shows them.
 nlohmann::json alarms_json(const Alarms& alarms) {
   nlohmann::json list = nlohmann::json::array();
   for (const Alarm& alarm : alarms.shown())
@@ -64,11 +65,13 @@ void OperatorDesk::perform(const OperatorCommand& command) {
 /// No right is needed to end a run.
 void OperatorDesk::end(StopTier tier, const OperatorCommand& command) {
   std::string reason = "by " + (command.by.empty() ? command.source : command.by);
+  // "by NAME: REASON", as the end record has it.
   if (!command.text.empty()) reason += ": " + command.text;
   control_.request(tier, reason);
 }
 
 void OperatorDesk::resume(const OperatorCommand& command) {
+  // The right is checked before anything changes.
   if (command.override_condition) {
     rights_.require_researcher(command.by, "an override");
     control_.override_suspension(person(command));
@@ -91,6 +94,7 @@ nlohmann::json OperatorDesk::status() const {
                          {"progress", status.progress},
                          {"doing", status.doing},
                          {"alarms", alarms_json(alarms_)}};
+  // Absent while it is not known, rather than a number that means so.
   if (status.remaining >= 0) json["remaining"] = status.remaining;
   if (const auto question = questions_.open())
     json["question"] = {{"number", question->number},

@@ -1,5 +1,5 @@
-// Places to which the operator wants the robot: pointed at in the live view, or sent through the
-// control socket; a script takes them when it likes, and only a script moves anything.
+// Operator targets: positions for the robot, pointed at in the live view or sent through the
+// control socket. They are offered to the script: only a script moves anything.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -16,17 +16,17 @@ namespace vitreo {
 /// Any thread.
 class OperatorTargets {
  public:
-  /// Places in m, world, to be passed one after the other: they replace what was not taken yet.
-  /// Throws std::invalid_argument when the script takes none, for no place or more than 1000, or
+  /// Positions in m, world, to be passed one after the other: they replace what was not taken yet.
+  /// Throws std::invalid_argument when the script takes none, for no position or more than 1000, or
   /// one that is not finite.
-  void give(std::vector<Eigen::Vector3d> places) {
+  void give(std::vector<Eigen::Vector3d> positions) {
     const std::lock_guard lock(mutex_);
     if (!wanted_) throw std::invalid_argument("this protocol takes no targets from the operator");
-    if (places.empty() || places.size() > 1000)
+    if (positions.empty() || positions.size() > 1000)
       throw std::invalid_argument("a path has 1 to 1000 places");
-    for (const Eigen::Vector3d& place : places)
-      if (!place.allFinite()) throw std::invalid_argument("a place that is not finite");
-    given_ = std::move(places);
+    for (const Eigen::Vector3d& position : positions)
+      if (!position.allFinite()) throw std::invalid_argument("a place that is not finite");
+    given_ = std::move(positions);
   }
   /// The script's: from its first call on, targets are wanted.
   std::optional<std::vector<Eigen::Vector3d>> take() {

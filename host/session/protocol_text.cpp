@@ -10,6 +10,7 @@
 namespace vitreo {
 namespace {
 
+/// "one of a, b", "at least 1 mm", "1 mm to 3 mm"; "" where there is no bound.
 std::string range_text(const Parameter& p) {
   if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
   if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
@@ -24,6 +25,7 @@ std::string value_text(const ArgumentValue& value, const std::string& unit) {
   if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
   if (const std::string* text = std::get_if<std::string>(&value)) return *text;
   const auto known = find_unit(unit);
+  // A unit that is not known is printed as the protocol wrote it.
   return format_quantity(std::get<double>(value), known ? std::string(known->dimension) : unit);
 }
 

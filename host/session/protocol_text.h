@@ -1,4 +1,4 @@
-// What a protocol says of itself, for people: `vitreo describe` and help() at the prompt.
+// Description of a protocol as text, for `vitreo describe` and help() at the prompt.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace vitreo {
 
-/// A parameter's value in people's units: "0.5 mm", "true".
+/// A parameter's value in its display unit: "0.5 mm", "true".
 std::string value_text(const ArgumentValue& value, const std::string& unit);
 /// Name, title, what it does, roles, rig, and its parameters with units, ranges and defaults;
 /// lines.

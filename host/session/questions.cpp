@@ -12,6 +12,7 @@
 namespace vitreo {
 namespace {
 
+/// The form of the answer, for the question's parentheses: "yes or no", "a length, at least 1 mm".
 std::string wanted(const Parameter& answer) {
   if (answer.kind == ParameterKind::flag) return "yes or no";
   if (answer.kind == ParameterKind::choice) {
@@ -29,6 +30,7 @@ std::string wanted(const Parameter& answer) {
   return text;
 }
 
+/// The default as the operator would type it.
 std::string default_text(const Parameter& answer) {
   if (const bool* flag = std::get_if<bool>(&answer.fallback)) return *flag ? "yes" : "no";
   if (const double* number = std::get_if<double>(&answer.fallback)) {
@@ -39,7 +41,8 @@ std::string default_text(const Parameter& answer) {
 }
 
 std::string trimmed(const std::string& text) {
-  const std::size_t from = text.find_first_not_of(" \t\r\n"), to = text.find_last_not_of(" \t\r\n");
+  const std::size_t from = text.find_first_not_of(" \t\r\n");
+  const std::size_t to = text.find_last_not_of(" \t\r\n");
   return from == std::string::npos ? "" : text.substr(from, to - from + 1);
 }
 
@@ -59,6 +62,7 @@ ArgumentValue read_answer(const Parameter& answer, const std::string& text) {
 
 }  // namespace
 
+/// Flags and texts have no wrong default.
 void check(const Question& question) {
   const Parameter& answer = question.answer;
   if (answer.kind == ParameterKind::choice && question.has_default &&
@@ -70,9 +74,10 @@ void check(const Question& question) {
   if (!integer && answer.kind != ParameterKind::number) return;
   const auto unit = find_unit(answer.unit);
   const std::string dimension(unit ? unit->dimension : "");
-  const std::string min = format_quantity(answer.min, dimension),
-                    max = format_quantity(answer.max, dimension);
+  const std::string min = format_quantity(answer.min, dimension);
+  const std::string max = format_quantity(answer.max, dimension);
   if (answer.min > answer.max) throw std::invalid_argument("min: " + min + " is above max, " + max);
+  // Such as 1.2 to 1.8.
   if (integer && std::ceil(answer.min) > std::floor(answer.max))
     throw std::invalid_argument("min: there is no whole number from " + min + " to " + max);
   if (!question.has_default) return;
@@ -96,6 +101,7 @@ void Questions::prepare(const std::vector<std::string>& answers) {
   const std::lock_guard lock(mutex_);
   for (const std::string& answer : answers) {
     const std::size_t equals = answer.find('=');
+    // "=5" has no name: it is an answer by order.
     if (equals == std::string::npos || equals == 0)
       in_order_.push_back(answer);
     else
@@ -124,6 +130,7 @@ int Questions::ask(Question question) {
     }
     open_ = question;
   }
+  // Out of the lock: answer() takes it too.
   if (is_prepared)
     take_prepared(question.number, prepared);
   else if (by_themselves_)
@@ -131,15 +138,19 @@ int Questions::ask(Question question) {
   return question.number;
 }
 
+/// Answers with what was given in advance. One that does not fit closes the question and throws on:
+/// the script reports it, and may ask the next.
 void Questions::take_prepared(int number, const std::string& text) {
   try {
     answer(text, "given in advance");
-  } catch (const std::exception&) {  // the script hears of it; the next question may be asked
+  } catch (const std::exception&) {
     withdraw(number);
     throw;
   }
 }
 
+/// The answer of a dry run: the default, else yes, else the first choice. A number always has a
+/// fallback.
 void Questions::assume(const Question& question) {
   Answer assumed{question.answer.fallback, "", "the dry run"};
   if (question.answer.kind == ParameterKind::flag && !question.has_default) assumed.value = true;
@@ -169,6 +180,7 @@ std::vector<std::string> Questions::left_over() const {
   for (const Named& one : by_name_) {
     if (one.used) continue;
     const std::string near = nearest(one.name, names_);
+    // Perhaps a misspelt name: the nearest of those that were asked.
     left.push_back(one.name + "=" + one.text +
                    (near.empty() ? "" : "; did you mean " + near + "?"));
   }
@@ -180,6 +192,7 @@ void Questions::answer(const std::string& given, const std::string& by) {
   const std::string text = trimmed(given);
   const std::lock_guard lock(mutex_);
   if (!open_ || answer_) throw std::invalid_argument("no question is open");
+  // An empty line is the default, where there is one.
   if (text.empty() && open_->has_default)
     answer_ = Answer{open_->answer.fallback, default_text(open_->answer), by};
   else

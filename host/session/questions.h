@@ -24,8 +24,8 @@ struct Question {
 /// As a person reads it: "Is the eye fixed? (yes or no)".
 std::string shown(const Question& question);
 
-/// Throws std::invalid_argument for a question that nobody could answer, or whose default would be
-/// no answer to it.
+/// Throws std::invalid_argument for a question that has no valid answer, or whose default is not
+/// a valid one.
 void check(const Question& question);
 
 /// One open question at a time. Any thread.
@@ -44,22 +44,24 @@ class Questions {
   void answer(const std::string& text, const std::string& by);
   struct Answer {
     ArgumentValue value;
-    std::string text, by;  // "operator at the terminal"
+    std::string text;
+    std::string by;  // "operator at the terminal"
   };
   /// A dry run: what was not answered in advance is answered at once, by its default, by yes, by
-  /// the first choice or by the number nearest to 1 in its range; `assumed` tells which.
+  /// the first choice or by the number nearest to 1 in its range; assumed() lists them.
   void answer_by_themselves() { by_themselves_ = true; }
   std::vector<std::string> assumed() const;
   bool answered() const;
   /// The answer, once; the question is closed by it.
   std::optional<Answer> take();
-  /// Closes the question of that number, if it is the one that is open: who asked it does not wait
-  /// any more.
+  /// Closes the question of that number, if it is the one that is open: its answer is not waited
+  /// for any more.
   void withdraw(int number);
 
  private:
   struct Named {
-    std::string name, text;
+    std::string name;
+    std::string text;
     bool used = false;
   };
   void take_prepared(int number, const std::string& text);

@@ -10,7 +10,7 @@
 namespace vitreo {
 namespace {
 
-// What a signal handler on the script's thread can reach; one run at a time has it.
+// The control that a signal handler on the script's thread acts on; one run at a time has it.
 std::atomic<RunControl*> the_control{nullptr};
 
 std::int64_t steady_now() noexcept {
@@ -19,6 +19,7 @@ std::int64_t steady_now() noexcept {
       .count();
 }
 
+// SIGUSR1 on the script's thread: it breaks off a system call and runs the delivery there.
 extern "C" void on_delivery(int) { deliver_to_script(); }
 
 }  // namespace
@@ -70,6 +71,7 @@ std::string to_string(const RunStatus& status) {
 
 RunControl* attached_control() noexcept { return the_control; }
 
+/// Async-signal-safe: atomics, and the engine's and the clock's interrupt(), which are so too.
 void deliver_to_script() noexcept {
   RunControl* const control = the_control;
   if (!control) return;
@@ -93,6 +95,7 @@ void RunControl::attach(Reach reach) {
 }
 
 void RunControl::detach() {
+  // Another run's control, attached since, is left alone.
   RunControl* mine = this;
   // The handler stays: a request that was under way is then without effect instead of ending the
   // process.
@@ -104,16 +107,21 @@ StopTier RunControl::next(StopTier tier) noexcept {
 }
 
 void RunControl::request(StopTier tier) noexcept {
+  // At the prompt, between two statements, there is nothing to stop.
   if (idle_) return;
+  // A higher tier includes the lower ones; the first request of each starts its deadline.
   for (int i = 1; i <= static_cast<int>(tier); ++i) {
     std::int64_t never = 0;
-    asked_at_[static_cast<std::size_t>(i)].compare_exchange_strong(never, steady_now());
+    requested_at_[static_cast<std::size_t>(i)].compare_exchange_strong(never, steady_now());
   }
+  // Raised only: a lower request beside a higher one changes nothing.
   StopTier before = tier_;
   while (before < tier && !tier_.compare_exchange_weak(before, tier)) {
   }
   ++changes_;
   sem_post(&request_);
+  // On the script's own thread the delivery is a call; else a signal, which also breaks off a
+  // blocking system call.
   if (pthread_equal(script_, pthread_self()))
     deliver_to_script();
   else if (the_control == this)
@@ -121,13 +129,14 @@ void RunControl::request(StopTier tier) noexcept {
 }
 
 void RunControl::request(StopTier tier, const std::string& reason) {
+  // Not atomic with the request; of two at once either reason is a true one.
   if (tier > tier_) set_reason(reason);
   request(tier);
 }
 
 void RunControl::request_here(StopTier tier) noexcept {
-  constexpr int kPatience =
-      20000;  // of 0.1 ms: a thread that is not there any more is not waited for
+  // Of 0.1 ms, 2 s: a thread that does not exist any more is not waited for.
+  constexpr int kPatience = 20000;
   const unsigned long before = deliveries_;
   request(tier);
   for (int i = 0; i < kPatience && deliveries_ == before && the_control == this && !idle_; ++i)
@@ -152,6 +161,7 @@ void RunControl::resume() {
   ++changes_;
 }
 
+/// Called at each checkpoint: without a request it takes no lock.
 bool RunControl::pause_wanted_at(const std::string& checkpoint) const {
   if (!pause_) return false;
   const std::lock_guard lock(mutex_);
@@ -211,9 +221,11 @@ void RunControl::set_progress(double fraction, const std::string& doing) {
   const double elapsed =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
   // The first percent says little about the rest.
+  // Linear extrapolation of the time so far.
   status_.remaining = fraction > 0.01 ? elapsed * (1 - fraction) / fraction : -1;
 }
 
+/// The true state: a request that the script has not felt yet is "stop requested", not "stopping".
 RunStatus RunControl::status() const {
   const std::lock_guard lock(mutex_);
   RunStatus status = status_;
@@ -234,6 +246,7 @@ void RunControl::begin_stopping() {
 }
 
 void RunControl::make_safe() {
+  // Once, by whichever comes first: the script's thread or the watchdog.
   if (safe_.exchange(true) || !reach_.make_safe) return;
   std::vector<std::string> failures = reach_.make_safe();
   const std::lock_guard lock(mutex_);
@@ -245,10 +258,11 @@ std::vector<std::string> RunControl::failures() const {
   return failures_;
 }
 
+/// Busy: a new statement, with a stop, a reason and a safe state of its own.
 void RunControl::set_idle(bool idle) {
   if (!idle) {
     tier_ = StopTier::none;
-    for (auto& time : asked_at_) time = 0;
+    for (auto& time : requested_at_) time = 0;
     safe_ = false;
     set_reason("");
     set_phase(pause_ ? RunPhase::pause_requested : RunPhase::running);
@@ -257,6 +271,7 @@ void RunControl::set_idle(bool idle) {
 }
 
 void RunControl::wait_for_request(std::chrono::milliseconds patience) {
+  // Monotonic, as steady_clock: not affected when the wall clock is set.
   timespec until = {};
   clock_gettime(CLOCK_MONOTONIC, &until);
   const std::int64_t nanoseconds = until.tv_nsec + std::chrono::nanoseconds(patience).count();
@@ -266,9 +281,9 @@ void RunControl::wait_for_request(std::chrono::milliseconds patience) {
 }
 
 std::optional<std::chrono::steady_clock::duration> RunControl::since(StopTier tier) const {
-  const std::int64_t asked = asked_at_[static_cast<std::size_t>(tier)];
-  if (asked == 0) return std::nullopt;
-  return std::chrono::nanoseconds(steady_now() - asked);
+  const std::int64_t requested = requested_at_[static_cast<std::size_t>(tier)];
+  if (requested == 0) return std::nullopt;
+  return std::chrono::nanoseconds(steady_now() - requested);
 }
 
 }  // namespace vitreo

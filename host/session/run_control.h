@@ -1,6 +1,5 @@
-// What may be asked of a run from outside of its script, and what the run is really doing. Requests
-// come from signal handlers, from the control socket's thread and from the script itself; the
-// script's thread answers them.
+// Run control: requests to end, pause or resume a run, and its true state. Requests come from
+// signal handlers, from other threads and from the script itself; the script's thread answers them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -40,8 +39,8 @@ struct RunStatus {
   StopTier tier = StopTier::none;
   std::string waiting_for;  // what the script waits for: "servo:go_to"; empty while it computes
   std::string note;         // why: "coil temperature above 80 degC", "paused at before place 3"
-  double progress = 0;      // of the whole, 0 to 1, as the script has told
-  std::string doing;        // what, as the script has told
+  double progress = 0;      // of the whole, 0 to 1, as the script reports it
+  std::string doing;        // label of the present step, as the script reports it
   double remaining = -1;    // s of wall time at the pace so far; negative: not known yet
 };
 
@@ -59,9 +58,10 @@ class RunControl {
   /// What reaches the script's thread: called there, or in a signal handler on it. Both
   /// async-signal-safe.
   struct Reach {
-    std::function<void()> interrupt;  // the script and its present wait
-    std::function<std::vector<std::string>()>
-        make_safe;  // every device; returns what failed. Once a request
+    /// Stops the script and its present wait.
+    std::function<void()> interrupt;
+    /// Brings every device to its safe state; returns what failed. Once a request.
+    std::function<std::vector<std::string>()> make_safe;
   };
   void attach(Reach reach);
   void detach();
@@ -84,11 +84,12 @@ class RunControl {
   bool pause_wanted_at(const std::string& checkpoint) const;
   bool resumed() const;  // no pause is wanted any more
 
-  /// A researcher wants the run to go on although its condition for that does not hold. Any thread.
+  /// The run may go on although the condition of its suspension still holds. Any thread; the caller
+  /// has checked the right to it.
   void override_suspension(const std::string& by);
-  std::string take_override();  // who, once; empty: nobody
+  std::string take_override();  // by whom, once; empty: there is none
 
-  /// Who asked for the end, and why: for the end record. Empty: the operator.
+  /// By whom the end was requested, and why: for the end record. Empty: by the operator.
   void set_reason(const std::string& reason);
   std::string reason() const;
   /// "file:line" where the script was when it ended; empty until then, and where it came to its
@@ -101,7 +102,7 @@ class RunControl {
   void set_waiting_for(const std::string& what);
   void set_progress(double fraction, const std::string& doing);
   RunStatus status() const;
-  /// Changes each time the status does: for who watches.
+  /// Changes each time the status does, for observers that poll.
   unsigned long changes() const noexcept { return changes_.load(); }
 
   /// The script has felt the request and unwinds. From the abort tier on the devices are made safe
@@ -129,20 +130,26 @@ class RunControl {
   const pthread_t script_;
   std::atomic<StopTier> tier_{StopTier::none};
   static_assert(std::atomic<StopTier>::is_always_lock_free);
-  std::array<std::atomic<std::int64_t>, 4>
-      asked_at_{};  // ns of the steady clock, by tier; 0: never
-  std::atomic<bool> safe_{false}, pause_{false}, idle_{false};
-  std::atomic<unsigned long> changes_{0}, deliveries_{0};
+  /// ns of the steady clock, by tier; 0: never.
+  std::array<std::atomic<std::int64_t>, 4> requested_at_{};
+  std::atomic<bool> safe_{false};
+  std::atomic<bool> pause_{false};
+  std::atomic<bool> idle_{false};
+  std::atomic<unsigned long> changes_{0};
+  std::atomic<unsigned long> deliveries_{0};
   sem_t request_;
   mutable std::mutex mutex_;  // of what follows; never taken in a signal handler
   RunStatus status_;
-  std::string pause_at_, reason_, location_, override_by_;
+  std::string pause_at_;
+  std::string reason_;
+  std::string location_;
+  std::string override_by_;
   const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
   std::vector<std::string> failures_;
 };
 
 /// For signal handlers, on the script's thread: the control of the run that is going on, or null;
-/// and what makes its script feel a request, whoever made it.
+/// and the delivery of a request to its script, whatever thread it came from.
 RunControl* attached_control() noexcept;
 void deliver_to_script() noexcept;
 

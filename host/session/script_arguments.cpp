@@ -1,4 +1,4 @@
-// Arguments as people write them, name=value, against what the protocol declares.
+// Arguments of a protocol, written name=value, checked against its declaration.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/session/script_engine.h"
@@ -26,19 +26,22 @@ std::string listed(const std::vector<std::string>& words) {
 }
 
 std::string range_text(const Parameter& parameter, std::string_view dimension) {
-  const std::string min = format_quantity(parameter.min, dimension),
-                    max = format_quantity(parameter.max, dimension);
+  const std::string min = format_quantity(parameter.min, dimension);
+  const std::string max = format_quantity(parameter.max, dimension);
   if (std::isinf(parameter.max)) return "at least " + min;
   if (std::isinf(parameter.min)) return "at most " + max;
   return min + " to " + max;
 }
 
+/// The default as an argument: "speed=5um/s".
 std::string example(const Parameter& parameter, std::string_view dimension) {
   std::string text = format_quantity(std::get<double>(parameter.fallback), dimension);
   std::erase(text, ' ');
   return parameter.name + "=" + text;
 }
 
+/// The value in SI. A bare number is accepted only for a parameter without dimension: 5 could be mm
+/// or m.
 double read_number(const Parameter& parameter, const std::string& text) {
   const auto unit = find_unit(parameter.unit);
   const std::string dimension(unit ? unit->dimension : "");
@@ -91,6 +94,7 @@ std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& 
   for (const Parameter& parameter : protocol.parameters) known.push_back(parameter.name);
   std::map<std::string, ArgumentValue> values;
   for (const std::string& word : words) {
+    // The value may hold a "=" itself.
     const std::size_t equals = word.find('=');
     const std::string name = word.substr(0, equals);
     if (equals == std::string::npos || name.empty())
@@ -107,6 +111,7 @@ std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& 
     if (parameter.required && !values.contains(parameter.name))
       fail(parameter.name,
            "is missing; it is " + (parameter.help.empty() ? "needed" : parameter.help));
+  // Defaults; try_emplace() leaves those that were given.
   for (const Parameter& parameter : protocol.parameters)
     values.try_emplace(parameter.name, parameter.fallback);
   return values;

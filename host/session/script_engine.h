@@ -1,4 +1,4 @@
-// What the host asks of a script language. Implemented in host/lua/.
+// Script engine: interface of the host to a script language. Implemented in host/lua/.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -24,32 +24,39 @@ using ArgumentValue = std::variant<bool, double, std::string>;  // numbers in SI
 enum class ParameterKind { number, integer, flag, choice, text };
 
 struct Parameter {
-  std::string name, help;
+  std::string name;
+  std::string help;
   ParameterKind kind = ParameterKind::number;
-  std::string
-      unit;  // as the protocol declares it, e.g. "mm/s"; its dimension is what a value must have
+  /// As the protocol declares it, e.g. "mm/s"; its dimension is what a value must have.
+  std::string unit;
   ArgumentValue fallback;
-  double min = -std::numeric_limits<double>::infinity(),
-         max = std::numeric_limits<double>::infinity();  // SI
+  double min = -std::numeric_limits<double>::infinity();  // SI
+  double max = std::numeric_limits<double>::infinity();   // SI
   std::vector<std::string> choices;
-  bool required = false;  // a text that people must give: there is no sensible default
+  bool required = false;  // a text that must be given: there is no sensible default
 };
 
 /// How a protocol wants to be tested (scripts/testing.lua).
 struct ProtocolTest {
   enum class Kind { run, fail, stop } kind = Kind::run;
-  std::string arguments, answers;  // as on the command line, blanks between
-  std::string rig;                 // a name in scripts/rigs/ or a file; empty: the protocol's own
+  std::string arguments;  // as on the command line, blanks between
+  std::string answers;    // likewise
+  std::string rig;        // a name in scripts/rigs/ or a file; empty: the protocol's own
   std::uint64_t seed = 1;
   std::map<std::string, std::pair<double, double>> results;  // of run: least and most, SI
-  std::string fault, outcome, says;                          // of fail
-  int times = 100;                                           // of stop
+  std::string fault;                                         // of fail, as the two below
+  std::string outcome;
+  std::string says;
+  int times = 100;  // of stop
 };
 
 struct ProtocolDescription {
-  std::string file, name, title, text;  // name: the file's stem; text: the source
-  std::string about;                    // the comment at the file's head
-  std::vector<std::string> needs;       // roles
+  std::string file;
+  std::string name;  // the file's stem
+  std::string title;
+  std::string text;                // the source
+  std::string about;               // the comment at the file's head
+  std::vector<std::string> needs;  // roles
   std::string rig;  // on which it runs unless another is named; a name in scripts/rigs/, or empty
   std::vector<Parameter> parameters;  // in the order of their names
   std::vector<ProtocolTest> tests;    // as the file lists them
@@ -90,7 +97,7 @@ class ScriptEngine {
   virtual void run(const ProtocolDescription& protocol,
                    const std::map<std::string, ArgumentValue>& arguments, Session& session) = 0;
   /// Reads statements from `in` until its end; shows results on `out`, what is wrong on `err`.
-  /// Where nobody sits there, throws ScriptError at the end when some failed.
+  /// Where `in` is no terminal, throws ScriptError at the end when some failed.
   virtual void prompt(Session& session, LineEditor& in, std::ostream& out, std::ostream& err) = 0;
   /// Stops the script that runs, wherever it is: run() throws Stopped. Async-signal-safe.
   virtual void interrupt() noexcept = 0;

@@ -2,22 +2,12 @@
 #include "host/session/session.h"
 
 #include "host/files/log.h"
+#include "host/session/background.h"
 
-#include <algorithm>
 #include <stdexcept>
 #include <string>
 
 namespace vitreo {
-
-vision::Background learn_background(Camera& camera, int frames, Time from) {
-  if (frames < 2 || frames > 1000) throw std::invalid_argument("frames must be in [2, 1000]");
-  vision::Background background;
-  while (background.count() < frames) {
-    const Frame frame = camera.grab(from_seconds(std::max(1.0, 5 * camera.info().frame_period)));
-    if (frame.exposed >= from) background.learn(frame.image);
-  }
-  return background;
-}
 
 void Session::raise(const std::string& name, AlarmPriority priority, const std::string& text) {
   alarms.raise(name, priority, text);
@@ -25,7 +15,7 @@ void Session::raise(const std::string& name, AlarmPriority priority, const std::
 }
 
 void Session::note_alarms() {
-  for (const Event& event : alarms.take_events()) {
+  for (const Event& event : alarms.drain_events()) {
     recorder.event(event.time, event.kind, event.text);
     if (event.kind == "alarm") listener.message("ALARM " + event.text);
     if (rehearsal == nullptr) write_log(event.kind + ": " + event.text);
@@ -42,7 +32,7 @@ vision::Background Session::learn_background(int count) {
       clock.now(), "background",
       nlohmann::json{{"camera", "top_camera"}, {"from_ns", from.count()}, {"count", count}}.dump());
   // Once is enough for the side: a second learning during a run keeps the observer that is there.
-  // In a rehearsal poses stand in for images, and nobody reads the record.
+  // In a rehearsal poses stand in for images, and its record is thrown away.
   if (rig.side_camera != nullptr && !side_observations_ && rehearsal == nullptr) {
     vision::Background side = vitreo::learn_background(*rig.side_camera, count, clock.now());
     side_observations_ = std::make_unique<SideObservationBuffer>(clock);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/session/session.h"
+#include "host/session/progress_listener.h"
 
 #include <iosfwd>
 #include <mutex>

@@ -1,5 +1,5 @@
-// Whom the live view may be served to: this machine alone, or one named address of a network, for
-// people who hold a token file.
+// Admission to the live view: the address it is served at (this machine alone, or one named address
+// of a network) and the token file that a network wants.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,17 +15,14 @@ struct ViewRequest {
   std::filesystem::path token_file{};  // empty: each browser wants an invitation of its own
 };
 
-/// Throws ConfigError naming the option: an address that is none, every address at once (nobody
-/// could tell then whether a request was meant for us), one that other machines reach without a
+/// Throws ConfigError naming the option: an address that is none, every address at once (the Host
+/// header of a request could not be checked then), one that other machines reach without a
 /// token file.
 void check(const ViewRequest& request);
 
 /// The token in the file, 32 or more hexadecimal digits; a file that is not there is made, for its
 /// owner alone (mode 0600). Throws ConfigError naming the file: others may read or write it, it
-/// belongs to somebody else, it is no plain file or holds no such token.
+/// belongs to another user, it is no plain file or holds no such token.
 std::string shared_token(const std::filesystem::path& file);
-
-/// "192.168.1.5:8080", "[fd00::5]:8080": as it stands in an address.
-std::string host_and_port(const std::string& address, unsigned short port);
 
 }  // namespace vitreo::view

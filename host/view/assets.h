@@ -1,4 +1,4 @@
-// The page's files, as the build embedded them (host/view/embed.cmake).
+// Assets: the files of the page, as the build embedded them (host/view/embed.cmake).
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

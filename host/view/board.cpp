@@ -7,18 +7,20 @@ namespace vitreo::view {
 namespace {
 
 constexpr std::size_t kSamples = 3000;  // of a stream: 200 s at 15 Hz
-constexpr std::size_t kLines = 300;
+constexpr std::size_t kLines = 300;     // messages and events
 
 }  // namespace
 
 void Board::seen(const std::string& camera, const Frame& frame) {
   const std::lock_guard lock(mutex_);
   newest_ = std::max(newest_, frame.received);
-  frames_[camera] = frame;  // the pixels are shared
+  // A cv::Mat shares its pixels: nothing is copied here, and a frame is not written to again.
+  frames_[camera] = frame;
 }
 
 void Board::sample(const StreamInfo& stream, Time time, std::span<const double> values) {
-  if (stream.name == "truth") return;  // the loop does not see it: nor does who steers by this page
+  // Known to the simulator alone: an operator must not steer by what a real rig cannot show.
+  if (stream.name == "truth") return;
   const std::lock_guard lock(mutex_);
   newest_ = std::max(newest_, time);
   Held& held = streams_.try_emplace(stream.name, Held{stream, {}}).first->second;
@@ -35,6 +37,7 @@ void Board::event(Time time, const std::string& kind, const std::string& text) {
 void Board::message(const std::string& line) {
   terminal_.message(line);
   const std::lock_guard lock(mutex_);
+  // A message has no time of its own.
   add_line(to_seconds(newest_), "message", line);
 }
 
@@ -73,6 +76,7 @@ std::vector<Sample> Board::samples(const std::string& stream, std::optional<Time
   const auto& held = found->second.samples;
   auto begin = held.begin();
   if (after)
+    // From the end: the samples that are new are few.
     begin = std::find_if(held.rbegin(), held.rend(), [&](const Sample& s) {
               return s.time <= *after;
             }).base();

@@ -1,11 +1,11 @@
-// What the live view knows of a run: filled by the run's threads, which never wait for it, read by
-// the server's.
+// Board: the state of a run for the live view, written by the run's threads, which never wait for a
+// viewer, and read by the server's thread.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "devices/roles/camera.h"
 #include "host/record/record_listener.h"
-#include "host/session/session.h"
+#include "host/session/progress_listener.h"
 
 #include <cstdint>
 #include <deque>
@@ -25,7 +25,8 @@ struct Sample {
 struct Line {
   std::uint64_t number = 0;
   double time = 0;  // s of the experiment
-  std::string kind, text;
+  std::string kind;
+  std::string text;
 };
 
 /// Listens to the record and to the script's messages, and passes the latter on to the terminal.
@@ -52,7 +53,7 @@ class Board final : public RecordListener, public ProgressListener {
   std::vector<Sample> samples(const std::string& stream, std::optional<Time> after,
                               std::size_t count) const;
   std::vector<Line> lines(std::uint64_t after) const;
-  Time now() const;  // of the newest thing that was told
+  Time now() const;  // of the newest frame, sample or event
 
  private:
   void add_line(double time, const std::string& kind, const std::string& text);

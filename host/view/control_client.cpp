@@ -21,7 +21,8 @@ using Local = asio::local::stream_protocol;
 
 constexpr auto kPatience = std::chrono::seconds(5);  // for a reply
 
-/// For this user alone: who may connect may stop a run.
+/// The folder of the sockets, for this user alone: a connection is enough to stop a run. Throws
+/// std::runtime_error where it is not safe.
 fs::path runtime_folder() {
   const char* const given = std::getenv("XDG_RUNTIME_DIR");
   const fs::path folder = given != nullptr && *given != '\0'
@@ -30,17 +31,19 @@ fs::path runtime_folder() {
   if (mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
     throw std::runtime_error(folder.string() + ": cannot be made: " + std::strerror(errno));
   struct stat there = {};
+  // In /tmp another user may have made a folder, or a link, of that name before.
   if (lstat(folder.c_str(), &there) != 0 || !S_ISDIR(there.st_mode) || there.st_uid != getuid() ||
       (there.st_mode & 077) != 0)
     throw std::runtime_error(folder.string() + ": is not a folder that only this user can enter");
   return folder;
 }
 
-/// What a user typed need not be UTF-8.
+/// One line of JSON. Text that a user typed need not be UTF-8: what is not is replaced.
 std::string line_of(const nlohmann::json& message) {
   return message.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
+/// The socket of the one run whose name begins so. Throws ConfigError for none, and for several.
 fs::path find_run(const std::string& run) {
   std::vector<std::string> fitting;
   for (const std::string& name : controllable_runs())
@@ -65,9 +68,11 @@ std::vector<std::string> controllable_runs() {
   for (const auto& entry : fs::directory_iterator(runtime_folder())) {
     if (entry.path().extension() != ".sock") continue;
     boost::system::error_code failed;
+    // Whether there is a listener shows only when connecting.
     Local::socket(io).connect(Local::endpoint(entry.path().string()), failed);
     if (failed) {
-      std::error_code ignored;  // left by a host that was killed
+      // Left by a host that was killed.
+      std::error_code ignored;
       fs::remove(entry.path(), ignored);
     } else {
       names.push_back(entry.path().stem().string());
@@ -83,6 +88,7 @@ nlohmann::json control_run(const std::string& run, const nlohmann::json& request
   Local::iostream stream;
   stream.expires_after(kPatience);
   stream.connect(Local::endpoint(path.string()));
+  // Between the listing and this.
   if (!stream) throw ConfigError(name + ": has just ended");
   std::string reply;
   if (!(stream << line_of(request) << std::flush) || !std::getline(stream, reply))
@@ -120,6 +126,7 @@ bool ControlConnection::receive() {
   char bytes[4096];
   boost::system::error_code failed;
   const std::size_t count = state_->socket.read_some(asio::buffer(bytes), failed);
+  // By a signal, such as a change of the terminal's size.
   if (failed == asio::error::interrupted) return true;
   state_->received.append(bytes, count);
   return !failed;

@@ -22,8 +22,9 @@ using Local = asio::local::stream_protocol;
 
 constexpr std::size_t kLongestLine = 64 << 10;
 constexpr std::size_t kMostClients = 16;
-constexpr auto kLook = std::chrono::milliseconds(50);  // how late a change of the status is noticed
+constexpr auto kStatusPeriod = std::chrono::milliseconds(50);  // of the checks for a change
 
+/// "positions" of a target, m, world; empty for other requests. Throws std::invalid_argument.
 std::vector<Eigen::Vector3d> positions_of(const nlohmann::json& request) {
   std::vector<Eigen::Vector3d> positions;
   for (const nlohmann::json& one : request.value("positions", nlohmann::json::array())) {
@@ -34,6 +35,7 @@ std::vector<Eigen::Vector3d> positions_of(const nlohmann::json& request) {
   return positions;
 }
 
+/// The request as a command of OperatorDesk; a field of the wrong type throws.
 OperatorCommand command_of(const nlohmann::json& request) {
   OperatorCommand command;
   command.word = request.at("do");
@@ -59,6 +61,7 @@ nlohmann::json answer_request(const std::string& line, OperatorDesk& desk) {
     if (!request.is_object() || !request.contains("do"))
       throw std::invalid_argument("wants {\"do\": WORD}");
     const OperatorCommand command = command_of(request);
+    // These two only read; "watch" is noted by the server.
     if (command.word != "status" && command.word != "watch") desk.perform(command);
     return status_reply(desk);
   } catch (const std::exception& error) {
@@ -66,7 +69,7 @@ nlohmann::json answer_request(const std::string& line, OperatorDesk& desk) {
   }
 }
 
-/// All on one thread of its own, the constructor and the destructor excepted.
+/// All on one thread of its own, the constructor and the destructor excepted; so nothing is locked.
 struct ControlSocket::Server {
   struct Client {
     explicit Client(Local::socket its_socket) : socket(std::move(its_socket)) {}
@@ -74,6 +77,7 @@ struct ControlSocket::Server {
     std::string received;
     bool watches = false;
   };
+  // A list: an entry stays valid when others are dropped.
   using Entry = std::list<Client>::iterator;
 
   Server(fs::path the_path, OperatorDesk& the_desk) : path(std::move(the_path)), desk(the_desk) {
@@ -81,6 +85,7 @@ struct ControlSocket::Server {
     fs::remove(path, ignored);
     try {
       const Local::endpoint endpoint(path.string());
+      // A file of that name was left by a host that was killed: removed above.
       acceptor.open(endpoint.protocol());
       acceptor.bind(endpoint);
       acceptor.listen(4);
@@ -88,7 +93,7 @@ struct ControlSocket::Server {
       throw std::runtime_error(path.string() + ": cannot listen: " + error.what());
     }
     accept();
-    look();
+    send_changes();
     thread = quiet_thread([this] { io.run(); });
   }
   ~Server() {
@@ -100,6 +105,7 @@ struct ControlSocket::Server {
 
   void accept() {
     acceptor.async_accept([this](boost::system::error_code failed, Local::socket socket) {
+      // Beyond that the connection is closed again, by the end of `socket`.
       if (!failed && clients.size() < kMostClients) {
         socket.non_blocking(true, failed);
         clients.emplace_back(std::move(socket));
@@ -110,6 +116,7 @@ struct ControlSocket::Server {
   }
 
   void read(Entry client) {
+    // A line beyond kLongestLine is an error of the read, and drops the client.
     asio::async_read_until(client->socket, asio::dynamic_buffer(client->received, kLongestLine),
                            '\n', [this, client](boost::system::error_code failed, std::size_t end) {
                              if (failed || !answer(*client, end)) return drop(client);
@@ -119,6 +126,7 @@ struct ControlSocket::Server {
 
   /// The first `end` bytes are a line. False: the client does not read.
   bool answer(Client& client, std::size_t end) {
+    // Without the line end.
     const std::string line = client.received.substr(0, end - 1);
     client.received.erase(0, end);
     const nlohmann::json reply = answer_request(line, desk);
@@ -143,16 +151,18 @@ struct ControlSocket::Server {
   }
   void drop(Entry client) { clients.erase(client); }
 
-  void look() {
-    timer.expires_after(kLook);
+  void send_changes() {
+    timer.expires_after(kStatusPeriod);
     timer.async_wait([this](boost::system::error_code) {
+      // The desk counts changes under the run's threads; the server polls, so that they never wait
+      // for it.
       if (const unsigned long changes = desk.changes(); changes != notified) {
         notified = changes;
         const nlohmann::json reply = status_reply(desk);
         for (Client& client : clients)
           if (client.watches && !send(client, reply)) close(client);
       }
-      look();
+      send_changes();
     });
   }
 
@@ -175,6 +185,7 @@ void ControlFace::begin(Session& session) {
     const std::string name = session.recorder.folder().filename().string();
     socket_ = std::make_unique<ControlSocket>(control_socket_path(name), session.desk);
   } catch (const std::exception& error) {
+    // The run goes on: it can still be steered at the terminal.
     session.recorder.event(session.clock.now(), "error",
                            std::string("no control socket: ") + error.what());
   }

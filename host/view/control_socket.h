@@ -1,5 +1,5 @@
-// Control socket: one more program on this machine may follow and steer a running run. A Unix
-// socket, JSON lines.
+// Control socket: a Unix socket with JSON lines, by which programs on this machine follow and steer
+// a running run.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

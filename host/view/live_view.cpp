@@ -17,21 +17,23 @@ namespace vitreo::view {
 namespace {
 
 using nlohmann::json;
-constexpr auto kFramePeriod =
-    std::chrono::milliseconds(30);  // a multiple of the tick: 30 frames a second pass
+// A multiple of the server's tick of 10 ms: 30 frames a second pass.
+constexpr auto kFramePeriod = std::chrono::milliseconds(30);
 constexpr auto kStatePeriod = std::chrono::milliseconds(100);
-constexpr Time kLook =
-    std::chrono::milliseconds(500);  // of the experiment, between two readings of temperatures
-constexpr std::size_t kHistory = 600,
-                      kMostRows = 200;  // rows of a stream: for who joins, and at once
+// Of the experiment, between two readings of the coils' temperatures.
+constexpr Time kTemperaturePeriod = std::chrono::milliseconds(500);
+constexpr std::size_t kHistory = 600;   // rows of a stream for a viewer that joins
+constexpr std::size_t kMostRows = 200;  // rows of a stream in one message
 constexpr int kJpegQuality = 80;
 
 std::string text_of(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
+// JSON has no NaN: what is not known is null.
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
 
+// [[t, value, ...], ...], t in s of the experiment, in time's order.
 json rows_of(const std::vector<Sample>& samples) {
   json rows = json::array();
   for (const Sample& sample : samples) {
@@ -47,6 +49,7 @@ std::shared_ptr<const std::string> packed(int slot, const Frame& frame) {
   std::vector<unsigned char> jpeg;
   cv::imencode(".jpg", frame.image, jpeg, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   const auto bytes = std::make_shared<std::string>();
+  // The machine's own byte order: x86 and ARM are little-endian.
   const auto add = [&bytes](auto value) {
     bytes->append(reinterpret_cast<const char*>(&value), sizeof value);
   };
@@ -59,8 +62,8 @@ std::shared_ptr<const std::string> packed(int slot, const Frame& frame) {
   return bytes;
 }
 
-/// What one viewer has been told.
-struct Told {
+/// Newest items that were sent to one viewer, so that it gets each once.
+struct Sent {
   std::map<std::string, std::uint64_t> frames;
   std::map<std::string, Time> streams;
   std::uint64_t lines = 0;
@@ -75,10 +78,11 @@ struct LiveView::State {
       : board(terminal),
         token_file(request.token_file),
         server(settings(request),
-               {[this](int viewer) { told[viewer] = {}; }, [this](int viewer) { leave(viewer); },
+               {[this](int viewer) { sent[viewer] = {}; }, [this](int viewer) { leave(viewer); },
                 [this](int viewer, const std::string& message) { receive(viewer, message); },
                 [this] { tick(); }}) {}
 
+  /// Checked before anything listens.
   static ServerSettings settings(const ViewRequest& request) {
     check(request);
     return {.address = request.address,
@@ -89,6 +93,7 @@ struct LiveView::State {
 
   Board board;
   const std::filesystem::path token_file;
+  // end() runs on the script's thread, tick() and receive() on the server's.
   std::mutex mutex;  // of what end() takes away
   Session* session = nullptr;
   std::string title, outcome;
@@ -96,20 +101,20 @@ struct LiveView::State {
   std::optional<Pointing> pointing;
   std::unique_ptr<Task> watcher;
   // The server's thread only.
-  std::map<int, Told> told;
-  int operator_viewer = 0;  // 0: nobody has control
+  std::map<int, Sent> sent;
+  int operator_viewer = 0;  // the viewer that has control; 0: none
   std::chrono::steady_clock::time_point framed{}, stated{};
   std::map<std::pair<std::string, std::uint64_t>, std::shared_ptr<const std::string>> encoded;
   WebServer server;  // last: its thread uses all the others
 
   void leave(int viewer) {
-    told.erase(viewer);
+    sent.erase(viewer);
     if (operator_viewer == viewer) operator_viewer = 0;
   }
   void tick();
   void show_frames();
-  void show_state(int viewer, Told& known);
-  void greet(int viewer, Told& known);
+  void show_state(int viewer, Sent& known);
+  void greet(int viewer, Sent& known);
   json status(int viewer);
   void receive(int viewer, const std::string& message);
   json perform(int viewer, const json& message);
@@ -120,6 +125,7 @@ void LiveView::State::tick() {
   const auto now = std::chrono::steady_clock::now();
   const std::lock_guard lock(mutex);
   if (session == nullptr) {
+    // After the run: its outcome, once.
     if (!std::exchange(end_sent, true))
       for (const int viewer : server.viewers()) server.send(viewer, text_of({{"ended", outcome}}));
     return;
@@ -128,7 +134,7 @@ void LiveView::State::tick() {
   const bool due = now - stated >= kStatePeriod;
   if (due) stated = now;
   for (const int viewer : server.viewers()) {
-    Told& known = told[viewer];
+    Sent& known = sent[viewer];
     if (!known.greeted) greet(viewer, known);
     if (due) show_state(viewer, known);
   }
@@ -137,16 +143,18 @@ void LiveView::State::tick() {
 void LiveView::State::show_frames() {
   int slot = 0;
   for (const std::string& camera : board.cameras()) {
+    // A viewer whose last frame is still on its way is skipped: it gets the newest one later.
     std::shared_ptr<const std::string> bytes;  // encoded once for all
     for (const int viewer : server.viewers()) {
       if (server.busy(viewer, slot)) continue;
-      auto& last = told[viewer].frames;
+      auto& last = sent[viewer].frames;
       const auto known = last.find(camera);
       const auto frame = board.frame(
           camera, known == last.end() ? std::nullopt : std::optional<std::uint64_t>(known->second));
       if (!frame) continue;
       auto& kept = encoded[{camera, frame->number}];
       if (!kept) {
+        // A new frame of this camera: its older encoding is of no use any more.
         std::erase_if(encoded, [&](const auto& one) {
           return one.first.first == camera && one.first.second != frame->number;
         });
@@ -161,7 +169,8 @@ void LiveView::State::show_frames() {
   }
 }
 
-void LiveView::State::greet(int viewer, Told& known) {
+/// Constants of the run: title, parameters, geometry.
+void LiveView::State::greet(int viewer, Sent& known) {
   known.greeted = true;
   const RunStart& start = session->recorder.start();
   json geometry = pointing->to_json();
@@ -176,7 +185,8 @@ void LiveView::State::greet(int viewer, Told& known) {
                                  {"geometry", geometry}}}}));
 }
 
-void LiveView::State::show_state(int viewer, Told& known) {
+/// News for this viewer: rows of streams, lines, and the status.
+void LiveView::State::show_state(int viewer, Sent& known) {
   json message = {{"time", to_seconds(board.now())}, {"cameras", board.cameras()}};
   for (const StreamInfo& info : board.streams()) {
     const auto last = known.streams.find(info.name);
@@ -201,14 +211,17 @@ json LiveView::State::status(int viewer) {
   json state = session->desk.status();
   state["control"] = operator_viewer == viewer ? "mine" : operator_viewer == 0 ? "free" : "taken";
   state["takes_targets"] = session->targets.wanted();
-  state["viewers"] = told.size();
-  const auto servo = board.samples("servo", {}, 1), currents = board.samples("currents", {}, 1);
+  state["viewers"] = sent.size();
+  const auto servo = board.samples("servo", {}, 1);
+  const auto currents = board.samples("currents", {}, 1);
+  // The robot's marks and the field at it, from the newest rows.
   if (!servo.empty()) state.update(pointing->marks(servo[0].values));
   if (!currents.empty() && !servo.empty())
     state["field"] = pointing->field(servo[0].values, currents[0].values);
   return state;
 }
 
+/// Message of a viewer; a request that cannot be carried out is answered with {"refused": why}.
 void LiveView::State::receive(int viewer, const std::string& message) {
   const std::lock_guard lock(mutex);
   json reply;
@@ -259,7 +272,8 @@ LiveView::LiveView(const ViewRequest& request, ProgressListener& terminal)
     : state_(std::make_unique<State>(request, terminal)) {}
 LiveView::~LiveView() {
   end("");
-  for (int wait = 0; wait < 10; ++wait) {  // for the last words on their way
+  // The server's thread sends the outcome at its next tick.
+  for (int wait = 0; wait < 10; ++wait) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     const std::lock_guard lock(state_->mutex);
     if (state_->end_sent) break;
@@ -275,13 +289,15 @@ void LiveView::begin(Session& session) {
     state_->pointing.emplace(session.rig.model);
     state_->session = &session;
   }
+  // The board listens to the record, and frames come also while the script grabs none.
   session.recorder.watch(&state_->board);
   session.frames.watch();
   state_->watcher = session.clock.spawn(
       "live view", [&session, this,
                     info = StreamInfo{"coil_temperature", "the interlock's model", {}}]() mutable {
+        // The interlock's temperatures are no stream of the record, so they are read here.
         while (session.rig.coils != nullptr) {
-          session.clock.sleep_for(kLook);
+          session.clock.sleep_for(kTemperaturePeriod);
           const std::vector<double> kelvins = session.rig.coils->temperatures();
           while (info.channels.size() < kelvins.size())
             info.channels.push_back({"t" + std::to_string(info.channels.size() + 1), "K"});
@@ -292,6 +308,7 @@ void LiveView::begin(Session& session) {
 }
 
 void LiveView::end(const std::string& outcome) {
+  // First, and without the lock: it is a task that uses the session.
   state_->watcher.reset();
   const std::lock_guard lock(state_->mutex);
   if (state_->session == nullptr) return;
@@ -303,9 +320,9 @@ void LiveView::end(const std::string& outcome) {
 
 std::string LiveView::invitation() {
   if (state_->token_file.empty()) return state_->server.invitation();
+  // Not the token itself: a screen is read by more people than the file is.
   return state_->server.address() + "?token=TOKEN, with what stands in " +
-         state_->token_file.string() +
-         " for TOKEN";  // not itself: a screen is seen by more people than the file is
+         state_->token_file.string() + " for TOKEN";
 }
 
 }  // namespace vitreo::view

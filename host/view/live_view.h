@@ -1,6 +1,6 @@
-// The live view of a run (thesis figures 6.2, 6.7 and 6.8, and better): a page in the browser that
-// shows it, from which an operator can stop it, answer its questions, and point at places for the
-// robot. docs/live_view.md has the protocol.
+// Live view of a run (thesis figures 6.2, 6.7 and 6.8, and better): a page in the browser that
+// shows it, from which an operator can stop it, answer its questions, and point at positions for
+// the robot. docs/live_view.md has the protocol.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,13 +22,13 @@ class LiveView final : public Face {
   ~LiveView() override;
   /// Stands before the terminal: what the script says goes to both.
   ProgressListener& listener();
-  /// Shows this session from now on, and says at the terminal where.
+  /// Shows this session from now on, and prints the invitation at the terminal.
   void begin(Session& session) override;
-  /// No thread of the view touches the session after this. `outcome` is told to the viewers:
+  /// No thread of the view touches the session after this. `outcome` is sent to the viewers:
   /// "stopped: ...".
   void end(const std::string& outcome) override;
-  /// Where the page is: with a token that lets one browser in, or saying in which file the token
-  /// is.
+  /// Address of the page: with a token that admits one browser, or naming the file that holds the
+  /// token.
   std::string invitation();
 
  private:

@@ -11,6 +11,7 @@
 namespace vitreo::view {
 namespace {
 
+/// The list as `count` numbers. Throws std::invalid_argument.
 Eigen::VectorXd numbers(const nlohmann::json& list, int count, const std::string& what) {
   if (!list.is_array() || static_cast<int>(list.size()) != count)
     throw std::invalid_argument(what + " wants " + std::to_string(count) + " numbers");
@@ -23,6 +24,7 @@ Eigen::VectorXd numbers(const nlohmann::json& list, int count, const std::string
   return values;
 }
 
+/// A field of the message, m. Throws std::invalid_argument.
 double meters(const nlohmann::json& message, const std::string& name) {
   const auto found = message.find(name);
   if (found == message.end() || !found->is_number())
@@ -34,7 +36,9 @@ double meters(const nlohmann::json& message, const std::string& name) {
 
 nlohmann::json Pointing::to_json() const {
   const auto& retina = model_.eye.surfaces.front();
-  const auto middle = pixel_of({0, 0, 0}), beside = pixel_of({1e-4, 0, 0});
+  // Scale of the top image at the workspace's center, over 0.1 mm: the projection is not linear.
+  const auto middle = pixel_of({0, 0, 0});
+  const auto beside = pixel_of({1e-4, 0, 0});
   return {{"top_px_per_m",
            middle && beside ? nlohmann::json((*beside - *middle).norm() / 1e-4) : nullptr},
           {"side_pixel", model_.side_pixel},
@@ -43,25 +47,30 @@ nlohmann::json Pointing::to_json() const {
           {"lens_z", model_.eye_in_world.z() + model_.eye.vertex(2)}};
 }
 
-std::optional<Eigen::Vector2d> Pointing::pixel_of(const Eigen::Vector3d& place) const {
-  const auto m = model_.projection.project(place - model_.eye_in_world);
+std::optional<Eigen::Vector2d> Pointing::pixel_of(const Eigen::Vector3d& position) const {
+  // From the eye's frame to m in the image, then to px.
+  const auto m = model_.projection.project(position - model_.eye_in_world);
   if (!m) return {};
   return model_.top_image.pixel_from_m(*m);
 }
 
 Eigen::Vector3d Pointing::at_height(const Eigen::Vector2d& pixel, double z) const {
-  constexpr double kStep = 1e-6, kConverged = 1e-9;
-  Eigen::Vector3d place(0, 0, z);
+  constexpr double kStep = 1e-6;       // m, of the difference quotients
+  constexpr double kConverged = 1e-9;  // m
+  Eigen::Vector3d position(0, 0, z);
   for (int step = 0; step < 30; ++step) {
-    const auto here = pixel_of(place), right = pixel_of(place + Eigen::Vector3d(kStep, 0, 0)),
-               up = pixel_of(place + Eigen::Vector3d(0, kStep, 0));
+    const auto here = pixel_of(position);
+    const auto right = pixel_of(position + Eigen::Vector3d(kStep, 0, 0));
+    const auto up = pixel_of(position + Eigen::Vector3d(0, kStep, 0));
     if (!here || !right || !up) break;
+    // Newton: J (x, y)' = pixel - projected pixel, with J by forward differences, px/m.
     Eigen::Matrix2d per_m;
     per_m << (*right - *here) / kStep, (*up - *here) / kStep;
     Eigen::Vector2d move = per_m.inverse() * (pixel - *here);
     if (!move.allFinite()) break;
-    if (move.norm() < kConverged) return place;
-    place.head<2>() += move.norm() > 2e-3 ? Eigen::Vector2d(2e-3 * move.normalized()) : move;
+    if (move.norm() < kConverged) return position;
+    // At most 2 mm a step: far from the solution the linearization may leave the eye.
+    position.head<2>() += move.norm() > 2e-3 ? Eigen::Vector2d(2e-3 * move.normalized()) : move;
   }
   throw std::invalid_argument("nothing at that height shows there");
 }
@@ -83,23 +92,26 @@ std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message) 
         found.push_back(at_height(pixel, meters(message, "z")));
         continue;
       }
+      // The side camera shows x to the right and z up, at one scale; image rows go down.
       const Eigen::Vector2d off = (pixel - model_.side_center_px) * model_.side_pixel;
       found.emplace_back(off.x(), meters(message, "y"), -off.y());
     }
   }
-  for (const Eigen::Vector3d& place : found)
-    check_reach(model_, control::Trajectory::hold_at(place));
+  for (const Eigen::Vector3d& position : found)
+    // A target outside is refused here, where the operator sees why.
+    check_reach(model_, control::Trajectory::hold_at(position));
   return found;
 }
 
 nlohmann::json Pointing::marks(const std::vector<double>& servo) const {
   nlohmann::json marks = nlohmann::json::object();
-  const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(servo.data());
+  const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());
   const Eigen::Vector3d target = Eigen::Map<const Eigen::Vector3d>(servo.data() + 3);
   const double radius = model_.eye.surfaces.front().radius;
-  if (place.allFinite())
+  if (robot.allFinite())
+    // The retina is a sphere through the eye's origin, with its center a radius above it.
     marks["retina_distance"] =
-        radius - (place - model_.eye_in_world - Eigen::Vector3d(0, 0, radius)).norm();
+        radius - (robot - model_.eye_in_world - Eigen::Vector3d(0, 0, radius)).norm();
   if (!target.allFinite()) return marks;
   if (const auto pixel = pixel_of(target)) marks["target_px"] = {pixel->x(), pixel->y()};
   return marks;
@@ -107,13 +119,14 @@ nlohmann::json Pointing::marks(const std::vector<double>& servo) const {
 
 nlohmann::json Pointing::field(const std::vector<double>& servo,
                                const std::vector<double>& currents) const {
-  const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(servo.data());
+  const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());
   const auto count = static_cast<Eigen::Index>(currents.size());
-  if (!place.allFinite() || !model_.field.valid_at(place) || model_.field.coils() != count)
+  if (!robot.allFinite() || !model_.field.valid_at(robot) || model_.field.coils() != count)
     return nullptr;
   const Eigen::VectorXd amperes = Eigen::Map<const Eigen::VectorXd>(currents.data(), count);
+  // The field model is linear in the currents; its first three rows are the field, T.
   const Eigen::Vector3d b =
-      (model_.field.matrix(place) * amperes + model_.field.background(place)).head<3>();
+      (model_.field.matrix(robot) * amperes + model_.field.background(robot)).head<3>();
   const double size = b.norm();
   if (!(size > 0)) return nullptr;
   return {{"tesla", size}, {"direction", {b.x() / size, b.y() / size, b.z() / size}}};

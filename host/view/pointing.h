@@ -16,11 +16,11 @@ class Pointing {
  public:
   explicit Pointing(const RigModel& model) : model_(model) {}
 
-  /// What the page needs to draw: {"side_pixel", "side_center", "top_px_per_m", "retina": {"z",
+  /// Geometry for the page's drawing: {"side_pixel", "side_center", "top_px_per_m", "retina": {"z",
   /// "radius"}, "lens_z"}; m and px.
   nlohmann::json to_json() const;
 
-  /// The places, m, world, that a message of the page means; each is within reach
+  /// The positions, m, world, that a message of the page means; each is within reach
   /// (host/servo/servo.h's check_reach).
   ///   {"camera": "top_camera", "points": [[u, v], ...], "z": m}: on these pixels, at that height
   ///   {"camera": "side_camera", "points": [[u, v], ...], "y": m}: x and z from the pixels
@@ -33,9 +33,9 @@ class Pointing {
   /// shows there.
   Eigen::Vector3d at_height(const Eigen::Vector2d& pixel, double z) const;
 
-  /// Where the target shows in the top camera, px, and how far the retina (its sphere, thesis
-  /// table 3.1) is from the robot, m:
-  /// {"target_px", "retina_distance"} with what there is, from the last row of the stream servo.
+  /// Image of the target in the top camera, px, and the robot's distance from the retina (its
+  /// sphere, thesis table 3.1), m: {"target_px", "retina_distance"} with what there is, from the
+  /// last row of the stream servo.
   nlohmann::json marks(const std::vector<double>& servo) const;
 
   /// The commanded field at the robot, {"tesla", "direction": [x, y, z]}, from the last rows of the
@@ -43,7 +43,7 @@ class Pointing {
   nlohmann::json field(const std::vector<double>& servo, const std::vector<double>& currents) const;
 
  private:
-  std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector3d& place) const;
+  std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector3d& position) const;
   const RigModel model_;
 };
 

@@ -3,7 +3,6 @@
 
 #include "devices/time/quiet_thread.h"
 #include "host/config/config.h"
-#include "host/view/admission.h"
 
 #include <algorithm>
 #include <boost/asio/ip/tcp.hpp>
@@ -33,19 +32,27 @@ using tcp = asio::ip::tcp;
 using Request = http::request<http::string_body>;
 using Response = http::response<http::string_body>;
 
-constexpr std::size_t kLongestHeader = 8 << 10, kLongestBody = 64 << 10, kLongestMessage = 64 << 10;
+constexpr std::size_t kLongestHeader = 8 << 10;
+constexpr std::size_t kLongestBody = 64 << 10;
+constexpr std::size_t kLongestMessage = 64 << 10;
 constexpr std::size_t kMostQueued = 1 << 20;  // bytes of text that wait for one viewer
 constexpr auto kTick = std::chrono::milliseconds(10);
 constexpr int kMessagesPerSecond = 200;
 constexpr std::size_t kMostCookies = 10000;  // of browsers that came with the shared token
 constexpr const char* kCookie = "vitreo=";
 
-/// In a time that does not tell where two texts differ.
+/// Comparison of secrets in a time that does not depend on where they differ.
 bool equal(std::string_view a, std::string_view b) {
   unsigned char difference = a.size() == b.size() ? 0 : 1;
   for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
     difference = static_cast<unsigned char>(difference | (a[i] ^ b[i]));
   return difference == 0;
+}
+
+/// "192.168.1.5:8080", "[fd00::5]:8080": host and port of a URL (RFC 3986, 3.2).
+std::string host_and_port(const std::string& address, unsigned short port) {
+  const bool six = address.find(':') != std::string::npos;
+  return (six ? "[" + address + "]" : address) + ":" + std::to_string(port);
 }
 
 std::string_view view_of(beast::string_view text) { return {text.data(), text.size()}; }
@@ -65,6 +72,7 @@ std::string_view cookie_in(std::string_view header) {
 }  // namespace
 
 std::string random_token() {
+  // Not a seeded generator: a token must not be predictable.
   std::random_device random;
   std::string token;
   for (int word = 0; word < 4; ++word) {
@@ -100,11 +108,14 @@ struct WebServer::State {
   std::string host() const {
     return host_and_port(settings.address, listener.local_endpoint().port());
   }
+  /// Against DNS rebinding: a foreign name that resolves to this machine is not accepted as Host.
   bool is_ours(std::string_view host_word) const {
     const std::string port = ":" + std::to_string(listener.local_endpoint().port());
     return host_word == host() ||
            (settings.address == "127.0.0.1" && host_word == "localhost" + port);
   }
+  /// Whether the request has the cookie of an admitted browser; a program may send it as a bearer
+  /// token (RFC 6750).
   bool known(const Request& request) {
     std::string_view secret = cookie_in(view_of(request[http::field::cookie]));
     const std::string_view bearer = view_of(request[http::field::authorization]);
@@ -126,6 +137,8 @@ struct WebServer::State {
     tokens.erase(found);
     return *cookies.insert(random_token()).first;
   }
+  /// A WebSocket is not bound by the same-origin policy, so the origin is checked here (RFC 6455,
+  /// 10.2); only a program with a bearer token sends none.
   bool may_upgrade(const Request& request) {
     const std::string_view origin = view_of(request[http::field::origin]);
     if (origin.empty()) return view_of(request[http::field::authorization]).starts_with("Bearer ");
@@ -144,13 +157,15 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     websocket::stream_base::timeout patience{};
     patience.handshake_timeout = state_.settings.patience;
     patience.idle_timeout = state_.settings.patience;
+    // A viewer that says nothing is asked; one that does not answer is dropped.
     patience.keep_alive_pings = true;
     beast::get_lowest_layer(socket_).expires_never();
     socket_.set_option(patience);
     socket_.read_message_max(kLongestMessage);
     socket_.auto_fragment(false);
     socket_.control_callback(
-        [this](websocket::frame_type kind, beast::string_view) {  // pings cost answers, too
+        // A ping costs an answer, too.
+        [this](websocket::frame_type kind, beast::string_view) {
           if (kind == websocket::frame_type::ping && floods()) drop();
         });
     socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
@@ -164,6 +179,7 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
   void send(const std::string& text) {
     if (!open_) return;
     queued_ += text.size();
+    // Nothing waits for a viewer: it may reload the page.
     if (queued_ > kMostQueued) return drop();
     texts_.push_back(text);
     write();
@@ -178,6 +194,7 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     return (found != frames_.end() && found->second != nullptr) || slot_being_sent_ == slot;
   }
   void drop() {
+    // Both the reader and the writer come here when a connection breaks.
     if (!std::exchange(open_, false)) return;
     beast::error_code ignored;
     beast::get_lowest_layer(socket_).socket().shutdown(tcp::socket::shutdown_both, ignored);
@@ -199,10 +216,14 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
   }
   bool floods() {
     const auto now = std::chrono::steady_clock::now();
-    if (now - second_began_ > std::chrono::seconds(1)) second_began_ = now, in_second_ = 0;
+    if (now - second_began_ > std::chrono::seconds(1)) {
+      second_began_ = now;
+      in_second_ = 0;
+    }
     return ++in_second_ > kMessagesPerSecond;
   }
   void write() {
+    // One write at a time, as Beast demands; texts go before frames.
     if (writing_ || !open_) return;
     if (!texts_.empty()) {
       sending_ = std::make_shared<const std::string>(std::move(texts_.front()));
@@ -220,6 +241,7 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     socket_.async_write(asio::buffer(*sending_),
                         [self = shared_from_this()](beast::error_code error, std::size_t) {
                           self->writing_ = false;
+                          // It was a text.
                           if (self->slot_being_sent_ < 0)
                             self->queued_ -= std::min(self->queued_, self->sending_->size());
                           self->slot_being_sent_ = -1;
@@ -231,7 +253,8 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
   State& state_;
   websocket::stream<beast::tcp_stream> socket_;
   const int number_;
-  bool open_ = false, writing_ = false;
+  bool open_ = false;
+  bool writing_ = false;
   beast::flat_buffer received_{kLongestMessage + 16};
   std::deque<std::string> texts_;
   std::size_t queued_ = 0;
@@ -263,6 +286,7 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
 
  private:
   void take(Request request) {
+    // What is refused gets a plain HTTP answer.
     if (websocket::is_upgrade(request) && view_of(request.target()) == "/live" &&
         state_.is_ours(view_of(request[http::field::host])) && state_.known(request) &&
         state_.may_upgrade(request) && state_.viewers.size() < state_.settings.most_viewers) {
@@ -272,6 +296,7 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
     response_ = state_.answer(request);
     response_->keep_alive(request.keep_alive() && response_->result() == http::status::ok);
     response_->prepare_payload();
+    // After prepare_payload(): the length is that of the whole.
     if (request.method() == http::verb::head) response_->body().clear();
     http::async_write(stream_, *response_,
                       [self = shared_from_this()](beast::error_code error, std::size_t) {
@@ -289,6 +314,7 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
   std::optional<Response> response_;
 };
 
+/// The answer to a request that is no WebSocket: host, method, invitation, cookie, then the file.
 Response WebServer::State::answer(const Request& request) {
   const auto reply = [&request](http::status status, const std::string& text) {
     Response response(status, request.version());
@@ -298,6 +324,7 @@ Response WebServer::State::answer(const Request& request) {
     response.set("Referrer-Policy", "no-referrer");
     response.set(
         "Content-Security-Policy",
+        // No script but ours, no frame around it; pictures also from memory (the frames).
         "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; "
         "form-action 'none'");
     response.body() = text;
@@ -317,6 +344,8 @@ Response WebServer::State::answer(const Request& request) {
                    "this invitation was used already, or is none of ours\n");
     Response response = reply(http::status::see_other, "");
     response.set(http::field::set_cookie,
+                 // HttpOnly: no script reads it. SameSite: other sites do not send it. The redirect
+                 // takes the token out of the address bar.
                  kCookie + *cookie + "; HttpOnly; SameSite=Strict; Path=/");
     response.set(http::field::location, "/");
     return response;
@@ -338,6 +367,7 @@ Response WebServer::State::answer(const Request& request) {
 void WebServer::State::listen() {
   const tcp::endpoint where(asio::ip::make_address(settings.address), settings.port);
   listener.open(where.protocol());
+  // A port that was just left may be used at once.
   listener.set_option(asio::socket_base::reuse_address(true));
   listener.bind(where);
   listener.listen();
@@ -346,6 +376,7 @@ void WebServer::State::listen() {
 void WebServer::State::accept() {
   listener.async_accept([this](beast::error_code error, tcp::socket socket) {
     if (error == asio::error::operation_aborted) return;
+    // A browser opens several connections; beyond that they are closed.
     if (!error && visitors < 4 * settings.most_viewers)
       std::make_shared<Visitor>(*this, std::move(socket))->read();
     accept();
@@ -375,6 +406,7 @@ WebServer::WebServer(ServerSettings settings, Callbacks callbacks)
 }
 
 WebServer::~WebServer() {
+  // Handlers that are pending are destroyed with the io_context, after the viewers.
   state_->io.stop();
   state_->thread.join();
   state_->viewers.clear();

@@ -1,6 +1,6 @@
-// The web server of the live view: a table of files and one WebSocket, for people whom a token let
-// in. Its library, Boost.Beast, is read by web_server.cpp alone. It has a thread of its own, and
-// nobody waits for a viewer.
+// Web server of the live view: a table of files and one WebSocket, for browsers that a token has
+// admitted. It has a thread of its own and never waits for a viewer. Boost.Beast is included by
+// web_server.cpp alone.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +15,8 @@ namespace vitreo::view {
 
 /// A file of the page, as the build embedded it.
 struct Asset {
-  std::string path, type;  // "/assets/index.js", "text/javascript"
+  std::string path;        // "/assets/index.js"
+  std::string type;        // "text/javascript"
   std::string_view bytes;  // gzipped where `gzip` is set
   bool gzip = false;
 };
@@ -25,10 +26,10 @@ struct ServerSettings {
   unsigned short port = 0;  // 0: any that is free
   std::vector<Asset> assets;
   std::size_t most_viewers = 32;
-  std::string
-      shared_token{};  // lets in whoever knows it, as often as they like; empty: there is none
-  std::chrono::milliseconds patience =
-      std::chrono::seconds(10);  // with a request, and with a viewer who is silent
+  /// Admits any number of browsers, any number of times; empty: there is none.
+  std::string shared_token{};
+  /// With a request that does not come whole, and with a viewer that is silent.
+  std::chrono::milliseconds patience = std::chrono::seconds(10);
 };
 
 /// 128 bits from the system's generator, as 32 hexadecimal digits.
@@ -39,7 +40,8 @@ class WebServer {
   /// All of them are called on the server's thread, which also is the only one that may call send()
   /// and the like.
   struct Callbacks {
-    std::function<void(int viewer)> joined, left;
+    std::function<void(int viewer)> joined;
+    std::function<void(int viewer)> left;
     std::function<void(int viewer, const std::string& message)> received;  // text of up to 64 kB
     std::function<void()> tick;                                            // each 10 ms
   };
@@ -52,10 +54,10 @@ class WebServer {
 
   unsigned short port() const;
   std::string address() const;  // "http://127.0.0.1:38911/"
-  /// An address with a new token in it: it lets one browser in, once. Any thread.
+  /// An address with a new token in it: it admits one browser, once. Any thread.
   std::string invitation();
 
-  /// Whoever is more than 1 MB of text behind is dropped.
+  /// A viewer that is more than 1 MB of text behind is dropped.
   void send(int viewer, const std::string& text);
   /// Of each slot only the newest waits to be sent: a slow viewer sees fewer frames, not older
   /// ones.

@@ -8,6 +8,7 @@
 #include "host/record/recorder.h"
 #include "host/rig/open_rig.h"
 #include "host/servo/servo_record.h"
+#include "host/session/progress_listener.h"
 #include "host/session/session.h"
 #include "host/view/live_view.h"
 

@@ -4,7 +4,7 @@
 #include "host/rig/open_rig.h"
 #include "host/servo/localizer.h"
 #include "host/servo/servo_controller.h"
-#include "host/session/session.h"
+#include "host/session/background.h"
 
 #include <benchmark/benchmark.h>
 

@@ -6,6 +6,7 @@
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/run/classes.h"
+#include "host/session/error_statistics.h"
 #include "host/text/units.h"
 
 #include <algorithm>

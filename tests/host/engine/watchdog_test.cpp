@@ -49,7 +49,7 @@ TEST(RunWatchdog, TellsHowFarAStopHasComeThatTakesItsTime) {
     return told.size();
   };
   WatchdogLimits limits;
-  limits.told = 10ms;
+  limits.report_interval = 10ms;
   const Watchdog watchdog(control, *clock, limits,
                           {[] {}, [] { return false; }, [](const std::string&) {}, tell});
   control.request(StopTier::stop);

@@ -26,7 +26,7 @@ using namespace std::chrono_literals;
 struct AlarmsTest : testing::Test {
   std::vector<std::string> said() {
     std::vector<std::string> lines;
-    for (const Event& event : alarms.take_events()) lines.push_back(event.kind + ": " + event.text);
+    for (const Event& event : alarms.drain_events()) lines.push_back(event.kind + ": " + event.text);
     return lines;
   }
   std::unique_ptr<Clock> clock = virtual_clock();

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo.h"
 
+#include "host/session/error_statistics.h"
 #include "tests/host/rig/fake_rig.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "host/session/session.h"
+#include "host/session/error_statistics.h"
+
 #include "tests/host/record/run_fixture.h"
 
 #include <gtest/gtest.h>

@@ -7,6 +7,7 @@
 #include "host/lua/engine/engine.h"
 #include "host/record/recorder.h"
 #include "host/safety/interlock.h"
+#include "host/session/progress_listener.h"
 #include "host/session/session.h"
 #include "host/terminal/line_editor.h"
 #include "tests/host/rig/fake_rig.h"
