@@ -163,6 +163,12 @@ class DryRun {
           report_.warnings.push_back("nothing was asked that wanted the answer " + answer);
     }
     twin_.open_rig().make_safe();
+    report_use(rehearsal, rig);
+  }
+
+ private:
+  /// What the run took and energized, and what was remarkable on the way.
+  void report_use(const Rehearsal& rehearsal, const Rig& rig) {
     // The virtual clock jumps over waits but counts them.
     report_.duration = to_seconds(clock_->now());
     report_.coils = twin_.coils();
@@ -176,7 +182,6 @@ class DryRun {
         sample_bytes(recorder_) + report_.frame_bytes_per_second * report_.duration;
   }
 
- private:
   void keep_truth(Session& session) {
     const Rig& rig = session.rig;
     const double period = rig.top_camera ? rig.top_camera->info().frame_period

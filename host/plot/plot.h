@@ -29,8 +29,4 @@ struct Plot {
   std::string note;  // one line below, e.g. where the data come from
 };
 
-/// Throws std::invalid_argument for series of unequal length or an unknown unit. An empty plot says
-/// "no data". `width` and `height` in CSS px.
-std::string to_svg(const Plot& plot, int width = 640, int height = 360);
-
 }  // namespace vitreo

@@ -5,6 +5,7 @@
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
 #include "host/plot/plot_layout.h"
+#include "host/plot/plot_svg.h"
 #include "host/record/run_lock.h"
 
 #include <fmt/format.h>

@@ -3,6 +3,7 @@
 
 #include "host/files/digest.h"
 #include "host/plot/plot_layout.h"
+#include "host/plot/plot_svg.h"
 #include "host/runs/report_files.h"
 #include "host/runs/report_page.h"
 #include "host/text/markup.h"

@@ -3,6 +3,7 @@
 
 #include "host/files/child_process.h"
 #include "host/plot/plot_axes.h"
+#include "host/plot/plot_svg.h"
 #include "host/text/markup.h"
 #include "host/text/units.h"
 

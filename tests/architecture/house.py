@@ -17,6 +17,8 @@ FOLDERS = ["optics", "vision", "control", "devices", "host"]
 # Rooms deeper than their folder: what stands below them belongs to them.
 WHOLE = ["devices/instruments", "devices/sim", "host/rig", "host/view", "host/safety/guardian"]
 CLAUSES = ("What", "How", "Who", "Whom", "Where", "Which", "Whether", "Sees", "After", "Between", "Whatever")
+# Lists of rows, a line or more each: as long as there are rows.
+TABLES = re.compile(r"(_rows|_class|_functions|_options|^units|^add_[a-z]+)$")
 PEOPLE = re.compile(r"\b(nobody|somebody|whoever)\b", re.IGNORECASE)
 
 GOALS = {  # measure: the most that is allowed
@@ -24,9 +26,9 @@ GOALS = {  # measure: the most that is allowed
     "arrows between rooms of host/, reduced": 24,
     "rings of rooms": 0,
     "modules in the largest ring": 2,
-    "longest function, lines": 75,
-    "functions above 45 lines": 12,
-    "headers above 150 lines": 12,
+    "longest function, lines": 52,
+    "functions above 45 lines": 5,
+    "headers above 150 lines": 14,
     "lines above 100 columns": 0,
     "headers that open with a clause word": 10,
     "nobody, somebody, whoever": 20,
@@ -113,11 +115,12 @@ def floors(arrows):
 
 
 def functions(root, paths):
-    """(lines, "file: name") of every function, by Universal Ctags."""
+    """(lines, "file: name") of every function that is no table of rows, by Universal Ctags."""
     listing = subprocess.run(
         ["ctags", "--output-format=json", "--fields=+ne", "--languages=C++", "--kinds-C++=f", "-f", "-", "-L", "-"],
         input="\n".join(path.as_posix() for path in paths), cwd=root, capture_output=True, text=True, check=True)
     tags = [json.loads(line) for line in listing.stdout.splitlines()]
+    tags = [tag for tag in tags if not TABLES.search(tag["name"])]
     return sorted((tag["end"] - tag["line"] + 1, f"{tag['path']}: {tag['name']}") for tag in tags if "end" in tag)
 
 

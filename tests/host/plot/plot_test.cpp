@@ -5,6 +5,7 @@
 #include "host/plot/plot_axes.h"
 #include "host/plot/plot_layout.h"
 #include "host/plot/plot_series.h"
+#include "host/plot/plot_svg.h"
 #include "host/text/markup.h"
 #include "tests/host/record/run_fixture.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "host/plot/plot.h"
+#include "host/plot/plot_svg.h"
 
 #include "host/plot/plot_layout.h"
 #include "host/plot/plot_style.h"
