@@ -39,6 +39,26 @@ local m, cm, mm, um, nm = units.m, units.cm, units.mm, units.um, units.nm
 local s, ms, mT, A, deg = units.s, units.ms, units.mT, units.A, units.deg
 )";
 
+constexpr const char* kOptics = R"(
+local eye = optics.system { name = "navarro_condensing" }
+local map, law = eye:wide_angle_map {}, eye:axis_law()
+local view = optics.system({ name = "model_eye_5_3" }):localizer { center = { 691.5, 517.5 } }
+local robot = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }
+local seen = view:ellipse(robot, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })
+local points, pixels, on_retina, foci = {}, {}, {}, {}
+for i, b in ipairs { { mm, 0, 0 }, { -mm, 0.5 * mm, 0 }, { 0, -mm, 0.2 * mm }, { 0, 0.3 * mm, mm }, { -0.4 * mm, -0.6 * mm, -0.8 * mm } } do
+  local at = view:pixel(vector(b) + vector(0, 0, 3 * mm))
+  points[i] = { body = b, u = at.u, v = at.v }
+  local x, y = (i % 3) * mm, (i // 3) * mm
+  pixels[i] = { m = { x, y }, pixel = { 100 - x / (14 * um), 200 + y / (14 * um) } }
+end
+for i = 1, 20 do
+  local r, a = i * 0.2 * mm, i * 2.4
+  on_retina[i] = { r * math.cos(a), r * math.sin(a), r * r / (24 * mm) }
+end
+for i = 0, 4 do foci[i + 1] = { depth = i * mm, distance = eye:axial_image(i * mm).distance } end
+)";
+
 constexpr const char* kControl = R"(
 local path = control.line { from = { 0, 0, 0 }, to = { mm, 0, 0 } }
 local field_model, readings = control.field_model { name = "octomag" }, {}
@@ -194,6 +214,10 @@ class Examples : public LuaBench {
   std::unique_ptr<TestBench> bench;
 };
 
+TEST_F(Examples, OfTheOpticsRun) {
+  expect_run(kOptics, {"optics", "optical_system", "wide_angle_map", "localizer", "axis_law"});
+}
+
 TEST_F(Examples, OfTheControlRun) {
   expect_run(kControl, {"control", "trajectory", "field_model"});
 }
@@ -204,7 +228,7 @@ TEST_F(Examples, OfTheRigsInstrumentsRun) {
   const std::string machine =
       "files.write('machine.yaml', control.field_model({ name = 'octomag' }):to_yaml { low = { "
       "-cm, "
-      "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():drawn(1)\n"
+      "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():sample { number = 1 }\n"
       "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n";
   expect_run(machine, {"rig", "camera", "coils", "lens_mover", "sample", "stage", "rotation_stage",
                        "field_probe", "operator_input", "lamp", "simulation"});

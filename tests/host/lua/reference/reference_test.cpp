@@ -188,7 +188,7 @@ TEST(Completion, ComesFromTheLiveObjectsAndFromTheRowsAndCallsNothing) {
     EXPECT_EQ(at_end("trap."), std::vector<std::string>{"trap.here"});
     EXPECT_TRUE(at_end("trap.nowhere.").empty());
     EXPECT_TRUE(has(at_end("control.line { from = a, sp"), "speed = "));
-    EXPECT_FALSE(at_end("optics.prescription(\"").empty());
+    EXPECT_TRUE(has(at_end("optics.system { name = \"nav"), "navarro"));
     EXPECT_TRUE(has(at_end("vision.focus.measure(i, { measure = \"norm"), "normalized_variance"));
     EXPECT_TRUE(at_end("'just a text with contr").empty());
     EXPECT_TRUE(has(at_end("help('servo:go"), "servo:go_to"));
