@@ -121,7 +121,7 @@ TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
       "  local image = rig.top_camera:grab().image\n"
       "  local mask = image:ellipse_mask { x_px = 100, y_px = 90, major_px = 40, minor_px "
       "= 20, angle = 0 }\n"
-      "  run:figure('area', mask:mean() / 255 * 1384 * 1036)\n"
+      "  run:figure('area', mask:mean().gray / 255 * 1384 * 1036)\n"
       "end }");
   const Spoken spoken = place.vitreo("run told.lua --json");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;

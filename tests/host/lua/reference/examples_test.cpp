@@ -69,6 +69,18 @@ for n = 1, 60 do
 end
 )";
 
+constexpr const char* kVision = R"(
+local image, training = vision.image { file = "frame.png" }, vision.training { folder = "training" }
+local color_model = vision.color_model { images = training }
+local tracker, multi_tracker = vision.tracker { model = color_model }, vision.multi_tracker { models = { color_model } }
+multi_tracker:update(image)
+local background_tracker, search = vision.background_tracker {}, vision.autofocus { low = 0, high = mm, step = 50 * um }
+local video, views = vision.video { file = "recorded.avi" }, {}
+for i = 1, 3 do views[i] = image:crop { x = 30 * i, y = 10 * i, width = 200, height = 180 } end
+search:start()
+local track = tracker:update(image)
+)";
+
 constexpr const char* kServo = R"(
 rig.sample:remove_robot()
 local background = rig:learn_background { frames = 4 }
@@ -222,6 +234,12 @@ TEST_F(Examples, OfTheControlRun) {
   expect_run(kControl, {"control", "trajectory", "field_model"});
 }
 
+TEST_F(Examples, OfTheVisionRun) {
+  write_images();
+  expect_run(kVision, {"vision", "image", "video", "color_model", "tracker", "multi_tracker",
+                       "background_tracker", "autofocus"});
+}
+
 TEST_F(Examples, OfTheServoRun) { expect_run(kServo, {"servo", "background"}); }
 
 TEST_F(Examples, OfTheRigsInstrumentsRun) {
@@ -238,7 +256,7 @@ TEST_F(Examples, OfTheRunAndItsFilesRun) {
   write_images();
   bench->session->questions.prepare({"lamp=yes", "depth=3 mm"});
   // A stop and an abort end the script; errors wants a servo's record, which the servo's has.
-  expect_run(std::string(kServo) + kRun, {"run", "reminder"}, {"run:stop", "run:abort"});
+  expect_run(std::string(kServo) + kRun, {"run", "files", "reminder"}, {"run:stop", "run:abort"});
 }
 
 TEST_F(Examples, OfAStopAndAnAbortEndTheRun) {
