@@ -26,7 +26,7 @@ return {
     repetitions = { default = 5, min = 1, max = 200, integer = true, help = "images at each position" },
     window = { default = 120, min = 16, max = 2000, integer = true, help = "side of the window, px" },
     measure = {
-      choices = vision.focus.measures(),
+      choices = vision.focus_measures(),
       default = "smoothed_tenengrad",
       help = "normalized_variance is the thesis'",
     },

@@ -72,10 +72,10 @@ end
 
 -- Figures 4.5 and 4.6 by computation: one parameter off, before and after.
 local function computed(book)
-  local eye = optics.prescription "navarro_condensing"
+  local eye = optics.system { name = "navarro_condensing" }
   for _, part in ipairs { 0.97, 1.03 } do
-    local off = eye:with { ["lens.index"] = part * eye:parameter "lens.index" }
-    local before, after = eye:axis_error(off), eye:axis_error(off, { calibrated = true })
+    local off = eye:with { ["lens.index"] = part * eye:info().parameters["lens.index"] }
+    local before, after = eye:localization_error { truth = off }, eye:localization_error { truth = off, calibrated = true }
     local sign = part < 1 and "minus" or "plus"
     book:number {
       id = "4.5." .. sign .. "_before",
@@ -137,7 +137,7 @@ return {
       { name = "as prescribed", law = believed, mark = "dashed" },
       { name = "biometric: the retina alone", law = believed:on_retina(retina) },
       { name = "biometric, minimum norm", law = believed:on_retina(retina, { method = "minimum_norm" }), mark = "dashed" },
-      { name = "all points (4.4.4)", law = (believed:fitted(points)) },
+      { name = "all points (4.4.4)", law = believed:fit({ points = points }).law },
     }
     plot(run, laws, points)
     local rows, found = {}, {}

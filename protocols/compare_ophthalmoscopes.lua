@@ -71,18 +71,18 @@ return {
     local depths = statistics.range(p.nearest, p.farthest, 19)
     local book, rows, found = expect.book(run, "3.1"), {}, {}
     for _, method in ipairs(methods) do
-      local eye = optics.prescription(method.name)
+      local eye = optics.system { name = method.name }
       run:drawing("Layout: " .. method.title, eye:layout { angles = { 0, 5 * deg } })
       local images = image_curve(run, eye, method, depths)
       local view = method.key == "direct" and { observer_distance = p.observer_distance } or { clear_radius = p[method.view] }
-      local angle, limit = eye:field_of_view(view)
+      local field = eye:viewing(view).field_of_view
       local retina = eye:axial_image(0) or { distance = -math.huge, magnification = math.huge }
       found[method.key] =
         { retina = retina, span = math.abs(images[#images] - images[1]), first = images[1], last = images[#images] }
       rows[#rows + 1] = {
         method.title,
-        run:show(angle, "rad"),
-        limit,
+        run:show(field.angle, "rad"),
+        field.limit,
         run:show(retina.distance, "m"),
         run:show(images[1], "m"),
         run:show(images[#images], "m"),
@@ -92,7 +92,7 @@ return {
         id = "3.1.field_of_view." .. method.key,
         what = "field of view, " .. method.title,
         thesis = published.field_of_view[method.key],
-        ours = angle,
+        ours = field.angle,
         unit = "rad",
         within = method.key == "direct" and 2 * deg or nil,
         at_most = method.key == "indirect" and published.field_of_view.indirect or nil,
@@ -162,13 +162,13 @@ return {
       why = "0.769 in the tables' arithmetic: 0.76 is cut, not rounded",
       reason = "the last digit printed",
     }
-    local condensing = optics.prescription "navarro_condensing"
+    local condensing = optics.system { name = "navarro_condensing" }
     book:number {
       id = "4.1.numerical_aperture",
       what = "condensing: numerical aperture",
       where = "4.1",
       thesis = published.chapter_4.numerical_aperture,
-      ours = condensing:numerical_aperture().oslo,
+      ours = condensing:viewing().numerical_aperture.oslo,
       within = 0.0005,
       reason = "half the last digit printed",
     }
@@ -177,7 +177,7 @@ return {
       what = "condensing: depth of focus (4.1)",
       where = "4.1",
       thesis = published.chapter_4.depth_of_focus,
-      ours = condensing:depth_of_focus().thesis,
+      ours = condensing:viewing().depth_of_focus.thesis,
       unit = "m",
       within = 1 * um,
       reason = "the last digit printed",
@@ -188,7 +188,7 @@ return {
       what = "condensing: depth of field",
       where = "4.1",
       thesis = published.chapter_4.depth_of_field,
-      ours = condensing:depth_of_field().thesis,
+      ours = condensing:viewing().depth_of_field.thesis,
       unit = "m",
       within = 10 * um,
       reason = '"approximately 150 um", read off a slope',

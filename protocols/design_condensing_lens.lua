@@ -21,9 +21,9 @@ local function polynomial(coefficients, r)
 end
 
 local function coefficients_of(eye)
-  local found = {}
+  local found, parameters = {}, eye:info().parameters
   for _, name in ipairs(orders) do
-    found[name] = eye:parameter(surface .. name)
+    found[name] = parameters[surface .. name]
   end
   return found
 end
@@ -33,9 +33,9 @@ local function one_by_one(run, eye, angles, p)
   local steps = {}
   for i, name in ipairs(orders) do
     run:progress((i - 1) / 6, name)
-    local told
-    eye, told = eye:designed { variables = { surface .. name }, angles = angles, spot_weight = p.spot_weight }
-    steps[i] = { name = name, span = told.after.span, spot = told.after.max_spot, status = told.status }
+    local found = eye:optimize { variables = { surface .. name }, angles = angles, spot_weight = p.spot_weight }
+    eye = found.system
+    steps[i] = { name = name, span = found.after.span, spot = found.after.max_spot, status = found.status }
   end
   return eye, steps
 end
@@ -44,7 +44,7 @@ local function plot_fields(run, angles, lenses)
   local series = {}
   for i, one in ipairs(lenses) do
     local y = {}
-    for k, point in ipairs((one.eye:field_curvature(angles))) do
+    for k, point in ipairs(one.eye:field_curvature(angles).points) do
       y[k] = point.best_focus or 0 / 0
     end
     series[i] = { label = one.label, x = angles, y = y, mark = one.mark }
@@ -66,22 +66,23 @@ return {
   },
   run = function(_, p, run)
     local angles = statistics.range(0, p.field, p.fields)
-    local conic, printed = optics.prescription "navarro_condensing_conic", optics.prescription "navarro_condensing"
+    local conic = optics.system { name = "navarro_condensing_conic" }
+    local printed = optics.system { name = "navarro_condensing" }
     local designed, steps = one_by_one(run, conic, angles, p)
     run:progress(4 / 6, "together")
     local four = statistics.map(orders, function(name) return surface .. name end)
-    local together_lens, together = conic:designed { variables = four, angles = angles, spot_weight = p.spot_weight }
+    local together = conic:optimize { variables = four, angles = angles, spot_weight = p.spot_weight }
     run:progress(5 / 6, "from spheres")
     local spheres = conic:with { ["condensing.posterior.conic"] = 0, ["condensing.anterior.conic"] = 0 }
     local free = { "condensing.anterior.conic", "condensing.posterior.conic" }
     for _, name in ipairs(orders) do
       free[#free + 1] = surface .. name
     end
-    local free_lens, told = spheres:designed { variables = free, angles = angles, spot_weight = p.spot_weight }
+    local told = spheres:optimize { variables = free, angles = angles, spot_weight = p.spot_weight }
 
-    local _, span_conic = conic:field_curvature(angles)
-    local _, span_printed = printed:field_curvature(angles)
-    local _, span_spheres = spheres:field_curvature(angles)
+    local span_conic = conic:field_curvature(angles).span
+    local span_printed = printed:field_curvature(angles).span
+    local span_spheres = spheres:field_curvature(angles).span
     local rows = { { "table 3.3, conics alone", run:show(span_conic, "m"), "", "" } }
     for _, step in ipairs(steps) do
       rows[#rows + 1] = { "up to " .. step.name, run:show(step.span, "m"), run:show(step.spot, "m"), step.status }
@@ -105,8 +106,8 @@ return {
       { label = "table 3.3", eye = conic, mark = "dashed" },
       { label = "table 3.4", eye = printed, mark = "dashed" },
       { label = "one by one, ours", eye = designed },
-      { label = "together, ours", eye = together_lens },
-      { label = "from spheres, ours", eye = free_lens },
+      { label = "together, ours", eye = together.system },
+      { label = "from spheres, ours", eye = told.system },
     })
 
     local ours, thesis = coefficients_of(designed), published.table_3_4

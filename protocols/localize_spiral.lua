@@ -143,7 +143,7 @@ local function eyes_part(rig, p, book, numbers, orientation)
   local least, left, best, in_world = one_look.least(rig, axis, 200), {}, {}, rig:model().eye_in_world
   local height = statistics.mean(statistics.map(places, function(place) return (place - in_world).z end))
   for _, number in ipairs(numbers) do
-    local truth = rig:eye():drawn(number)
+    local truth = rig:eye():sample { number = number }
     local found = one_look.left(rig, truth, places, axis)
     if found then left[#left + 1] = found.z end
     best[#best + 1] = select(2, least(truth)) * height

@@ -141,9 +141,9 @@ return {
     local book = expect.book(run, "3.2")
     for one in run:each(systems, "system") do
       if p.system == "all" or p.system == one.name then
-        local eye = optics.prescription(one.name)
+        local eye = optics.system { name = one.name }
         local map = eye:wide_angle_map { max_angle = p.field, max_depth = p.depth }
-        local limit = map:limits().max_angle
+        local limit = map:info().max_angle
         local near = map:image(eye:point_at_field(0, 0)).z
         local far = map:image(eye:point_at_field(0, 0.999 * p.depth)).z
         local edge = math.abs(map:image(eye:point_at_field(0.98 * limit, 0)).x)

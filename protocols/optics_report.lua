@@ -26,7 +26,8 @@ local function in_mm(value) return value and ("%.5f"):format(value / mm) or "–
 
 local function first_order(run, eye, p)
   local image = eye:axial_image() or error("the retina's image is at infinity: there is no aerial image to report on")
-  local aperture, focus = eye:numerical_aperture(), eye:depth_of_focus { confusion = p.confusion }
+  local viewing = eye:viewing { confusion = p.confusion }
+  local aperture, focus = viewing.numerical_aperture, viewing.depth_of_focus
   run:result("magnification", image.magnification)
   run:result("numerical_aperture", aperture.oslo)
   run:result("retina_image_distance", image.distance, "m")
@@ -49,7 +50,7 @@ local function first_order(run, eye, p)
   for _, side in ipairs { "thesis", "image_side", "object_side" } do
     rows[#rows + 1] = { "depth of focus (4.1), " .. side:gsub("_", " "), in_mm(focus[side]) }
   end
-  run:table { title = "First order: " .. eye:title(), header = { "", "mm" }, rows = rows }
+  run:table { title = "First order: " .. eye:info().title, header = { "", "mm" }, rows = rows }
 end
 
 local function seidel(run, eye)
@@ -91,7 +92,8 @@ end
 
 local function fields(run, eye, p)
   local angles = range(0, p.field, 31)
-  local retina, span = eye:field_curvature(angles)
+  local curvature = eye:field_curvature(angles)
+  local retina, span = curvature.points, curvature.span
   run:result("field_curvature_span", span, "m")
   run:plot {
     title = "Field curvature",
@@ -111,7 +113,7 @@ local function fields(run, eye, p)
   }
   local spots = {}
   for i, depth in ipairs(range(0, p.depth, 3)) do
-    spots[i] = series(run:show(depth, "m") .. " before the retina", angles, (eye:field_curvature(angles, depth)), "rms")
+    spots[i] = series(run:show(depth, "m") .. " before the retina", angles, eye:field_curvature(angles, depth).points, "rms")
   end
   run:plot {
     title = "Spot size at best focus",
@@ -168,9 +170,9 @@ end
 local function curves(label, values, draw, mark)
   local all = { label = label, mark = mark, x = {}, y = {} }
   for _, value in ipairs(values) do
-    local r, z = draw(value)
-    for i = 1, #r do
-      all.x[#all.x + 1], all.y[#all.y + 1] = z[i], r[i]
+    local curve = draw(value)
+    for i = 1, #curve.r do
+      all.x[#all.x + 1], all.y[#all.y + 1] = curve.z[i], curve.r[i]
     end
     all.x[#all.x + 1], all.y[#all.y + 1] = 0 / 0, 0 / 0
   end
@@ -181,7 +183,7 @@ end
 -- nanometers decide whether a point is outside.
 local function round_trip(eye, map, p)
   local worst, count, inside = 0, 0, 1 * um
-  for _, angle in ipairs(range(0, math.min(p.field, 0.999 * map:limits().max_angle), 25)) do
+  for _, angle in ipairs(range(0, math.min(p.field, 0.999 * map:info().max_angle), 25)) do
     for _, depth in ipairs(range(inside, p.depth - inside, 17)) do
       local point = eye:point_at_field(angle, depth)
       local image = point and map:image(point) and map:traced_image(point) -- nil where the map says nothing
@@ -199,7 +201,7 @@ local function wide_angle(run, eye, p)
   if not made then return run:note("no wide-angle map: " .. tostring(map)) end
   local worst, count, tried = round_trip(eye, map, p)
   if count > 0 then run:result("map_round_trip_max", worst, "m") end
-  local limit = map:limits().max_angle
+  local limit = map:info().max_angle
   run:note(
     ("the map reaches %.1f°; %d of %d points went there and back, the worst came back %.3f µm off"):format(
       limit / deg,
@@ -230,9 +232,12 @@ end
 
 -- What the eye's uncertain parameters cost depth from focus (table 5.1, figures 4.2 and 4.5).
 local function tolerance(run, eye)
-  local before, after, rows = eye:sensitivity(), {}, {}
+  local function analyzed(calibrated)
+    return eye:error_analysis({ method = "one_at_a_time", calibrated = calibrated }).parameters
+  end
+  local before, after, rows = analyzed(false), {}, {}
   if #before == 0 then return run:note "none of the parameters of table 5.1 is in this system" end
-  for _, one in ipairs(eye:sensitivity { calibrated = true }) do
+  for _, one in ipairs(analyzed(true)) do
     after[one.parameter] = one
   end
   local function worst(one) return one.minus and one.plus and ("%.3f"):format(math.max(one.minus, one.plus) / mm) or "–" end
@@ -283,7 +288,7 @@ return {
     depth = { unit = "mm", default = 8 * mm, min = 1 * mm, max = 12 * mm, help = "deepest object before the retina" },
   },
   run = function(_, p, run)
-    local eye = optics.prescription(p.prescription)
+    local eye = optics.system { name = p.prescription }
     run:drawing("Layout", eye:layout { angles = range(0, p.field, 3) })
     first_order(run, eye, p)
     seidel(run, eye)

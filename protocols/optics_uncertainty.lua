@@ -41,16 +41,18 @@ local methods = {
   { name = "pose", title = "Place by pose over the field, mean error" },
 }
 
--- Options of one method; the axis has no field.
-local function asked(method, p, options)
+-- Error analysis by one of the methods of localization; the axis has no field.
+local function analyzed(eye, method, p, options)
   options.error, options.depth_to = method.name, p.depth
   if method.name ~= "axis" then options.max_angle = p.field end
-  return options
+  return eye:error_analysis(options)
 end
 
 local function sensitivity(run, eye, p)
   for _, method in ipairs(methods) do
-    local function of(calibrated) return eye:sensitivity(asked(method, p, { calibrated = calibrated })) end
+    local function of(calibrated)
+      return analyzed(eye, method, p, { method = "one_at_a_time", calibrated = calibrated }).parameters
+    end
     local before = attempt(run, "sensitivity by " .. method.name, of, false)
     local after, rows = {}, {}
     for _, one in ipairs(before and attempt(run, "calibrated sensitivity by " .. method.name, of, true) or {}) do
@@ -84,9 +86,11 @@ local function monte_carlo(run, eye, p)
       local found = attempt(
         run,
         "Monte Carlo by " .. method.name,
-        eye.monte_carlo,
+        analyzed,
         eye,
-        asked(method, p, { calibrated = how[2], retinal_depth_error = how[3], count = p.eyes })
+        method,
+        p,
+        { method = "monte_carlo", calibrated = how[2], retinal_depth_error = how[3], count = p.eyes }
       )
       if found then
         rows[#rows + 1] = {
@@ -110,10 +114,14 @@ local function monte_carlo(run, eye, p)
 end
 
 local function variance_attribution(run, eye, p)
-  local before = attempt(run, "worth of measurements", eye.variance_attribution, eye, { count = p.eyes, depth_to = p.depth })
+  local function of(calibrated)
+    local options = { method = "variance_attribution", count = p.eyes, depth_to = p.depth, calibrated = calibrated }
+    return eye:error_analysis(options).parameters
+  end
+  local before = attempt(run, "worth of measurements", of, false)
   if not before or #before == 0 then return end
   local after, rows = {}, {}
-  for _, one in ipairs(eye:variance_attribution { count = p.eyes, depth_to = p.depth, calibrated = true }) do
+  for _, one in ipairs(of(true)) do
     after[one.parameter] = one.reduction
   end
   for i, one in ipairs(before) do
@@ -128,9 +136,10 @@ end
 
 -- The parameter that costs most is off by one sigma; (4.10) to (4.12) calibrated in the three ways.
 local function calibration(run, eye, p)
-  local worst = eye:axial_image() and (eye:sensitivity { depth_to = p.depth })[1]
+  local worst = eye:axial_image() and eye:error_analysis({ method = "one_at_a_time", depth_to = p.depth }).parameters[1]
   if not worst then return run:note "no image, or none of the parameters of table 5.1 in this system: nothing to calibrate" end
-  local true_eye = attempt(run, "eye that differs", eye.with, eye, { [worst.parameter] = 1.02 * eye:parameter(worst.parameter) })
+  local nominal = eye:info().parameters[worst.parameter]
+  local true_eye = attempt(run, "eye that differs", eye.with, eye, { [worst.parameter] = 1.02 * nominal })
   local depths, sharp, points = range(0, p.depth, 17), {}, {}
   for i, depth in ipairs(depths) do
     local image = true_eye and true_eye:axial_image(depth)
@@ -143,7 +152,7 @@ local function calibration(run, eye, p)
     { "as prescribed", law },
     { "on the retina, sensor shifted", law:on_retina(sharp[1]) },
     { "on the retina, minimum norm", law:on_retina(sharp[1], { method = "minimum_norm" }) },
-    { "at five depths (4.4.4)", (law:fitted(points)) },
+    { "at five depths (4.4.4)", law:fit({ points = points }).law },
   }
   local series = {}
   for k, one in ipairs(laws) do
@@ -163,9 +172,9 @@ local function calibration(run, eye, p)
   if math.max(math.abs(eye:axial_image().distance), math.abs(sharp[1])) > 1 then
     return run:note "the retina's image is too far away to tell of the eye"
   end
-  local _, learned = attempt(run, "estimate of the eye", eye.estimated, eye, points)
+  local estimate = attempt(run, "estimate of the eye", eye.estimate, eye, { foci = points })
   local rows = {}
-  for i, one in ipairs(learned or {}) do
+  for i, one in ipairs(estimate and estimate.parameters or {}) do
     rows[i] = { name = one.parameter, values = { one.learned, one.sigma / one.prior_sigma } }
   end
   table.sort(rows, function(a, b) return a.values[1] > b.values[1] end)
@@ -245,14 +254,14 @@ local function localization(run, eye, p)
 end
 
 local function design(run, eye, p)
-  local variables = {}
+  local variables, parameters = {}, eye:info().parameters
   for _, one in ipairs { "conic", "a4", "a6", "a8", "a10" } do
     local name = "condensing.anterior." .. one
-    if pcall(eye.parameter, eye, name) then variables[#variables + 1] = name end
+    if parameters[name] then variables[#variables + 1] = name end
   end
   if #variables < 2 then return run:note "no aspheric condensing lens in this system: no lens is designed" end
-  local lens, told = attempt(run, "lens design", eye.designed, eye, { variables = variables })
-  if not lens then return end
+  local told = attempt(run, "lens design", eye.optimize, eye, { variables = variables })
+  if not told then return end
   run:note(
     ("lens design: %s%s, span of best focus %s, before %s"):format(
       told.status,
@@ -264,9 +273,9 @@ local function design(run, eye, p)
   run:result("design_span_before", told.before.span, "m")
   run:result("design_span_after", told.after.span, "m")
   local angles, series = range(0, p.field, 31), {}
-  for k, one in ipairs { { "as prescribed", eye }, { "designed", lens } } do
+  for k, one in ipairs { { "as prescribed", eye }, { "designed", told.system } } do
     local y = {}
-    for i, point in ipairs((one[2]:field_curvature(angles))) do
+    for i, point in ipairs(one[2]:field_curvature(angles).points) do
       y[i] = point.best_focus or 0 / 0
     end
     series[k] = { label = one[1], x = angles, y = y, mark = k == 1 and "dashed" or "line" }
@@ -290,7 +299,7 @@ return {
     magnified = { default = 12, min = 1, max = 1000, help = "how much the plotted ellipses are" },
   },
   run = function(_, p, run)
-    local eye = optics.prescription(p.prescription)
+    local eye = optics.system { name = p.prescription }
     sensitivity(run, eye, p)
     run:progress(0.3, "Monte Carlo")
     monte_carlo(run, eye, p)

@@ -55,7 +55,7 @@ local function focus(list, rig, run, p)
     for _, at in ipairs { -1 * mm, -0.5 * mm, 0, 0.5 * mm, 1 * mm } do
       rig.lens_mover:move_to(at)
       rig.top_camera:grab()
-      local value = vision.focus.measure(rig.top_camera:grab().image)
+      local value = rig.top_camera:grab().image:focus().value
       if value > best_value then
         best, best_value = at, value
       end

@@ -72,7 +72,7 @@ return {
       end,
       p.images
     )
-    local models = { vision.color_model.train { images = robots }, vision.color_model.train { images = discs } }
+    local models = { vision.color_model { images = robots }, vision.color_model { images = discs } }
     local tracker = vision.multi_tracker { models = models, shape_prior = true }
     servo:go_to(start, { within = 0.3 * mm, settle = 0.3 * s })
     rig.simulation:move_body("disc", disc_at)
@@ -84,7 +84,7 @@ return {
     end, function()
       while going do
         local frame = rig.top_camera:grab()
-        local tracks = tracker:update(frame.image)
+        local tracks = tracker:update(frame.image).tracks
         frames[#frames + 1] =
           { time = frame.time, robot = tracks[1], disc = tracks[2], image = #frames % 25 == 0 and frame.image or nil }
       end

@@ -52,10 +52,10 @@ return {
       y = { "d_ls", "mm" },
       series = { { label = "focus", x = statistics.range(1, p.views, p.views), y = focus, mark = "points" } },
     }
-    local width, height = made.image:size()
+    local joined = made.image:info()
     run:result("views_joined", made.joined)
     run:result("seam_rms_px", made.rms_px)
-    run:result("mosaic_pixels", width * height)
+    run:result("mosaic_pixels", joined.width_px * joined.height_px)
     local book = expect.book(run, "appendix A")
     book:number {
       id = "A.joined",

@@ -17,7 +17,7 @@ local printed_pairs = {
 }
 
 local function images_of(rig, run, p)
-  if p.training ~= "" then return vision.training(p.training) end
+  if p.training ~= "" then return vision.training { folder = p.training } end
   if not rig.top_camera then error("training: give a folder, or a rig with a top camera in color", 0) end
   return color_scene.training(rig, run, p.images)
 end
@@ -54,15 +54,16 @@ return {
   run = function(rig, p, run)
     local training = images_of(rig, run, p)
     if #training < 2 then error("training: wants at least two images with masks, got " .. #training, 0) end
-    local ranks = vision.color_model.rank { images = training }
+    local ranks = vision.rank_channels { images = training }
     local by_name, rows, best = table_8_2(run, ranks), {}, ranks[1]
     for _, rank in ipairs(ranks) do
       if rank.mean > best.mean then best = rank end
     end
     local series, x = {}, {}
     for i, channels in ipairs { "RG", "YV", "HS", "YU" } do
-      local model = vision.color_model.train { images = training, channels = channels }
-      local found, thesis, _, _, list = model:thresholds(), published.thresholds[channels], model:quality()
+      local model = vision.color_model { images = training, channels = channels }
+      local info, thesis = model:info(), published.thresholds[channels]
+      local found, list = info.thresholds, info.quality.of_images
       for k = 1, #list do
         x[k] = k
       end

@@ -47,12 +47,12 @@ end
 
 -- Error over the uncertainty's span, one curve a parameter, as figure 4.2a to d.
 local function curves(run, eye, parameters, p)
-  local parts, series = { -1, -0.5, 0, 0.5, 1 }, {}
+  local parts, series, nominal = { -1, -0.5, 0, 0.5, 1 }, {}, eye:info().parameters
   for _, name in ipairs(parameters) do
     local sigma, y = p.uncertainties[name], {}
     for i, part in ipairs(parts) do
       y[i] = part == 0 and 0
-        or eye:axis_error(eye:with { [name] = (1 + part * sigma) * eye:parameter(name) }, { depth_to = p.depth })
+        or eye:localization_error { truth = eye:with { [name] = (1 + part * sigma) * nominal[name] }, depth_to = p.depth }
         or 0 / 0
     end
     series[#series + 1] = { label = name, x = statistics.map(parts, function(part) return part * sigma * 100 end), y = y }
@@ -81,14 +81,18 @@ return {
     field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's center" },
   },
   run = function(_, p, run)
-    local eye, book, rows = optics.prescription "navarro_condensing", expect.book(run, "figure 4.2"), {}
-    local axis = eye:sensitivity { depth_to = p.depth }
+    local eye, book, rows = optics.system { name = "navarro_condensing" }, expect.book(run, "figure 4.2"), {}
+    local function analyzed(options)
+      options.method, options.depth_to = "one_at_a_time", p.depth
+      return eye:error_analysis(options).parameters
+    end
+    local axis = analyzed {}
     local before = by_name(axis)
     run:progress(0.2, "over the field")
-    local field = by_name(eye:sensitivity { error = "field", max_angle = p.field, depth_to = p.depth })
+    local field = by_name(analyzed { error = "field", max_angle = p.field })
     run:progress(0.5, "calibrated")
-    local after = by_name(eye:sensitivity { depth_to = p.depth, calibrated = true })
-    local wrong = by_name(eye:sensitivity { depth_to = p.depth, calibrated = true, retinal_depth_error = 0.3 * mm })
+    local after = by_name(analyzed { calibrated = true })
+    local wrong = by_name(analyzed { calibrated = true, retinal_depth_error = 0.3 * mm })
     for i, one in ipairs(axis) do
       local name = one.parameter
       rows[i] = { name = name, values = { before[name].worst, field[name].worst, after[name].worst, wrong[name].worst } }

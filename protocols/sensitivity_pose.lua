@@ -19,14 +19,22 @@ return {
     field = { unit = "deg", default = 35 * deg, min = 5 * deg, max = 35 * deg, help = "half field, at the pupil's center" },
   },
   run = function(_, p, run)
-    local eye, book = optics.prescription "navarro_condensing", expect.book(run, "table 5.2")
+    local eye, book = optics.system { name = "navarro_condensing" }, expect.book(run, "table 5.2")
     local function how(options)
       options.error, options.max_angle, options.depth_to = "pose", p.field, p.depth
       return options
     end
-    local found, after = eye:sensitivity(how {}), {}
+    local function one_at_a_time(options)
+      options.method = "one_at_a_time"
+      return eye:error_analysis(how(options)).parameters
+    end
+    local function monte_carlo(options)
+      options.method, options.count = "monte_carlo", p.eyes
+      return eye:error_analysis(how(options))
+    end
+    local found, after = one_at_a_time {}, {}
     run:progress(0.4, "calibrated")
-    for _, one in ipairs(eye:sensitivity(how { calibrated = true })) do
+    for _, one in ipairs(one_at_a_time { calibrated = true }) do
       after[one.parameter] = worst(one)
     end
     local rows, ours, theirs = {}, {}, {}
@@ -80,9 +88,9 @@ return {
       },
     }
     run:progress(0.7, "Monte Carlo")
-    local all = eye:monte_carlo(how { count = p.eyes })
-    local calibrated = eye:monte_carlo(how { count = p.eyes, calibrated = true })
-    local wrong = eye:monte_carlo(how { count = p.eyes, calibrated = true, retinal_depth_error = 0.3 * mm })
+    local all = monte_carlo {}
+    local calibrated = monte_carlo { calibrated = true }
+    local wrong = monte_carlo { calibrated = true, retinal_depth_error = 0.3 * mm }
     run:table {
       title = ("All of table 5.1 at once, %d eyes: mean error over the field"):format(p.eyes),
       header = { "", "median", "95 %", "largest" },

@@ -12,7 +12,7 @@ local mm, s = units.mm, units.s
 local function trackers(training, pairs_of)
   local made = {}
   for _, channels in ipairs(pairs_of) do
-    local model = vision.color_model.train { images = training, channels = channels }
+    local model = vision.color_model { images = training, channels = channels }
     local limits = published.thresholds[channels]
     made[#made + 1] = {
       channels = channels,

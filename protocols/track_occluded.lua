@@ -31,7 +31,7 @@ return {
   run = function(rig, p, run)
     put_needle(rig, run, false)
     local training = color_scene.training(rig, run, p.images)
-    local model = vision.color_model.train { images = training, channels = p.channels }
+    local model = vision.color_model { images = training, channels = p.channels }
     put_needle(rig, run, true)
     run:defer(function() put_needle(rig, run, false) end)
     local found = {

@@ -10,7 +10,7 @@ local deg = units.deg
 -- names where each has one of its own, else they count from 0.
 local function open_frames(path)
   if not files.is_folder(path) then
-    local video, at = vision.video(path), -1
+    local video, at = vision.video { file = path }, -1
     return function()
       at = at + 1
       local image = video:read()
@@ -18,7 +18,7 @@ local function open_frames(path)
     end,
       video:count()
   end
-  local list, seen, numbered = vision.images(path), {}, true
+  local list, seen, numbered = vision.images { folder = path }, {}, true
   if #list == 0 then error("images: there is no PNG, JPEG, TIFF or BMP in " .. path, 0) end
   for _, file in ipairs(list) do
     numbered = numbered and file.number ~= nil and not seen[file.number]
@@ -28,7 +28,7 @@ local function open_frames(path)
   return function()
     at = at + 1
     local file = list[at]
-    if file then return vision.load_image(file.path), numbered and file.number or at - 1 end
+    if file then return vision.image { file = file.file }, numbered and file.number or at - 1 end
   end,
     #list
 end
@@ -53,7 +53,8 @@ end
 
 -- Rows by frame: x, y, full axes, angle, visible. A hidden object's place may be left out.
 local function read_truth(path, axes)
-  local rows, names = files.read_csv(path)
+  local read = files.read_csv(path)
+  local rows, names = read.rows, read.columns
   local has, truth, first, last = {}, {}, math.huge, -math.huge
   for _, name in ipairs(names) do
     has[name] = true
@@ -185,7 +186,7 @@ end
 
 local function color_table(run, training)
   local rows = {}
-  for _, rank in ipairs(vision.color_model.rank { images = training }) do
+  for _, rank in ipairs(vision.rank_channels { images = training }) do
     rows[#rows + 1] = { rank.channels, ("%.2f"):format(rank.mean), ("%.2f"):format(rank.deviation) }
   end
   run:table {
@@ -229,11 +230,11 @@ return {
   },
   run = function(rig, p, run)
     local next_frame, count = open_frames(p.images)
-    local training = vision.training(p.training)
-    local model = vision.color_model.train { images = training, channels = p.channels }
+    local training = vision.training { folder = p.training }
+    local model = vision.color_model { images = training, channels = p.channels }
     model:save("object.model")
-    local r, deviation = model:quality()
-    run:note(("learnt from %d images: quality %.2f +- %.2f"):format(#training, r, deviation))
+    local quality = model:info().quality
+    run:note(("learnt from %d images: quality %.2f +- %.2f"):format(#training, quality.mean, quality.deviation))
     color_table(run, training)
     local tracker = vision.tracker { model = model, shape_prior = p.shape_prior, refine = p.refine }
     local every = p.pictures > 0 and math.max(count // p.pictures, 1) or math.huge

@@ -58,7 +58,7 @@ function acceptance:close()
     "calibration.json",
     json.text { title = self.title, accepted = self.refused == 0, values = values, files = self.files } .. "\n"
   )
-  local installed = files.install_calibration(values, self.files)
+  local installed = self.run:install_calibration { values = values, files = self.files }
   if installed then self.run:note("the next start takes what was accepted from " .. installed) end
   if self.refused > 0 then
     self.run:note(("%d of %d numbers were refused: the rig stays as it was in these"):format(self.refused, #self.rows))

@@ -199,7 +199,7 @@ end
 function by_focus.many_eyes(run, book, believed, model, angles, surfaces, count, focus_sigma)
   local medians = { none = {}, retina = {}, full = {} }
   for number = 1, count do
-    local made, errors = pcall(one_eye, believed:drawn(number), model, angles, surfaces, focus_sigma)
+    local made, errors = pcall(one_eye, believed:sample { number = number }, model, angles, surfaces, focus_sigma)
     if made then
       for kind, list in pairs(errors) do
         if #list > 0 then table.insert(medians[kind], statistics.median(list)) end

@@ -22,7 +22,7 @@ local function grid(side, count, half)
 end
 
 --- Pixel size, rotation and center of one camera ("top_camera", "side_camera") from a target on a grid of places. `half`: half
---- its width, m. Returns what optics.camera_calibration says, and the largest part of the residual that grows with the cube of
+--- its width, m. Returns what optics.fit_camera says, and the largest part of the residual that grows with the cube of
 --- the distance from the center (distortion, relative at the grid's corner).
 function calibrations.camera(rig, run, role, options)
   local camera, points, believed = rig[role], {}, rig:model()
@@ -44,7 +44,7 @@ function calibrations.camera(rig, run, role, options)
   end
   targets.remove(rig, run)
   if #points < 4 then error(role .. ": the target was seen at " .. #points .. " places; wants four or more", 0) end
-  local fit = optics.camera_calibration(points)
+  local fit = optics.fit_camera { points = points }
   local cubic, power = 0, 0
   for _, point in ipairs(points) do
     local u, v = point.pixel[1] - fit.center[1], point.pixel[2] - fit.center[2]

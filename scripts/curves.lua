@@ -2,13 +2,13 @@
 -- SPDX-License-Identifier: Apache-2.0
 local curves = {}
 
---- One series of many curves: draw(value) gives a list of r and a list of z for each value. x of the plot is z.
+--- One series of many curves: draw(value) gives {r = {...}, z = {...}} for each value. x of the plot is z.
 function curves.family(label, values, draw, mark)
   local all = { label = label, mark = mark, x = {}, y = {} }
   for _, value in ipairs(values) do
-    local r, z = draw(value)
-    for i = 1, #r do
-      all.x[#all.x + 1], all.y[#all.y + 1] = z[i], r[i]
+    local curve = draw(value)
+    for i = 1, #curve.r do
+      all.x[#all.x + 1], all.y[#all.y + 1] = curve.z[i], curve.r[i]
     end
     all.x[#all.x + 1], all.y[#all.y + 1] = 0 / 0, 0 / 0
   end

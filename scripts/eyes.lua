@@ -13,25 +13,20 @@ function eyes.set(rig, run, kind, number)
     return nil
   end
   local eye = rig:eye()
-  if kind == "perturbed" then eye = eye:drawn(number or 1) end
+  if kind == "perturbed" then eye = eye:sample { number = number or 1 } end
   rig.simulation:set_eye(eye)
   return eye
 end
 
 --- The parameters by which an eye differs from the one believed, as rows of a table.
 function eyes.differences(believed, eye)
-  local rows = {}
-  for _, one in ipairs(eye:parameters()) do
-    local before = believed:parameter(one.name)
-    if one.value ~= before and before == before then
-      local length = one.name:match "radius$" or one.name:match "thickness$"
-      local function shown(value) return length and ("%.5g mm"):format(value / mm) or ("%.5g"):format(value) end
-      rows[#rows + 1] = {
-        one.name,
-        shown(before),
-        shown(one.value),
-        ("%+.3g %%"):format(100 * (one.value / before - 1)),
-      }
+  local rows, nominal = {}, believed:info().parameters
+  for name, value in pairs(eye:info().parameters) do
+    local before = nominal[name]
+    if value ~= before and before == before then
+      local length = name:match "radius$" or name:match "thickness$"
+      local function shown(number) return length and ("%.5g mm"):format(number / mm) or ("%.5g"):format(number) end
+      rows[#rows + 1] = { name, shown(before), shown(value), ("%+.3g %%"):format(100 * (value / before - 1)) }
     end
   end
   return rows

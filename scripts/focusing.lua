@@ -22,7 +22,7 @@ local function cut(window, width, height)
 end
 
 --- Goes from..to in `steps` positions and takes `frames` images at each; the k-th images together are one sweep, so there
---- are as many repetitions. `window` = {u, v, size} in px. Returns a list of what vision.focus.peak says of each sweep,
+--- are as many repetitions. `window` = {u, v, size} in px. Returns a list of what vision.focus_peak says of each sweep,
 --- the distances and the first sweep's values.
 function focusing.sweep(rig, options)
   local distances, values = statistics.range(options.from, options.to, options.steps), {}
@@ -37,12 +37,12 @@ function focusing.sweep(rig, options)
       local frame = rig.top_camera:grab()
       local window = cut(options.window, frame.width_px, frame.height_px)
       window.measure = options.measure
-      values[k][i] = vision.focus.measure(frame.image, window)
+      values[k][i] = frame.image:focus(window).value
     end
   end
   local peaks = {}
   for k = 1, frames do
-    peaks[k] = vision.focus.peak(distances, values[k])
+    peaks[k] = vision.focus_peak { positions = distances, values = values[k] }
   end
   return peaks, distances, values[1]
 end
@@ -89,17 +89,17 @@ function focusing.autofocus(rig, options)
     repeats = options.repeats,
     coarse = math.max(11, math.ceil(2 * options.reach / (options.coarse_step or 250e-6)) + 1),
   }
-  local at, told = search:start(), nil
-  while at do
-    focusing.move(rig, at)
+  local step = { move_to = search:start() }
+  while step.move_to do
+    focusing.move(rig, step.move_to)
     rig.top_camera:grab()
     local frame = rig.top_camera:grab()
     local window = cut(options.window, frame.width_px, frame.height_px)
     window.measure = options.measure
-    at, told = search:next(at, (vision.focus.measure(frame.image, window)))
+    step = search:next(step.move_to, frame.image:focus(window).value)
   end
-  if told.park then focusing.move(rig, told.park) end
-  return told
+  if step.park then focusing.move(rig, step.park) end
+  return step
 end
 
 --- Where a point of the eye shows on the sensor that is in focus on it: u, v in px of its aerial image {x, y, d_ls}.

@@ -27,7 +27,7 @@ function one_look.left(rig, truth, places, axis)
   local rest = resting_place(model, axis)
   local seen = true_view:ellipse(model.robot, { position = rest, axis = axis })
   if not seen then return nil end
-  local view = believed:calibrated(model.robot, seen, { axis = axis, known_z = rest.z })
+  local view = believed:calibrate(model.robot, seen, { axis = axis, known_z = rest.z }).localizer
   local x, z = {}, {}
   for _, place in ipairs(places) do
     local at = place - model.eye_in_world
@@ -65,7 +65,7 @@ function one_look.least(rig, axis, count)
   end
   local slopes, scales = {}, {}
   for n = 1, count do
-    slopes[n], scales[n] = both(eye:drawn(1000000 + n))
+    slopes[n], scales[n] = both(eye:sample { number = 1000000 + n })
   end
   local line = statistics.line(scales, slopes)
   return function(other)

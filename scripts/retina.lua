@@ -73,8 +73,7 @@ function retina.calibrate(rig, run, servo, options)
   lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside, 0.5 * model.retina_radius))
     + (options.depth_error or 0)
   if options.by_width then seen = by_width(view, model.robot, seen, vector(x, y, lies.height), axis) end
-  local corrected, told =
-    view:calibrated(model.robot, seen, { axis = axis, known_z = lies.height, correction = options.correction })
+  local told = view:calibrate(model.robot, seen, { axis = axis, known_z = lies.height, correction = options.correction })
   run:note(
     ("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(
       told.image_scale,
@@ -82,7 +81,7 @@ function retina.calibrate(rig, run, servo, options)
       told.residual
     )
   )
-  return corrected, told, trim
+  return told.localizer, told, trim
 end
 
 return retina

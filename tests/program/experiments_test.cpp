@@ -102,26 +102,27 @@ TEST(DepthFromFocus, TargetsAreLocalizedAndTheRetinaCalibratesAnEyeThatNobodyKno
 
 TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
   const Workplace place;
-  place.write("told.lua",
-              "return { title = 'x', needs = { 'sample' }, run = function(rig, p, run)\n"
-              "  local s, eye = rig.simulation, rig:eye()\n"
-              "  local function says(what, f, ...) local ok, e = pcall(f, ...) run:note(what .. ': "
-              "' .. tostring(e)) end\n"
-              "  says('eye', s.set_eye, s, optics.prescription 'navarro')\n"
-              "  says('body', s.move_body, s, 'ball', { 0, 0, 0 })\n"
-              "  says('robot', s.change, s, { robot = 'coni_3mm' })\n"
-              "  says('gel', s.change, s, { robot = 'coni_2mm', gel = 'gel_12' })\n"
-              "  local other = eye:drawn(3)\n"
-              "  run:result('index', other:parameter 'lens.index')\n"
-              "  run:result('again', eye:drawn(3):parameter 'lens.index')\n"
-              "  run:result('number_4', eye:drawn(4):parameter 'lens.index')\n"
-              "  s:set_eye(other)\n"
-              "  run:result('pixel', rig:model().pixel, 'm')\n"
-              "  local image = rig.top_camera:grab().image\n"
-              "  local mask = image:ellipse_mask { x_px = 100, y_px = 90, major_px = 40, minor_px "
-              "= 20, angle = 0 }\n"
-              "  run:result('area', mask:mean() / 255 * 1384 * 1036)\n"
-              "end }");
+  place.write(
+      "told.lua",
+      "return { title = 'x', needs = { 'sample' }, run = function(rig, p, run)\n"
+      "  local s, eye = rig.simulation, rig:eye()\n"
+      "  local function says(what, f, ...) local ok, e = pcall(f, ...) run:note(what .. ': "
+      "' .. tostring(e)) end\n"
+      "  says('eye', s.set_eye, s, optics.system { name = 'navarro' })\n"
+      "  says('body', s.move_body, s, 'ball', { 0, 0, 0 })\n"
+      "  says('robot', s.change, s, { robot = 'coni_3mm' })\n"
+      "  says('gel', s.change, s, { robot = 'coni_2mm', gel = 'gel_12' })\n"
+      "  local other = eye:sample { number = 3 }\n"
+      "  run:result('index', other:info().parameters['lens.index'])\n"
+      "  run:result('again', eye:sample({ number = 3 }):info().parameters['lens.index'])\n"
+      "  run:result('number_4', eye:sample({ number = 4 }):info().parameters['lens.index'])\n"
+      "  s:set_eye(other)\n"
+      "  run:result('pixel', rig:model().pixel, 'm')\n"
+      "  local image = rig.top_camera:grab().image\n"
+      "  local mask = image:ellipse_mask { x_px = 100, y_px = 90, major_px = 40, minor_px "
+      "= 20, angle = 0 }\n"
+      "  run:result('area', mask:mean().gray / 255 * 1384 * 1036)\n"
+      "end }");
   const Spoken spoken = place.vitreo("run told.lua --json");
   ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
   for (const char* said :

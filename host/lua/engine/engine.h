@@ -1,4 +1,4 @@
-// Makes the Lua script engine.
+// Factory of the Lua script engine.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

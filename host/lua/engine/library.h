@@ -1,4 +1,4 @@
-// Everything that scripts can call, from the rows of all bindings.
+// Library of all bindings: everything that scripts can call.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -47,6 +47,7 @@ struct Argument {
   std::string handle{};                // Type::handle: the class
   std::vector<Argument> options{};     // Type::options: its keys
   std::vector<std::string> choices{};  // Type::text: the allowed values; empty: any
+  bool other = false;                  // choices are only offered: others may be given
 };
 
 /// A named value of a table that a call returns.

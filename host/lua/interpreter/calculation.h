@@ -1,5 +1,5 @@
-// Long calculations beside the script: on a task of their own, so that everything else of the run
-// goes on, and a stop ends them.
+// Long calculations beside the script: each on a task of its own, so that the rest of the run goes
+// on, and a stop ends them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

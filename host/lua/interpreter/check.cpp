@@ -1,4 +1,4 @@
-// Arguments against their row, before any binding sees them.
+// Check of the arguments against their row, before any binding sees them.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/binding.h"
@@ -161,7 +161,8 @@ void check_one(lua_State* L, const Argument& argument, int index) {
     check_numbers(L, argument, index);
   if (argument.type == Type::handle) check_handle(L, argument, index);
   if (argument.type == Type::options) check_options(L, argument, index);
-  if (argument.type == Type::text && !argument.choices.empty()) check_choice(L, argument, index);
+  if (argument.type == Type::text && !argument.choices.empty() && !argument.other)
+    check_choice(L, argument, index);
 }
 
 bool all_optional(const Argument& argument) {
@@ -192,7 +193,7 @@ std::string wanted(const Argument& argument) {
     case Type::flag:
       return "true or false";
     case Type::text:
-      return argument.choices.empty() ? "a string" : one_of(argument.choices);
+      return argument.choices.empty() || argument.other ? "a string" : one_of(argument.choices);
     case Type::function:
       return "a function";
     case Type::vector:

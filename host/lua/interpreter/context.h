@@ -1,5 +1,4 @@
-// What belongs to one Lua state beside Lua's own: the session it serves, its scheduler, what it
-// must close.
+// Context of one Lua state: the session it serves, its scheduler, what it must close.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// What a run:each spent its time on: how much of it only got things ready.
+// Dead time of a run:each: the part of its time in which things were only got ready.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// What scripts find in a state beside Lua's own: classes of handles, modules and global functions.
+// Library of a state: classes of handles, modules and global functions beside Lua's own.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// What in plain Lua depends on addresses and hash order, made the same in every run: pairs, next,
+// Repeatable order of what in plain Lua depends on addresses and hashes: pairs, next,
 // tostring, string.format.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/context.h"

@@ -1,4 +1,4 @@
-// Waits for people: for a word at the terminal or through the control socket.
+// Waits for an operator's answer, at the terminal or through the control socket.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// Which files a script may have read for it, and where it may have some written.
+// File access of scripts: the files that may be read for them, and the folder for those they write.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,5 +1,5 @@
-// One scheduler for everything a script waits for: script tasks are coroutines, and only here the
-// clock is asked to wait.
+// Scheduler of everything a script waits for: script tasks are coroutines, and only here the clock
+// is asked to wait.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

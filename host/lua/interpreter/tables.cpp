@@ -8,19 +8,6 @@
 
 namespace vitreo::lua {
 
-void set_fields(lua_State* L, const std::vector<Field>& fields) {
-  for (const auto& [name, value] : fields) {
-    if (!std::isfinite(value)) continue;
-    lua_pushnumber(L, value);
-    lua_setfield(L, -2, name);
-  }
-}
-
-void push_fields(lua_State* L, const std::vector<Field>& fields) {
-  lua_createtable(L, 0, static_cast<int>(fields.size()));
-  set_fields(L, fields);
-}
-
 void push_numbers(lua_State* L, const std::vector<double>& numbers) {
   lua_createtable(L, static_cast<int>(numbers.size()), 0);
   for (std::size_t i = 0; i < numbers.size(); ++i) {

@@ -11,11 +11,6 @@
 
 namespace vitreo::lua {
 
-using Field = std::pair<const char*, double>;
-
-/// A table of them. What is not finite is left out: nil, not a NaN that travels on.
-void push_fields(lua_State* L, const std::vector<Field>& fields);
-void set_fields(lua_State* L, const std::vector<Field>& fields);  // into the table on top
 /// Into the table on top.
 void set_number(lua_State* L, const char* name, double value);
 void push_numbers(lua_State* L, const std::vector<double>& numbers);

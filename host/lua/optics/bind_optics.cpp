@@ -1,4 +1,3 @@
-// optics: the module's own functions, and what its bindings share.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/optics/bind_optics.h"
 
@@ -14,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <initializer_list>
 #include <stdexcept>
 
 namespace vitreo::lua {
@@ -28,16 +28,6 @@ int prescriptions(Call& call) {
     lua_pushstring(call.L, name.c_str());
     lua_rawseti(call.L, -2, ++count);
   }
-  return 1;
-}
-
-int prescription(Call& call) {
-  push_system(call.L, optics::prescription(call.text(0)));
-  return 1;
-}
-
-int system(Call& call) {
-  push_system(call.L, prescription_table_at(call.L, call.index(0)));
   return 1;
 }
 
@@ -60,31 +50,61 @@ std::string lens_file(const Context& context, const std::string& path) {
       continue;
     }
     if (fs::file_size(file) > kLargestFile)
-      throw std::invalid_argument("path: " + path + " is too long for a lens");
+      throw std::invalid_argument("file: " + path + " is too long for a lens");
     return file.string();
   }
   throw std::invalid_argument(
-      "path: " + path +
+      "file: " + path +
       (outside ? " lies outside of the current folder and of the folders of scripts"
                : ": there is no such file in the current folder or those of scripts"));
 }
 
-int push_zemax(Call& call, const std::string& bytes) {
+optics::Prescription zemax_prescription(const Call& call, const std::string& bytes) {
   const std::string direction = call.text_option("direction").value_or("object_is_retina");
-  if (direction != "object_is_retina" && direction != "image_is_retina")
-    throw std::invalid_argument("direction: wants object_is_retina or image_is_retina, got " +
-                                direction);
-  push_system(call.L,
-              optics::prescription_from_zemax(optics::parse_zemax(bytes),
-                                              direction == "object_is_retina"
-                                                  ? optics::ZemaxDirection::object_is_retina
-                                                  : optics::ZemaxDirection::image_is_retina));
-  return 1;
+  return optics::prescription_from_zemax(optics::parse_zemax(bytes),
+                                         direction == "object_is_retina"
+                                             ? optics::ZemaxDirection::object_is_retina
+                                             : optics::ZemaxDirection::image_is_retina);
 }
 
-int zemax(Call& call) { return push_zemax(call, call.text(0)); }
-int load_zemax(Call& call) {
-  return push_zemax(call, read_text_file(lens_file(call.context(), call.text(0))));
+optics::Prescription known_prescription(const std::string& name) {
+  const std::vector<std::string> known = optics::prescription_names();
+  if (std::find(known.begin(), known.end(), name) != known.end()) return optics::prescription(name);
+  const std::string near = nearest(name, known);
+  throw std::invalid_argument("name: there is no '" + name + "'" +
+                              (near.empty() ? "" : "; did you mean " + near + "?"));
+}
+
+bool has_option(const Call& call, const char* name) {
+  const bool has = call.push_option(name);
+  lua_pop(call.L, 1);
+  return has;
+}
+
+/// Options beside one of the four that say what the system is.
+void refuse_beside(const Call& call, const char* what, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (has_option(call, name))
+      throw std::invalid_argument(std::string(name) + ": is not for a system given by its " + what);
+}
+
+int system(Call& call) {
+  if (has_option(call, "rows")) {
+    refuse_beside(call, "rows", {"zemax", "file", "direction"});
+    push_system(call.L, prescription_table_at(call.L, call.index(0)));
+    return 1;
+  }
+  refuse_beside(call, "name, zemax or file", {"title", "source", "stop"});
+  const auto name = call.text_option("name"), zemax = call.text_option("zemax"),
+             file = call.text_option("file");
+  if (name.has_value() + zemax.has_value() + file.has_value() != 1)
+    throw std::invalid_argument("options: wants one of name, rows, zemax and file");
+  if (name) refuse_beside(call, "name", {"direction"});
+  push_system(call.L,
+              name    ? known_prescription(*name)
+              : zemax ? zemax_prescription(call, *zemax)
+                      : zemax_prescription(call, read_text_file(lens_file(call.context(), *file))));
+  return 1;
 }
 
 }  // namespace
@@ -114,7 +134,7 @@ Argument microscope_argument() {
   return {.name = "microscope",
           .type = Type::options,
           .optional = true,
-          .help = "who looks",
+          .help = "of the viewing system",
           .options = {
               {.name = "numerical_aperture",
                .type = Type::number,
@@ -157,45 +177,42 @@ std::optional<optics::Microscope> microscope_option(const Call& call) {
 
 const std::vector<Binding>& optics_functions() {
   const auto text = [](const char* name, const char* help) {
-    return Argument{.name = name, .type = Type::text, .help = help};
+    return Argument{.name = name, .type = Type::text, .optional = true, .help = help};
   };
-  const Argument direction = options_of({{.name = "direction",
-                                          .type = Type::text,
-                                          .optional = true,
-                                          .help = "which way the rays run (object_is_retina)",
-                                          .choices = {"object_is_retina", "image_is_retina"}}});
+  Argument name = text("name", "of a known system, or with rows the new one's");
+  name.choices = optics::prescription_names();
+  name.other = true;
+  Argument direction = text("direction", "which way Zemax's rays run (object_is_retina)");
+  direction.choices = {"object_is_retina", "image_is_retina"};
   static const std::vector<Binding> functions = [&] {
     std::vector<Binding> made = {
         {"optics.prescriptions",
          {},
          "list of names",
          "the eyes and lenses that are known",
-         prescriptions},
-        {"optics.prescription",
-         {{.name = "name",
-           .type = Type::text,
-           .help = "its name",
-           .choices = optics::prescription_names()}},
-         "optical_system",
-         "one of them",
-         prescription},
+         prescriptions,
+         "optics.prescriptions()"},
         {"optics.system",
-         {{.name = "description",
-           .type = Type::table,
-           .help = "as optical_system:rows() gives it"}},
+         {options_of(
+             {name,
+              {.name = "rows",
+               .type = Type::list,
+               .optional = true,
+               .help =
+                   "surfaces from the retina outwards, as optical_system:prescription has them"},
+              text("title", "with rows: for people"),
+              text("source", "with rows: where from"),
+              {.name = "stop",
+               .type = Type::table,
+               .optional = true,
+               .help = "with rows: {surface = , radius = }"},
+              text("zemax", "the text of a .zmx file"),
+              text("file", "a .zmx file below the current folder or those of scripts"),
+              direction})},
          "optical_system",
-         "an eye of one's own",
-         system},
-        {"optics.zemax",
-         {text("text", "of a .zmx file"), direction},
-         "optical_system",
-         "reads a Zemax design",
-         zemax},
-        {"optics.load_zemax",
-         {text("path", "of a .zmx file below the current folder or those of scripts"), direction},
-         "optical_system",
-         "reads a Zemax design from a file",
-         load_zemax}};
+         "an eye or lens: a known one by its name, one's own by rows, or a Zemax design",
+         system,
+         "optics.system { name = \"navarro_condensing\" }"}};
     for (Binding& row : calibration_functions()) made.push_back(std::move(row));
     return made;
   }();
@@ -204,10 +221,8 @@ const std::vector<Binding>& optics_functions() {
 
 const Class& optical_system_class() {
   static const Class kind = [] {
-    Class made{"optical_system",
-               "an eye with what stands before it; make one with optics.prescription",
-               {},
-               {}};
+    Class made{
+        "optical_system", "an eye with what stands before it; make one with optics.system", {}, {}};
     for (auto rows : {system_table_rows(), system_first_order_rows(), system_ray_rows(),
                       system_map_rows(), system_tolerance_rows(), system_pose_rows(),
                       system_calibration_rows(), system_design_rows()})

@@ -1,4 +1,5 @@
-// What the bindings of the optics share. An optical_system's object is an optics::Prescription.
+// Shared parts of the bindings of the optics. An optical_system's object is an
+// optics::Prescription.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -22,9 +23,8 @@ Argument length_option(const char* name, double min, double max, const char* hel
 Argument microscope_argument();
 std::optional<optics::Microscope> microscope_option(const Call& call);
 
-/// A system as a script writes it down, and back: {name, title, source, stop = {surface, radius},
-/// rows = {...}}.
-void push_prescription_table(lua_State* L, const optics::Prescription& prescription);
+/// A system as a script writes it down: {name, title, source, stop = {surface, radius}, rows =
+/// {...}}.
 optics::Prescription prescription_table_at(lua_State* L, int index);
 
 /// The rows of optical_system, by file.

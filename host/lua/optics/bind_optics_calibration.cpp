@@ -1,5 +1,5 @@
-// Calibration: cameras, the retina's shape, the law of depth on the axis, and the eye itself
-// (thesis 4.3, 4.4).
+// Bindings of calibration: cameras, the retina's shape, the law of depth on the axis, the eye
+// itself (thesis 4.3, 4.4).
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/calculation.h"
 #include "host/lua/interpreter/values.h"
@@ -18,18 +18,22 @@
 namespace vitreo::lua {
 namespace {
 
-/// Calls `read` with each entry of the list, a table with none but the `known` keys.
+/// Calls `read` with each entry of the option `name`, a list of tables with none but the `known`
+/// keys.
 void each_entry(const Call& call, const std::string& name, const std::vector<std::string>& known,
                 const std::function<void(const OptionTable&, const std::string& where)>& read) {
-  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(0)));
+  call.push_option(name);
+  const int list = lua_gettop(call.L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
   for (lua_Integer i = 1; i <= count; ++i) {
     const std::string where = name + ": " + std::to_string(i) + ": ";
-    if (lua_rawgeti(call.L, call.index(0), i) != LUA_TTABLE)
+    if (lua_rawgeti(call.L, list, i) != LUA_TTABLE)
       throw std::invalid_argument(where + "wants a table, got " + kind_of(call.L, -1));
     refuse_unknown(call.L, lua_gettop(call.L), where, known);
     read(OptionTable(call.L, lua_gettop(call.L)), where);
     lua_pop(call.L, 1);
   }
+  lua_pop(call.L, 1);
 }
 
 Eigen::Vector2d pair(const OptionTable& entry, const char* name, const std::string& where) {
@@ -39,31 +43,32 @@ Eigen::Vector2d pair(const OptionTable& entry, const char* name, const std::stri
   return {(*numbers)[0], (*numbers)[1]};
 }
 
-int camera_calibration(Call& call) {
+int fit_camera(Call& call) {
   std::vector<optics::PointPair> pairs;
   each_entry(call, "points", {"m", "pixel"},
              [&](const OptionTable& entry, const std::string& where) {
                pairs.push_back({pair(entry, "m", where), pair(entry, "pixel", where)});
              });
   const optics::CameraFit fit = optics::fit_camera(pairs);
-  push_fields(call.L, {{"pixel", fit.image.pixel},
-                       {"rotation", fit.rotation},
-                       {"rms_residual_px", fit.rms_residual_px},
-                       {"max_residual_px", fit.max_residual_px},
-                       {"pixel_sigma", fit.scale_sigma},
-                       {"rotation_sigma", fit.rotation_sigma}});
-  push_numbers(call.L, {fit.image.center_px.x(), fit.image.center_px.y()});
-  lua_setfield(call.L, -2, "center");
-  push_numbers(call.L, {fit.center_sigma_px.x(), fit.center_sigma_px.y()});
-  lua_setfield(call.L, -2, "center_sigma_px");
+  ResultTable(call)
+      .number("pixel", fit.image.pixel, "m")
+      .numbers("center", {fit.image.center_px.x(), fit.image.center_px.y()})
+      .number("rotation", fit.rotation, "rad")
+      .number("rms_residual_px", fit.rms_residual_px)
+      .number("max_residual_px", fit.max_residual_px)
+      .number("pixel_sigma", fit.scale_sigma, "m")
+      .numbers("center_sigma_px", {fit.center_sigma_px.x(), fit.center_sigma_px.y()})
+      .number("rotation_sigma", fit.rotation_sigma, "rad");
   return 1;
 }
 
-int retina_shape(Call& call) {
+int fit_retina(Call& call) {
   std::vector<Eigen::Vector3d> points;
-  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(0)));
+  call.push_option("points");
+  const int list = lua_gettop(call.L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
   for (lua_Integer i = 1; i <= count; ++i) {
-    lua_rawgeti(call.L, call.index(0), i);
+    lua_rawgeti(call.L, list, i);
     const auto point = to_vector(call.L, -1);
     if (!point)
       throw std::invalid_argument("points: " + std::to_string(i) +
@@ -78,19 +83,20 @@ int retina_shape(Call& call) {
   }
   options.fit_center = !call.flag_option("on_axis");
   const optics::RetinaFit fit = optics::fit_retina(points, options);
-  push_fields(call.L, {{"radius", fit.radius},
-                       {"conic", fit.conic},
-                       {"rms_residual", fit.rms_residual},
-                       {"max_residual", fit.max_residual}});
-  push_vector(call.L, fit.vertex);
-  lua_setfield(call.L, -2, "vertex");
   const Eigen::VectorXd sigma = fit.covariance.diagonal().cwiseSqrt();
-  push_fields(call.L, {{"x", sigma[0]},
-                       {"y", sigma[1]},
-                       {"z", sigma[2]},
-                       {"radius", sigma[3]},
-                       {"conic", sigma[4]}});
-  lua_setfield(call.L, -2, "sigma");
+  ResultTable(call)
+      .vector("vertex", fit.vertex, "m")
+      .number("radius", fit.radius, "m")
+      .number("conic", fit.conic)
+      .number("rms_residual", fit.rms_residual, "m")
+      .number("max_residual", fit.max_residual, "m")
+      .table("sigma", [&sigma](ResultTable& of) {
+        of.number("x", sigma[0], "m")
+            .number("y", sigma[1], "m")
+            .number("z", sigma[2], "m")
+            .number("radius", sigma[3], "m")
+            .number("conic", sigma[4]);
+      });
   return 1;
 }
 
@@ -114,32 +120,31 @@ int law_depth(Call& call) {
   const AxisLaw& law = law_of(call);
   const auto object = law.law.object_from_sensor(call.number(0));
   if (!object || *object > 0 || *object < -law.vitreous) return 0;
-  return call.result(*object + law.vitreous);
+  return call.result(*object + law.vitreous, "m");
 }
 
 int law_distance(Call& call) {
   const AxisLaw& law = law_of(call);
   const auto sensor = law.law.sensor_from_object(call.number(0) - law.vitreous);
   if (!sensor) return 0;
-  return call.result(*sensor);
+  return call.result(*sensor, "m");
 }
 
-int law_values(Call& call) {
+int law_info(Call& call) {
   const optics::OnAxisLaw& law = law_of(call).law;
-  push_fields(call.L, {{"focal_length", law.focal_length},
-                       {"first_principal_point", law.first_principal_point},
-                       {"second_principal_point", law.second_principal_point},
-                       {"object_index", law.object_index},
-                       {"sensor_shift", law.sensor_shift},
-                       {"object_shift", law.object_shift}});
+  ResultTable(call)
+      .number("focal_length", law.focal_length, "m")
+      .number("first_principal_point", law.first_principal_point, "m")
+      .number("second_principal_point", law.second_principal_point, "m")
+      .number("object_index", law.object_index)
+      .number("sensor_shift", law.sensor_shift, "m")
+      .number("object_shift", law.object_shift, "m");
   return 1;
 }
 
 int law_on_retina(Call& call) {
   AxisLaw law = law_of(call);
   const std::string method = call.text_option("method").value_or("sensor_shift");
-  if (method != "sensor_shift" && method != "minimum_norm")
-    throw std::invalid_argument("method: wants sensor_shift or minimum_norm, got " + method);
   const auto fit =
       optics::calibrate_biometric(law.law, {call.number(0), -law.vitreous},
                                   method == "sensor_shift" ? optics::BiometricMethod::sensor_shift
@@ -149,7 +154,7 @@ int law_on_retina(Call& call) {
   return 1;
 }
 
-int law_fitted(Call& call) {
+int law_fit(Call& call) {
   AxisLaw law = law_of(call);
   std::vector<optics::OnAxisPoint> points;
   each_entry(call, "points", {"depth", "distance"},
@@ -161,36 +166,38 @@ int law_fitted(Call& call) {
              });
   const optics::OnAxisFit fit = optics::fit_on_axis(law.law, points);
   law.law = fit.law;
-  push_law(call.L, law);
   const Eigen::Vector3d sigma = fit.covariance.diagonal().cwiseSqrt();
-  push_fields(call.L, {{"rms_residual", fit.rms_residual},
-                       {"max_residual", fit.max_residual},
-                       {"focal_length_sigma", sigma[0]},
-                       {"first_principal_point_sigma", sigma[1]},
-                       {"second_principal_point_sigma", sigma[2]}});
-  return 2;
+  ResultTable table(call);
+  push_law(call.L, law);
+  table.top("law")
+      .number("rms_residual", fit.rms_residual, "m")
+      .number("max_residual", fit.max_residual, "m")
+      .number("focal_length_sigma", sigma[0], "m")
+      .number("first_principal_point_sigma", sigma[1], "m")
+      .number("second_principal_point_sigma", sigma[2], "m");
+  return 1;
 }
 
-int push_estimate(Call& call, const optics::EyeEstimate& estimate) {
+int push_estimate(const Call& call, const optics::EyeEstimate& estimate) {
+  ResultTable table(call);
   push_system(call.L, estimate.eye);
-  lua_newtable(call.L);
-  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-    const optics::EstimatedParameter& one = estimate.parameters[i];
-    push_fields(call.L, {{"value", one.value},
-                         {"sigma", one.sigma},
-                         {"prior_sigma", one.prior_sigma},
-                         {"learned", one.learned}});
-    lua_pushstring(call.L, one.name.c_str());
-    lua_setfield(call.L, -2, "parameter");
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  push_fields(call.L,
-              {{"chi2", estimate.chi2}, {"iterations", static_cast<double>(estimate.iterations)}});
-  return 3;
+  table.top("eye")
+      .number("chi2", estimate.chi2)
+      .number("iterations", estimate.iterations)
+      .list("parameters", estimate.parameters.size(),
+            [&estimate](ResultTable& entry, std::size_t i) {
+              const optics::EstimatedParameter& one = estimate.parameters[i];
+              entry.text("parameter", one.name)
+                  .number("value", one.value)
+                  .number("sigma", one.sigma)
+                  .number("prior_sigma", one.prior_sigma)
+                  .number("learned", one.learned);
+            });
+  return 1;
 }
 
 /// The eye that most probably has these foci on its axis, given table 5.1.
-int estimated(Call& call) {
+int estimate(Call& call) {
   std::vector<double> depths, distances, sigmas;
   each_entry(
       call, "foci", {"depth", "distance", "sigma"},
@@ -224,16 +231,23 @@ Argument list_argument(const char* name, const char* help) {
 }  // namespace
 
 std::vector<Binding> calibration_functions() {
-  return {{"optics.camera_calibration",
-           {list_argument("points", "{{m = {x, y}, pixel = {u, v}}, ...}: aerial image in m, px")},
-           "table: pixel in m, center, rotation in rad, rms_residual_px, max_residual_px, "
-           "pixel_sigma in m, "
-           "center_sigma_px, rotation_sigma in rad",
-           "a camera's scale (m of aerial image per px), center and rotation, by least squares",
-           camera_calibration},
-          {"optics.retina_shape",
-           {list_argument("points", "positions on the retina, m"),
-            options_of({{.name = "conic",
+  const auto plain = [](const char* name, const char* unit, const char* help) {
+    return ResultField{name, unit, help};
+  };
+  return {{"optics.fit_camera",
+           {options_of({list_argument(
+               "points", "{{m = {x, y}, pixel = {u, v}}, ...}: aerial image in m, px")})},
+           {"table",
+            {plain("pixel", "m", "of aerial image"), plain("center", "", "{u, v}, px"),
+             plain("rotation", "rad", ""), plain("rms_residual_px", "", ""),
+             plain("max_residual_px", "", ""), plain("pixel_sigma", "m", ""),
+             plain("center_sigma_px", "", "{u, v}"), plain("rotation_sigma", "rad", "")}},
+           "a camera's scale, center and rotation from points, by least squares",
+           fit_camera,
+           "optics.fit_camera { points = pixels }"},
+          {"optics.fit_retina",
+           {options_of({list_argument("points", "positions on the retina, m"),
+                        {.name = "conic",
                          .type = Type::number,
                          .optional = true,
                          .min = -100,
@@ -243,9 +257,20 @@ std::vector<Binding> calibration_functions() {
                          .type = Type::flag,
                          .optional = true,
                          .help = "holds the vertex on the eye's axis (false)"}})},
-           "table: vertex in m, radius in m, conic, rms_residual in m, max_residual in m, sigma",
+           {"table",
+            {plain("vertex", "m", ""),
+             plain("radius", "m", ""),
+             plain("conic", "", ""),
+             plain("rms_residual", "m", ""),
+             plain("max_residual", "m", ""),
+             {"sigma",
+              "",
+              "of the vertex and the shape",
+              {plain("x", "m", ""), plain("y", "m", ""), plain("z", "m", ""),
+               plain("radius", "m", ""), plain("conic", "", "")}}}},
            "the conicoid through points on the retina (4.4.2, 4.4.4)",
-           retina_shape}};
+           fit_retina,
+           "optics.fit_retina { points = on_retina, conic = 0 }"}};
 }
 
 std::vector<Binding> system_calibration_rows() {
@@ -253,17 +278,33 @@ std::vector<Binding> system_calibration_rows() {
            {},
            "axis_law",
            "depth from focus on the axis by first order, (4.10) to (4.12)",
-           axis_law},
-          {"estimated",
-           {list_argument("foci",
-                          "{{depth = , distance = , sigma = 20 um}, ...}: objects on the axis, m")},
-           "optical_system; list of parameter, value, sigma, prior_sigma, learned; table: chi2, "
-           "iterations",
+           axis_law,
+           "eye:axis_law()"},
+          {"estimate",
+           {options_of({list_argument(
+               "foci", "{{depth = , distance = , sigma = 20 um}, ...}: objects on the axis, m")})},
+           {"table",
+            {{"eye", "", "the optical_system that was found"},
+             {"parameters",
+              "",
+              "those of table 5.1, in SI",
+              {{"parameter", "", "name"},
+               {"value", "", ""},
+               {"sigma", "", "after the measurements"},
+               {"prior_sigma", "", "and before"},
+               {"learned", "", "how much of its variance the measurements took away"}}},
+             {"chi2", "", "of the measurements"},
+             {"iterations", "", ""}}},
            "the most probable eye given table 5.1 and where objects on its axis are in focus",
-           estimated}};
+           estimate,
+           "eye:estimate { foci = { { depth = 0, distance = 7.9 * mm } } }"}};
 }
 
 const Class& axis_law_class() {
+  const auto of_many = [](const char* name) {
+    return ResultField{
+        .name = name, .unit = "m", .help = "of more than three points", .optional = true};
+  };
   static const Class kind{
       "axis_law",
       "depth on the axis from focus (4.10) to (4.12); make one with optical_system:axis_law",
@@ -272,20 +313,28 @@ const Class& axis_law_class() {
           .type = Type::number,
           .unit = "m",
           .help = "d_ls, where the object was sharp"}},
-        "number in m, or nil outside of the vitreous",
+        Returned("number", "m").or_nil("outside of the vitreous"),
         "how far before the retina the object is",
-        law_depth},
+        law_depth,
+        "law:depth(9 * mm)"},
        {"distance",
         {{.name = "depth", .type = Type::number, .unit = "m", .help = "before the retina"}},
-        "number in m, or nil",
+        Returned("number", "m").or_nil("at infinity"),
         "where an object is in focus, from the last vertex",
-        law_distance},
-       {"values",
+        law_distance,
+        "law:distance(2 * mm)"},
+       {"info",
         {},
-        "table in m",
-        "focal_length, first_principal_point, second_principal_point, object_index, sensor_shift, "
-        "object_shift",
-        law_values},
+        {"table",
+         {{"focal_length", "m", ""},
+          {"first_principal_point", "m", ""},
+          {"second_principal_point", "m", ""},
+          {"object_index", "", "of the vitreous"},
+          {"sensor_shift", "m", "of the calibration"},
+          {"object_shift", "m", "of the calibration"}}},
+        "the law's constants",
+        law_info,
+        "law:info()"},
        {"on_retina",
         {{.name = "distance",
           .type = Type::number,
@@ -298,12 +347,20 @@ const Class& axis_law_class() {
                       .choices = {"sensor_shift", "minimum_norm"}}})},
         "axis_law",
         "biometric calibration on the eye's own retina (4.3)",
-        law_on_retina},
-       {"fitted",
-        {list_argument("points", "{{depth = , distance = }, ...}, three or more, m")},
-        "axis_law, table: rms_residual, max_residual, and sigmas with more than three points",
+        law_on_retina,
+        "law:on_retina(8 * mm)"},
+       {"fit",
+        {options_of({list_argument("points", "{{depth = , distance = }, ...}, three or more, m")})},
+        {"table",
+         {{"law", "", "the axis_law that was found"},
+          {"rms_residual", "m", ""},
+          {"max_residual", "m", ""},
+          of_many("focal_length_sigma"),
+          of_many("first_principal_point_sigma"),
+          of_many("second_principal_point_sigma")}},
         "full calibration on the axis (4.4.4)",
-        law_fitted}},
+        law_fit,
+        "law:fit { points = foci }"}},
       {}};
   return kind;
 }

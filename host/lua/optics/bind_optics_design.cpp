@@ -1,4 +1,4 @@
-// optical_system: lens design, shapes that flatten the aerial image (thesis 3.2).
+// Binding of optical_system:optimize: lens shapes that flatten the aerial image (thesis 3.2).
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/calculation.h"
 #include "host/lua/interpreter/values.h"
@@ -60,40 +60,57 @@ optics::LensDesignOptions options_at(const Call& call) {
   return options;
 }
 
-void set_image(lua_State* L, const char* name, const optics::LensImage& image) {
-  push_fields(L, {{"merit", image.merit},
-                  {"span", image.span},
-                  {"max_spot", image.max_spot},
-                  {"focal_length", image.focal_length},
-                  {"image_distance", image.image_distance},
-                  {"lost_fields", image.lost_fields}});
-  lua_setfield(L, -2, name);
+void set_image(ResultTable& table, const optics::LensImage& image) {
+  table.number("merit", image.merit)
+      .number("span", image.span, "m")
+      .number("max_spot", image.max_spot, "m")
+      .number("focal_length", image.focal_length, "m")
+      .number("image_distance", image.image_distance, "m")
+      .number("lost_fields", image.lost_fields);
 }
 
-int push_design(Call& call, const optics::LensDesign& made) {
+int push_design(const Call& call, const optics::LensDesign& made) {
+  ResultTable table(call);
   push_system(call.L, made.prescription);
-  push_fields(call.L, {{"iterations", made.iterations}});
-  lua_pushstring(call.L, optics::to_string(made.status));
-  lua_setfield(call.L, -2, "status");
-  lua_pushstring(call.L, made.reason.c_str());
-  lua_setfield(call.L, -2, "reason");
-  set_image(call.L, "before", made.before);
-  set_image(call.L, "after", made.after);
-  lua_newtable(call.L);
-  for (std::size_t i = 0; i < made.parameters.size(); ++i) {
-    const optics::DesignedParameter& one = made.parameters[i];
-    push_fields(call.L, {{"before", one.before}, {"after", one.after}});
-    lua_pushstring(call.L, one.parameter.c_str());
-    lua_setfield(call.L, -2, "parameter");
-    lua_pushboolean(call.L, one.at_bound);
-    lua_setfield(call.L, -2, "at_bound");
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  lua_setfield(call.L, -2, "parameters");
-  return 2;
+  table.top("system")
+      .number("iterations", made.iterations)
+      .text("status", optics::to_string(made.status))
+      .text("reason", made.reason)
+      .table("before", [&made](ResultTable& image) { set_image(image, made.before); })
+      .table("after", [&made](ResultTable& image) { set_image(image, made.after); })
+      .list("parameters", made.parameters.size(), [&made](ResultTable& one, std::size_t i) {
+        one.text("parameter", made.parameters[i].parameter)
+            .number("before", made.parameters[i].before)
+            .number("after", made.parameters[i].after)
+            .flag("at_bound", made.parameters[i].at_bound);
+      });
+  return 1;
 }
 
-int designed(Call& call) {
+Returned design_fields() {
+  const std::vector<ResultField> image = {{"merit", "", ""},
+                                          {"span", "m", "of the best foci along the axis"},
+                                          {"max_spot", "m", "largest rms radius"},
+                                          {.name = "focal_length", .unit = "m", .optional = true},
+                                          {.name = "image_distance", .unit = "m", .optional = true},
+                                          {"lost_fields", "", "how many let no light through"}};
+  return {"table",
+          {{"system", "", "the optical_system that was found"},
+           {"status", "", ""},
+           {"reason", "", "of the status"},
+           {"iterations", "", ""},
+           {"before", "", "aerial image before", image},
+           {"after", "", "and after", image},
+           {"parameters",
+            "",
+            "those that were varied, in SI",
+            {{"parameter", "", "name"},
+             {"before", "", ""},
+             {"after", "", ""},
+             {"at_bound", "", "whether it lies on its bound"}}}}};
+}
+
+int optimize(Call& call) {
   const optics::LensDesignOptions options = options_at(call);
   options.check();
   return calculate(
@@ -112,7 +129,7 @@ std::vector<Binding> system_design_rows() {
         .name = name, .type = Type::number, .optional = true, .min = 0, .max = 1e6, .help = help};
   };
   return {
-      {"designed",
+      {"optimize",
        {options_of({{.name = "variables",
                      .type = Type::table,
                      .help = "names of parameters; [name] = {lower, upper} for one with bounds"},
@@ -133,9 +150,10 @@ std::vector<Binding> system_design_rows() {
                                   "to where surfaces must not turn (as far as bundles reach)"),
                     length_option("min_edge_thickness", 0, 1, "of glass (0.5 mm)"),
                     length_option("min_center_thickness", 0, 1, "of what varies (0.1 mm)")})},
-       "optical_system, table: status, reason, iterations, before, after, parameters",
+       design_fields(),
        "shapes the named surfaces so that the aerial image of the retina becomes flat (3.2)",
-       designed}};
+       optimize,
+       "eye:optimize { variables = { \"condensing.anterior.a4\" }, angles = { 0, 20 * deg } }"}};
 }
 
 }  // namespace vitreo::lua

@@ -1,4 +1,4 @@
-// wide_angle_map: where an intraocular point is imaged sharply, and back; isofocus surfaces and
+// Bindings of wide_angle_map: image positions of intraocular points and back, isofocus surfaces,
 // isopixel curves.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/calculation.h"
@@ -75,27 +75,20 @@ int locate_in_map(Call& call) {
     root.col(i) = (more.value_or(*found) - less.value_or(*found)) * (sigmas[i] / width);
   }
   const Eigen::Matrix3d covariance = root * root.transpose();
-  push_fields(call.L, {});
-  push_vector(call.L, *found);
-  lua_setfield(call.L, -2, "position");
-  push_vector(call.L, covariance.diagonal().cwiseSqrt());
-  lua_setfield(call.L, -2, "sigma");
-  lua_newtable(call.L);
-  for (int i = 0; i < 3; ++i) {
-    push_numbers(call.L, {covariance(i, 0), covariance(i, 1), covariance(i, 2)});
-    lua_rawseti(call.L, -2, i + 1);
-  }
-  lua_setfield(call.L, -2, "covariance");
+  ResultTable(call)
+      .vector("position", *found, "m")
+      .vector("sigma", covariance.diagonal().cwiseSqrt(), "m")
+      .matrix("covariance", covariance, "m^2");
   return 1;
 }
 
-int map_limits(Call& call) {
+int map_info(Call& call) {
   const WideAngleMap& map = map_of(call);
-  push_fields(
-      call.L,
-      {{"max_angle", map.max_angle()}, {"max_depth", map.max_depth()}, {"tail", map.tail()}});
-  lua_pushboolean(call.L, map.symmetric());
-  lua_setfield(call.L, -2, "symmetric");
+  ResultTable(call)
+      .number("max_angle", map.max_angle(), "rad")
+      .number("max_depth", map.max_depth(), "m")
+      .number("tail", map.tail(), "m")
+      .flag("symmetric", map.symmetric());
   return 1;
 }
 
@@ -107,9 +100,8 @@ int push_curve(Call& call, const std::vector<std::optional<WideAngleMap::FieldPo
     const WideAngleMap::Plane there = map_of(call).plane_point(*place);
     r.push_back(there.r), z.push_back(there.z);
   }
-  push_numbers(call.L, r);
-  push_numbers(call.L, z);
-  return 2;
+  ResultTable(call).numbers("r", r, "m").numbers("z", z, "m");
+  return 1;
 }
 
 std::size_t count_of(const Call& call) {
@@ -155,41 +147,41 @@ int isopixel(Call& call) {
   return push_curve(call, places);
 }
 
-void push_cubic(lua_State* L, const char* name, const optics::Cubic& cubic) {
+/// The coefficients as a list, with the range and the residual as its fields.
+void push_cubic(lua_State* L, const optics::Cubic& cubic) {
   push_numbers(L, {cubic.c.begin(), cubic.c.end()});
-  set_fields(L, {{"from", cubic.from}, {"to", cubic.to}, {"max_residual", cubic.max_residual}});
-  lua_setfield(L, -2, name);
-}
-
-template <class Curve, class Fields>
-void push_list(lua_State* L, const char* name, const std::vector<Curve>& curves, Fields fields) {
-  lua_newtable(L);
-  for (std::size_t i = 0; i < curves.size(); ++i) {
-    push_fields(L, fields(curves[i]));
-    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  lua_setfield(L, -2, name);
+  set_number(L, "from", cubic.from);
+  set_number(L, "to", cubic.to);
+  set_number(L, "max_residual", cubic.max_residual);
 }
 
 int thesis_curves(Call& call) {
   const optics::ThesisCurves curves = optics::fit_thesis_curves(map_of(call));
-  lua_newtable(call.L);
-  push_cubic(call.L, "radius", curves.radius);
-  push_cubic(call.L, "pole", curves.pole);
-  push_cubic(call.L, "slope", curves.slope);
-  push_cubic(call.L, "intercept", curves.intercept);
-  push_list(call.L, "surfaces", curves.surfaces, [](const optics::IsofocusSurface& one) {
-    return std::vector<Field>{{"focus", one.focus},
-                              {"radius", one.radius},
-                              {"pole", one.pole},
-                              {"max_residual", one.max_residual}};
-  });
-  push_list(call.L, "curves", curves.curves, [](const optics::IsopixelCurve& one) {
-    return std::vector<Field>{{"height", one.height},
-                              {"slope", one.slope},
-                              {"intercept", one.intercept},
-                              {"max_residual", one.max_residual}};
-  });
+  ResultTable table(call);
+  const auto cubic = [&](const char* name, const optics::Cubic& fit) {
+    push_cubic(call.L, fit);
+    table.top(name);
+  };
+  cubic("radius", curves.radius);
+  cubic("pole", curves.pole);
+  cubic("slope", curves.slope);
+  cubic("intercept", curves.intercept);
+  table
+      .list("surfaces", curves.surfaces.size(),
+            [&curves](ResultTable& one, std::size_t i) {
+              const optics::IsofocusSurface& surface = curves.surfaces[i];
+              one.number("focus", surface.focus, "m")
+                  .number("radius", surface.radius, "m")
+                  .number("pole", surface.pole, "m")
+                  .number("max_residual", surface.max_residual, "m");
+            })
+      .list("curves", curves.curves.size(), [&curves](ResultTable& one, std::size_t i) {
+        const optics::IsopixelCurve& curve = curves.curves[i];
+        one.number("height", curve.height, "m")
+            .number("slope", curve.slope)
+            .number("intercept", curve.intercept, "m")
+            .number("max_residual", curve.max_residual, "m");
+      });
   return 1;
 }
 
@@ -200,26 +192,47 @@ std::vector<Binding> curve_rows() {
                        .min = 2,
                        .max = 10000,
                        .help = "of points (41)"};
+  const Returned curve{
+      "table",
+      {{"r", "m", "of each point, from the axis"}, {"z", "m", "of each point, eye frame"}}};
+  const char* const cubic = "cubic {c0, c1, c2, c3}, with from, to and max_residual; SI";
   return {
       {"isofocus",
        {{.name = "focus", .type = Type::number, .unit = "m", .help = "d_ls"}, count},
-       "list of r, list of z, in m",
+       curve,
        "the surface whose points are all in focus at one distance from the last vertex, as far as "
        "the map reaches",
-       isofocus},
+       isofocus,
+       "map:isofocus(10 * mm)"},
       {"isopixel",
        {{.name = "height", .type = Type::number, .unit = "m", .min = 0, .max = 1, .help = "|d_op|"},
         count},
-       "list of r, list of z, in m",
+       curve,
        "the curve whose points are all imaged at one distance from the axis, as far as the map "
        "reaches",
-       isopixel},
+       isopixel,
+       "map:isopixel(3 * mm)"},
       {"thesis_curves",
        {},
-       "table",
-       "the thesis' fits: cubics radius, pole, slope, intercept {c0, c1, c2, c3}; lists surfaces, "
-       "curves",
-       thesis_curves}};
+       {"table",
+        {{"radius", "", cubic},
+         {"pole", "", cubic},
+         {"slope", "", cubic},
+         {"intercept", "", cubic},
+         {"surfaces",
+          "",
+          "spheres fitted to isofocus surfaces",
+          {{"focus", "m", ""}, {"radius", "m", ""}, {"pole", "m", ""}, {"max_residual", "m", ""}}},
+         {"curves",
+          "",
+          "lines fitted to isopixel curves",
+          {{"height", "m", ""},
+           {"slope", "", ""},
+           {"intercept", "m", ""},
+           {"max_residual", "m", ""}}}}},
+       "the thesis' fits of isofocus surfaces and isopixel curves",
+       thesis_curves,
+       "map:thesis_curves()"}};
 }
 
 }  // namespace
@@ -240,44 +253,58 @@ std::vector<Binding> system_map_rows() {
                 microscope_argument()})},
            "wide_angle_map",
            "the whole image formation as a table, for a bare sensor or a microscope",
-           make_map}};
+           make_map,
+           "eye:wide_angle_map { max_angle = 30 * deg }"}};
 }
 
 const Class& wide_angle_map_class() {
   static const Class kind = [] {
     const Argument inside{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"};
-    Class made{"wide_angle_map",
-               "image formation (3.2); make one with optical_system:wide_angle_map. An image place "
-               "is {x, y, d_ls}: x, "
-               "y of the eye frame, d_ls from the last vertex",
-               {{"image",
-                 {inside},
-                 Returned("position", "m").or_nil("outside"),
-                 "where a point is imaged sharply",
-                 image},
-                {"point",
-                 {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"}},
-                 Returned("position", "m").or_nil("outside"),
-                 "the point that is imaged there",
-                 point},
-                {"locate",
-                 {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
-                  options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
-                              length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
-                 "table: position in m, sigma in m, covariance in m^2; nil outside",
-                 "localizes by focus: as point, with its covariance",
-                 locate_in_map},
-                {"traced_image",
-                 {inside},
-                 Returned("position", "m").or_nil("outside"),
-                 "as image, by tracing the bundle instead of the table",
-                 traced_image},
-                {"limits",
-                 {},
-                 "table",
-                 "max_angle in rad, max_depth in m, tail in m (the table's error); symmetric",
-                 map_limits}},
-               {}};
+    Class made{
+        "wide_angle_map",
+        "image formation (3.2); make one with optical_system:wide_angle_map. An image place "
+        "is {x, y, d_ls}: x, "
+        "y of the eye frame, d_ls from the last vertex",
+        {{"image",
+          {inside},
+          Returned("position", "m").or_nil("outside"),
+          "where a point is imaged sharply",
+          image,
+          "map:image({ 0, 0, 2 * mm })"},
+         {"point",
+          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"}},
+          Returned("position", "m").or_nil("outside"),
+          "the point that is imaged there",
+          point,
+          "map:point(map:image({ 0, 0, 2 * mm }))"},
+         {"locate",
+          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
+           options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
+                       length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
+          Returned("table", std::vector<ResultField>{{"position", "m", ""},
+                                                     {"sigma", "m", "of x, y and z"},
+                                                     {"covariance", "m^2", "list of its rows"}})
+              .or_nil("outside"),
+          "localizes by focus: as point, with its covariance",
+          locate_in_map,
+          "map:locate(map:image({ 0, 0, 2 * mm }))"},
+         {"traced_image",
+          {inside},
+          Returned("position", "m").or_nil("outside"),
+          "as image, by tracing the bundle instead of the table",
+          traced_image,
+          "map:traced_image({ 0, 0, 2 * mm })"},
+         {"info",
+          {},
+          {"table",
+           {{"max_angle", "rad", "of the field"},
+            {"max_depth", "m", "before the retina"},
+            {"tail", "m", "the table's error"},
+            {"symmetric", "", "whether the system is, about its axis"}}},
+          "how far the map reaches",
+          map_info,
+          "map:info()"}},
+        {}};
     for (Binding& row : curve_rows()) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -1,4 +1,4 @@
-// localizer: where a body of known shape is, from the ellipse it shows or from points on it.
+// Bindings of localizer: pose of a body of known shape, from its ellipse or from points on it.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/calculation.h"
 #include "host/lua/interpreter/values.h"
@@ -9,6 +9,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace vitreo::lua {
 namespace {
@@ -61,11 +62,12 @@ int ellipse(Call& call) {
   const auto shown = optics::project_object(settings, {*start.position_in_eye, *start.orientation},
                                             how.number("scale").value_or(1));
   if (!shown) return 0;
-  push_fields(call.L, {{"u", (*shown)[0]},
-                       {"v", (*shown)[1]},
-                       {"semi_major", (*shown)[2]},
-                       {"semi_minor", (*shown)[3]},
-                       {"angle", (*shown)[4]}});
+  ResultTable(call)
+      .number("u", (*shown)[0])
+      .number("v", (*shown)[1])
+      .number("semi_major", (*shown)[2])
+      .number("semi_minor", (*shown)[3])
+      .number("angle", (*shown)[4], "rad");
   return 1;
 }
 
@@ -76,31 +78,27 @@ int pixel(Call& call) {
   const auto m = exact ? exact->project(point) : localizer.settings.projection.project(point);
   if (!m) return 0;
   const Eigen::Vector2d at = localizer.settings.image.pixel_from_m(*m);
-  lua_pushnumber(call.L, at.x());
-  lua_pushnumber(call.L, at.y());
-  return 2;
-}
-
-int limits(Call& call) {
-  const optics::ObjectPoseSettings& settings = localizer_of(call).settings;
-  if (settings.exact) {
-    push_fields(call.L, {{"max_m", settings.exact->max_m()},
-                         {"max_z", settings.exact->max_z()},
-                         {"max_residual", settings.exact->max_residual()}});
-  } else {
-    push_fields(call.L, {{"max_m", settings.projection.max_m},
-                         {"max_z", settings.projection.max_z},
-                         {"viewpoint", settings.projection.viewpoint}});
-  }
-  push_fields(call.L, {{"pixel", settings.image.pixel}});
-  lua_getfield(call.L, -1, "pixel");
-  lua_setfield(call.L, -3, "pixel");
-  lua_pop(call.L, 1);
+  ResultTable(call).number("u", at.x()).number("v", at.y());
   return 1;
 }
 
-/// One look at a spheroid where its height is known: on the retina.
-int calibrated(Call& call) {
+int info(Call& call) {
+  const optics::ObjectPoseSettings& settings = localizer_of(call).settings;
+  ResultTable table(call);
+  table.number("pixel", settings.image.pixel, "m");
+  if (settings.exact)
+    table.number("max_m", settings.exact->max_m(), "m")
+        .number("max_z", settings.exact->max_z(), "m")
+        .number("max_residual", settings.exact->max_residual(), "m");
+  else
+    table.number("max_m", settings.projection.max_m, "m")
+        .number("max_z", settings.projection.max_z, "m")
+        .number("viewpoint", settings.projection.viewpoint, "m");
+  return 1;
+}
+
+/// One ellipse of a spheroid whose height is known: on the retina.
+int calibrate(Call& call) {
   const Localizer before = localizer_of(call);
   const optics::ObjectModel body = body_at(OptionTable(call, 0));
   const OptionTable how(call, 2);
@@ -112,9 +110,6 @@ int calibrated(Call& call) {
   settings.exact = before.settings.exact;
   settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
   const std::string correction = how.text("correction").value_or("image_scale");
-  if (correction != "image_scale" && correction != "additive_offset")
-    throw std::invalid_argument("correction: wants image_scale or additive_offset, got " +
-                                correction);
   const auto made = optics::calibrate_pose(
       settings, seen_at(OptionTable(call, 1)).ellipse, *how.vector("axis"), *how.number("known_z"),
       correction == "image_scale" ? optics::PoseCorrection::image_scale
@@ -122,10 +117,13 @@ int calibrated(Call& call) {
   auto after = std::make_shared<Localizer>(before);
   after->settings.image.pixel *= made.image_scale;
   after->offset += made.offset;
+  ResultTable table(call);
   push_handle(call.L, localizer_class(), after);
-  push_fields(call.L, {{"image_scale", made.image_scale}, {"residual", made.residual}});
-  set_vector(call.L, "offset", made.offset);
-  return 2;
+  table.top("localizer")
+      .number("image_scale", made.image_scale)
+      .number("residual", made.residual)
+      .vector("offset", made.offset, "m");
+  return 1;
 }
 
 int make_localizer(Call& call) {
@@ -197,7 +195,7 @@ Argument how_argument(bool position_needed) {
        .unit = "m",
        .optional = !position_needed,
        .help = "where to start"},
-      {.name = "axis", .type = Type::vector, .optional = true, .help = "direction of the body's z"},
+      {.name = "axis", .type = Type::direction, .optional = true, .help = "the body's z"},
       {.name = "orientation",
        .type = Type::numbers,
        .optional = true,
@@ -218,17 +216,13 @@ Argument how_argument(bool position_needed) {
 }
 
 std::vector<Binding> locating_rows() {
-  const char* const pose =
-      "table: status, candidates {position in m, axis, orientation, scale, covariance, sigma, "
-      "unobservable, chi2, "
-      "residual_px}";
+  const Returned pose = localizer_calls::pose_fields();
   return {{"locate",
            {body_argument(), seen_argument(), how_argument(false)},
            pose,
-           "weighted by the tracker's covariance; status is found, ambiguous, misfit, "
-           "not_converged or outside; "
-           "position and sigma too when found",
-           locate},
+           "pose from the ellipse that a tracker sees, weighted by its covariance",
+           locate,
+           "view:locate(robot, seen, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })"},
           {"locate_points",
            {{.name = "points",
              .type = Type::list,
@@ -236,10 +230,11 @@ std::vector<Binding> locating_rows() {
             how_argument(false)},
            pose,
            "the same from points known on the body",
-           locate_points},
-          {"calibrated",
+           locate_points,
+           "view:locate_points(points, { rotate = true })"},
+          {"calibrate",
            {body_argument(), seen_argument(),
-            options_of({{.name = "axis", .type = Type::vector, .help = "direction of the body's z"},
+            options_of({{.name = "axis", .type = Type::direction, .help = "the body's z"},
                         number_of("known_z", "m", false,
                                   "height of its center over the retina's vertex", -1, 1),
                         {.name = "correction",
@@ -247,9 +242,14 @@ std::vector<Binding> locating_rows() {
                          .optional = true,
                          .help = "what is put right (image_scale)",
                          .choices = {"image_scale", "additive_offset"}}})},
-           "localizer, table: image_scale, offset, residual",
-           "put right by one look at a spheroid on the known retina",
-           calibrated}};
+           {"table",
+            {{"localizer", "", "the corrected one"},
+             {"image_scale", "", "factor of the pixel"},
+             {"offset", "m", "added to positions"},
+             {"residual", "", ""}}},
+           "calibrates by one ellipse of a spheroid on the known retina",
+           calibrate,
+           "view:calibrate(robot, seen, { axis = { 1, 0, 0 }, known_z = 2 * mm })"}};
 }
 
 }  // namespace
@@ -270,29 +270,48 @@ std::vector<Binding> system_pose_rows() {
                          .help = "{u, v} of the image's axis, px ({0, 0})"}})},
            "localizer",
            "finds bodies by the ellipse or the points they show (5.3)",
-           make_localizer}};
+           make_localizer,
+           "eye:localizer { single_viewpoint = true }"}};
 }
 
 const Class& localizer_class() {
   static const Class kind = [] {
-    Class made{"localizer",
-               "pose through the eye's optics (5.3); make one with optical_system:localizer",
-               {{"pixel",
-                 {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"}},
-                 "u, v in px, or nil outside",
-                 "where the chain's chief ray shows a point",
-                 pixel},
-                {"ellipse",
-                 {body_argument(), how_argument(true)},
-                 "table: u, v, semi_major, semi_minor, angle; nil outside",
-                 "what a tracker would fit to the body's silhouette",
-                 ellipse},
-                {"limits",
-                 {},
-                 "table in m",
-                 "max_m, max_z, pixel; max_residual of the exact projection, or viewpoint",
-                 limits}},
-               {}};
+    Class made{
+        "localizer",
+        "pose through the eye's optics (5.3); make one with optical_system:localizer",
+        {{"pixel",
+          {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"}},
+          Returned("table", std::vector<ResultField>{{"u", "", "px"}, {"v", "", "px"}})
+              .or_nil("outside"),
+          "where the chain's chief ray shows a point",
+          pixel,
+          "view:pixel({ 0, 0, 2 * mm })"},
+         {"ellipse",
+          {body_argument(), how_argument(true)},
+          Returned("table", std::vector<ResultField>{{"u", "", "center, px"},
+                                                     {"v", "", "center, px"},
+                                                     {"semi_major", "", "px"},
+                                                     {"semi_minor", "", "px"},
+                                                     {"angle", "rad", "from +u towards +v"}})
+              .or_nil("outside"),
+          "what a tracker would fit to the body's silhouette",
+          ellipse,
+          "view:ellipse(robot, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })"},
+         {"info",
+          {},
+          {"table",
+           {{"pixel", "m", "of aerial image"},
+            {"max_m", "m", "of the aerial image"},
+            {"max_z", "m", "before the retina"},
+            {.name = "max_residual",
+             .unit = "m",
+             .help = "of the exact projection",
+             .optional = true},
+            {.name = "viewpoint", .unit = "m", .help = "of the single one", .optional = true}}},
+          "scale and reach of the projection",
+          info,
+          "view:info()"}},
+        {}};
     for (Binding& row : locating_rows()) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -1,4 +1,4 @@
-// optical_system: rays, spots, field curves, the layout drawing.
+// Bindings of optical_system: rays, spots, field curves, the layout drawing.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/values.h"
 #include "host/lua/optics/bind_optics.h"
@@ -15,32 +15,19 @@
 namespace vitreo::lua {
 namespace {
 
-void set_vector(lua_State* L, const char* name, const Eigen::Vector3d& vector) {
-  push_vector(L, vector);
-  lua_setfield(L, -2, name);
-}
-
-void push_ray(lua_State* L, const optics::Ray& ray) {
-  lua_newtable(L);
-  set_vector(L, "origin", ray.origin);
-  set_vector(L, "direction", ray.direction);
+ResultTable& set_ray(ResultTable& table, const optics::Ray& ray) {
+  return table.vector("origin", ray.origin, "m").vector("direction", ray.direction, "");
 }
 
 int trace(Call& call) {
-  const Eigen::Vector3d direction = call.vector(1);
-  if (!(direction.norm() > 0))
-    throw std::invalid_argument("direction: wants a direction, got {0, 0, 0}");
-  const optics::Ray ray{call.vector(0), direction.normalized()};
+  const Eigen::Vector3d direction = call.direction(1);
+  const optics::Ray ray{call.vector(0), direction};
   const optics::System& system = eye_of(call).system;
   const auto found =
       direction.z() > 0 ? optics::trace_out(system, ray) : optics::trace_in(system, ray);
-  push_ray(call.L, found.ray);
-  lua_pushstring(call.L, optics::to_string(found.status));
-  lua_setfield(call.L, -2, "status");
-  if (found.surface > 0) {
-    lua_pushinteger(call.L, found.surface);
-    lua_setfield(call.L, -2, "surface");
-  }
+  ResultTable table(call);
+  set_ray(table, found.ray).text("status", optics::to_string(found.status));
+  if (found.surface > 0) table.integer("surface", found.surface);
   return 1;
 }
 
@@ -50,7 +37,8 @@ int isopixel_line(Call& call) {
   const auto line = optics::isopixel_line(
       eye_of(call).system, microscope_option(call).value_or(optics::Microscope{}), {m[0], m[1]});
   if (!line) return 0;
-  push_ray(call.L, *line);
+  ResultTable table(call);
+  set_ray(table, *line);
   return 1;
 }
 
@@ -58,8 +46,7 @@ int point_at_field(Call& call) {
   const auto point =
       optics::point_at_field(eye_of(call).system, call.number(0), call.has(1) ? call.number(1) : 0);
   if (!point) return 0;
-  push_vector(call.L, *point);
-  return 1;
+  return call.result(*point, "m");
 }
 
 void push_spot(Call& call, const optics::Spot& spot) {
@@ -69,19 +56,18 @@ void push_spot(Call& call, const optics::Spot& spot) {
   for (const Eigen::Vector2d& place : spot.at(distance))
     x.push_back(place.x()), y.push_back(place.y());
   const double total = spot.rays() + spot.lost;
-  push_fields(call.L, {{"best_focus", moments.best_focus()},
-                       {"tangential", moments.best_focus_along({1, 0})},
-                       {"sagittal", moments.best_focus_along({0, 1})},
-                       {"distance", distance},
-                       {"rms", moments.rms(distance)},
-                       {"transmitted", total > 0 ? spot.rays() / total : 0}});
+  ResultTable table(call);
+  table.number("best_focus", moments.best_focus(), "m")
+      .number("tangential", moments.best_focus_along({1, 0}), "m")
+      .number("sagittal", moments.best_focus_along({0, 1}), "m")
+      .number("distance", distance, "m")
+      .number("rms", moments.rms(distance), "m")
+      .number("transmitted", total > 0 ? spot.rays() / total : 0)
+      .numbers("x", x, "m")
+      .numbers("y", y, "m");
   if (const auto frequency = call.number_option("frequency"))
-    set_fields(call.L, {{"mtf_tangential", optics::geometric_mtf(spot, distance, {*frequency, 0})},
-                        {"mtf_sagittal", optics::geometric_mtf(spot, distance, {0, *frequency})}});
-  push_numbers(call.L, x);
-  lua_setfield(call.L, -2, "x");
-  push_numbers(call.L, y);
-  lua_setfield(call.L, -2, "y");
+    table.number("mtf_tangential", optics::geometric_mtf(spot, distance, {*frequency, 0}))
+        .number("mtf_sagittal", optics::geometric_mtf(spot, distance, {0, *frequency}));
 }
 
 int spot(Call& call) {
@@ -100,21 +86,20 @@ int field_curvature(Call& call) {
   const optics::PupilTracer tracer(system, optics::Pupil::of_stop(system));
   const auto curve = optics::field_curves(tracer, call.numbers(0), optics::disc_samples(),
                                           call.has(1) ? call.number(1) : 0);
-  lua_newtable(call.L);
-  for (std::size_t i = 0; i < curve.size(); ++i) {
-    const optics::FieldPoint& p = curve[i];
-    push_fields(call.L, {{"angle", p.angle}, {"transmitted", p.transmitted}});
-    if (p.transmitted > 0)
-      set_fields(call.L, {{"best_focus", p.best_focus},
-                          {"tangential", p.tangential},
-                          {"sagittal", p.sagittal},
-                          {"chief_height", p.chief_height},
-                          {"rms", p.rms},
-                          {"distortion", p.distortion}});
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  lua_pushnumber(call.L, optics::field_curvature_span(curve));
-  return 2;
+  ResultTable(call)
+      .number("span", optics::field_curvature_span(curve), "m")
+      .list("points", curve.size(), [&curve](ResultTable& point, std::size_t i) {
+        const optics::FieldPoint& p = curve[i];
+        point.number("angle", p.angle, "rad").number("transmitted", p.transmitted);
+        if (p.transmitted > 0)
+          point.number("best_focus", p.best_focus, "m")
+              .number("tangential", p.tangential, "m")
+              .number("sagittal", p.sagittal, "m")
+              .number("chief_height", p.chief_height, "m")
+              .number("rms", p.rms, "m")
+              .number("distortion", p.distortion);
+      });
+  return 1;
 }
 
 /// A real image that lies near is what the drawing is about; else some room behind the last lens
@@ -161,50 +146,81 @@ std::vector<Binding> field_rows() {
   angle.optional = false;
   Argument drawn = angles;
   drawn.optional = true;
-  return {{"point_at_field",
-           {angle, depth},
-           "position in m, or nil",
-           "the point of the retina at a field angle, or before it towards the pupil",
-           point_at_field},
-          {"spot",
-           {options_of({angle_option("angle", "of the field (0)"),
-                        depth,
-                        length_option("distance", -10, 10, "from the last vertex (best focus)"),
-                        {.name = "frequency",
-                         .type = Type::number,
-                         .unit = "1/m",
-                         .optional = true,
-                         .min = 0,
-                         .max = 1e9,
-                         .help = "for mtf_tangential, mtf_sagittal"}})},
-           "table, or nil when no light comes through",
-           "the bundle that fills the pupil: x, y, best_focus, tangential, sagittal, distance, rms "
-           "in m, transmitted",
-           spot},
-          {"field_curvature",
-           {angles, depth},
-           "list of tables, span in m",
-           "best_focus, tangential, sagittal, chief_height, rms in m, distortion, transmitted of "
-           "each field angle",
-           field_curvature},
-          {"layout",
-           {options_of({drawn,
-                        {.name = "rays",
-                         .type = Type::integer,
-                         .optional = true,
-                         .min = 1,
-                         .max = 101,
-                         .help = "a fan"},
-                        depth,
-                        {.name = "title", .type = Type::text, .optional = true}})},
-           "SVG text",
-           "draws surfaces and rays; put it into the report with run:drawing",
-           layout}};
+  const auto lit = [](const char* name, const char* unit, const char* help) {
+    return ResultField{.name = name, .unit = unit, .help = help, .optional = true};
+  };
+  return {
+      {"point_at_field",
+       {angle, depth},
+       Returned("position", "m").or_nil("where the chief ray is lost"),
+       "the point of the retina at a field angle, or before it towards the pupil",
+       point_at_field,
+       "eye:point_at_field(20 * deg)"},
+      {"spot",
+       {options_of({angle_option("angle", "of the field (0)"),
+                    depth,
+                    length_option("distance", -10, 10, "from the last vertex (best focus)"),
+                    {.name = "frequency",
+                     .type = Type::number,
+                     .unit = "1/m",
+                     .optional = true,
+                     .min = 0,
+                     .max = 1e9,
+                     .help = "for mtf_tangential, mtf_sagittal"}})},
+       Returned("table",
+                std::vector<ResultField>{{"x", "m", "of the rays at the distance, from their mean"},
+                                         {"y", "m", ""},
+                                         {"best_focus", "m", "from the last vertex"},
+                                         {"tangential", "m", "its focus in x"},
+                                         {"sagittal", "m", "its focus in y"},
+                                         {"distance", "m", "of the spot from the last vertex"},
+                                         {"rms", "m", "radius"},
+                                         {"transmitted", "", "part of the rays that comes through"},
+                                         lit("mtf_tangential", "", "at the frequency"),
+                                         lit("mtf_sagittal", "", "at the frequency")})
+           .or_nil("when no light comes through"),
+       "the bundle that fills the pupil",
+       spot,
+       "eye:spot { angle = 20 * deg, frequency = 5e4 }"},
+      {"field_curvature",
+       {angles, depth},
+       {"table",
+        {{"span", "m", "of the best foci along the axis"},
+         {"points",
+          "",
+          "one of each field angle; only angle and transmitted where no light comes through",
+          {{"angle", "rad", ""},
+           {"transmitted", "", "part of the rays that comes through"},
+           lit("best_focus", "m", "from the last vertex"),
+           lit("tangential", "m", ""),
+           lit("sagittal", "m", ""),
+           lit("chief_height", "m", "of the chief ray"),
+           lit("rms", "m", "radius of the spot"),
+           lit("distortion", "", "relative")}}}},
+       "the aerial image of the retina, or of what lies before it, along the field",
+       field_curvature,
+       "eye:field_curvature({ 0, 15 * deg, 30 * deg })"},
+      {"layout",
+       {options_of({drawn,
+                    {.name = "rays",
+                     .type = Type::integer,
+                     .optional = true,
+                     .min = 1,
+                     .max = 101,
+                     .help = "a fan"},
+                    depth,
+                    {.name = "title", .type = Type::text, .optional = true}})},
+       "string",
+       "draws surfaces and rays as SVG; put it into the report with run:drawing",
+       layout,
+       "eye:layout { angles = { 0, 20 * deg } }"}};
 }
 
 }  // namespace
 
 std::vector<Binding> system_ray_rows() {
+  const ResultField origin{"origin", "m", "a point of the ray"},
+      direction{"direction", "", "of length 1"};
   std::vector<Binding> rows = {
       {"trace",
        {{.name = "origin",
@@ -212,18 +228,24 @@ std::vector<Binding> system_ray_rows() {
          .unit = "m",
          .help = "eye frame: z from the retina outwards"},
         {.name = "direction",
-         .type = Type::vector,
+         .type = Type::direction,
          .help = "towards +z: out of the eye; towards -z: into it"}},
-       "table",
-       "follows a ray exactly: origin, direction, status (\"ok\" or why it was lost), surface "
-       "where it was lost",
-       trace},
+       {"table",
+        {origin,
+         direction,
+         {"status", "", "\"ok\", or why it was lost"},
+         {.name = "surface", .help = "where it was lost", .optional = true}}},
+       "follows a ray exactly",
+       trace,
+       "eye:trace({ 0, 0, 0 }, { 0, 0, 1 })"},
       {"isopixel_line",
        {{.name = "m", .type = Type::numbers, .unit = "m", .help = "{x, y} in the plane in focus"},
         options_of({microscope_argument()})},
-       "table, or nil when the ray is lost",
-       "the line in the vitreous whose points a microscope sees at m: origin in m, direction",
-       isopixel_line}};
+       Returned("table", std::vector<ResultField>{origin, direction})
+           .or_nil("when the ray is lost"),
+       "the line in the vitreous whose points a microscope sees at m",
+       isopixel_line,
+       "eye:isopixel_line({ 1 * mm, 0 })"}};
   for (Binding& row : field_rows()) rows.push_back(std::move(row));
   return rows;
 }

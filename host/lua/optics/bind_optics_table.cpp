@@ -1,4 +1,4 @@
-// optical_system: its parameters, personal eyes made of them, and the system as a table of rows.
+// Bindings of optical_system: its parameters, eyes made by them, and its prescription as rows.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/values.h"
 #include "host/lua/optics/bind_optics.h"
@@ -12,29 +12,26 @@ namespace {
 
 using optics::PrescriptionRow;
 
-constexpr std::pair<const char*, double PrescriptionRow::*> kColumns[] = {
-    {"radius", &PrescriptionRow::radius},
-    {"conic", &PrescriptionRow::conic},
-    {"thickness", &PrescriptionRow::thickness},
-    {"index", &PrescriptionRow::index},
-    {"semi_diameter", &PrescriptionRow::semi_diameter}};
+struct Column {
+  const char* name;
+  double PrescriptionRow::*value;
+  const char* unit;
+};
+constexpr Column kColumns[] = {{"radius", &PrescriptionRow::radius, "m"},
+                               {"conic", &PrescriptionRow::conic, ""},
+                               {"thickness", &PrescriptionRow::thickness, "m"},
+                               {"index", &PrescriptionRow::index, ""},
+                               {"semi_diameter", &PrescriptionRow::semi_diameter, "m"}};
 constexpr const char* kAspheric[] = {"a4", "a6", "a8", "a10"};
 
-void set_text(lua_State* L, const char* name, const std::string& text) {
-  lua_pushlstring(L, text.data(), text.size());
-  lua_setfield(L, -2, name);
-}
-
 /// What is as usual is left out, so that a table reads as the thesis' does.
-void push_row(lua_State* L, const PrescriptionRow& row) {
+void set_row(ResultTable& table, const PrescriptionRow& row) {
   const PrescriptionRow usual;
-  lua_newtable(L);
-  set_text(L, "surface", row.surface);
-  set_text(L, "medium", row.medium);
-  for (const auto& [name, column] : kColumns)
-    if (row.*column != usual.*column) set_number(L, name, row.*column);
+  table.text("surface", row.surface).text("medium", row.medium);
+  for (const auto& [name, column, unit] : kColumns)
+    if (row.*column != usual.*column) table.number(name, row.*column, unit);
   for (std::size_t i = 0; i < 4; ++i)
-    if (row.aspheric[i] != 0) set_number(L, kAspheric[i], row.aspheric[i]);
+    if (row.aspheric[i] != 0) table.number(kAspheric[i], row.aspheric[i]);
 }
 
 double number_field(lua_State* L, int index, const char* name, double usual,
@@ -51,13 +48,13 @@ PrescriptionRow row_at(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + "wants a table, got " + kind_of(L, index));
   std::vector<std::string> known{"surface", "medium"};
-  for (const auto& [name, column] : kColumns) known.emplace_back(name);
+  for (const Column& column : kColumns) known.emplace_back(column.name);
   for (const char* name : kAspheric) known.emplace_back(name);
   refuse_unknown(L, index, where, known);
   PrescriptionRow row;
   row.surface = text_field(L, index, "surface", where, false);
   row.medium = text_field(L, index, "medium", where, false);
-  for (const auto& [name, column] : kColumns)
+  for (const auto& [name, column, unit] : kColumns)
     row.*column = number_field(L, index, name, row.*column, where);
   for (std::size_t i = 0; i < 4; ++i)
     row.aspheric[i] = number_field(L, index, kAspheric[i], 0, where);
@@ -79,23 +76,17 @@ void read_stop(lua_State* L, int index, optics::PrescriptionTable& table) {
   lua_pop(L, 1);
 }
 
-int name(Call& call) { return call.result(eye_of(call).name); }
-int title(Call& call) { return call.result(eye_of(call).title); }
-
-int parameters(Call& call) {
+int system_info(Call& call) {
+  const optics::Prescription& eye = eye_of(call);
+  const optics::PrescriptionTable rows = optics::to_rows(eye);
+  ResultTable table(call);
+  table.text("name", eye.name).text("title", eye.title).text("source", rows.source);
   lua_newtable(call.L);
-  lua_Integer count = 0;
-  for (const optics::Parameter& parameter : optics::parameters(eye_of(call))) {
-    lua_newtable(call.L);
-    set_text(call.L, "name", parameter.name);
-    set_text(call.L, "unit", parameter.unit);
-    set_number(call.L, "value", parameter.value);  // an infinite radius is a plane
-    lua_rawseti(call.L, -2, ++count);
-  }
+  for (const optics::Parameter& parameter : optics::parameters(eye))
+    set_number(call.L, parameter.name.c_str(), parameter.value);  // an infinite radius is a plane
+  table.top("parameters");
   return 1;
 }
-
-int parameter(Call& call) { return call.result(optics::parameter(eye_of(call), call.text(0))); }
 
 int with(Call& call) {
   const int table = call.index(0);
@@ -110,41 +101,27 @@ int with(Call& call) {
   return 1;
 }
 
-int accommodated(Call& call) {
+int accommodate(Call& call) {
   push_system(call.L, optics::accommodate(eye_of(call), call.number(0)));
   return 1;
 }
 
-int rows(Call& call) {
-  push_prescription_table(call.L, eye_of(call));
+int prescription(Call& call) {
+  const optics::PrescriptionTable rows = optics::to_rows(eye_of(call));
+  ResultTable table(call);
+  table.text("name", rows.name).text("title", rows.title).text("source", rows.source);
+  if (rows.stop_surface > 0)
+    table.table("stop", [&rows](ResultTable& stop) {
+      stop.integer("surface", rows.stop_surface).number("radius", rows.stop_radius, "m");
+    });
+  table.list("rows", rows.rows.size(),
+             [&rows](ResultTable& row, std::size_t i) { set_row(row, rows.rows[i]); });
   return 1;
 }
 
 }  // namespace
 
-void push_prescription_table(lua_State* L, const optics::Prescription& prescription) {
-  const optics::PrescriptionTable table = optics::to_rows(prescription);
-  lua_newtable(L);
-  set_text(L, "name", table.name);
-  set_text(L, "title", table.title);
-  set_text(L, "source", table.source);
-  if (table.stop_surface > 0) {
-    lua_newtable(L);
-    lua_pushinteger(L, table.stop_surface);
-    lua_setfield(L, -2, "surface");
-    set_number(L, "radius", table.stop_radius);
-    lua_setfield(L, -2, "stop");
-  }
-  lua_newtable(L);
-  for (std::size_t i = 0; i < table.rows.size(); ++i) {
-    push_row(L, table.rows[i]);
-    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  lua_setfield(L, -2, "rows");
-}
-
 optics::Prescription prescription_table_at(lua_State* L, int index) {
-  refuse_unknown(L, index, "", {"name", "title", "source", "stop", "rows"});
   optics::PrescriptionTable table;
   table.name = text_field(L, index, "name", "", false);
   table.title = text_field(L, index, "title", "", false);
@@ -163,39 +140,65 @@ optics::Prescription prescription_table_at(lua_State* L, int index) {
 }
 
 std::vector<Binding> system_table_rows() {
-  return {
-      {"name", {}, "string", "as optics.prescriptions lists it", name},
-      {"title", {}, "string", "for people", title},
-      {"parameters",
-       {},
-       "list of tables",
-       "name, unit, value of every parameter, in SI",
-       parameters},
-      {"parameter",
-       {{.name = "name", .type = Type::text, .help = "such as \"lens.index\""}},
-       "number",
-       "one of them",
-       parameter},
-      {"with",
-       {{.name = "values", .type = Type::table, .help = "{[\"cornea.anterior.radius\"] = 7.8*mm}"}},
-       "optical_system",
-       "a personal eye: the same with some parameters replaced",
-       with},
-      {"accommodated",
-       {{.name = "accommodation",
-         .type = Type::number,
-         .unit = "1/m",
-         .min = 0,
-         .max = 10,
-         .help = "dioptres"}},
-       "optical_system",
-       "the eye when it accommodates",
-       accommodated},
-      {"rows",
-       {},
-       "table",
-       "the system as optics.system takes it: name, title, source, stop, rows",
-       rows}};
+  const auto usual = [](const char* name, const char* unit, const char* help) {
+    return ResultField{.name = name, .unit = unit, .help = help, .optional = true};
+  };
+  const Returned prescription_fields{
+      "table",
+      {{"name", "", ""},
+       {"title", "", ""},
+       {"source", "", ""},
+       {.name = "stop",
+        .help = "the aperture stop, where it is no surface of its own",
+        .fields = {{"surface", "", "its number; the retina is 1"}, {"radius", "m", ""}},
+        .optional = true},
+       {"rows",
+        "",
+        "surfaces from the retina outwards; what is as usual is left out",
+        {{"surface", "", "name"},
+         {"medium", "", "behind it"},
+         usual("radius", "m", "of curvature (a plane)"),
+         usual("conic", "", "(0)"),
+         usual("thickness", "m", "to the next"),
+         usual("index", "", "of the medium"),
+         usual("semi_diameter", "m", "of the clear aperture"),
+         usual("a4", "", "aspheric term, SI"),
+         usual("a6", "", "aspheric term, SI"),
+         usual("a8", "", "aspheric term, SI"),
+         usual("a10", "", "aspheric term, SI")}}}};
+  return {{"info",
+           {},
+           {"table",
+            {{"name", "", "as optics.prescriptions lists it"},
+             {"title", "", "for people"},
+             {"source", "", "of the numbers"},
+             {"parameters", "", "values in SI by name, as optical_system:with takes them"}}},
+           "name, title, source and parameters",
+           system_info,
+           "eye:info()"},
+          {"prescription",
+           {},
+           prescription_fields,
+           "the system as optics.system takes it",
+           prescription,
+           "eye:prescription()"},
+          {"with",
+           {{.name = "values", .type = Type::table, .help = "SI, by names of parameters"}},
+           "optical_system",
+           "a personal eye: the same with some parameters replaced",
+           with,
+           "eye:with { [\"cornea.anterior.radius\"] = 7.8 * mm }"},
+          {"accommodate",
+           {{.name = "accommodation",
+             .type = Type::number,
+             .unit = "1/m",
+             .min = 0,
+             .max = 10,
+             .help = "dioptres"}},
+           "optical_system",
+           "the eye when it accommodates",
+           accommodate,
+           "optics.system({ name = \"navarro\" }):accommodate(4)"}};
 }
 
 }  // namespace vitreo::lua

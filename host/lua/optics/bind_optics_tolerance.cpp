@@ -1,5 +1,5 @@
-// optical_system: depth from focus, calibrated on the retina or not, and what an uncertain eye
-// costs it.
+// Bindings of optical_system: error of localization for another eye, and error analysis over
+// uncertain ones.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/calculation.h"
 #include "host/lua/interpreter/values.h"
@@ -13,19 +13,6 @@
 
 namespace vitreo::lua {
 namespace {
-
-using error_calls::Method;
-
-int depth_from_focus(Call& call) {
-  const optics::System& system = eye_of(call).system;
-  const double vitreous = system.surfaces.front().thickness;
-  optics::OnAxisLaw law = optics::on_axis_law(system);
-  if (const auto retina = call.number_option("retina_at"))
-    law = optics::calibrate_biometric(law, {*retina, -vitreous}).law;
-  const auto object = law.object_from_sensor(call.number(0));
-  if (!object || *object > 0 || *object < -vitreous) return 0;
-  return call.result(*object + vitreous);
-}
 
 constexpr int kChunk = 200;  // eyes drawn between two breaths
 
@@ -63,63 +50,56 @@ std::vector<optics::Uncertainty> uncertainties_of(const Call& call,
   return uncertainties;
 }
 
-int push_sensitivity(Call& call, const std::vector<optics::Sensitivity>& found) {
-  lua_newtable(call.L);
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    lua_newtable(call.L);
-    lua_pushstring(call.L, found[i].parameter.c_str());
-    lua_setfield(call.L, -2, "parameter");
-    if (found[i].minus) set_fields(call.L, {{"minus", *found[i].minus}});
-    if (found[i].plus) set_fields(call.L, {{"plus", *found[i].plus}});
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
-  }
+int push_sensitivity(const Call& call, const std::vector<optics::Sensitivity>& found) {
+  ResultTable(call).list("parameters", found.size(), [&found](ResultTable& one, std::size_t i) {
+    one.text("parameter", found[i].parameter);
+    if (found[i].minus) one.number("minus", *found[i].minus, "m");
+    if (found[i].plus) one.number("plus", *found[i].plus, "m");
+  });
   return 1;
 }
 
-int sensitivity(Call& call) {
+int one_at_a_time(const Call& call) {
   const optics::Prescription eye = eye_of(call);
   return calculate(
-      call, "sensitivity",
+      call, "error analysis",
       [eye, uncertainties = uncertainties_of(call, eye),
-       make_error = error_calls::error_of(call, error_calls::chosen_method(call))](
-          const YieldPoint& breath) {
+       make_error = error_calls::error_of(call)](const YieldPoint& breath) {
         return optics::one_at_a_time(eye, uncertainties, breathing(make_error(eye), breath));
       },
       push_sensitivity);
 }
 
-/// The error of one who believes in this eye when the other is true.
-template <Method kMethod>
-int error_between(Call& call) {
+/// The error of localization by this eye when the other is true.
+int localization_error(Call& call) {
   return calculate(
       call, "localization error",
-      [believed = eye_of(call), truth = call.handle<optics::Prescription>(0),
-       make_error = error_calls::error_of(call, kMethod)](const YieldPoint&) {
+      [believed = eye_of(call), truth = call.handle_option<optics::Prescription>("truth"),
+       make_error = error_calls::error_of(call)](const YieldPoint&) {
         return make_error(believed)(truth);
       },
       [](Call& done, const std::optional<double>& error) {
-        return error ? done.result(*error) : 0;
+        return error ? done.result(*error, "m") : 0;
       });
 }
 
-void push_statistics(lua_State* L, const optics::ErrorStatistics& s) {
-  push_fields(L, {{"count", s.count},
-                  {"failed", s.failed},
-                  {"mean", s.mean},
-                  {"rms", s.rms},
-                  {"median", s.median},
-                  {"percentile_95", s.percentile_95},
-                  {"max", s.max}});
+ResultTable& set_statistics(ResultTable& table, const optics::ErrorStatistics& s) {
+  return table.number("count", s.count)
+      .number("failed", s.failed)
+      .number("mean", s.mean, "m")
+      .number("rms", s.rms, "m")
+      .number("median", s.median, "m")
+      .number("percentile_95", s.percentile_95, "m")
+      .number("max", s.max, "m");
 }
 
-int monte_carlo(Call& call) {
+int monte_carlo(const Call& call) {
   const optics::Prescription eye = eye_of(call);
   const int count = static_cast<int>(call.number_option("count").value_or(200));
   return calculate(
       call, "monte carlo",
       [eye, count, seed = call.context().seed, uncertainties = uncertainties_of(call, eye),
-       make_error = error_calls::error_of(call, error_calls::chosen_method(call))](
-          const YieldPoint& breath) {
+       make_error = error_calls::error_of(call)](const YieldPoint& breath) {
         std::mt19937_64 random(seed);
         std::vector<optics::PerturbedEye> eyes;
         for (int done = 0; done < count;
@@ -132,41 +112,39 @@ int monte_carlo(Call& call) {
         return optics::statistics(eyes, breathing(make_error(eye), breath));
       },
       [](Call& done, const optics::ErrorStatistics& found) {
-        push_statistics(done.L, found);
+        ResultTable table(done);
+        set_statistics(table, found);
         return 1;
       });
 }
 
 /// One of the eyes that the run's seed draws; each number has a stream of its own.
-int drawn_eye(Call& call) {
+int sample(Call& call) {
   const optics::Prescription eye = eye_of(call);
   constexpr std::uint64_t kFar = 0x9E3779B97F4A7C15U;
-  std::mt19937_64 random(call.context().seed + static_cast<std::uint64_t>(call.number(0)) * kFar);
+  std::mt19937_64 random(call.context().seed +
+                         static_cast<std::uint64_t>(*call.number_option("number")) * kFar);
   const auto one = optics::monte_carlo(eye, uncertainties_of(call, eye), 1, random);
   push_system(call.L, one.front().prescription);
   return 1;
 }
 
-int push_values(Call& call, const std::vector<optics::MeasurementValue>& found) {
-  lua_newtable(call.L);
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    push_statistics(call.L, found[i].known);
-    set_fields(call.L, {{"reduction", found[i].reduction}});
-    lua_pushstring(call.L, found[i].parameter.c_str());
-    lua_setfield(call.L, -2, "parameter");
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
-  }
+int push_values(const Call& call, const std::vector<optics::MeasurementValue>& found) {
+  ResultTable(call).list("parameters", found.size(), [&found](ResultTable& one, std::size_t i) {
+    set_statistics(one, found[i].known)
+        .number("reduction", found[i].reduction)
+        .text("parameter", found[i].parameter);
+  });
   return 1;
 }
 
-int variance_attribution(Call& call) {
+int variance_attribution(const Call& call) {
   const optics::Prescription eye = eye_of(call);
   const int count = static_cast<int>(call.number_option("count").value_or(200));
   return calculate(
-      call, "worth measuring",
+      call, "variance attribution",
       [eye, count, seed = call.context().seed, uncertainties = uncertainties_of(call, eye),
-       make_error = error_calls::error_of(call, error_calls::chosen_method(call))](
-          const YieldPoint& breath) {
+       make_error = error_calls::error_of(call)](const YieldPoint& breath) {
         std::mt19937_64 random(seed);
         const auto breathing_error = [&](const optics::Prescription& believed) {
           breath();
@@ -177,87 +155,98 @@ int variance_attribution(Call& call) {
       push_values);
 }
 
-Binding error_row(const char* name, Method method, int (*function)(Call&), const char* doc) {
-  const Argument truth{.name = "truth",
-                       .type = Type::handle,
-                       .help = "the eye as it is",
-                       .handle = "optical_system"};
-  return {name,
-          {truth, options_of(error_calls::options_of_method(method))},
-          "number in m, or nil without an answer",
-          doc,
-          function};
+int error_analysis(Call& call) {
+  const std::string method = *call.text_option("method");
+  if (method == "one_at_a_time") {
+    if (call.number_option("count"))
+      throw std::invalid_argument("count: the method one_at_a_time samples no eyes");
+    return one_at_a_time(call);
+  }
+  return method == "monte_carlo" ? monte_carlo(call) : variance_attribution(call);
 }
 
-std::vector<Binding> analysis_rows() {
-  std::vector<Argument> options = error_calls::options_of_all();
-  options.push_back({.name = "uncertainties",
-                     .type = Type::table,
-                     .optional = true,
-                     .help = "{[parameter] = one sigma, relative to its value} (table 5.1)"});
-  std::vector<Argument> drawn = options;
-  drawn.push_back({.name = "count",
-                   .type = Type::integer,
-                   .optional = true,
-                   .min = 1,
-                   .max = 100000,
-                   .help = "of eyes (200)"});
-  const Argument number{.name = "number",
-                        .type = Type::integer,
-                        .min = 0,
-                        .max = 1e9,
-                        .help = "which of those that the run's seed draws"};
-  return {{"drawn",
-           {number, options_of({options.back()})},
-           "optical_system",
-           "an eye that differs in all parameters at once, Gaussian, by table 5.1: a patient whose "
-           "numbers nobody knows",
-           drawn_eye},
-          {"sensitivity",
-           {options_of(options)},
-           "list of tables",
-           "error of localization when one parameter is off by its sigma, the worst first: "
-           "parameter, minus, plus in m",
-           sensitivity},
-          {"monte_carlo",
-           {options_of(drawn)},
-           "table",
-           "the same error with all parameters off at once: count, failed, mean, rms, median, "
-           "percentile_95, max",
-           monte_carlo},
-          {"variance_attribution",
-           {options_of(drawn)},
-           "list of tables",
-           "the same when one parameter of the patient is known, the best first: parameter, "
-           "reduction (of the rms), "
-           "and as monte_carlo",
-           variance_attribution}};
+std::vector<ResultField> statistics_fields() {
+  const auto field = [](const char* name, const char* unit, const char* help) {
+    return ResultField{.name = name, .unit = unit, .help = help, .optional = true};
+  };
+  return {field("count", "", "of eyes"), field("failed", "", "of them without an answer"),
+          field("mean", "m", ""),        field("rms", "m", ""),
+          field("median", "m", ""),      field("percentile_95", "m", ""),
+          field("max", "m", "")};
+}
+
+Returned analysis_fields() {
+  std::vector<ResultField> of_parameter = statistics_fields();
+  of_parameter.insert(
+      of_parameter.begin(),
+      {{"parameter", "", "name"},
+       {.name = "minus", .unit = "m", .help = "error one sigma below", .optional = true},
+       {.name = "plus", .unit = "m", .help = "error one sigma above", .optional = true},
+       {.name = "reduction",
+        .help = "of the rms, relative, when this one is known",
+        .optional = true}});
+  std::vector<ResultField> fields = statistics_fields();
+  fields.push_back({.name = "parameters",
+                    .help = "one_at_a_time: minus and plus, the worst first; "
+                            "variance_attribution: reduction and statistics, the best first",
+                    .fields = of_parameter,
+                    .optional = true});
+  return {"table", std::move(fields)};
 }
 
 }  // namespace
 
 std::vector<Binding> system_tolerance_rows() {
-  std::vector<Binding> rows = {
-      {"depth_from_focus",
-       {{.name = "distance",
-         .type = Type::number,
-         .unit = "m",
-         .help = "d_ls, where the object was sharp"},
-        options_of({length_option("retina_at", -10, 10,
-                                  "d_ls at which the retina was sharp: calibrates")})},
-       "number in m, or nil outside of the vitreous",
-       "how far before the retina an object on the axis is, by (4.10) to (4.12)",
-       depth_from_focus},
-      error_row("axis_error", Method::axis, error_between<Method::axis>,
-                "largest error of depth by focus on the axis of one who believes in this eye"),
-      error_row(
-          "field_error", Method::field, error_between<Method::field>,
-          "error of localization by focus over the whole field of one who believes in this eye"),
-      error_row(
-          "pose_error", Method::pose, error_between<Method::pose>,
-          "error of localization by pose over the whole field of one who believes in this eye")};
-  for (Binding& row : analysis_rows()) rows.push_back(std::move(row));
-  return rows;
+  const Argument uncertainties{.name = "uncertainties",
+                               .type = Type::table,
+                               .optional = true,
+                               .help =
+                                   "{[parameter] = one sigma, relative to its value} (table "
+                                   "5.1)"};
+  std::vector<Argument> analysis = error_calls::options_of_all();
+  analysis.insert(analysis.begin(),
+                  {.name = "method",
+                   .type = Type::text,
+                   .help = "one parameter off by its sigma at a time, all at once, or all at once "
+                           "but one that is known",
+                   .choices = {"one_at_a_time", "monte_carlo", "variance_attribution"}});
+  analysis.push_back(uncertainties);
+  analysis.push_back({.name = "count",
+                      .type = Type::integer,
+                      .optional = true,
+                      .min = 1,
+                      .max = 100000,
+                      .help = "of eyes that are sampled (200)"});
+  std::vector<Argument> between = error_calls::options_of_all();
+  between.insert(between.begin(), {.name = "truth",
+                                   .type = Type::handle,
+                                   .help = "the eye as it is",
+                                   .handle = "optical_system"});
+  const Argument number{.name = "number",
+                        .type = Type::integer,
+                        .min = 0,
+                        .max = 1e9,
+                        .help = "which of the run's seed"};
+  return {{"localization_error",
+           {options_of(between)},
+           Returned("number", "m").or_nil("without an answer"),
+           "error of localization by this eye in another: of depth on the axis, by focus or by "
+           "pose over the field",
+           localization_error,
+           "eye:localization_error { truth = eye:sample { number = 1 } }"},
+          {"sample",
+           {options_of({number, uncertainties})},
+           "optical_system",
+           "a random eye that differs in all parameters at once, Gaussian, by table 5.1",
+           sample,
+           "eye:sample { number = 3 }"},
+          {"error_analysis",
+           {options_of(analysis)},
+           analysis_fields(),
+           "error of localization with uncertain parameters: statistics of monte_carlo, or a list "
+           "of parameters",
+           error_analysis,
+           "eye:error_analysis { method = \"monte_carlo\", count = 20 }"}};
 }
 
 }  // namespace vitreo::lua

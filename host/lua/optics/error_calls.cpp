@@ -11,6 +11,9 @@
 namespace vitreo::lua::error_calls {
 namespace {
 
+/// Of depth on the axis, by focus over the field, by pose over the field.
+enum class Method { axis, field, pose };
+
 using optics::BiometricMethod;
 using optics::ErrorMeasure;
 
@@ -44,7 +47,7 @@ void take(const Call& call, const char* name, int& value) {
 MakeError axis_error_of(const Call& call) {
   optics::AxisErrorOptions options;
   options.calibrated = call.flag_option("calibrated");
-  options.method = word_option(call, "method", kBiometric).value_or(options.method);
+  options.method = word_option(call, "calibration_method", kBiometric).value_or(options.method);
   take(call, "retinal_depth_error", options.retinal_depth_error);
   take(call, "depth_to", options.depth_to);
   take(call, "depths", options.depths);
@@ -57,7 +60,7 @@ MakeError axis_error_of(const Call& call) {
 MakeError field_error_of(const Call& call) {
   optics::FieldErrorOptions options;
   options.calibrated = call.flag_option("calibrated");
-  options.method = word_option(call, "method", kBiometric).value_or(options.method);
+  options.method = word_option(call, "calibration_method", kBiometric).value_or(options.method);
   options.measure = word_option(call, "measure", kMeasures).value_or(options.measure);
   take(call, "retinal_depth_error", options.retinal_depth_error);
   take(call, "focus_error", options.focus_error);
@@ -133,8 +136,6 @@ const char* word_of(Method method) {
   return method == Method::axis ? "axis" : method == Method::field ? "field" : "pose";
 }
 
-}  // namespace
-
 std::vector<Argument> options_of_method(Method method) {
   std::vector<Argument> options = {
       flag_option("calibrated", "on the eye's own retina (false)"),
@@ -145,8 +146,7 @@ std::vector<Argument> options_of_method(Method method) {
   if (method != Method::axis)
     for (Argument& one : field_options()) options.push_back(std::move(one));
   if (method != Method::pose)
-    options.push_back(
-        text_option("method", "of the calibration: sensor_shift (default), or minimum_norm"));
+    options.push_back(text_option("calibration_method", "sensor_shift (default), or minimum_norm"));
   if (method == Method::field)
     options.push_back(length_option("focus_error", 0, 0.1,
                                     "by which the sensor is misplaced, the worse sign (0)"));
@@ -164,6 +164,8 @@ std::vector<Argument> options_of_method(Method method) {
   return options;
 }
 
+}  // namespace
+
 std::vector<Argument> options_of_all() {
   std::vector<Argument> all = {text_option(
       "error", "axis: depth by focus on the axis (default); field: by focus; pose: by pose")};
@@ -175,14 +177,11 @@ std::vector<Argument> options_of_all() {
   return all;
 }
 
-Method chosen_method(const Call& call) {
-  return word_option<Method>(
-             call, "error",
-             {{"axis", Method::axis}, {"field", Method::field}, {"pose", Method::pose}})
-      .value_or(Method::axis);
-}
-
-MakeError error_of(const Call& call, Method method) {
+MakeError error_of(const Call& call) {
+  const Method method =
+      word_option<Method>(
+          call, "error", {{"axis", Method::axis}, {"field", Method::field}, {"pose", Method::pose}})
+          .value_or(Method::axis);
   const std::vector<Argument> own = options_of_method(method);
   for (const Argument& one : options_of_all()) {
     const bool given = call.push_option(one.name);

@@ -1,4 +1,4 @@
-// Which error of localization the tolerance calls ask about, as a script's options say it.
+// Options of the error of localization: on the axis, by focus or by pose over the field.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -9,18 +9,14 @@
 
 namespace vitreo::lua::error_calls {
 
-/// Of depth on the axis, by focus over the field, by pose over the field.
-enum class Method { axis, field, pose };
-
-/// Builds the error of one who believes in an eye; owns all it uses.
+/// Builds the error of localization by a believed eye; owns all it uses.
 using MakeError = std::function<optics::EyeError(const optics::Prescription& believed)>;
 
-/// The options that a method knows, and `error`, which chooses one, with those of all.
-std::vector<Argument> options_of_method(Method method);
+/// `error`, which chooses one of them, and the options of all.
 std::vector<Argument> options_of_all();
 
-/// Throws std::invalid_argument naming an option that is bad, or that the method does not know.
-MakeError error_of(const Call& call, Method method);
-Method chosen_method(const Call& call);
+/// The error that the options choose. Throws std::invalid_argument naming an option that is bad, or
+/// that this error does not know.
+MakeError error_of(const Call& call);
 
 }  // namespace vitreo::lua::error_calls

@@ -11,43 +11,29 @@
 namespace vitreo::lua::localizer_calls {
 namespace {
 
-template <class Matrix>
-void set_rows(lua_State* L, const char* name, const Matrix& matrix) {
-  lua_newtable(L);
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    push_numbers(L, [&] {
-      std::vector<double> row;
-      for (Eigen::Index j = 0; j < matrix.cols(); ++j) row.push_back(matrix(i, j));
-      return row;
-    }());
-    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  lua_setfield(L, -2, name);
+std::vector<double> sigmas_of(const optics::PoseCandidate& one) {
+  const Eigen::VectorXd sigma = one.covariance.diagonal().cwiseSqrt();
+  return {sigma.begin(), sigma.end()};
 }
 
-void push_candidate(lua_State* L, const optics::PoseCandidate& one, const Eigen::Vector3d& offset) {
-  push_fields(L, {{"chi2", one.chi2}, {"residual_px", one.residual_px}, {"scale", one.scale}});
-  set_vector(L, "position", one.pose.position_in_eye + offset);
-  set_vector(L, "axis", one.pose.orientation.col(2));
-  const Eigen::Matrix3d rows = one.pose.orientation.transpose();
-  push_numbers(L, {rows.data(), rows.data() + rows.size()});
-  lua_setfield(L, -2, "orientation");
-  set_rows(L, "covariance", one.covariance);
-  const Eigen::VectorXd sigma = one.covariance.diagonal().cwiseSqrt();
-  push_numbers(L, {sigma.data(), sigma.data() + sigma.size()});
-  lua_setfield(L, -2, "sigma");
+void set_candidate(ResultTable& table, const optics::PoseCandidate& one,
+                   const Eigen::Vector3d& offset) {
   Eigen::MatrixXd open(static_cast<Eigen::Index>(one.unobservable.size()), 7);
   for (Eigen::Index i = 0; i < open.rows(); ++i)
     open.row(i) = one.unobservable[static_cast<std::size_t>(i)];
-  set_rows(L, "unobservable", open);
+  const Eigen::Matrix3d rows = one.pose.orientation.transpose();
+  table.number("chi2", one.chi2)
+      .number("residual_px", one.residual_px)
+      .number("scale", one.scale)
+      .vector("position", one.pose.position_in_eye + offset, "m")
+      .vector("axis", one.pose.orientation.col(2), "")
+      .numbers("orientation", {rows.data(), rows.data() + rows.size()})
+      .matrix("covariance", one.covariance)
+      .numbers("sigma", sigmas_of(one))
+      .matrix("unobservable", open);
 }
 
 }  // namespace
-
-void set_vector(lua_State* L, const char* name, const Eigen::Vector3d& vector) {
-  push_vector(L, vector);
-  lua_setfield(L, -2, name);
-}
 
 Argument body_argument() {
   const auto exponent = [](const char* name, const char* help) {
@@ -163,22 +149,36 @@ std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument)
   return points;
 }
 
-int push_pose(Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset) {
-  lua_newtable(call.L);
-  lua_pushstring(call.L, optics::to_string(pose.status));
-  lua_setfield(call.L, -2, "status");
-  lua_newtable(call.L);
-  for (std::size_t i = 0; i < pose.candidates.size(); ++i) {
-    push_candidate(call.L, pose.candidates[i], offset);
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  lua_setfield(call.L, -2, "candidates");
-  if (pose.status != optics::PoseStatus::found) return 1;
-  set_vector(call.L, "position", pose.candidates[0].pose.position_in_eye + offset);
-  const Eigen::VectorXd sigma = pose.candidates[0].covariance.diagonal().cwiseSqrt();
-  push_numbers(call.L, {sigma.data(), sigma.data() + sigma.size()});
-  lua_setfield(call.L, -2, "sigma");
+int push_pose(const Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset) {
+  ResultTable table(call);
+  table.text("status", optics::to_string(pose.status))
+      .list("candidates", pose.candidates.size(), [&](ResultTable& candidate, std::size_t i) {
+        set_candidate(candidate, pose.candidates[i], offset);
+      });
+  if (pose.status == optics::PoseStatus::found)
+    table.vector("position", pose.candidates[0].pose.position_in_eye + offset, "m")
+        .numbers("sigma", sigmas_of(pose.candidates[0]));
   return 1;
+}
+
+Returned pose_fields() {
+  const char* const seven = "position in m, rotations about the body's axes in rad, log of size";
+  return {"table",
+          {{"status", "", "found, ambiguous, misfit, not_converged or outside"},
+           {.name = "position", .unit = "m", .help = "when found", .optional = true},
+           {.name = "sigma", .help = seven, .optional = true},
+           {"candidates",
+            "",
+            "the poses that fit",
+            {{"position", "m", "eye frame"},
+             {"axis", "", "direction of the body's z"},
+             {"orientation", "", "nine numbers, eye from body, row by row"},
+             {"scale", "", "of the body's size"},
+             {"covariance", "", seven},
+             {"sigma", "", seven},
+             {"unobservable", "", "directions in which nothing is known, in the same seven"},
+             {"chi2", "", ""},
+             {"residual_px", "", ""}}}}};
 }
 
 }  // namespace vitreo::lua::localizer_calls

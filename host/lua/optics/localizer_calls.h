@@ -1,4 +1,4 @@
-// What the localizer's calls read from a script's tables, and give back.
+// Arguments and results of the localizer's calls.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -29,9 +29,9 @@ optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& 
 /// A list of {body, u, v, sigma}.
 std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument);
 
-/// `position` and `sigma` stand in the result itself only when it was found, so that nobody takes
-/// one of two for it.
-int push_pose(Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset);
-void set_vector(lua_State* L, const char* name, const Eigen::Vector3d& vector);
+/// `position` and `sigma` stand in the result itself only when it was found, so that one
+/// of two is not taken for it.
+int push_pose(const Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset);
+Returned pose_fields();
 
 }  // namespace vitreo::lua::localizer_calls

@@ -1,4 +1,4 @@
-// What a half-written line may go on with, from the live objects and from the rows of the bindings.
+// Completion of a half-written line, from the live objects and from the rows of the bindings.
 // Nothing is called for it: neither methods nor metamethods.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once

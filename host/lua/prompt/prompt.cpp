@@ -1,4 +1,3 @@
-// The prompt: statements and expressions, one after the other, in one state.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/prompt/prompt.h"
 

@@ -1,4 +1,4 @@
-// What the prompt offers beside what scripts have: run("name", {...}), check("name", {...}),
+// Calls of the prompt beside those of scripts: run("name", {...}), check("name", {...}),
 // watch(object), units without their table; and the protocols by name.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once

@@ -1,4 +1,4 @@
-// What the prompt shows: values in people's units, errors with the user's own lines.
+// Text of what the prompt shows: values in display units, errors with the user's own lines.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -32,6 +32,7 @@ std::string choice_type(const Argument& argument) {
   std::string text;
   for (const std::string& choice : argument.choices)
     text += (text.empty() ? "\"" : "|\"") + choice + "\"";
+  if (argument.other) text += "|string";
   return text.empty() ? "string" : text;
 }
 

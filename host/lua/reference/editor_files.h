@@ -1,5 +1,5 @@
-// What editors, checkers and readers are given, printed from the rows of the bindings: stubs for
-// the Lua language server, luacheck's standard, the reference.
+// Files printed from the rows of the bindings: stubs for the Lua language server, luacheck's
+// standard, the API reference.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// The handles that every script is given.
+// Handles that every script is given.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

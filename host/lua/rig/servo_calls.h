@@ -1,4 +1,4 @@
-// What a script's calls on a servo do. The rows that describe them are in bind_servo.cpp.
+// Calls of a servo. The rows that describe them are in bind_servo.cpp.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

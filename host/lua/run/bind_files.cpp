@@ -1,13 +1,13 @@
-// files: tables that people keep as text, where a script may see them.
+// Bindings of files (tables and texts that a script may see) and of run:install_calibration.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/engine/installed_calibration.h"
 #include "host/files/run_folder.h"
-#include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/readable.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/run/classes.h"
 
@@ -64,6 +64,7 @@ int read_csv(Call& call) {
       line.find(',') == std::string::npos && line.find(';') != std::string::npos ? ';' : ',';
   const std::vector<std::string> names = cells_of(line, separator);
   if (names.empty()) throw std::invalid_argument("path: " + call.text(0) + " is empty");
+  ResultTable table(call);
   lua_newtable(call.L);
   lua_Integer rows = 0;
   for (int number = 2; std::getline(in, line); ++number) {
@@ -80,17 +81,18 @@ int read_csv(Call& call) {
     }
     lua_rawseti(call.L, -2, ++rows);
   }
+  table.top("rows");
   lua_createtable(call.L, static_cast<int>(names.size()), 0);
   for (std::size_t i = 0; i < names.size(); ++i) {
     lua_pushstring(call.L, names[i].c_str());
     lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
   }
-  return 2;
+  table.top("columns");
+  return 1;
 }
 
 int is_folder(Call& call) {
-  lua_pushboolean(call.L, std::filesystem::is_directory(readable(call.context(), call.text(0))));
-  return 1;
+  return call.flag(std::filesystem::is_directory(readable(call.context(), call.text(0))));
 }
 
 int write_text(Call& call) {
@@ -99,28 +101,32 @@ int write_text(Call& call) {
   return call.result(file.string());
 }
 
-/// The texts or numbers of a table by name, such as { ["top_camera.effective_pixel"] = 20.7e-6 }.
+/// The texts or numbers of an option by name, such as { ["top_camera.effective_pixel"] = 20.7e-6 }.
 template <class Take>
-void each_named(Call& call, std::size_t argument, const Take& take) {
-  for (const std::string& name : text_keys(call.L, call.index(argument))) {
-    lua_getfield(call.L, call.index(argument), name.c_str());
-    take(name);
-    lua_pop(call.L, 1);
+void each_named(const Call& call, const char* option, const Take& take) {
+  if (call.push_option(option)) {
+    const int table = lua_gettop(call.L);
+    for (const std::string& name : text_keys(call.L, table)) {
+      lua_getfield(call.L, table, name.c_str());
+      take(name);
+      lua_pop(call.L, 1);
+    }
   }
+  lua_pop(call.L, 1);
 }
 
 int install_calibration(Call& call) {
   const Session& session = session_of(call.L);
   AcceptedCalibration accepted;
-  each_named(call, 0, [&](const std::string& name) {
+  each_named(call, "values", [&](const std::string& name) {
     if (lua_type(call.L, -1) != LUA_TNUMBER)
       throw std::invalid_argument("values: " + name + ": wants a number, got " +
                                   kind_of(call.L, -1));
     accepted.values[name] = lua_tonumber(call.L, -1);
   });
-  each_named(call, 1, [&](const std::string& name) {
+  each_named(call, "files", [&](const std::string& name) {
     if (lua_type(call.L, -1) != LUA_TSTRING)
-      throw std::invalid_argument("names: " + name + ": wants a text, got " + kind_of(call.L, -1));
+      throw std::invalid_argument("files: " + name + ": wants a text, got " + kind_of(call.L, -1));
     accepted.files[name] = lua_tostring(call.L, -1);
   });
   std::filesystem::path file;
@@ -141,25 +147,42 @@ const std::vector<Binding>& files_functions() {
   static const std::vector<Binding> functions = {
       {"files.read_csv",
        {text("path", "of a table; its first line names the columns")},
-       "list of tables, list of names",
-       "reads a table: each row by column, numbers as numbers, empty cells left out",
-       read_csv},
-      {"files.is_folder", {text("path", "")}, "true or false", "whether it is a folder", is_folder},
+       {"table",
+        {{"rows", "", "each by column, numbers as numbers, empty cells left out"},
+         {"columns", "", "names, in their order"}}},
+       "reads a table",
+       read_csv,
+       "files.read_csv(\"truth.csv\")"},
+      {"files.is_folder",
+       {text("path", "")},
+       "true or false",
+       "whether it is a folder",
+       is_folder,
+       "files.is_folder(\"training\")"},
       {"files.write",
        {text("name", "a new file of the run's folder"), text("text", "")},
        "path",
        "writes a text file into the run's folder",
-       write_text},
-      {"files.install_calibration",
-       {{.name = "values", .type = Type::table, .help = "numbers in SI by key of the rig file"},
-        {.name = "names",
-         .type = Type::table,
-         .help = "files of the run's folder by key of the rig file"}},
-       "path, or nothing where the rig names no calibration file",
-       "writes what was accepted into the rig's calibration file, for the next start; the one "
-       "before is kept",
-       install_calibration}};
+       write_text,
+       "files.write(\"track.csv\", \"frame,x\\n0,1.5\\n\")"}};
   return functions;
+}
+
+Binding install_calibration_row() {
+  return {"install_calibration",
+          {options_of({{.name = "values",
+                        .type = Type::table,
+                        .optional = true,
+                        .help = "numbers in SI by key of the rig file"},
+                       {.name = "files",
+                        .type = Type::table,
+                        .optional = true,
+                        .help = "files of the run's folder by key of the rig file"}})},
+          Returned("path").or_nil("where the rig names no calibration file"),
+          "writes what was accepted into the rig's calibration file, for the next start; the one "
+          "before is kept",
+          install_calibration,
+          "run:install_calibration { values = { [\"top_camera.effective_pixel\"] = 14.3 * um } }"};
 }
 
 }  // namespace vitreo::lua

@@ -1,4 +1,4 @@
-// run: questions to the operator, and reminders.
+// Bindings of run: questions to the operator, and reminders.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/binding.h"

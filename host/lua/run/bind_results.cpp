@@ -1,4 +1,4 @@
-// run: what comes out of it: results, plots, tables.
+// Bindings of run: results, plots, tables, pictures.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/context.h"

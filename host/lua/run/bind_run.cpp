@@ -237,6 +237,7 @@ const Class& run_class() {
     for (auto rows : {run_control_rows(), run_question_rows(), run_alarm_rows(),
                       run_operator_rows(), run_record_rows(), run_result_rows()})
       for (Binding& row : rows) made.methods.push_back(std::move(row));
+    made.methods.push_back(install_calibration_row());
     return made;
   }();
   return kind;

@@ -21,5 +21,7 @@ std::vector<Binding> run_alarm_rows();
 std::vector<Binding> run_operator_rows();
 std::vector<Binding> run_record_rows();
 std::vector<Binding> run_result_rows();
+/// The row run:install_calibration.
+Binding install_calibration_row();
 
 }  // namespace vitreo::lua

@@ -1,4 +1,4 @@
-// A protocol's shape, checked without running it.
+// Shape of a protocol, checked without running it.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/config/config_lines.h"

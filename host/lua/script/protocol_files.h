@@ -1,4 +1,4 @@
-// The protocols by name.
+// Lookup of protocols by name.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// Files that are read, not run.
+// Reading of protocol and rig files, which does not run them.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

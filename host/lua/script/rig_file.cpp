@@ -1,4 +1,4 @@
-// Rig files: constants in Lua's clothes, turned into plain data.
+// Rig files: constants written in Lua, turned into plain data.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config_base.h"
 #include "host/config/config_lines.h"

@@ -1,4 +1,4 @@
-// A state with a scheduler and all handles, and its orderly end.
+// State of a running script: with a scheduler and all handles, and its orderly end.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,3 @@
-// vision: the module's table, and what its bindings share.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/vision/bind_vision.h"
 
@@ -29,7 +28,7 @@ const char kImageBytes = 0;
 
 template <class Read>
 void each_of_list(const Call& call, const char* option, Read read) {
-  call.push_option(option);
+  if (!call.push_option(option)) throw std::invalid_argument(std::string(option) + ": is missing");
   const int list = lua_gettop(call.L);
   const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
   if (count == 0) throw std::invalid_argument(std::string(option) + ": is empty");
@@ -96,12 +95,30 @@ void push_image(lua_State* L, const cv::Mat& pixels) {
               }));
 }
 
-void push_ellipse(lua_State* L, const vision::Ellipse& e) {
-  push_fields(L, {{"x_px", e.center_px.x()},
-                  {"y_px", e.center_px.y()},
-                  {"major_px", 2 * e.semi_major_px},
-                  {"minor_px", 2 * e.semi_minor_px},
-                  {"angle", e.angle}});
+std::vector<ResultField> ellipse_fields(bool optional) {
+  std::vector<ResultField> fields{{"x_px", "", "center"},
+                                  {"y_px", "", "center"},
+                                  {"major_px", "", "full axis"},
+                                  {"minor_px", "", "full axis"},
+                                  {"angle", "rad", "of the major axis, from +u towards +v"}};
+  for (ResultField& field : fields) field.optional = optional;
+  return fields;
+}
+
+void set_ellipse(ResultTable& table, const vision::Ellipse& e) {
+  table.number("x_px", e.center_px.x())
+      .number("y_px", e.center_px.y())
+      .number("major_px", 2 * e.semi_major_px)
+      .number("minor_px", 2 * e.semi_minor_px)
+      .number("angle", e.angle, "rad");
+}
+
+void push_names(lua_State* L, const std::vector<std::string>& names) {
+  lua_createtable(L, static_cast<int>(names.size()), 0);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    lua_pushlstring(L, names[i].data(), names[i].size());
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
+  }
 }
 
 vision::Ellipse ellipse_at(lua_State* L, int index, const std::string& name) {
@@ -115,26 +132,35 @@ vision::Ellipse ellipse_at(lua_State* L, int index, const std::string& name) {
   return e;
 }
 
-void push_track(lua_State* L, const vision::Track& track) {
-  lua_newtable(L);
+std::vector<ResultField> track_fields() {
+  std::vector<ResultField> fields = ellipse_fields(true);
+  fields.insert(fields.begin(), {"state", "", "searching, tracking, coasting or lost"});
+  for (ResultField field : {ResultField{"covariance", "", "of these five, 25 numbers by rows"},
+                            ResultField{"inliers", "", "part of the rim's points"},
+                            ResultField{"support", "", "of the ellipse by the image, 0 to 1"},
+                            ResultField{"expected", "", "ellipse", ellipse_fields()}}) {
+    field.optional = true;
+    fields.push_back(std::move(field));
+  }
+  return fields;
+}
+
+void set_track(ResultTable& table, const vision::Track& track) {
   if (track.measured) {
-    lua_pop(L, 1);
-    push_ellipse(L, track.measured->ellipse);
+    set_ellipse(table, track.measured->ellipse);
     // Of the full axes, as the numbers beside it: twice the semi-axes' errors.
     const Eigen::Matrix<double, 5, 1> full =
         (Eigen::Matrix<double, 5, 1>() << 1, 1, 2, 2, 1).finished();
     const Eigen::Matrix<double, 5, 5> covariance =
         full.asDiagonal() * track.measured->covariance * full.asDiagonal();
-    push_numbers(L, {covariance.data(), covariance.data() + covariance.size()});
-    lua_setfield(L, -2, "covariance");
-    set_fields(L, {{"inliers", track.measured->inlier_fraction}, {"support", track.support}});
+    table.numbers("covariance", {covariance.data(), covariance.data() + covariance.size()})
+        .number("inliers", track.measured->inlier_fraction)
+        .number("support", track.support);
   }
-  lua_pushstring(L, name_of(track.state).c_str());
-  lua_setfield(L, -2, "state");
-  if (track.expected) {
-    push_ellipse(L, *track.expected);
-    lua_setfield(L, -2, "expected");
-  }
+  table.text("state", name_of(track.state));
+  if (track.expected)
+    table.table("expected",
+                [&track](ResultTable& expected) { set_ellipse(expected, *track.expected); });
 }
 
 Argument labeled_argument() {

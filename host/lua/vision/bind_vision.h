@@ -1,8 +1,8 @@
-// What the bindings of the vision library share.
+// Shared parts of the bindings of the vision library.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "host/lua/interpreter/binding.h"
+#include "host/lua/interpreter/tables.h"
 #include "vision/color_model.h"
 #include "vision/color_tracker.h"
 #include "vision/ellipse.h"
@@ -30,13 +30,17 @@ struct TrainedModel {
   vision::ColorModelSettings color;
 };
 
-/// {state, x_px, y_px, major_px, minor_px, angle, covariance, inliers, support, expected}: see the
-/// row of tracker:update.
-void push_track(lua_State* L, const vision::Track& track);
+/// A track's fields: of tracker:update, and of each track of multi_tracker:update.
+std::vector<ResultField> track_fields();
+void set_track(ResultTable& table, const vision::Track& track);
 /// {x_px, y_px, major_px, minor_px, angle}, full axes. Throws std::invalid_argument naming `name`
 /// and the key.
 vision::Ellipse ellipse_at(lua_State* L, int index, const std::string& name);
-void push_ellipse(lua_State* L, const vision::Ellipse& ellipse);
+/// {x_px, y_px, major_px, minor_px, angle} as fields of a result.
+std::vector<ResultField> ellipse_fields(bool optional = false);
+void set_ellipse(ResultTable& table, const vision::Ellipse& ellipse);
+/// Names as a list, on top of the stack.
+void push_names(lua_State* L, const std::vector<std::string>& names);
 
 /// The option `images`: a list of {image = , mask = }.
 Argument labeled_argument();
@@ -48,7 +52,7 @@ std::vector<const TrainedModel*> models_option(const Call& call);
 
 vision::ColorModelSettings color_settings(const Call& call);
 std::vector<Argument> with_color_options(std::vector<Argument> options);
-/// Options of how a frame is looked at: shape_prior, refine, thresholds, gate_px.
+/// Options of the view of an object in a frame: shape_prior, refine, thresholds, gate_px.
 vision::ObjectViewSettings view_settings(const Call& call);
 std::vector<Argument> view_options();
 
@@ -62,6 +66,8 @@ std::vector<Binding> vision_model_rows();
 std::vector<Binding> vision_tracker_rows();
 std::vector<Binding> vision_background_rows();
 std::vector<Binding> vision_focus_rows();
+/// A method of image.
+Binding focus_row();
 std::vector<Binding> vision_mosaic_rows();
 
 }  // namespace vitreo::lua

@@ -1,5 +1,5 @@
-// vision.background_tracker: one object by what differs from the empty scene, as the thesis' own
-// experiments have it.
+// Bindings of background_tracker: one object by background subtraction, as in the thesis' own
+// experiments.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/vision/bind_vision.h"
 #include "host/lua/vision/classes.h"
@@ -28,7 +28,8 @@ int learn(Call& call) {
 int update_background(Call& call) {
   const auto found = call.self<vision::BackgroundTracker>().update(call.handle<Image>(0).pixels);
   if (!found) return 0;
-  push_ellipse(call.L, *found);
+  ResultTable table(call);
+  set_ellipse(table, *found);
   return 1;
 }
 
@@ -53,20 +54,25 @@ std::vector<Binding> vision_background_rows() {
                                        "of what can be the object (10 % of the image)")}}},
        "background_tracker",
        "finds the largest thing that differs from the empty scene (thesis 5.5)",
-       make}};
+       make,
+       "vision.background_tracker { kind = \"running\" }"}};
 }
 
 const Class& background_tracker_class() {
-  static const Class kind{
-      "background_tracker",
-      "background subtraction; make one with vision.background_tracker",
-      {{"learn", {handle_row("frame", "image", "of the empty scene")}, "", "learns", learn},
-       {"update",
-        {handle_row("frame", "image", "the next one")},
-        "ellipse {x_px, y_px, major_px, minor_px, angle}, or nil",
-        "where the object is",
-        update_background}},
-      {}};
+  static const Class kind{"background_tracker",
+                          "background subtraction; make one with vision.background_tracker",
+                          {{"learn",
+                            {handle_row("frame", "image", "of the empty scene")},
+                            "",
+                            "learns the empty scene",
+                            learn,
+                            "background_tracker:learn(image)"},
+                           {"update",
+                            {handle_row("frame", "image", "the next one")},
+                            Returned("table", ellipse_fields()).or_nil("where nothing differs"),
+                            "the ellipse of what differs",
+                            update_background,
+                            "background_tracker:update(image)"}}};
   return kind;
 }
 

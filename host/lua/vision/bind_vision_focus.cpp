@@ -1,5 +1,4 @@
-// vision.focus and vision.autofocus: how sharp an image is, where that peaks, and where to go next
-// to find out.
+// Bindings of focus: measures of an image's sharpness, the fit of their peak, the autofocus search.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/vision/bind_vision.h"
@@ -10,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include <string>
+#include <utility>
 
 namespace vitreo::lua {
 namespace {
@@ -21,13 +21,15 @@ cv::Mat gray_of(const cv::Mat& image) {
   return gray;
 }
 
-int measures(Call& call) {
-  lua_newtable(call.L);
-  lua_Integer count = 0;
-  for (const vision::FocusMeasure measure : vision::focus_measures()) {
-    lua_pushstring(call.L, std::string(vision::name_of(measure)).c_str());
-    lua_rawseti(call.L, -2, ++count);
-  }
+std::vector<std::string> measure_names() {
+  std::vector<std::string> names;
+  for (const vision::FocusMeasure measure : vision::focus_measures())
+    names.emplace_back(vision::name_of(measure));
+  return names;
+}
+
+int focus_measures(Call& call) {
+  push_names(call.L, measure_names());
   return 1;
 }
 
@@ -42,41 +44,50 @@ cv::Rect window_option(const Call& call, const cv::Size& whole) {
           static_cast<int>(*height)};
 }
 
-int measure(Call& call) {
-  const cv::Mat gray = gray_of(call.handle<Image>(0).pixels);
+int focus(Call& call) {
+  const cv::Mat gray = gray_of(call.self<Image>().pixels);
   cv::Rect window({0, 0}, gray.size());
   vision::FocusMeasure how = vision::kDefaultFocusMeasure;
-  if (call.has(1)) {
+  if (call.has(0)) {
     window = window_option(call, gray.size());
     if (const auto name = call.text_option("measure")) how = vision::focus_measure(*name);
   }
   const vision::FocusReading reading = vision::focus(gray, window, how);
-  lua_pushnumber(call.L, reading.value);
-  push_fields(call.L, {{"mean", reading.mean},
-                       {"saturated", reading.saturated},
-                       {"pixels", static_cast<double>(reading.pixels)}});
-  return 2;
+  ResultTable(call)
+      .number("value", reading.value)
+      .number("mean", reading.mean)
+      .number("saturated", reading.saturated)
+      .number("pixels", static_cast<double>(reading.pixels));
+  return 1;
 }
 
-void push_fit(lua_State* L, const vision::FocusPeakFit& fit) {
-  lua_newtable(L);
-  set_fields(L, {{"noise", fit.noise}});
+void set_fit(ResultTable& table, const vision::FocusPeakFit& fit) {
+  table.number("noise", fit.noise).text("answer", std::string(vision::name_of(fit.answer)));
   if (fit.peak)
-    set_fields(
-        L,
-        {{"position", fit.peak->position}, {"sigma", fit.peak->sigma}, {"value", fit.peak->value}});
-  lua_pushstring(L, std::string(vision::name_of(fit.answer)).c_str());
-  lua_setfield(L, -2, "answer");
+    table.number("position", fit.peak->position)
+        .number("sigma", fit.peak->sigma)
+        .number("value", fit.peak->value);
 }
 
-int peak(Call& call) {
-  const std::vector<double> positions = call.numbers(0), values = call.numbers(1);
+std::vector<ResultField> fit_fields(bool optional) {
+  const auto field = [](const char* name, const char* help, bool may_be_nil) {
+    return ResultField{.name = name, .help = help, .optional = may_be_nil};
+  };
+  return {field("answer", "found, at low end, at high end, no peak", optional),
+          field("noise", "of the values", true), field("position", "of the peak, when found", true),
+          field("sigma", "of the position", true), field("value", "at the peak", true)};
+}
+
+int focus_peak(Call& call) {
+  const std::vector<double> positions = *call.numbers_option("positions"),
+                            values = *call.numbers_option("values");
   if (positions.size() != values.size())
     throw std::invalid_argument("values: has " + std::to_string(values.size()) +
                                 " numbers, positions has " + std::to_string(positions.size()));
   std::vector<vision::FocusSample> samples;
   for (std::size_t i = 0; i < positions.size(); ++i) samples.push_back({positions[i], values[i]});
-  push_fit(call.L, vision::find_focus_peak(samples));
+  ResultTable table(call);
+  set_fit(table, vision::find_focus_peak(samples));
   return 1;
 }
 
@@ -101,13 +112,16 @@ int start(Call& call) { return call.result(call.self<vision::Autofocus>().start(
 int next(Call& call) {
   const vision::AutofocusStep step =
       call.self<vision::Autofocus>().next(call.number(0), call.number(1));
-  if (const double* position = std::get_if<double>(&step)) return call.result(*position);
+  ResultTable table(call);
+  if (const double* position = std::get_if<double>(&step)) {
+    table.number("move_to", *position);
+    return 1;
+  }
   const auto& done = std::get<vision::AutofocusResult>(step);
-  lua_pushnil(call.L);
-  push_fit(call.L, done.fit);
-  set_fields(call.L, {{"readings", static_cast<double>(done.readings)}});
-  if (done.park) set_fields(call.L, {{"park", *done.park}});
-  return 2;
+  set_fit(table, done.fit);
+  table.number("readings", static_cast<double>(done.readings));
+  if (done.park) table.number("park", *done.park);
+  return 1;
 }
 
 Argument needed(const char* name, const char* help) {
@@ -116,73 +130,88 @@ Argument needed(const char* name, const char* help) {
 
 }  // namespace
 
-std::vector<Binding> vision_focus_rows() {
+Binding focus_row() {
   const auto whole = [](const char* name) {
-    return number_option_row(name, -1e6, 1e6, "px", Type::integer);
+    return number_option_row(name, -1e6, 1e6, "of the window, px (the image)", Type::integer);
   };
-  const auto words = [](const char* name, const char* help, std::vector<std::string> choices) {
-    return Argument{.name = name,
-                    .type = Type::text,
-                    .optional = true,
-                    .help = help,
-                    .choices = std::move(choices)};
-  };
-  std::vector<std::string> known_measures;
-  for (const vision::FocusMeasure measure : vision::focus_measures())
-    known_measures.emplace_back(vision::name_of(measure));
+  return {"focus",
+          {options_of({{.name = "measure",
+                        .type = Type::text,
+                        .optional = true,
+                        .help = "(smoothed_tenengrad); normalized_variance is the thesis'",
+                        .choices = measure_names()},
+                       whole("x"),
+                       whole("y"),
+                       whole("width"),
+                       whole("height")})},
+          {"table",
+           {{"value", "", "of the measure"},
+            {"mean", "", "gray level"},
+            {"saturated", "", "part of the pixels"},
+            {"pixels", "", "how many"}}},
+          "how sharp the image is, or a window of it",
+          focus,
+          "image:focus { measure = \"normalized_variance\" }"};
+}
+
+std::vector<Binding> vision_focus_rows() {
   const auto numbers = [](const char* name, const char* help) {
     return Argument{.name = name, .type = Type::numbers, .help = help};
   };
   return {
-      {"vision.focus.measures", {}, "list of names", "the focus measures there are", measures},
-      {"vision.focus.measure",
-       {handle_row("image", "image", ""),
-        {.name = "options",
-         .type = Type::options,
-         .optional = true,
-         .options = {words("measure",
-                           "smoothed_tenengrad as is; normalized_variance is the thesis'",
-                           known_measures),
-                     whole("x"), whole("y"), whole("width"), whole("height")}}},
-       "number, {mean, saturated, pixels}",
-       "how sharp an image is, or a window of it",
-       measure},
-      {"vision.focus.peak",
-       {numbers("positions", "in any one unit"), numbers("values", "of a focus measure there")},
-       "table",
-       "answer (found, at low end, at high end, no peak), noise; position, sigma, value when found",
-       peak},
+      {"vision.focus_measures",
+       {},
+       "list of names",
+       "the focus measures that are known",
+       focus_measures,
+       "vision.focus_measures()"},
+      {"vision.focus_peak",
+       {options_of({numbers("positions", "in any one unit"),
+                    numbers("values", "of a focus measure there")})},
+       {"table", fit_fields(false)},
+       "where a focus measure peaks",
+       focus_peak,
+       "vision.focus_peak { positions = { 0, 1, 2, 3, 4 }, values = { 1, 2, 5, 2, 1 } }"},
       {"vision.autofocus",
-       {{.name = "options",
-         .type = Type::options,
-         .options = {needed("low", "of the travel"), needed("high", "of the travel"),
-                     needed("step", "the finest"),
-                     words("strategy", "how the travel is searched (coarse_to_fine)",
-                           {"coarse_to_fine", "sweep", "golden_section", "fibonacci"}),
-                     number_option_row("coarse", 5, 10000, "positions of the first sweep (11)",
-                                       Type::integer),
-                     number_option_row("repeats", 1, 101, "readings a position (1)", Type::integer),
-                     number_option_row("backlash", 0, 1e9,
-                                       "moves downwards first go this much too far (0)"),
-                     number_option_row("hysteresis", 0, 1,
-                                       "values closer than this do not choose a side (0.02)")}}},
+       {options_of(
+           {needed("low", "of the travel"),
+            needed("high", "of the travel"),
+            needed("step", "the finest"),
+            {.name = "strategy",
+             .type = Type::text,
+             .optional = true,
+             .help = "how the travel is searched (coarse_to_fine)",
+             .choices = {"coarse_to_fine", "sweep", "golden_section", "fibonacci"}},
+            number_option_row("coarse", 5, 10000, "positions of the first sweep (11)",
+                              Type::integer),
+            number_option_row("repeats", 1, 101, "readings a position (1)", Type::integer),
+            number_option_row("backlash", 0, 1e9, "moves downwards first go this much too far (0)"),
+            number_option_row("hysteresis", 0, 1,
+                              "values closer than this do not choose a side (0.02)")})},
        "autofocus",
        "a search for the sharpest position, one step at a time",
-       make_autofocus}};
+       make_autofocus,
+       "vision.autofocus { low = -1 * mm, high = 1 * mm, step = 50 * um }"}};
 }
 
 const Class& autofocus_class() {
+  const auto field = [](const char* name, const char* help) {
+    return ResultField{.name = name, .help = help, .optional = true};
+  };
+  std::vector<ResultField> step = fit_fields(true);
+  step.insert(step.begin(), field("move_to", "where to measure next; nil at the end"));
+  step.push_back(field("readings", "how many it took"));
+  step.push_back(field("park", "where to leave the stage"));
   static const Class kind{
       "autofocus",
       "one search; it moves nothing: make one with vision.autofocus",
-      {{"start", {}, "number", "the first position", start},
+      {{"start", {}, "number", "the first position", start, "search:start()"},
        {"next",
         {needed("position", "where the stage is"), needed("value", "of the measure there")},
-        "number; or nil, table",
-        "where to go and measure next; at the end nil and what vision.focus.peak says, with "
-        "readings, and park: where to leave the stage",
-        next}},
-      {}};
+        {"table", step},
+        "the next step; at the end the peak, as vision.focus_peak has it",
+        next,
+        "search:next(0.1 * mm, 3.5)"}}};
   return kind;
 }
 

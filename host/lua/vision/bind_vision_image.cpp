@@ -1,5 +1,4 @@
-// vision: images and videos as opaque values, from files, from cameras, into the run's folder and
-// report.
+// Bindings of images and videos: from files and cameras, into the run's folder and report.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/image_files.h"
 #include "host/files/video_file.h"
@@ -21,53 +20,33 @@ namespace {
 
 const cv::Mat& pixels_of(const Call& call) { return call.self<Image>().pixels; }
 
-int load_image(Call& call) {
-  push_image(call.L, read_color_image(readable(call.context(), call.text(0))));
-  return 1;
-}
-
-int load_mask(Call& call) {
-  push_image(call.L, read_mask(readable(call.context(), call.text(0))));
+int read_image(Call& call) {
+  const auto file = readable(call.context(), *call.text_option("file"));
+  push_image(call.L, call.flag_option("mask") ? read_mask(file) : read_color_image(file));
   return 1;
 }
 
 int list_images(Call& call) {
-  lua_newtable(call.L);
-  lua_Integer count = 0;
-  for (const auto& file : image_files(readable(call.context(), call.text(0)))) {
-    lua_createtable(call.L, 0, 3);
-    lua_pushstring(call.L, file.string().c_str());
-    lua_setfield(call.L, -2, "path");
-    lua_pushstring(call.L, file.filename().string().c_str());
-    lua_setfield(call.L, -2, "name");
-    if (const auto number = number_in(file)) {
-      lua_pushinteger(call.L, *number);
-      lua_setfield(call.L, -2, "number");
-    }
-    lua_rawseti(call.L, -2, ++count);
-  }
-  return 1;
+  const auto files = image_files(readable(call.context(), *call.text_option("folder")));
+  return push_result_list(call, files.size(), [&files](ResultTable& entry, std::size_t i) {
+    entry.text("file", files[i].string()).text("name", files[i].filename().string());
+    if (const auto number = number_in(files[i])) entry.integer("number", *number);
+  });
 }
 
 int training(Call& call) {
-  lua_newtable(call.L);
-  lua_Integer count = 0;
-  for (const LabeledFiles& pair : labeled_files(readable(call.context(), call.text(0)))) {
-    lua_createtable(call.L, 0, 3);
-    push_image(call.L, read_color_image(pair.image));
-    lua_setfield(call.L, -2, "image");
-    push_image(call.L, read_mask(pair.mask));
-    lua_setfield(call.L, -2, "mask");
-    lua_pushstring(call.L, pair.name.c_str());
-    lua_setfield(call.L, -2, "name");
-    lua_rawseti(call.L, -2, ++count);
-  }
-  return 1;
+  const auto files = labeled_files(readable(call.context(), *call.text_option("folder")));
+  return push_result_list(call, files.size(), [&](ResultTable& entry, std::size_t i) {
+    push_image(call.L, read_color_image(files[i].image));
+    entry.top("image");
+    push_image(call.L, read_mask(files[i].mask));
+    entry.top("mask").text("name", files[i].name);
+  });
 }
 
 int open_video(Call& call) {
   push_handle(call.L, video_class(),
-              std::make_shared<VideoFile>(readable(call.context(), call.text(0))));
+              std::make_shared<VideoFile>(readable(call.context(), *call.text_option("file"))));
   return 1;
 }
 
@@ -85,13 +64,23 @@ int video_close(Call& call) {
   return 0;
 }
 
-int size(Call& call) {
-  lua_pushinteger(call.L, pixels_of(call).cols);
-  lua_pushinteger(call.L, pixels_of(call).rows);
-  return 2;
+int image_info(Call& call) {
+  ResultTable(call)
+      .integer("width_px", pixels_of(call).cols)
+      .integer("height_px", pixels_of(call).rows)
+      .integer("channels", pixels_of(call).channels());
+  return 1;
 }
 
-int channels(Call& call) { return call.result(pixels_of(call).channels()); }
+/// One value of a gray image, three of a color image, of which OpenCV keeps blue first.
+int push_color(const Call& call, const cv::Scalar& bgr) {
+  ResultTable table(call);
+  if (pixels_of(call).channels() == 1)
+    table.number("gray", bgr[0]);
+  else
+    table.number("red", bgr[2]).number("green", bgr[1]).number("blue", bgr[0]);
+  return 1;
+}
 
 int pixel(Call& call) {
   const cv::Mat& image = pixels_of(call);
@@ -100,18 +89,12 @@ int pixel(Call& call) {
     throw std::invalid_argument("the pixel lies outside of the image, which is " +
                                 std::to_string(image.cols) + " x " + std::to_string(image.rows));
   const cv::Point at(static_cast<int>(u), static_cast<int>(v));
-  if (image.channels() == 1) return call.result(image.at<unsigned char>(at));
+  if (image.channels() == 1) return push_color(call, cv::Scalar(image.at<unsigned char>(at)));
   const auto& bgr = image.at<cv::Vec3b>(at);
-  for (const int channel : {2, 1, 0}) lua_pushinteger(call.L, bgr[channel]);
-  return 3;
+  return push_color(call, cv::Scalar(bgr[0], bgr[1], bgr[2]));
 }
 
-int mean(Call& call) {
-  const cv::Scalar mean = cv::mean(pixels_of(call));
-  if (pixels_of(call).channels() == 1) return call.result(mean[0]);
-  for (const int channel : {2, 1, 0}) lua_pushnumber(call.L, mean[channel]);
-  return 3;
-}
+int mean(Call& call) { return push_color(call, cv::mean(pixels_of(call))); }
 
 int gray(Call& call) {
   cv::Mat made = pixels_of(call);
@@ -193,7 +176,7 @@ int overlay(Call& call) {
   return 1;
 }
 
-/// White where an ellipse is: what somebody who outlines the object by hand would paint.
+/// White where an ellipse is: a mask as if outlined by hand.
 int ellipse_mask(Call& call) {
   const vision::Ellipse e = ellipse_at(call.L, call.index(0), "ellipse");
   cv::Mat mask = cv::Mat::zeros(pixels_of(call).size(), CV_8U);
@@ -210,107 +193,128 @@ int ellipse_mask(Call& call) {
 }  // namespace
 
 std::vector<Binding> vision_image_rows() {
-  const auto path = [](const char* help) {
-    return Argument{.name = "path", .type = Type::text, .help = help};
+  const auto text = [](const char* name, const char* help) {
+    return Argument{.name = name, .type = Type::text, .help = help};
   };
-  return {{"vision.load_image",
-           {path("PNG, JPEG, TIFF or BMP")},
+  return {{"vision.image",
+           {options_of({text("file", "PNG, JPEG, TIFF or BMP"),
+                        flag_option_row("mask", "as gray, 0 off the object; else 8-bit color")})},
            "image",
-           "reads an image, as 8-bit color",
-           load_image},
-          {"vision.load_mask",
-           {path("of an image that is 0 off the object")},
-           "image",
-           "reads a mask",
-           load_mask},
+           "reads an image or a mask",
+           read_image,
+           "vision.image { file = \"frame.png\" }"},
           {"vision.images",
-           {path("of a folder")},
-           "list of {path, name, number}",
-           "the images in a folder without the masks, frame_2 before frame_10; number: the last in "
-           "the name",
-           list_images},
+           {options_of({text("folder", "with images")})},
+           {"list of tables",
+            {{"file", "", "for vision.image"},
+             {"name", "", "of the file"},
+             {.name = "number", .help = "the last in the name", .optional = true}}},
+           "the images in a folder without the masks, frame_2 before frame_10",
+           list_images,
+           "vision.images { folder = \"training\" }"},
           {"vision.training",
-           {path("of a folder")},
-           "list of {image, mask, name}",
-           "reads every NAME.png that has a NAME_mask.png",
-           training},
+           {options_of({text("folder", "with images NAME.png and masks NAME_mask.png")})},
+           {"list of tables", {{"image", "", ""}, {"mask", "", "image"}, {"name", "", ""}}},
+           "reads every image that has a mask",
+           training,
+           "vision.training { folder = \"training\" }"},
           {"vision.video",
-           {path("of a video")},
+           {options_of({text("file", "a video")})},
            "video",
            "opens a video to be read frame by frame",
-           open_video}};
+           open_video,
+           "vision.video { file = \"recorded.avi\" }"}};
 }
 
 const Class& image_class() {
   const auto whole = [](const char* name, double min) {
     return Argument{.name = name, .type = Type::integer, .min = min, .max = 1e6};
   };
+  const auto level = [](const char* name) {
+    return ResultField{.name = name, .help = "0 to 255", .optional = true};
+  };
+  const Returned color{"table", {level("gray"), level("red"), level("green"), level("blue")}};
   static const Class kind{
       "image",
       "a picture, 8-bit gray or color; the first pixel's center is at (0, 0), u right, v down",
-      {{"size", {}, "width, height", "in pixels", size},
-       {"channels", {}, "number", "1: gray, 3: color", channels},
-       {"pixel", {whole("u", 0), whole("v", 0)}, "gray, or red, green, blue", "0 to 255", pixel},
-       {"mean", {}, "gray, or red, green, blue", "over the image", mean},
-       {"gray", {}, "image", "the same in gray", gray},
+      {{"info",
+        {},
+        {"table",
+         {{"width_px", "", ""}, {"height_px", "", ""}, {"channels", "", "1: gray, 3: color"}}},
+        "size and channels",
+        image_info,
+        "image:info()"},
+       {"pixel",
+        {whole("u", 0), whole("v", 0)},
+        color,
+        "gray, or red, green and blue, of a pixel",
+        pixel,
+        "image:pixel(0, 0)"},
+       {"mean", {}, color, "the same, the mean over the image", mean, "image:gray():mean()"},
+       {"gray", {}, "image", "the same in gray", gray, "image:gray()"},
        {"crop",
-        {{.name = "options",
-          .type = Type::options,
-          .options = {whole("x", 0), whole("y", 0), whole("width", 1), whole("height", 1)}}},
+        {options_of({whole("x", 0), whole("y", 0), whole("width", 1), whole("height", 1)})},
         "image",
         "a part of it",
-        crop},
+        crop,
+        "image:crop { x = 10, y = 20, width = 64, height = 48 }"},
        {"save",
         {{.name = "name",
           .type = Type::text,
           .help = "a new file of the run's folder, such as \"first.png\""}},
         "path",
         "keeps it in the run's folder",
-        save},
+        save,
+        "image:save(\"first.png\")"},
        {"ellipse_mask",
         {{.name = "ellipse",
           .type = Type::table,
           .help = "x_px, y_px, full axes major_px, minor_px, angle"}},
         "image",
         "a mask of this image's size, to train with: 255 where the ellipse is, else 0",
-        ellipse_mask},
+        ellipse_mask,
+        "image:ellipse_mask { x_px = 50, y_px = 40, major_px = 30, minor_px = 20, angle = 0 }"},
+       focus_row(),
        {"overlay",
-        {{.name = "options",
-          .type = Type::options,
-          .options =
-              {{.name = "track",
-                .type = Type::table,
-                .optional = true,
-                .help = "as tracker:update gives it"},
-               {.name = "expected",
-                .type = Type::table,
-                .optional = true,
-                .help = "an ellipse, drawn dashed"},
-               {.name = "trail", .type = Type::list, .optional = true, .help = "{{x, y}, ...}, px"},
-               {.name = "caption", .type = Type::text, .optional = true}}}},
+        {options_of(
+            {{.name = "track",
+              .type = Type::table,
+              .optional = true,
+              .help = "as tracker:update gives it"},
+             {.name = "expected",
+              .type = Type::table,
+              .optional = true,
+              .help = "an ellipse, drawn dashed"},
+             {.name = "trail", .type = Type::list, .optional = true, .help = "{{x, y}, ...}, px"},
+             {.name = "caption", .type = Type::text, .optional = true}})},
         "image",
         "in color, with ellipse, axis, covariance (its 95 % ellipse, ten times as large), trail "
         "and words drawn",
-        overlay}},
-      {}};
+        overlay,
+        "image:overlay { track = track, caption = \"seen\" }"}}};
   return kind;
 }
 
 const Class& video_class() {
   static const Class kind{"video",
                           "a recorded video; make one with vision.video",
-                          {{"read", {}, "image, or nil at the end", "the next frame", video_read},
+                          {{"read",
+                            {},
+                            Returned("image").or_nil("at the end"),
+                            "the next frame",
+                            video_read,
+                            "video:read()"},
                            {"count",
                             {},
                             "number",
                             "of frames, as the file claims; 0 when it does not say",
-                            video_count},
+                            video_count,
+                            "video:count()"},
                            {.name = "close",
                             .doc = "closes the file",
                             .function = video_close,
                             .example = "video:close()",
-                            .when_closed = true}},
-                          {}};
+                            .when_closed = true}}};
   return kind;
 }
 

@@ -1,4 +1,4 @@
-// vision.color_model: colors and shapes learnt from images with masks.
+// Bindings of color_model: colors and shapes learnt from images with masks.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/run_folder.h"
 #include "host/lua/interpreter/context.h"
@@ -22,7 +22,7 @@ constexpr std::uintmax_t kLargestModel = 64'000'000;  // bytes; one has half a m
 
 const vision::ObjectModel& model_of(const Call& call) { return call.self<TrainedModel>().model; }
 
-int train(Call& call) {
+int train(const Call& call) {
   auto images = std::make_shared<std::vector<vision::LabeledImage>>(labeled_option(call));
   auto made = std::make_shared<TrainedModel>();
   made->color = color_settings(call);
@@ -37,43 +37,53 @@ int train(Call& call) {
       }));
 }
 
-int load(Call& call) {
-  const std::filesystem::path file = readable(call.context(), call.text(0));
+int load(const Call& call, const std::string& name) {
+  const std::filesystem::path file = readable(call.context(), name);
   if (!std::filesystem::is_regular_file(file))
-    throw std::invalid_argument("path: " + call.text(0) + " is no file");
+    throw std::invalid_argument("file: " + name + " is no file");
   if (std::filesystem::file_size(file) > kLargestModel)
-    throw std::invalid_argument("path: " + call.text(0) + " is too long for a model");
+    throw std::invalid_argument("file: " + name + " is too long for a model");
   std::ostringstream bytes;
   bytes << std::ifstream(file, std::ios::binary).rdbuf();
   auto made = std::make_shared<TrainedModel>();
   try {
     made->model = vision::ObjectModel::load(bytes.str());
   } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument("path: " + call.text(0) + ": " + error.what());
+    throw std::invalid_argument("file: " + name + ": " + error.what());
   }
   made->color.channels = made->model.color.channels();
   push_handle(call.L, color_model_class(), made);
   return 1;
 }
 
-int push_ranks(lua_State* L, const std::vector<vision::ChannelRank>& ranks) {
-  lua_newtable(L);
-  for (std::size_t i = 0; i < ranks.size(); ++i) {
-    push_fields(L, {{"mean", ranks[i].quality.mean}, {"deviation", ranks[i].quality.deviation}});
-    lua_pushstring(L, vision::name_of(ranks[i].channels).c_str());
-    lua_setfield(L, -2, "channels");
-    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
+int color_model(Call& call) {
+  const auto file = call.text_option("file");
+  if (!file) return train(call);
+  for (const Argument& option : with_color_options({labeled_argument()})) {
+    const bool given = call.push_option(option.name);
+    lua_pop(call.L, 1);
+    if (given)
+      throw std::invalid_argument(option.name +
+                                  ": is for training; a model from a file has its own");
   }
-  return 1;
+  return load(call, *file);
 }
 
-int rank(Call& call) {
+int push_ranks(const Call& call, const std::vector<vision::ChannelRank>& ranks) {
+  return push_result_list(call, ranks.size(), [&ranks](ResultTable& entry, std::size_t i) {
+    entry.text("channels", vision::name_of(ranks[i].channels))
+        .number("mean", ranks[i].quality.mean)
+        .number("deviation", ranks[i].quality.deviation);
+  });
+}
+
+int rank_channels(Call& call) {
   auto images = std::make_shared<std::vector<vision::LabeledImage>>(labeled_option(call));
   auto ranks = std::make_shared<std::vector<vision::ChannelRank>>();
   const vision::ColorModelSettings settings = color_settings(call);
   return call.wait(work(
       call, "ranking", [=] { *ranks = vision::ColorModel::rank(*images, settings); },
-      from_seconds(kMaxTraining), [ranks](Call& done) { return push_ranks(done.L, *ranks); }));
+      from_seconds(kMaxTraining), [ranks](Call& done) { return push_ranks(done, *ranks); }));
 }
 
 int save_model(Call& call) {
@@ -82,25 +92,46 @@ int save_model(Call& call) {
   return call.result(file.string());
 }
 
-int model_channels(Call& call) {
-  return call.result(vision::name_of(model_of(call).color.channels()));
+void set_quality(ResultTable& table, const vision::Quality& quality) {
+  table.number("mean", quality.mean)
+      .number("deviation", quality.deviation)
+      .numbers("of_images", quality.of_image);
 }
 
-int quality(Call& call) {
-  const vision::Quality& quality = model_of(call).color.quality();
-  lua_pushnumber(call.L, quality.mean);
-  lua_pushnumber(call.L, quality.deviation);
-  push_numbers(call.L, quality.of_image);
-  return 3;
+void set_thresholds(ResultTable& table, const vision::ColorModel& color) {
+  table.number("low", color.weighted_thresholds().low)
+      .number("high", color.weighted_thresholds().high)
+      .number("flat_low", color.flat_thresholds().low)
+      .number("flat_high", color.flat_thresholds().high);
 }
 
-int thresholds(Call& call) {
-  const auto &weighted = model_of(call).color.weighted_thresholds(),
-             &flat = model_of(call).color.flat_thresholds();
-  push_fields(call.L, {{"low", weighted.low},
-                       {"high", weighted.high},
-                       {"flat_low", flat.low},
-                       {"flat_high", flat.high}});
+void set_shape(ResultTable& table, const vision::ObjectModel& model) {
+  const auto& eigenvalues = model.shape.eigenvalues();
+  table.number("major_px", 2 * model.semi_axes_px.x())
+      .number("minor_px", 2 * model.semi_axes_px.y())
+      .number("modes", model.shape.modes())
+      .number("explained", model.shape.explained())
+      .numbers("eigenvalues", {eigenvalues.begin(), eigenvalues.begin() + model.shape.modes()});
+}
+
+void set_calibration(ResultTable& table, const vision::Calibration& rim) {
+  table.number("major_px", 2 * rim.semi_axes_px.x())
+      .number("minor_px", 2 * rim.semi_axes_px.y())
+      .number("sigma_x_px", std::sqrt(rim.covariance(0, 0)))
+      .number("sigma_y_px", std::sqrt(rim.covariance(1, 1)))
+      .number("sigma_angle", std::sqrt(rim.covariance(4, 4)), "rad");
+}
+
+int model_info(Call& call) {
+  const vision::ObjectModel& model = model_of(call);
+  ResultTable(call)
+      .text("channels", vision::name_of(model.color.channels()))
+      .integer("width_px", model.image_size.width)
+      .integer("height_px", model.image_size.height)
+      .table("quality", [&](ResultTable& made) { set_quality(made, model.color.quality()); })
+      .table("thresholds", [&](ResultTable& made) { set_thresholds(made, model.color); })
+      .table("shape", [&](ResultTable& made) { set_shape(made, model); })
+      .table("calibration", [&](ResultTable& made) { set_calibration(made, model.rim); });
   return 1;
 }
 
@@ -111,32 +142,38 @@ int likelihood(Call& call) {
   return call.result(model_of(call).color.table()[cell] / vision::ColorModel::kScale);
 }
 
-int shape(Call& call) {
-  const vision::ObjectModel& model = model_of(call);
-  push_fields(call.L, {{"major_px", 2 * model.semi_axes_px.x()},
-                       {"minor_px", 2 * model.semi_axes_px.y()},
-                       {"modes", model.shape.modes()},
-                       {"explained", model.shape.explained()}});
-  push_numbers(call.L, {model.shape.eigenvalues().begin(),
-                        model.shape.eigenvalues().begin() + model.shape.modes()});
-  lua_setfield(call.L, -2, "eigenvalues");
-  return 1;
-}
-
-int calibration(Call& call) {
-  const vision::Calibration& rim = model_of(call).rim;
-  push_fields(call.L, {{"major_px", 2 * rim.semi_axes_px.x()},
-                       {"minor_px", 2 * rim.semi_axes_px.y()},
-                       {"sigma_x_px", std::sqrt(rim.covariance(0, 0))},
-                       {"sigma_y_px", std::sqrt(rim.covariance(1, 1))},
-                       {"sigma_angle", std::sqrt(rim.covariance(4, 4))}});
-  return 1;
-}
-
-int image_size(Call& call) {
-  lua_pushinteger(call.L, model_of(call).image_size.width);
-  lua_pushinteger(call.L, model_of(call).image_size.height);
-  return 2;
+Returned model_fields() {
+  return {"table",
+          {{"channels", "", "that it looks at"},
+           {"width_px", "", "of the images that it is for"},
+           {"height_px", "", ""},
+           {"quality",
+            "",
+            "(8.1) over the training images, -2 to 2",
+            {{"mean", "", ""}, {"deviation", "", ""}, {"of_images", "", "each"}}},
+           {"thresholds",
+            "",
+            "of F, with wrong decisions weighed more than open ones",
+            {{"low", "", ""},
+             {"high", "", ""},
+             {"flat_low", "", "of (8.2) as it stands"},
+             {"flat_high", "", "of (8.2) as it stands"}}},
+           {"shape",
+            "",
+            "mean full axes, and the eigenshapes (8.3)",
+            {{"major_px", "", ""},
+             {"minor_px", "", ""},
+             {"modes", "", "how many"},
+             {"eigenvalues", "", ""},
+             {"explained", "", "part of the variance"}}},
+           {"calibration",
+            "",
+            "by how much too large axes are measured, and what light and shadow add to the scatter",
+            {{"major_px", "", ""},
+             {"minor_px", "", ""},
+             {"sigma_x_px", "", ""},
+             {"sigma_y_px", "", ""},
+             {"sigma_angle", "rad", ""}}}}};
 }
 
 }  // namespace
@@ -168,24 +205,29 @@ std::vector<Argument> with_color_options(std::vector<Argument> options) {
 }
 
 std::vector<Binding> vision_model_rows() {
-  const auto options = [](std::vector<Argument> rows) {
-    return Argument{.name = "options", .type = Type::options, .options = std::move(rows)};
-  };
-  return {{"vision.color_model.train",
-           {options(with_color_options({labeled_argument()}))},
-           "color_model",
-           "learns colors, shapes and the rim's calibration from images with masks (8.1, 8.2.2)",
-           train},
-          {"vision.color_model.rank",
-           {options(with_color_options({labeled_argument()}))},
-           "list of {channels, mean, deviation}",
-           "the quality (8.1) of all eighteen pairs of channels, in the order of table 8.2",
-           rank},
-          {"vision.color_model.load",
-           {{.name = "path", .type = Type::text, .help = "of what color_model:save wrote"}},
-           "color_model",
-           "reads a model",
-           load}};
+  Argument labeled = labeled_argument();
+  std::vector<Argument> training = with_color_options({labeled});
+  training[0].optional = true;
+  training[0].help = "to learn from: " + labeled.help;
+  training.push_back({.name = "file",
+                      .type = Type::text,
+                      .optional = true,
+                      .help = "instead: what color_model:save wrote"});
+  return {
+      {"vision.color_model",
+       {options_of(training)},
+       "color_model",
+       "learns colors, shapes and the rim's calibration from images with masks (8.1, 8.2.2), or "
+       "reads a model",
+       color_model,
+       "vision.color_model { images = training, channels = \"RG\" }"},
+      {"vision.rank_channels",
+       {options_of(with_color_options({labeled}))},
+       {"list of tables",
+        {{"channels", "", "a pair"}, {"mean", "", "quality"}, {"deviation", "", ""}}},
+       "the quality (8.1) of all eighteen pairs of channels, in the order of table 8.2",
+       rank_channels,
+       "vision.rank_channels { images = training }"}};
 }
 
 const Class& color_model_class() {
@@ -194,46 +236,27 @@ const Class& color_model_class() {
   };
   static const Class kind{
       "color_model",
-      "what an object looks like; make one with vision.color_model.train",
+      "what an object looks like; make one with vision.color_model",
       {{"save",
         {{.name = "name",
           .type = Type::text,
           .help = "a new file of the run's folder, such as \"robot.model\""}},
         "path",
         "keeps it in the run's folder",
-        save_model},
-       {"channels", {}, "string", "that it looks at", model_channels},
-       {"quality",
+        save_model,
+        "color_model:save(\"robot.model\")"},
+       {"info",
         {},
-        "mean, deviation, list",
-        "(8.1) over the training images, -2 to 2; the list has each",
-        quality},
-       {"thresholds",
-        {},
-        "table",
-        "low, high: of F, with wrong decisions weighed more than open ones; flat_low, flat_high: "
-        "of (8.2) as it stands",
-        thresholds},
+        model_fields(),
+        "channels, quality, thresholds, shape and calibration",
+        model_info,
+        "color_model:info()"},
        {"likelihood",
         {level("red"), level("green"), level("blue")},
         "number",
         "F: the logarithm of how much rather a color is the object's than the ground's",
-        likelihood},
-       {"shape",
-        {},
-        "table",
-        "major_px, minor_px: mean full axes; modes, eigenvalues, explained: of the eigenshapes "
-        "(8.3)",
-        shape},
-       {"calibration",
-        {},
-        "table",
-        "major_px, minor_px: by how much too large axes are measured; sigma_x_px, sigma_y_px, "
-        "sigma_angle: what light "
-        "and shadow add to the scatter",
-        calibration},
-       {"image_size", {}, "width, height", "of the images that it is for", image_size}},
-      {}};
+        likelihood,
+        "color_model:likelihood(75, 77, 80)"}}};
   return kind;
 }
 

@@ -1,4 +1,4 @@
-// vision.mosaic: one picture from many views of a retina (thesis appendix A).
+// Binding of vision.mosaic: one picture from many views of a retina (thesis appendix A).
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/tables.h"
@@ -25,16 +25,18 @@ void push_place(lua_State* L, const Eigen::Affine2d& place) {
   push_numbers(L, numbers);
 }
 
-int push_made(lua_State* L, const Made& made) {
-  push_fields(L, {{"rms_px", made.plan.rms_px},
-                  {"worst_px", made.plan.worst_px},
-                  {"sigma_px", made.plan.sigma_px},
-                  {"joined", static_cast<double>(made.plan.joined())},
-                  {"spare_links", static_cast<double>(made.plan.spare_links)}});
+int push_made(const Call& call, const Made& made) {
+  lua_State* const L = call.L;
+  ResultTable table(call);
+  table.number("rms_px", made.plan.rms_px)
+      .number("worst_px", made.plan.worst_px)
+      .number("sigma_px", made.plan.sigma_px)
+      .number("joined", static_cast<double>(made.plan.joined()))
+      .number("spare_links", static_cast<double>(made.plan.spare_links));
   push_image(L, made.mosaic.image);
-  lua_setfield(L, -2, "image");
+  table.top("image");
   push_image(L, made.mosaic.cover);
-  lua_setfield(L, -2, "cover");
+  table.top("cover");
   lua_newtable(L);
   for (std::size_t i = 0; i < made.plan.mosaic_from_view.size(); ++i) {
     const auto& place = made.plan.mosaic_from_view[i];
@@ -44,7 +46,7 @@ int push_made(lua_State* L, const Made& made) {
       lua_pushboolean(L, 0);
     lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
   }
-  lua_setfield(L, -2, "places");
+  table.top("places");
   return 1;
 }
 
@@ -61,7 +63,7 @@ int mosaic(Call& call) {
         made->plan = vision::plan_mosaic(made->views, made->settings);
         made->mosaic = vision::blend_mosaic(made->views, made->plan, made->settings);
       },
-      from_seconds(kMaxTime), [made](Call& done) { return push_made(done.L, *made); }));
+      from_seconds(kMaxTime), [made](Call& done) { return push_made(done, *made); }));
 }
 
 }  // namespace
@@ -69,19 +71,24 @@ int mosaic(Call& call) {
 std::vector<Binding> vision_mosaic_rows() {
   Argument turn = number_option_row("max_rotation", 0, 3.15, "between two views (30 deg)");
   turn.unit = "rad";
-  return {{"vision.mosaic",
-           {{.name = "options",
-             .type = Type::options,
-             .options = {{.name = "images",
-                          .type = Type::list,
-                          .help = "views, neighbors beside each other"},
-                         flag_option_row("affine", "scale and shear too: a tilted sensor"),
-                         turn}}},
-           "table",
-           "joins views: image, cover, rms_px, worst_px, sigma_px, joined, spare_links, places "
-           "({a, b, u, c, d, v} into "
-           "image, or false)",
-           mosaic}};
+  return {
+      {"vision.mosaic",
+       {options_of(
+           {{.name = "images", .type = Type::list, .help = "views, neighbors beside each other"},
+            flag_option_row("affine", "scale and shear too: a tilted sensor"),
+            turn})},
+       {"table",
+        {{"image", "", "the mosaic"},
+         {"cover", "", "image: how many views each pixel comes from"},
+         {"rms_px", "", "of the registration"},
+         {"worst_px", "", ""},
+         {"sigma_px", "", ""},
+         {"joined", "", "how many views"},
+         {"spare_links", "", "more than the fewest that join them"},
+         {"places", "", "{a, b, u, c, d, v} of each view into the image, or false"}}},
+       "joins views to one picture",
+       mosaic,
+       "vision.mosaic { images = views }"}};
 }
 
 }  // namespace vitreo::lua

@@ -1,4 +1,4 @@
-// vision.tracker: one object followed by color and shape, frame by frame.
+// Bindings of tracker and multi_tracker: objects followed by color and shape, frame by frame.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/vision/bind_vision.h"
@@ -14,7 +14,7 @@
 namespace vitreo::lua {
 namespace {
 
-/// Of this thread: what the tracker costs, whoever else is on the machine.
+/// CPU time of this thread: what the tracker costs, without the other threads.
 double cpu_seconds() {
   timespec t{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
@@ -48,8 +48,9 @@ int update(Call& call) {
   const double start = cpu_seconds();
   const vision::Track track = call.self<vision::ColorTracker>().update(image, owned);
   const double took = cpu_seconds() - start;
-  push_track(call.L, track);
-  set_fields(call.L, {{"cpu_time", took}});
+  ResultTable table(call);
+  set_track(table, track);
+  table.number("cpu_time", took, "s");
   return 1;
 }
 
@@ -67,13 +68,11 @@ int update_all(Call& call) {
   const std::vector<vision::Track>& tracks =
       call.self<vision::MultiTracker>().update(call.handle<Image>(0).pixels);
   const double took = cpu_seconds() - start;
-  lua_createtable(call.L, static_cast<int>(tracks.size()), 0);
-  for (std::size_t i = 0; i < tracks.size(); ++i) {
-    push_track(call.L, tracks[i]);
-    lua_rawseti(call.L, -2, static_cast<lua_Integer>(i + 1));
-  }
-  lua_pushnumber(call.L, took);
-  return 2;
+  ResultTable(call)
+      .list("tracks", tracks.size(),
+            [&tracks](ResultTable& table, std::size_t i) { set_track(table, tracks[i]); })
+      .number("cpu_time", took, "s");
+  return 1;
 }
 
 int owners(Call& call) {
@@ -83,10 +82,15 @@ int owners(Call& call) {
   return 1;
 }
 
-int place_one(Call& call) {
-  vision::Ellipse at = ellipse_at(call.L, call.index(1), "at");
+vision::Ellipse ellipse_argument(const Call& call, std::size_t argument) {
+  vision::Ellipse at = ellipse_at(call.L, call.index(argument), "ellipse");
   at.angle = std::remainder(at.angle, std::numbers::pi);
-  call.self<vision::MultiTracker>().place(static_cast<std::size_t>(call.number(0)) - 1, at);
+  return at;
+}
+
+int set_ellipse_of(Call& call) {
+  call.self<vision::MultiTracker>().place(static_cast<std::size_t>(call.number(0)) - 1,
+                                          ellipse_argument(call, 1));
   return 0;
 }
 
@@ -95,10 +99,8 @@ int reset_all(Call& call) {
   return 0;
 }
 
-int place(Call& call) {
-  vision::Ellipse at = ellipse_at(call.L, call.index(0), "at");
-  at.angle = std::remainder(at.angle, std::numbers::pi);
-  call.self<vision::ColorTracker>().place(at);
+int set_ellipse(Call& call) {
+  call.self<vision::ColorTracker>().place(ellipse_argument(call, 0));
   return 0;
 }
 
@@ -152,37 +154,41 @@ std::vector<Binding> vision_tracker_rows() {
                 .type = Type::list,
                 .help = "a color_model an object; equal ones may be the same"};
   return {{"vision.multi_tracker",
-           {{.name = "options", .type = Type::options, .options = several}},
+           {options_of(several)},
            "multi_tracker",
            "follows several objects, of different colors or alike, touching or not (8.3.1)",
-           make_multi_tracker},
+           make_multi_tracker,
+           "vision.multi_tracker { models = { color_model } }"},
           {"vision.tracker",
-           {{.name = "options", .type = Type::options, .options = options}},
+           {options_of(options)},
            "tracker",
            "follows one object through images of the size trained",
-           make_tracker}};
+           make_tracker,
+           "vision.tracker { model = color_model }"}};
 }
 
 const Class& tracker_class() {
+  std::vector<ResultField> fields = track_fields();
+  fields.push_back({"cpu_time", "s", "that the frame took"});
   static const Class kind{
       "tracker",
       "follows one object; make one with vision.tracker",
       {{"update",
         {handle_row("frame", "image", "the next one, in color"),
          handle_row("owned", "image", "gray: not 0 where another object is", true)},
-        "track",
-        "state (searching, tracking, coasting, lost), cpu_time in s, expected; when tracking x_px, "
-        "y_px, full axes "
-        "major_px, minor_px, angle, covariance of these five (25 numbers by rows), inliers, "
-        "support",
-        update},
-       {"place",
-        {{.name = "at", .type = Type::table, .help = "{x_px, y_px, major_px, minor_px, angle}"}},
+        {"table", fields},
+        "the track in the next frame; the ellipse when tracking",
+        update,
+        "tracker:update(image)"},
+       {"set_ellipse",
+        {{.name = "ellipse",
+          .type = Type::table,
+          .help = "{x_px, y_px, major_px, minor_px, angle}"}},
         "",
-        "tells it where the object is",
-        place},
-       {"reset", {}, "", "forgets where it was", reset}},
-      {}};
+        "starts the tracking at an ellipse",
+        set_ellipse,
+        "tracker:set_ellipse { x_px = 50, y_px = 40, major_px = 60, minor_px = 30, angle = 0 }"},
+       {"reset", {}, "", "forgets where it was", reset, "tracker:reset()"}}};
   return kind;
 }
 
@@ -192,21 +198,32 @@ const Class& multi_tracker_class() {
       "follows several objects; make one with vision.multi_tracker",
       {{"update",
         {handle_row("frame", "image", "the next one, in color")},
-        "list of tracks, cpu_time in s",
-        "each object's track, as tracker:update gives it",
-        update_all},
-       {"owners", {}, "image", "gray: 0, or the number of the object that has the pixel", owners},
-       {"place",
+        {"table",
+         {{"tracks", "", "one an object, as tracker:update has it", track_fields()},
+          {"cpu_time", "s", "that the frame took"}}},
+        "the tracks in the next frame",
+        update_all,
+        "multi_tracker:update(image)"},
+       {"owners",
+        {},
+        "image",
+        "gray: 0, or the number of the object that has the pixel",
+        owners,
+        "multi_tracker:owners()"},
+       {"set_ellipse",
         {{.name = "object",
           .type = Type::integer,
           .min = 1,
           .max = vision::MultiTracker::kMostObjects},
-         {.name = "at", .type = Type::table, .help = "{x_px, y_px, major_px, minor_px, angle}"}},
+         {.name = "ellipse",
+          .type = Type::table,
+          .help = "{x_px, y_px, major_px, minor_px, angle}"}},
         "",
-        "tells it where an object is",
-        place_one},
-       {"reset", {}, "", "forgets where they were", reset_all}},
-      {}};
+        "starts the tracking of an object at an ellipse",
+        set_ellipse_of,
+        "multi_tracker:set_ellipse(1, { x_px = 50, y_px = 40, major_px = 60, minor_px = 30, angle "
+        "= 0 })"},
+       {"reset", {}, "", "forgets where they were", reset_all, "multi_tracker:reset()"}}};
   return kind;
 }
 

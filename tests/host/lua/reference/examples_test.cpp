@@ -39,6 +39,26 @@ local m, cm, mm, um, nm = units.m, units.cm, units.mm, units.um, units.nm
 local s, ms, mT, A, deg = units.s, units.ms, units.mT, units.A, units.deg
 )";
 
+constexpr const char* kOptics = R"(
+local eye = optics.system { name = "navarro_condensing" }
+local map, law = eye:wide_angle_map {}, eye:axis_law()
+local view = optics.system({ name = "model_eye_5_3" }):localizer { center = { 691.5, 517.5 } }
+local robot = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }
+local seen = view:ellipse(robot, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })
+local points, pixels, on_retina, foci = {}, {}, {}, {}
+for i, b in ipairs { { mm, 0, 0 }, { -mm, 0.5 * mm, 0 }, { 0, -mm, 0.2 * mm }, { 0, 0.3 * mm, mm }, { -0.4 * mm, -0.6 * mm, -0.8 * mm } } do
+  local at = view:pixel(vector(b) + vector(0, 0, 3 * mm))
+  points[i] = { body = b, u = at.u, v = at.v }
+  local x, y = (i % 3) * mm, (i // 3) * mm
+  pixels[i] = { m = { x, y }, pixel = { 100 - x / (14 * um), 200 + y / (14 * um) } }
+end
+for i = 1, 20 do
+  local r, a = i * 0.2 * mm, i * 2.4
+  on_retina[i] = { r * math.cos(a), r * math.sin(a), r * r / (24 * mm) }
+end
+for i = 0, 4 do foci[i + 1] = { depth = i * mm, distance = eye:axial_image(i * mm).distance } end
+)";
+
 constexpr const char* kControl = R"(
 local path = control.line { from = { 0, 0, 0 }, to = { mm, 0, 0 } }
 local field_model, readings = control.field_model { name = "octomag" }, {}
@@ -47,6 +67,18 @@ for n = 1, 60 do
   for k = 1, 8 do currents[k] = 8 * math.random() - 4 end
   readings[n] = { position = at, currents = currents, field = field_model:field(at, currents).field }
 end
+)";
+
+constexpr const char* kVision = R"(
+local image, training = vision.image { file = "frame.png" }, vision.training { folder = "training" }
+local color_model = vision.color_model { images = training }
+local tracker, multi_tracker = vision.tracker { model = color_model }, vision.multi_tracker { models = { color_model } }
+multi_tracker:update(image)
+local background_tracker, search = vision.background_tracker {}, vision.autofocus { low = 0, high = mm, step = 50 * um }
+local video, views = vision.video { file = "recorded.avi" }, {}
+for i = 1, 3 do views[i] = image:crop { x = 30 * i, y = 10 * i, width = 200, height = 180 } end
+search:start()
+local track = tracker:update(image)
 )";
 
 constexpr const char* kServo = R"(
@@ -194,8 +226,18 @@ class Examples : public LuaBench {
   std::unique_ptr<TestBench> bench;
 };
 
+TEST_F(Examples, OfTheOpticsRun) {
+  expect_run(kOptics, {"optics", "optical_system", "wide_angle_map", "localizer", "axis_law"});
+}
+
 TEST_F(Examples, OfTheControlRun) {
   expect_run(kControl, {"control", "trajectory", "field_model"});
+}
+
+TEST_F(Examples, OfTheVisionRun) {
+  write_images();
+  expect_run(kVision, {"vision", "image", "video", "color_model", "tracker", "multi_tracker",
+                       "background_tracker", "autofocus"});
 }
 
 TEST_F(Examples, OfTheServoRun) { expect_run(kServo, {"servo", "background"}); }
@@ -204,7 +246,7 @@ TEST_F(Examples, OfTheRigsInstrumentsRun) {
   const std::string machine =
       "files.write('machine.yaml', control.field_model({ name = 'octomag' }):to_yaml { low = { "
       "-cm, "
-      "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():drawn(1)\n"
+      "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():sample { number = 1 }\n"
       "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n";
   expect_run(machine, {"rig", "camera", "coils", "lens_mover", "sample", "stage", "rotation_stage",
                        "field_probe", "operator_input", "lamp", "simulation"});
@@ -214,7 +256,7 @@ TEST_F(Examples, OfTheRunAndItsFilesRun) {
   write_images();
   bench->session->questions.prepare({"lamp=yes", "depth=3 mm"});
   // A stop and an abort end the script; errors wants a servo's record, which the servo's has.
-  expect_run(std::string(kServo) + kRun, {"run", "reminder"}, {"run:stop", "run:abort"});
+  expect_run(std::string(kServo) + kRun, {"run", "files", "reminder"}, {"run:stop", "run:abort"});
 }
 
 TEST_F(Examples, OfAStopAndAnAbortEndTheRun) {

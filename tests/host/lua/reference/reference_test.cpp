@@ -184,12 +184,12 @@ TEST(Completion, ComesFromTheLiveObjectsAndFromTheRowsAndCallsNothing) {
     const auto at_end = [L](const std::string& line) { return completions(L, line, line.size()); };
     EXPECT_TRUE(has(at_end("control."), "control.line"));
     EXPECT_TRUE(has(at_end("x = 3 + contr"), "control"));
-    EXPECT_TRUE(has(at_end("vision.focus.m"), "vision.focus.measure"));
+    EXPECT_TRUE(has(at_end("vision.focus_m"), "vision.focus_measures"));
     EXPECT_EQ(at_end("trap."), std::vector<std::string>{"trap.here"});
     EXPECT_TRUE(at_end("trap.nowhere.").empty());
     EXPECT_TRUE(has(at_end("control.line { from = a, sp"), "speed = "));
-    EXPECT_FALSE(at_end("optics.prescription(\"").empty());
-    EXPECT_TRUE(has(at_end("vision.focus.measure(i, { measure = \"norm"), "normalized_variance"));
+    EXPECT_TRUE(has(at_end("optics.system { name = \"nav"), "navarro"));
+    EXPECT_TRUE(has(at_end("vision.autofocus { strategy = \"fib"), "fibonacci"));
     EXPECT_TRUE(at_end("'just a text with contr").empty());
     EXPECT_TRUE(has(at_end("help('servo:go"), "servo:go_to"));
     EXPECT_TRUE(at_end(std::string("\0\xff(", 3) + std::string(10000, '(')).size() > 10);
@@ -200,7 +200,7 @@ TEST(Completion, ComesFromTheLiveObjectsAndFromTheRowsAndCallsNothing) {
 TEST(Luacheck, KnowsWhatScriptsSeeAndNothingElse) {
   const std::string text = luacheck_standard(library());
   for (const char* name :
-       {"  vector = {}", "    line = {}", "      measure = {}", "  pairs = {}", "  require = {}"})
+       {"  vector = {}", "    line = {}", "    focus_peak = {}", "  pairs = {}", "  require = {}"})
     EXPECT_NE(text.find(name), std::string::npos) << name;
   for (const char* name : {" io = ", " dofile = ", " execute = ", " debug = "})
     EXPECT_EQ(text.find(name), std::string::npos) << name << ": the sandbox has none";
