@@ -10,6 +10,14 @@
 namespace vitreo {
 namespace {
 
+// A declared value is shown as it was written, not rounded to what a result has.
+constexpr int kValueDigits = 6;
+
+std::string word_of(const ArgumentValue& value) {
+  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  return std::get<std::string>(value);
+}
+
 std::string range_text(const Parameter& p) {
   if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
   if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
@@ -21,10 +29,15 @@ std::string range_text(const Parameter& p) {
 }  // namespace
 
 std::string value_text(const ArgumentValue& value, const std::string& unit) {
-  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
-  if (const std::string* text = std::get_if<std::string>(&value)) return *text;
-  const auto known = find_unit(unit);
-  return format_quantity(std::get<double>(value), known ? std::string(known->dimension) : unit);
+  if (const double* number = std::get_if<double>(&value))
+    return format_quantity(*number, unit, kValueDigits);
+  return word_of(value);
+}
+
+std::string plain_value_text(const ArgumentValue& value, const std::string& unit) {
+  if (const double* number = std::get_if<double>(&value))
+    return plain_quantity(*number, unit, kValueDigits);
+  return word_of(value);
 }
 
 std::string protocol_text(const ProtocolDescription& protocol) {

@@ -34,7 +34,7 @@ std::string range_text(const Parameter& parameter, std::string_view dimension) {
 }
 
 std::string example(const Parameter& parameter, std::string_view dimension) {
-  std::string text = format_quantity(std::get<double>(parameter.fallback), dimension);
+  std::string text = plain_quantity(std::get<double>(parameter.fallback), dimension);
   std::erase(text, ' ');
   return parameter.name + "=" + text;
 }
