@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session/protocol_text.h"
 
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <fmt/format.h>
 
@@ -23,7 +23,7 @@ std::string range_text(const Parameter& p) {
   if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
   if (!std::isfinite(p.max)) return "at least " + value_text(p.min, p.unit);
   if (!std::isfinite(p.min)) return "at most " + value_text(p.max, p.unit);
-  return value_text(p.min, p.unit) + " to " + value_text(p.max, p.unit);
+  return format_range(p.min, p.max, p.unit);
 }
 
 }  // namespace

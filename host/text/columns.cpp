@@ -7,14 +7,15 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 namespace vitreo {
 namespace {
 
 // A number of a column has at most so many digits before its point, if a larger unit is there.
 constexpr double kLongest = 1e5;
-// Below this a number of three digits is mostly zeros: the next smaller unit is taken.
-constexpr double kShortest = 0.01;
+// Below this a number begins with zeros: the next smaller unit is taken.
+constexpr double kShortest = 0.1;
 constexpr int kMostDecimals = 6;
 
 /// Magnitudes of the finite values that are more than what a subtraction of doubles leaves.
@@ -86,6 +87,57 @@ ShownColumn column_in(const std::vector<double>& in_si, const Unit& unit, int di
   return shown;
 }
 
+/// A cell of a table that is a number with a unit.
+struct Cell {
+  double value;  // SI
+  std::string dimension;
+  std::string symbol;
+  int digits;  // significant ones
+};
+
+int significant_digits(std::string_view number) {
+  number = number.substr(0, number.find_first_of("eE"));
+  int digits = 0;
+  bool leading = true;
+  for (const char c : number) {
+    if (c < '0' || c > '9') continue;
+    leading = leading && c == '0';
+    digits += leading ? 0 : 1;
+  }
+  return std::max(digits, 1);
+}
+
+/// "1 min 02 s" and "1 h 02 min" have two numbers; SI.
+std::optional<double> long_time(const std::string& text) {
+  const std::size_t hours = text.find(" h ");
+  const std::size_t split = hours != std::string::npos ? hours + 2 : text.find(" min ") + 4;
+  if (hours == std::string::npos && text.find(" min ") == std::string::npos) return std::nullopt;
+  const auto first = parse_quantity(text.substr(0, split));
+  const auto second = parse_quantity(text.substr(split));
+  const bool times = first && second && first->dimension == "s" && second->dimension == "s";
+  if (!times) return std::nullopt;
+  return first->value + (text.starts_with('-') ? -second->value : second->value);
+}
+
+std::optional<Cell> read_cell(std::string text) {
+  if (text.starts_with("\u2212")) text.replace(0, 3, "-");
+  if (const auto time = long_time(text)) {
+    const bool hours = text.find(" h ") != std::string::npos;
+    const double steps = std::fabs(*time) / (hours ? 60 : 1);
+    return Cell{*time, "s", "", significant_digits(fmt::format("{:.0f}", steps))};
+  }
+  const auto quantity = parse_quantity(text);
+  if (!quantity || quantity->bare || quantity->dimension.empty()) return std::nullopt;
+  const std::size_t end = text.find_first_not_of("+-0123456789.");
+  return Cell{quantity->value, quantity->dimension, text.substr(end),
+              significant_digits(text.substr(0, end))};
+}
+
+std::string in_unit(const Cell& cell, const Unit& unit) {
+  const double number = unit.from_si(cell.value);
+  return with_unit({fixed(number, decimals_for(number, cell.digits)), print_unit(unit.symbol)});
+}
+
 }  // namespace
 
 std::optional<Unit> column_unit(const std::vector<double>& in_si, std::string_view unit) {
@@ -111,6 +163,17 @@ std::optional<Unit> column_unit(const std::vector<double>& in_si, std::string_vi
 ShownColumn show_column(const std::vector<double>& in_si, std::string_view unit, int digits) {
   if (const auto shared = column_unit(in_si, unit)) return column_in(in_si, *shared, digits);
   return column_in(in_si, {unit, unit, 1, ""}, digits);
+}
+
+std::string format_range(double min, double max, std::string_view unit, int digits) {
+  constexpr double kFar = 1e3;
+  const double small = std::min(std::fabs(min), std::fabs(max));
+  const bool far = small > 0 && std::max(std::fabs(min), std::fabs(max)) > kFar * small;
+  const auto shared = far ? std::nullopt : column_unit({min, max}, unit);
+  if (!shared)
+    return format_quantity(min, unit, digits) + " to " + format_quantity(max, unit, digits);
+  const auto shown = [&](double end) { return format_number(shared->from_si(end), digits); };
+  return shown(min) + " to " + with_unit({shown(max), print_unit(shared->symbol)});
 }
 
 Shown show_measured_in(double in_si, double uncertainty, const Unit& unit) {
@@ -139,6 +202,53 @@ Shown show_measured(double in_si, double uncertainty, std::string_view unit, int
 
 std::string format_measured(double in_si, double uncertainty, std::string_view unit, int digits) {
   return with_unit(show_measured(in_si, uncertainty, unit, digits));
+}
+
+std::vector<std::string> cells_in_one_unit(std::vector<std::string> cells) {
+  std::vector<std::optional<Cell>> read;
+  std::map<std::string, std::vector<double>> values;
+  std::map<std::string, std::set<std::string>> symbols;
+  for (const std::string& text : cells) {
+    read.push_back(read_cell(text));
+    if (!read.back()) continue;
+    values[read.back()->dimension].push_back(read.back()->value);
+    // Zero fits every unit: "0 mm" beside micrometers is converted, too.
+    symbols[read.back()->dimension].insert(read.back()->symbol);
+  }
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    if (!read[i] || symbols[read[i]->dimension].size() < 2) continue;
+    const auto unit = column_unit(values[read[i]->dimension], read[i]->dimension);
+    if (unit) cells[i] = in_unit(*read[i], *unit);
+  }
+  return cells;
+}
+
+std::string with_print_units(const std::string& text) {
+  constexpr std::string_view kEnds = " ,;:)]";
+  std::string made;
+  for (std::size_t at = 0; at < text.size();) {
+    const char before = made.empty() ? ' ' : made.back();
+    const std::size_t end = std::min(text.find_first_of(kEnds, at), text.size());
+    const std::string_view word = std::string_view(text).substr(at, end - at);
+    const std::size_t behind = made.find_last_not_of(' ');
+    const char last = behind == std::string::npos ? ' ' : made[behind];
+    const bool number = last >= '0' && last <= '9' && before == ' ';
+    // "us" is a word, too.
+    const bool named = (last == ',' && word != "us") || before == '(' || before == '[';
+    const std::string unit = (number || named) && find_unit(word) ? print_unit(word) : "";
+    if (unit.empty() || unit == word) {
+      const std::size_t next = word.find_first_of("([");
+      const std::size_t taken =
+          next == std::string_view::npos ? std::min(end + 1, text.size()) : at + next + 1;
+      made += text.substr(at, taken - at);
+      at = taken;
+      continue;
+    }
+    if (number && unit == "\u00b0") made.erase(behind + 1);
+    made += unit;
+    at = end;
+  }
+  return made;
 }
 
 std::vector<NamedQuantity> join_uncertainties(const std::vector<NamedQuantity>& quantities) {

@@ -39,6 +39,12 @@ TEST(Columns, TimesDoNotBecomeMinutesAndSeconds) {
   EXPECT_EQ(show_column({3600, 43200}, "s").unit, "h");
 }
 
+TEST(Columns, ARangeHasItsUnitOnce) {
+  EXPECT_EQ(format_range(0.5, 60, "s"), "0.5 to 60 s");
+  EXPECT_EQ(format_range(0, 2e-3, "m"), "0 to 2 mm");
+  EXPECT_EQ(format_range(1e-6, 10e-3, "m"), "1 \u00b5m to 10 mm");
+}
+
 TEST(Columns, OtherUnits) {
   EXPECT_EQ(show_column({310.15, 353.15}, "K").numbers, (Texts{"37", "80"}));
   EXPECT_EQ(show_column({310.15, 353.15}, "K").unit, "\u00b0C");
@@ -69,11 +75,33 @@ TEST(Columns, ListsShareAUnitAndJoinUncertainties) {
                                           {"error", 20e-6, "m"}});
   ASSERT_EQ(joined.size(), 4u) << "a sigma of nothing stays";
   const auto shown = show_list(joined);
-  EXPECT_EQ(with_unit(shown[0]), "1.500 \u00b1 0.012 mm");
+  EXPECT_EQ(with_unit(shown[0]), "1500 \u00b1 12 \u00b5m");
   EXPECT_EQ(with_unit(shown[1]), "30");
   EXPECT_EQ(with_unit(shown[2]), "5.73\u00b0");
-  EXPECT_EQ(with_unit(shown[3]), "0.02 mm");
+  EXPECT_EQ(with_unit(shown[3]), "20 \u00b5m");
   EXPECT_EQ(with_unit(show_list({{"time", 62, "s"}})[0]), "1 min 02 s") << "alone";
+}
+
+TEST(Columns, CellsOfATableComeInOneUnit) {
+  EXPECT_EQ(cells_in_one_unit({"980 um", "1.23 mm", "", "0 mm", "-"}),
+            (Texts{"0.980 mm", "1.23 mm", "", "0 mm", "-"}));
+  EXPECT_EQ(cells_in_one_unit({"4.06 mm", "\u22120.14 \u00b5m", "3\u00b0"}),
+            (Texts{"4060 \u00b5m", "-0.14 \u00b5m", "3\u00b0"}));
+  EXPECT_EQ(cells_in_one_unit({"59.4 s", "1 min 02 s", "2 h 01 min"}),
+            (Texts{"0.990 min", "1.0 min", "121 min"}));
+  EXPECT_EQ(cells_in_one_unit({"1.20 mm", "3 mm", "7", "12 of 30"}),
+            (Texts{"1.20 mm", "3 mm", "7", "12 of 30"}))
+      << "nothing to do";
+}
+
+TEST(Columns, TheScriptsOwnUnitsAreSetInPrint) {
+  EXPECT_EQ(with_print_units("137 um, at 3.5 um/s; 30 deg"),
+            "137 \u00b5m, at 3.5 \u00b5m/s; 30\u00b0");
+  EXPECT_EQ(with_print_units("error (um)"), "error (\u00b5m)");
+  EXPECT_EQ(with_print_units("error, um"), "error, \u00b5m");
+  EXPECT_EQ(with_print_units("70 degC"), "70 \u00b0C");
+  for (const char* text : {"umbra 5 umbra", "of us, us too", "um", "", "5 mm (x) 3", "a,b"})
+    EXPECT_EQ(with_print_units(text), text);
 }
 
 nlohmann::json table_of_quantities() {

@@ -100,7 +100,7 @@ function columnUnit(values, dimension) {
   const smallest = Math.min(...sizes), largest = Math.max(...sizes);
   let i = 0;
   while (i + 1 < units.length && (offsetOf(units[i]) ? smallest : largest) < units[i][2] * (1 - 1e-12)) ++i;
-  while (!offsetOf(units[i]) && i + 1 < units.length && smallest / units[i][1] < 0.01 && largest / units[i + 1][1] < 1e5) ++i;
+  while (!offsetOf(units[i]) && i + 1 < units.length && smallest / units[i][1] < 0.1 && largest / units[i + 1][1] < 1e5) ++i;
   return units[i];
 }
 
