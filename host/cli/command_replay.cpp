@@ -9,7 +9,7 @@
 #include "host/rig/rig_settings.h"
 #include "host/runs/run_reader.h"
 #include "host/session/script_engine.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <fmt/format.h>
 
@@ -92,8 +92,10 @@ int replay_command(ScriptEngine& engine, const std::filesystem::path& folder,
   if (!replayed.axis_known) out << "the record does not name the robot's axis: +x is taken\n";
   out << fmt::format("seen then and now: {}, of which {} to the bit; only then: {}; only now: {}\n",
                      s.compared, s.same, s.only_recorded, s.only_replayed);
-  out << fmt::format("difference: rms {}, mean {}, largest {}\n", format_quantity(s.rms, "m"),
-                     format_quantity(s.mean, "m"), format_quantity(s.max, "m"));
+  const ShownColumn difference = show_column({s.rms, s.mean, s.max}, "m");
+  out << fmt::format("difference: rms {0} {3}, mean {1} {3}, largest {2} {3}\n",
+                     difference.numbers[0], difference.numbers[1], difference.numbers[2],
+                     difference.unit);
   if (!csv.empty()) out << "frame by frame: " << csv.string() << "\n";
   return 0;
 }

@@ -3,8 +3,8 @@
 #include "host/cli/commands.h"
 #include "host/config/config.h"
 #include "host/runs/run_reader.h"
+#include "host/text/columns.h"
 #include "host/text/terminal_text.h"
-#include "host/text/units.h"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -67,10 +67,10 @@ nlohmann::json json_of(const RunHead& head) {
           {"experiment_time", head.experiment_time}};
 }
 
-void print(const RunHead& head, std::ostream& out) {
+void print(const RunHead& head, const std::string& time, std::ostream& out) {
   out << fmt::format("{:<44} {:<10} {:>9}  {}{}\n",
-                     std::filesystem::path(head.folder).filename().string(), head.state,
-                     format_quantity(head.experiment_time, "s"), head.title,
+                     std::filesystem::path(head.folder).filename().string(), head.state, time,
+                     head.title,
                      head.reason.empty()
                          ? ""
                          : ": " + for_terminal(head.reason.substr(0, head.reason.find('\n')), 300));
@@ -94,7 +94,11 @@ int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool
     out << rows.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
     return 0;
   }
-  for (const RunHead& head : heads) print(head, out);
+  std::vector<double> times;
+  for (const RunHead& head : heads) times.push_back(head.experiment_time);
+  const ShownColumn column = show_column(times, "s");
+  for (std::size_t i = 0; i < heads.size(); ++i)
+    print(heads[i], with_unit({column.numbers[i], column.unit}), out);
   const bool filtered = !filter.protocol.empty() || !filter.operator_name.empty() ||
                         !filter.state.empty() || !filter.since.empty();
   if (heads.empty())

@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/cli/commands.h"
 #include "host/files/digest.h"
+#include "host/record/parameter_text.h"
 #include "host/record/record_json.h"
 #include "host/record/recorder.h"
+#include "host/runs/results_text.h"
 #include "host/runs/run_reader.h"
 #include "host/text/terminal_text.h"
-#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -63,9 +64,8 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
                          : "");
   if (data.start.parameters.is_object())
     for (const auto& [name, value] : data.start.parameters.items())
-      out << fmt::format("  {:<26} {}\n", name, text_of(value));
-  for (const StatedResult& one : data.results)
-    out << fmt::format("{:<28} {}\n", one.name, format_quantity(one.value, one.unit));
+      out << fmt::format("  {:<26} {}\n", name, parameter_text(data.start, name, value));
+  out << results_text(data.results);
   for (const Stream& stream : data.streams)
     out << fmt::format("stream {:<21} {} samples, {} channels, {}\n", stream.info.name,
                        stream.times.size(), stream.info.channels.size(), stream.info.source);

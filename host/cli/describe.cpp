@@ -52,7 +52,7 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
 std::string argument_example(const ProtocolDescription& protocol) {
   if (protocol.parameters.empty()) return "";
   const Parameter& p = protocol.parameters.front();
-  std::string value = p.required ? "..." : value_text(p.fallback, p.unit);
+  std::string value = p.required ? "..." : plain_value_text(p.fallback, p.unit);
   std::erase(value, ' ');
   return " " + p.name + "=" + value;
 }

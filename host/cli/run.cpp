@@ -4,11 +4,12 @@
 #include "host/cli/faces.h"
 #include "host/cli/program.h"
 #include "host/record/record_json.h"
+#include "host/runs/results_text.h"
 #include "host/runs/run_reader.h"
+#include "host/session/protocol_text.h"
 #include "host/terminal/line_editor.h"
 #include "host/terminal/progress_line.h"
 #include "host/text/terminal_text.h"
-#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -48,13 +49,7 @@ void print_before(ScriptEngine& engine, const RunRequest& request) {
     const auto known =
         std::find_if(protocol.parameters.begin(), protocol.parameters.end(),
                      [&key = name](const Parameter& one) { return one.name == key; });
-    const auto unit = find_unit(known->unit);
-    const double* number = std::get_if<double>(&value);
-    const std::string* text = std::get_if<std::string>(&value);
-    fmt::print(stderr, "{} = {}\n", name,
-               number != nullptr ? format_quantity(*number, unit ? unit->dimension : "", 6)
-               : text != nullptr ? *text
-                                 : std::string(std::get<bool>(value) ? "true" : "false"));
+    fmt::print(stderr, "{} = {}\n", name, value_text(value, known->unit));
   }
 }
 
@@ -87,8 +82,7 @@ void show(const RunResult& result, bool json) {
     std::cout << dumped(to_json(result)) << "\n";
     return;
   }
-  for (const StatedResult& one : result.results)
-    fmt::print("{:<28} {}\n", one.name, format_quantity(one.value, one.unit));
+  fmt::print("{}", results_text(result.results));
   fmt::print("{}{}{}\nrun: {}\nreport: {}\n", colored(result.outcome),
              result.reason.empty() ? "" : ": ", for_terminal(result.reason), result.folder,
              (std::filesystem::path(result.folder) / "report.html").string());

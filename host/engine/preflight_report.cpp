@@ -2,20 +2,35 @@
 #include "host/engine/preflight_report.h"
 
 #include "host/record/disk_watch.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 
 namespace vitreo {
 namespace {
 
-/// "stage x: 3 moves, 0 mm to 2 mm".
-std::string axis_text(const AxisUse& use) {
-  return fmt::format("{}{}: {} move{}, {} to {}", use.role, use.axis.empty() ? "" : " " + use.axis,
-                     use.moves, use.moves == 1 ? "" : "s", format_quantity(use.min, use.unit),
-                     format_quantity(use.max, use.unit));
+/// Lines of the axes; those of one dimension have one unit.
+std::string axes_text(const std::vector<AxisUse>& moves) {
+  std::map<std::string, std::vector<double>> limits;
+  for (const AxisUse& use : moves)
+    limits[use.unit].insert(limits[use.unit].end(), {use.min, use.max});
+  std::map<std::string, ShownColumn> columns;
+  for (const auto& [unit, values] : limits) columns[unit] = show_column(values, unit);
+  std::map<std::string, std::size_t> taken;
+  std::string text;
+  for (const AxisUse& use : moves) {
+    const ShownColumn& column = columns[use.unit];
+    std::size_t& next = taken[use.unit];
+    text +=
+        fmt::format("{}{}: {} move{}, {} to {}\n", use.role, use.axis.empty() ? "" : " " + use.axis,
+                    use.moves, use.moves == 1 ? "" : "s", column.numbers[next],
+                    with_unit({column.numbers[next + 1], column.unit}));
+    next += 2;
+  }
+  return text;
 }
 
 /// A: the peak of the coil with the largest one.
@@ -31,12 +46,14 @@ std::string to_text(const PreflightReport& report) {
       fmt::format("{}: at least {} (simulated within {})\n",
                   report.simulated ? "dry run to the script's end" : "dry run",
                   format_quantity(report.duration, "s"), format_quantity(report.wall_time, "s"));
-  if (report.coils.energized > 0)
-    text += fmt::format("coils: up to {} in one, {} in all, energized for {}\n",
-                        format_quantity(largest(report.coils.peak), "A"),
-                        format_quantity(report.coils.peak_total, "A"),
+  if (report.coils.energized > 0) {
+    const ShownColumn peaks =
+        show_column({largest(report.coils.peak), report.coils.peak_total}, "A");
+    text += fmt::format("coils: up to {0} {2} in one, {1} {2} in all, energized for {3}\n",
+                        peaks.numbers[0], peaks.numbers[1], peaks.unit,
                         format_quantity(report.coils.energized, "s"));
-  for (const AxisUse& use : report.moves) text += axis_text(use) + "\n";
+  }
+  text += axes_text(report.moves);
   text += "disk: at least " + size_text(static_cast<std::uint64_t>(report.disk_bytes)) + "\n";
   for (const std::string& warning : report.warnings) text += "warning: " + warning + "\n";
   for (const std::string& problem : report.problems) text += "problem: " + problem + "\n";

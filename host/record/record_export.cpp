@@ -2,7 +2,9 @@
 // programs.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/digest.h"
+#include "host/record/parameter_text.h"
 #include "host/record/recorder.h"
+#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -76,6 +78,15 @@ nlohmann::json summary(const RunData& data) {
     results[one.name] = std::isfinite(one.value) ? nlohmann::json(one.value) : nlohmann::json();
     units[one.name] = one.unit;
   }
+  nlohmann::json parameter_units = nlohmann::json::object();
+  nlohmann::json parameters_text = nlohmann::json::object();
+  if (data.start.parameters.is_object()) {
+    for (const auto& [name, value] : data.start.parameters.items()) {
+      const auto declared = find_unit(parameter_unit(data.start, name));
+      if (value.is_number()) parameter_units[name] = declared ? declared->dimension : "";
+      parameters_text[name] = plain_parameter_text(data.start, name, value);
+    }
+  }
   nlohmann::json samples = nlohmann::json::object();
   nlohmann::json frames = nlohmann::json::object();
   for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();
@@ -97,6 +108,8 @@ nlohmann::json summary(const RunData& data) {
           {"operator", data.start.operator_name},
           {"seed", data.start.seed},
           {"parameters", data.start.parameters},
+          {"parameter_units", parameter_units},
+          {"parameters_text", parameters_text},
           {"experiment_time", end ? end->experiment_time : 0},
           {"wall_time", end ? end->wall_time : 0},
           {"samples", samples},

@@ -1,7 +1,7 @@
 // Tables of `vitreo devices` as text.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/instruments.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <fmt/format.h>
 
@@ -10,17 +10,26 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// "; at 1 mm, 0 m; x: -5 mm to 5 mm, 3 mm/s": what a role's row says about position and limits, in
+/// "-5 to 5 mm", "1, 0, 2.5 mm": one unit behind them all.
+std::string joined_text(const std::vector<double>& in_si, const std::string& unit,
+                        const char* separator) {
+  const ShownColumn shown = show_column(in_si, unit);
+  return with_unit({fmt::format("{}", fmt::join(shown.numbers, separator)), shown.unit});
+}
+
+/// "; at 1, 0 mm; x -5 to 5 mm up to 3 mm/s": what a role's row says about position and limits, in
 /// people's units.
 std::string place_and_limits(const Json& row) {
   const std::string length = row["role"] == "rotation_stage" ? "rad" : "m";
   const std::string speed = length + "/s";
   std::string text;
   const auto add = [&text](const std::string& more) { text += (text.empty() ? "" : ", ") + more; };
-  if (row.contains("position"))
-    for (const Json& axis :
-         row["position"].is_array() ? row["position"] : Json::array({row["position"]}))
-      add((text.empty() ? "at " : "") + format_quantity(axis.get<double>(), length));
+  if (row.contains("position") && !row["position"].empty()) {
+    const Json& at = row["position"];
+    add("at " + joined_text(at.is_array() ? at.get<std::vector<double>>()
+                                          : std::vector<double>{at.get<double>()},
+                            length, ", "));
+  }
   if (!row.contains("limits")) return text;
   for (const Json& limits :
        row["limits"].is_array() ? row["limits"] : Json::array({row["limits"]})) {
@@ -28,8 +37,8 @@ std::string place_and_limits(const Json& row) {
     std::string of = limits.value("name", "");
     const auto say = [&](const std::string& more) { of += (of.empty() ? "" : " ") + more; };
     if (limits.contains("travel_min") && limits.contains("travel_max"))
-      say(format_quantity(limits["travel_min"], length) + " to " +
-          format_quantity(limits["travel_max"], length));
+      say(joined_text({limits["travel_min"].get<double>(), limits["travel_max"].get<double>()},
+                      length, " to "));
     if (limits.contains("max_speed")) say("up to " + format_quantity(limits["max_speed"], speed));
     if (limits.contains("channels")) say(fmt::format("{} channels", limits["channels"].get<int>()));
     if (limits.contains("current")) say("up to " + format_quantity(limits["current"], "A"));

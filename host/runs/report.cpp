@@ -4,10 +4,12 @@
 #include "host/files/digest.h"
 #include "host/plot/plot_layout.h"
 #include "host/plot/plot_svg.h"
+#include "host/record/parameter_text.h"
 #include "host/runs/report_files.h"
 #include "host/runs/report_page.h"
+#include "host/runs/results_text.h"
+#include "host/text/columns.h"
 #include "host/text/markup.h"
-#include "host/text/units.h"
 
 #include <fmt/format.h>
 #include <opencv2/imgcodecs.hpp>
@@ -41,31 +43,10 @@ std::string minus_sign(const std::string& number) {
   return number.starts_with('-') ? "\u2212" + number.substr(1) : number;
 }
 
-/// "137 um" as print has it, wherever a script wrote a micrometer.
-std::string with_micro(std::string text) {
-  for (std::size_t at = 1; (at = text.find(" u", at)) != std::string::npos; at += 2) {
-    const bool number = text[at - 1] >= '0' && text[at - 1] <= '9';
-    const char unit = at + 2 < text.size() ? text[at + 2] : ' ';
-    const char next = at + 3 < text.size() ? text[at + 3] : ' ';
-    const bool ends = std::string_view("/ ,;)").find(next) != std::string_view::npos;
-    if (number && ends && std::string_view("msNATVW").find(unit) != std::string_view::npos)
-      text.replace(at + 1, 1, "\u00b5");
-  }
-  return text;
-}
-
-/// In the unit it was given with; a bare SI unit gives way to the one of a convenient size.
-Shown shown_value(double value, const std::string& symbol, int digits) {
-  const auto unit = find_unit(symbol);
-  Shown shown = unit && unit->factor != 1 && std::isfinite(value)
-                    ? Shown{format_number(value / unit->factor, digits), symbol}
-                    : show_quantity(value, symbol, digits);
-  return {minus_sign(shown.number), print_unit(shown.unit)};
-}
-
-std::string with_unit(const Shown& shown) {
-  const bool joined = shown.unit.empty() || shown.unit == "\u00b0";
-  return shown.number + (joined ? "" : "\u00a0") + shown.unit;
+/// A number and its unit do not part at the end of a line.
+std::string printed(Shown shown) {
+  shown.number = minus_sign(shown.number);
+  return with_unit(shown, "\u00a0");
 }
 
 /// "path error rms" of "path_error_rms".
@@ -118,8 +99,8 @@ std::string head_section(const RunData& data) {
     fact("Rig", start.rig.contains("file") ? text_of(start.rig["file"]) : "");
   fact("Seed", std::to_string(start.seed));
   if (end && end->experiment_time > 0)
-    fact("Experiment", with_unit(shown_value(end->experiment_time, "s", 3)));
-  if (end && end->wall_time > 0) fact("Took", with_unit(shown_value(end->wall_time, "s", 3)));
+    fact("Experiment", printed(show_quantity(end->experiment_time, "s")));
+  if (end && end->wall_time > 0) fact("Took", printed(show_quantity(end->wall_time, "s")));
   fact("Run", folder);
   return out + "</div>\n";
 }
@@ -127,8 +108,8 @@ std::string head_section(const RunData& data) {
 /// The stated results, a tile each.
 std::string result_tiles(const RunData& data) {
   std::string out;
-  for (const StatedResult& result : data.results) {
-    const Shown shown = shown_value(result.value, result.unit, 3);
+  for (const ShownResult& result : shown_results(data.results)) {
+    const Shown shown{minus_sign(result.value.number), result.value.unit};
     const std::string size = count_characters(shown.number) > 8 ? "value long" : "value";
     out += "<div class=\"tile\"><div class=\"name\">" + escape_markup(spaced(result.name)) +
            "</div><div class=\"" + size + "\">" + escape_markup(shown.number);
@@ -201,6 +182,28 @@ std::string picture_grid(const RunData& data) {
   return section("Pictures", out.empty() ? "" : "<div class=\"pictures\">\n" + out + "</div>\n");
 }
 
+/// Each column in one unit; the thesis' numbers and ours, which are compared, in the same one.
+Table in_one_unit(Table table) {
+  std::map<std::string, std::vector<std::size_t>> groups;
+  for (std::size_t i = 0; i < table.header.size(); ++i) {
+    const bool compared = table.header[i] == "thesis" || table.header[i] == "ours";
+    groups[compared ? "compared" : std::to_string(i)].push_back(i);
+  }
+  for (const auto& [name, columns] : groups) {
+    std::vector<std::string> cells;
+    for (const auto& row : table.rows)
+      for (const std::size_t i : columns) cells.push_back(i < row.size() ? row[i] : "");
+    cells = cells_in_one_unit(std::move(cells));
+    std::size_t next = 0;
+    for (auto& row : table.rows)
+      for (const std::size_t i : columns) {
+        if (i < row.size()) row[i] = cells[next];
+        ++next;
+      }
+  }
+  return table;
+}
+
 /// A column stands to the right when all its cells begin like numbers.
 bool numeric_column(const Table& table, std::size_t column) {
   return std::all_of(table.rows.begin(), table.rows.end(), [&](const auto& row) {
@@ -221,7 +224,8 @@ bool short_column(const Table& table, std::size_t column) {
   });
 }
 
-std::string one_table(const Table& table) {
+std::string one_table(const Table& written) {
+  const Table table = in_one_unit(written);
   std::vector<std::string> kinds(table.header.size());
   for (const auto& row : table.rows) kinds.resize(std::max(kinds.size(), row.size()));
   for (std::size_t i = 0; i < kinds.size(); ++i) {
@@ -230,13 +234,14 @@ std::string one_table(const Table& table) {
     if (!kind.empty()) kinds[i] = " class=\"" + kind.substr(0, kind.size() - 1) + "\"";
   }
   const auto cell = [&](const char* tag, const std::string& text, std::size_t column) {
-    return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column], escape_markup(with_micro(text)));
+    return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column],
+                       escape_markup(with_print_units(text)));
   };
   constexpr std::size_t kOnePage = 20;  // rows that are surely kept together on paper
   std::string out =
       table.rows.size() > kOnePage ? "<div class=\"scroll long\">" : "<div class=\"scroll\">";
   // No <caption>: that would be no wider than a narrow table.
-  const std::string title = escape_markup(table.title);
+  const std::string title = escape_markup(with_print_units(table.title));
   if (!title.empty()) out += "<p class=\"caption\">" + title + "</p>";
   out += title.empty() ? "<table>" : "<table aria-label=\"" + title + "\">";
   out += "<thead><tr>";
@@ -261,13 +266,7 @@ std::string parameter_section(const RunData& data) {
   std::string out;
   if (!start.parameters.is_object()) return "";
   for (const auto& [name, value] : start.parameters.items()) {
-    std::string unit;
-    if (start.parameter_units.is_object() && start.parameter_units.contains(name)) {
-      unit = text_of(start.parameter_units[name]);
-    }
-    const bool number = value.is_number();
-    const std::string text =
-        number ? with_unit(shown_value(value.get<double>(), unit, 6)) : text_of(value);
+    const std::string text = minus_sign(parameter_text(start, name, value));
     const std::string shown = text.empty() ? "\u2013" : text;  // nothing was chosen
     out += row_of(spaced(name), escape_markup(shown));
   }
@@ -294,7 +293,7 @@ std::string event_rows(const std::vector<Event>& events, std::size_t from, std::
         "<tr><td class=\"right\">{:.2f}\u00a0s</td><td><span "
         "class=\"mark{}\">{}</span></td><td>{}</td></tr>\n",
         to_seconds(event.time), bad ? " error" : "", escape_markup(event.kind),
-        escape_markup(with_micro(event_text(event.text))));
+        escape_markup(with_print_units(event_text(event.text))));
   }
   return out;
 }

@@ -4,8 +4,8 @@
 #include "host/files/child_process.h"
 #include "host/plot/plot_axes.h"
 #include "host/plot/plot_svg.h"
+#include "host/text/columns.h"
 #include "host/text/markup.h"
-#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -94,7 +94,9 @@ std::string timeline_svg(const RunData& data) {
       "font-size=\"11\" fill=\"#555\"><line x1=\"{}\" x2=\"{}\" y1=\"{}\" y2=\"{}\" "
       "stroke=\"#999\"/>",
       kWidth, kHeight, kMargin, kWidth - kMargin, kLine, kLine);
-  for (const double time : round_times(end))
+  const std::vector<double> times = round_times(end);
+  const Unit unit = *column_unit(times, "s");
+  for (const double time : times)
     out += fmt::format(
         "<line x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1}\" y2=\"{2}\" stroke=\"#999\"/><text "
         "x=\"{0:.1f}\" "
@@ -103,7 +105,7 @@ std::string timeline_svg(const RunData& data) {
         time == 0     ? "start"
         : time == end ? "end"
                       : "middle",
-        escape_markup(format_quantity(time, "s")));
+        format_number(unit.from_si(time)) + " " + std::string(unit.symbol));
   for (std::size_t i = 0; i < std::min(data.events.size(), kMost); ++i) {
     const Event& event = data.events[i];
     const double x = at(to_seconds(event.time));

@@ -245,8 +245,8 @@ void Interlock::watch() {
         make_safe();  // a zero that did not get through is sent again until it does
       else if (temperature_.hottest() > limits_.heat.limit)
         trip(
-            fmt::format("a coil is at {:.0f} degC by the estimate from its currents, beyond the "
-                        "limit of {:.0f} degC",
+            fmt::format("a coil is at {:.0f} \u00b0C by the estimate from its currents, beyond the "
+                        "limit of {:.0f} \u00b0C",
                         temperature_.hottest() - 273.15, limits_.heat.limit - 273.15));
       else if (const std::string why = unmet(); !why.empty())
         trip("dead-man: " + why);

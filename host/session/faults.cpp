@@ -154,10 +154,10 @@ std::string to_string(const Fault& fault) {
                                    [&](const auto& one) { return one.name == fault.kind; });
     // format_quantity() prints SI prefixes, which a count does not take.
     const bool plain = kind == kinds.end() || kind->unit == "n";
-    text += " by " + (plain ? format_number(*fault.by) : format_quantity(*fault.by, kind->unit));
+    text += " by " + (plain ? format_number(*fault.by) : plain_quantity(*fault.by, kind->unit));
   }
-  if (fault.after > 0) text += " after " + format_quantity(fault.after, "s");
-  if (fault.lasting > 0) text += " for " + format_quantity(fault.lasting, "s");
+  if (fault.after > 0) text += " after " + plain_quantity(fault.after, "s");
+  if (fault.lasting > 0) text += " for " + plain_quantity(fault.lasting, "s");
   return text;
 }
 

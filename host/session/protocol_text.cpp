@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/session/protocol_text.h"
 
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <fmt/format.h>
 
@@ -10,23 +10,35 @@
 namespace vitreo {
 namespace {
 
+// A declared value is shown as it was written, not rounded to what a result has.
+constexpr int kValueDigits = 6;
+
+std::string word_of(const ArgumentValue& value) {
+  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  return std::get<std::string>(value);
+}
+
 /// "one of a, b", "at least 1 mm", "1 mm to 3 mm"; "" where there is no bound.
 std::string range_text(const Parameter& p) {
   if (!p.choices.empty()) return fmt::format("one of {}", fmt::join(p.choices, ", "));
   if (!std::isfinite(p.min) && !std::isfinite(p.max)) return "";
   if (!std::isfinite(p.max)) return "at least " + value_text(p.min, p.unit);
   if (!std::isfinite(p.min)) return "at most " + value_text(p.max, p.unit);
-  return value_text(p.min, p.unit) + " to " + value_text(p.max, p.unit);
+  return format_range(p.min, p.max, p.unit);
 }
 
 }  // namespace
 
 std::string value_text(const ArgumentValue& value, const std::string& unit) {
-  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
-  if (const std::string* text = std::get_if<std::string>(&value)) return *text;
-  const auto known = find_unit(unit);
-  // A unit that is not known is printed as the protocol wrote it.
-  return format_quantity(std::get<double>(value), known ? std::string(known->dimension) : unit);
+  if (const double* number = std::get_if<double>(&value))
+    return format_quantity(*number, unit, kValueDigits);
+  return word_of(value);
+}
+
+std::string plain_value_text(const ArgumentValue& value, const std::string& unit) {
+  if (const double* number = std::get_if<double>(&value))
+    return plain_quantity(*number, unit, kValueDigits);
+  return word_of(value);
 }
 
 std::string protocol_text(const ProtocolDescription& protocol) {

@@ -8,8 +8,10 @@
 
 namespace vitreo {
 
-/// A parameter's value in its display unit: "0.5 mm", "true".
+/// A parameter's value in display units: "0.5 mm", "100 µm", "true". `unit`: as declared.
 std::string value_text(const ArgumentValue& value, const std::string& unit);
+/// The same as it can be typed: "100 um".
+std::string plain_value_text(const ArgumentValue& value, const std::string& unit);
 /// Name, title, what it does, roles, rig, and its parameters with units, ranges and defaults;
 /// lines.
 std::string protocol_text(const ProtocolDescription& protocol);

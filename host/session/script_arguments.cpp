@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/session/script_engine.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <algorithm>
 #include <cmath>
@@ -30,12 +30,12 @@ std::string range_text(const Parameter& parameter, std::string_view dimension) {
   const std::string max = format_quantity(parameter.max, dimension);
   if (std::isinf(parameter.max)) return "at least " + min;
   if (std::isinf(parameter.min)) return "at most " + max;
-  return min + " to " + max;
+  return format_range(parameter.min, parameter.max, dimension);
 }
 
 /// The default as an argument: "speed=5um/s".
 std::string example(const Parameter& parameter, std::string_view dimension) {
-  std::string text = format_quantity(std::get<double>(parameter.fallback), dimension);
+  std::string text = plain_quantity(std::get<double>(parameter.fallback), dimension);
   std::erase(text, ' ');
   return parameter.name + "=" + text;
 }

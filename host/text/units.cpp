@@ -16,6 +16,8 @@ constexpr double kNothing = 1e-8;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
+constexpr Unit kCelsius{"degC", "K", 1, "a temperature", 273.15};
+
 /// Display unit of a dimension: used from `from` (SI) upwards; the smallest of a dimension goes
 /// down to zero.
 struct Step {
@@ -37,9 +39,10 @@ constexpr Step kSteps[] = {
     {"N m", "N m", 1},      {"N m", "mN m", 1e-3}, {"N m", "uN m", 1e-7}, {"N m", "nN m", 0},
     {"kg", "kg", 1},        {"kg", "g", 1e-3},     {"kg", "mg", 1e-6},    {"kg", "ug", 0},
     {"Hz", "MHz", 1e6},     {"Hz", "kHz", 1e4},    {"Hz", "Hz", 0},       {"rad", "deg", 0},
-    {"rad/s", "deg/s", 0},  {"K", "K", 0.1},       {"K", "mK", 0},        {"m^2/s", "cSt", 0},
-    {"Pa s", "Pa s", 1},    {"Pa s", "mPa s", 0},  {"A/m", "kA/m", 1e3},  {"A/m", "A/m", 0},
-    {"m^2", "m^2", 1},      {"m^2", "mm^2", 1e-8}, {"m^2", "um^2", 0},    {"1/m", "D", 0},
+    {"rad/s", "deg/s", 0},  {"K", "degC", 200},    {"K", "K", 0.1},       {"K", "mK", 0},
+    {"m^2/s", "cSt", 0},    {"Pa s", "Pa s", 1},   {"Pa s", "mPa s", 0},  {"A/m", "kA/m", 1e3},
+    {"A/m", "A/m", 0},      {"m^2", "m^2", 1},     {"m^2", "mm^2", 1e-8}, {"m^2", "um^2", 0},
+    {"1/m", "D", 0},
 };
 
 /// The unit in which zero is shown.
@@ -89,8 +92,8 @@ std::string replaced(std::string text, std::string_view from, std::string_view t
 /// The table's spelling of a symbol: Unicode signs by their ASCII equivalents.
 std::string plain_symbol(std::string_view symbol) {
   constexpr std::pair<std::string_view, std::string_view> kSpellings[] = {
-      {"\u00b5", "u"},  {"\u03bc", "u"},   {"\u00b0", "deg"}, {"\u00b2", "^2"},
-      {"\u00b3", "^3"}, {"\u03a9", "ohm"}, {"\u00b7", " "}};
+      {"\u2103", "degC"}, {"\u00b5", "u"},  {"\u03bc", "u"},   {"\u00b0", "deg"},
+      {"\u00b2", "^2"},   {"\u00b3", "^3"}, {"\u03a9", "ohm"}, {"\u00b7", " "}};
   std::string text(symbol);
   for (const auto& [from, to] : kSpellings) text = replaced(std::move(text), from, to);
   return text;
@@ -187,6 +190,7 @@ const std::vector<Unit>& units() {
 std::optional<Unit> find_unit(std::string_view symbol) {
   if (symbol.empty()) return Unit{"", "", 1, "a plain number"};
   const std::string plain = plain_symbol(symbol);
+  if (plain == kCelsius.symbol) return kCelsius;
   const auto found = std::find_if(units().begin(), units().end(),
                                   [&](const Unit& unit) { return unit.symbol == plain; });
   if (found == units().end()) return std::nullopt;
@@ -237,8 +241,8 @@ std::optional<Quantity> parse_quantity(std::string_view text) {
   if (symbol.empty()) return Quantity{number, "", true};
   if (symbol.starts_with('*')) symbol = trimmed(symbol.substr(1));  // "3*s", as scripts write it
   const std::optional<Unit> unit = symbol.empty() ? std::nullopt : find_unit(symbol);
-  if (!unit || !std::isfinite(number * unit->factor)) return std::nullopt;
-  return Quantity{number * unit->factor, std::string(unit->dimension), false};
+  if (!unit || !std::isfinite(unit->to_si(number))) return std::nullopt;
+  return Quantity{unit->to_si(number), std::string(unit->dimension), false};
 }
 
 // Fixed notation for powers of ten from -4 to 7 (or to `digits`, if that is more), trailing zeros
@@ -261,24 +265,53 @@ std::string format_number(double number, int digits) {
   return text;
 }
 
-Shown show_quantity(double in_si, std::string_view dimension, int digits) {
+namespace {
+
+Shown plain_shown(double in_si, std::string_view dimension, int digits) {
   if (!std::isfinite(in_si)) return {format_number(in_si), ""};
   const double value = rounded(in_si, std::clamp(digits, 1, 17));  // 999.9 um is 1 mm
-  if (dimension == "s" && std::llround(std::fabs(in_si)) >= 60) return {minutes_text(in_si), ""};
   const std::string_view symbol = symbol_for(std::fabs(value), dimension);
   const std::optional<Unit> unit = find_unit(symbol);
-  double number = unit ? in_si / unit->factor : in_si;
+  double number = unit ? unit->from_si(in_si) : in_si;
   if (unit && unit->factor < 1 && std::fabs(number) < kNothing) number = 0;
   return {format_number(number, digits), std::string(symbol)};
 }
 
-std::string format_quantity(double in_si, std::string_view dimension, int digits) {
-  const Shown shown = show_quantity(in_si, dimension, digits);
-  return shown.unit.empty() ? shown.number : shown.number + " " + shown.unit;
+}  // namespace
+
+std::vector<DisplayUnit> display_units(std::string_view unit) {
+  std::vector<DisplayUnit> shown;
+  for (const Step& step : kSteps)
+    if (step.dimension == unit) shown.push_back({*find_unit(step.symbol), step.from});
+  if (const auto declared = find_unit(unit); shown.empty() && declared)
+    shown.push_back({*declared, 0});
+  return shown;
+}
+
+Shown show_quantity(double in_si, std::string_view unit, int digits) {
+  const bool minutes = unit == "s" && std::isfinite(in_si) && std::llround(std::fabs(in_si)) >= 60;
+  if (minutes) return {minutes_text(in_si), ""};
+  Shown shown = plain_shown(in_si, unit, digits);
+  shown.unit = print_unit(shown.unit);
+  return shown;
+}
+
+std::string with_unit(const Shown& shown, std::string_view space) {
+  const bool joined = shown.unit.empty() || shown.unit == "\u00b0";
+  return shown.number + std::string(joined ? "" : space) + shown.unit;
+}
+
+std::string format_quantity(double in_si, std::string_view unit, int digits) {
+  return with_unit(show_quantity(in_si, unit, digits));
+}
+
+std::string plain_quantity(double in_si, std::string_view unit, int digits) {
+  return with_unit(plain_shown(in_si, unit, digits));
 }
 
 std::string print_unit(std::string_view symbol) {
   if (symbol == "deg") return "\u00b0";
+  if (symbol == kCelsius.symbol) return "\u00b0C";
   if (symbol == "ohm") return "\u03a9";
   std::string text(symbol);
   if (text.starts_with('u') && find_unit(text)) text.replace(0, 1, "\u00b5");

@@ -2,6 +2,7 @@
 #include "host/trials/reproduction.h"
 
 #include "host/files/child_process.h"
+#include "host/text/columns.h"
 #include "host/trials/silent_listener.h"
 
 #include <fmt/format.h>
@@ -18,6 +19,9 @@ namespace vitreo {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Thesis and simulation are compared to their fourth digit.
+constexpr int kQuantityDigits = 4;
 
 std::vector<std::string> command_of(const ReproduceRequest& request, const PlannedRun& run) {
   const fs::path root = request.root;
@@ -153,19 +157,41 @@ std::string title_of(const ReproducedRun& run) {
                      run.plan.arguments.empty() ? "" : ", ", run.plan.arguments);
 }
 
+/// Cells "thesis" and "ours" of a run's rows: all of one dimension in one unit, as they are
+/// compared.
+struct Compared {
+  std::string thesis;
+  std::string ours;
+};
+
+std::vector<Compared> compared(const std::vector<ReproducedRow>& rows) {
+  std::vector<NamedQuantity> quantities;
+  for (const ReproducedRow& row : rows) {
+    if (row.thesis) quantities.push_back({"", *row.thesis, row.unit});
+    quantities.push_back({"", row.ours, row.unit});
+  }
+  const std::vector<Shown> shown = show_list(quantities, kQuantityDigits);
+  std::vector<Compared> cells;
+  auto next = shown.begin();
+  for (const ReproducedRow& row : rows) {
+    Compared cell{"\u2013", "none"};
+    if (row.thesis) cell.thesis = with_unit(*next++);
+    if (std::isfinite(row.ours)) cell.ours = with_unit(*next);
+    ++next;
+    cells.push_back(std::move(cell));
+  }
+  return cells;
+}
+
+/// For a cell of a table, with the units of scripts' texts in print.
+std::string cell_text(const std::string& text, bool html) {
+  return escaped(with_print_units(text), html);
+}
+
 }  // namespace
 
-// Lengths below a millimeter in µm, the thesis' own unit for errors.
 std::string quantity_text(double value, const std::string& unit) {
-  if (!std::isfinite(value)) return "none";
-  const double size = std::abs(value);
-  if (unit == "m")
-    return size < 0.9995e-3 ? fmt::format("{:.3g} µm", value * 1e6)
-           : size < 1       ? fmt::format("{:.4g} mm", value * 1e3)
-                            : fmt::format("{:.4g} m", value);
-  if (unit == "m/s") return fmt::format("{:.3g} µm/s", value * 1e6);
-  if (unit == "rad") return fmt::format("{:.3g}°", value * 180 / M_PI);
-  return fmt::format("{:.4g}{}{}", value, unit.empty() ? "" : " ", unit);
+  return std::isfinite(value) ? format_quantity(value, unit, kQuantityDigits) : "none";
 }
 
 bool is_missed(const std::string& verdict) {
@@ -249,13 +275,15 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
     text +=
         "| where | what | thesis | ours | tolerance | verdict | why "
         "|\n|---|---|---|---|---|---|---|\n";
-    for (const ReproducedRow& row : run.rows)
-      text += fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", escaped(row.where, false),
-                          escaped(row.what, false),
-                          row.thesis ? quantity_text(*row.thesis, row.unit) : "–",
-                          quantity_text(row.ours, row.unit), escaped(row.tolerance, false),
+    const std::vector<Compared> cells = compared(run.rows);
+    for (std::size_t i = 0; i < run.rows.size(); ++i) {
+      const ReproducedRow& row = run.rows[i];
+      text += fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", cell_text(row.where, false),
+                          cell_text(row.what, false), cells[i].thesis, cells[i].ours,
+                          cell_text(row.tolerance, false),
                           is_missed(row.verdict) ? "**" + row.verdict + "**" : row.verdict,
-                          escaped(row.why, false));
+                          cell_text(row.why, false));
+    }
   }
   return text;
 }
@@ -283,15 +311,17 @@ std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::
           run.wall_time);
     if (run.rows.empty()) continue;
     text += "<table><tr><th>where<th>what<th>thesis<th>ours<th>tolerance<th>verdict<th>why</tr>\n";
-    for (const ReproducedRow& row : run.rows)
+    const std::vector<Compared> cells = compared(run.rows);
+    for (std::size_t i = 0; i < run.rows.size(); ++i) {
+      const ReproducedRow& row = run.rows[i];
       text += fmt::format("<tr class=\"{}\"><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>\n",
                           is_missed(row.verdict)     ? "missed"
                           : row.verdict == "printed" ? ""
                                                      : "well",
-                          escaped(row.where, true), escaped(row.what, true),
-                          row.thesis ? quantity_text(*row.thesis, row.unit) : "–",
-                          quantity_text(row.ours, row.unit), escaped(row.tolerance, true),
-                          row.verdict, escaped(row.why, true));
+                          cell_text(row.where, true), cell_text(row.what, true), cells[i].thesis,
+                          cells[i].ours, cell_text(row.tolerance, true), row.verdict,
+                          cell_text(row.why, true));
+    }
     text += "</table>\n";
   }
   return text + "</html>\n";

@@ -170,7 +170,7 @@ TEST(Devices, ListsTheRolesOfTheSimulatedRigAsJson) {
   EXPECT_EQ(roles["stage"]["limits"][0]["travel_max"], 15e-3);
   const std::string text = place.vitreo("devices --rig " + kSimulated).out;
   EXPECT_EQ(text.find("missing"), std::string::npos) << text;
-  EXPECT_NE(text.find("standing; at 0 mm; z -15 mm to 15 mm up to 20 mm/s"), std::string::npos)
+  EXPECT_NE(text.find("standing; at 0 mm; z -15 to 15 mm up to 20 mm/s"), std::string::npos)
       << text;
 }
 

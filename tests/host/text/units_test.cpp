@@ -85,11 +85,11 @@ TEST(Units, TheCommaOfALocaleDoesNotMatter) {
 TEST(Units, PeopleAreShownTheirUnits) {
   EXPECT_EQ(format_quantity(0.0123, "m"), "12.3 mm");
   EXPECT_EQ(format_quantity(-1.7e-18, "m"), "0 nm") << "what is left of a subtraction";
-  EXPECT_EQ(format_quantity(220e-6, "m"), "220 um");
+  EXPECT_EQ(format_quantity(220e-6, "m"), "220 \u00b5m");
   EXPECT_EQ(format_quantity(0.01, "T"), "10 mT");
   EXPECT_EQ(format_quantity(0.5e-3, "m/s"), "0.5 mm/s");
-  EXPECT_EQ(format_quantity(50e-6, "m/s"), "50 um/s");
-  EXPECT_EQ(format_quantity(30 * std::numbers::pi / 180, "rad"), "30 deg");
+  EXPECT_EQ(format_quantity(50e-6, "m/s"), "50 \u00b5m/s");
+  EXPECT_EQ(format_quantity(30 * std::numbers::pi / 180, "rad"), "30\u00b0");
   EXPECT_EQ(format_quantity(1e-3, "m^2/s"), "1000 cSt");
   EXPECT_EQ(format_quantity(62, "s"), "1 min 02 s");
   EXPECT_EQ(format_quantity(59.96, "s"), "1 min 00 s");
@@ -99,11 +99,36 @@ TEST(Units, PeopleAreShownTheirUnits) {
   EXPECT_EQ(format_quantity(0, "s"), "0 s");
   EXPECT_EQ(format_quantity(12, ""), "12");
   EXPECT_EQ(format_quantity(3, "furlong"), "3 furlong");
+  EXPECT_EQ(plain_quantity(220e-6, "m"), "220 um") << "to type back";
+  EXPECT_EQ(plain_quantity(30 * std::numbers::pi / 180, "rad"), "30 deg");
+  EXPECT_EQ(plain_quantity(62, "s"), "62 s");
+}
+
+TEST(Units, ADeclaredUnitIsKept) {
+  EXPECT_EQ(format_quantity(0.125, "%"), "12.5 %");
+  EXPECT_EQ(format_quantity(5e-3, "um"), "5000 \u00b5m");
+  EXPECT_EQ(plain_quantity(0.125, "%"), "12.5 %");
+  EXPECT_EQ(parse_quantity("12.5 %")->value, 0.125);
+}
+
+TEST(Units, TemperaturesAreInDegreesCelsius) {
+  for (const char* text : {"37 degC", "37\u00b0C", "37 \u00b0C", "37 \u2103", "310.15 K"}) {
+    const auto quantity = parse_quantity(text);
+    ASSERT_TRUE(quantity) << text;
+    EXPECT_DOUBLE_EQ(quantity->value, 310.15) << text;
+    EXPECT_EQ(quantity->dimension, "K");
+  }
+  EXPECT_EQ(parse_quantity("-5 degC")->value, 268.15);
+  EXPECT_EQ(format_quantity(310.15, "K"), "37 \u00b0C");
+  EXPECT_EQ(plain_quantity(310.15, "K"), "37 degC");
+  EXPECT_EQ(format_quantity(273.15, "degC"), "0 \u00b0C");
+  EXPECT_EQ(format_quantity(1.5, "K"), "1.5 K") << "a difference";
+  EXPECT_EQ(print_unit("degC"), "\u00b0C");
 }
 
 TEST(Units, RoundingPicksTheUnitAfterwards) {
   EXPECT_EQ(format_quantity(999.9e-6, "m"), "1 mm");
-  EXPECT_EQ(format_quantity(0.0009994, "m"), "999 um");
+  EXPECT_EQ(format_quantity(0.0009994, "m"), "999 \u00b5m");
   EXPECT_EQ(format_quantity(1e-3, "m"), "1 mm");
 }
 

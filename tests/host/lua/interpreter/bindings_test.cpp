@@ -118,7 +118,8 @@ TEST_F(Bindings, ResultsGoIntoTheRecord) {
           "  series = { { label = 'a', x = { 1, 2 }, y = { 3, 4 }, mark = 'dashed' }, { x = {}, y "
           "= {} } } }\n"
           "run:table { title = 'T', header = { 'a', 'b' }, rows = { { 'x', 1 }, { 'y', 2.5 } } }\n"
-          "run:note('seen') run:checkpoint('here')\nassert(run:show(0.00012, 'm') == '120 um')")
+          "run:note('seen') run:checkpoint('here')\nassert(run:show(0.00012, 'm') == '120 "
+          "\u00b5m')")
           .error,
       "");
   EXPECT_EQ(recorder.results().at(0).name, "error");

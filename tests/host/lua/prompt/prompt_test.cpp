@@ -51,7 +51,7 @@ TEST_F(Prompt, HelpComesFromTheBindings) {
       {"servo:go_to(position, {speed, acceleration, within, settle, timeout})", "servo:close()"});
   expect_all(prompt("help(rig.coils)\n"), {"coils:set_currents(currents)"});
   expect_all(prompt("help('servo:go_to')\n"),
-             {"within: a number in m, 1 um to 10 mm, may be left out; how near is there"});
+             {"within: a number in m, 1 \u00b5m to 10 mm, may be left out; how near is there"});
   expect_all(prompt("help('follow')\n"), {"servo:follow(path, "});
   expect_all(prompt("help('servoo')\n"),
              {"error: ", "nothing is called servoo; did you mean servo?"});

@@ -64,7 +64,7 @@ TEST_F(ServoBinding, ATimeoutNamesTargetElapsedAndLastPlace) {
   expect_all(run("rig.sample:insert_robot({0, 0, 0}) "
                  "servo:wait_until_tracked()\nservo:go_to({3e-3, 0, 0}, { timeout = 1 })")
                  .error,
-             {"p.lua:6: servo:go_to: the robot was not within 100 um of (3.00, 0.00, 0.00) mm",
+             {"p.lua:6: servo:go_to: the robot was not within 100 \u00b5m of (3.00, 0.00, 0.00) mm",
               "after 1 s", "away"});
   EXPECT_TRUE(coils_are_at_zero());
 }
