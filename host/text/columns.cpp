@@ -133,6 +133,37 @@ std::optional<Cell> read_cell(std::string text) {
               significant_digits(text.substr(0, end))};
 }
 
+/// "at most 3 mm", "± 20 um (rounding)", "0.1 mm/s to 30 um/s", "12.3 mm".
+struct CellText {
+  std::string prefix;
+  std::vector<Cell> parts;  // of one dimension
+  std::string suffix;
+};
+
+std::optional<CellText> read_text(std::string text) {
+  CellText read;
+  for (const std::string_view prefix : {"\u00b1 ", "at most ", "at least "}) {
+    if (!text.starts_with(prefix)) continue;
+    read.prefix = prefix;
+    text.erase(0, prefix.size());
+  }
+  if (const std::size_t remark = text.find(" ("); remark != std::string::npos) {
+    read.suffix = text.substr(remark);
+    text.erase(remark);
+  }
+  constexpr std::string_view kTo = " to ";
+  const std::size_t to = text.find(kTo);
+  std::vector<std::string> parts{text.substr(0, to)};
+  if (to != std::string::npos) parts.push_back(text.substr(to + kTo.size()));
+  for (const std::string& part : parts) {
+    const auto cell = read_cell(part);
+    if (!cell || (!read.parts.empty() && read.parts.front().dimension != cell->dimension))
+      return std::nullopt;
+    read.parts.push_back(*cell);
+  }
+  return read;
+}
+
 std::string in_unit(const Cell& cell, const Unit& unit) {
   const double number = unit.from_si(cell.value);
   return with_unit({fixed(number, decimals_for(number, cell.digits)), print_unit(unit.symbol)});
@@ -205,20 +236,26 @@ std::string format_measured(double in_si, double uncertainty, std::string_view u
 }
 
 std::vector<std::string> cells_in_one_unit(std::vector<std::string> cells) {
-  std::vector<std::optional<Cell>> read;
+  std::vector<std::optional<CellText>> read;
   std::map<std::string, std::vector<double>> values;
   std::map<std::string, std::set<std::string>> symbols;
   for (const std::string& text : cells) {
-    read.push_back(read_cell(text));
+    read.push_back(read_text(text));
     if (!read.back()) continue;
-    values[read.back()->dimension].push_back(read.back()->value);
-    // Zero fits every unit: "0 mm" beside micrometers is converted, too.
-    symbols[read.back()->dimension].insert(read.back()->symbol);
+    for (const Cell& cell : read.back()->parts) {
+      values[cell.dimension].push_back(cell.value);
+      symbols[cell.dimension].insert(cell.symbol);
+    }
   }
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    if (!read[i] || symbols[read[i]->dimension].size() < 2) continue;
-    const auto unit = column_unit(values[read[i]->dimension], read[i]->dimension);
-    if (unit) cells[i] = in_unit(*read[i], *unit);
+    if (!read[i]) continue;
+    const std::string& dimension = read[i]->parts.front().dimension;
+    const auto unit = column_unit(values[dimension], dimension);
+    if (!unit || symbols[dimension].size() < 2) continue;
+    std::string text = read[i]->prefix;
+    for (const Cell& cell : read[i]->parts)
+      text += (&cell == &read[i]->parts.front() ? "" : " to ") + in_unit(cell, *unit);
+    cells[i] = text + read[i]->suffix;
   }
   return cells;
 }

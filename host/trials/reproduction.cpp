@@ -157,30 +157,26 @@ std::string title_of(const ReproducedRun& run) {
                      run.plan.arguments.empty() ? "" : ", ", run.plan.arguments);
 }
 
-/// Cells "thesis" and "ours" of a run's rows: all of one dimension in one unit, as they are
-/// compared.
+/// Cells of a row that are compared.
 struct Compared {
   std::string thesis;
   std::string ours;
+  std::string tolerance;
 };
 
+/// Those of a run's rows: all of one dimension in one unit.
 std::vector<Compared> compared(const std::vector<ReproducedRow>& rows) {
-  std::vector<NamedQuantity> quantities;
+  std::vector<std::string> cells;
   for (const ReproducedRow& row : rows) {
-    if (row.thesis) quantities.push_back({"", *row.thesis, row.unit});
-    quantities.push_back({"", row.ours, row.unit});
+    cells.push_back(row.thesis ? quantity_text(*row.thesis, row.unit) : "\u2013");
+    cells.push_back(quantity_text(row.ours, row.unit));
+    cells.push_back(row.tolerance);
   }
-  const std::vector<Shown> shown = show_list(quantities, kQuantityDigits);
-  std::vector<Compared> cells;
-  auto next = shown.begin();
-  for (const ReproducedRow& row : rows) {
-    Compared cell{"\u2013", "none"};
-    if (row.thesis) cell.thesis = with_unit(*next++);
-    if (std::isfinite(row.ours)) cell.ours = with_unit(*next);
-    ++next;
-    cells.push_back(std::move(cell));
-  }
-  return cells;
+  cells = cells_in_one_unit(std::move(cells));
+  std::vector<Compared> shown;
+  for (std::size_t i = 0; i + 2 < cells.size(); i += 3)
+    shown.push_back({cells[i], cells[i + 1], cells[i + 2]});
+  return shown;
 }
 
 /// For a cell of a table, with the units of scripts' texts in print.
@@ -280,7 +276,7 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
       const ReproducedRow& row = run.rows[i];
       text += fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", cell_text(row.where, false),
                           cell_text(row.what, false), cells[i].thesis, cells[i].ours,
-                          cell_text(row.tolerance, false),
+                          cell_text(cells[i].tolerance, false),
                           is_missed(row.verdict) ? "**" + row.verdict + "**" : row.verdict,
                           cell_text(row.why, false));
     }
@@ -319,7 +315,7 @@ std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::
                           : row.verdict == "printed" ? ""
                                                      : "well",
                           cell_text(row.where, true), cell_text(row.what, true), cells[i].thesis,
-                          cells[i].ours, cell_text(row.tolerance, true), row.verdict,
+                          cells[i].ours, cell_text(cells[i].tolerance, true), row.verdict,
                           cell_text(row.why, true));
     }
     text += "</table>\n";

@@ -77,7 +77,7 @@ double millimeters(const nlohmann::json& text) {
 /// "8.4 um" or "-0.87 mm" in mm.
 double quantity_mm(const std::string& text) {
   const double number = std::stod(text);
-  return text.ends_with(" um") ? number / 1000 : text.ends_with(" nm") ? number / 1e6 : number;
+  return text.ends_with(" \u00b5m") ? number / 1000 : text.ends_with(" nm") ? number / 1e6 : number;
 }
 
 TEST(LiveView, ShowsSteersAndStopsARun) {
@@ -149,7 +149,7 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
     ASSERT_TRUE(
         std::regex_search(said, visited, std::regex("point " + std::to_string(i + 1) + pattern)))
         << said;
-    for (std::size_t axis = 0; axis < 3; ++axis)  // with other digits: 0.00 mm here, 8.4 um there
+    for (std::size_t axis = 0; axis < 3; ++axis)  // with other digits: 0.00 mm here, 8.4 \u00b5m there
       EXPECT_NEAR(quantity_mm(visited[axis + 1]), std::stod(clicked[axis]), 0.006) << visited[0];
   }
 }

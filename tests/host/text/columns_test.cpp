@@ -87,6 +87,9 @@ TEST(Columns, CellsOfATableComeInOneUnit) {
             (Texts{"0.980 mm", "1.23 mm", "", "0 mm", "-"}));
   EXPECT_EQ(cells_in_one_unit({"4.06 mm", "\u22120.14 \u00b5m", "3\u00b0"}),
             (Texts{"4060 \u00b5m", "-0.14 \u00b5m", "3\u00b0"}));
+  EXPECT_EQ(cells_in_one_unit({"30 um/s to 0.25 mm/s", "\u00b1 2 mm/s", "at most 53 um/s", "none"}),
+            (Texts{"30 \u00b5m/s to 250 \u00b5m/s", "\u00b1 2000 \u00b5m/s", "at most 53 \u00b5m/s",
+                   "none"}));
   EXPECT_EQ(cells_in_one_unit({"59.4 s", "1 min 02 s", "2 h 01 min"}),
             (Texts{"0.990 min", "1.0 min", "121 min"}));
   EXPECT_EQ(cells_in_one_unit({"1.20 mm", "3 mm", "7", "12 of 30"}),

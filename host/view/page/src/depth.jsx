@@ -1,6 +1,7 @@
 // The depth bar of the thesis' figures 6.7 and 6.8: where the robot is between retina and lens, against a zero level that
 // the operator sets, with its spread, and how far the retina is.
 import { useEffect, useRef } from 'preact/hooks';
+import { formatQuantity } from './format.js';
 import { named, newest } from './link.js';
 
 const kNear = 1.0e-3, kClose = 0.4e-3; // m from the retina: orange, red
@@ -95,7 +96,7 @@ export function DepthBar({ store, zero, setZero, depth, jog }) {
         <br />
         {{ close: 'VERY CLOSE', near: 'near' }[level] ?? '\u00a0'}
       </p>
-      <p class="quiet">spread {spread === null ? '–' : `${(spread * 1e6).toFixed(0)} µm`}</p>
+      <p class="quiet">spread {spread === null ? '–' : formatQuantity(spread, 'm', 2)}</p>
       <p class="quiet" id="aim">{row && row.target_z !== null ? `target ${mm((depth ?? row.target_z) - zero)} mm` : 'no target'}</p>
       <button id="zero" onClick={() => row && row.z !== null && setZero(row.z)}>zero here</button>
       <div class="pair">

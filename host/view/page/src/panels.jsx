@@ -1,5 +1,6 @@
 // State and ending, questions, coils, log.
 import { useState } from 'preact/hooks';
+import { formatNumber, formatQuantity, showColumn } from './format.js';
 import { newest } from './link.js';
 
 export function Head({ store }) {
@@ -25,7 +26,7 @@ export function Head({ store }) {
 
 function remaining({ remaining: left }) {
   if (left == null || left < 0) return '';
-  return left > 90 ? `, ${(left / 60).toFixed(0)} min left` : `, ${left.toFixed(0)} s left`;
+  return `, ${formatQuantity(left, 's', 2)} left`;
 }
 
 function Control({ store }) {
@@ -92,6 +93,7 @@ export function Coils({ store }) {
   const limit = store.hello?.geometry.current_limit ?? 20;
   const field = store.status.field;
   const names = currents ? Object.keys(currents).filter((name) => name !== 't') : [];
+  const temperatures = warm ? showColumn(Object.values(warm).slice(1), 'K', 2) : null;
   return (
     <section class="coils">
       <h2>Coils</h2>
@@ -106,7 +108,7 @@ export function Coils({ store }) {
               <line x1="0" x2="0" y1="0" y2="12" class="middle" />
             </svg>
             <span class="value">{currents[name].toFixed(2)} A</span>
-            <span class="value">{warm ? `${(Object.values(warm)[i + 1] - 273.15).toFixed(0)} °C` : ''}</span>
+            <span class="value">{temperatures ? `${temperatures.numbers[i]} ${temperatures.unit}` : ''}</span>
           </div>
         );
       })}
@@ -128,7 +130,7 @@ function Field({ field }) {
         <line x1="0" y1="0" x2={x * 42} y2={-y * 42} class="arrow" />
         <circle cx={x * 42} cy={-y * 42} r="5" class={z >= 0 ? 'tip up' : 'tip'} />
       </svg>
-      <p>{(field.tesla * 1e3).toFixed(1)} mT<br /><span class="quiet">tilt {Math.round((Math.asin(z) * 180) / Math.PI) + 0}°</span></p>
+      <p>{formatQuantity(field.tesla, 'T')}<br /><span class="quiet">tilt {Math.round((Math.asin(z) * 180) / Math.PI) + 0}°</span></p>
     </div>
   );
 }
@@ -137,7 +139,7 @@ function Field({ field }) {
 function plain(text) {
   if (!/^[[{]/.test(text)) return text;
   const said = (value) => {
-    if (typeof value === 'number') return String(Number(value.toPrecision(4)));
+    if (typeof value === 'number') return formatNumber(value, 4);
     if (value === null || typeof value !== 'object') return String(value);
     if (Array.isArray(value)) return `(${value.map(said).join(', ')})`;
     return Object.entries(value).map(([key, inner]) => `${key} = ${said(inner)}`).join(', ');

@@ -70,7 +70,7 @@ TEST_F(Prompt, ResultsAreShownInTheUnitOfTheCallTheyComeFrom) {
   EXPECT_EQ(prompt("rig.coils:limit()\nrig.coils:limit() * 2\nx = rig.coils:limit()\nx\n_\n"),
             "12 A\n24.0\n12.0\n12.0\n");
   EXPECT_EQ(prompt("rig.coils:set_currents { 1, 0.25, 0, 0, 0, 0, 0, 0 }\nrig.coils:currents()\n"),
-            "{1 A, 0.25 A, 0 A, 0 A, 0 A, 0 A, 0 A, 0 A}\n");
+            "{1.00, 0.25, 0.00, 0.00, 0.00, 0.00, 0.00, 0.00} A\n");
   EXPECT_EQ(prompt("5 * um\n3 * mm_per_s\ns = 'mine'\ns\n"), "5e-06\n0.003\n\"mine\"\n");
 }
 
