@@ -55,7 +55,7 @@ void measure_coils() {
   testbed->unplug(plug);
 }
 
-/// How long it takes until the link says so, when the device is pulled out while somebody waits for
+/// How long it takes until the link says so, when the device is pulled out while a caller waits for
 /// it.
 void print_unplug(const char* path, const Clock& clock, const std::function<void()>& pull,
                   const std::function<void()>& use) {

@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A task that does nothing but wait until somebody stops it.
+/// A task that does nothing but wait until it is stopped.
 std::function<void()> wait_for(Clock& clock, Signal& never) {
   return [&clock, &never] {
     clock.wait(

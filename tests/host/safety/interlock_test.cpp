@@ -261,7 +261,7 @@ TEST_F(TimedInterlockTest, APauseAtZeroDropsSetPointsAndTheResumeEnergizesNothin
 TEST_F(TimedInterlockTest, AResumeIsRefusedWhereTheAmplifierReadsSomethingElse) {
   interlock.set_currents(std::vector<double>{4, 0, 0});
   interlock.pause(PausePolicy::zero);
-  amplifier.set[0] = 4;  // somebody turned a knob
+  amplifier.set[0] = 4;  // a knob was turned by hand
   EXPECT_THROW(interlock.resume(), DeviceError);
   EXPECT_EQ(amplifier.set[0], 0);
   EXPECT_FALSE(interlock.enabled());

@@ -14,7 +14,7 @@
 namespace vitreo::view {
 namespace {
 
-/// A run on a rig without instruments, shown to whoever comes.
+/// A run on a rig without instruments, shown to every viewer.
 struct LiveViewTest : testing::Test {
   LiveViewTest() {
     session.targets.take();  // the script wants targets

@@ -226,7 +226,7 @@ TEST_F(Live, DropsAViewerWhoDoesNotListen) {
   deaf.say(upgrade("http://" + host(), known));
   EXPECT_EQ(status(deaf.hear("\r\n\r\n")), 101);
   EXPECT_TRUE(soon([this] { return joined == 1; }));
-  flood = 1;  // 10 MB/s that nobody reads
+  flood = 1;  // 10 MB/s that is not read
   EXPECT_TRUE(soon([this] { return left == 1; }));
 }
 
