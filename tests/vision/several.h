@@ -20,8 +20,8 @@ enum class Meeting {
 
 struct SeveralSettings {
   std::uint64_t seed = 1;
-  bool one_color = false;  ///< all three discs alike, and the robot of the same steel; else red,
-                           ///< green, blue discs
+  /// all three discs alike, and the robot of the same steel; else red, green, blue discs
+  bool one_color = false;
   Meeting meeting = Meeting::apart;
   bool fundus = false;
   int hidden_from = -1;  ///< the bar goes over the robot and what is near it for 20 frames

@@ -272,8 +272,8 @@ TEST_F(Usb3103OverHidraw, AnAmplifierWhoseLinkGotStuckIsOpenedAgainByMakingItSaf
   EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
             DeviceErrorKind::timeout);
   EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);
-  EXPECT_NE(outputs(), usb3103::Voltages{});  // it stays so for as long as it takes nothing: the
-                                              // enable line's business
+  // it stays so for as long as it takes nothing: the enable line's business
+  EXPECT_NE(outputs(), usb3103::Voltages{});
   testbed->set_fault(plug, UsbFault::none);
   clock->sleep_for(100ms);
   EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
