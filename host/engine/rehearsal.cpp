@@ -163,6 +163,12 @@ class DryRun {
           report_.warnings.push_back("nothing was asked that wanted the answer " + answer);
     }
     twin_.open_rig().make_safe();
+    sum_up(rehearsal, rig);
+  }
+
+ private:
+  /// Time, currents, travel and disk that the run would use, and what was noticed.
+  void sum_up(const Rehearsal& rehearsal, const Rig& rig) {
     // The virtual clock jumps over waits but counts them.
     report_.duration = to_seconds(clock_->now());
     report_.coils = twin_.coils();
@@ -176,7 +182,6 @@ class DryRun {
         sample_bytes(recorder_) + report_.frame_bytes_per_second * report_.duration;
   }
 
- private:
   void keep_truth(Session& session) {
     const Rig& rig = session.rig;
     const double period = rig.top_camera ? rig.top_camera->info().frame_period
