@@ -135,7 +135,7 @@ int Questions::ask(Question question) {
   // Out of the lock: answer() takes it too.
   if (is_prepared)
     take_prepared(question.number, prepared);
-  else if (by_themselves_)
+  else if (assume_answers_)
     assume(question);
   return question.number;
 }
@@ -176,7 +176,7 @@ std::optional<Question> Questions::open() const {
   return open_;
 }
 
-std::vector<std::string> Questions::left_over() const {
+std::vector<std::string> Questions::unused_answers() const {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> left;
   for (const Named& one : by_name_) {

@@ -30,7 +30,7 @@ RunControl* attached_control() noexcept { return the_control; }
 void deliver_to_script() noexcept {
   RunControl* const control = the_control;
   if (!control) return;
-  if (control->reach_.interrupt) control->reach_.interrupt();
+  if (control->hooks_.interrupt) control->hooks_.interrupt();
   ++control->deliveries_;
 }
 
@@ -41,8 +41,8 @@ RunControl::~RunControl() {
   sem_destroy(&request_);
 }
 
-void RunControl::attach(Reach reach) {
-  reach_ = std::move(reach);
+void RunControl::attach(ScriptHooks hooks) {
+  hooks_ = std::move(hooks);
   the_control = this;
   // Without SA_RESTART: a system call that the script waits in returns with EINTR.
   struct sigaction action = {};
@@ -206,8 +206,8 @@ void RunControl::begin_stopping() {
 
 void RunControl::make_safe() {
   // Once, by whichever comes first: the script's thread or the watchdog.
-  if (safe_.exchange(true) || !reach_.make_safe) return;
-  std::vector<std::string> failures = reach_.make_safe();
+  if (safe_.exchange(true) || !hooks_.make_safe) return;
+  std::vector<std::string> failures = hooks_.make_safe();
   const std::lock_guard lock(mutex_);
   failures_.insert(failures_.end(), failures.begin(), failures.end());
 }

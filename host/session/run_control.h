@@ -27,15 +27,16 @@ class RunControl {
   RunControl(const RunControl&) = delete;
   RunControl& operator=(const RunControl&) = delete;
 
-  /// What reaches the script's thread: called there, or in a signal handler on it. Both
-  /// async-signal-safe.
-  struct Reach {
-    /// Stops the script and its present wait.
+  /// Hooks into the running script and its rig.
+  struct ScriptHooks {
+    /// Stops the script and its present wait. On the script's thread or in a signal handler on it:
+    /// async-signal-safe.
     std::function<void()> interrupt;
-    /// Brings every device to its safe state; returns what failed. Once a request.
+    /// Brings every device to its safe state; returns what failed. Once a request, on the script's
+    /// thread or, with the clock's baton, on the watchdog's.
     std::function<std::vector<std::string>()> make_safe;
   };
-  void attach(Reach reach);
+  void attach(ScriptHooks hooks);
   void detach();
 
   /// Any thread, signal handlers too. A lower tier than before changes nothing; the same one breaks
@@ -98,7 +99,7 @@ class RunControl {
  private:
   friend void deliver_to_script() noexcept;
   friend RunControl* attached_control() noexcept;
-  Reach reach_;
+  ScriptHooks hooks_;
   const pthread_t script_;
   std::atomic<StopTier> tier_{StopTier::none};
   static_assert(std::atomic<StopTier>::is_always_lock_free);
