@@ -1,5 +1,5 @@
-// Holds the include table of docs/architecture.md true: reads every source and names each include
-// that is forbidden.
+// Include table of docs/architecture.md against the sources: every include is read, each one that
+// is forbidden is named.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/architecture/source_rules.h"
 

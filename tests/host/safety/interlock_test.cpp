@@ -1,4 +1,4 @@
-// The interlock refuses what is beyond its limits, and refusing means zero.
+// Interlock: it refuses what is beyond its limits, and a refusal means zero.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/safety/interlock.h"
 

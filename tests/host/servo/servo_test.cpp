@@ -1,4 +1,4 @@
-// The servo loop on the simulated rig: what it does, what it cannot see, and how it lets go.
+// Servo loop on the simulated rig: control, loss and recovery of the robot, safe release.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo.h"
 

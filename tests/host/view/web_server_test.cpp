@@ -1,5 +1,5 @@
-// The live view's server against visitors who mean no good: each rule of docs/live_view.md by the
-// bytes that would break it.
+// Web server of the live view against hostile visitors: each rule of docs/live_view.md by the bytes
+// that would break it.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/web_server.h"
 

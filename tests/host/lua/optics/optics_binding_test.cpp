@@ -1,4 +1,4 @@
-// The optics as scripts see them: published numbers, properties, and what wrong calls are told.
+// Optics from Lua: published numbers, properties, and the errors of wrong calls.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/host/lua/interpreter/lua_bench.h"
 
