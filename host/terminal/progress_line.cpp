@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/terminal/progress_line.h"
 
+#include "devices/time/clock.h"
 #include "host/text/terminal_text.h"
 
 #include <fmt/format.h>
