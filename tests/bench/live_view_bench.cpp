@@ -148,7 +148,7 @@ class Laboratory {
         session_(*clock_, rig_->rig(), recorder_, deaf_, 1),
         view_({.on = true}, deaf_) {
     session_.real_time = true;
-    view_.begin(session_, "benchmark", {});
+    view_.begin(session_);
     localizer_.emplace(rig_->rig().model, session_.learn_background(15), Eigen::Vector3d::UnitX());
     ControllerSettings settings;
     settings.law = ControlLaw::estimator;
