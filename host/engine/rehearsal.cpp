@@ -163,12 +163,12 @@ class DryRun {
           report_.warnings.push_back("nothing was asked that wanted the answer " + answer);
     }
     twin_.open_rig().make_safe();
-    sum_up(rehearsal, rig);
+    report_use(rehearsal, rig);
   }
 
  private:
-  /// Time, currents, travel and disk that the run would use, and what was noticed.
-  void sum_up(const Rehearsal& rehearsal, const Rig& rig) {
+  /// What the run took and energized, and what was remarkable on the way.
+  void report_use(const Rehearsal& rehearsal, const Rig& rig) {
     // The virtual clock jumps over waits but counts them.
     report_.duration = to_seconds(clock_->now());
     report_.coils = twin_.coils();

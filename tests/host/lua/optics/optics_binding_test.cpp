@@ -1,4 +1,4 @@
-// Optics from Lua: published numbers, properties, and the errors of wrong calls.
+// The optics as scripts see them: published numbers, properties, and what wrong calls are told.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/host/lua/interpreter/lua_bench.h"
 
@@ -188,8 +188,8 @@ TEST_F(OpticsBinding, RaysGoOutAndComeBack) {
 TEST_F(OpticsBinding, SpotsAndFieldCurvesAreThoseOfTheThesisSystem) {
   expect_fine(
       "local angles = {} for i = 0, 30 do angles[i + 1] = i*deg end\n"
-      // "0.21 mm over +-30"
-      "local curve, span = eye:field_curvature(angles) near(span, 0.21*mm, 5*um)\n"
+      "local curve, span = eye:field_curvature(angles) near(span, 0.21*mm, 5*um)\n"  // "0.21 mm
+                                                                                     // over +-30"
       "local spot = eye:spot { angle = 30*deg } near(spot.best_focus, curve[31].best_focus, 1e-9)\n"
       "near(spot.rms, curve[31].rms, 1e-9) assert(#spot.x == #spot.y and spot.transmitted > 0.9)\n"
       "assert(eye:spot { angle = 30*deg, distance = spot.best_focus + 1*mm }.rms > spot.rms)");
@@ -207,8 +207,8 @@ TEST_F(OpticsBinding, TheWideAngleMapGoesThereAndBackAndSaysNothingOutside) {
       "  worst = math.max(worst, (map:point(map:traced_image(point)) - point):norm()) end end\n"
       "near(worst, 0, 5*um)");  // the goal of the thesis' volume
   expect_fine(
-      // facts 2
-      "local map = eye:wide_angle_map {} near(map:image({ 0, 0, 3*mm }).z, 9.722*mm, 1*um)\n"
+      "local map = eye:wide_angle_map {} near(map:image({ 0, 0, 3*mm }).z, 9.722*mm, 1*um)\n"  // facts
+                                                                                               // 2
       "assert(map:image({ 0, 0, -1*mm }) == nil and map:image({ 0, 0, 18*mm }) == nil)\n"
       "assert(map:point({ 0, 0, 100*mm }) == nil and map:limits().max_angle >= 30*deg)");
   expect_fine(
@@ -243,8 +243,8 @@ TEST_F(OpticsBinding, IsofocusSurfacesAndIsopixelCurvesHoldWhatTheyAreNamedAfter
 TEST_F(OpticsBinding, DepthFromFocusIsCalibratedOnTheRetina) {
   expect_fine("near(eye:depth_from_focus(eye:axial_image(3*mm).distance), 3*mm, 1e-12)");
   expect_fine(
-      // docs/optics.md: 2.96 mm before, 0.11 after
-      "local patient = eye:with { ['lens.index'] = 1.42*1.03 }\n"
+      "local patient = eye:with { ['lens.index'] = 1.42*1.03 }\n"  // docs/optics.md: 2.96 mm
+                                                                   // before, 0.11 after
       "local seen, retina = patient:axial_image(4*mm).distance, patient:axial_image().distance\n"
       "near(eye:depth_from_focus(seen, { retina_at = retina }), 4*mm, 0.12*mm)");
   expect_fine("assert(eye:depth_from_focus(1*mm) == nil)");
