@@ -1,4 +1,4 @@
-# Every library that is not ours, each as one target whose headers are SYSTEM (their warnings are not ours to mend).
+# Third-party libraries, each as one target whose headers are SYSTEM (their warnings are not ours to fix).
 include(cmake/lazy_library.cmake)
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
@@ -8,7 +8,7 @@ find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)
 find_package(OpenSSL REQUIRED COMPONENTS Crypto)  # digests of the records; libssl is not linked
 find_package(ZLIB REQUIRED)                        # CRC-32 of the frames
-find_package(yaml-cpp REQUIRED)                    # field calibrations, as those who write them have it
+find_package(yaml-cpp REQUIRED)                    # field calibrations in the layout of ETH's software
 find_package(GTest REQUIRED)
 find_package(benchmark REQUIRED)
 find_package(PkgConfig REQUIRED)
@@ -34,13 +34,13 @@ find_library(OPENCV_imgcodecs opencv_imgcodecs REQUIRED)
 vitreo_lazy_library(vitreo_lazy_imgcodecs ${OPENCV_imgcodecs})
 target_link_libraries(vitreo_opencv INTERFACE vitreo_lazy_imgcodecs)
 
-# Background models; of its own, since only vision/ has a use for it.
+# Background models; a target of its own, since only vision/ uses it.
 add_library(vitreo_opencv_video INTERFACE)
 find_library(OPENCV_video opencv_video REQUIRED)
 vitreo_lazy_library(vitreo_lazy_video ${OPENCV_video})
 target_link_libraries(vitreo_opencv_video INTERFACE vitreo_opencv vitreo_lazy_video)
 
-# Reads recorded videos; of its own, since only the host does and ffmpeg comes with it.
+# Recorded videos; a target of its own, since it brings ffmpeg, and optics, vision and control do without.
 add_library(vitreo_video INTERFACE)
 find_library(OPENCV_videoio opencv_videoio REQUIRED)
 vitreo_lazy_library(vitreo_lazy_videoio ${OPENCV_videoio})

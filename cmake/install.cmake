@@ -1,4 +1,4 @@
-# What `make install` and the Debian package hold: the program, its protocols, scripts, templates and docs, and what the
+# Contents of `make install` and of the Debian package: the program, its protocols, scripts, templates and docs, and what the
 # program prints about itself (man page, completion, stubs for editors), so that none of these can differ from it.
 include(GNUInstallDirs)
 install(TARGETS vitreo vitreo_guardian RUNTIME)

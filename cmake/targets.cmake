@@ -1,4 +1,4 @@
-# Warnings, sanitizers and the one way a folder becomes a library.
+# Warnings, sanitizers, and vitreo_library(): the one way in which a folder becomes a library.
 find_program(CCACHE ccache)
 if(CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})
@@ -27,7 +27,7 @@ function(vitreo_unity target)
     return()
   endif()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
-  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # it takes the sources for headers
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # GCC takes the sources that it includes for headers
   foreach(source ${ARGN})
     get_filename_component(room ${source} DIRECTORY)
     string(MAKE_C_IDENTIFIER ${room} room)

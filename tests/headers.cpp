@@ -1,2 +1,2 @@
-// No code: what stands behind the precompiled headers of the tests.
+// Empty source of the tests' precompiled headers.
 // SPDX-License-Identifier: Apache-2.0

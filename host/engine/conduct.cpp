@@ -181,8 +181,7 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
   stage.recorder->on_fault({});
   const std::string fault = stage.recorder->fault();
   // A failed disk ends a run as a lost device would.
-  if (!fault.empty())
-    verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault};
+  if (!fault.empty()) verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault};
   session.control.detach();
   session.control.set_phase(RunPhase::ended);
   session.note_alarms();

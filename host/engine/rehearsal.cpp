@@ -141,7 +141,7 @@ class DryRun {
       Session session(*clock_, rig, recorder_, listener_, request_.how.seed);
       session.rehearsal = &rehearsal;
       session.questions.prepare(request_.what.answers);
-      session.questions.answer_by_themselves();
+      session.questions.assume_answers();
       // As in a real run (conduct.cpp): stop and abort take the same ways.
       session.control.attach({[&] {
                                 engine_.interrupt();
@@ -158,7 +158,7 @@ class DryRun {
       session.control.detach();
       for (const std::string& assumed : session.questions.assumed())
         report_.warnings.push_back("not answered in advance, so the dry run took: " + assumed);
-      for (const std::string& answer : session.questions.left_over())
+      for (const std::string& answer : session.questions.unused_answers())
         if (report_.simulated)
           report_.warnings.push_back("nothing was asked that wanted the answer " + answer);
     }

@@ -36,7 +36,7 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
     preparation.record(session);
     engine.run(checked.protocol, checked.arguments, session);
     // A misspelt --answer would otherwise go unnoticed.
-    for (const std::string& answer : session.questions.left_over())
+    for (const std::string& answer : session.questions.unused_answers())
       note(session, "nothing was asked that wanted the answer " + answer);
   };
   return conduct(stage, engine, request, listener, script, inspect);

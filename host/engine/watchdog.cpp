@@ -78,7 +78,8 @@ void Watchdog::check_ending() {
 /// Reports a change of the state of a stop that takes its time, at most once an interval.
 void Watchdog::report() {
   const auto now = std::chrono::steady_clock::now();
-  if (!actions_.report || control_.since(StopTier::stop).value_or(limits_.report_interval) <= limits_.report_interval)
+  if (!actions_.report ||
+      control_.since(StopTier::stop).value_or(limits_.report_interval) <= limits_.report_interval)
     return;
   if (now - reported_at_ < limits_.report_interval) return;
   const std::string text =

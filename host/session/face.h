@@ -8,7 +8,7 @@ namespace vitreo {
 
 class Session;
 
-/// Made before the run and outliving it; the engine knows no more of it than this.
+/// Made before the run and outliving it. The engine uses a face by this interface alone.
 class Face {
  public:
   virtual ~Face() = default;

@@ -127,6 +127,7 @@ Fault parse_fault(const std::string& word) {
       const std::size_t at = option.find('=');
       const std::string name = option.substr(0, at);
       const std::string text = at == std::string::npos ? "" : option.substr(at + 1);
+      // The second would silently win.
       if (!given.insert(name).second)
         throw ConfigError("fault " + word + ": " + name + " is given twice");
       if (name == "after")
@@ -141,6 +142,7 @@ Fault parse_fault(const std::string& word) {
                           (kind.unit.empty() ? "" : ", by"));
     }
   } catch (const std::invalid_argument& problem) {
+    // As an error of the command line, which names the word.
     throw ConfigError("fault " + word + ": " + problem.what());
   }
   return fault;
@@ -174,6 +176,8 @@ SimulatedRoles simulated_roles(const nlohmann::json& resolved_rig) {
     // A lens mover that is called simulated is the emulated Tic, and simulated stages are emulated
     // Zabers.
     const bool stage = role == "stage" || role == "rotation_stage";
+    // {wire, sticks}: only "simulated" devices of other roles are called directly, without bytes
+    // between.
     roles[role] = {driver != "simulated" || stage || role == "lens_mover",
                    role == "lens_mover" || (stage && (driver == "simulated" || driver == "zaber"))};
   }
@@ -189,6 +193,8 @@ void check(const Fault& fault, const SimulatedRoles& roles) {
         " is not there, or not simulated: only simulated instruments have faults");
   const bool motion = kind.name == "stuck" || kind.name == "limit";
   const bool sensor = is_in(kSensors, fault.role);
+  // A motion fault needs a moving part and a fault of the wire a wire; sensors and the disk have
+  // neither.
   if (motion && !role->second.sticks)
     throw std::invalid_argument("kind: this " + fault.role + " cannot be " + kind.name);
   if (!motion && !sensor && fault.role != "disk" && !role->second.wire)

@@ -47,6 +47,7 @@ std::size_t bytes_of(const Frame& frame) { return frame.image.total() * frame.im
 
 }  // namespace
 
+// ROLE[/every][@window][~around], the parts behind the role in any order.
 FramePolicy parse_frame_policy(const std::string& word) {
   std::size_t at = std::min(word.find_first_of("/@~"), word.size());
   FramePolicy policy;
@@ -66,6 +67,7 @@ FramePolicy parse_frame_policy(const std::string& word) {
 }
 
 bool keeps_frames(const std::string& event_kind) {
+  // Events after which a reader of the record wants to see the scene.
   constexpr std::array kinds{"alarm",  "interlock",    "lost", "error",
                              "unsafe", "servo failed", "keep"};
   return std::find(kinds.begin(), kinds.end(), event_kind) != kinds.end();
@@ -86,6 +88,7 @@ class FrameRecording::Tap final : public Camera {
   const std::string& name() const { return name_; }
 
   Frame grab(Time timeout) override {
+    // Counted while it waits, so that the pump leaves the camera alone.
     struct Count {
       explicit Count(int& of) : count(of) { ++count; }
       ~Count() { --count; }
@@ -111,6 +114,8 @@ class FrameRecording::Tap final : public Camera {
         recorder_.add_camera({name_, info.identity, policy.window > 0 ? whole : policy.every,
                               info.frame_period, info.effective_pixel});
     if (policy.window > 0) {
+      // Windows are a camera of their own in the record, and their corners a stream: a reader finds
+      // a pixel of the whole frame again.
       windows_ = recorder_.add_camera({name_ + "_window", info.identity, policy.every,
                                        info.frame_period, info.effective_pixel});
       corners_ = recorder_.add_stream({name_ + "_window",
@@ -137,6 +142,7 @@ class FrameRecording::Tap final : public Camera {
         map_clock(frame);
         record(frame);
       } catch (const DeviceError& error) {
+        // One alarm until a frame comes again.
         if (!std::exchange(silent_, true))
           recorder_.alarm(clock_.now(), name_, AlarmPriority::medium, error.what());
         clock_.sleep_for(patience);
@@ -152,6 +158,7 @@ class FrameRecording::Tap final : public Camera {
     const auto offset = map_.now();
     if (!offset || (mapped_ && frame.exposed - *mapped_ < std::chrono::seconds(1))) return;
     mapped_ = frame.exposed;
+    // The stream begins with the first offset: an instrument without a clock has none.
     if (clock_stream_ < 0)
       clock_stream_ =
           recorder_.add_stream({name_ + "_clock",
@@ -162,6 +169,7 @@ class FrameRecording::Tap final : public Camera {
 
   void record(const Frame& frame) {
     silent_ = false;
+    // The live view gets every frame, recorded or not.
     if (RecordListener* const listener = recorder_.listener()) listener->seen(name_, frame);
     // Two callers may be handed the same frame.
     if (recorded_ < 0 || (last_ && frame.number <= *last_)) return;
@@ -182,6 +190,7 @@ class FrameRecording::Tap final : public Camera {
     }
   }
 
+  /// Whether the record has an event since the last call that keeps frames.
   bool something_happened() {
     const std::vector<Event>& events = recorder_.events();
     const bool some =
@@ -220,6 +229,7 @@ class FrameRecording::Tap final : public Camera {
   std::optional<std::array<double, 2>> robot_px() const {
     const Stream* const servo = name_ == "top_camera" ? recorder_.stream("servo") : nullptr;
     if (servo == nullptr) return std::nullopt;
+    // Index of a channel of that name; the number of channels where there is none.
     const auto channel = [servo](const char* name) {
       const auto& all = servo->info.channels;
       return static_cast<std::size_t>(

@@ -55,6 +55,7 @@ void OperatorDesk::perform(const OperatorCommand& command) {
   if (const auto tier = ends().find(word); tier != ends().end()) return end(tier->second, command);
   if (word == "pause") return control_.request_pause(command.text);
   if (word == "resume") return resume(command);
+  // Faces only parse; what a command means, and what it is refused for, is decided here.
   if (word == "answer") return questions_.answer(command.text, person(command));
   if (word == "ack") return acknowledge(command);
   if (word == "target") return targets_.give(command.targets);

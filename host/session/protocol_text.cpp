@@ -51,6 +51,7 @@ std::string protocol_text(const ProtocolDescription& protocol) {
   if (!protocol.rig.empty()) text += "rig: " + protocol.rig + ", unless another is named\n";
   for (const Parameter& p : protocol.parameters) {
     const std::string range = range_text(p);
+    // Name, default, help and range in columns.
     text += fmt::format("  {:<14} {:<12} {}{}{}\n", p.name,
                         p.required ? "(needed)" : value_text(p.fallback, p.unit), p.help,
                         range.empty() || p.help.empty() ? "" : "; ", range);

@@ -46,6 +46,7 @@ std::string trimmed(const std::string& text) {
   return from == std::string::npos ? "" : text.substr(from, to - from + 1);
 }
 
+/// yes, y, true or on; no, n, false or off; in any case. Throws ConfigError.
 ArgumentValue yes_or_no(const Parameter& answer, std::string text) {
   std::transform(text.begin(), text.end(), text.begin(),
                  [](unsigned char c) { return std::tolower(c); });
@@ -56,6 +57,7 @@ ArgumentValue yes_or_no(const Parameter& answer, std::string text) {
   throw ConfigError(answer.name + ": wants yes or no; got '" + text + "'");
 }
 
+/// The answer as a value in SI; what does not fit throws ConfigError saying what is wanted.
 ArgumentValue read_answer(const Parameter& answer, const std::string& text) {
   return answer.kind == ParameterKind::flag ? yes_or_no(answer, text) : read_argument(answer, text);
 }
@@ -133,7 +135,7 @@ int Questions::ask(Question question) {
   // Out of the lock: answer() takes it too.
   if (is_prepared)
     take_prepared(question.number, prepared);
-  else if (by_themselves_)
+  else if (assume_answers_)
     assume(question);
   return question.number;
 }
@@ -174,7 +176,7 @@ std::optional<Question> Questions::open() const {
   return open_;
 }
 
-std::vector<std::string> Questions::left_over() const {
+std::vector<std::string> Questions::unused_answers() const {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> left;
   for (const Named& one : by_name_) {
@@ -191,6 +193,7 @@ std::vector<std::string> Questions::left_over() const {
 void Questions::answer(const std::string& given, const std::string& by) {
   const std::string text = trimmed(given);
   const std::lock_guard lock(mutex_);
+  // The first answer counts: another face may have been a moment later.
   if (!open_ || answer_) throw std::invalid_argument("no question is open");
   // An empty line is the default, where there is one.
   if (text.empty() && open_->has_default)
@@ -213,6 +216,7 @@ std::optional<Questions::Answer> Questions::take() {
 
 void Questions::withdraw(int number) {
   const std::lock_guard lock(mutex_);
+  // Another question may have been opened since.
   if (!open_ || open_->number != number) return;
   open_.reset();
   answer_.reset();

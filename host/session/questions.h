@@ -37,7 +37,7 @@ class Questions {
   /// Opens a question; its number. An answer prepared for it is taken at once.
   int ask(Question question);
   /// Answers given in advance for which no question came, with the name that was perhaps meant.
-  std::vector<std::string> left_over() const;
+  std::vector<std::string> unused_answers() const;
   std::optional<Question> open() const;
   /// For a question of yes or no, y and n do as well. Throws ConfigError saying what is wanted;
   /// std::invalid_argument when no question is open.
@@ -49,7 +49,7 @@ class Questions {
   };
   /// A dry run: what was not answered in advance is answered at once, by its default, by yes, by
   /// the first choice or by the number nearest to 1 in its range; assumed() lists them.
-  void answer_by_themselves() { by_themselves_ = true; }
+  void assume_answers() { assume_answers_ = true; }
   std::vector<std::string> assumed() const;
   bool answered() const;
   /// The answer, once; the question is closed by it.
@@ -73,7 +73,7 @@ class Questions {
   std::optional<Question> open_;
   std::optional<Answer> answer_;
   int asked_ = 0;
-  bool by_themselves_ = false;
+  bool assume_answers_ = false;
   std::vector<std::string> assumed_;  // "Is it in? (yes or no): yes"
 };
 

@@ -24,58 +24,13 @@ extern "C" void on_delivery(int) { deliver_to_script(); }
 
 }  // namespace
 
-const char* to_string(StopTier tier) {
-  switch (tier) {
-    case StopTier::none:
-      return "none";
-    case StopTier::stop:
-      return "stop";
-    case StopTier::abort:
-      return "abort";
-    case StopTier::emergency:
-      return "emergency stop";
-  }
-  return "?";
-}
-
-const char* to_string(RunPhase phase) {
-  switch (phase) {
-    case RunPhase::running:
-      return "running";
-    case RunPhase::pause_requested:
-      return "pause requested";
-    case RunPhase::paused:
-      return "paused";
-    case RunPhase::suspended:
-      return "suspended";
-    case RunPhase::stop_requested:
-      return "stop requested";
-    case RunPhase::stopping:
-      return "stopping";
-    case RunPhase::not_responding:
-      return "not responding";
-    case RunPhase::ended:
-      return "ended";
-  }
-  return "?";
-}
-
-std::string to_string(const RunStatus& status) {
-  std::string text = to_string(status.phase);
-  if (status.tier > StopTier::stop) text += std::string(" (") + to_string(status.tier) + ")";
-  if (!status.note.empty()) text += ": " + status.note;
-  if (!status.waiting_for.empty() && status.phase != RunPhase::ended)
-    text += ", waiting for " + status.waiting_for;
-  return text;
-}
-
 RunControl* attached_control() noexcept { return the_control; }
 
 /// Async-signal-safe: atomics, and the engine's and the clock's interrupt(), which are so too.
 void deliver_to_script() noexcept {
   RunControl* const control = the_control;
   if (!control) return;
-  if (control->reach_.interrupt) control->reach_.interrupt();
+  if (control->hooks_.interrupt) control->hooks_.interrupt();
   ++control->deliveries_;
 }
 
@@ -86,9 +41,10 @@ RunControl::~RunControl() {
   sem_destroy(&request_);
 }
 
-void RunControl::attach(Reach reach) {
-  reach_ = std::move(reach);
+void RunControl::attach(ScriptHooks hooks) {
+  hooks_ = std::move(hooks);
   the_control = this;
+  // Without SA_RESTART: a system call that the script waits in returns with EINTR.
   struct sigaction action = {};
   action.sa_handler = on_delivery;
   sigaction(SIGUSR1, &action, nullptr);
@@ -139,6 +95,7 @@ void RunControl::request_here(StopTier tier) noexcept {
   constexpr int kPatience = 20000;
   const unsigned long before = deliveries_;
   request(tier);
+  // Returns when the delivery was counted, there is nothing to deliver to, or time is up.
   for (int i = 0; i < kPatience && deliveries_ == before && the_control == this && !idle_; ++i)
     std::this_thread::sleep_for(std::chrono::microseconds(100));
 }
@@ -147,6 +104,7 @@ void RunControl::request_pause(const std::string& checkpoint) {
   const std::lock_guard lock(mutex_);
   pause_at_ = checkpoint;
   pause_ = true;
+  // Shown at once; it takes effect at the checkpoint.
   if (status_.phase == RunPhase::running) status_.phase = RunPhase::pause_requested;
   status_.note =
       checkpoint.empty() ? "at the next checkpoint" : "at the checkpoint '" + checkpoint + "'";
@@ -241,14 +199,15 @@ RunStatus RunControl::status() const {
 }
 
 void RunControl::begin_stopping() {
+  // An abort zeroes the outputs before the script's clean-up runs; a stop after it.
   set_phase(RunPhase::stopping);
   if (tier() >= StopTier::abort) make_safe();
 }
 
 void RunControl::make_safe() {
   // Once, by whichever comes first: the script's thread or the watchdog.
-  if (safe_.exchange(true) || !reach_.make_safe) return;
-  std::vector<std::string> failures = reach_.make_safe();
+  if (safe_.exchange(true) || !hooks_.make_safe) return;
+  std::vector<std::string> failures = hooks_.make_safe();
   const std::lock_guard lock(mutex_);
   failures_.insert(failures_.end(), failures.begin(), failures.end());
 }

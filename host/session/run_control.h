@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "host/session/run_status.h"
+
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -17,36 +19,6 @@
 
 namespace vitreo {
 
-/// How a run is ended. stop: the script's clean-up, then the safe state; abort: the safe state now,
-/// then a short clean-up; emergency: the safe state, even by force, and no clean-up.
-enum class StopTier : int { none = 0, stop, abort, emergency };
-const char* to_string(StopTier tier);
-
-enum class RunPhase {
-  running,
-  pause_requested,
-  paused,
-  suspended,
-  stop_requested,
-  stopping,
-  not_responding,
-  ended
-};
-const char* to_string(RunPhase phase);  // "stop requested", ...
-
-struct RunStatus {
-  RunPhase phase = RunPhase::running;
-  StopTier tier = StopTier::none;
-  std::string waiting_for;  // what the script waits for: "servo:go_to"; empty while it computes
-  std::string note;         // why: "coil temperature above 80 degC", "paused at before place 3"
-  double progress = 0;      // of the whole, 0 to 1, as the script reports it
-  std::string doing;        // label of the present step, as the script reports it
-  double remaining = -1;    // s of wall time at the pace so far; negative: not known yet
-};
-
-/// "stopping, waiting for servo:go_to".
-std::string to_string(const RunStatus& status);
-
 class RunControl {
  public:
   /// Belongs to the thread that makes it: the one that runs the script.
@@ -55,15 +27,16 @@ class RunControl {
   RunControl(const RunControl&) = delete;
   RunControl& operator=(const RunControl&) = delete;
 
-  /// What reaches the script's thread: called there, or in a signal handler on it. Both
-  /// async-signal-safe.
-  struct Reach {
-    /// Stops the script and its present wait.
+  /// Hooks into the running script and its rig.
+  struct ScriptHooks {
+    /// Stops the script and its present wait. On the script's thread or in a signal handler on it:
+    /// async-signal-safe.
     std::function<void()> interrupt;
-    /// Brings every device to its safe state; returns what failed. Once a request.
+    /// Brings every device to its safe state; returns what failed. Once a request, on the script's
+    /// thread or, with the clock's baton, on the watchdog's.
     std::function<std::vector<std::string>()> make_safe;
   };
-  void attach(Reach reach);
+  void attach(ScriptHooks hooks);
   void detach();
 
   /// Any thread, signal handlers too. A lower tier than before changes nothing; the same one breaks
@@ -126,7 +99,7 @@ class RunControl {
  private:
   friend void deliver_to_script() noexcept;
   friend RunControl* attached_control() noexcept;
-  Reach reach_;
+  ScriptHooks hooks_;
   const pthread_t script_;
   std::atomic<StopTier> tier_{StopTier::none};
   static_assert(std::atomic<StopTier>::is_always_lock_free);

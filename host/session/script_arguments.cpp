@@ -14,6 +14,7 @@ namespace {
   throw ConfigError(name + ": " + problem);
 }
 
+/// "; did you mean speed?", or "" where no known word is near.
 std::string suggestion(const std::string& word, const std::vector<std::string>& known) {
   const std::string near = nearest(word, known);
   return near.empty() ? "" : "; did you mean " + near + "?";
@@ -25,6 +26,7 @@ std::string listed(const std::vector<std::string>& words) {
   return text;
 }
 
+/// Range in the display unit, for messages.
 std::string range_text(const Parameter& parameter, std::string_view dimension) {
   const std::string min = format_quantity(parameter.min, dimension);
   const std::string max = format_quantity(parameter.max, dimension);
@@ -50,6 +52,7 @@ double read_number(const Parameter& parameter, const std::string& text) {
   const auto quantity = parse_quantity(text);
   if (!quantity)
     fail(parameter.name, wanted + "; '" + text + "' is not a number with a unit that is known");
+  // The message has the word to write instead, in the unit of the declaration.
   if (quantity->bare && !dimension.empty())
     fail(parameter.name, wanted + "; " + text + " has no unit: write " + text + parameter.unit);
   if (quantity->dimension != dimension)

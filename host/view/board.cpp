@@ -23,6 +23,7 @@ void Board::sample(const StreamInfo& stream, Time time, std::span<const double> 
   if (stream.name == "truth") return;
   const std::lock_guard lock(mutex_);
   newest_ = std::max(newest_, time);
+  // A stream appears with its first sample.
   Held& held = streams_.try_emplace(stream.name, Held{stream, {}}).first->second;
   held.samples.push_back({time, {values.begin(), values.end()}});
   if (held.samples.size() > kSamples) held.samples.pop_front();
@@ -50,6 +51,7 @@ std::optional<Frame> Board::frame(const std::string& camera,
                                   std::optional<std::uint64_t> after) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(camera);
+  // Only a frame that the viewer does not have yet.
   if (found == frames_.end() || (after && found->second.number <= *after)) return {};
   return found->second;
 }

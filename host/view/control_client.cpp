@@ -85,6 +85,7 @@ std::vector<std::string> controllable_runs() {
 nlohmann::json control_run(const std::string& run, const nlohmann::json& request) {
   const fs::path path = find_run(run);
   const std::string name = path.stem().string();
+  // One connection a request.
   Local::iostream stream;
   stream.expires_after(kPatience);
   stream.connect(Local::endpoint(path.string()));
@@ -135,6 +136,7 @@ bool ControlConnection::receive() {
 std::optional<nlohmann::json> ControlConnection::next() {
   std::string& received = state_->received;
   const std::size_t end = received.find('\n');
+  // Half a line waits for the rest.
   if (end == std::string::npos) return std::nullopt;
   const nlohmann::json message = nlohmann::json::parse(received.substr(0, end));
   received.erase(0, end + 1);

@@ -107,6 +107,7 @@ struct ControlSocket::Server {
     acceptor.async_accept([this](boost::system::error_code failed, Local::socket socket) {
       // Beyond that the connection is closed again, by the end of `socket`.
       if (!failed && clients.size() < kMostClients) {
+        // send() must not wait for a client.
         socket.non_blocking(true, failed);
         clients.emplace_back(std::move(socket));
         read(std::prev(clients.end()));

@@ -135,12 +135,14 @@ void LiveView::State::tick() {
   if (due) stated = now;
   for (const int viewer : server.viewers()) {
     Sent& known = sent[viewer];
+    // A viewer that joined before the run began is greeted when it begins.
     if (!known.greeted) greet(viewer, known);
     if (due) show_state(viewer, known);
   }
 }
 
 void LiveView::State::show_frames() {
+  // Slots number the cameras in the order of board.cameras(), which each state message repeats.
   int slot = 0;
   for (const std::string& camera : board.cameras()) {
     // A viewer whose last frame is still on its way is skipped: it gets the newest one later.
@@ -195,6 +197,7 @@ void LiveView::State::show_state(int viewer, Sent& known) {
         last == known.streams.end() ? kHistory : kMostRows);
     if (samples.empty()) continue;
     known.streams[info.name] = samples.back().time;
+    // Names go with each message, so that the page needs no schema.
     json channels = json::array();
     for (const Channel& channel : info.channels) channels.push_back(channel.name);
     message["streams"][info.name] = {{"channels", channels}, {"rows", rows_of(samples)}};
@@ -252,6 +255,7 @@ json LiveView::State::perform(int viewer, const json& message) {
   const std::string word = message["do"];
   if (session == nullptr) throw std::invalid_argument("the run has ended");
   if (word == "take") {
+    // Control is taken from another viewer only with "force".
     if (operator_viewer != 0 && operator_viewer != viewer && !message.value("force", false))
       throw std::invalid_argument("another viewer has control");
     operator_viewer = viewer;
@@ -264,6 +268,7 @@ json LiveView::State::perform(int viewer, const json& message) {
   const OperatorCommand command = command_of(word, message, *pointing);
   session->desk.perform(command);
   if (command.targets.empty()) return {{"done", word}};
+  // The page marks where the path ends.
   const Eigen::Vector3d& last = command.targets.back();
   return {{"target", {last.x(), last.y(), last.z()}}};
 }

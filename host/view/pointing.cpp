@@ -77,6 +77,7 @@ Eigen::Vector3d Pointing::at_height(const Eigen::Vector2d& pixel, double z) cons
 
 std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message) const {
   std::vector<Eigen::Vector3d> found;
+  // Typed in as a position, or pointed at in one of the two images.
   if (message.contains("place")) {
     found.emplace_back(numbers(message["place"], 3, "place"));
   } else {
@@ -121,6 +122,7 @@ nlohmann::json Pointing::field(const std::vector<double>& servo,
                                const std::vector<double>& currents) const {
   const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());
   const auto count = static_cast<Eigen::Index>(currents.size());
+  // No robot, outside the model's workspace, or a record of other coils: nothing to show.
   if (!robot.allFinite() || !model_.field.valid_at(robot) || model_.field.coils() != count)
     return nullptr;
   const Eigen::VectorXd amperes = Eigen::Map<const Eigen::VectorXd>(currents.data(), count);

@@ -36,7 +36,9 @@ constexpr std::size_t kLongestHeader = 8 << 10;
 constexpr std::size_t kLongestBody = 64 << 10;
 constexpr std::size_t kLongestMessage = 64 << 10;
 constexpr std::size_t kMostQueued = 1 << 20;  // bytes of text that wait for one viewer
+// Period of Callbacks::tick, in which frames and states are sent.
 constexpr auto kTick = std::chrono::milliseconds(10);
+// A viewer that sends more is dropped: a person clicks less.
 constexpr int kMessagesPerSecond = 200;
 constexpr std::size_t kMostCookies = 10000;  // of browsers that came with the shared token
 constexpr const char* kCookie = "vitreo=";
@@ -56,6 +58,22 @@ std::string host_and_port(const std::string& address, unsigned short port) {
 }
 
 std::string_view view_of(beast::string_view text) { return {text.data(), text.size()}; }
+
+/// A text with the headers that every answer has.
+Response plain_reply(const Request& request, http::status status, const std::string& text) {
+  Response response(status, request.version());
+  response.set(http::field::content_type, "text/plain; charset=utf-8");
+  response.set(http::field::cache_control, "no-store");
+  response.set("X-Content-Type-Options", "nosniff");
+  response.set("Referrer-Policy", "no-referrer");
+  // No script but ours, no frame around it; pictures also from memory (the frames).
+  response.set(
+      "Content-Security-Policy",
+      "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; "
+      "form-action 'none'");
+  response.body() = text;
+  return response;
+}
 
 /// The value of our cookie among those that a browser sent; "" when it is not there.
 std::string_view cookie_in(std::string_view header) {
@@ -93,6 +111,7 @@ struct WebServer::State {
   ServerSettings settings;
   Callbacks call;
   std::size_t visitors = 0;  // before what may hold one
+  // One thread runs it, so that only the two sets below, which invitation() also uses, need a lock.
   asio::io_context io{1};
   tcp::acceptor listener;
   asio::steady_timer timer;
@@ -128,12 +147,14 @@ struct WebServer::State {
   std::optional<std::string> exchange(std::string_view token) {
     const std::lock_guard lock(mutex);
     if (!settings.shared_token.empty() && equal(settings.shared_token, token)) {
+      // A shared token is not used up, so its cookies are counted.
       if (cookies.size() >= kMostCookies) return {};
       return *cookies.insert(random_token()).first;
     }
     const auto found = std::find_if(tokens.begin(), tokens.end(),
                                     [&](const std::string& one) { return equal(one, token); });
     if (found == tokens.end()) return {};
+    // Once only: an invitation in a browser's history or in a log is worth nothing.
     tokens.erase(found);
     return *cookies.insert(random_token()).first;
   }
@@ -159,6 +180,7 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     patience.idle_timeout = state_.settings.patience;
     // A viewer that says nothing is asked; one that does not answer is dropped.
     patience.keep_alive_pings = true;
+    // From here on the WebSocket's own timeouts hold.
     beast::get_lowest_layer(socket_).expires_never();
     socket_.set_option(patience);
     socket_.read_message_max(kLongestMessage);
@@ -186,6 +208,7 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
   }
   void send_frame(int slot, std::shared_ptr<const std::string> bytes) {
     if (!open_) return;
+    // An older frame that still waits is replaced.
     frames_[slot] = std::move(bytes);
     write();
   }
@@ -226,6 +249,7 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
     // One write at a time, as Beast demands; texts go before frames.
     if (writing_ || !open_) return;
     if (!texts_.empty()) {
+      // Kept until the write is done: asio does not copy.
       sending_ = std::make_shared<const std::string>(std::move(texts_.front()));
       texts_.pop_front();
       socket_.text(true);
@@ -290,6 +314,7 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
     if (websocket::is_upgrade(request) && view_of(request.target()) == "/live" &&
         state_.is_ours(view_of(request[http::field::host])) && state_.known(request) &&
         state_.may_upgrade(request) && state_.viewers.size() < state_.settings.most_viewers) {
+      // The viewer takes the connection over; this visitor ends with its handler.
       std::make_shared<Viewer>(state_, std::move(stream_), ++state_.last_viewer)->start(request);
       return;
     }
@@ -301,6 +326,7 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
     http::async_write(stream_, *response_,
                       [self = shared_from_this()](beast::error_code error, std::size_t) {
                         if (error) return;
+                        // The next request of the connection; after a refusal it is closed.
                         if (self->response_->keep_alive()) return self->read();
                         beast::error_code ignored;
                         self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
@@ -317,18 +343,7 @@ class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
 /// The answer to a request that is no WebSocket: host, method, invitation, cookie, then the file.
 Response WebServer::State::answer(const Request& request) {
   const auto reply = [&request](http::status status, const std::string& text) {
-    Response response(status, request.version());
-    response.set(http::field::content_type, "text/plain; charset=utf-8");
-    response.set(http::field::cache_control, "no-store");
-    response.set("X-Content-Type-Options", "nosniff");
-    response.set("Referrer-Policy", "no-referrer");
-    response.set(
-        "Content-Security-Policy",
-        // No script but ours, no frame around it; pictures also from memory (the frames).
-        "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; "
-        "form-action 'none'");
-    response.body() = text;
-    return response;
+    return plain_reply(request, status, text);
   };
   if (!is_ours(view_of(request[http::field::host])))
     return reply(http::status::forbidden, "this host is not ours\n");

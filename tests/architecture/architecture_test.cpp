@@ -1,5 +1,5 @@
-// Holds the include table of docs/architecture.md true: reads every source and names each include
-// that is forbidden.
+// Include table of docs/architecture.md against the sources: every include is read, each one that
+// is forbidden is named.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/architecture/source_rules.h"
 
@@ -163,7 +163,8 @@ TEST(ArchitectureChecker, WantsAPurposeALicenseAndNothingLeftToDo) {
       1U);
   EXPECT_EQ(findings_in("optics/rays/a.cpp", license + "#include \"optics/rays/a.h\"\n").size(),
             0U);  // the header says it
-  EXPECT_EQ(findings_in("optics/rays/a.cpp", license + "#include \"optics/rays/b.h\"\n").size(), 1U);
+  EXPECT_EQ(findings_in("optics/rays/a.cpp", license + "#include \"optics/rays/b.h\"\n").size(),
+            1U);
   expect_bad("optics/rays/a.h", "int a;  // TODO: more");
   expect_bad("optics/rays/a.h", "// FIXME");
   expect_good("optics/rays/a.h", "int kTODOs = 0;");

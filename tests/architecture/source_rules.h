@@ -1,5 +1,5 @@
-// What a source file may include and must say: the table of docs/architecture.md, and the checker
-// that reads by it.
+// Rules of the source tree: the include table of docs/architecture.md, the lines that every source
+// must have, and their checker.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -21,7 +21,7 @@ struct Row {
   std::string_view folder;
   Strings ours;      ///< what begins a path of ours that it may include
   Strings not_ours;  ///< what of those is excepted
-  Strings others;    ///< what begins an include of somebody else's
+  Strings others;    ///< prefixes of includes that are not ours
   bool posix = false;
   bool pure = false;  ///< no clock, no threads, no files: these are arguments
 };

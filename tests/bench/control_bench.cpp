@@ -1,5 +1,4 @@
-// How long the loop's calculations take: field, allocation, estimate, law, and one tick of all of
-// them.
+// Bench of the loop's calculations: field, allocation, estimate, law, and one tick of all of them.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/allocation.h"
 #include "control/box_allocation.h"

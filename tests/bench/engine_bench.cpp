@@ -1,4 +1,4 @@
-// What the engine costs a script: a call into the host beyond a raw C call of Lua's (goal 1 us), a
+// Bench of the script engine: a call into the host beyond a raw C call of Lua's (goal 1 us), a
 // fresh state with all bindings (goal 1 ms), and the checks of a request's arguments before
 // anything is opened (goal 10 ms).
 // SPDX-License-Identifier: Apache-2.0

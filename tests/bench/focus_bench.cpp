@@ -1,4 +1,4 @@
-// What focus, autofocus and mosaic cost: Google Benchmark rows.
+// Bench of focus, autofocus and mosaic.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/vision/focus_stack.h"
 #include "tests/vision/retina.h"

@@ -1,9 +1,9 @@
-// What viewers cost: a camera of 640x480 at 30 frames a second in real time, every frame through
-// the chain to currents and into the record, shown to none, one or two viewers, each a process of
-// its own that reads all it gets. Printed: the share of a core that the threads beside the chain's
-// took (the server, its encoding, the recorder's writing), the chain's median and 99 % quantile,
-// and how many frames a second a viewer got. Goals: 25 % of a core for two, and a chain that is as
-// it was.
+// Bench of the live view: a camera of 640x480 at 30 frames a second in real time, every frame
+// through the chain to currents and into the record, shown to none, one or two viewers, each a
+// process of its own that reads all it gets. Printed: the share of a core that the threads beside
+// the chain's took (the server, its encoding, the recorder's writing), the chain's median and 99 %
+// quantile, and how many frames a second a viewer got. Goals: 25 % of a core for two, and a chain
+// that is as it was.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/record/recorder.h"
 #include "host/rig/open_rig.h"
@@ -101,7 +101,7 @@ std::string until_empty_line(int socket) {
     if (length > 0 && !read_all(live, payload.data(), length)) break;
     if ((head[0] & 0x0f) == 2) ++pictures;
     if (pictures % 50 == 49)
-      say(live, std::string("\x8a\x80\0\0\0\0", 6));  // a pong: somebody is there
+      say(live, std::string("\x8a\x80\0\0\0\0", 6));  // a pong: the viewer is there
     [[maybe_unused]] const auto written = ::pwrite(report, &pictures, sizeof pictures, 0);
   }
   _exit(0);
@@ -148,7 +148,7 @@ class Laboratory {
         session_(*clock_, rig_->rig(), recorder_, deaf_, 1),
         view_({.on = true}, deaf_) {
     session_.real_time = true;
-    view_.begin(session_, "benchmark", {});
+    view_.begin(session_);
     localizer_.emplace(rig_->rig().model, session_.learn_background(15), Eigen::Vector3d::UnitX());
     ControllerSettings settings;
     settings.law = ControlLaw::estimator;

@@ -1,4 +1,4 @@
-// What recording costs: 8 currents and a pose (x, y, z, axis) at 1 kHz, 640x480 frames at 60 per
+// Bench of recording: 8 currents and a pose (x, y, z, axis) at 1 kHz, 640x480 frames at 60 per
 // second, for 60 s of real time; the goal is 15 % of one core with nothing dropped. The share is
 // all the process used, the feeding included.
 // SPDX-License-Identifier: Apache-2.0

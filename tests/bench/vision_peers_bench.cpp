@@ -1,6 +1,6 @@
-// What trackers that people take first do on the frames of the color tracker's bench: OpenCV's
-// background models, and CamShift on our own evidence. `slower`: their time over ours; `lost` of
-// 100 frames: no answer, or more than 10 px off.
+// Bench of common trackers on the frames of the color tracker's bench: OpenCV's background models,
+// and CamShift on our own evidence. `slower`: their time over ours; `lost` of 100 frames: no
+// answer, or more than 10 px off.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/vision/sequence_generator.h"
 #include "vision/background_tracker.h"

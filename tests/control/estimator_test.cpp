@@ -218,7 +218,7 @@ TEST(PositionEstimator, recovers_from_a_leap_of_what_pushes_however_sharp_it_tho
   double place = 0, passed = 0;
   for (int n = 0; n < 150; ++n) {
     estimator.measure({n / 15.0, {place, 0, 0}, sharp});
-    place += (n < 75 ? 0 : 1e-3) / 15.0;  // then 1 mm/s that nobody commanded
+    place += (n < 75 ? 0 : 1e-3) / 15.0;  // then 1 mm/s that was not commanded
   }
   for (int n = 150; n < 180; ++n) {
     passed += estimator.measure({n / 15.0, {place, 0, 0}, sharp}) ? 0 : 1;

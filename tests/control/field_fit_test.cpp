@@ -1,4 +1,5 @@
-// Calibration from probe readings: finds the machine they were taken at, and says how well.
+// Field calibration from probe readings: it finds the machine they were taken at, and states how
+// well.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/field_fit.h"
 

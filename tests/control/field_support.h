@@ -1,4 +1,4 @@
-// What the field models' tests share: high-order differences and places.
+// Support of the field models' tests: high-order differences and positions.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

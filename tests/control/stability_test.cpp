@@ -1,4 +1,4 @@
-// How fast a robot runs away in constant currents.
+// Growth rate of a robot's departure in constant currents.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/stability.h"
 

@@ -1,4 +1,4 @@
-// Gels: what holds, what yields, and what springs back.
+// Gels: yield, rest and elastic return.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/vitreous.h"
 

@@ -1,4 +1,4 @@
-// What the optics tests share: prescriptions for testing, and "refuses, naming the argument".
+// Support of the optics tests: prescriptions for testing, and "refuses, naming the argument".
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,5 +1,4 @@
-// The program in surroundings that nobody wishes for: odd words, closed streams, no home, small
-// limits, other locales.
+// The program in bad surroundings: odd words, closed streams, no home, small limits, other locales.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/program/program.h"
 

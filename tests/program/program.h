@@ -1,4 +1,4 @@
-// Runs the built program as its users do, and catches what it says.
+// Program under test: the built program, run as its users do, its output caught.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// The built program on a pseudo-terminal, as somebody who types sees it.
+// The built program on a pseudo-terminal, as a user at the keyboard sees it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

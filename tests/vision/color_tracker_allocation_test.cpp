@@ -1,4 +1,4 @@
-// Counts allocations: the color tracker makes none per frame after its first ones.
+// Allocations of the color tracker: none per frame after its first ones.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/vision/sequence_generator.h"
 #include "vision/color_tracker.h"

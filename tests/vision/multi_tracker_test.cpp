@@ -74,7 +74,7 @@ TEST(MultiTracker,
           << i << " " << k;
     }
   }
-  // Both in one place, for long: nobody knows which of them comes out on which side.
+  // Both in one place, for long: which of them comes out on which side cannot be known.
   for (int k = 0; k < 8; ++k)
     tracker.update(TwoDiscs::frame(TwoDiscs::at(140, 120), TwoDiscs::at(140, 120)).image);
   const auto& tracks =

@@ -20,8 +20,8 @@ enum class Meeting {
 
 struct SeveralSettings {
   std::uint64_t seed = 1;
-  bool one_color = false;  ///< all three discs alike, and the robot of the same steel; else red,
-                           ///< green, blue discs
+  /// all three discs alike, and the robot of the same steel; else red, green, blue discs
+  bool one_color = false;
   Meeting meeting = Meeting::apart;
   bool fundus = false;
   int hidden_from = -1;  ///< the bar goes over the robot and what is near it for 20 frames
@@ -92,8 +92,8 @@ inline SeveralScore score_several(const SeveralSettings& chosen, int frames) {
     const Frame frame = sequence.frame(k);
     std::vector<Ellipse> truths{frame.truth};
     truths.insert(truths.end(), frame.companions.begin(), frame.companions.end());
-    if (k == 0 && chosen.one_color)  // nobody can know which of three equal discs is which: a
-                                     // person says so once
+    // Which of three equal discs is which is not in the image: a person states it once.
+    if (k == 0 && chosen.one_color)
       for (std::size_t i = 0; i < 4; ++i) tracker.place(i, truths[i]);
     const std::vector<Track>& tracks = tracker.update(frame.image);
     const bool covered = frame.visible < 0.99;

@@ -1,4 +1,4 @@
-// Scores a color tracker on a generated sequence as the project's figures are defined.
+// Tracking score: a color tracker on a generated sequence, as the project's figures are defined.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

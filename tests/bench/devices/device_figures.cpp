@@ -1,6 +1,6 @@
-// Prints the figures of the instruments' links: what an update of eight coils costs through driver
-// and kernel interface, and what the GigE Vision path delivers. Start it under umockdev-wrapper;
-// the first argument is seconds a stream (60).
+// Figures of the instruments' links: the cost of an update of eight coils through driver and kernel
+// interface, and the rate of the GigE Vision path. Start it under umockdev-wrapper; the first
+// argument is seconds a stream (60).
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/genicam/camera_server.h"
 #include "devices/instruments/genicam/driver.h"
@@ -55,7 +55,7 @@ void measure_coils() {
   testbed->unplug(plug);
 }
 
-/// How long it takes until the link says so, when the device is pulled out while somebody waits for
+/// How long it takes until the link says so, when the device is pulled out while a caller waits for
 /// it.
 void print_unplug(const char* path, const Clock& clock, const std::function<void()>& pull,
                   const std::function<void()>& use) {

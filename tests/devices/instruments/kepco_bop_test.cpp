@@ -213,7 +213,7 @@ TEST_F(Kepco, SetsTheOtherChannelsToZeroWhenOneIsLost) {
   EXPECT_EQ(kind_of([&] { coils->set_currents(Currents(8, 1.)); }), DeviceErrorKind::lost);
   EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);
   Currents expected(8);
-  expected[3] = 2;  // nobody can reach it
+  expected[3] = 2;  // it cannot be reached
   EXPECT_EQ(flowing(), expected);
   EXPECT_EQ(coils->currents()[3], 1.);  // the last that was tried, and not claimed to be zero
 }

@@ -127,7 +127,7 @@ TEST_F(TicDriver, ComesBackAfterAReplugWithoutMoving) {
 
 TEST_F(TicDriver, StopsWhatAHostThatDiedLeftMoving) {
   auto lens_mover = open_homed();
-  // The dead host's last words: a target far away, on a link that nobody feeds or stops.
+  // The dead host's last words: a target far away, on a link that is neither fed nor stopped.
   bench.emulator->control(encode(Command{Code::energize}), {}, 0);
   bench.emulator->control(encode(Command{Code::exit_safe_start}), {}, 0);
   bench.emulator->control(encode(Command{Code::set_target_position, 32000}), {}, 0);

@@ -1,5 +1,4 @@
-// What the tests of serial instruments share: a clock, a link that can go bad, a log of what was
-// said.
+// Test bench of serial instruments: a clock, a link that can go bad, a log of what was sent.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

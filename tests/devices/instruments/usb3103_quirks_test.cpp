@@ -1,4 +1,4 @@
-// What is odd about the USB-3103, one test a quirk.
+// Quirks of the USB-3103, one test each.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/devices/instruments/usb3103_test_bench.h"
 

@@ -1,4 +1,5 @@
-// An instrument that says back what it is told, after a while; for tests of the links themselves.
+// Echo peer: an instrument that returns what it receives, after a while; for tests of the links
+// themselves.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -1,4 +1,4 @@
-// Every coil amplifier keeps the contract of its role; and the contract notices one that does not.
+// Contract of the coil amplifiers: kept by every one, and broken ones are noticed.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/coil_amplifier.h"
 #include "tests/devices/instruments/usb3103_test_bench.h"

@@ -1,4 +1,4 @@
-// What all stages share: the check before a motion, and moving and waiting in one.
+// Behavior common to all stages: the check before a motion, and moving and waiting in one.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/roles/rotation_stage.h"
 #include "devices/roles/stage.h"

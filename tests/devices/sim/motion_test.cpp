@@ -1,4 +1,5 @@
-// The robots in oil and gel, beside walls, among other bodies: does each law hold in the plant?
+// Motion of the robots in oil and gel, beside walls and among other bodies, against the laws of the
+// plant.
 // SPDX-License-Identifier: Apache-2.0
 #include "control/allocation.h"
 #include "devices/sim/world.h"

@@ -1,4 +1,4 @@
-// What the cameras show of several bodies, of plates, of motion and of color; and the arrangements
+// Pictures of the simulated cameras: several bodies, plates, motion and color; and the arrangements
 // of the top camera.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/contract/camera.h"

@@ -1,4 +1,4 @@
-// The plant: does it fall, drift and touch as physics has it?
+// The plant: fall, drift and contact against physics.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/world.h"
 

@@ -97,7 +97,7 @@ TEST_F(TicOverLibusb, AnswersAgainWhenItIsPluggedInAgainAndStandsUntilItIsToldTo
   lens_mover->home(10s);
   testbed->unplug(plug);
   EXPECT_EQ(kind_of([&] { lens_mover->move_to(0, 10s); }), DeviceErrorKind::lost);
-  EXPECT_EQ(kind_of([&] { lens_mover->position(); }), DeviceErrorKind::lost);  // nobody is there
+  EXPECT_EQ(kind_of([&] { lens_mover->position(); }), DeviceErrorKind::lost);  // unplugged
   testbed->plug(*emulator);
   clock->sleep_for(100ms);
   EXPECT_TRUE(lens_mover->homed());
@@ -213,7 +213,7 @@ TEST_F(Usb3103OverHidraw, ComesBackAtZeroWhenItIsMadeSafeAfterAReplug) {
   testbed->unplug(plug);
   EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
             DeviceErrorKind::lost);
-  EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);  // nobody is there
+  EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);  // unplugged
   EXPECT_NE(outputs(), usb3103::Voltages{});
   testbed->plug(*emulator, kUsb3103);
   clock->sleep_for(100ms);
@@ -272,8 +272,8 @@ TEST_F(Usb3103OverHidraw, AnAmplifierWhoseLinkGotStuckIsOpenedAgainByMakingItSaf
   EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),
             DeviceErrorKind::timeout);
   EXPECT_EQ(kind_of([&] { coils->make_safe(); }), DeviceErrorKind::lost);
-  EXPECT_NE(outputs(), usb3103::Voltages{});  // it stays so for as long as it takes nothing: the
-                                              // enable line's business
+  // it stays so for as long as it takes nothing: the enable line's business
+  EXPECT_NE(outputs(), usb3103::Voltages{});
   testbed->set_fault(plug, UsbFault::none);
   clock->sleep_for(100ms);
   EXPECT_EQ(kind_of([&] { coils->set_currents(std::vector<double>(8, 2)); }),

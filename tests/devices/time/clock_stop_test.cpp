@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A task that does nothing but wait until somebody stops it.
+/// A task that does nothing but wait until it is stopped.
 std::function<void()> wait_for(Clock& clock, Signal& never) {
   return [&clock, &never] {
     clock.wait(
@@ -192,8 +192,8 @@ TEST(Interrupt, MayComeFromASignalHandler) {
   const auto before = std::signal(SIGUSR1, interrupt_signaled_clock);
   const auto task = clock->spawn("task", [&] {
     clock->sleep_for(1s);
-    kill(getpid(), SIGUSR1);  // to the process: a task's own thread is deaf to signals, so the main
-                              // one takes it
+    // to the process: a task's own thread is deaf to signals, so the main one takes it
+    kill(getpid(), SIGUSR1);
     while (!signal_handled) std::this_thread::yield();
     clock->sleep_for(10h);
   });

@@ -45,7 +45,7 @@ Frame frame_of(const cv::Mat& image, std::uint64_t number) {
   return {image, number, Time(number * 1000), Time(number * 1000 + 5)};
 }
 
-/// Somebody else's transaction holds the database: the writer cannot get on, as with a slow disk.
+/// Another process's transaction holds the database: the writer cannot get on, as with a slow disk.
 class Brake {
  public:
   explicit Brake(const std::filesystem::path& folder) {

@@ -1,5 +1,4 @@
-// What stands between people and a run: alarms, rights, the age of calibrations, the room on the
-// disk.
+// Alarms, rights, the age of calibrations, and the space on the disk.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/rights.h"
 #include "host/engine/disk_need.h"
@@ -26,7 +25,8 @@ using namespace std::chrono_literals;
 struct AlarmsTest : testing::Test {
   std::vector<std::string> said() {
     std::vector<std::string> lines;
-    for (const Event& event : alarms.drain_events()) lines.push_back(event.kind + ": " + event.text);
+    for (const Event& event : alarms.drain_events())
+      lines.push_back(event.kind + ": " + event.text);
     return lines;
   }
   std::unique_ptr<Clock> clock = virtual_clock();

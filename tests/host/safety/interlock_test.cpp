@@ -1,4 +1,4 @@
-// The interlock refuses what is beyond its limits, and refusing means zero.
+// Interlock: it refuses what is beyond its limits, and a refusal means zero.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/safety/interlock.h"
 
@@ -261,7 +261,7 @@ TEST_F(TimedInterlockTest, APauseAtZeroDropsSetPointsAndTheResumeEnergizesNothin
 TEST_F(TimedInterlockTest, AResumeIsRefusedWhereTheAmplifierReadsSomethingElse) {
   interlock.set_currents(std::vector<double>{4, 0, 0});
   interlock.pause(PausePolicy::zero);
-  amplifier.set[0] = 4;  // somebody turned a knob
+  amplifier.set[0] = 4;  // a knob was turned by hand
   EXPECT_THROW(interlock.resume(), DeviceError);
   EXPECT_EQ(amplifier.set[0], 0);
   EXPECT_FALSE(interlock.enabled());

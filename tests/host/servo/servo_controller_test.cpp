@@ -1,4 +1,5 @@
-// Place in, currents out: laws, limits, dead coils, and measurements that are no use.
+// Servo controller, positions to currents: laws, limits, dead coils, and measurements that are no
+// use.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo_controller.h"
 

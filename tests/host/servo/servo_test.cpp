@@ -1,4 +1,4 @@
-// The servo loop on the simulated rig: what it does, what it cannot see, and how it lets go.
+// Servo loop on the simulated rig: control, loss and recovery of the robot, safe release.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/servo/servo.h"
 
@@ -299,7 +299,7 @@ TEST(Servo, ARobotThatIsGoneIsLostAndTheCoilsGoToZero) {
   bench.clock->sleep_for(from_seconds(2.5));
   EXPECT_EQ(servo->status().state, ServoState::lost);
   EXPECT_LT(largest_output(*bench.rig), kZeroVolts);
-  // found again it is not driven until somebody says where to
+  // found again it is not driven until it has a new target
   bench.roles().sample->insert_robot({0, 0, 0});
   bench.clock->sleep_for(from_seconds(0.5));
   EXPECT_TRUE(servo->status().position) << "it is seen";

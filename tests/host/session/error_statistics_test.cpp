@@ -30,7 +30,7 @@ class Statistics : public testing::Test {
     recorder_.sample(truth, Time{0}, std::array{9.0, 9.0, 9.0});  // before the span
     recorder_.sample(truth, Time{10}, std::array{3.0, 4.0, 0.0});
     recorder_.sample(truth, Time{20}, std::array{1.0, 0.0, -12.0});
-    recorder_.sample(truth, Time{25}, std::array{7.0, 7.0, 7.0});  // nobody to compare with
+    recorder_.sample(truth, Time{25}, std::array{7.0, 7.0, 7.0});  // no row to compare with
     recorder_.sample(truth, Time{30}, std::array{nothing, 0.0, 0.0});
     for (int t : {0, 10, 20, 30})
       recorder_.sample(servo, Time{t}, std::array{t == 20 ? 1.0 : 0.0, 0.0, 0.0, 5.0});

@@ -1,5 +1,5 @@
-// The live view's control: one viewer has it, the others look on; who goes loses it, and the run
-// goes on.
+// Control of the live view: one viewer has it, the others look on; a viewer that leaves loses it,
+// and the run goes on.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/live_view.h"
 
@@ -14,7 +14,7 @@
 namespace vitreo::view {
 namespace {
 
-/// A run on a rig without instruments, shown to whoever comes.
+/// A run on a rig without instruments, shown to every viewer.
 struct LiveViewTest : testing::Test {
   LiveViewTest() {
     session.targets.take();  // the script wants targets

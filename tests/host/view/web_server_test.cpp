@@ -1,5 +1,5 @@
-// The live view's server against visitors who mean no good: each rule of docs/live_view.md by the
-// bytes that would break it.
+// Web server of the live view against hostile visitors: each rule of docs/live_view.md by the bytes
+// that would break it.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/view/web_server.h"
 
@@ -226,7 +226,7 @@ TEST_F(Live, DropsAViewerWhoDoesNotListen) {
   deaf.say(upgrade("http://" + host(), known));
   EXPECT_EQ(status(deaf.hear("\r\n\r\n")), 101);
   EXPECT_TRUE(soon([this] { return joined == 1; }));
-  flood = 1;  // 10 MB/s that nobody reads
+  flood = 1;  // 10 MB/s that is not read
   EXPECT_TRUE(soon([this] { return left == 1; }));
 }
 

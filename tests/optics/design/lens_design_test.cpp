@@ -154,8 +154,8 @@ TEST(LensDesign, WhatCannotBeIsSaidByName) {
   EXPECT_EQ(impossible.status, DesignStatus::constraint_violated);
   EXPECT_EQ(impossible.reason.rfind("condensing is", 0), 0u) << impossible.reason;
 
-  LensDesignOptions one_side;  // the far sphere, 9.48 mm, is met by no ray beyond its radius,
-                               // whatever comes before
+  // the far sphere, 9.48 mm, is met by no ray beyond its radius, whatever comes before
+  LensDesignOptions one_side;
   one_side.variables = {{"condensing.posterior.a4"}};
   one_side.max_iterations = 100;
   const LensDesign blind = design_lens(spherical(), one_side);

@@ -1,4 +1,4 @@
-// What the tests of the localizer share: the robot of section 5.5 in the eye of table 5.3.
+// Support of the localizer's tests: the robot of section 5.5 in the eye of table 5.3.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

@@ -188,8 +188,8 @@ TEST(ExactPose, ExactSilhouettesOverTheSquareAreLocalizedToAFewMicrometres) {
     for (const Eigen::Vector3d& axis : {kAlongX, kAlongZ, Eigen::Vector3d(kOblique.normalized())}) {
       const double rms = square_rms(settings, microscope, axis);
       std::cout << "exact projection over the square: rms " << rms / kUm << " um\n";
-      EXPECT_LT(rms, 5 * kUm);  // 52 um by the single viewpoint; seen 0.1 to 2.2, from the way the
-                                // ellipse is fitted
+      // 52 um by the single viewpoint; seen 0.1 to 2.2, from the way the ellipse is fitted
+      EXPECT_LT(rms, 5 * kUm);
     }
   }
 }

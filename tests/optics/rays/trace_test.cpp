@@ -195,8 +195,8 @@ TEST(Trace, StopIsAHoleInTheVertexPlaneOfItsSurface) {
 }
 
 TEST(Trace, StopBesideACurvedSurfaceClipsBothDirectionsAlike) {
-  const System eye = model_eye_5_3();  // surface 3 bends away from its vertex plane: 0.1 mm at the
-                                       // edge of the hole
+  // surface 3 bends away from its vertex plane: 0.1 mm at the edge of the hole
+  const System eye = model_eye_5_3();
   for (double side : {-1.0, 1.0}) {
     double inside = 0, outside = 0.3;
     System open = eye;

@@ -1,4 +1,4 @@
-// The dry run on the rig's twin: what it says of a script, and who is let to run all the same.
+// Preflight: the dry run on the rig's twin, its report on a script, and the right to override it.
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/instruments/scpi_probe/emulator.h"
 #include "host/config/rights.h"

@@ -1,5 +1,5 @@
-// What scripts get wrong on purpose or by accident: docs/safety_bad_input.md names the case that
-// each test shows.
+// Errors of scripts, on purpose or by accident: docs/safety_bad_input.md names the case that each
+// test shows.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/host/lua/interpreter/lua_bench.h"
 

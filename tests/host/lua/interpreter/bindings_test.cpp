@@ -1,4 +1,4 @@
-// What scripts are told when they call the host wrongly, and what rightly.
+// Errors and results of host calls from Lua, made wrongly and rightly.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/host/lua/interpreter/lua_bench.h"
 

@@ -1,5 +1,5 @@
-// Scripts on a made-up rig: a camera, coils, a lens mover and a sample handler that do what they
-// are told at once.
+// Test bench of scripts on a made-up rig: a camera, coils, a lens mover and a sample handler that
+// act at once.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

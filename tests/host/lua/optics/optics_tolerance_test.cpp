@@ -1,5 +1,5 @@
-// What an uncertain eye costs, as scripts ask it: on the axis, by focus over the field, by pose;
-// and maps for observers who look askew.
+// Tolerances of an uncertain eye from Lua: on the axis, by focus over the field, by pose; and maps
+// for observers who look askew.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/host/lua/interpreter/lua_bench.h"
 

@@ -1,4 +1,4 @@
-// What is printed from the rows of the bindings: help, completion, stubs for editors, luacheck's
+// Texts printed from the rows of the bindings: help, completion, stubs for editors, luacheck's
 // names, the reference.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/reference/reference.h"

@@ -45,8 +45,8 @@ TEST_F(OperatorBinding, GivesTheJoysticksDeflectionsInOurAxes) {
           "assert(now.translation.x == 1 and now.translation.y == 0 and now.translation.z == 1)\n"
           "assert(now.rotation.z < -0.4 and now.pressed[2] and not now.pressed[1])\n"
           "assert(rig.joystick:held(2) and not rig.joystick:held(1))\n"
-          "run:wait(0.2) assert(rig.joystick:state().translation.x == 0)")  // silence: nobody
-                                                                            // deflects it
+          // silence: no operator deflects it
+          "run:wait(0.2) assert(rig.joystick:state().translation.x == 0)")
           .error,
       "");
 }

@@ -1,4 +1,4 @@
-// What the tests of a run's control share: a run of a few lines of Lua, an ear on it, and the
+// Test bench of a run's control: a run of a few lines of Lua, its record and messages, and the
 // control socket's words.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once

@@ -1,4 +1,4 @@
-// The vision as scripts see it: from files to tracks, and what wrong calls are told.
+// Vision from Lua: from files to tracks, and the errors of wrong calls.
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/host/lua/interpreter/lua_bench.h"
 #include "tests/vision/sequence_files.h"
