@@ -113,7 +113,7 @@ TEST(Simulation, WhatItIsToldIsCheckedAndNamed) {
       "  says('robot', s.change, s, { robot = 'coni_3mm' })\n"
       "  says('gel', s.change, s, { robot = 'coni_2mm', gel = 'gel_12' })\n"
       "  local other = eye:sample { number = 3 }\n"
-      "  run:figure('index', other:parameter 'lens.index')\n"
+      "  run:figure('index', other:info().parameters['lens.index'])\n"
       "  run:figure('again', eye:sample({ number = 3 }):info().parameters['lens.index'])\n"
       "  run:figure('number_4', eye:sample({ number = 4 }):info().parameters['lens.index'])\n"
       "  s:set_eye(other)\n"
