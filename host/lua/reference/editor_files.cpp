@@ -310,7 +310,11 @@ std::string api_reference(const Library& library) {
       "or `servo:go_to?` "
       "says the same.\n\nWhat is absent is nil: a robot that is not seen, a ray that misses. What "
       "fails raises an error that\nnames the call and the argument. A call returns one value; "
-      "several are the fields of a table.\n";
+      "several are the fields of a table.\n"
+      "\nA test runs every example in a simulated rig. Handles are called by their class there, an "
+      "optical_system `eye`,\na wide_angle_map `map`, a localizer `view`, an axis_law `law`, a "
+      "trajectory `path`, an autofocus `search`; units by\n\n```lua\n" +
+      std::string(kExampleNames) + "```\n";
   for (const Class* kind : library.classes) {
     text += "\n## " + kind->name + "\n\n" + kind->doc + ".\n\n";
     for (const Binding& row : kind->methods) text += reference_of({kind, &row});

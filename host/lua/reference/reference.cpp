@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string_view>
+#include <utility>
 
 namespace vitreo::lua {
 namespace {
@@ -193,7 +195,12 @@ std::optional<Entry> find_entry(const Library& library, const std::string& name)
 }
 
 std::string handle_name(const std::string& kind) {
-  if (kind == "camera") return "rig.top_camera";
+  constexpr std::pair<std::string_view, const char*> kNames[] = {
+      {"camera", "rig.top_camera"}, {"optical_system", "eye"}, {"wide_angle_map", "map"},
+      {"localizer", "view"},        {"axis_law", "law"},       {"trajectory", "path"},
+      {"autofocus", "search"}};
+  for (const auto& [of, name] : kNames)
+    if (of == kind) return name;
   const std::vector<std::string>& roles = rig_class().fields;
   return std::find(roles.begin(), roles.end(), kind) != roles.end() ? "rig." + kind : kind;
 }

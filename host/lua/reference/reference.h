@@ -28,7 +28,12 @@ std::vector<std::string> module_names(const Library& library);
 std::optional<Entry> find_entry(const Library& library, const std::string& name);
 const Class* find_class(const Library& library, const std::string& name);
 
-/// How a handle is called in examples: "rig.stage", "servo".
+/// What stands before every example: the names of units.
+inline constexpr const char* kExampleNames =
+    "local units = require \"units\"\n"
+    "local m, cm, mm, um, nm = units.m, units.cm, units.mm, units.um, units.nm\n"
+    "local s, ms, mT, A, deg = units.s, units.ms, units.mT, units.A, units.deg\n";
+/// The name of a handle in examples: "rig.stage", "servo", "eye".
 std::string handle_name(const std::string& kind);
 /// A call that could stand in a script: the row's own, or one made from its arguments' types, units
 /// and bounds.

@@ -32,13 +32,7 @@ return {
 }
 )";
 
-/// What the examples refer to; those of a class are made by its own examples' group.
-constexpr const char* kNames = R"(
-local units = require "units"
-local m, cm, mm, um, nm = units.m, units.cm, units.mm, units.um, units.nm
-local s, ms, mT, A, deg = units.s, units.ms, units.mT, units.A, units.deg
-)";
-
+// What the examples of a group refer to.
 constexpr const char* kOptics = R"(
 local eye = optics.system { name = "navarro_condensing" }
 local map, law = eye:wide_angle_map {}, eye:axis_law()
@@ -155,6 +149,25 @@ local function example(name, returns, call)
 end
 )";
 
+using Names = std::set<std::string>;
+/// Classes and modules whose examples run in one script.
+const Names kOfOptics{"optics", "optical_system", "wide_angle_map", "localizer", "axis_law"};
+const Names kOfControl{"control", "trajectory", "field_model"};
+const Names kOfVision{
+    "vision",   "image", "video", "color_model", "tracker", "multi_tracker", "background_tracker",
+    "autofocus"};
+const Names kOfServo{"servo", "background"};
+const Names kOfRig{"rig",       "camera",         "coils",       "lens_mover",     "sample",
+                   "stage",     "rotation_stage", "field_probe", "operator_input", "lamp",
+                   "simulation"};
+const Names kOfRun{"run", "files", "reminder"};
+
+/// "servo" of servo:go_to, "control" of control.line.
+std::string group_of(const Entry& entry) {
+  const std::string name = full_name(entry.owner, *entry.row);
+  return name.substr(0, name.find_first_of(".:"));
+}
+
 std::string fields_text(const std::vector<ResultField>& fields) {
   std::string text = "{ ";
   for (const ResultField& field : fields)
@@ -205,16 +218,12 @@ class Examples : public LuaBench {
     for (int i = 0; i < 3; ++i) writer.write(cv::Mat(48, 64, CV_8UC1, cv::Scalar(50 * i)));
   }
 
-  /// Runs the examples of these classes and modules ("optics", "" for calls of no module), after
-  /// `names`, in the order of the rows.
-  void expect_run(const std::string& names, const std::set<std::string>& owners,
-                  const std::set<std::string>& without = {}) {
-    std::string body = kNames + names + kCheck;
+  /// Runs the examples of these classes and modules after `names`, in the order of the rows.
+  void expect_run(const std::string& names, const Names& groups, const Names& without = {}) {
+    std::string body = kExampleNames + names + kCheck;
     for (const Entry& entry : all_entries(library())) {
       const std::string name = full_name(entry.owner, *entry.row);
-      const std::size_t dot = name.find_first_of(".:");
-      if (owners.contains(name.substr(0, dot)) && !without.contains(name))
-        body += example_line(entry);
+      if (groups.contains(group_of(entry)) && !without.contains(name)) body += example_line(entry);
     }
     body += "if #failures > 0 then error(table.concat(failures, '\\n'), 0) end";
     const std::string file =
@@ -226,21 +235,24 @@ class Examples : public LuaBench {
   std::unique_ptr<TestBench> bench;
 };
 
-TEST_F(Examples, OfTheOpticsRun) {
-  expect_run(kOptics, {"optics", "optical_system", "wide_angle_map", "localizer", "axis_law"});
+TEST(ExampleGroups, HaveEveryCallButThoseOfThePrompt) {
+  Names known{"help", "check"};
+  for (const Names& group : {kOfOptics, kOfControl, kOfVision, kOfServo, kOfRig, kOfRun})
+    known.insert(group.begin(), group.end());
+  for (const Entry& entry : all_entries(library()))
+    EXPECT_TRUE(known.contains(group_of(entry))) << full_name(entry.owner, *entry.row);
 }
 
-TEST_F(Examples, OfTheControlRun) {
-  expect_run(kControl, {"control", "trajectory", "field_model"});
-}
+TEST_F(Examples, OfTheOpticsRun) { expect_run(kOptics, kOfOptics); }
+
+TEST_F(Examples, OfTheControlRun) { expect_run(kControl, kOfControl); }
 
 TEST_F(Examples, OfTheVisionRun) {
   write_images();
-  expect_run(kVision, {"vision", "image", "video", "color_model", "tracker", "multi_tracker",
-                       "background_tracker", "autofocus"});
+  expect_run(kVision, kOfVision);
 }
 
-TEST_F(Examples, OfTheServoRun) { expect_run(kServo, {"servo", "background"}); }
+TEST_F(Examples, OfTheServoRun) { expect_run(kServo, kOfServo); }
 
 TEST_F(Examples, OfTheRigsInstrumentsRun) {
   const std::string machine =
@@ -248,15 +260,14 @@ TEST_F(Examples, OfTheRigsInstrumentsRun) {
       "-cm, "
       "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():sample { number = 1 }\n"
       "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n";
-  expect_run(machine, {"rig", "camera", "coils", "lens_mover", "sample", "stage", "rotation_stage",
-                       "field_probe", "operator_input", "lamp", "simulation"});
+  expect_run(machine, kOfRig);
 }
 
 TEST_F(Examples, OfTheRunAndItsFilesRun) {
   write_images();
   bench->session->questions.prepare({"lamp=yes", "depth=3 mm"});
   // A stop and an abort end the script; errors wants a servo's record, which the servo's has.
-  expect_run(std::string(kServo) + kRun, {"run", "files", "reminder"}, {"run:stop", "run:abort"});
+  expect_run(std::string(kServo) + kRun, kOfRun, {"run:stop", "run:abort"});
 }
 
 TEST_F(Examples, OfAStopAndAnAbortEndTheRun) {
