@@ -98,7 +98,7 @@ class RunSession {
   // Ctrl-C requests a stop from here to the end of the session.
   const InterruptScope interrupts_;
   // Its tasks use the session's control, so they end first.
-  FaultDesk faults_;
+  FaultInjector faults_;
 };
 
 /// End of a run whose script never came back: the record is closed and the process left, whatever

@@ -212,17 +212,17 @@ void check(const Fault& fault, const SimulatedRoles& roles) {
 
 // Each fault is a task of the run's clock: on the virtual clock it begins at the same moment of
 // each run, and ends with the run at the latest.
-FaultDesk::FaultDesk(Context context) : context_(std::move(context)) {}
-FaultDesk::~FaultDesk() = default;
+FaultInjector::FaultInjector(Context context) : context_(std::move(context)) {}
+FaultInjector::~FaultInjector() = default;
 
-void FaultDesk::add(const Fault& fault) {
+void FaultInjector::add(const Fault& fault) {
   check(fault, context_.roles);
   const FaultKind& kind = kind_of(fault);
   const std::string name = fmt::format("fault {} {} {}", tasks_.size() + 1, fault.role, fault.kind);
   tasks_.push_back(context_.clock.spawn(name, [this, fault, &kind] { run(fault, kind); }));
 }
 
-void FaultDesk::run(const Fault& fault, const FaultKind& kind) {
+void FaultInjector::run(const Fault& fault, const FaultKind& kind) {
   context_.clock.sleep_for(from_seconds(fault.after));
   const double by = fault.by.value_or(kind.usual);
   Fault begun = fault;  // the delay is over: the event names what is the case now
@@ -236,7 +236,7 @@ void FaultDesk::run(const Fault& fault, const FaultKind& kind) {
 }
 
 /// Switches one fault on or off, in whichever part of the simulator it is read.
-void FaultDesk::set(const Fault& fault, double by, bool on) {
+void FaultInjector::set(const Fault& fault, double by, bool on) {
   sim::Faults& faults = context_.laboratory.faults();
   if (fault.kind == "full") {
     context_.disk.full = on;
@@ -257,7 +257,7 @@ void FaultDesk::set(const Fault& fault, double by, bool on) {
   }
 }
 
-void FaultDesk::set_link(LinkFaults& link, const Fault& fault, double by, bool on) {
+void FaultInjector::set_link(LinkFaults& link, const Fault& fault, double by, bool on) {
   // -1: whole answers, unchanged.
   const int count = on ? static_cast<int>(by) : -1;
   if (fault.kind == "silent") link.silent = on;
@@ -267,7 +267,8 @@ void FaultDesk::set_link(LinkFaults& link, const Fault& fault, double by, bool o
   if (fault.kind == "unplugged") link.unplugged = on;
 }
 
-void FaultDesk::set_imaging(sim::ImagingFaults& imaging, const Fault& fault, double by, bool on) {
+void FaultInjector::set_imaging(sim::ImagingFaults& imaging, const Fault& fault, double by,
+                                bool on) {
   // 0: none of the frames or readings, and no disc.
   const int count = on ? static_cast<int>(by) : 0;
   const Time time = on ? from_seconds(by) : Time(0);
@@ -290,7 +291,7 @@ void FaultDesk::set_imaging(sim::ImagingFaults& imaging, const Fault& fault, dou
 /// The recorder's thread checks the disk once a second of wall time. The run's own time waits for
 /// it here, with the clock's baton, so that a run with this fault stops at the same moment each
 /// time.
-void FaultDesk::fill_disk() {
+void FaultInjector::fill_disk() {
   using namespace std::chrono_literals;
   const auto until = std::chrono::steady_clock::now() + 5s;
   while ((context_.recorder.fault().empty() || context_.control.tier() == StopTier::none) &&
@@ -298,7 +299,7 @@ void FaultDesk::fill_disk() {
     std::this_thread::sleep_for(1ms);
   // The request has set the tier, but may not have reached the script's thread yet.
   std::this_thread::sleep_for(5ms);
-  context_.control.request_here(StopTier::stop);
+  context_.control.request_and_wait(StopTier::stop);
 }
 
 }  // namespace vitreo

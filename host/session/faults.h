@@ -64,7 +64,7 @@ struct DiskFaults {
 };
 
 /// Breaks the instruments of one run. Its tasks run on the run's clock.
-class FaultDesk {
+class FaultInjector {
  public:
   struct Context {
     Clock& clock;
@@ -74,10 +74,10 @@ class FaultDesk {
     DiskFaults& disk;
     SimulatedRoles roles;
   };
-  explicit FaultDesk(Context context);
-  ~FaultDesk();
-  FaultDesk(const FaultDesk&) = delete;
-  FaultDesk& operator=(const FaultDesk&) = delete;
+  explicit FaultInjector(Context context);
+  ~FaultInjector();
+  FaultInjector(const FaultInjector&) = delete;
+  FaultInjector& operator=(const FaultInjector&) = delete;
 
   /// Throws as check() does.
   void add(const Fault& fault);

@@ -90,7 +90,7 @@ void RunControl::request(StopTier tier, const std::string& reason) {
   request(tier);
 }
 
-void RunControl::request_here(StopTier tier) noexcept {
+void RunControl::request_and_wait(StopTier tier) noexcept {
   // Of 0.1 ms, 2 s: a thread that does not exist any more is not waited for.
   constexpr int kPatience = 20000;
   const unsigned long before = deliveries_;

@@ -46,7 +46,7 @@ class RunControl {
   void request(StopTier tier, const std::string& reason);
   /// The same for a task that holds the clock's baton: returns when the script's thread has been
   /// reached, so that a run on the virtual clock that is stopped at some moment repeats.
-  void request_here(StopTier tier) noexcept;
+  void request_and_wait(StopTier tier) noexcept;
   StopTier tier() const noexcept { return tier_.load(); }
   /// The next higher tier: what one more Ctrl-C means.
   static StopTier next(StopTier tier) noexcept;

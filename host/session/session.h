@@ -26,7 +26,7 @@
 
 namespace vitreo {
 
-class FaultDesk;
+class FaultInjector;
 
 /// Substitutes of a dry run for the operator's hands and the cameras, and what it found: no
 /// operator answers, and poses stand in for images where they can.
@@ -70,7 +70,7 @@ class Session {
   OperatorDesk desk{control, questions, alarms, targets};  // commands from outside
   FrameRecording frames;  // the observers, which use its cameras, end before it
   /// Breaks simulated instruments (host/session/faults.h); null where nothing is simulated.
-  FaultDesk* faults = nullptr;
+  FaultInjector* faults = nullptr;
 
   /// Learns the empty scene (host/session/background.h) for the top camera (returned) and, when
   /// there is one, for the side camera, whose estimate is recorded from then on. Blocks on the

@@ -118,7 +118,7 @@ Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {
     session.keep(session.clock.spawn("stop by test", [&session, moment] {
       session.clock.sleep_until(from_seconds(moment));
       session.control.set_reason("by the test");
-      session.control.request_here(StopTier::stop);
+      session.control.request_and_wait(StopTier::stop);
     }));
   };
   return run_and_look(engine, request);

@@ -123,7 +123,7 @@ void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness)
     witness.asked = phase != RunPhase::ended && phase != RunPhase::stopping &&
                     phase != RunPhase::stop_requested;
     if (phase == RunPhase::ended) return;
-    session.control.request_here(plan.tier);
+    session.control.request_and_wait(plan.tier);
     if (plan.tier < StopTier::abort || coils_unreachable(plan)) return;
     session.clock.sleep_for(from_seconds(kSafeWithin));
     if (session.rig.coils != nullptr && session.rig.coils->energized())

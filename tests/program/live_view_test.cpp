@@ -149,7 +149,8 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
     ASSERT_TRUE(
         std::regex_search(said, visited, std::regex("point " + std::to_string(i + 1) + pattern)))
         << said;
-    for (std::size_t axis = 0; axis < 3; ++axis)  // with other digits: 0.00 mm here, 8.4 \u00b5m there
+    for (std::size_t axis = 0; axis < 3;
+         ++axis)  // with other digits: 0.00 mm here, 8.4 \u00b5m there
       EXPECT_NEAR(quantity_mm(visited[axis + 1]), std::stod(clicked[axis]), 0.006) << visited[0];
   }
 }

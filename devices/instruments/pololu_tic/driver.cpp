@@ -308,8 +308,8 @@ void Tic::drive(Time timeout, const std::string& what, const std::function<void(
 void Tic::move_to(double position, Time timeout) {
   if (!(position >= settings_.travel_min && position <= settings_.travel_max))
     fail(DeviceErrorKind::out_of_range, in_millimeters(position) + " is outside the travel from " +
-                                       in_millimeters(settings_.travel_min) + " to " +
-                                       in_millimeters(settings_.travel_max));
+                                            in_millimeters(settings_.travel_min) + " to " +
+                                            in_millimeters(settings_.travel_max));
   // Open loop: an uncertain position would end the lens somewhere else.
   if (!homed()) fail(DeviceErrorKind::refused, "it does not know its position; home it first");
   const std::int32_t target = usteps(position);

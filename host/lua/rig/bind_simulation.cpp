@@ -57,7 +57,7 @@ int inject_fault(Call& call) {
   fault.after = call.number_option("after").value_or(0);
   fault.lasting = call.number_option("lasting").value_or(0);
   fault.by = call.number_option("by");
-  FaultDesk* const desk = session_of(call.L).faults;
+  FaultInjector* const desk = session_of(call.L).faults;
   if (desk != nullptr)
     desk->add(fault);  // a dry run goes the way that the script goes when all is well
   return 0;
