@@ -15,7 +15,8 @@ namespace vitreo::cli {
 namespace {
 
 constexpr const char* kBash =
-    R"(# vitreo's completion for bash: source it, or put it into /usr/share/bash-completion/completions/vitreo
+    R"(# vitreo's completion for bash: source it, or put it, under the name vitreo,
+# into /usr/share/bash-completion/completions
 _vitreo() {
   local IFS=$'\n'
   local word="${COMP_LINE:0:COMP_POINT}"

@@ -1,5 +1,6 @@
 """Measures of the source tree against the goals of the house: rooms and their order, rings of modules, lengths of
-functions and headers, comments, lines, headers' first lines. Prints a table; exits with 1 beyond a goal.
+functions and headers, comments, lines, headers' first lines. Prints a table; exits with 1 beyond a goal, or, where
+a goal is not reached yet, where it is farther away than it was.
 
 A module is a header with its source (x.h, x.cpp); an arrow is an include from one module or room into another; a floor
 is the length of the longest chain of arrows below it; a ring is a set of modules that reach each other.
@@ -33,7 +34,9 @@ GOALS = {  # measure: the most that is allowed
     "headers that open with a clause word": 10,
     "nobody, somebody, whoever": 20,
 }
-LEAST = {"comment lines in sources, %": 6.0}
+LEAST = {"comment lines in sources, %": 10.0}
+# Goals that are not reached yet: what is allowed until then. Lower these, never raise them.
+STILL = {"modules in the largest ring": 6, "functions above 45 lines": 6, "comment lines in sources, %": 6.5}
 
 
 def sources(root):
@@ -177,10 +180,13 @@ def main(root):
         print("ring:", ", ".join(ring))
     bad = 0
     for name, value in measured.items():
-        wrong = value > GOALS[name] if name in GOALS else value < LEAST[name]
+        missed = value > GOALS[name] if name in GOALS else value < LEAST[name]
+        limit = STILL.get(name, GOALS.get(name, LEAST.get(name)))
+        wrong = value > limit if name in GOALS else value < limit
         bad += wrong
         goal = f"at most {GOALS[name]}" if name in GOALS else f"at least {LEAST[name]}"
-        print(f"{name:<42} {value:>8}  {goal}{'  BEYOND THE GOAL' if wrong else ''}")
+        verdict = "  WORSE THAN IT WAS" if wrong else "  not reached yet" if missed else ""
+        print(f"{name:<42} {value:>8}  {goal}{verdict}")
     for lines, name in longest[-5:]:
         print(f"  {lines} lines: {name}")
     return 1 if bad else 0

@@ -155,7 +155,9 @@ local getters, shown, run, say, interactive = ...
 return function(object, options)
   options = options or {}
   for name in pairs(options) do
-    if name ~= "every" and name ~= "count" then error("watch: " .. name .. " is not known; it takes every and count", 2) end
+    if name ~= "every" and name ~= "count" then
+      error("watch: " .. name .. " is not known; it takes every and count", 2)
+    end
   end
   local names = type(object) ~= "function" and getters(object) or nil
   local count = options.count or (interactive and math.huge or 1)
@@ -166,7 +168,8 @@ return function(object, options)
     if names then
       local heard, problem
       for _, name in ipairs(names) do
-        local told, value = pcall(object[name], object) -- a robot that is not seen now may be at the next look
+        -- a robot that is not seen now may be at the next look
+        local told, value = pcall(object[name], object)
         local text = told and shown(value) or "–"
         if told then heard = true else problem = problem or value end
         -- what fills several lines is asked for by its name; here each look is one

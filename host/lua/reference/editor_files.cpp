@@ -155,7 +155,8 @@ std::string class_stub(const Library& library, const Class& kind) {
 }
 
 constexpr const char* kVectorStub =
-    R"(---A vector: a table {x, y, z} with arithmetic: a position in m, a force in N, a direction ....
+    R"(---A vector: a table {x, y, z} with arithmetic: a position in m, a force in N,
+---a direction ....
 ---@class vitreo.vector
 ---@field x number
 ---@field y number
