@@ -232,12 +232,10 @@ end
 
 -- What the eye's uncertain parameters cost depth from focus (table 5.1, figures 4.2 and 4.5).
 local function tolerance(run, eye)
-  local function analyzed(calibrated)
-    return eye:error_analysis({ method = "one_at_a_time", calibrated = calibrated }).parameters
-  end
-  local before, after, rows = analyzed(false), {}, {}
+  local function of(calibrated) return eye:error_analysis({ method = "one_at_a_time", calibrated = calibrated }).parameters end
+  local before, after, rows = of(false), {}, {}
   if #before == 0 then return run:note "none of the parameters of table 5.1 is in this system" end
-  for _, one in ipairs(analyzed(true)) do
+  for _, one in ipairs(of(true)) do
     after[one.parameter] = one
   end
   local function worst(one) return one.minus and one.plus and ("%.3f"):format(math.max(one.minus, one.plus) / mm) or "–" end
