@@ -73,7 +73,7 @@ std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
 
 /// Whether a verdict is one of those that ask for a reason.
 bool is_missed(const std::string& verdict);
-/// For people: µm, mm, µm/s, degrees; "none" for what is no number.
+/// For people, to four digits in the display unit: "137 µm"; "none" for what is no number.
 std::string quantity_text(double value, const std::string& unit);
 nlohmann::json to_json(const ReproducedRow& row);
 /// The whole as a page for docs/ (Markdown) and as one to look at, with links to the runs' reports.

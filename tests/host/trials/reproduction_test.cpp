@@ -94,5 +94,32 @@ TEST(ReproductionJoined, AMalformedEntryIsRefusedByName) {
             std::string::npos);
 }
 
+TEST(Reproduction, ThesisAndOursAreInOneUnit) {
+  ReproducedRun run = run_with("wide", 1.25e-3, {});
+  run.rows[0].thesis = 300e-6;
+  run.rows[0].tolerance = "100 um to 2 mm (this project's goal)";
+  run.rows[0].why = "moved by 40 um";
+  ReproducedRow small = run.rows[0];
+  small.ours = 12.5e-6;
+  small.thesis.reset();
+  small.tolerance = "none";
+  ReproducedRow other = run.rows[0];
+  other.unit = "rad";
+  other.ours = 0.5235987755982988;
+  other.thesis.reset();
+  other.tolerance = "none";
+  run.rows.insert(run.rows.end(), {small, other});
+  const std::string page = reproduction_page({run}, "/");
+  EXPECT_NE(
+      page.find("<td>300 \u00b5m<td>1250 \u00b5m<td>100 \u00b5m to 2000 \u00b5m (this project's"),
+      std::string::npos)
+      << page;
+  for (const char* part :
+       {"<td>\u2013<td>12.5 \u00b5m<td>none", "<td>30\u00b0", "moved by 40 \u00b5m"})
+    EXPECT_NE(page.find(part), std::string::npos) << part << page;
+  EXPECT_EQ(page.find(" um"), std::string::npos);
+  EXPECT_NE(reproduction_markdown({run}).find("| 300 \u00b5m | 1250 \u00b5m |"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace vitreo
