@@ -51,7 +51,7 @@ function(vitreo_library folder)
     list(FILTER sources EXCLUDE REGEX "/${folder}/${except}(/|$)")
   endforeach()
   add_library(vitreo_${name} STATIC ${sources})
-  if(NOT folder STREQUAL optics)
+  if(NOT folder MATCHES "^(optics|vision|control)$")  # a precompiled Eigen gives them all the gain there is
     vitreo_unity(vitreo_${name} ${sources})
   endif()
   add_library(vitreo::${name} ALIAS vitreo_${name})
