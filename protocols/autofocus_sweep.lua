@@ -1,10 +1,10 @@
 -- Depth of the contents of an image window from an autofocus sweep of the sensor, with its uncertainty (thesis 4.1, figure
 -- 4.1): of the bench's target, or of any other object in the window.
 -- SPDX-License-Identifier: Apache-2.0
-local expect = require "expect"
-local focusing = require "focusing"
-local published = require "published"
-local targets = require "targets"
+local expect = require "analysis.expectations"
+local focusing = require "calibration.focus"
+local published = require "analysis.published"
+local targets = require "session.targets"
 local units = require "units"
 local vision = require "vision"
 local mm, um = units.mm, units.um

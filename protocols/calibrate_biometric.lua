@@ -2,13 +2,13 @@
 -- on the retina, and the retinal depth, correct the law (4.10) to (4.12); beside it the law as prescribed and the one through
 -- all points of an axis (4.4.4). Before and after, as figures 4.5, 4.6 and 4.10.
 -- SPDX-License-Identifier: Apache-2.0
-local expect = require "expect"
-local eyes = require "eyes"
-local focusing = require "focusing"
+local expect = require "analysis.expectations"
+local eyes = require "session.eyes"
+local focusing = require "calibration.focus"
 local optics = require "optics"
-local published = require "published"
-local statistics = require "statistics"
-local targets = require "targets"
+local published = require "analysis.published"
+local statistics = require "analysis.statistics"
+local targets = require "session.targets"
 local units = require "units"
 local mm, um = units.mm, units.um
 

@@ -1,9 +1,9 @@
 -- Calibrates pixel size, rotation, center and distortion of the cameras from a target that is moved over a grid, "before
 -- introducing the eye model" (thesis 5.5). Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
-local acceptance = require "acceptance"
-local calibrations = require "calibrations"
-local limits = require "limits"
+local acceptance = require "calibration.acceptance"
+local calibrations = require "calibration.measurements"
+local limits = require "calibration.limits"
 local units = require "units"
 local mm = units.mm
 

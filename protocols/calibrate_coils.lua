@@ -1,11 +1,11 @@
 -- Calibrates the coils: a field probe on a stage of three axes reads the field of each coil at nine places, and one dipole a coil
 -- is fitted; the model goes into octomag_calibrated.yaml, as ETH's software writes it. Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
-local acceptance = require "acceptance"
-local calibrations = require "calibrations"
+local acceptance = require "calibration.acceptance"
+local calibrations = require "calibration.measurements"
 local control = require "control"
 local files = require "files"
-local limits = require "limits"
+local limits = require "calibration.limits"
 local units = require "units"
 local mm, A = units.mm, units.A
 

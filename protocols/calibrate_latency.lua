@@ -2,10 +2,10 @@
 -- probe, the delay and bandwidth of the coils (facts: 50 ms and 15 Hz; with 80 ms of the camera the loop's 130 ms).
 -- Unattended, with acceptance limits.
 -- SPDX-License-Identifier: Apache-2.0
-local acceptance = require "acceptance"
-local calibrations = require "calibrations"
-local limits = require "limits"
-local statistics = require "statistics"
+local acceptance = require "calibration.acceptance"
+local calibrations = require "calibration.measurements"
+local limits = require "calibration.limits"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local ms, A = units.ms, units.A
 

@@ -2,10 +2,10 @@
 -- values go into calibration.json of the run and into the rig's calibration file, for the next start
 -- (docs/how-to/calibrate.md); a refused one leaves the others in force.
 -- SPDX-License-Identifier: Apache-2.0
-local acceptance = require "acceptance"
-local calibrations = require "calibrations"
+local acceptance = require "calibration.acceptance"
+local calibrations = require "calibration.measurements"
 local files = require "files"
-local limits = require "limits"
+local limits = require "calibration.limits"
 local units = require "units"
 local mm, A = units.mm, units.A
 

@@ -2,10 +2,10 @@
 -- 3.1 to 3.3, figures 3.2b, 3.3b, 3.4b). For each: the image position of an object on the axis, the visible part of the
 -- retina, and the requirements on a microscope.
 -- SPDX-License-Identifier: Apache-2.0
-local expect = require "expect"
+local expect = require "analysis.expectations"
 local optics = require "optics"
-local published = require "published"
-local statistics = require "statistics"
+local published = require "analysis.published"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, um, deg = units.mm, units.um, units.deg
 

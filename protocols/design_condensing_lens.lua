@@ -1,10 +1,10 @@
 -- Designs the condensing lens whose aerial image of the retina is flat (thesis 3.2, table 3.4): a4, a6, a8, a10 one after the
 -- other, as the thesis did from the conic lens of table 3.3; all four together; and, from two spheres, with all shapes free.
 -- SPDX-License-Identifier: Apache-2.0
-local expect = require "expect"
+local expect = require "analysis.expectations"
 local optics = require "optics"
-local published = require "published"
-local statistics = require "statistics"
+local published = require "analysis.published"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, deg = units.mm, units.deg
 

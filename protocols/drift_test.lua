@@ -4,8 +4,8 @@
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local places = require "places"
-local drift = require "drift"
-local plant = require "plant"
+local drift = require "analysis.drift"
+local plant = require "session.plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 local kinds = { "none", "one_camera", "two_cameras" }

@@ -4,7 +4,7 @@
 -- SPDX-License-Identifier: Apache-2.0
 local control = require "control"
 local units = require "units"
-local judge = require "judge"
+local judge = require "analysis.path_accuracy"
 local mm, s, mT = units.mm, units.s, units.mT
 
 local center = vector(0, 0, 0)

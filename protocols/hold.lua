@@ -4,8 +4,8 @@
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local paths = require "paths"
-local judge = require "judge"
-local plant = require "plant"
+local judge = require "analysis.path_accuracy"
+local plant = require "session.plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 -- Away from the center, where the model is worse; and not on the way of the square.

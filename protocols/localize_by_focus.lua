@@ -2,12 +2,12 @@
 -- 4.1, figure 4.11), in an eye off by table 5.1, calibrated on the retina alone, and with axis and retinal shape; with
 -- uncertainties by the GUM and the paraxial model beside it.
 -- SPDX-License-Identifier: Apache-2.0
-local by_focus = require "by_focus"
-local expect = require "expect"
-local eyes = require "eyes"
-local published = require "published"
-local statistics = require "statistics"
-local targets = require "targets"
+local by_focus = require "calibration.focus_localization"
+local expect = require "analysis.expectations"
+local eyes = require "session.eyes"
+local published = require "analysis.published"
+local statistics = require "analysis.statistics"
+local targets = require "session.targets"
 local units = require "units"
 local mm, um, deg = units.mm, units.um, units.deg
 

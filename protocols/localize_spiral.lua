@@ -3,16 +3,16 @@
 -- observation of the robot on the known retina. Rigs: scripts/rigs/spiral_coni.lua, spiral_coni_z.lua, spiral_sphere.lua (20.7
 -- and 20.4 um a pixel).
 -- SPDX-License-Identifier: Apache-2.0
-local bring = require "bring"
+local bring = require "session.preparation"
 local control = require "control"
-local expect = require "expect"
-local eyes = require "eyes"
-local judge = require "judge"
-local one_look = require "one_look"
-local published = require "published"
-local retina = require "retina"
-local statistics = require "statistics"
-local track_errors = require "track_errors"
+local expect = require "analysis.expectations"
+local eyes = require "session.eyes"
+local judge = require "analysis.path_accuracy"
+local one_look = require "analysis.observation_bound"
+local published = require "analysis.published"
+local retina = require "calibration.retina"
+local statistics = require "analysis.statistics"
+local track_errors = require "analysis.track_errors"
 local units = require "units"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 

@@ -1,11 +1,11 @@
 -- The wide-angle image formation of an eye and its lens: isofocus surfaces, isopixel curves, and the thesis' cubics for them
 -- with their residuals (thesis 3.2, 4.4.2, 5.2; figures 3.5, 3.6, 4.8, 4.9, 5.1b, 5.3).
 -- SPDX-License-Identifier: Apache-2.0
-local curves = require "curves"
-local expect = require "expect"
+local curves = require "plotting.curves"
+local expect = require "analysis.expectations"
 local optics = require "optics"
-local published = require "published"
-local statistics = require "statistics"
+local published = require "analysis.published"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, um, deg = units.mm, units.um, units.deg
 

@@ -3,8 +3,8 @@
 -- turns while it is pulled. It has moved when it stays displaced after the force is gone.
 -- SPDX-License-Identifier: Apache-2.0
 local control = require "control"
-local expect = require "expect"
-local published = require "published"
+local expect = require "analysis.expectations"
+local published = require "analysis.published"
 local units = require "units"
 local mm, s, mT = units.mm, units.s, units.mT
 

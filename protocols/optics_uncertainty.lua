@@ -1,7 +1,7 @@
 -- Localization errors by an uncertain eye, and their reduction by calibration, estimation and another lens (thesis 3.2, 4.2 to
 -- 4.4, 5.3, 5.4).
 -- SPDX-License-Identifier: Apache-2.0
-local bars = require "bars"
+local bars = require "plotting.bar_charts"
 local optics = require "optics"
 local units = require "units"
 local mm, um, deg = units.mm, units.um, units.deg

@@ -3,8 +3,8 @@
 -- retina, then the field of view), light, insertion, motion trials with velocity control, tracking, notes. The operator is
 -- asked; answers may be given in advance (--answer NAME=VALUE).
 -- SPDX-License-Identifier: Apache-2.0
-local checklist = require "checklist"
-local published = require "published"
+local checklist = require "session.checklist"
+local published = require "analysis.published"
 local units = require "units"
 local vision = require "vision"
 local mm, s, mT = units.mm, units.s, units.mT

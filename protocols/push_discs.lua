@@ -1,7 +1,7 @@
 -- A robot pushes a disc over a surface, and both are tracked by their colors, touching or not (thesis 8.3.1, figures 8.2 and
 -- 8.3). On the simulated rig the robot is steered by its pose sensor in place of the operator.
 -- SPDX-License-Identifier: Apache-2.0
-local expect = require "expect"
+local expect = require "analysis.expectations"
 local units = require "units"
 local vision = require "vision"
 local mm, s, mT = units.mm, units.s, units.mT

@@ -1,9 +1,9 @@
 -- Scans the retina with a small sensor that is turned about the axis, focuses at each view, and joins the views to one picture
 -- (thesis appendix A, figures A.3 and A.4).
 -- SPDX-License-Identifier: Apache-2.0
-local expect = require "expect"
-local focusing = require "focusing"
-local statistics = require "statistics"
+local expect = require "analysis.expectations"
+local focusing = require "calibration.focus"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local vision = require "vision"
 local mm, um, deg = units.mm, units.um, units.deg

@@ -2,9 +2,9 @@
 -- thresholds for them (8.2), from images with masks: a folder of NAME.png with NAME_mask.png, or, on a simulated rig, images
 -- of its own.
 -- SPDX-License-Identifier: Apache-2.0
-local color_scene = require "color_scene"
-local expect = require "expect"
-local published = require "published"
+local color_scene = require "session.color_scene"
+local expect = require "analysis.expectations"
+local published = require "analysis.published"
 local vision = require "vision"
 
 local printed_pairs = {

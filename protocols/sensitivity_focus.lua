@@ -2,11 +2,11 @@
 -- the five largest, an error of focus, and the error after biometric calibration with a retinal depth 0.3 mm wrong (thesis
 -- 4.2, 4.3; table 5.1, figures 4.2 and 4.6).
 -- SPDX-License-Identifier: Apache-2.0
-local bars = require "bars"
-local expect = require "expect"
+local bars = require "plotting.bar_charts"
+local expect = require "analysis.expectations"
 local optics = require "optics"
-local published = require "published"
-local statistics = require "statistics"
+local published = require "analysis.published"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, deg = units.mm, units.deg
 

@@ -1,11 +1,11 @@
 -- Errors of localization by pose due to unknown parameters of the eye: a 1 mm sphere in a field of 70 degrees, one parameter
 -- off by its uncertainty, then all at once (thesis 5.4, tables 5.1 and 5.2).
 -- SPDX-License-Identifier: Apache-2.0
-local bars = require "bars"
-local expect = require "expect"
+local bars = require "plotting.bar_charts"
+local expect = require "analysis.expectations"
 local optics = require "optics"
-local published = require "published"
-local statistics = require "statistics"
+local published = require "analysis.published"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, um, deg = units.mm, units.um, units.deg
 

@@ -3,13 +3,13 @@
 -- one observation of the robot on the known retina; eyes=20 repeats it in as many eyes, each under another machine.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
-local bring = require "bring"
-local eyes = require "eyes"
-local expect = require "expect"
+local bring = require "session.preparation"
+local eyes = require "session.eyes"
+local expect = require "analysis.expectations"
 local paths = require "paths"
-local judge = require "judge"
-local retina = require "retina"
-local statistics = require "statistics"
+local judge = require "analysis.path_accuracy"
+local retina = require "calibration.retina"
+local statistics = require "analysis.statistics"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
 local center = vector(0, 0, 0)

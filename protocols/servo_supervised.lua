@@ -3,11 +3,11 @@
 -- a script (the parameter), are asked for one at a time, or are pointed at in the live view (`vitreo view servo_supervised
 -- points=view`), where a joystick also changes the depth.
 -- SPDX-License-Identifier: Apache-2.0
-local bring = require "bring"
-local by_hand = require "by_hand"
-local expect = require "expect"
-local statistics = require "statistics"
-local track_errors = require "track_errors"
+local bring = require "session.preparation"
+local by_hand = require "session.manual_control"
+local expect = require "analysis.expectations"
+local statistics = require "analysis.statistics"
+local track_errors = require "analysis.track_errors"
 local units = require "units"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 

@@ -2,7 +2,7 @@
 -- 6.7), or takes it along the path that was drawn there; a SpaceMouse moves the depth up and down. `vitreo view` runs this; it
 -- ends by the page's STOP, Ctrl-C, or after the duration.
 -- SPDX-License-Identifier: Apache-2.0
-local by_hand = require "by_hand"
+local by_hand = require "session.manual_control"
 local units = require "units"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 

@@ -1,9 +1,9 @@
 -- Tracks the robot in the eye by color, in three pairs of channels, with and without the two thresholds (thesis 8.3.3, table
 -- 8.3, figures 8.7 and 8.9), and reports the error of each against the true outline.
 -- SPDX-License-Identifier: Apache-2.0
-local color_scene = require "color_scene"
-local expect = require "expect"
-local published = require "published"
+local color_scene = require "session.color_scene"
+local expect = require "analysis.expectations"
+local published = require "analysis.published"
 local units = require "units"
 local vision = require "vision"
 local mm, s = units.mm, units.s

@@ -1,8 +1,8 @@
 -- Tracks a robot that is partly occluded: by color alone, and with the learned shape (thesis 8.3.2, figure 8.4; four
 -- eigenshapes). On the simulated rig a needle crosses the field above it.
 -- SPDX-License-Identifier: Apache-2.0
-local color_scene = require "color_scene"
-local expect = require "expect"
+local color_scene = require "session.color_scene"
+local expect = require "analysis.expectations"
 local units = require "units"
 local vision = require "vision"
 local mm, s, deg = units.mm, units.s, units.deg

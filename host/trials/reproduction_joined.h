@@ -8,7 +8,7 @@
 namespace vitreo {
 
 /// One row made from others: the median of all the values that they are medians of (`values` of
-/// scripts/expect.lua), or of themselves where they name none.
+/// scripts/analysis/expectations.lua), or of themselves where they name none.
 struct JoinedRow {
   std::string id;
   std::string what;

@@ -208,7 +208,7 @@ TEST(Report, ShowsEveryKindOfPlotAndTheTimelineAndGivesPlotsAsFiles) {
   const Workplace place;
   place.write("kinds.lua", R"(
 local units = require "units"
-local plots = require "plots"
+local plots = require "plotting.kinds"
 local mm, um = units.mm, units.um
 return { title = "kinds", run = function(rig, p, run)
   local x, y, sigma, rows, points = {}, {}, {}, {}, {}

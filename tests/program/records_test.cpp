@@ -20,7 +20,7 @@ class Records : public testing::Test {
 return {
   title = "Small", needs = { "top_camera", "coils", "sample" },
   run = function(rig, p, run)
-    local judge = require "judge"
+    local judge = require "analysis.path_accuracy"
     run:record_frames("side_camera", { every = 4 })
     rig.sample:remove_robot()
     local servo <close> = rig:servo { background = rig:learn_background { frames = 4 } }

@@ -62,10 +62,16 @@ std::string find_module(const Context& context, const std::string& name) {
 [[noreturn]] void refuse_module(const Context& context, const std::string& name) {
   std::vector<std::string> known{"units"};
   for (const Module& module : context.library->modules) known.push_back(module.name);
-  for (const std::string& folder : context.folders)
-    if (std::filesystem::is_directory(folder))
-      for (const auto& entry : std::filesystem::directory_iterator(folder))
-        if (entry.path().extension() == ".lua") known.push_back(entry.path().stem().string());
+  for (const std::string& folder : context.folders) {
+    if (!std::filesystem::is_directory(folder)) continue;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+      if (entry.path().extension() != ".lua") continue;
+      // "analysis/statistics.lua" is the module analysis.statistics
+      std::string module = entry.path().lexically_relative(folder).replace_extension().string();
+      for (char& c : module) c = c == '/' ? '.' : c;
+      known.push_back(module);
+    }
+  }
   const std::string near = nearest(name, known);
   throw std::invalid_argument("there is no module '" + name + "'" +
                               (near.empty() ? "" : "; did you mean " + near + "?"));

@@ -52,7 +52,7 @@ fs::path whole_run(const fs::path& parent) {
   test::ReportedRecorder recorder(parent, servo_start());
   test::record_servo_run(recorder);
   add_frames(recorder, 5);
-  recorder.module({"judge", "scripts/judge.lua", "return {}"});
+  recorder.module({"judge", "scripts/analysis/path_accuracy.lua", "return {}"});
   recorder.finish({Outcome::failed, "protocols/servo_square.lua:12: on purpose", 60.4, 8.3});
   return recorder.folder();
 }

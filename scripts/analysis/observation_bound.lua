@@ -1,8 +1,8 @@
 -- Error that one observation of the robot on the known retina leaves: by calculation, with exact outlines, so that the error
 -- of the optics' unknowns is separated from those of tracker, contour and pitch.
 -- SPDX-License-Identifier: Apache-2.0
-local retina = require "retina"
-local statistics = require "statistics"
+local retina = require "calibration.retina"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm = units.mm
 local one_look = {}

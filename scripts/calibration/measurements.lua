@@ -3,8 +3,8 @@
 -- SPDX-License-Identifier: Apache-2.0
 local control = require "control"
 local optics = require "optics"
-local statistics = require "statistics"
-local targets = require "targets"
+local statistics = require "analysis.statistics"
+local targets = require "session.targets"
 local units = require "units"
 local vision = require "vision"
 local mm, s, ms, A = units.mm, units.s, units.ms, units.A

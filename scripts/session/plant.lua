@@ -1,6 +1,6 @@
 -- Replacement of the simulated plant by a measured machine, before anything moves.
 -- SPDX-License-Identifier: Apache-2.0
-local calibrations = require "calibrations"
+local calibrations = require "calibration.measurements"
 
 local plant = {}
 

@@ -2,7 +2,7 @@
 -- simulated rig the robot is brought to positions and steered by the simulator's pose sensor in place of the operator; its
 -- outline is the projection of its true pose, in place of segmentation by hand.
 -- SPDX-License-Identifier: Apache-2.0
-local statistics = require "statistics"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, s, deg = units.mm, units.s, units.deg
 local color_scene = {}

@@ -2,8 +2,8 @@
 -- microrobot's position when it lies on the known retinal depth"): one observation of the robot at rest corrects the image's
 -- scale.
 -- SPDX-License-Identifier: Apache-2.0
-local bring = require "bring"
-local statistics = require "statistics"
+local bring = require "session.preparation"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local mm, s = units.mm, units.s
 local retina = {}

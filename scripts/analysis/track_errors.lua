@@ -1,7 +1,7 @@
 -- Errors of a recorded track along one axis at a time, against the simulator's truth or the side camera, as thesis table 5.4.
 -- SPDX-License-Identifier: Apache-2.0
-local judge = require "judge"
-local statistics = require "statistics"
+local judge = require "analysis.path_accuracy"
+local statistics = require "analysis.statistics"
 local track_errors = {}
 
 --- |stream - reference| along an axis ("x", "z") in a span {from, to}, at the stream's times; frames without a place are left

@@ -1,6 +1,6 @@
 -- Parts of protocols/drift_test: random numbers, statistics, and the report beside thesis table 6.1.
 -- SPDX-License-Identifier: Apache-2.0
-local expect = require "expect"
+local expect = require "analysis.expectations"
 local units = require "units"
 local places = require "places"
 local um, s = units.um, units.s

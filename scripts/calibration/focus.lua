@@ -1,7 +1,7 @@
 -- Depth from focus with the instruments: the sensor's stage moves through focus, and the sharpest position is found with its
 -- uncertainty (thesis 4.1, figure 4.1). Distances are d_ls, m, from the condensing lens' last vertex to the sensor.
 -- SPDX-License-Identifier: Apache-2.0
-local statistics = require "statistics"
+local statistics = require "analysis.statistics"
 local vision = require "vision"
 local focusing = {}
 

@@ -1,9 +1,9 @@
 -- Localization by focus with calibration, for protocols/localize_by_focus: the assumed map, the measurements of a calibration,
 -- positions from image points, and their uncertainty (thesis 4.3, 4.4; GUM). Eye frame, m.
 -- SPDX-License-Identifier: Apache-2.0
-local focusing = require "focusing"
-local statistics = require "statistics"
-local targets = require "targets"
+local focusing = require "calibration.focus"
+local statistics = require "analysis.statistics"
+local targets = require "session.targets"
 local units = require "units"
 local vision = require "vision"
 local mm, um = units.mm, units.um
