@@ -6,9 +6,6 @@
 namespace vitreo {
 namespace {
 
-// Enough for every value that was typed, too few for the last bit of 0.1 + 0.2.
-constexpr int kParameterDigits = 6;
-
 std::string unquoted(const nlohmann::json& value) {
   if (value.is_string()) return value.get<std::string>();
   return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);

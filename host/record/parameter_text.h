@@ -8,6 +8,9 @@
 
 namespace vitreo {
 
+/// Enough for every value that was typed, too few for the last bit of 0.1 + 0.2.
+constexpr int kParameterDigits = 6;
+
 /// The unit as the protocol declares it, "mm/s"; "" for plain numbers and what is no number.
 std::string parameter_unit(const RunStart& start, const std::string& name);
 

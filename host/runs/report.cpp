@@ -267,7 +267,10 @@ std::string parameter_section(const RunData& data) {
   std::string out;
   if (!start.parameters.is_object()) return "";
   for (const auto& [name, value] : start.parameters.items()) {
-    const std::string text = minus_sign(parameter_text(start, name, value));
+    const std::string text =
+        value.is_number() ? printed(show_quantity(value.get<double>(), parameter_unit(start, name),
+                                                  kParameterDigits))
+                          : parameter_text(start, name, value);
     const std::string shown = text.empty() ? "\u2013" : text;  // nothing was chosen
     out += row_of(spaced(name), escape_markup(shown));
   }

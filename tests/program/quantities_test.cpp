@@ -15,14 +15,14 @@
 namespace vitreo {
 namespace {
 
-constexpr const char *kProtocol = R"(
+constexpr const char* kProtocol = R"lua(
 local units = require "units"
 local mm, um = units.mm, units.um
 return {
   title = "Quantities",
   parameters = {
     step = { unit = "m", default = 1 * mm, min = 0, max = 5 * mm, help = "between two places" },
-    near = { unit = "um", default = 100 * um, min = 1 * um, max = 900 * um, help = "counts as there" },
+    near = { unit = "um", default = 100 * um, min = 1 * um, max = 900 * um, help = "is there" },
     share = { unit = "%", default = 0.125, min = 0, max = 1, help = "of the frames" },
     angle = { unit = "deg", default = 30 * units.deg, help = "of the field" },
     count = { default = 3, integer = true, help = "of places" },
@@ -34,16 +34,17 @@ return {
     run:result("frames", 30)
     run:table {
       title = "Errors (um)",
-                     header = {"where", "error", "time", "limit, um"},
-                     rows = {
-                         {"near", run : show(34 * um, "m"), run : show(0.5, "s"), 5},
-                         {"far", run : show(1.25 * mm, "m"), run : show(62, "s"), 7},
-                         {"there", "12 um", "3 s", 9},
-},
+      header = { "where", "error", "time", "limit, um" },
+      rows = {
+        { "near", run:show(34 * um, "m"), run:show(0.5, "s"), 5 },
+        { "far", run:show(1.25 * mm, "m"), run:show(62, "s"), 7 },
+        { "there", "12 um", "3 s", 9 },
+      },
+    }
+    run:note(("moved by %s"):format(run:show(80 * um, "m")))
+  end,
 }
-run : note(("moved by %s") : format(run : show(80 * um, "m"))) end,
-}
-)";
+)lua";
 
 std::string without_tags(const std::string& html) {
   return std::regex_replace(html, std::regex("<[^>]*>"), "");
