@@ -45,7 +45,8 @@ std::string text_of(const nlohmann::json& row, const char* key) {
   return found != row.end() && found->is_string() ? found->get<std::string>() : "";
 }
 
-/// The rows of a completed run, as scripts/analysis/expectations.lua wrote them. JSON has null where Lua had NaN.
+/// The rows of a completed run, as scripts/analysis/expectations.lua wrote them. JSON has null
+/// where Lua had NaN.
 void read_rows(ReproducedRun& run) {
   std::ifstream file(fs::path(run.folder) / "expectations.json");
   const auto rows = nlohmann::json::parse(file, nullptr, false);

@@ -1,6 +1,6 @@
 // Reproduction of the thesis: which runs, in which processes, and our numbers beside the printed
-// ones. Each protocol leaves its rows in expectations.json (scripts/analysis/expectations.lua); here they are
-// collected and shown.
+// ones. Each protocol leaves its rows in expectations.json (scripts/analysis/expectations.lua);
+// here they are collected and shown.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

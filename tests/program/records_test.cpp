@@ -72,7 +72,7 @@ TEST_F(Records, SayWhatTheRunWasMadeWith) {
   const json run = shown();
   EXPECT_EQ(run["outcome"], "completed");
   EXPECT_EQ(run["operator"], "Ada");
-  EXPECT_TRUE(run["modules"].contains("judge"));
+  EXPECT_TRUE(run["modules"].contains("analysis.path_accuracy"));
   EXPECT_TRUE(run["versions"].contains("commit"));
   EXPECT_TRUE(run["devices"].contains("top_camera") && run["devices"].contains("coils"))
       << run["devices"];
