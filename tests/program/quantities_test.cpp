@@ -120,7 +120,7 @@ class Quantities : public testing::Test {
   static void SetUpTestSuite() {
     place_ = std::make_unique<Workplace>();
     place_->write("quantities.lua", kProtocol);
-    ran_ = place_->vitreo("run ./quantities.lua --verbose");
+    ran_ = place_->vitreo("run ./quantities.lua step=2mm --verbose");
     place_->vitreo("run ./quantities.lua step=2mm");
   }
   static void TearDownTestSuite() { place_.reset(); }
