@@ -232,7 +232,10 @@ end
 
 -- What the eye's uncertain parameters cost depth from focus (table 5.1, figures 4.2 and 4.5).
 local function tolerance(run, eye)
-  local function analyzed(calibrated) return eye:error_analysis({ method = "one_at_a_time", calibrated = calibrated }).parameters end
+  local function analyzed(calibrated)
+    local analysis = eye:error_analysis { method = "one_at_a_time", calibrated = calibrated }
+    return analysis.parameters
+  end
   local before, after, rows = analyzed(false), {}, {}
   if #before == 0 then return run:note "none of the parameters of table 5.1 is in this system" end
   for _, one in ipairs(analyzed(true)) do

@@ -54,7 +54,8 @@ TEST(HowTo, WriteAProtocolWorksAsItStands) {
   place.write("wobble.lua", protocol);
   run(blocks[1]);
   // "before the last `end` of `run`", "at the head of the file"
-  protocol = "local expect = require \"expect\"\n" + with(protocol, "  end,\n}", blocks[2].text);
+  protocol = "local expect = require \"analysis.expectations\"\n" +
+             with(protocol, "  end,\n}", blocks[2].text);
   place.write("wobble.lua", protocol);
   const Spoken judged = place.vitreo("run wobble.lua hold=1s");
   EXPECT_EQ(judged.exit_code, 0) << judged.out << judged.err;
