@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/engine/rehearsal.h"
 #include "host/lua/engine/engine.h"
+#include "host/lua/engine/library.h"
 #include "host/lua/interpreter/state.h"
 #include "tests/host/rig/fake_rig.h"
 
