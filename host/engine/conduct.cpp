@@ -54,6 +54,20 @@ class FaceScope {
   std::string outcome_ = "failed";
 };
 
+/// A fault of the recording stops the script, while it lives.
+class RecordingGuard {
+ public:
+  RecordingGuard(Recorder& recorder, RunControl& control) : recorder_(recorder) {
+    recorder_.on_fault([&control] { control.request(StopTier::stop, "because recording failed"); });
+  }
+  ~RecordingGuard() { recorder_.on_fault({}); }
+  RecordingGuard(const RecordingGuard&) = delete;
+  RecordingGuard& operator=(const RecordingGuard&) = delete;
+
+ private:
+  Recorder& recorder_;
+};
+
 /// Act one: the session with all that is attached to it. It dies in reverse order, the faces before
 /// the session.
 class RunSession {
@@ -61,6 +75,7 @@ class RunSession {
   RunSession(RunStage& stage, ScriptEngine& engine, const RunRequest& request,
              ProgressListener& listener)
       : session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
+        recording_(*stage.recorder, session_.control),
         policies_(frame_policies(request, stage.rig->rig())),
         faults_({*stage.clock, *stage.rig->laboratory(), *stage.recorder, session_.control,
                  *stage.disk, simulated_roles(stage.rig->resolved())}) {
@@ -75,8 +90,6 @@ class RunSession {
                              [&stage] { return stage.rig->make_safe(); }});
     // A face reports its own failure in the record and does not throw (host/session/face.h).
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
-    stage.recorder->on_fault(
-        [this] { session_.control.request(StopTier::stop, "because recording failed"); });
     session_.faults = &faults_;
     for (const std::string& word : request.how.faults) faults_.add(parse_fault(word));
     if (request.how.companion) request.how.companion(session_);
@@ -93,6 +106,7 @@ class RunSession {
 
  private:
   Session session_;
+  const RecordingGuard recording_;
   const std::vector<FramePolicy> policies_;
   FaceScope faces_;
   // Ctrl-C requests a stop from here to the end of the session.
@@ -178,7 +192,6 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
 /// that kind is completed. Returns the script's location at its end.
 std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
   // From here on a fault of the disk is read here, not signalled to the script.
-  stage.recorder->on_fault({});
   const std::string fault = stage.recorder->fault();
   // A failed disk ends a run as a lost device would.
   if (!fault.empty()) verdict = {Outcome::aborted, ExitCode::aborted, "recording failed: " + fault};
@@ -232,7 +245,8 @@ RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& reque
     location = make_safe(stage, run.session(), verdict);
     run.set_outcome(verdict);
   } catch (const std::exception& error) {  // of the engine itself; the record says so
-    stage.rig->make_safe();
+    for (const std::string& failure : stage.rig->make_safe())
+      stage.recorder->event(stage.clock->now(), "unsafe", failure);
     verdict = {Outcome::failed, ExitCode::internal, error.what()};
   }
   close_record(stage, verdict, location, began);

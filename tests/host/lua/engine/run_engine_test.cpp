@@ -143,6 +143,36 @@ TEST_F(RunEngineTest, AStopRunsTheScriptsOwnCleanUpFirst) {
   EXPECT_EQ(interrupting.lines, "now;closed;");
 }
 
+TEST(RunEngine, AFaceThatThrowsEndsTheRunWithItsReasonInTheRecordAndTheCoilsAtZero) {
+  struct Broken : Face {
+    void begin(Session& session) override {
+      began = &session;
+      throw std::runtime_error("the page has burnt down");
+    }
+    void end(const std::string&) override { ended = began != nullptr; }
+    Session* began = nullptr;
+    bool ended = false;
+  } broken;
+  const TemporaryFolder folder;
+  SilentListener listener;
+  const auto engine = make_lua_engine({VITREO_SOURCE_DIR "/scripts"});
+  RunRequest request;
+  request.what.protocol_file = VITREO_SOURCE_DIR "/protocols/hello_rig.lua";
+  request.where.rig_file = VITREO_SOURCE_DIR "/scripts/rigs/simulated.lua";
+  request.where.out = (folder.path() / "runs").string();
+  request.how.faces = {&broken};
+  const RunResult result =
+      run_protocol(*engine, request, listener, [](const Recorder& recorder, OpenRig& rig) {
+        ASSERT_NE(recorder.end(), nullptr);
+        EXPECT_EQ(recorder.end()->reason, "the page has burnt down");
+        for (const double volts : rig.laboratory()->coil_outputs().outputs())
+          EXPECT_NEAR(volts, 0, kZeroVolts);
+      });
+  EXPECT_EQ(result.outcome, Outcome::failed);
+  EXPECT_EQ(result.exit_code, ExitCode::internal);
+  EXPECT_TRUE(broken.ended) << "it is let go of before the session dies";
+}
+
 TEST(RunEngine, AMotionBeyondTheTravelIsTheScriptsFailureAndSaysItInMillimeters) {
   const TemporaryFolder folder;
   SilentListener listener;
