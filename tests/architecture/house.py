@@ -174,6 +174,8 @@ def main(root):
         measured["longest function, lines"] = lengths[-1]
         measured["functions above 45 lines"] = sum(lines > 45 for lines in lengths)
         print(f"functions: {len(lengths)}, median {lengths[len(lengths) // 2]}, p90 {lengths[len(lengths) * 9 // 10]}")
+    else:
+        print("lengths of functions: not measured, universal-ctags is not installed")
     print(f"modules: {len(modules)}, arrows {sum(map(len, modules.values()))}; rooms: {len(rooms)}, "
           f"reduced arrows {sum(len(b) for b in reduced(rooms).values())}")
     for ring in module_rings:
