@@ -255,16 +255,7 @@ std::vector<Binding> model_rows() {
 }  // namespace
 
 std::vector<Binding> field_functions() {
-  const auto number = [](const char* name, const char* unit, double min, double max,
-                         const char* help) {
-    return Argument{.name = name,
-                    .type = Type::number,
-                    .unit = unit,
-                    .optional = true,
-                    .min = min,
-                    .max = max,
-                    .help = help};
-  };
+  const auto number = number_option;
   const Argument model_name{.name = "name",
                             .type = Type::text,
                             .optional = true,

@@ -47,13 +47,7 @@ int velocity(Call& call) {
 }
 
 Argument gain(const char* name, const char* unit, double max, const char* help) {
-  return {.name = name,
-          .type = Type::number,
-          .unit = unit,
-          .optional = true,
-          .min = 0,
-          .max = max,
-          .help = help};
+  return number_option(name, unit, 0, max, help);
 }
 
 }  // namespace

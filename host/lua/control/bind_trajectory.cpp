@@ -93,16 +93,7 @@ std::vector<Eigen::Vector3d> points_at(lua_State* L, int index, const char* name
 }
 
 std::vector<Argument> motion_options() {
-  const auto number = [](const char* name, const char* unit, double min, double max,
-                         const char* help) {
-    return Argument{.name = name,
-                    .type = Type::number,
-                    .unit = unit,
-                    .optional = true,
-                    .min = min,
-                    .max = max,
-                    .help = help};
-  };
+  const auto number = number_option;
   return {number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
           number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)")};
 }

@@ -131,6 +131,17 @@ bool OptionTable::flag(const char* name) const {
   return value;
 }
 
+Argument number_option(const char* name, const char* unit, double min, double max,
+                       const char* help) {
+  return {.name = name,
+          .type = Type::number,
+          .unit = unit,
+          .optional = true,
+          .min = min,
+          .max = max,
+          .help = help};
+}
+
 Argument options_of(std::vector<Argument> keys, std::vector<Argument> shared) {
   for (Argument& one : shared) keys.push_back(std::move(one));
   return {.name = "options", .type = Type::options, .options = std::move(keys)};

@@ -92,6 +92,9 @@ class OptionTable {
   int index_;
 };
 
+/// A number that may be left out, in an SI unit and within bounds.
+Argument number_option(const char* name, const char* unit, double min, double max,
+                       const char* help);
 /// The argument `options` with these keys, and those that other calls have too.
 Argument options_of(std::vector<Argument> keys, std::vector<Argument> shared = {});
 

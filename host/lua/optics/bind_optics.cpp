@@ -117,13 +117,7 @@ void push_system(lua_State* L, optics::Prescription prescription) {
 optics::Prescription& eye_of(const Call& call) { return call.self<optics::Prescription>(); }
 
 Argument length_option(const char* name, double min, double max, const char* help) {
-  return {.name = name,
-          .type = Type::number,
-          .unit = "m",
-          .optional = true,
-          .min = min,
-          .max = max,
-          .help = help};
+  return number_option(name, "m", min, max, help);
 }
 
 Argument microscope_argument() {

@@ -142,16 +142,7 @@ Argument timeout(const std::string& fallback) {
 }
 
 std::vector<Argument> servo_options() {
-  const auto number = [](const char* name, const char* unit, double min, double max,
-                         const char* help) {
-    return Argument{.name = name,
-                    .type = Type::number,
-                    .unit = unit,
-                    .optional = true,
-                    .min = min,
-                    .max = max,
-                    .help = help};
-  };
+  const auto number = number_option;
   const auto text = [](const char* name, const char* help, std::vector<std::string> choices) {
     return Argument{.name = name,
                     .type = Type::text,
