@@ -41,7 +41,7 @@ struct SourceUnknowns {
     return kFieldUnit * std::pow(distance, static_cast<double>(k) + 3);
   }
 
-  // From the solver's numbers; the axis is of unit length whatever they are.
+  /// From the solver's numbers; the axis is of unit length whatever they are.
   MultipoleSource source(const double* x) const {
     MultipoleSource made = start;
     x += first;
@@ -56,7 +56,7 @@ struct SourceUnknowns {
     return made;
   }
 
-  // The inverse at the start, where the axis' two numbers are 0.
+  /// The inverse at the start, where the axis' two numbers are 0.
   void unknowns(double* x) const {
     x += first;
     Eigen::Map<Eigen::Vector3d>(x, 3) = start.position / kLengthUnit;
