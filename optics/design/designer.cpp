@@ -313,8 +313,8 @@ LensDesign Designer::report(bool settled, int iterations) const {
 /// Rays are aimed through the lens as it is, then held while the shapes are solved for; rounds
 /// repeat until cost and set of rays settle. By the path, a field or the next order joins each
 /// round, as thesis 3.2 determines a4, a6, a8, a10 in sequence.
-/// Throws std::invalid_argument when the start does not image the field on the axis: there is no
-/// focus to improve.
+/// Throws std::invalid_argument when the start does not image the first field: there is no focus to
+/// improve.
 LensDesign Designer::run(const Path& path) {
   constexpr int kMaxRounds = 60;
   constexpr double kSettled = 1e-5;  // of the cost, from one round to the next
