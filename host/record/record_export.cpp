@@ -36,6 +36,36 @@ std::string export_stream(const Stream& stream) {
   return out;
 }
 
+/// Of the parameters by name: SI units, and values as people read them.
+struct ParameterUnits {
+  nlohmann::json units = nlohmann::json::object();
+  nlohmann::json texts = nlohmann::json::object();
+};
+
+ParameterUnits parameter_units(const RunStart& start) {
+  ParameterUnits found;
+  if (!start.parameters.is_object()) return found;
+  for (const auto& [name, value] : start.parameters.items()) {
+    const auto declared = find_unit(parameter_unit(start, name));
+    if (value.is_number()) found.units[name] = declared ? declared->dimension : "";
+    found.texts[name] = plain_parameter_text(start, name, value);
+  }
+  return found;
+}
+
+/// By camera: frames in the record, and frames that the disk was too slow for.
+nlohmann::json frame_counts(const RunData& data) {
+  nlohmann::json frames = nlohmann::json::object();
+  for (std::size_t i = 0; i < data.cameras.size(); ++i) {
+    const std::string& camera = data.cameras[i].camera;
+    const auto recorded = std::count_if(data.frames.begin(), data.frames.end(),
+                                        [&](const FrameRow& row) { return row.camera == camera; });
+    frames[camera] = {{"recorded", recorded},
+                      {"dropped", i < data.dropped.size() ? data.dropped[i] : 0}};
+  }
+  return frames;
+}
+
 }  // namespace
 
 std::string canonical_export(const Recorder& recorder) {
@@ -78,25 +108,9 @@ nlohmann::json summary(const RunData& data) {
     results[one.name] = std::isfinite(one.value) ? nlohmann::json(one.value) : nlohmann::json();
     units[one.name] = one.unit;
   }
-  nlohmann::json parameter_units = nlohmann::json::object();
-  nlohmann::json parameters_text = nlohmann::json::object();
-  if (data.start.parameters.is_object()) {
-    for (const auto& [name, value] : data.start.parameters.items()) {
-      const auto declared = find_unit(parameter_unit(data.start, name));
-      if (value.is_number()) parameter_units[name] = declared ? declared->dimension : "";
-      parameters_text[name] = plain_parameter_text(data.start, name, value);
-    }
-  }
   nlohmann::json samples = nlohmann::json::object();
-  nlohmann::json frames = nlohmann::json::object();
   for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();
-  for (std::size_t i = 0; i < data.cameras.size(); ++i) {
-    const std::string& camera = data.cameras[i].camera;
-    const auto recorded = std::count_if(data.frames.begin(), data.frames.end(),
-                                        [&](const FrameRow& row) { return row.camera == camera; });
-    frames[camera] = {{"recorded", recorded},
-                      {"dropped", i < data.dropped.size() ? data.dropped[i] : 0}};
-  }
+  const ParameterUnits parameters = parameter_units(data.start);
   const auto& end = data.end;
   return {{"outcome", end ? to_string(end->outcome) : "running"},
           {"reason", end ? end->reason : ""},
@@ -108,12 +122,12 @@ nlohmann::json summary(const RunData& data) {
           {"operator", data.start.operator_name},
           {"seed", data.start.seed},
           {"parameters", data.start.parameters},
-          {"parameter_units", parameter_units},
-          {"parameters_text", parameters_text},
+          {"parameter_units", parameters.units},
+          {"parameters_text", parameters.texts},
           {"experiment_time", end ? end->experiment_time : 0},
           {"wall_time", end ? end->wall_time : 0},
           {"samples", samples},
-          {"frames", frames},
+          {"frames", frame_counts(data)},
           {"held", data.held},
           {"results", results},
           {"result_units", units}};
