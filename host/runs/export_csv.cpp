@@ -14,8 +14,8 @@ namespace vitreo {
 namespace {
 
 /// RFC 4180; and what a spreadsheet would take for a formula is made text.
-/// A text of a script or a device that begins with '=' would be run by the spreadsheet of whoever
-/// opens the export.
+/// A text of a script or a device that begins with '=' would be run by the spreadsheet in which the
+/// export is opened.
 std::string cell(const std::string& text) {
   const bool formula = !text.empty() && std::string("=+-@\t\r").find(text[0]) != std::string::npos;
   std::string quoted = "\"";
