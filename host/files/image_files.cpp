@@ -19,7 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 
 // Against files that would take the memory: the first is checked before decoding.
-// A PNG of a few kilobytes may decode to gigabytes, so that the second is checked as well.
+// Deflate packs up to a thousandfold: a PNG of a megabyte may decode to a gigabyte, and so the
+// second is checked as well.
 constexpr std::uintmax_t kLargestFile = 256U << 20U;  // bytes
 constexpr std::size_t kMostPixels = 1U << 26U;
 constexpr std::string_view kMask = "_mask";

@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The one global state of the host: the log must take lines before a session exists and after it
-// has gone. `mutex` guards all members; it orders the threads, Lock orders the processes.
+// One for the program and not one a session: the log takes lines before a session exists and after
+// it has gone. `mutex` orders the threads of this program, Lock the programs.
 struct Log {
   std::mutex mutex;
   fs::path file;  // empty: none

@@ -55,8 +55,8 @@ class Bytes {
   std::string bytes_;
 };
 
-// NDTiff's numbers 0, 1 and 2; its other types (RGB of 16 bits, 10 to 14 bits a pixel) are not
-// written here.
+// NDTiff's numbers of the types that a camera of this host may give; others are refused before a
+// byte is written.
 int pixel_type_of(const cv::Mat& image) {
   if (!image.empty() && image.dims == 2) {
     if (image.type() == CV_8UC1) return 0;
@@ -67,8 +67,8 @@ int pixel_type_of(const cv::Mat& image) {
       "a recorded frame must be 8- or 16-bit gray or 8-bit color, and not empty");
 }
 
-// ASCII with \u escapes: the lengths of TIFF and NDTiff count bytes, and readers disagree about the
-// encoding of the rest. What is no UTF-8 is replaced, so that a camera's odd name ends no run.
+// ASCII with \u escapes: NDTiff wants UTF-8 and a text of TIFF 7-bit ASCII, and this is both. What
+// is no UTF-8 is replaced, so that a camera's odd name ends no run.
 std::string text_of(const nlohmann::json& json) {
   return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }

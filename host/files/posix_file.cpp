@@ -73,8 +73,8 @@ void shorten_file(int descriptor, std::uint64_t size) noexcept {
   static_cast<void>(::ftruncate(descriptor, static_cast<off_t>(size)) == 0);
 }
 
-// fdatasync() waits for the bytes and for the size that is needed to read them, not for the time
-// stamps: one write to the disk less than fsync().
+// fdatasync() waits for the bytes and for the size that is needed to read them, but not for the
+// time stamps as fsync() does.
 void sync_file(int descriptor, const std::filesystem::path& file) {
   if (::fdatasync(descriptor) != 0) fail(file);
 }
