@@ -19,7 +19,7 @@ constexpr std::array kColors = {"#0072B2", "#D55E00", "#009E73", "#CC79A7",
 constexpr std::array kDashes = {"", "7 3", "2 3", "9 3 2 3"};
 constexpr const char* kReferenceColor = "#4A4F55";
 
-// A tenth of a pixel is below what is visible, and halves the file.
+// A tenth of a pixel is below what is visible: more digits only make the file larger.
 std::string path_data(const Stroke& stroke) {
   std::string data;
   for (const PlotPoint& point : stroke) {
@@ -101,8 +101,8 @@ Stroke thinned_cloud(const Stroke& pixels) {
 }
 
 // Colors first; after the last of them the dashes change. 300 points: lines and dots become finer.
-// A pure function of the whole list: the picture and its legend ask the same one. The reference
-// takes no color away from the data.
+// By the places in the list alone, so that a picture and its legend agree. The reference takes no
+// color away from the data.
 std::vector<Pen> pens_for(const std::vector<Series>& series) {
   std::vector<Pen> pens;
   std::size_t next = 0;

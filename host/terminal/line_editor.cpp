@@ -10,8 +10,8 @@
 namespace vitreo {
 namespace {
 
-// For pipes and files, where a script feeds the prompt. Without a terminal it does not wait idly:
-// there is nothing to keep alive between two lines of a file.
+// For pipes and files, and for a terminal without editing. `idle` is called only where a person
+// types: between two lines of a file there is nothing to wait for.
 class StreamLines final : public LineEditor {
  public:
   StreamLines(std::istream& in, std::ostream& out, bool interactive)
