@@ -33,6 +33,7 @@ void move_to(Stage& stage, std::span<const double> target, double speed, Time ti
   wait_or_stop(stage, timeout, clock);
 }
 
+// As move_to(), of one axis.
 void turn_to(RotationStage& stage, double angle, double speed, Time timeout, Clock& clock) {
   stage.start(angle, speed);
   wait_or_stop(stage, timeout, clock);

@@ -12,6 +12,7 @@ namespace vitreo {
 namespace {
 
 /// Six significant digits, as %g prints them.
+/// For messages alone: what is checked are the numbers themselves.
 std::string in_short(double number) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%g", number);

@@ -17,6 +17,7 @@ namespace {
 /// The shortest text that reads back as the same double (fmt's default).
 std::string exact(double value) { return std::isnan(value) ? "nan" : fmt::format("{}", value); }
 
+// JSON's own quoting in ASCII: a text with commas or line ends stays one field of one line.
 std::string one_line(const std::string& text) {
   return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
@@ -36,8 +37,39 @@ std::string export_stream(const Stream& stream) {
   return out;
 }
 
+/// Of the parameters by name: SI units, and values as people read them.
+struct ParameterUnits {
+  nlohmann::json units = nlohmann::json::object();
+  nlohmann::json texts = nlohmann::json::object();
+};
+
+ParameterUnits parameter_units(const RunStart& start) {
+  ParameterUnits found;
+  if (!start.parameters.is_object()) return found;
+  for (const auto& [name, value] : start.parameters.items()) {
+    const auto declared = find_unit(parameter_unit(start, name));
+    if (value.is_number()) found.units[name] = declared ? declared->dimension : "";
+    found.texts[name] = plain_parameter_text(start, name, value);
+  }
+  return found;
+}
+
+/// By camera: frames in the record, and frames that the disk was too slow for.
+nlohmann::json frame_counts(const RunData& data) {
+  nlohmann::json frames = nlohmann::json::object();
+  for (std::size_t i = 0; i < data.cameras.size(); ++i) {
+    const std::string& camera = data.cameras[i].camera;
+    const auto recorded = std::count_if(data.frames.begin(), data.frames.end(),
+                                        [&](const FrameRow& row) { return row.camera == camera; });
+    frames[camera] = {{"recorded", recorded},
+                      {"dropped", i < data.dropped.size() ? data.dropped[i] : 0}};
+  }
+  return frames;
+}
+
 }  // namespace
 
+// A copy, since the rows of frames are the writer's until the run has ended.
 std::string canonical_export(const Recorder& recorder) {
   RunData data = recorder.data();
   data.frames = recorder.frames();
@@ -46,6 +78,8 @@ std::string canonical_export(const Recorder& recorder) {
 
 // Streams, frames, results, events, pictures, in the order of the record: a line each, so that a
 // diff of two exports names what differs.
+// Frames by the CRC-32 of their pixels and without file, offset or time of arrival: where they are
+// stored is no part of what was seen.
 std::string canonical_export(const RunData& data) {
   std::string out;
   for (const Stream& stream : data.streams) out += export_stream(stream);
@@ -71,6 +105,8 @@ std::string canonical_export(const RunData& data) {
   return out;
 }
 
+// JSON has no NaN and no infinity: such a result is null. A parameter's value is SI whatever unit
+// was declared, and so the unit beside it is that of its dimension; its text has the declared one.
 nlohmann::json summary(const RunData& data) {
   nlohmann::json results = nlohmann::json::object();
   nlohmann::json units = nlohmann::json::object();
@@ -78,25 +114,9 @@ nlohmann::json summary(const RunData& data) {
     results[one.name] = std::isfinite(one.value) ? nlohmann::json(one.value) : nlohmann::json();
     units[one.name] = one.unit;
   }
-  nlohmann::json parameter_units = nlohmann::json::object();
-  nlohmann::json parameters_text = nlohmann::json::object();
-  if (data.start.parameters.is_object()) {
-    for (const auto& [name, value] : data.start.parameters.items()) {
-      const auto declared = find_unit(parameter_unit(data.start, name));
-      if (value.is_number()) parameter_units[name] = declared ? declared->dimension : "";
-      parameters_text[name] = plain_parameter_text(data.start, name, value);
-    }
-  }
   nlohmann::json samples = nlohmann::json::object();
-  nlohmann::json frames = nlohmann::json::object();
   for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();
-  for (std::size_t i = 0; i < data.cameras.size(); ++i) {
-    const std::string& camera = data.cameras[i].camera;
-    const auto recorded = std::count_if(data.frames.begin(), data.frames.end(),
-                                        [&](const FrameRow& row) { return row.camera == camera; });
-    frames[camera] = {{"recorded", recorded},
-                      {"dropped", i < data.dropped.size() ? data.dropped[i] : 0}};
-  }
+  const ParameterUnits parameters = parameter_units(data.start);
   const auto& end = data.end;
   return {{"outcome", end ? to_string(end->outcome) : "running"},
           {"reason", end ? end->reason : ""},
@@ -108,12 +128,12 @@ nlohmann::json summary(const RunData& data) {
           {"operator", data.start.operator_name},
           {"seed", data.start.seed},
           {"parameters", data.start.parameters},
-          {"parameter_units", parameter_units},
-          {"parameters_text", parameters_text},
+          {"parameter_units", parameters.units},
+          {"parameters_text", parameters.texts},
           {"experiment_time", end ? end->experiment_time : 0},
           {"wall_time", end ? end->wall_time : 0},
           {"samples", samples},
-          {"frames", frames},
+          {"frames", frame_counts(data)},
           {"held", data.held},
           {"results", results},
           {"result_units", units}};

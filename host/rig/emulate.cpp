@@ -66,6 +66,8 @@ class Emulation {
   }
 
  private:
+  // For a command the addresses must be those of the rig file, and what cannot be at that address
+  // is said. Without one every instrument that talks bytes gets a new address, an emulated one too.
   void offer(const std::string& role, const std::string& driver, const std::string& address) {
     const bool hid = begins(address, "hid:");
     if (hid || begins(address, "usb:")) {
@@ -88,6 +90,8 @@ class Emulation {
   }
 
   /// The far ends that the role's driver asks for, if it is one that talks bytes.
+  /// The driver's own opener is asked, with `where.offer` set: it knows its emulator and opens no
+  /// instrument. The lambda borrows `role`; it is called before this returns.
   void offer_bytes(const std::string& role, const std::string& driver) {
     RigContext where{*clock_, &laboratory_, places_};
     where.offer = [this, &role](const std::string& address, int baud_rate,
@@ -100,6 +104,7 @@ class Emulation {
       End end{tcp ? open_tcp_end(port) : open_pty_end(), std::move(peer)};
       std::string shown = end.wire->address();
       if (!tcp && in_place_) {
+        // The pseudo-terminal appears under the name of the rig file's port.
         testbed().add_node(address.substr(address.find(':') + 1),
                            shown.substr(shown.find(':') + 1));
         shown = address + " (" + shown + ")";
@@ -121,11 +126,15 @@ class Emulation {
     out << role << ": " << what << std::endl;
   }
 
+  // Only when something is plugged in: a rig without USB needs no umockdev.
   UsbTestbed& testbed() {
     if (!testbed_) testbed_ = make_usb_testbed();
     return *testbed_;
   }
 
+  // 0x01, 0x08 of the SpaceMouse: the HID usage "multi-axis controller" on the page of generic
+  // desktop controls. An address without a serial number takes any; the emulated device has "1"
+  // then.
   void plug(const std::string& role, const std::string& driver, const UsbAddress& address) {
     UsbIdentity identity{
         address.vendor, address.product,      0x0100, address.serial.empty() ? "1" : address.serial,
@@ -144,6 +153,8 @@ class Emulation {
       throw ConfigError(role + ": there is no emulator for the driver '" + driver + "' on USB");
   }
 
+  // The server calls `draw` in a thread of its own: nothing may be drawn there without
+  // with_world().
   void serve() {
     genicam::ServerSettings settings;
     settings.width_px = settings_.laboratory.top.size.width;
@@ -159,6 +170,8 @@ class Emulation {
   }
 
   /// One thread at a time: the camera's, the testbed's, the wires'.
+  /// The laboratory and the emulators know nothing of threads. This lock is taken before the
+  /// testbed's, and the testbed's own thread holds that one alone: no two wait for each other.
   void with_world(const std::function<void()>& work) {
     const std::lock_guard lock(mutex_);
     if (testbed_)
@@ -167,6 +180,8 @@ class Emulation {
       work();
   }
 
+  // Polled, because a pseudo-terminal and the emulators' own delays have no common event to wait
+  // for.
   void pump() {
     while (!ended_) {
       if (!ends_.empty())
@@ -182,6 +197,8 @@ class Emulation {
     std::shared_ptr<BytePeer> peer;
   };
 
+  // Members go from the last to the first: the testbed before the emulators that it borrows. Thread
+  // and camera have ended by then (see the destructor).
   const bool in_place_;
   std::unique_ptr<Clock> clock_ = wall_clock();
   ConfigReader reader_;
@@ -199,6 +216,7 @@ class Emulation {
   std::thread thread_;
 };
 
+// The exit code as a shell gives it.
 int run(const std::vector<std::string>& command) {
   std::vector<char*> words;
   for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
@@ -210,6 +228,7 @@ int run(const std::vector<std::string>& command) {
   // The terminal's Ctrl-C reaches the command too: it decides, and the instruments outlive it.
   struct sigaction ignore {
   }, before{};
+  // Only after the start: an ignored signal stays ignored in a program that is started.
   ignore.sa_handler = SIG_IGN;
   sigaction(SIGINT, &ignore, &before);
   int status = 0;
@@ -221,6 +240,8 @@ int run(const std::vector<std::string>& command) {
 
 /// Blocks Ctrl-C and its kin in this thread and those that it makes from now on, until it is waited
 /// for.
+/// Made before any thread, which inherits the mask: the signal then waits for sigwait() and
+/// interrupts no system call of the emulators.
 class EndingSignals {
  public:
   EndingSignals() {
@@ -256,6 +277,7 @@ int emulate(const RigDescription& description, const std::vector<std::string>& c
 
 void restart_in_testbed(char** words) {
   if (why_no_usb_testbed().empty()) return;
+  // Against a circle: the wrapper is there, and the testbed still is not.
   if (std::getenv("VITREO_IN_TESTBED") != nullptr) return;  // it did not help
   setenv("VITREO_IN_TESTBED", "1", 1);
   char self[4096];
@@ -265,6 +287,8 @@ void restart_in_testbed(char** words) {
   std::vector<char*> all{const_cast<char*>("umockdev-wrapper"), self};
   for (char** word = words + 1; *word != nullptr; ++word) all.push_back(*word);
   all.push_back(nullptr);
+  // It returns only where umockdev-wrapper is not installed: then the caller goes on, and says what
+  // is missing when it is needed.
   execvp(all[0], all.data());
 }
 

@@ -21,6 +21,8 @@ namespace {
 
 using Json = nlohmann::json;
 
+// Of the description and not of the resolved rig: the row must be there also for an instrument that
+// cannot be opened.
 Json text_of(const ConfigValue& table, const char* key, const char* fallback) {
   const auto& keys = std::get<ConfigTable>(table.value);
   const auto found = keys.find(key);
@@ -39,6 +41,7 @@ void describe(Json& row, Camera& camera) {
 }
 void describe(Json& row, CoilAmplifier& coils) {
   row["identity"] = coils.identity();
+  // Not asked: open() has returned, and leaves an amplifier at zero by its contract.
   row["state"] = "at zero";
   row["limits"] = {{"channels", coils.channels()}, {"current", coils.current_limit()}};
 }
@@ -99,6 +102,7 @@ void describe(Json& row, FieldProbe& probe) {
 /// The rig's roles, each opened by a call of its own.
 class Opening {
  public:
+  // Seed 1 for all: an examination has no run, and its simulated instruments need not differ.
   explicit Opening(const RigDescription& description)
       : clock_(has_real_instruments(description) ? wall_clock() : virtual_clock()),
         reader_(description),
@@ -110,6 +114,8 @@ class Opening {
   /// not in the rig.
   template <class Visit>
   void with(const std::string& role, Visit visit) {
+    // Simulated roles are the laboratory's own and need no opening; they are taken where the rig
+    // names no driver of another.
     const RigContext where{*clock_, &laboratory_};
     if (role == "top_camera" && settings_.top_camera && !settings_.top)
       return visit(laboratory_.top_camera());
@@ -137,6 +143,8 @@ class Opening {
   }
 
  private:
+  // The instrument is closed when the visit ends, before the next one is opened: no two are open at
+  // the same time.
   template <class Role, class Visit>
   static bool open(const std::string& wanted, const char* role, const Opener<Role>& opener,
                    const RigContext& where, Visit& visit) {
@@ -152,6 +160,8 @@ class Opening {
   sim::Laboratory laboratory_;
 };
 
+// One suite a role, by overload; the template takes those that have none. Findings go out by
+// reference, since a visit returns nothing.
 struct Tester {
   Clock& clock;
   std::vector<std::string>& findings;
@@ -171,6 +181,8 @@ struct Tester {
 
 }  // namespace
 
+// The second column is shown where the rig file names no driver. One instrument that is missing
+// does not hide the others.
 Json examine_rig(const RigDescription& description) {
   Opening opening(description);
   Json rows = Json::array();

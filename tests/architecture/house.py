@@ -36,7 +36,7 @@ GOALS = {  # measure: the most that is allowed
 }
 LEAST = {"comment lines in sources, %": 10.0}
 # Goals that are not reached yet: what is allowed until then. Lower these, never raise them.
-STILL = {"modules in the largest ring": 6, "functions above 45 lines": 6, "comment lines in sources, %": 6.5}
+STILL = {"comment lines in sources, %": 6.5}
 
 
 def sources(root):

@@ -3,6 +3,7 @@
 
 #include "host/lua/engine/library.h"
 #include "host/lua/interpreter/errors.h"
+#include "host/lua/interpreter/stop.h"
 #include "host/lua/prompt/prompt.h"
 #include "host/lua/script/reading.h"
 #include "host/lua/script/running.h"

@@ -5,10 +5,12 @@
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/values.h"
 
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo::lua {
 namespace {
@@ -72,6 +74,23 @@ void check_self(lua_State* L, const Class& owner, const Binding& binding) {
                                 signature(&owner, binding));
   if (!binding.when_closed && !handle_at(L, 1).object)
     throw std::invalid_argument("the " + owner.name + " is closed");
+}
+
+/// A call that waited goes on here, with the same upvalues, after its task was resumed.
+int continue_wait(lua_State* L, int, lua_KContext) {
+  const auto& binding = *static_cast<const Binding*>(lua_touserdata(L, lua_upvalueindex(1)));
+  const auto* owner = static_cast<const Class*>(lua_touserdata(L, lua_upvalueindex(2)));
+  const int results = guarded(L, full_name(owner, binding) + ": ", [&] {
+    LuaTask& task = *context_of(L).scheduler->current();
+    if (!task.wait) throw std::logic_error("this coroutine waits on behalf of another task");
+    const auto wait = std::move(task.wait);
+    if (std::exchange(task.stop, false)) throw Stopped();
+    if (task.error) std::rethrow_exception(std::exchange(task.error, nullptr));
+    Call call(L, owner, binding);
+    return wait->finish(call, task.in_time);
+  });
+  if (results != Call::kWaits) return remember_results(L, binding, results), results;
+  return lua_yieldk(L, 0, 0, continue_wait);
 }
 
 /// What Lua calls: upvalue 1 is the row, upvalue 2 its class (null without).

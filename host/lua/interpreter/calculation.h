@@ -4,7 +4,7 @@
 #pragma once
 
 #include "host/lua/interpreter/context.h"
-#include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/work.h"
 
 #include <memory>
 #include <optional>

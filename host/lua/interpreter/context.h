@@ -42,7 +42,9 @@ struct Context {
   const Library* library = nullptr;
   Session* session = nullptr;  // null while a file is only read
   Scheduler* scheduler = nullptr;
-  std::vector<std::string> folders;  // of require
+  std::size_t* stops_felt = nullptr;  // by the task that runs now; null between tasks
+  Time waits_end = kForever;          // every later wait ends with a stop: a clean-up's budget
+  std::vector<std::string> folders;   // of require
   std::uint64_t seed = 0;
   std::function<void(const std::string&)> print;  // of print() and help()
 
@@ -95,6 +97,8 @@ struct Context {
 };
 
 Context& context_of(lua_State* L);
+/// "file:line: " of the innermost function that is written in Lua, or "".
+std::string where(lua_State* L);
 /// The session, or an error that says that a file is only being read.
 Session& session_of(lua_State* L);
 

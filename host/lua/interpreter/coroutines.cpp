@@ -5,6 +5,7 @@
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/stop.h"
 
 #include <stdexcept>
 

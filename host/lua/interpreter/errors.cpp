@@ -3,8 +3,7 @@
 
 #include "devices/time/error.h"
 #include "host/lua/interpreter/context.h"
-#include "host/lua/interpreter/scheduler.h"
-#include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/values.h"
 #include "host/session/script_engine.h"
 
@@ -15,9 +14,6 @@ namespace vitreo::lua {
 namespace {
 
 constexpr const char* kDeviceError = "device error";
-constexpr Time kCleanUp = std::chrono::seconds(5),
-               kShortCleanUp = std::chrono::seconds(1);  // of waits, in all
-const char kStop = 0;                                    // its address is the stop object
 
 int device_error_text(lua_State* L) {
   lua_getfield(L, 1, "where");
@@ -98,52 +94,6 @@ int run_body(lua_State* L) {
 }
 
 }  // namespace
-
-std::string where(lua_State* L) {
-  lua_Debug place;
-  for (int level = 0; lua_getstack(L, level, &place); ++level) {
-    lua_getinfo(L, "Sl", &place);
-    if (place.currentline > 0)
-      return std::string(place.short_src) + ":" + std::to_string(place.currentline) + ": ";
-  }
-  return "";
-}
-
-void push_stop(lua_State* L) { lua_pushlightuserdata(L, const_cast<char*>(&kStop)); }
-bool is_stop(lua_State* L, int index) {
-  return lua_touserdata(L, index) == static_cast<const void*>(&kStop);
-}
-
-void raise_stop(lua_State* L) {
-  Context& context = context_of(L);
-  lua_sethook(L, nullptr, 0, 0);
-  context.interrupted = false;
-  if (context.stopped_at.empty()) context.stopped_at = where(L);
-  if (context.scheduler && context.scheduler->current()) ++context.scheduler->current()->stops;
-  push_stop(L);
-  lua_error(L);
-  throw Stopped();  // not reached: lua_error does not return
-}
-
-void take_interrupt(Context& context) {
-  if (!context.interrupted.exchange(false) || !context.session) return;
-  Session& session = *context.session;
-  try {  // where a watchdog has taken the baton, this stands still until it is given back
-    session.clock.sleep_until(session.clock.now());
-  } catch (const Stopped&) {
-  }
-  session.control.begin_stopping();
-  limit_clean_up(context);
-}
-
-void limit_clean_up(Context& context) {
-  const StopTier tier = context.session->control.tier();
-  const Time budget = tier == StopTier::emergency ? Time(0)
-                      : tier == StopTier::abort   ? kShortCleanUp
-                                                  : kCleanUp;
-  if (context.scheduler)
-    context.scheduler->limit_waits(later(context.session->clock.now(), budget));
-}
 
 int guarded(lua_State* L, const std::string& prefix, const std::function<int()>& body) {
   bool stopped = false;

@@ -10,24 +10,6 @@
 
 namespace vitreo::lua {
 
-struct Context;
-
-/// "file:line: " of the innermost function that is written in Lua, or "".
-std::string where(lua_State* L);
-
-/// The object that a stop throws through a script: nothing may catch it for good.
-void push_stop(lua_State* L);
-bool is_stop(lua_State* L, int index);
-/// Counts the stop for the running task, disarms the hook, and throws the stop.
-[[noreturn]] void raise_stop(lua_State* L);
-
-/// A stop asked for by the engine's interrupt() becomes the one that is raised: the clock's own, of
-/// the same key press, is used up, so that the clean-up can wait. An abort makes the devices safe
-/// here, before the script goes on.
-void take_interrupt(Context& context);
-/// From now on the script's waits have the budget of a clean-up.
-void limit_clean_up(Context& context);
-
 /// Runs `body` and turns what it throws into a Lua error: "file:line: prefix: what". Lua's own
 /// errors, thrown pointers, pass. Never hold a C++ object that outlives the call where Lua errors
 /// may be thrown by lua_error itself: it unwinds.

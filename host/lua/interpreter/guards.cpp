@@ -2,9 +2,9 @@
 // finalizers.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/context.h"
-#include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/stop.h"
 
 #include <utility>
 
@@ -123,37 +123,7 @@ int load(lua_State* L) {
   return 1;
 }
 
-/// Armed on demand (arm_stop), as a hook that is always there would slow down each loop.
-/// raise_stop() disarms it, so that the clean-up can run.
-void stop_hook(lua_State* L, lua_Debug*) {
-  Context& context = context_of(L);
-  if (!context.interrupted) {  // inherited from the coroutine that made this one
-    lua_sethook(L, nullptr, 0, 0);
-    return;
-  }
-  take_interrupt(context);
-  raise_stop(L);
-}
-
-/// For files that are read without a run, such as a rig's: an endless loop in one ends here.
-void limit_hook(lua_State* L, lua_Debug*) {
-  push_stop(L);
-  lua_error(L);
-}
-
 }  // namespace
-
-/// Also from a signal handler on Lua's own thread, as lua.c does it. At calls, returns and each
-/// instruction: the stop is felt at once, in a tight loop too.
-void arm_stop(lua_State* L) noexcept {
-  lua_sethook(L, stop_hook, LUA_MASKCALL | LUA_MASKRET | LUA_MASKCOUNT, 1);
-}
-
-void arm_reading_limit(lua_State* L) {
-  constexpr int kInstructions =
-      20'000'000;  // a few tenths of a second; a file of constants needs thousands
-  lua_sethook(L, limit_hook, LUA_MASKCOUNT, kInstructions);
-}
 
 /// Before any script runs, so none can hold the originals.
 void open_guards(lua_State* L) {

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "host/lua/interpreter/binding.h"
-#include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/wait.h"
 
 #include <functional>
 #include <string>

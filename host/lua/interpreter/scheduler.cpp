@@ -5,8 +5,7 @@
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/dead_time.h"
 #include "host/lua/interpreter/errors.h"
-#include "host/lua/interpreter/state.h"
-#include "host/text/units.h"
+#include "host/lua/interpreter/stop.h"
 
 #include <algorithm>
 #include <stdexcept>
@@ -28,83 +27,7 @@ int task_body(lua_State* L) {
   return end_body(L, lua_pcallk(L, lua_gettop(L) - 2, LUA_MULTRET, 1, 0, end_body), 0);
 }
 
-struct Job {
-  bool done = false;
-  std::exception_ptr error;
-  Signal finished;
-  std::unique_ptr<Task> task;  // last: it ends before what it uses
-};
-
-std::string reading_of(const WaitInfo& about) {
-  if (!about.reading) return "";
-  try {
-    return about.reading();
-  } catch (const Stopped&) {
-    throw;
-  } catch (const std::exception& error) {
-    return std::string("none (") + error.what() + ")";
-  }
-}
-
-/// The device's own words, and what only the caller knows.
-std::exception_ptr with_details(const DeviceError& error, const WaitInfo& about, double elapsed) {
-  std::string said = error.what();
-  const std::string head = error.device + ": ",
-                    tail = std::string(" (") + to_string(error.kind) + ")";
-  if (said.starts_with(head)) said.erase(0, head.size());
-  if (said.ends_with(tail)) said.erase(said.size() - tail.size());
-  return std::make_exception_ptr(
-      DeviceError(error.kind, error.device,
-                  said + "; " + waited_text(about.target, reading_of(about), elapsed)));
-}
-
-void run_job(Job& job, Clock& clock, const std::function<void()>& blocking, const WaitInfo& about) {
-  const Time began = clock.now();
-  try {
-    blocking();
-  } catch (const Stopped&) {
-    throw;
-  } catch (const DeviceError& error) {
-    const bool late = error.kind == DeviceErrorKind::timeout;
-    job.error = late ? with_details(error, about, to_seconds(clock.now() - began))
-                     : std::current_exception();
-  } catch (const std::exception&) {
-    job.error = std::current_exception();
-  }
-  job.done = true;
-  clock.notify(job.finished);
-}
-
 }  // namespace
-
-std::string waited_text(const std::string& target, const std::string& reading, double elapsed) {
-  return (target.empty() ? "" : "wanted " + target + "; ") +
-         (reading.empty() ? "" : "last reading " + reading + "; ") + "after " +
-         format_quantity(elapsed, "s");
-}
-
-Wait work(const Call& call, const std::string& name, std::function<void()> blocking, Time timeout,
-          std::function<int(Call&)> finish, WaitInfo about) {
-  call.check_can_wait();
-  Clock& clock = session_of(call.L).clock;
-  auto job = std::make_shared<Job>();
-  job->task = clock.spawn("script: " + name, [&clock, job = job.get(), run = std::move(blocking),
-                                              about] { run_job(*job, clock, run, about); });
-  Wait wait;
-  wait.signal = &job->finished;
-  wait.ready = [job] { return job->done; };
-  wait.deadline = later(clock.now(), timeout);
-  wait.finish = [job, name, timeout, target = about.target, then = std::move(finish)](
-                    Call& done, bool in_time) {
-    if (!in_time)  // who hangs cannot be asked where it is
-      throw std::runtime_error(name + " did not answer; " +
-                               waited_text(target, "none: it hangs", to_seconds(timeout)));
-    job->task->join();
-    if (job->error) std::rethrow_exception(job->error);
-    return then(done);
-  };
-  return wait;
-}
 
 Scheduler::~Scheduler() {
   for (const auto& task : tasks_) luaL_unref(context_.main, LUA_REGISTRYINDEX, task->reference);
@@ -159,11 +82,13 @@ LuaTask* Scheduler::ready_task() {
 void Scheduler::resume(LuaTask& task) {
   current_ = &task;
   context_.running = task.thread;
+  context_.stops_felt = &task.stops;
   if (context_.interrupted) arm_stop(task.thread);
   int results = 0;
   const int status =
       lua_resume(task.thread, context_.main, std::exchange(task.arguments, 0), &results);
   context_.running = nullptr;
+  context_.stops_felt = nullptr;
   current_ = nullptr;
   if (status == LUA_YIELD) {
     lua_pop(task.thread, results);
@@ -181,7 +106,7 @@ void Scheduler::look(LuaTask& task) {
     const Wait& wait = *task.wait;
     task.in_time = wait.ready && wait.ready();
     const Time now = context_.session->clock.now();
-    if (!task.in_time && now >= limit_ && !wait.ends_children)
+    if (!task.in_time && now >= context_.waits_end && !wait.ends_children)
       task.stop = true;
     else if (!task.in_time && now < wait.deadline)
       return;
@@ -208,7 +133,7 @@ void Scheduler::wait_for_any() {
       what += (what.empty() ? "" : ", ") + task->wait->what;
       (is_dead_time(task->wait->what) ? idle : useful) =
           task->wait->what;  // side by side, what is useful counts
-      deadline = std::min(deadline, limit_);
+      deadline = std::min(deadline, context_.waits_end);
     }
     deadline = std::min(deadline, task->wait->deadline);
     Signal* const signal = task->wait->signal;
@@ -257,8 +182,6 @@ void Scheduler::wait_on(const std::vector<Signal*>& signals, Time deadline) {
       any_, [this] { return ready_task() != nullptr; }, deadline);
 }
 
-void Scheduler::limit_waits(Time until) { limit_ = std::min(limit_, until); }
-
 void Scheduler::end_waits(const std::exception_ptr& error) {
   for (const auto& task : tasks_) {
     if (task->state != LuaTask::State::waiting || task->wait->ends_children) continue;
@@ -282,22 +205,6 @@ void Scheduler::stop(LuaTask& task) {
 bool Scheduler::all_done(const std::vector<LuaTask*>& tasks) const {
   return std::all_of(tasks.begin(), tasks.end(),
                      [](const LuaTask* task) { return task->state == LuaTask::State::done; });
-}
-
-int continue_wait(lua_State* L, int, lua_KContext) {
-  const auto& binding = *static_cast<const Binding*>(lua_touserdata(L, lua_upvalueindex(1)));
-  const auto* owner = static_cast<const Class*>(lua_touserdata(L, lua_upvalueindex(2)));
-  const int results = guarded(L, full_name(owner, binding) + ": ", [&] {
-    LuaTask& task = *context_of(L).scheduler->current();
-    if (!task.wait) throw std::logic_error("this coroutine waits on behalf of another task");
-    const auto wait = std::move(task.wait);
-    if (std::exchange(task.stop, false)) throw Stopped();
-    if (task.error) std::rethrow_exception(std::exchange(task.error, nullptr));
-    Call call(L, owner, binding);
-    return wait->finish(call, task.in_time);
-  });
-  if (results != Call::kWaits) return remember_results(L, binding, results), results;
-  return lua_yieldk(L, 0, 0, continue_wait);
 }
 
 }  // namespace vitreo::lua

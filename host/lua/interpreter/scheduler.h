@@ -4,44 +4,16 @@
 #pragma once
 
 #include "devices/time/clock.h"
-#include "host/lua/interpreter/binding.h"
+#include "host/lua/interpreter/wait.h"
 
 #include <lua.hpp>
 
-#include <functional>
+#include <exception>
 #include <memory>
 #include <string>
 #include <vector>
 
 namespace vitreo::lua {
-
-/// What a host call waits for. After it the call goes on in `finish`, which pushes the results and
-/// returns their number; `in_time` is what `ready` said last. Without `ready` only the deadline
-/// ends the wait.
-struct Wait {
-  Signal* signal = nullptr;     // null: nothing but time
-  std::function<bool()> ready;  // looked at after each notification; it may throw
-  Time deadline = kForever;
-  std::function<int(Call&, bool in_time)> finish;
-  bool ends_children = false;  // run:together: a stop goes to the children, not to this wait
-  std::string what{};          // as the status shows it; Call::wait fills in the call's name
-};
-
-/// What an error says of a wait that took too long, beside operation, time and the script's line.
-struct WaitInfo {
-  std::string target{};  // "1.5 mm"; empty: none
-  std::function<std::string()>
-      reading{};  // where it is now; called on the job's task, may throw. Null: none
-};
-
-/// "wanted 1.5 mm; last reading 0.2 mm; after 60 s"; `reading` may be empty.
-std::string waited_text(const std::string& target, const std::string& reading, double elapsed);
-
-/// A wait for a blocking call that runs as a task of the clock, for the device `name`. Past
-/// `timeout` it is stopped and std::runtime_error thrown; the device's own DeviceError{timeout}
-/// goes on with what `about` knows added.
-Wait work(const Call& call, const std::string& name, std::function<void()> blocking, Time timeout,
-          std::function<int(Call&)> finish, WaitInfo about = {});
 
 /// One coroutine of the script, by way of run:together or as the root.
 struct LuaTask {
@@ -79,11 +51,6 @@ class Scheduler {
   void stop(LuaTask& task);
   bool all_done(const std::vector<LuaTask*>& tasks) const;
 
-  /// From `until` on every wait ends with a stop: the budget of a clean-up. A later time than
-  /// before changes nothing.
-  void limit_waits(Time until);
-  void unlimit_waits() { limit_ = kForever; }
-
  private:
   void loop(const LuaTask& root);
   LuaTask* ready_task();
@@ -98,11 +65,7 @@ class Scheduler {
   LuaTask* current_ = nullptr;
   std::vector<std::unique_ptr<LuaTask>> tasks_;
   Signal any_;  // a watcher saw what it waited for
-  Time limit_ = kForever;
   unsigned long alarms_seen_ = 0;
 };
-
-/// WaitInfo-for calls go on here after the task was resumed.
-int continue_wait(lua_State* L, int status, lua_KContext binding);
 
 }  // namespace vitreo::lua

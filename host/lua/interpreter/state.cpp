@@ -60,13 +60,6 @@ void open_libraries(lua_State* L) {
 
 }  // namespace
 
-Context& context_of(lua_State* L) { return **static_cast<Context**>(lua_getextraspace(L)); }
-
-Session& session_of(lua_State* L) {
-  if (Session* const session = context_of(L).session) return *session;
-  throw std::runtime_error("there is no rig while a file is only being read");
-}
-
 State::State(const Library& library, Session* session, const std::vector<std::string>& folders) {
   context_.library = &library;
   context_.session = session;

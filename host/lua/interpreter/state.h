@@ -50,9 +50,5 @@ void open_functions(lua_State* L, const std::string& name, const std::vector<Bin
 void load_text(lua_State* L, const std::string& text, const std::string& file);
 /// The file's text. Throws ScriptError.
 std::string read_text_file(const std::string& file);
-/// Arms the hook that throws a stop into L. Async-signal-safe on the thread that runs L.
-void arm_stop(lua_State* L) noexcept;
-/// Limits what a file that is only being read may do before it is given up.
-void arm_reading_limit(lua_State* L);
 
 }  // namespace vitreo::lua

@@ -2,8 +2,6 @@
 #include "host/lua/interpreter/values.h"
 
 #include "host/config/config.h"
-#include "host/lua/interpreter/binding.h"
-#include "host/lua/interpreter/errors.h"
 #include "host/text/units.h"
 
 #include <algorithm>
@@ -134,7 +132,12 @@ std::string pretty_field(lua_State* L, const std::string& name, int index, int d
 }
 
 std::string kind_of(lua_State* L, int index) {
-  if (const Class* kind = handle_class(L, index)) return "a " + kind->name;
+  // A handle's metatable bears its class' name.
+  if (lua_type(L, index) == LUA_TUSERDATA && luaL_getmetafield(L, index, "__name") == LUA_TSTRING) {
+    const std::string name = lua_tostring(L, -1);
+    lua_pop(L, 1);
+    return "a " + name;
+  }
   switch (lua_type(L, index)) {
     case LUA_TNONE:
     case LUA_TNIL:

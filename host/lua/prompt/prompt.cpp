@@ -143,7 +143,7 @@ void Prompt::execute() {
   }
   end_nested();
   control.set_idle(true);
-  script_.scheduler().unlimit_waits();
+  script_.context().waits_end = kForever;
   context.interrupted = false;
   context.laps.clear();
   context.trace.clear();

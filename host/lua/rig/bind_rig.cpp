@@ -6,6 +6,7 @@
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
+#include "host/lua/interpreter/work.h"
 #include "host/lua/rig/classes.h"
 #include "host/lua/vision/bind_vision.h"
 #include "host/lua/vision/classes.h"

@@ -7,6 +7,7 @@
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
+#include "host/lua/interpreter/work.h"
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/rig/classes.h"
 #include "host/text/units.h"

@@ -8,6 +8,7 @@
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/interpreter/values.h"
+#include "host/lua/interpreter/work.h"
 #include "host/servo/servo.h"
 #include "host/text/units.h"
 

@@ -5,6 +5,7 @@
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/progress.h"
 #include "host/lua/interpreter/scheduler.h"
+#include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/run/classes.h"

@@ -5,6 +5,7 @@
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/rig/classes.h"
 #include "host/lua/script/reading.h"

@@ -4,6 +4,7 @@
 #include "host/config/config_lines.h"
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
+#include "host/lua/interpreter/stop.h"
 #include "host/lua/interpreter/values.h"
 #include "host/lua/script/reading.h"
 

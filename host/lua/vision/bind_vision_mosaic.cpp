@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/scheduler.h"
 #include "host/lua/interpreter/tables.h"
+#include "host/lua/interpreter/work.h"
 #include "host/lua/vision/bind_vision.h"
 #include "vision/mosaic.h"
 

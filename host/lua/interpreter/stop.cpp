@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/interpreter/stop.h"
+
+#include "devices/time/error.h"
+#include "host/lua/interpreter/context.h"
+
+#include <algorithm>
+
+namespace vitreo::lua {
+namespace {
+
+// Of all waits of a clean-up together. An abort has less: the devices are safe already.
+constexpr Time kCleanUp = std::chrono::seconds(5), kShortCleanUp = std::chrono::seconds(1);
+const char kStop = 0;  // its address is the stop object: no script can make or compare one
+
+/// Armed on demand (arm_stop), as a hook that is always there would slow down each loop.
+/// raise_stop() disarms it, so that the clean-up can run.
+void stop_hook(lua_State* L, lua_Debug*) {
+  Context& context = context_of(L);
+  if (!context.interrupted) {  // inherited from the coroutine that made this one
+    lua_sethook(L, nullptr, 0, 0);
+    return;
+  }
+  take_interrupt(context);
+  raise_stop(L);
+}
+
+/// For files that are read without a run, such as a rig's: an endless loop in one ends here.
+void limit_hook(lua_State* L, lua_Debug*) {
+  push_stop(L);
+  lua_error(L);
+}
+
+}  // namespace
+
+void push_stop(lua_State* L) { lua_pushlightuserdata(L, const_cast<char*>(&kStop)); }
+bool is_stop(lua_State* L, int index) {
+  return lua_touserdata(L, index) == static_cast<const void*>(&kStop);
+}
+
+void raise_stop(lua_State* L) {
+  Context& context = context_of(L);
+  lua_sethook(L, nullptr, 0, 0);
+  context.interrupted = false;
+  if (context.stopped_at.empty()) context.stopped_at = where(L);
+  if (context.stops_felt) ++*context.stops_felt;
+  push_stop(L);
+  lua_error(L);
+  throw Stopped();  // not reached: lua_error does not return
+}
+
+void take_interrupt(Context& context) {
+  if (!context.interrupted.exchange(false) || !context.session) return;
+  Session& session = *context.session;
+  try {  // where a watchdog has taken the baton, this stands still until it is given back
+    session.clock.sleep_until(session.clock.now());
+  } catch (const Stopped&) {
+  }
+  session.control.begin_stopping();
+  limit_clean_up(context);
+}
+
+void limit_clean_up(Context& context) {
+  const StopTier tier = context.session->control.tier();
+  const Time budget = tier == StopTier::emergency ? Time(0)
+                      : tier == StopTier::abort   ? kShortCleanUp
+                                                  : kCleanUp;
+  context.waits_end = std::min(context.waits_end, later(context.session->clock.now(), budget));
+}
+
+/// Also from a signal handler on Lua's own thread, as lua.c does it. At calls, returns and each
+/// instruction: the stop is felt at once, in a tight loop too.
+void arm_stop(lua_State* L) noexcept {
+  lua_sethook(L, stop_hook, LUA_MASKCALL | LUA_MASKRET | LUA_MASKCOUNT, 1);
+}
+
+void arm_reading_limit(lua_State* L) {
+  constexpr int kInstructions =
+      20'000'000;  // a few tenths of a second; a file of constants needs thousands
+  lua_sethook(L, limit_hook, LUA_MASKCOUNT, kInstructions);
+}
+
+}  // namespace vitreo::lua
