@@ -15,8 +15,8 @@ namespace {
 constexpr std::array kGettingReady{
     "servo:go_to",          "servo:wait_until_tracked",
     "stage:move_to",        "stage:home",
-    "stage:wait",           "rotation_stage:turn_to",
-    "rotation_stage:home",  "rotation_stage:wait",
+    "motion:wait",          "rotation_stage:move_to",
+    "rotation_stage:home",
     "lens_mover:move_to",   "lens_mover:home",
     "sample:insert_robot",  "sample:remove_robot",
     "rig:learn_background", "resume",
