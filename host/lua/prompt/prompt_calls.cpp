@@ -172,10 +172,11 @@ return function(object, options)
         local told, value = pcall(object[name], object)
         local text = told and shown(value) or "–"
         if told then heard = true else problem = problem or value end
-        -- what fills several lines is asked for by its name; here each look is one, and a status, which
-        -- has what the others tell, stands for them
+        -- what fills several lines is asked for by its name; here each look is one, and a
+        -- status, which has what the others tell, stands for them
         if name == "status" and told then
-          line = { (text:gsub("^{%s*", ""):gsub(",?%s*}$", ""):gsub(",\n%s*", "  "):gsub(" = ", " ")) }
+          local fields = text:gsub("^{%s*", ""):gsub(",?%s*}$", "")
+          line = { (fields:gsub(",\n%s*", "  "):gsub(" = ", " ")) }
         elseif not text:find("\n", 1, true) then
           line[#line + 1] = name .. " " .. text
         end

@@ -17,7 +17,7 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr double kLongestHandling = 600;  // s
+constexpr double kLongestHandling = 600;  // s: of hands, and the most that a timeout may be
 
 int camera_info(Call& call) {
   const CameraInfo& info = call.self<Camera>().info();
@@ -62,6 +62,7 @@ int camera_grab(Call& call) {
        [last] { return last == 0 ? "no frame yet" : "frame " + std::to_string(last); }}));
 }
 
+/// For the error of a wait: what was asked for beside what is set, "1, 0.25, 0 A".
 std::string currents_text(const std::vector<double>& currents) {
   std::string text;
   for (const double current : currents)
@@ -225,6 +226,7 @@ std::vector<Argument> servo_options() {
                  "how long the robot may be unseen before the coils go to zero (1 s)")};
 }
 
+/// The rig's rows are in two files: those of the instruments here, those of the model beside.
 Class with_rows(Class made, std::vector<Binding> rows) {
   for (Binding& row : rows) made.methods.push_back(std::move(row));
   return made;
@@ -321,6 +323,8 @@ const Class& camera_class() {
   return kind;
 }
 
+// For scripts that drive the coils themselves, without a loop. The interlock's dead-man holds for
+// them too: an output that is not set anew in time goes to zero.
 const Class& coils_class() {
   static const Class kind{"coils",
                           "the coil amplifiers",
@@ -385,6 +389,7 @@ const Class& lens_mover_class() {
   return kind;
 }
 
+// Where the robot ends up is not returned: it is measured by the cameras, as in a laboratory.
 const Class& sample_class() {
   static const Class kind{
       "sample",
@@ -399,6 +404,7 @@ const Class& sample_class() {
   return kind;
 }
 
+// A handle for rig:servo; the images themselves stay inside, for nothing in a script works on them.
 const Class& background_class() {
   static const Class kind{"background",
                           "what the empty scene looks like",
@@ -411,6 +417,7 @@ const Class& background_class() {
   return kind;
 }
 
+// One handle a state and role; the fields are of that handle, so another rig has its own.
 void push_rig(lua_State* L, Rig& rig) {
   push_handle(L, rig_class(), std::shared_ptr<void>(&rig, [](void*) {}));
   add_role(L, camera_class(), rig.top_camera, "top_camera");

@@ -12,8 +12,8 @@
 namespace vitreo::lua {
 namespace {
 
-// The prescription that the rig file names: the believed eye. The true one of a simulated rig cannot
-// be asked for.
+// The prescription that the rig file names: the believed eye. The true one of a simulated rig
+// cannot be asked for.
 int rig_eye(Call& call) {
   push_system(call.L, optics::prescription(call.self<Rig>().model.eye_name));
   return 1;

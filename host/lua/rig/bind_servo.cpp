@@ -64,7 +64,8 @@ int channel_of(double number) {
   return static_cast<int>(number);
 }
 
-/// Puts a law and its gains into the settings.
+/// Puts a law and its gains into the settings. Of the estimator's gains those that were left out
+/// stay empty: the loop tunes them by latency, drag and instability.
 struct TakeLaw {
   ServoSettings& settings;
   void operator()(const control::PdGains& gains) const {
@@ -128,6 +129,8 @@ Returned status_fields() {
            {.name = "failure", .help = "why, in the state failed", .optional = true}}};
 }
 
+/// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
+/// bounds the duration of their mean.
 std::vector<Binding> listening_rows() {
   const Argument duration{
       .name = "duration", .type = Type::number, .unit = "s", .min = 0.01, .max = 30};
@@ -175,6 +178,7 @@ std::vector<Binding> listening_rows() {
            "servo:snapshot(\"before the path\")"}};
 }
 
+/// What the loop is told. A position out of reach is refused, and the loop goes on as before.
 std::vector<Binding> steering_rows() {
   const Argument path{.name = "path",
                       .help = "a trajectory, or a list of positions {x, y, z} in m"};

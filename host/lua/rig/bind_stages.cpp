@@ -84,12 +84,15 @@ WaitInfo about(AnyStage* stage, const std::string& target) {
   return {target, [stage] { return Kind<AnyStage>::text(stage->position()); }};
 }
 
+/// Kept by the state and not by the handle of the stage: several handles may be of one stage, at
+/// the prompt for one.
 std::shared_ptr<StageMotions> motions_of(const Call& call) {
   std::shared_ptr<StageMotions>& motions = call.context().motions[call.self_pointer().get()];
   if (!motions) motions = std::make_shared<StageMotions>();
   return motions;
 }
 
+// Some instruments may not be asked while they move; their driver then gives an estimate.
 template <class AnyStage>
 int any_position(Call& call) {
   using Position = typename Kind<AnyStage>::Position;
@@ -161,6 +164,7 @@ int any_home(Call& call) {
       about(stage, "its reference")));
 }
 
+// Also of a motion that no script has begun, at the instrument's own panel.
 template <class AnyStage>
 int any_stop(Call& call) {
   AnyStage* const stage = &call.self<AnyStage>();
@@ -213,12 +217,12 @@ template <class AnyStage>
 std::vector<Binding> moving_rows(const std::string& handle, const std::string& place,
                                  const std::string& other, const Argument& target,
                                  const Argument& speed) {
-  const Returned position(target.type == Type::numbers ? "list of numbers" : "number",
-                          Kind<AnyStage>::unit);
+  const bool numbers = target.type == Type::numbers;
+  const Returned position(numbers ? "list of numbers" : "number", Kind<AnyStage>::unit);
   return {{"position",
            {},
            position,
-           "from the stage's own origin; a list has one number an axis",
+           numbers ? "one per axis, from the stage's own origin" : "from the stage's own origin",
            any_position<AnyStage>,
            handle + ":position()"},
           {"move_to",
@@ -247,6 +251,7 @@ std::vector<Binding> moving_rows(const std::string& handle, const std::string& p
            handle + ":home()"}};
 }
 
+/// info() stands first on the page.
 Class with_info(Class made, Binding info) {
   made.methods.insert(made.methods.begin(), std::move(info));
   return made;

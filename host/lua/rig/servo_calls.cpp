@@ -255,8 +255,9 @@ int servo_calls::snapshot(Call& call) {
   return 0;
 }
 
-// The mean is over what was gathered since now alone; the loop throws where its mode or its trim
-// changed meanwhile. Twice the duration and 5 s without enough ticks: no frames come.
+// The mean is over what was gathered since now alone; the loop throws where a new
+// goal or trim came meanwhile, for these drop it. Twice the duration and 5 s without enough ticks:
+// no frames come.
 int servo_calls::mean_correction(Call& call) {
   const auto servo = servo_of(call);
   const double duration = call.number(0);
