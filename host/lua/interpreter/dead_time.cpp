@@ -13,13 +13,10 @@ namespace vitreo::lua {
 namespace {
 
 constexpr std::array kGettingReady{
-    "servo:go_to",          "servo:wait_until_tracked",
-    "stage:move_to",        "stage:home",
-    "motion:wait",          "rotation_stage:move_to",
-    "rotation_stage:home",
-    "lens_mover:move_to",   "lens_mover:home",
-    "sample:insert_robot",  "sample:remove_robot",
-    "rig:learn_background", "resume",
+    "servo:go_to",     "servo:wait_until_tracked", "stage:move_to",       "stage:home",
+    "motion:wait",     "rotation_stage:move_to",   "rotation_stage:home", "lens_mover:move_to",
+    "lens_mover:home", "sample:insert_robot",      "sample:remove_robot", "rig:learn_background",
+    "resume",
 };
 
 }  // namespace
