@@ -18,11 +18,11 @@ local hand_speed = 1.5 * mm / s
 local function trim(servo, tolerance)
   for _ = 1, 2 do
     servo:go_to(center, { speed = hand_speed, within = 0.5 * mm, settle = 1 * s })
-    servo:trim(vector(servo:trim()) + servo:mean_correction(1 * s))
+    servo:set_trim(servo:status().trim + servo:mean_correction(1 * s))
   end
   local left = drift.any_direction() * (tolerance * math.abs(drift.normal()))
-  servo:trim(vector(servo:trim()) + servo:force_for(left))
-  return servo:trim()
+  servo:set_trim(servo:status().trim + servo:force_for(left))
+  return servo:status().trim
 end
 
 -- An operator brings it near the place, not to it.
@@ -54,7 +54,7 @@ local function leave_alone(run, rig, p, background, kind, found)
   rig.sample:insert_robot(center)
   servo:wait_until_tracked()
   found.trim = found.trim or trim(servo, p.tolerance)
-  servo:trim(found.trim)
+  servo:set_trim(found.trim)
   for place in run:each(places.six, names[kind]) do
     run:checkpoint("before " .. place.name)
     local speeds = {}

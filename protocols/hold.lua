@@ -55,7 +55,7 @@ local function align(run, servo)
   run:wait(3 * s)
   span.to = run:now()
   local function off(axis) return mean(run, "side_camera", axis, span) - mean(run, "servo", axis, span) end
-  servo:offset(vector(servo:offset()) + vector(off "x", 0, off "z"))
+  servo:set_offset(servo:status().offset + vector(off "x", 0, off "z"))
 end
 
 local function hold(run, servo, p, aligned)

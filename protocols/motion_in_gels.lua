@@ -58,7 +58,7 @@ end
 local function push(rig, run, model, robot, p, time, direction_at, force)
   local began = run:now()
   while run:now() - began < time do
-    rig.coils:set_currents(currents_for(model, robot, p, direction_at(run:now() - began), force, rig.coils:limit()))
+    rig.coils:set_currents(currents_for(model, robot, p, direction_at(run:now() - began), force, rig.coils:info().limit))
     run:wait(0.05 * s)
   end
 end

@@ -50,7 +50,7 @@ local function focus(list, rig, run, p)
   end
   list:must("BIOM swung in", { name = "biom_in" })
   if rig.lens_mover then
-    if not rig.lens_mover:homed() then rig.lens_mover:home() end
+    if not rig.lens_mover:info().homed then rig.lens_mover:home() end
     local best, best_value = rig.lens_mover:position(), -math.huge
     for _, at in ipairs { -1 * mm, -0.5 * mm, 0, 0.5 * mm, 1 * mm } do
       rig.lens_mover:move_to(at)

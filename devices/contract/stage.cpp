@@ -21,7 +21,7 @@ class AsStage final : public ForwardingMotion<Stage, RotationStage> {
   explicit AsStage(RotationStage& stage)
       : ForwardingMotion(stage), info_{stage.info().identity, {stage.info().axis}} {}
   const StageInfo& info() const override { return info_; }
-  Position position() override { return {inner().angle()}; }
+  Position position() override { return {inner().position()}; }
   void start(std::span<const double> target, double speed) override {
     // RotationStage::start takes one number, so a wrong count cannot reach it.
     if (target.size() != 1) throw std::invalid_argument("target: one angle is wanted");

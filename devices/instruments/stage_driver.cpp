@@ -194,8 +194,8 @@ class DrivenRotationStage final : public RotationStage {
     info_ = {motion_.info().identity, motion_.info().axes.front()};
   }
   const RotationStageInfo& info() const override { return info_; }
-  double angle() override { return motion_.position().front(); }
-  void start(double angle, double speed) override { motion_.start({&angle, 1}, speed); }
+  double position() override { return motion_.position().front(); }
+  void start(double target, double speed) override { motion_.start({&target, 1}, speed); }
   bool moving() override { return motion_.moving(); }
   void wait(Time timeout) override { motion_.wait(timeout); }
   void home(Time timeout) override { motion_.home(timeout); }

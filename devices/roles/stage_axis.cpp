@@ -31,6 +31,11 @@ Shown shown_as(const std::string& unit) {
 
 }  // namespace
 
+std::string position_text(double position, const std::string& unit) {
+  const Shown shown = shown_as(unit);
+  return in_short(shown.per_unit * position) + " " + shown.symbol;
+}
+
 void check_motion(const std::vector<StageAxis>& axes, std::span<const double> target, double speed,
                   const std::string& device, const char* unit) {
   // Mistakes of the caller first, limits of the axes after them: a caller's mistake is never taken

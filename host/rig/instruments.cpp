@@ -89,7 +89,7 @@ void describe(Json& row, RotationStage& stage) {
   row["identity"] = to_string(stage.info().identity);
   row["firmware"] = stage.info().identity.firmware;
   row["state"] = stage.moving() ? "moving" : "standing";
-  row["position"] = stage.angle();
+  row["position"] = stage.position();
   row["limits"] = limits_of(stage.info().axis);
 }
 void describe(Json& row, FieldProbe& probe) {

@@ -104,9 +104,9 @@ class WatchedRotation final : public ForwardingRotationStage {
  public:
   WatchedRotation(RotationStage& stage, std::vector<AxisUse>& uses)
       : ForwardingRotationStage(stage), note_(uses, "rotation_stage", "rad") {}
-  void start(double angle, double speed) override {
-    ForwardingRotationStage::start(angle, speed);
-    note_.sent(info().axis.name, angle);
+  void start(double target, double speed) override {
+    ForwardingRotationStage::start(target, speed);
+    note_.sent(info().axis.name, target);
   }
 
  private:

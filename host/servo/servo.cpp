@@ -4,6 +4,7 @@
 #include "host/servo/observation_source.h"
 #include "host/servo/servo_record.h"
 #include "host/servo/visibility.h"
+#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -384,7 +385,8 @@ Eigen::Vector3d Servo::trim() const { return loop_->controller.trim(); }
 void Servo::set_offset(const Eigen::Vector3d& offset) {
   constexpr double kLargest = 1e-3;  // m: more is no bias but another position
   if (!(offset.norm() <= kLargest))
-    throw std::invalid_argument("offset: must be finite and at most 1 mm");
+    throw std::invalid_argument("offset: wants at most " + format_quantity(kLargest, "m") +
+                                ", got " + format_quantity(offset.norm(), "m"));
   loop_->source.set_offset(offset);
   loop_->recorder.event(loop_->clock.now(), "offset",
                         nlohmann::json{offset.x(), offset.y(), offset.z()}.dump());

@@ -7,9 +7,7 @@
 #include "devices/time/error.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
 #include <utility>
 
@@ -27,12 +25,6 @@ constexpr int kTries = 3;
 constexpr int kIds = 100;
 /// How far an axis at rest may be from its target.
 constexpr double kSlack_usteps = 2;
-
-std::string in_short(double number) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%g", number);
-  return text.data();
-}
 
 /// Settings and state of one axis.
 struct Axis {
@@ -298,9 +290,9 @@ void Chain::check_arrival(bool homing) {
     if (homing) continue;
     const double here = number(axis, "pos");
     if (std::abs(here - axis.target) > kSlack_usteps)
-      fail(DeviceErrorKind::refused, which(axis) + "it stands at " + in_short(here * axis.unit) +
-                                         " " + unit_ + ", not at its target of " +
-                                         in_short(axis.target * axis.unit) + " " + unit_);
+      fail(DeviceErrorKind::refused,
+           which(axis) + "it stands at " + position_text(here * axis.unit, unit_) +
+               ", not at its target of " + position_text(axis.target * axis.unit, unit_));
   }
 }
 

@@ -19,6 +19,7 @@ const Library& library() {
                                             &sample_class(),
                                             &stage_class(),
                                             &rotation_stage_class(),
+                                            &motion_class(),
                                             &field_probe_class(),
                                             &operator_input_class(),
                                             &lamp_class(),

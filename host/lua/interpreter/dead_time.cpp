@@ -15,13 +15,10 @@ namespace {
 // Waits have the names of their calls. What is not here measures, follows a path, or waits because
 // the script asked for it.
 constexpr std::array kGettingReady{
-    "servo:go_to",          "servo:wait_until_tracked",
-    "stage:move_to",        "stage:home",
-    "stage:wait",           "rotation_stage:turn_to",
-    "rotation_stage:home",  "rotation_stage:wait",
-    "lens_mover:move_to",   "lens_mover:home",
-    "sample:insert_robot",  "sample:remove_robot",
-    "rig:learn_background", "resume",
+    "servo:go_to",     "servo:wait_until_tracked", "stage:move_to",       "stage:home",
+    "motion:wait",     "rotation_stage:move_to",   "rotation_stage:home", "lens_mover:move_to",
+    "lens_mover:home", "sample:insert_robot",      "sample:remove_robot", "rig:learn_background",
+    "resume",
 };
 
 }  // namespace

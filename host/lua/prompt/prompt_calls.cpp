@@ -172,8 +172,14 @@ return function(object, options)
         local told, value = pcall(object[name], object)
         local text = told and shown(value) or "–"
         if told then heard = true else problem = problem or value end
-        -- what fills several lines is asked for by its name; here each look is one
-        if not text:find("\n", 1, true) then line[#line + 1] = name .. " " .. text end
+        -- what fills several lines is asked for by its name; here each look is one, and a
+        -- status, which has what the others tell, stands for them
+        if name == "status" and told then
+          local fields = text:gsub("^{%s*", ""):gsub(",?%s*}$", "")
+          line = { (fields:gsub(",\n%s*", "  "):gsub(" = ", " ")) }
+        elseif not text:find("\n", 1, true) then
+          line[#line + 1] = name .. " " .. text
+        end
       end
       if not heard then error(problem, 0) end
     else

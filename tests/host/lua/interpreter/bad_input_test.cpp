@@ -179,7 +179,7 @@ class EndlessTurn : public RotationStage {
     info_.axis = {"turn", -10, 10, 1, 0.1, 1e-6};
   }
   const RotationStageInfo& info() const override { return info_; }
-  double angle() override { throw DeviceError(DeviceErrorKind::lost, "rotation_stage", "gone"); }
+  double position() override { throw DeviceError(DeviceErrorKind::lost, "rotation_stage", "gone"); }
   void start(double, double) override {}
   bool moving() override { return true; }
   void wait(Time timeout) override {
@@ -214,12 +214,11 @@ TEST_F(BadInput, AStageThatNeverArrivesIsNamedWithItsTargetAndItsPlace) {
   expect_all(
       run("rig.stage:move_to({ 5e-3 }, { timeout = 3 })").error,
       {"stage", "it still moves", "wanted 5 mm", "last reading 2 mm", "after 3 s", "p.lua:2"});
-  expect_all(
-      run("rig.stage:start({ 5e-3 })\nrig.stage:wait()").error,
-      {"it still moves", "wanted its end", "last reading 2 mm", "after 1 min 00 s", "p.lua:3"});
+  expect_all(run("local motion = rig.stage:start({ 5e-3 })\nmotion:wait()").error,
+             {"it still moves", "wanted 5 mm", "last reading 2 mm", "after 1 min 00 s", "p.lua:3"});
   expect_all(run("rig.stage:home()").error,
              {"wanted its reference", "after 2 min 00 s", "p.lua:2"});
-  expect_all(run("rig.rotation_stage:turn_to(1)").error,
+  expect_all(run("rig.rotation_stage:move_to(1)").error,
              {"rotation_stage", "it still turns", "last reading none (rotation_stage: gone",
               "after 1 min 00 s", "p.lua:2"});
 }

@@ -157,9 +157,9 @@ const Names kOfVision{
     "vision",   "image", "video", "color_model", "tracker", "multi_tracker", "background_tracker",
     "autofocus"};
 const Names kOfServo{"servo", "background"};
-const Names kOfRig{"rig",       "camera",         "coils",       "lens_mover",     "sample",
-                   "stage",     "rotation_stage", "field_probe", "operator_input", "lamp",
-                   "simulation"};
+const Names kOfRig{"rig",         "camera",         "coils",          "lens_mover",
+                   "sample",      "stage",          "rotation_stage", "motion",
+                   "field_probe", "operator_input", "lamp",           "simulation"};
 const Names kOfRun{"run", "files", "reminder"};
 
 /// "servo" of servo:go_to, "control" of control.line.
@@ -259,7 +259,8 @@ TEST_F(Examples, OfTheRigsInstrumentsRun) {
       "files.write('machine.yaml', control.field_model({ name = 'octomag' }):to_yaml { low = { "
       "-cm, "
       "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():sample { number = 1 }\n"
-      "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n";
+      "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n"
+      "local motion = rig.stage:start { 0.05 * mm } motion:wait()\n";
   expect_run(machine, kOfRig);
 }
 

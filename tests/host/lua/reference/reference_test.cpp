@@ -70,7 +70,7 @@ TEST(Reference, EveryCallHasTextUnitsThatExistAndAnExampleThatIsLua) {
 
 TEST(Reference, TheUnitOfAResultIsReadFromTheRow) {
   EXPECT_EQ(unit_of_result(*find_entry(library(), "stage:position")->row), "m");
-  EXPECT_EQ(unit_of_result(*find_entry(library(), "coils:limit")->row), "A");
+  EXPECT_EQ(unit_of_result(*find_entry(library(), "coils:currents")->row), "A");
   EXPECT_EQ(unit_of_result(*find_entry(library(), "trajectory:at")->row), "")
       << "a position and a velocity have not one unit";
   EXPECT_EQ(unit_of_result(*find_entry(library(), "stage:info")->row), "");
