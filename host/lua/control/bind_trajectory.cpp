@@ -27,9 +27,6 @@ std::vector<Eigen::Vector3d> points_option(const Call& call) {
   return points;
 }
 
-int point(Call& call) {
-  return push_trajectory(call, Trajectory::hold_at(needed(call, "position")));
-}
 int line(Call& call) {
   return push_trajectory(
       call, Trajectory::line(needed(call, "from"), needed(call, "to"), motion_limits(call)));
@@ -64,8 +61,11 @@ int spiral(Call& call) {
   return push_trajectory(call, Trajectory::spiral(shape, motion_limits(call)));
 }
 
-int duration(Call& call) { return call.result(call.self<Trajectory>().duration(), "s"); }
-int length(Call& call) { return call.result(call.self<Trajectory>().length(), "m"); }
+int info(Call& call) {
+  const auto& path = call.self<Trajectory>();
+  ResultTable(call).number("duration", path.duration(), "s").number("length", path.length(), "m");
+  return 1;
+}
 int at(Call& call) {
   const control::Reference reference = call.self<Trajectory>().at(call.number(0));
   ResultTable(call)
@@ -122,12 +122,6 @@ std::vector<Binding> trajectory_functions() {
       place("bottom", "lower end of its axis, which is the world's z ({0, 0, -3 mm})");
   bottom.optional = true;
   return {
-      {"control.point",
-       {options_of({place("position")})},
-       "trajectory",
-       "stays at a position",
-       point,
-       "control.point { position = vector(0, 0, 1 * mm) }"},
       {"control.line", moving({place("from"), place("to")}), "trajectory", "a straight line", line,
        "control.line { from = { 0, 0, 0 }, to = { 1 * mm, 0, 0 }, speed = 0.5 * mm / s }"},
       {"control.rectangle",
@@ -159,8 +153,12 @@ const Class& trajectory_class() {
       "trajectory",
       "positions as a function of time; make one with control.line and its like, go along it with "
       "servo:follow",
-      {{"duration", {}, {"number", "s"}, "how long it takes", duration, "path:duration()"},
-       {"length", {}, {"number", "m"}, "how long the way is", length, "path:length()"},
+      {{"info",
+        {},
+        {"table", {{"duration", "s", "from its begin to its end"}, {"length", "m", "of the way"}}},
+        "how long it takes, and how long the way is",
+        info,
+        "path:info()"},
        {"at",
         {{.name = "time", .type = Type::number, .unit = "s", .help = "since it began"}},
         {"table", {{"position", "m", "where it is then"}, {"velocity", "m/s", "how fast"}}},

@@ -142,19 +142,25 @@ int law_info(Call& call) {
   return 1;
 }
 
-int law_on_retina(Call& call) {
+/// On the eye's own retina (4.3): one equation for the law's two shifts. sensor_shift solves it
+/// exactly by the one of the sensor alone; minimum_norm moves both, as little as possible.
+int calibrate_on_retina(const Call& call, double distance) {
   AxisLaw law = law_of(call);
   const std::string method = call.text_option("method").value_or("sensor_shift");
   const auto fit =
-      optics::calibrate_biometric(law.law, {call.number(0), -law.vitreous},
+      optics::calibrate_biometric(law.law, {distance, -law.vitreous},
                                   method == "sensor_shift" ? optics::BiometricMethod::sensor_shift
                                                            : optics::BiometricMethod::minimum_norm);
   law.law = fit.law;
+  ResultTable table(call);
   push_law(call.L, law);
+  table.top("law");
   return 1;
 }
 
-int law_fit(Call& call) {
+/// By points at known depths (4.4.4). Three of them determine the law and leave nothing over to
+/// judge it by: no sigma then, where the fit's covariance is zero.
+int calibrate_by_points(const Call& call) {
   AxisLaw law = law_of(call);
   std::vector<optics::OnAxisPoint> points;
   each_entry(call, "points", {"depth", "distance"},
@@ -171,11 +177,23 @@ int law_fit(Call& call) {
   push_law(call.L, law);
   table.top("law")
       .number("rms_residual", fit.rms_residual, "m")
-      .number("max_residual", fit.max_residual, "m")
-      .number("focal_length_sigma", sigma[0], "m")
-      .number("first_principal_point_sigma", sigma[1], "m")
-      .number("second_principal_point_sigma", sigma[2], "m");
+      .number("max_residual", fit.max_residual, "m");
+  if (points.size() > 3)
+    table.number("focal_length_sigma", sigma[0], "m")
+        .number("first_principal_point_sigma", sigma[1], "m")
+        .number("second_principal_point_sigma", sigma[2], "m");
   return 1;
+}
+
+int law_calibrate(Call& call) {
+  const auto retina = call.number_option("retina");
+  const bool by_points = call.push_option("points");
+  lua_pop(call.L, 1);
+  if (retina.has_value() == by_points)
+    throw std::invalid_argument("options: wants either retina or points");
+  if (by_points && call.text_option("method"))
+    throw std::invalid_argument("method: is for the calibration on the retina alone");
+  return by_points ? calibrate_by_points(call) : calibrate_on_retina(call, *retina);
 }
 
 int push_estimate(const Call& call, const optics::EyeEstimate& estimate) {
@@ -301,10 +319,12 @@ std::vector<Binding> system_calibration_rows() {
 }
 
 const Class& axis_law_class() {
-  const auto of_many = [](const char* name) {
-    return ResultField{
-        .name = name, .unit = "m", .help = "of more than three points", .optional = true};
+  const auto of_points = [](const char* name, const char* help) {
+    return ResultField{.name = name, .unit = "m", .help = help, .optional = true};
   };
+  Argument points =
+      list_argument("points", "instead: {{depth = , distance = }, ...}, three or more, m");
+  points.optional = true;
   static const Class kind{
       "axis_law",
       "depth on the axis from focus (4.10) to (4.12); make one with optical_system:axis_law",
@@ -335,32 +355,29 @@ const Class& axis_law_class() {
         "the law's constants",
         law_info,
         "law:info()"},
-       {"on_retina",
-        {{.name = "distance",
-          .type = Type::number,
-          .unit = "m",
-          .help = "d_ls at which the retina was sharp"},
-         options_of({{.name = "method",
+       {"calibrate",
+        {options_of({{.name = "retina",
+                      .type = Type::number,
+                      .unit = "m",
+                      .optional = true,
+                      .help = "d_ls at which the eye's own retina was sharp (4.3)"},
+                     {.name = "method",
                       .type = Type::text,
                       .optional = true,
-                      .help = "how the shifts are found (sensor_shift); minimum_norm as the thesis",
-                      .choices = {"sensor_shift", "minimum_norm"}}})},
-        "axis_law",
-        "biometric calibration on the eye's own retina (4.3)",
-        law_on_retina,
-        "law:on_retina(8 * mm)"},
-       {"fit",
-        {options_of({list_argument("points", "{{depth = , distance = }, ...}, three or more, m")})},
+                      .help = "how the shifts are found on the retina (sensor_shift); minimum_norm "
+                              "as the thesis",
+                      .choices = {"sensor_shift", "minimum_norm"}},
+                     points})},
         {"table",
          {{"law", "", "the axis_law that was found"},
-          {"rms_residual", "m", ""},
-          {"max_residual", "m", ""},
-          of_many("focal_length_sigma"),
-          of_many("first_principal_point_sigma"),
-          of_many("second_principal_point_sigma")}},
-        "full calibration on the axis (4.4.4)",
-        law_fit,
-        "law:fit { points = foci }"}},
+          of_points("rms_residual", "of points"),
+          of_points("max_residual", "of points"),
+          of_points("focal_length_sigma", "of more than three points"),
+          of_points("first_principal_point_sigma", "of more than three points"),
+          of_points("second_principal_point_sigma", "of more than three points")}},
+        "calibrates on the eye's own retina (4.3), or by points at known depths (4.4.4)",
+        law_calibrate,
+        "law:calibrate { retina = 8 * mm }"}},
       {}};
   return kind;
 }

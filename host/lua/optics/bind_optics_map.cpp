@@ -35,21 +35,13 @@ int make_map(Call& call) {
 
 const WideAngleMap& map_of(const Call& call) { return call.self<WideAngleMap>(); }
 
-int push_aerial(Call& call, const std::optional<optics::AerialPoint>& aerial) {
+/// By the table, or by the bundle itself where the table's own error is asked about.
+int image(Call& call) {
+  const Eigen::Vector3d point = call.vector(0);
+  const auto aerial =
+      call.flag_option("traced") ? map_of(call).traced_image(point) : map_of(call).image(point);
   if (!aerial) return 0;
   return call.result(Eigen::Vector3d(aerial->m.x(), aerial->m.y(), aerial->focus), "m");
-}
-
-int image(Call& call) { return push_aerial(call, map_of(call).image(call.vector(0))); }
-int traced_image(Call& call) {
-  return push_aerial(call, map_of(call).traced_image(call.vector(0)));
-}
-
-int point(Call& call) {
-  const Eigen::Vector3d aerial = call.vector(0);
-  const auto found = map_of(call).point({aerial.head<2>(), aerial.z()});
-  if (!found) return 0;
-  return call.result(*found, "m");
 }
 
 /// Localization by focus (figure 4.1): the isopixel curve meets the isofocus surface. Its
@@ -185,6 +177,40 @@ int thesis_curves(Call& call) {
   return 1;
 }
 
+std::vector<Binding> imaging_rows() {
+  return {{"image",
+           {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"},
+            options_of({{.name = "traced",
+                         .type = Type::flag,
+                         .optional = true,
+                         .help = "by tracing the bundle instead of the table (false)"}})},
+           Returned("position", "m").or_nil("outside"),
+           "where a point is imaged sharply",
+           image,
+           "map:image({ 0, 0, 2 * mm })"},
+          {"locate",
+           {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
+            options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 µm)"),
+                        length_option("focus_sigma", 1e-12, 1, "of d_ls (50 µm)")})},
+           Returned("table", std::vector<ResultField>{{"position", "m", "the point imaged there"},
+                                                      {"sigma", "m", "of x, y and z"},
+                                                      {"covariance", "m^2", "list of its rows"}})
+               .or_nil("outside"),
+           "localizes by focus: the point that is imaged at a place, with its covariance",
+           locate_in_map,
+           "map:locate(map:image({ 0, 0, 2 * mm }))"},
+          {"info",
+           {},
+           {"table",
+            {{"max_angle", "rad", "of the field"},
+             {"max_depth", "m", "before the retina"},
+             {"tail", "m", "the table's error"},
+             {"symmetric", "", "whether the system is, about its axis"}}},
+           "how far the map reaches",
+           map_info,
+           "map:info()"}};
+}
+
 std::vector<Binding> curve_rows() {
   const Argument count{.name = "count",
                        .type = Type::integer,
@@ -259,52 +285,11 @@ std::vector<Binding> system_map_rows() {
 
 const Class& wide_angle_map_class() {
   static const Class kind = [] {
-    const Argument inside{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"};
-    Class made{
-        "wide_angle_map",
-        "image formation (3.2); make one with optical_system:wide_angle_map. An image place "
-        "is {x, y, d_ls}: x, "
-        "y of the eye frame, d_ls from the last vertex",
-        {{"image",
-          {inside},
-          Returned("position", "m").or_nil("outside"),
-          "where a point is imaged sharply",
-          image,
-          "map:image({ 0, 0, 2 * mm })"},
-         {"point",
-          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"}},
-          Returned("position", "m").or_nil("outside"),
-          "the point that is imaged there",
-          point,
-          "map:point(map:image({ 0, 0, 2 * mm }))"},
-         {"locate",
-          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
-           options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
-                       length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
-          Returned("table", std::vector<ResultField>{{"position", "m", ""},
-                                                     {"sigma", "m", "of x, y and z"},
-                                                     {"covariance", "m^2", "list of its rows"}})
-              .or_nil("outside"),
-          "localizes by focus: as point, with its covariance",
-          locate_in_map,
-          "map:locate(map:image({ 0, 0, 2 * mm }))"},
-         {"traced_image",
-          {inside},
-          Returned("position", "m").or_nil("outside"),
-          "as image, by tracing the bundle instead of the table",
-          traced_image,
-          "map:traced_image({ 0, 0, 2 * mm })"},
-         {"info",
-          {},
-          {"table",
-           {{"max_angle", "rad", "of the field"},
-            {"max_depth", "m", "before the retina"},
-            {"tail", "m", "the table's error"},
-            {"symmetric", "", "whether the system is, about its axis"}}},
-          "how far the map reaches",
-          map_info,
-          "map:info()"}},
-        {}};
+    Class made{"wide_angle_map",
+               "image formation (3.2); make one with optical_system:wide_angle_map. An image place "
+               "is {x, y, d_ls}: x, y of the eye frame, d_ls from the last vertex",
+               imaging_rows(),
+               {}};
     for (Binding& row : curve_rows()) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -31,17 +31,6 @@ int trace(Call& call) {
   return 1;
 }
 
-int isopixel_line(Call& call) {
-  const std::vector<double> m = call.numbers(0);
-  if (m.size() != 2) throw std::invalid_argument("m: wants two numbers {x, y}");
-  const auto line = optics::isopixel_line(
-      eye_of(call).system, microscope_option(call).value_or(optics::Microscope{}), {m[0], m[1]});
-  if (!line) return 0;
-  ResultTable table(call);
-  set_ray(table, *line);
-  return 1;
-}
-
 int point_at_field(Call& call) {
   const auto point =
       optics::point_at_field(eye_of(call).system, call.number(0), call.has(1) ? call.number(1) : 0);
@@ -237,15 +226,7 @@ std::vector<Binding> system_ray_rows() {
          {.name = "surface", .help = "where it was lost", .optional = true}}},
        "follows a ray exactly",
        trace,
-       "eye:trace({ 0, 0, 0 }, { 0, 0, 1 })"},
-      {"isopixel_line",
-       {{.name = "m", .type = Type::numbers, .unit = "m", .help = "{x, y} in the plane in focus"},
-        options_of({microscope_argument()})},
-       Returned("table", std::vector<ResultField>{origin, direction})
-           .or_nil("when the ray is lost"),
-       "the line in the vitreous whose points a microscope sees at m",
-       isopixel_line,
-       "eye:isopixel_line({ 1 * mm, 0 })"}};
+       "eye:trace({ 0, 0, 0 }, { 0, 0, 1 })"}};
   for (Binding& row : field_rows()) rows.push_back(std::move(row));
   return rows;
 }

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo::lua {
 namespace {
@@ -88,21 +89,25 @@ int system_info(Call& call) {
   return 1;
 }
 
+/// First the eye accommodates, then parameters are replaced: a value that is given stands, whatever
+/// accommodation would have made of it.
 int with(Call& call) {
   const int table = call.index(0);
+  double accommodation = 0;
   std::vector<optics::Override> overrides;
   for (const std::string& key : text_keys(call.L, table)) {
     if (lua_getfield(call.L, table, key.c_str()) != LUA_TNUMBER)
       throw std::invalid_argument(key + ": wants a number, got " + kind_of(call.L, -1));
-    overrides.emplace_back(key, lua_tonumber(call.L, -1));
+    const double value = lua_tonumber(call.L, -1);
+    if (key == "accommodation")
+      accommodation = value;
+    else
+      overrides.emplace_back(key, value);
     lua_pop(call.L, 1);
   }
-  push_system(call.L, optics::with_parameters(eye_of(call), overrides));
-  return 1;
-}
-
-int accommodate(Call& call) {
-  push_system(call.L, optics::accommodate(eye_of(call), call.number(0)));
+  optics::Prescription eye = eye_of(call);
+  if (accommodation != 0) eye = optics::accommodate(std::move(eye), accommodation);
+  push_system(call.L, optics::with_parameters(std::move(eye), overrides));
   return 1;
 }
 
@@ -183,22 +188,13 @@ std::vector<Binding> system_table_rows() {
            prescription,
            "eye:prescription()"},
           {"with",
-           {{.name = "values", .type = Type::table, .help = "SI, by names of parameters"}},
+           {{.name = "values",
+             .type = Type::table,
+             .help = "SI, by names of parameters; accommodation: in 1/m, 0 to 10 (0)"}},
            "optical_system",
-           "a personal eye: the same with some parameters replaced",
+           "a personal eye: the same with some parameters replaced, or as it accommodates",
            with,
-           "eye:with { [\"cornea.anterior.radius\"] = 7.8 * mm }"},
-          {"accommodate",
-           {{.name = "accommodation",
-             .type = Type::number,
-             .unit = "1/m",
-             .min = 0,
-             .max = 10,
-             .help = "dioptres"}},
-           "optical_system",
-           "the eye when it accommodates",
-           accommodate,
-           "optics.system({ name = \"navarro\" }):accommodate(4)"}};
+           "eye:with { [\"cornea.anterior.radius\"] = 7.8 * mm, accommodation = 4 }"}};
 }
 
 }  // namespace vitreo::lua

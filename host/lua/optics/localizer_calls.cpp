@@ -11,6 +11,8 @@
 namespace vitreo::lua::localizer_calls {
 namespace {
 
+constexpr double kUsualSigma = 0.2;  // px, of a tracker's center and axes, and of a point
+
 std::vector<double> sigmas_of(const optics::PoseCandidate& one) {
   const Eigen::VectorXd sigma = one.covariance.diagonal().cwiseSqrt();
   return {sigma.begin(), sigma.end()};
@@ -35,13 +37,14 @@ void set_candidate(ResultTable& table, const optics::PoseCandidate& one,
 
 }  // namespace
 
-Argument body_argument() {
+Argument body_argument(bool optional) {
   const auto exponent = [](const char* name, const char* help) {
     return Argument{
         .name = name, .type = Type::number, .optional = true, .min = 0, .max = 1.9, .help = help};
   };
   return {.name = "body",
           .type = Type::options,
+          .optional = optional,
           .help = "its shape and size, z along its axis",
           .options = {
               {.name = "shape",
@@ -97,10 +100,24 @@ SeenEllipse seen_at(const OptionTable& table) {
     seen.covariance = Eigen::Map<const optics::EllipseCovariance>(numbers->data()).transpose();
     return seen;
   }
-  const double sigma = table.number("sigma").value_or(0.2);
+  const double sigma = table.number("sigma").value_or(kUsualSigma);
   const double difference = seen.ellipse[2] - seen.ellipse[3];
   seen.covariance = sigma * sigma * optics::EllipseCovariance::Identity();
   seen.covariance(4, 4) = sigma * sigma / 2 / std::max(difference * difference, 1e-6);
+  return seen;
+}
+
+optics::ObjectModel body_option(const Call& call) {
+  if (!call.push_option("body")) throw std::invalid_argument("body: is missing");
+  optics::ObjectModel body = body_at(OptionTable(call.L, lua_gettop(call.L)));
+  lua_pop(call.L, 1);
+  return body;
+}
+
+SeenEllipse ellipse_option(const Call& call) {
+  if (!call.push_option("ellipse")) throw std::invalid_argument("ellipse: is missing");
+  const SeenEllipse seen = seen_at(OptionTable(call.L, lua_gettop(call.L)));
+  lua_pop(call.L, 1);
   return seen;
 }
 
@@ -129,12 +146,14 @@ optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& 
   return settings;
 }
 
-std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument) {
+std::vector<optics::SeenPoint> points_option(const Call& call) {
   std::vector<optics::SeenPoint> points;
-  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(argument)));
+  call.push_option("points");
+  const int list = lua_gettop(call.L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
   for (lua_Integer i = 1; i <= count; ++i) {
     const std::string where = "points: " + std::to_string(i) + ": ";
-    if (lua_rawgeti(call.L, call.index(argument), i) != LUA_TTABLE)
+    if (lua_rawgeti(call.L, list, i) != LUA_TTABLE)
       throw std::invalid_argument(where + "wants a table");
     const OptionTable point(call.L, lua_gettop(call.L));
     refuse_unknown(call.L, lua_gettop(call.L), where, {"body", "u", "v", "sigma"});
@@ -142,10 +161,11 @@ std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument)
     const auto u = point.number("u"), v = point.number("v");
     if (!body || !u || !v)
       throw std::invalid_argument(where + "wants {body = {x, y, z}, u = , v = }");
-    const double sigma = point.number("sigma").value_or(0.2);
+    const double sigma = point.number("sigma").value_or(kUsualSigma);
     points.push_back({*body, {*u, *v}, sigma * sigma * Eigen::Matrix2d::Identity()});
     lua_pop(call.L, 1);
   }
+  lua_pop(call.L, 1);
   return points;
 }
 

@@ -199,6 +199,12 @@ std::vector<const TrainedModel*> models_option(const Call& call) {
   return models;
 }
 
+bool option_given(const Call& call, const std::string& name) {
+  const bool given = call.push_option(name);
+  lua_pop(call.L, 1);
+  return given;
+}
+
 Argument flag_option_row(const char* name, const char* help) {
   return {.name = name, .type = Type::flag, .optional = true, .help = help};
 }

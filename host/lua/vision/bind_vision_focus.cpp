@@ -8,6 +8,7 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -107,14 +108,20 @@ int make_autofocus(Call& call) {
   return 1;
 }
 
-int start(Call& call) { return call.result(call.self<vision::Autofocus>().start()); }
-
+/// Without a reading the search begins: where to measure first. With one it goes on.
 int next(Call& call) {
-  const vision::AutofocusStep step =
-      call.self<vision::Autofocus>().next(call.number(0), call.number(1));
+  auto& search = call.self<vision::Autofocus>();
+  const auto position = call.number_option("position"), value = call.number_option("value");
+  if (position.has_value() != value.has_value())
+    throw std::invalid_argument("position, value: one is missing; they come together");
   ResultTable table(call);
-  if (const double* position = std::get_if<double>(&step)) {
-    table.number("move_to", *position);
+  if (!position) {
+    table.number("move_to", search.start());
+    return 1;
+  }
+  const vision::AutofocusStep step = search.next(*position, *value);
+  if (const double* target = std::get_if<double>(&step)) {
+    table.number("move_to", *target);
     return 1;
   }
   const auto& done = std::get<vision::AutofocusResult>(step);
@@ -202,16 +209,22 @@ const Class& autofocus_class() {
   step.insert(step.begin(), field("move_to", "where to measure next; nil at the end"));
   step.push_back(field("readings", "how many it took"));
   step.push_back(field("park", "where to leave the stage"));
+  const auto reading = [](const char* name, const char* help) {
+    Argument made = needed(name, help);
+    made.optional = true;
+    return made;
+  };
   static const Class kind{
       "autofocus",
       "one search; it moves nothing: make one with vision.autofocus",
-      {{"start", {}, "number", "the first position", start, "search:start()"},
-       {"next",
-        {needed("position", "where the stage is"), needed("value", "of the measure there")},
+      {{"next",
+        {options_of(
+            {reading("position", "where the stage is"), reading("value", "of the measure there")})},
         {"table", step},
-        "the next step; at the end the peak, as vision.focus_peak has it",
+        "the next step by what was measured, the first one by nothing; at the end the peak, as "
+        "vision.focus_peak has it",
         next,
-        "search:next(0.1 * mm, 3.5)"}}};
+        "search:next { position = 0.1 * mm, value = 3.5 }"}}};
   return kind;
 }
 

@@ -57,7 +57,12 @@ int video_read(Call& call) {
   return 1;
 }
 
-int video_count(Call& call) { return call.result(call.self<VideoFile>().count()); }
+int video_info(Call& call) {
+  const int frames = call.self<VideoFile>().count();
+  ResultTable table(call);
+  if (frames > 0) table.integer("frames", frames);  // 0: the file does not say
+  return 1;
+}
 
 int video_close(Call& call) {
   close_handle(call);
@@ -72,45 +77,33 @@ int image_info(Call& call) {
   return 1;
 }
 
-/// One value of a gray image, three of a color image, of which OpenCV keeps blue first.
-int push_color(const Call& call, const cv::Scalar& bgr) {
-  ResultTable table(call);
-  if (pixels_of(call).channels() == 1)
-    table.number("gray", bgr[0]);
-  else
-    table.number("red", bgr[2]).number("green", bgr[1]).number("blue", bgr[0]);
-  return 1;
-}
-
-int pixel(Call& call) {
-  const cv::Mat& image = pixels_of(call);
-  const double u = call.number(0), v = call.number(1);
-  if (u >= image.cols || v >= image.rows)
-    throw std::invalid_argument("the pixel lies outside of the image, which is " +
-                                std::to_string(image.cols) + " x " + std::to_string(image.rows));
-  const cv::Point at(static_cast<int>(u), static_cast<int>(v));
-  if (image.channels() == 1) return push_color(call, cv::Scalar(image.at<unsigned char>(at)));
-  const auto& bgr = image.at<cv::Vec3b>(at);
-  return push_color(call, cv::Scalar(bgr[0], bgr[1], bgr[2]));
-}
-
-int mean(Call& call) { return push_color(call, cv::mean(pixels_of(call))); }
-
-int gray(Call& call) {
-  cv::Mat made = pixels_of(call);
-  if (made.channels() == 3) cv::cvtColor(pixels_of(call), made, cv::COLOR_BGR2GRAY);
-  push_image(call.L, made);
-  return 1;
-}
-
-int crop(Call& call) {
+/// A part of the image by the options x, y, width and height, all of them needed. Throws
+/// std::invalid_argument when it sticks out: a part that is cut off would be another one than
+/// asked.
+cv::Mat part_of(const Call& call) {
   const auto whole = [&](const char* name) { return static_cast<int>(*call.number_option(name)); };
   const cv::Rect asked(whole("x"), whole("y"), whole("width"), whole("height"));
   const cv::Rect all(0, 0, pixels_of(call).cols, pixels_of(call).rows);
   if ((asked & all) != asked)
     throw std::invalid_argument("sticks out of the image, which is " + std::to_string(all.width) +
                                 " x " + std::to_string(all.height));
-  push_image(call.L, pixels_of(call)(asked).clone());
+  return pixels_of(call)(asked);
+}
+
+/// One value of a gray image, three of a color image, of which OpenCV keeps blue first.
+int mean(Call& call) {
+  const cv::Mat part = call.has(0) ? part_of(call) : pixels_of(call);
+  const cv::Scalar bgr = cv::mean(part);
+  ResultTable table(call);
+  if (part.channels() == 1)
+    table.number("gray", bgr[0]);
+  else
+    table.number("red", bgr[2]).number("green", bgr[1]).number("blue", bgr[0]);
+  return 1;
+}
+
+int crop(Call& call) {
+  push_image(call.L, part_of(call).clone());
   return 1;
 }
 
@@ -233,6 +226,10 @@ const Class& image_class() {
   const auto level = [](const char* name) {
     return ResultField{.name = name, .help = "0 to 255", .optional = true};
   };
+  const Argument corners =
+      options_of({whole("x", 0), whole("y", 0), whole("width", 1), whole("height", 1)});
+  Argument part = corners;
+  part.optional = true;
   const Returned color{"table", {level("gray"), level("red"), level("green"), level("blue")}};
   static const Class kind{
       "image",
@@ -244,16 +241,14 @@ const Class& image_class() {
         "size and channels",
         image_info,
         "image:info()"},
-       {"pixel",
-        {whole("u", 0), whole("v", 0)},
+       {"mean",
+        {part},
         color,
-        "gray, or red, green and blue, of a pixel",
-        pixel,
-        "image:pixel(0, 0)"},
-       {"mean", {}, color, "the same, the mean over the image", mean, "image:gray():mean()"},
-       {"gray", {}, "image", "the same in gray", gray, "image:gray()"},
+        "mean gray, or red, green and blue, of the image or of a part, such as a pixel",
+        mean,
+        "image:mean { x = 10, y = 20, width = 1, height = 1 }"},
        {"crop",
-        {options_of({whole("x", 0), whole("y", 0), whole("width", 1), whole("height", 1)})},
+        {corners},
         "image",
         "a part of it",
         crop,
@@ -304,12 +299,15 @@ const Class& video_class() {
                             "the next frame",
                             video_read,
                             "video:read()"},
-                           {"count",
+                           {"info",
                             {},
-                            "number",
-                            "of frames, as the file claims; 0 when it does not say",
-                            video_count,
-                            "video:count()"},
+                            {"table",
+                             {{.name = "frames",
+                               .help = "how many the file claims to have, when it says",
+                               .optional = true}}},
+                            "number of frames",
+                            video_info,
+                            "video:info()"},
                            {.name = "close",
                             .doc = "closes the file",
                             .function = video_close,

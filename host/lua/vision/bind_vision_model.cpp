@@ -60,9 +60,7 @@ int color_model(Call& call) {
   const auto file = call.text_option("file");
   if (!file) return train(call);
   for (const Argument& option : with_color_options({labeled_argument()})) {
-    const bool given = call.push_option(option.name);
-    lua_pop(call.L, 1);
-    if (given)
+    if (option_given(call, option.name))
       throw std::invalid_argument(option.name +
                                   ": is for training; a model from a file has its own");
   }
@@ -133,13 +131,6 @@ int model_info(Call& call) {
       .table("shape", [&](ResultTable& made) { set_shape(made, model); })
       .table("calibration", [&](ResultTable& made) { set_calibration(made, model.rim); });
   return 1;
-}
-
-int likelihood(Call& call) {
-  const double red = call.number(0), green = call.number(1), blue = call.number(2);
-  const std::size_t cell = vision::ColorModel::cell_of(
-      static_cast<unsigned>(blue), static_cast<unsigned>(green), static_cast<unsigned>(red));
-  return call.result(model_of(call).color.table()[cell] / vision::ColorModel::kScale);
 }
 
 Returned model_fields() {
@@ -231,32 +222,22 @@ std::vector<Binding> vision_model_rows() {
 }
 
 const Class& color_model_class() {
-  const auto level = [](const char* name) {
-    return Argument{.name = name, .type = Type::integer, .min = 0, .max = 255};
-  };
-  static const Class kind{
-      "color_model",
-      "what an object looks like; make one with vision.color_model",
-      {{"save",
-        {{.name = "name",
-          .type = Type::text,
-          .help = "a new file of the run's folder, such as \"robot.model\""}},
-        "path",
-        "keeps it in the run's folder",
-        save_model,
-        "color_model:save(\"robot.model\")"},
-       {"info",
-        {},
-        model_fields(),
-        "channels, quality, thresholds, shape and calibration",
-        model_info,
-        "color_model:info()"},
-       {"likelihood",
-        {level("red"), level("green"), level("blue")},
-        "number",
-        "F: the logarithm of how much rather a color is the object's than the ground's",
-        likelihood,
-        "color_model:likelihood(75, 77, 80)"}}};
+  static const Class kind{"color_model",
+                          "what an object looks like; make one with vision.color_model",
+                          {{"save",
+                            {{.name = "name",
+                              .type = Type::text,
+                              .help = "a new file of the run's folder, such as \"robot.model\""}},
+                            "path",
+                            "keeps it in the run's folder",
+                            save_model,
+                            "color_model:save(\"robot.model\")"},
+                           {"info",
+                            {},
+                            model_fields(),
+                            "channels, quality, thresholds, shape and calibration",
+                            model_info,
+                            "color_model:info()"}}};
   return kind;
 }
 
