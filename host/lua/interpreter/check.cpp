@@ -127,6 +127,17 @@ void check_choice(lua_State* L, const Argument& argument, int index) {
 
 void check_one(lua_State* L, const Argument& argument, int index);
 
+void check_options(lua_State* L, const Argument& argument, int index);
+
+/// Two tables of one call may have keys of one name: an error says in which.
+void check_table_among_options(lua_State* L, const Argument& option, int index) {
+  try {
+    check_options(L, option, index);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(option.name + ": " + error.what());
+  }
+}
+
 void check_options(lua_State* L, const Argument& argument, int index) {
   std::vector<std::string> known;
   for (const Argument& option : argument.options) known.push_back(option.name);
@@ -144,7 +155,10 @@ void check_options(lua_State* L, const Argument& argument, int index) {
   lua_pop(L, 1);
   for (const Argument& option : argument.options) {
     lua_getfield(L, index, option.name.c_str());
-    if (!lua_isnil(L, -1) || !option.optional) check_one(L, option, lua_gettop(L));
+    if (option.type == Type::options && lua_istable(L, -1))
+      check_table_among_options(L, option, lua_gettop(L));
+    else if (!lua_isnil(L, -1) || !option.optional)
+      check_one(L, option, lua_gettop(L));
     lua_pop(L, 1);
   }
 }

@@ -103,7 +103,7 @@ TEST_F(OpticsBinding, PersonalEyesAreMadeByReplacingParameters) {
       "assert(mine:info().parameters['lens.thickness'] > "
       "relaxed:info().parameters['lens.thickness'])");
   expect_refused("eye:with { accommodation = 11 }",
-                 {"optical_system:with: accommodation", "0 to 10"});
+                 {"optical_system:with: accommodation", "0 and 10"});
   expect_refused("eye:with { ['lens.indx'] = 1.4 }",
                  {"optical_system:with: ", "lens.indx", "lens.index"});
   expect_refused("eye:with { ['lens.index'] = 'glass' }",
@@ -270,6 +270,8 @@ TEST_F(OpticsBinding, TheLayoutGoesIntoTheRecordAsADrawing) {
 TEST_F(OpticsBinding, HelpTellsOfTheModuleAndItsObjects) {
   expect_all(prompt("help()\n"), {"optical_system", "wide_angle_map", "optics.prescriptions()"});
   expect_all(prompt("help('optics')\n"), {"optics.fit_retina({points, conic, on_axis})"});
+  expect_all(prompt("help('localizer:locate')\n"),
+             {"body: a table, may be left out", "body.shape: a string", "ellipse.u: a number"});
   expect_all(prompt("help('optics.system')\n"), {"one's own by rows"});
   expect_all(prompt("help(optics.system { name = 'navarro' })\n"),
              {"optical_system:wide_angle_map(", "optical_system:spot("});

@@ -112,7 +112,7 @@ TEST_F(OpticsLocalizer, WrongCallsNameTheField) {
                      ", axis = { 0, 0, 1 } })",
                  {"half_length: is missing"});
   expect_refused("view:locate({ body = robot, ellipse = { u = 1 }, axis = { 0, 0, 1 } })",
-                 {"v: is missing"});
+                 {"localizer:locate: ellipse: v: is missing"});
   expect_refused("view:locate { body = robot, ellipse = " + seen + " }",
                  {"orientation: is needed"});
   expect_refused("view:locate({ body = robot, ellipse = " + seen + ", axis = { 0, 0, 0 } })",
