@@ -5,7 +5,7 @@
 local bring = require "session.preparation"
 local statistics = require "analysis.statistics"
 local units = require "units"
-local mm, s = units.mm, units.s
+local mm, um, s = units.mm, units.um, units.s
 local retina = {}
 
 --- Height over the retina's vertex of a body's middle that lies on a sphere, its thin side down, `aside` from the axis.
@@ -81,10 +81,10 @@ function retina.calibrate(rig, run, servo, options)
     correction = options.correction,
   }
   run:note(
-    ("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(
+    ("calibrated on the retina: image scale %.4f, offset %s, residual %.3f µm"):format(
       told.image_scale,
       run:show(vector(told.offset):norm(), "m"),
-      told.residual
+      told.residual / um
     )
   )
   return told.localizer, told, trim

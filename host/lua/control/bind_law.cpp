@@ -76,7 +76,7 @@ std::vector<Binding> law_functions() {
                     gain("integral", "N/m", 100, "force per distance stayed behind (0.01 N/m)"),
                     gain("velocity_time", "s", 10, "low-pass of the measured velocity (0.13 s)"),
                     gain("max_speed", "m/s", 0.1, "largest velocity wanted (0.2 mm/s)"),
-                    gain("max_force", "N", 1, "largest force asked for (200 uN)")})},
+                    gain("max_force", "N", 1, "largest force asked for (200 µN)")})},
        "control_law",
        "velocity control for gels: the force rises until the medium yields (thesis 7.3)",
        velocity,

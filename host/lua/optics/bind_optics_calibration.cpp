@@ -43,6 +43,10 @@ Eigen::Vector2d pair(const OptionTable& entry, const char* name, const std::stri
   return {(*numbers)[0], (*numbers)[1]};
 }
 
+/// Two pairs determine the four numbers of scale, rotation and center, and leave nothing over to
+/// judge them by: a sigma of 0 would claim that they are exact.
+constexpr std::size_t kLeastPairs = 2;
+
 int fit_camera(Call& call) {
   std::vector<optics::PointPair> pairs;
   each_entry(call, "points", {"m", "pixel"},
@@ -50,15 +54,16 @@ int fit_camera(Call& call) {
                pairs.push_back({pair(entry, "m", where), pair(entry, "pixel", where)});
              });
   const optics::CameraFit fit = optics::fit_camera(pairs);
-  ResultTable(call)
-      .number("pixel", fit.image.pixel, "m")
+  ResultTable table(call);
+  table.number("pixel", fit.image.pixel, "m")
       .numbers("center", {fit.image.center_px.x(), fit.image.center_px.y()})
       .number("rotation", fit.rotation, "rad")
       .number("rms_residual_px", fit.rms_residual_px)
-      .number("max_residual_px", fit.max_residual_px)
-      .number("pixel_sigma", fit.scale_sigma, "m")
-      .numbers("center_sigma_px", {fit.center_sigma_px.x(), fit.center_sigma_px.y()})
-      .number("rotation_sigma", fit.rotation_sigma, "rad");
+      .number("max_residual_px", fit.max_residual_px);
+  if (pairs.size() > kLeastPairs)
+    table.number("pixel_sigma", fit.scale_sigma, "m")
+        .numbers("center_sigma_px", {fit.center_sigma_px.x(), fit.center_sigma_px.y()})
+        .number("rotation_sigma", fit.rotation_sigma, "rad");
   return 1;
 }
 
@@ -91,11 +96,11 @@ int fit_retina(Call& call) {
       .number("rms_residual", fit.rms_residual, "m")
       .number("max_residual", fit.max_residual, "m")
       .table("sigma", [&sigma](ResultTable& of) {
-        of.number("x", sigma[0], "m")
-            .number("y", sigma[1], "m")
-            .number("z", sigma[2], "m")
-            .number("radius", sigma[3], "m")
-            .number("conic", sigma[4]);
+        constexpr std::pair<const char*, const char*> kSigmas[] = {
+            {"x", "m"}, {"y", "m"}, {"z", "m"}, {"radius", "m"}, {"conic", ""}};
+        for (Eigen::Index i = 0; i < 5; ++i)
+          if (sigma[i] > 0)  // 0: held, or no spare points
+            of.number(kSigmas[i].first, sigma[i], kSigmas[i].second);
       });
   return 1;
 }
@@ -252,43 +257,48 @@ std::vector<Binding> calibration_functions() {
   const auto plain = [](const char* name, const char* unit, const char* help) {
     return ResultField{name, unit, help};
   };
-  return {{"optics.fit_camera",
-           {options_of({list_argument(
-               "points", "{{m = {x, y}, pixel = {u, v}}, ...}: aerial image in m, px")})},
-           {"table",
-            {plain("pixel", "m", "of aerial image"), plain("center", "", "{u, v}, px"),
-             plain("rotation", "rad", ""), plain("rms_residual_px", "", ""),
-             plain("max_residual_px", "", ""), plain("pixel_sigma", "m", ""),
-             plain("center_sigma_px", "", "{u, v}"), plain("rotation_sigma", "rad", "")}},
-           "a camera's scale, center and rotation from points, by least squares",
-           fit_camera,
-           "optics.fit_camera { points = pixels }"},
-          {"optics.fit_retina",
-           {options_of({list_argument("points", "positions on the retina, m"),
-                        {.name = "conic",
-                         .type = Type::number,
-                         .optional = true,
-                         .min = -100,
-                         .max = 100,
-                         .help = "holds the conic constant there (fitted)"},
-                        {.name = "on_axis",
-                         .type = Type::flag,
-                         .optional = true,
-                         .help = "holds the vertex on the eye's axis (false)"}})},
-           {"table",
-            {plain("vertex", "m", ""),
-             plain("radius", "m", ""),
-             plain("conic", "", ""),
-             plain("rms_residual", "m", ""),
-             plain("max_residual", "m", ""),
-             {"sigma",
-              "",
-              "of the vertex and the shape",
-              {plain("x", "m", ""), plain("y", "m", ""), plain("z", "m", ""),
-               plain("radius", "m", ""), plain("conic", "", "")}}}},
-           "the conicoid through points on the retina (4.4.2, 4.4.4)",
-           fit_retina,
-           "optics.fit_retina { points = on_retina, conic = 0 }"}};
+  const auto of_spare = [](const char* name, const char* unit, const char* help) {
+    return ResultField{.name = name, .unit = unit, .help = help, .optional = true};
+  };
+  return {
+      {"optics.fit_camera",
+       {options_of({list_argument("points",
+                                  "{{m = {x, y}, pixel = {u, v}}, ...}: aerial image in m, px")})},
+       {"table",
+        {plain("pixel", "m", "of aerial image"), plain("center", "", "{u, v}, px"),
+         plain("rotation", "rad", ""), plain("rms_residual_px", "", ""),
+         plain("max_residual_px", "", ""), of_spare("pixel_sigma", "m", "of three points or more"),
+         of_spare("center_sigma_px", "", "{u, v}; likewise"),
+         of_spare("rotation_sigma", "rad", "likewise")}},
+       "a camera's scale, center and rotation from points, by least squares",
+       fit_camera,
+       "optics.fit_camera { points = pixels }"},
+      {"optics.fit_retina",
+       {options_of({list_argument("points", "positions on the retina, m"),
+                    {.name = "conic",
+                     .type = Type::number,
+                     .optional = true,
+                     .min = -100,
+                     .max = 100,
+                     .help = "holds the conic constant there (fitted)"},
+                    {.name = "on_axis",
+                     .type = Type::flag,
+                     .optional = true,
+                     .help = "holds the vertex on the eye's axis (false)"}})},
+       {"table",
+        {plain("vertex", "m", ""),
+         plain("radius", "m", ""),
+         plain("conic", "", ""),
+         plain("rms_residual", "m", ""),
+         plain("max_residual", "m", ""),
+         {"sigma",
+          "",
+          "of the vertex and the shape, of what is fitted with points to spare",
+          {of_spare("x", "m", ""), of_spare("y", "m", ""), of_spare("z", "m", ""),
+           of_spare("radius", "m", ""), of_spare("conic", "", "")}}}},
+       "the conicoid through points on the retina (4.4.2, 4.4.4)",
+       fit_retina,
+       "optics.fit_retina { points = on_retina, conic = 0 }"}};
 }
 
 std::vector<Binding> system_calibration_rows() {
@@ -300,7 +310,7 @@ std::vector<Binding> system_calibration_rows() {
            "eye:axis_law()"},
           {"estimate",
            {options_of({list_argument(
-               "foci", "{{depth = , distance = , sigma = 20 um}, ...}: objects on the axis, m")})},
+               "foci", "{{depth = , distance = , sigma = 20 µm}, ...}: objects on the axis, m")})},
            {"table",
             {{"eye", "", "the optical_system that was found"},
              {"parameters",

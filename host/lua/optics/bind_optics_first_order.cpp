@@ -152,7 +152,7 @@ Binding viewing_row() {
   return {
       "viewing",
       {options_of(
-          {length_option("confusion", 1e-9, 1e-2, "circle of confusion (6.4 um)"),
+          {length_option("confusion", 1e-9, 1e-2, "circle of confusion (6.4 µm)"),
            length_option("range", 1e-6, 1, "of the thesis' secant for the depth of field (5 mm)"),
            length_option("observer_distance", 1e-6, 10,
                          "for the field of view: observer's pupil before the eye"),

@@ -136,7 +136,7 @@ int calibrate(Call& call) {
   push_handle(call.L, localizer_class(), after);
   table.top("localizer")
       .number("image_scale", made.image_scale)
-      .number("residual", made.residual)
+      .number("residual", made.residual, "m")
       .vector("offset", made.offset, "m");
   return 1;
 }
@@ -278,7 +278,7 @@ Binding calibrate_row() {
            {{"localizer", "", "the corrected one"},
             {"image_scale", "", "factor of the pixel"},
             {"offset", "m", "added to positions"},
-            {"residual", "", ""}}},
+            {"residual", "m", "left along z at the known height"}}},
           "calibrates by one ellipse of a spheroid on the known retina",
           calibrate,
           "view:calibrate { body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z = 2 * mm }"};
@@ -295,7 +295,7 @@ std::vector<Binding> system_pose_rows() {
                          .help = "the thesis' projection (5.2) to (5.11) instead of the exact one"},
                         length_option("max_m", 1e-4, 1,
                                       "of the aerial image (8 mm; 7 mm by a single viewpoint)"),
-                        length_option("pixel", 1e-9, 1e-3, "of aerial image (14.3 um)"),
+                        length_option("pixel", 1e-9, 1e-3, "of aerial image (14.3 µm)"),
                         {.name = "center",
                          .type = Type::numbers,
                          .optional = true,

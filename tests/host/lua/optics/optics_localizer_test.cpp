@@ -136,7 +136,10 @@ TEST_F(OpticsLocalizer, CamerasAndRetinasAreCalibratedFromPoints) {
       "local points = {} for i = 1, 9 do local x, y = (i % 3)*mm, (i // 3)*mm points[i] = { m = { "
       "x, y }, pixel = { 100 - x / (14*um), 200 + y / (14*um) } } end\n"
       "local camera = optics.fit_camera { points = points } near(camera.pixel, 14*um, 1e-12) "
-      "near(camera.center[1], 100, 1e-6) near(camera.rotation, 0, 1e-9)");
+      "near(camera.center[1], 100, 1e-6) near(camera.rotation, 0, 1e-9)\n"
+      "assert(camera.pixel_sigma) local two = optics.fit_camera { points = { points[1], points[2] "
+      "} }\n"
+      "near(two.pixel, 14*um, 1e-12) assert(two.pixel_sigma == nil, 'nothing left to judge by')");
   expect_refused("optics.fit_camera { points = { { m = { 1 } } } }",
                  {"points: 1: m: wants two numbers"});
   expect_refused("optics.fit_camera { points = { { m = { 1, 2 }, px = { 1, 2 } } } }",
@@ -146,8 +149,9 @@ TEST_F(OpticsLocalizer, CamerasAndRetinasAreCalibratedFromPoints) {
       "r*math.cos(a), r*math.sin(a), r*r / (12*mm + math.sqrt(144*mm*mm - r*r)) } end\n"
       "local retina = optics.fit_retina { points = points } near(retina.radius, 12*mm, 1e-9) "
       "near(retina.conic, 0, 1e-6)\n"
-      "near(optics.fit_retina({ points = points, conic = 0, on_axis = true }).radius, 12*mm, "
-      "1e-9)");
+      "local held = optics.fit_retina { points = points, conic = 0, on_axis = true }\n"
+      "near(held.radius, 12*mm, 1e-9) assert(held.sigma.z and held.sigma.x == nil and "
+      "held.sigma.conic == nil, 'what is held has no sigma')");
   expect_refused("optics.fit_retina { points = { { 0, 0 } } }", {"points: 1: wants a position"});
 }
 

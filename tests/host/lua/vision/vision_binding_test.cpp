@@ -160,7 +160,7 @@ TEST_F(VisionBinding, ATrackerFollowsAndSaysHowWell) {
               "assert(drawn:info().channels == 3) tracker:reset()\n"
               "assert(tracker:update(blank).tracks[1].expected == nil, 'searching again')\n"
               "tracker:set_ellipse { x_px = truth[1].cx, y_px = truth[1].cy, major_px = 60, "
-              "minor_px = 30, angle = 0 }\n"
+              "minor_px = 30, angle = math.rad(truth[1].phi_deg) }\n"
               "local first = vision.image { file = 'seq/frames/frame_0000.png' }\n"
               "local t = tracker:update(first).tracks[1]\n"
               "assert(t.state == 'tracking' and math.abs(t.expected.x_px - truth[1].cx) < 1e-9)");
