@@ -22,6 +22,7 @@ using control::FieldModel;
 
 constexpr double kCurrentLimit = 12;  // A
 
+/// Each handle owns its model: a model is a value, and nothing changes it once it is made.
 int push_model(const Call& call, FieldModel model) {
   push_handle(call.L, field_model_class(), std::make_shared<FieldModel>(std::move(model)));
   return 1;
@@ -36,6 +37,8 @@ FieldModel calibrated_model(const Call& call, const std::string& text) {
   return std::move(read.field);
 }
 
+/// A machine known by its name, or a measured one; the background of either is given here and not
+/// set later, so that a model that a servo or a plot holds stays what it was.
 int field_model(Call& call) {
   const auto name = call.text_option("name"), calibration = call.text_option("calibration");
   if (name.has_value() == calibration.has_value())
@@ -57,6 +60,8 @@ int robots(Call& call) {
   return 1;
 }
 
+/// Moment at that field, weight less buoyancy and drag in that fluid. Drag is the diagonal of the
+/// resistance matrix with the robot's axis along x.
 int robot(Call& call) {
   const control::Robot robot = control::robot_named(*call.text_option("name"));
   control::Medium medium;
@@ -115,6 +120,7 @@ int field(Call& call) {
   return 1;
 }
 
+/// A dead coil has a limit of 0: the others take over its part.
 control::CurrentLimits limits_option(const Call& call, int coils) {
   control::CurrentLimits limits =
       control::CurrentLimits::Constant(coils, call.number_option("limit").value_or(kCurrentLimit));
@@ -133,10 +139,13 @@ int allocate(Call& call) {
                         force = call.vector_option("force").value_or(Eigen::Vector3d::Zero());
   if (!(field.norm() > 0)) throw std::invalid_argument("field: wants one that is not zero");
   const control::Robot robot = control::robot_named(call.text_option("robot").value_or("coni_2mm"));
+  // The robot turns until its moment lies along the field, so the field wanted gives the direction.
   const Eigen::Vector3d moment = robot.moment(field.norm()) * field.normalized();
   const control::CurrentLimits limits = limits_option(call, model.coils());
   const control::FieldMatrix matrix = model.matrix(place);
   const control::FieldGradient background = model.background(place);
+  // The background makes field and force without current: the coils have to make only the rest, and
+  // what is reported is what acts on the robot, both together, less the levitation.
   const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
   const Eigen::Vector3d levitation(0, 0, robot.net_weight(control::Medium{}));
   const auto found = control::allocate_within(
@@ -151,6 +160,7 @@ int allocate(Call& call) {
   return 1;
 }
 
+/// Over a grid, the worst direction of each place: what a protocol may ask for anywhere near it.
 int workspace_map(Call& call) {
   control::MapRequest request;
   request.low = call.vector_option("low").value_or(request.low);

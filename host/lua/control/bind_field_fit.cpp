@@ -60,6 +60,7 @@ FieldModel start_option(const Call& call) {
                : FieldModel(control::CoilField::octomag());
 }
 
+/// Result of either kind of fit, for one way of reporting it.
 struct Fitted {
   FieldModel model;
   Eigen::Vector3d background;
@@ -79,6 +80,8 @@ std::vector<control::CoilComparison> compared(const FieldModel& fitted, const Fi
   return control::compare_coils(fitted, start, position);
 }
 
+/// The fitted background goes into the model, so that it predicts what the probe read. Readings
+/// count from 1 in scripts.
 int push_fitted(const Call& call, const Fitted& fitted) {
   FieldModel model = fitted.model;
   model.set_uniform_background(fitted.background);
@@ -123,6 +126,8 @@ Fitted fitted_multipoles(const FieldModel& start, int order,
           fit.converged, readings.size(), compared(fit.field, start)};
 }
 
+/// Bad options and readings are refused here, before the calculation; the fit itself refuses
+/// readings that determine too little, such as of a coil that never had a current.
 int fit_field_model(Call& call) {
   const FieldModel start = start_option(call);
   const bool multipoles = *call.text_option("sources") == "multipoles";
@@ -161,7 +166,8 @@ int to_yaml(Call& call) {
   };
   const MultipoleField field = as_multipoles();
   if (!model.uniform_background().isZero(0)) {
-    // Psi = A_1 r P_1: uniform along the source's axis.
+    // A uniform background has no key of its own in the format, but is the field of a background
+    // source with the coefficient A_1 alone: Psi = A_1 r P_1, uniform along the source's axis.
     const double size = model.uniform_background().norm();
     MultipoleField::Sources background = field.background_sources();
     background.push_back({{0, 0, 0}, model.uniform_background() / size, {size}, {}});
@@ -180,6 +186,8 @@ std::vector<ResultField> comparison_fields() {
           {"angle", "rad", "between the axes"}};
 }
 
+/// A coil of sign -1 is wired, or counted, the other way round: a script shows it before currents
+/// flow.
 void add_comparison(ResultTable& report, const std::vector<control::CoilComparison>& coils) {
   report.list("coils", coils.size(), [&coils](ResultTable& entry, std::size_t i) {
     entry.number("sign", coils[i].sign).number("gain", coils[i].gain);

@@ -13,13 +13,16 @@ namespace {
 
 using control::Trajectory;
 
+/// A value: following it does not use it up.
 int push_trajectory(const Call& call, Trajectory trajectory) {
   push_handle(call.L, trajectory_class(), std::make_shared<Trajectory>(std::move(trajectory)));
   return 1;
 }
 
+/// An option that the row requires, so that it is there.
 Eigen::Vector3d needed(const Call& call, const char* name) { return *call.vector_option(name); }
 
+/// World frame, m; at least one.
 std::vector<Eigen::Vector3d> points_option(const Call& call) {
   call.push_option("points");
   std::vector<Eigen::Vector3d> points = points_at(call.L, lua_gettop(call.L), "points");
@@ -48,6 +51,7 @@ int spline(Call& call) {
   return push_trajectory(call, Trajectory::spline(points_option(call), motion_limits(call)));
 }
 
+/// Absent numbers keep those of the spiral of thesis 5.5 (control::Spiral).
 int spiral(Call& call) {
   control::Spiral shape;
   shape.bottom = call.vector_option("bottom").value_or(shape.bottom);
@@ -66,6 +70,7 @@ int info(Call& call) {
   ResultTable(call).number("duration", path.duration(), "s").number("length", path.length(), "m");
   return 1;
 }
+/// Clamped: before its begin and after its end it stands, with velocity 0.
 int at(Call& call) {
   const control::Reference reference = call.self<Trajectory>().at(call.number(0));
   ResultTable(call)
@@ -98,6 +103,7 @@ std::vector<Argument> motion_options() {
           number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)")};
 }
 
+/// Also for servo:follow, which makes a path of a list of positions by the same rules.
 control::MotionLimits motion_limits(const Call& call) {
   control::MotionLimits limits;
   limits.speed = call.number_option("speed").value_or(limits.speed);

@@ -36,6 +36,7 @@ void each_entry(const Call& call, const std::string& name, const std::vector<std
   lua_pop(call.L, 1);
 }
 
+/// Two numbers of an entry; `where` names the entry in the error.
 Eigen::Vector2d pair(const OptionTable& entry, const char* name, const std::string& where) {
   const auto numbers = entry.numbers(name);
   if (!numbers || numbers->size() != 2)
@@ -67,6 +68,8 @@ int fit_camera(Call& call) {
   return 1;
 }
 
+/// A conicoid through points: vertex, radius and conic, of which the last or the vertex' way aside
+/// may be held where the points tell too little of them.
 int fit_retina(Call& call) {
   std::vector<Eigen::Vector3d> points;
   call.push_option("points");
@@ -82,6 +85,7 @@ int fit_retina(Call& call) {
     lua_pop(call.L, 1);
   }
   optics::RetinaFitOptions options;
+  // Given means held: a fit of the conic needs points far aside of the axis.
   if (const auto conic = call.number_option("conic")) {
     options.conic = *conic;
     options.fit_conic = false;
@@ -105,6 +109,8 @@ int fit_retina(Call& call) {
   return 1;
 }
 
+/// The law counts objects from surface 2 into the vitreous, so negative, (4.12); scripts count
+/// depth from the retina towards the lens. The vitreous' length leads from the one to the other.
 struct AxisLaw {
   optics::OnAxisLaw law;
   double vitreous = 0;  // m, from the retina to surface 2
@@ -121,6 +127,8 @@ int axis_law(Call& call) {
   return 1;
 }
 
+/// Depth of what is sharp at d_ls. Nothing at the law's pole (4.11), nor behind the retina or
+/// before the lens: there the law has a number, but the eye has no vitreous.
 int law_depth(Call& call) {
   const AxisLaw& law = law_of(call);
   const auto object = law.law.object_from_sensor(call.number(0));
@@ -128,6 +136,7 @@ int law_depth(Call& call) {
   return call.result(*object + law.vitreous, "m");
 }
 
+/// The inverse; nothing only where the image lies at infinity.
 int law_distance(Call& call) {
   const AxisLaw& law = law_of(call);
   const auto sensor = law.law.sensor_from_object(call.number(0) - law.vitreous);
@@ -201,6 +210,7 @@ int law_calibrate(Call& call) {
   return by_points ? calibrate_by_points(call) : calibrate_on_retina(call, *retina);
 }
 
+/// `learned` is 1 - (sigma / prior_sigma)^2: 0 where the foci say nothing about a parameter.
 int push_estimate(const Call& call, const optics::EyeEstimate& estimate) {
   ResultTable table(call);
   push_system(call.L, estimate.eye);
@@ -229,9 +239,11 @@ int estimate(Call& call) {
         if (!depth || !distance)
           throw std::invalid_argument(where + "wants {depth = , distance = , sigma = } in m");
         depths.push_back(*depth), distances.push_back(*distance);
+        // 20 µm where the script does not say how well a focus was found.
         sigmas.push_back(entry.number("sigma").value_or(20e-6));
       });
   if (depths.empty()) throw std::invalid_argument("foci: wants at least one");
+  // By value: the calculation may outlive the script's handle when a stop comes.
   const optics::Prescription eye = eye_of(call);
   return calculate(
       call, "eye estimation",

@@ -16,6 +16,7 @@ namespace {
 
 using optics::WideAngleMap;
 
+/// Some hundred traced bundles, so on a task of its own; the map copies the system.
 int make_map(Call& call) {
   optics::WideAngleSettings settings;
   settings.microscope = microscope_option(call);
@@ -52,6 +53,7 @@ int locate_in_map(Call& call) {
   const double sideways = call.number_option("image_sigma").value_or(10e-6);
   const Eigen::Vector3d sigmas(sideways, sideways,
                                call.number_option("focus_sigma").value_or(50e-6));
+  // {x, y, d_ls}, as scripts have it, back into the eye.
   const auto at = [&](const Eigen::Vector3d& place) {
     return map.point({place.head<2>(), place.z()});
   };
@@ -60,8 +62,11 @@ int locate_in_map(Call& call) {
   Eigen::Matrix3d root;
   for (int i = 0; i < 3; ++i) {
     constexpr double kStep = 1e-6;  // m
+    // A column of the derivative of the point by the image place, times that coordinate's sigma:
+    // the covariance G S S G^T is the product of these columns, its root, with its transpose.
     const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(i);
     const auto more = at(aerial + step), less = at(aerial - step);
+    // Neither neighbor lies in the map: no derivative, so no covariance, so no answer.
     if (!more && !less) return 0;
     const double width = (more ? kStep : 0) + (less ? kStep : 0);  // one-sided on the map's edge
     root.col(i) = (more.value_or(*found) - less.value_or(*found)) * (sigmas[i] / width);
@@ -74,6 +79,7 @@ int locate_in_map(Call& call) {
   return 1;
 }
 
+/// How far the map reaches, which may be less than was asked: it ends where bundles are vignetted.
 int map_info(Call& call) {
   const WideAngleMap& map = map_of(call);
   ResultTable(call)
@@ -96,6 +102,7 @@ int push_curve(Call& call, const std::vector<std::optional<WideAngleMap::FieldPo
   return 1;
 }
 
+/// Points of a curve, the second argument.
 std::size_t count_of(const Call& call) {
   return call.has(1) ? static_cast<std::size_t>(call.number(1)) : 41;
 }
@@ -114,7 +121,9 @@ int isofocus(Call& call) {
       return there ? there->focus - focus : std::nan("");
     };
     double near = 0, far = map.max_depth();
+    // Along this angle nothing is in focus there; NaN, outside of the map, fails too.
     if (!(excess(near) <= 0 && excess(far) >= 0)) continue;
+    // Halved 50 times, 8 mm become 7e-18 m: rounding.
     for (int step = 0; step < 50; ++step) {
       const double middle = (near + far) / 2;
       (excess(middle) < 0 ? near : far) = middle;
@@ -124,12 +133,15 @@ int isofocus(Call& call) {
   return push_curve(call, places);
 }
 
+/// What is imaged at one distance from the axis: for each focus from the nearest to the farthest
+/// the place is found by the map's inverse. A map that folds or ends gives fewer points.
 int isopixel(Call& call) {
   const WideAngleMap& map = map_of(call);
   const auto nearest = map.at({0, 0}), farthest = map.at({0, map.max_depth()}),
              edge = map.at({map.max_angle(), 0});
   std::vector<std::optional<WideAngleMap::FieldPosition>> places;
   if (!nearest || !farthest || !edge) return push_curve(call, places);
+  // Scripts give |d_op|; the map's heights are negative where the image is inverted.
   const double height = std::copysign(call.number(0), edge->height);
   const double from = std::min(nearest->focus, edge->focus), step = farthest->focus - from;
   const std::size_t count = count_of(call);
@@ -147,6 +159,8 @@ void push_cubic(lua_State* L, const optics::Cubic& cubic) {
   set_number(L, "max_residual", cubic.max_residual);
 }
 
+/// Figure 3.6: spheres fitted to isofocus surfaces, lines to isopixel curves, and cubics to how
+/// their parameters change with d_ls and |d_op|. With their ranges: a cubic says nothing beyond.
 int thesis_curves(Call& call) {
   const optics::ThesisCurves curves = optics::fit_thesis_curves(map_of(call));
   ResultTable table(call);

@@ -19,6 +19,8 @@ using namespace localizer_calls;
 
 Localizer& localizer_of(const Call& call) { return call.self<Localizer>(); }
 
+/// Thesis 5.3: the pose whose silhouette shows this ellipse. All is copied into the calculation,
+/// which may last longer than the script's handles.
 int locate_by_ellipse(const Call& call) {
   const Localizer& localizer = localizer_of(call);
   const OptionTable how(call, 0);
@@ -36,6 +38,7 @@ int locate_by_ellipse(const Call& call) {
       });
 }
 
+/// The same by points known on the body, which show its orientation too.
 int locate_by_points(const Call& call) {
   const Localizer& localizer = localizer_of(call);
   const OptionTable how(call, 0);
@@ -66,6 +69,8 @@ int locate(Call& call) {
   return points ? locate_by_points(call) : locate_by_ellipse(call);
 }
 
+/// The forward way: what a tracker would measure of a body in that pose, by the projection that
+/// locate inverts.
 int ellipse(Call& call) {
   const Localizer& localizer = localizer_of(call);
   optics::ObjectPoseSettings settings = localizer.settings;
@@ -86,6 +91,7 @@ int ellipse(Call& call) {
   return 1;
 }
 
+/// Positions that a calibration has moved are moved back first: the projection knows only its own.
 int pixel(Call& call) {
   const Localizer& localizer = localizer_of(call);
   const Eigen::Vector3d point = call.vector(0) - localizer.offset;
@@ -97,6 +103,7 @@ int pixel(Call& call) {
   return 1;
 }
 
+/// The exact projection states its residual, the single viewpoint its place.
 int info(Call& call) {
   const optics::ObjectPoseSettings& settings = localizer_of(call).settings;
   ResultTable table(call);
@@ -112,7 +119,8 @@ int info(Call& call) {
   return 1;
 }
 
-/// One ellipse of a spheroid whose height is known: on the retina.
+/// One ellipse of a spheroid whose height is known: on the retina. A localizer that was calibrated
+/// before adds its offset to what it finds, so its own projection has to find the height less that.
 int calibrate(Call& call) {
   const Localizer before = localizer_of(call);
   const optics::ObjectModel body = body_option(call);
@@ -125,10 +133,11 @@ int calibrate(Call& call) {
   settings.exact = before.settings.exact;
   settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
   const std::string correction = how.text("correction").value_or("image_scale");
-  const auto made = optics::calibrate_pose(
-      settings, ellipse_option(call).ellipse, *how.vector("axis"), *how.number("known_z"),
-      correction == "image_scale" ? optics::PoseCorrection::image_scale
-                                  : optics::PoseCorrection::additive_offset);
+  const auto made =
+      optics::calibrate_pose(settings, ellipse_option(call).ellipse, *how.vector("axis"),
+                             *how.number("known_z") - before.offset.z(),
+                             correction == "image_scale" ? optics::PoseCorrection::image_scale
+                                                         : optics::PoseCorrection::additive_offset);
   auto after = std::make_shared<Localizer>(before);
   after->settings.image.pixel *= made.image_scale;
   after->offset += made.offset;
@@ -141,6 +150,9 @@ int calibrate(Call& call) {
   return 1;
 }
 
+/// The projection is traced and fitted once, here; locating then only evaluates it. The thesis'
+/// single viewpoint, (5.2) to (5.11), is fitted over a smaller image unless the script says
+/// otherwise: far aside the lines do not meet in one point.
 int make_localizer(Call& call) {
   const auto microscope = microscope_option(call).value_or(optics::Microscope{});
   const bool single = call.flag_option("single_viewpoint");
@@ -183,6 +195,8 @@ Argument number_of(const char* name, const char* unit, bool optional, const char
           .help = help};
 }
 
+/// As localizer:ellipse and the servo's record have it: semi-axes, where vision's tracks have full
+/// axes.
 Argument ellipse_argument(bool optional) {
   constexpr double kLargest = 1e6;
   return {.name = "ellipse",

@@ -15,10 +15,13 @@
 namespace vitreo::lua {
 namespace {
 
+/// A point of the ray and its unit direction, eye frame.
 ResultTable& set_ray(ResultTable& table, const optics::Ray& ray) {
   return table.vector("origin", ray.origin, "m").vector("direction", ray.direction, "");
 }
 
+/// The way follows from the direction: rays towards +z start in the vitreous and leave the eye,
+/// rays towards -z come from outside. A lost ray is a result: where, and why.
 int trace(Call& call) {
   const Eigen::Vector3d direction = call.direction(1);
   const optics::Ray ray{call.vector(0), direction};
@@ -31,6 +34,7 @@ int trace(Call& call) {
   return 1;
 }
 
+/// The field angle counts at the pupil's center. Nothing where the chief ray is lost on its way.
 int point_at_field(Call& call) {
   const auto point =
       optics::point_at_field(eye_of(call).system, call.number(0), call.has(1) ? call.number(1) : 0);
@@ -38,6 +42,8 @@ int point_at_field(Call& call) {
   return call.result(*point, "m");
 }
 
+/// Best foci are in closed form from the moments of the bundle; points, radius and MTF belong to
+/// the distance asked for, or to the best focus.
 void push_spot(Call& call, const optics::Spot& spot) {
   const optics::SpotMoments moments = spot.moments();
   const double distance = call.number_option("distance").value_or(moments.best_focus());
@@ -59,6 +65,7 @@ void push_spot(Call& call, const optics::Spot& spot) {
         .number("mtf_sagittal", optics::geometric_mtf(spot, distance, {0, *frequency}));
 }
 
+/// Fewer than three rays have no spread to speak of: as no light.
 int spot(Call& call) {
   const optics::System& system = eye_of(call).system;
   const optics::PupilTracer tracer(system, optics::Pupil::of_stop(system));
@@ -70,6 +77,8 @@ int spot(Call& call) {
   return 1;
 }
 
+/// Where no light comes through, an angle keeps its entry, so that the list stays parallel to the
+/// angles that were asked for, but has no numbers.
 int field_curvature(Call& call) {
   const optics::System& system = eye_of(call).system;
   const optics::PupilTracer tracer(system, optics::Pupil::of_stop(system));
@@ -98,10 +107,12 @@ double end_of_drawing(const optics::System& system, double depth, optics::Layout
   const double last = system.vertex(system.size());
   const auto image = optics::axial_image(system, depth);
   if (!image || image->distance <= 0 || image->distance > kFarthest) return last + kRoom;
+  // Distance from the last vertex; the mark's half length makes it visible beside the rays.
   options.marks.push_back({last + image->distance, 4e-3, "aerial image"});
   return last + 1.25 * image->distance;
 }
 
+/// The drawing as SVG text: the script decides where it goes.
 int layout(Call& call) {
   const optics::Prescription& eye = eye_of(call);
   optics::LayoutOptions options;

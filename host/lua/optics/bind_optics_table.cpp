@@ -13,6 +13,7 @@ namespace {
 
 using optics::PrescriptionRow;
 
+/// Numbers of a row, by their names in scripts.
 struct Column {
   const char* name;
   double PrescriptionRow::*value;
@@ -35,6 +36,7 @@ void set_row(ResultTable& table, const PrescriptionRow& row) {
     if (row.aspheric[i] != 0) table.number(kAspheric[i], row.aspheric[i]);
 }
 
+/// An optional number of a table; `where` names the table in the error.
 double number_field(lua_State* L, int index, const char* name, double usual,
                     const std::string& where) {
   const int type = lua_getfield(L, index, name);
@@ -45,6 +47,8 @@ double number_field(lua_State* L, int index, const char* name, double usual,
   return value;
 }
 
+/// A row that a script wrote down; a misspelt key is an error, since it would leave a default in
+/// its place and the eye would be another one.
 PrescriptionRow row_at(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + "wants a table, got " + kind_of(L, index));
@@ -62,6 +66,8 @@ PrescriptionRow row_at(lua_State* L, int index, const std::string& where) {
   return row;
 }
 
+/// A stop that is no surface of its own: in the vertex plane of that surface. Whole numbers only,
+/// as Lua's 2.0 and 2 are one.
 void read_stop(lua_State* L, int index, optics::PrescriptionTable& table) {
   if (lua_getfield(L, index, "stop") != LUA_TNIL) {
     if (!lua_istable(L, -1))
@@ -77,6 +83,7 @@ void read_stop(lua_State* L, int index, optics::PrescriptionTable& table) {
   lua_pop(L, 1);
 }
 
+/// Parameters by the names that optical_system:with takes.
 int system_info(Call& call) {
   const optics::Prescription& eye = eye_of(call);
   const optics::PrescriptionTable rows = optics::to_rows(eye);
@@ -111,10 +118,12 @@ int with(Call& call) {
   return 1;
 }
 
+/// Every bit comes back by optics.system: numbers are copied, never printed.
 int prescription(Call& call) {
   const optics::PrescriptionTable rows = optics::to_rows(eye_of(call));
   ResultTable table(call);
   table.text("name", rows.name).text("title", rows.title).text("source", rows.source);
+  // 0: there is no stop.
   if (rows.stop_surface > 0)
     table.table("stop", [&rows](ResultTable& stop) {
       stop.integer("surface", rows.stop_surface).number("radius", rows.stop_radius, "m");
@@ -126,6 +135,7 @@ int prescription(Call& call) {
 
 }  // namespace
 
+/// from_rows judges the whole: surfaces that cross, an index below 1.
 optics::Prescription prescription_table_at(lua_State* L, int index) {
   optics::PrescriptionTable table;
   table.name = text_field(L, index, "name", "", false);

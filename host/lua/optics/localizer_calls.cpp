@@ -13,13 +13,16 @@ namespace {
 
 constexpr double kUsualSigma = 0.2;  // px, of a tracker's center and axes, and of a point
 
+/// One sigma of position (m), rotations about the body's axes (rad), logarithm of the size.
 std::vector<double> sigmas_of(const optics::PoseCandidate& one) {
   const Eigen::VectorXd sigma = one.covariance.diagonal().cwiseSqrt();
   return {sigma.begin(), sigma.end()};
 }
 
+/// A pose as scripts have it: orientation row by row, eye from body, though Eigen keeps columns.
 void set_candidate(ResultTable& table, const optics::PoseCandidate& one,
                    const Eigen::Vector3d& offset) {
+  // One row a direction that is not observed; 0 x 7, so an empty list, where all are observed.
   Eigen::MatrixXd open(static_cast<Eigen::Index>(one.unobservable.size()), 7);
   for (Eigen::Index i = 0; i < open.rows(); ++i)
     open.row(i) = one.unobservable[static_cast<std::size_t>(i)];
@@ -61,6 +64,7 @@ Argument body_argument(bool optional) {
               exponent("exponent_across", "of its section: 0 square, 1 round")}};
 }
 
+/// A shape takes its own fields and must have them all: each has another meaning elsewhere.
 optics::ObjectModel body_at(const OptionTable& table) {
   const std::string shape = *table.text("shape");
   const auto needed = [&](const char* name) {
@@ -90,6 +94,8 @@ optics::ObjectModel body_at(const OptionTable& table) {
   return body;
 }
 
+/// The angle of a nearly round ellipse is noise: with semi-axes a, b known to s, its variance is
+/// about s^2 / 2 / (a - b)^2, bounded where they are equal.
 SeenEllipse seen_at(const OptionTable& table) {
   SeenEllipse seen;
   seen.ellipse << *table.number("u"), *table.number("v"), *table.number("semi_major"),
@@ -121,6 +127,7 @@ SeenEllipse ellipse_option(const Call& call) {
   return seen;
 }
 
+/// Scripts see positions with the calibration's offset; the solver works without it.
 optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer) {
   optics::PoseStart start;
   if (const auto position = how.vector("position"))
@@ -136,6 +143,7 @@ optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer) {
   return start;
 }
 
+/// An infinite sigma of the size means that it is fitted without any prior.
 optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& localizer) {
   optics::ObjectPoseSettings settings = localizer.settings;
   settings.rotate = how.flag("rotate");
@@ -169,6 +177,8 @@ std::vector<optics::SeenPoint> points_option(const Call& call) {
   return points;
 }
 
+/// Only a pose that was found is the position: of two that fit equally, scripts must choose among
+/// the candidates, best first.
 int push_pose(const Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset) {
   ResultTable table(call);
   table.text("status", optics::to_string(pose.status))

@@ -15,6 +15,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// Focus is measured on gray levels; a gray image is shared, not copied.
 cv::Mat gray_of(const cv::Mat& image) {
   if (image.channels() == 1) return image;
   cv::Mat gray;
@@ -22,6 +23,7 @@ cv::Mat gray_of(const cv::Mat& image) {
   return gray;
 }
 
+/// In the library's order, for the row's choices and the call that lists them.
 std::vector<std::string> measure_names() {
   std::vector<std::string> names;
   for (const vision::FocusMeasure measure : vision::focus_measures())
@@ -45,6 +47,7 @@ cv::Rect window_option(const Call& call, const cv::Size& whole) {
           static_cast<int>(*height)};
 }
 
+/// `saturated` comes with the value: a clipped window has less contrast than its focus deserves.
 int focus(Call& call) {
   const cv::Mat gray = gray_of(call.self<Image>().pixels);
   cv::Rect window({0, 0}, gray.size());
@@ -62,6 +65,7 @@ int focus(Call& call) {
   return 1;
 }
 
+/// The peak's fields are there exactly when the answer is "found".
 void set_fit(ResultTable& table, const vision::FocusPeakFit& fit) {
   table.number("noise", fit.noise).text("answer", std::string(vision::name_of(fit.answer)));
   if (fit.peak)
@@ -70,6 +74,7 @@ void set_fit(ResultTable& table, const vision::FocusPeakFit& fit) {
         .number("value", fit.peak->value);
 }
 
+/// `optional`: whether even the answer may be absent, as in the steps of a search.
 std::vector<ResultField> fit_fields(bool optional) {
   const auto field = [](const char* name, const char* help, bool may_be_nil) {
     return ResultField{.name = name, .help = help, .optional = may_be_nil};
@@ -79,6 +84,7 @@ std::vector<ResultField> fit_fields(bool optional) {
           field("sigma", "of the position", true), field("value", "at the peak", true)};
 }
 
+/// Unit and direction of positions are the caller's: the peak comes back in the same.
 int focus_peak(Call& call) {
   const std::vector<double> positions = *call.numbers_option("positions"),
                             values = *call.numbers_option("values");
@@ -92,6 +98,7 @@ int focus_peak(Call& call) {
   return 1;
 }
 
+/// The search moves nothing and measures nothing: the script does both, between its steps.
 int make_autofocus(Call& call) {
   vision::AutofocusSettings settings;
   settings.low = *call.number_option("low");

@@ -20,12 +20,14 @@ namespace {
 
 const cv::Mat& pixels_of(const Call& call) { return call.self<Image>().pixels; }
 
+/// A mask is binarized while it is read, so masks of 0 and 1 do as well as those of 0 and 255.
 int read_image(Call& call) {
   const auto file = readable(call.context(), *call.text_option("file"));
   push_image(call.L, call.flag_option("mask") ? read_mask(file) : read_color_image(file));
   return 1;
 }
 
+/// Files only, not their pixels: a long sequence would not fit into memory.
 int list_images(Call& call) {
   const auto files = image_files(readable(call.context(), *call.text_option("folder")));
   return push_result_list(call, files.size(), [&files](ResultTable& entry, std::size_t i) {
@@ -34,6 +36,7 @@ int list_images(Call& call) {
   });
 }
 
+/// Images with their masks, all at once: a model is trained from all of them.
 int training(Call& call) {
   const auto files = labeled_files(readable(call.context(), *call.text_option("folder")));
   return push_result_list(call, files.size(), [&](ResultTable& entry, std::size_t i) {
@@ -50,6 +53,7 @@ int open_video(Call& call) {
   return 1;
 }
 
+/// Nothing at the end, so that `while` loops end there.
 int video_read(Call& call) {
   const cv::Mat frame = call.self<VideoFile>().read();
   if (frame.empty()) return 0;
@@ -64,6 +68,7 @@ int video_info(Call& call) {
   return 1;
 }
 
+/// The handle is empty from here on: its file is closed now and not when Lua collects it.
 int video_close(Call& call) {
   close_handle(call);
   return 0;
@@ -102,11 +107,13 @@ int mean(Call& call) {
   return 1;
 }
 
+/// A copy: a part that shared its pixels would keep the whole image alive.
 int crop(Call& call) {
   push_image(call.L, part_of(call).clone());
   return 1;
 }
 
+/// PNG alone, which loses nothing: what was saved is what was measured.
 int save(Call& call) {
   const std::string name = call.text(0);
   if (!name.ends_with(".png"))
@@ -116,6 +123,7 @@ int save(Call& call) {
   return call.result(file.string());
 }
 
+/// An option that may be a track: the fields beside the ellipse are not looked at.
 std::optional<vision::Ellipse> ellipse_option(const Call& call, const char* name) {
   std::optional<vision::Ellipse> ellipse;
   if (call.push_option(name)) {
@@ -128,6 +136,7 @@ std::optional<vision::Ellipse> ellipse_option(const Call& call, const char* name
   return ellipse;
 }
 
+/// The center's 2 x 2 block of the track's 5 x 5 covariance, which stands there row by row.
 std::optional<Eigen::Matrix2d> covariance_of_track(const Call& call) {
   std::optional<Eigen::Matrix2d> made;
   if (call.push_option("track")) {
@@ -141,6 +150,7 @@ std::optional<Eigen::Matrix2d> covariance_of_track(const Call& call) {
   return made;
 }
 
+/// Past centers, px.
 std::vector<Eigen::Vector2d> trail_option(const Call& call) {
   std::vector<Eigen::Vector2d> trail;
   if (call.push_option("trail")) {
@@ -158,6 +168,7 @@ std::vector<Eigen::Vector2d> trail_option(const Call& call) {
   return trail;
 }
 
+/// A new image: the frame itself stays as it was measured.
 int overlay(Call& call) {
   vision::Overlay what;
   what.tracked = ellipse_option(call, "track");
@@ -173,6 +184,7 @@ int overlay(Call& call) {
 int ellipse_mask(Call& call) {
   const vision::Ellipse e = ellipse_at(call.L, call.index(0), "ellipse");
   cv::Mat mask = cv::Mat::zeros(pixels_of(call).size(), CV_8U);
+  // cv::ellipse takes fixed-point coordinates: 8 bits are 1/256 px.
   constexpr int kBits = 8;
   constexpr double kOne = 1 << kBits;
   const auto fixed = [](double px) { return static_cast<int>(std::lround(px * kOne)); };

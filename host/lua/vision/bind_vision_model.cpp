@@ -22,6 +22,8 @@ constexpr std::uintmax_t kLargestModel = 64'000'000;  // bytes; one has half a m
 
 const vision::ObjectModel& model_of(const Call& call) { return call.self<TrainedModel>().model; }
 
+/// Some seconds of work on a task of its own, on copies of the images' headers: their pixels are
+/// shared, and nothing changes them.
 int train(const Call& call) {
   auto images = std::make_shared<std::vector<vision::LabeledImage>>(labeled_option(call));
   auto made = std::make_shared<TrainedModel>();
@@ -37,6 +39,8 @@ int train(const Call& call) {
       }));
 }
 
+/// What color_model:save wrote, and nothing else (ObjectModel::load). Of the training's settings
+/// the file has the channels alone, from which its table was compiled.
 int load(const Call& call, const std::string& name) {
   const std::filesystem::path file = readable(call.context(), name);
   if (!std::filesystem::is_regular_file(file))
@@ -56,6 +60,7 @@ int load(const Call& call, const std::string& name) {
   return 1;
 }
 
+/// A model from a file has its training behind it: options of training beside it are refused.
 int color_model(Call& call) {
   const auto file = call.text_option("file");
   if (!file) return train(call);
@@ -75,6 +80,7 @@ int push_ranks(const Call& call, const std::vector<vision::ChannelRank>& ranks) 
   });
 }
 
+/// All eighteen pairs of channels on the same images, as table 8.2.
 int rank_channels(Call& call) {
   auto images = std::make_shared<std::vector<vision::LabeledImage>>(labeled_option(call));
   auto ranks = std::make_shared<std::vector<vision::ChannelRank>>();
@@ -84,18 +90,21 @@ int rank_channels(Call& call) {
       from_seconds(kMaxTraining), [ranks](Call& done) { return push_ranks(done, *ranks); }));
 }
 
+/// Into the run's folder only, under a new name: a model is part of the run's record.
 int save_model(Call& call) {
   const auto file = writable(call.context(), call.text(0));
   write_file(file, model_of(call).save());
   return call.result(file.string());
 }
 
+/// Of each image too: one bad mask shows as one bad number.
 void set_quality(ResultTable& table, const vision::Quality& quality) {
   table.number("mean", quality.mean)
       .number("deviation", quality.deviation)
       .numbers("of_images", quality.of_image);
 }
 
+/// Two readings of (8.2): weighted, which trackers use, and as it stands (vision/color_model.h).
 void set_thresholds(ResultTable& table, const vision::ColorModel& color) {
   table.number("low", color.weighted_thresholds().low)
       .number("high", color.weighted_thresholds().high)
@@ -103,6 +112,7 @@ void set_thresholds(ResultTable& table, const vision::ColorModel& color) {
       .number("flat_high", color.flat_thresholds().high);
 }
 
+/// Full axes; eigenvalues only of the modes that are kept.
 void set_shape(ResultTable& table, const vision::ObjectModel& model) {
   const auto& eigenvalues = model.shape.eigenvalues();
   table.number("major_px", 2 * model.semi_axes_px.x())
@@ -112,6 +122,8 @@ void set_shape(ResultTable& table, const vision::ObjectModel& model) {
       .numbers("eigenvalues", {eigenvalues.begin(), eigenvalues.begin() + model.shape.modes()});
 }
 
+/// The bias that trackers take off: measured less true full axes, over the training images; and
+/// what remains for the rim as a whole, of which x, y and angle are entries 0, 1 and 4.
 void set_calibration(ResultTable& table, const vision::Calibration& rim) {
   table.number("major_px", 2 * rim.semi_axes_px.x())
       .number("minor_px", 2 * rim.semi_axes_px.y())
@@ -169,6 +181,7 @@ Returned model_fields() {
 
 }  // namespace
 
+/// check() judges them here, before a long training begins.
 vision::ColorModelSettings color_settings(const Call& call) {
   vision::ColorModelSettings settings;
   if (const auto name = call.text_option("channels"))

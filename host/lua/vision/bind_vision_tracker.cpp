@@ -30,6 +30,7 @@ double cpu_seconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
+/// One set for all objects of a tracker.
 vision::ColorTrackerSettings tracker_settings(const Call& call) {
   vision::ColorTrackerSettings settings;
   settings.view = view_settings(call);
@@ -57,6 +58,8 @@ int make_tracker(Call& call) {
   return 1;
 }
 
+/// The time is the tracker's alone: CPU time of this thread, measured round the call, so that
+/// neither other threads nor the map's copy count.
 int update(Call& call) {
   auto& [tracker, objects] = call.self<Tracker>();
   const double start = cpu_seconds();
@@ -96,6 +99,7 @@ int place_object(Call& call) {
   return 0;
 }
 
+/// Back to searching in the whole image, as after a cut in the film.
 int reset(Call& call) {
   call.self<Tracker>().tracker.reset();
   return 0;
@@ -103,8 +107,11 @@ int reset(Call& call) {
 
 }  // namespace
 
+/// Thresholds come in pairs: F below the lower is ground, above the higher object, and between them
+/// undecided (8.2).
 vision::ObjectViewSettings view_settings(const Call& call) {
   vision::ObjectViewSettings settings;
+  // An absent flag is not false here: both are on unless the script says otherwise.
   const auto flag = [&call](const char* name, bool fallback) {
     call.push_option(name);
     const bool value = lua_isnil(call.L, -1) ? fallback : lua_toboolean(call.L, -1);

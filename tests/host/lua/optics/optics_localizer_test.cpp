@@ -11,8 +11,9 @@ class OpticsLocalizer : public LuaBench {
   /// near(a, b, within).
   Ended with_eye(const std::string& body) {
     return run(
-        "local optics, units = require 'optics', require 'units' local mm, um, deg = units.mm, "
-        "units.um, units.deg local eye = optics.system { name = 'model_eye_5_3' } local view = "
+        "local optics, units = require 'optics', require 'units' local mm, um, nm, deg = units.mm, "
+        "units.um, units.nm, units.deg local eye = optics.system { name = 'model_eye_5_3' } local "
+        "view = "
         "eye:localizer { center = { 691.5, 517.5 } } local robot = { shape = 'spheroid', "
         "half_length = 1*mm, radius = 0.5*mm } local place = vector(2*mm, 1*mm, 5*mm) local "
         "function near(a, b, within) if not (math.abs(a - b) <= within) then error(('%.9g is not "
@@ -95,7 +96,12 @@ TEST_F(OpticsLocalizer, OneLookAtTheKnownRetinaMendsTheImageScale) {
       "correction = 'additive_offset' }).localizer\n"
       "local pose = offset:locate({ body = robot, ellipse = seen, axis = { 1, 0, 0 } }) "
       "near(pose.position.z, "
-      "low.z, 1*um)");
+      "low.z, 1*um)\n"
+      "local again = offset:calibrate({ body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z "
+      "= "
+      "low.z, correction = 'additive_offset' })\n"
+      "near(again.offset:norm(), 0, 1*nm) near(again.localizer:locate({ body = robot, ellipse = "
+      "seen, axis = { 1, 0, 0 } }).position.z, low.z, 1*um)");
   expect_refused(
       "view:calibrate({ body = robot, ellipse = { u = 1, v = 1, semi_major = 2, semi_minor = 1, "
       "angle = 0 }, axis = "
