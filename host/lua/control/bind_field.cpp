@@ -132,6 +132,8 @@ control::CurrentLimits limits_option(const Call& call, int coils) {
   return limits;
 }
 
+/// Thesis 2.3: [B; F] = A I for the least currents, within limits (control::allocate_within). The
+/// vertical force, which carries the robot, is met first.
 int allocate(Call& call) {
   const FieldModel& model = call.self<FieldModel>();
   const Eigen::Vector3d place = *call.vector_option("position"),
@@ -178,6 +180,7 @@ int workspace_map(Call& call) {
   });
 }
 
+/// Of allocate and workspace_map alike, so that a map tells what an allocation can do.
 std::vector<Argument> limit_options() {
   return {{.name = "limit",
            .type = Type::number,
@@ -196,6 +199,7 @@ Argument vector_named(const char* name, const char* unit, bool optional, const c
   return {.name = name, .type = Type::vector, .unit = unit, .optional = optional, .help = help};
 }
 
+/// A robot by its name: the choices are those of control.robots.
 Argument robot_argument(const char* name, bool optional) {
   const auto& known = control::robot_names();
   return {.name = name,

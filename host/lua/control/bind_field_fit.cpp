@@ -99,6 +99,7 @@ int push_fitted(const Call& call, const Fitted& fitted) {
   return 1;
 }
 
+/// From a model of dipoles: the moments and positions that the probe's readings ask for.
 Fitted fitted_dipoles(const control::CoilField& start, const std::vector<ProbeReading>& readings) {
   const control::DipoleFit fit = control::fit_dipoles(start, readings);
   return {fit.field,
@@ -180,6 +181,7 @@ int to_yaml(Call& call) {
 
 }  // namespace
 
+/// Shared with simulation:use_calibration, which compares a measured machine with the loop's model.
 std::vector<ResultField> comparison_fields() {
   return {{"sign", "", "-1 where the coil is wired the other way round"},
           {"gain", "", "of its field at 1 A"},

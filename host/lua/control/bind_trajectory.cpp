@@ -30,6 +30,8 @@ std::vector<Eigen::Vector3d> points_option(const Call& call) {
   return points;
 }
 
+/// Shapes below start and end at rest, in the least time that speed and acceleration allow; what is
+/// too short or not finite is refused by name (control::Trajectory).
 int line(Call& call) {
   return push_trajectory(
       call, Trajectory::line(needed(call, "from"), needed(call, "to"), motion_limits(call)));
@@ -38,12 +40,15 @@ int rectangle(Call& call) {
   return push_trajectory(call, Trajectory::rectangle(needed(call, "corner"), needed(call, "side"),
                                                      needed(call, "up"), motion_limits(call)));
 }
+/// Two radii say center, plane, sense and where it begins; they must be as long and at a right
+/// angle.
 int circle(Call& call) {
   return push_trajectory(
       call,
       Trajectory::circle(needed(call, "center"), needed(call, "first"), needed(call, "second"),
                          call.number_option("turns").value_or(1), motion_limits(call)));
 }
+/// Corners are corners: it stops in each, since no acceleration could turn there at speed.
 int waypoints(Call& call) {
   return push_trajectory(call, Trajectory::waypoints(points_option(call), motion_limits(call)));
 }
@@ -81,6 +86,7 @@ int at(Call& call) {
 
 }  // namespace
 
+/// Numbers of entries count from 1 in errors, as in the script.
 std::vector<Eigen::Vector3d> points_at(lua_State* L, int index, const char* name) {
   std::vector<Eigen::Vector3d> points;
   const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));

@@ -50,6 +50,7 @@ constexpr std::size_t kLeastPairs = 2;
 
 int fit_camera(Call& call) {
   std::vector<optics::PointPair> pairs;
+  // m counts in the aerial image, which is inverted; the fit finds the rotation that is left over.
   each_entry(call, "points", {"m", "pixel"},
              [&](const OptionTable& entry, const std::string& where) {
                pairs.push_back({pair(entry, "m", where), pair(entry, "pixel", where)});
@@ -121,6 +122,7 @@ void push_law(lua_State* L, const AxisLaw& law) {
   push_handle(L, axis_law_class(), std::make_shared<AxisLaw>(law));
 }
 
+/// By first order alone; what the eye is in truth comes in by axis_law:calibrate.
 int axis_law(Call& call) {
   const optics::System& system = eye_of(call).system;
   push_law(call.L, {optics::on_axis_law(system), system.surfaces.front().thickness});
@@ -144,6 +146,7 @@ int law_distance(Call& call) {
   return call.result(*sensor, "m");
 }
 
+/// (4.10) to (4.12) by their letters: f, [O1,PP1], [O2,PP2], n_v, e_dls, e_do.
 int law_info(Call& call) {
   const optics::OnAxisLaw& law = law_of(call).law;
   ResultTable(call)
@@ -199,6 +202,8 @@ int calibrate_by_points(const Call& call) {
   return 1;
 }
 
+/// The two ways to calibrate exclude one another: the fit takes the shifts of the retina into its
+/// principal points, and would undo the other.
 int law_calibrate(Call& call) {
   const auto retina = call.number_option("retina");
   const bool by_points = call.push_option("points");

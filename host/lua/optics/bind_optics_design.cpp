@@ -74,8 +74,8 @@ void set_image(ResultTable& table, const optics::LensImage& image) {
       .number("lost_fields", image.lost_fields);
 }
 
-/// The status comes with its reason in words: a design that stopped at its bounds or iterations is
-/// a result too, and `before` and `after` say what it is worth.
+/// The status comes with its reason in words: a design that did not converge is a result too, and
+/// `before` and `after` say what it is worth.
 int push_design(const Call& call, const optics::LensDesign& made) {
   ResultTable table(call);
   push_system(call.L, made.prescription);

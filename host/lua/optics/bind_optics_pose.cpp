@@ -62,6 +62,7 @@ int locate(Call& call) {
     lua_pop(call.L, 1);
     return is_given;
   };
+  // An empty list counts as given: the solver refuses it by name.
   const bool points = given("points");
   if (points == given("ellipse"))
     throw std::invalid_argument("options: wants either ellipse or points");
@@ -215,6 +216,8 @@ Argument ellipse_argument(bool optional) {
                        .help = "25 numbers, row by row, instead of sigma"}}};
 }
 
+/// Where a body is, and how it lies: by the direction of its z, which says all of a round body, or
+/// by a whole orientation.
 std::vector<Argument> pose_options(bool position_needed, const char* position_help) {
   return {{.name = "position",
            .type = Type::vector,

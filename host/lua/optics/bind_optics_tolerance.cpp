@@ -14,6 +14,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// A stop is noticed at chunks while eyes are drawn, and before each eye while they are judged.
 constexpr int kChunk = 200;  // eyes drawn between two breaths
 
 /// Others get their turn before each eye, and a stop its way.
@@ -174,6 +175,7 @@ int error_analysis(Call& call) {
   return method == "monte_carlo" ? monte_carlo(call) : variance_attribution(call);
 }
 
+/// All optional: monte_carlo alone has them in the result itself.
 std::vector<ResultField> statistics_fields() {
   const auto field = [](const char* name, const char* unit, const char* help) {
     return ResultField{.name = name, .unit = unit, .help = help, .optional = true};
@@ -184,6 +186,7 @@ std::vector<ResultField> statistics_fields() {
           field("max", "m", "")};
 }
 
+/// One row for three methods: of each only its own fields are there, and the help says which.
 Returned analysis_fields() {
   std::vector<ResultField> of_parameter = statistics_fields();
   of_parameter.insert(

@@ -116,6 +116,7 @@ Argument flag_option(const char* name, const char* help) {
   return {.name = name, .type = Type::flag, .optional = true, .help = help};
 }
 
+/// Three at least: a mean over the field needs its middle and its ends.
 Argument grid_option(const char* name, const char* help) {
   return {
       .name = name, .type = Type::integer, .optional = true, .min = 3, .max = 1000, .help = help};
@@ -137,6 +138,7 @@ std::vector<Argument> field_options() {
           text_option("measure", "max or mean over the field (max by focus, mean by pose)")};
 }
 
+/// The word that scripts say for it.
 const char* word_of(Method method) {
   return method == Method::axis ? "axis" : method == Method::field ? "field" : "pose";
 }

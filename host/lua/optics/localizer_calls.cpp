@@ -40,6 +40,8 @@ void set_candidate(ResultTable& table, const optics::PoseCandidate& one,
 
 }  // namespace
 
+/// Exponents as of a superquadric: 0 is a flat end or a square section, 1 an ellipsoid's, up
+/// to 1.9; towards 2 the body becomes an octahedron, whose points have no normal.
 Argument body_argument(bool optional) {
   const auto exponent = [](const char* name, const char* help) {
     return Argument{
@@ -113,6 +115,7 @@ SeenEllipse seen_at(const OptionTable& table) {
   return seen;
 }
 
+/// Where the row lets it be absent, the need for it follows from the other options.
 optics::ObjectModel body_option(const Call& call) {
   if (!call.push_option("body")) throw std::invalid_argument("body: is missing");
   optics::ObjectModel body = body_at(OptionTable(call.L, lua_gettop(call.L)));
@@ -191,6 +194,8 @@ int push_pose(const Call& call, const optics::ObjectPose& pose, const Eigen::Vec
   return 1;
 }
 
+/// Seven numbers a covariance: position, rotation, logarithm of the size. What was held is 0 in it,
+/// what cannot be told infinite.
 Returned pose_fields() {
   const char* const seven = "position in m, rotations about the body's axes in rad, log of size";
   return {"table",

@@ -46,6 +46,8 @@ void each_of_list(const Call& call, const char* option, Read read) {
 
 /// What the handle of that class at `index` holds.
 template <class T>
+/// Throws std::invalid_argument naming `where` for another value or another class of handle. A
+/// list's entries are checked here: their row says only that it is a list.
 const T& object_at(lua_State* L, int index, const Class& kind, const std::string& where) {
   if (handle_class(L, index) != &kind)
     throw std::invalid_argument(where + ": wants " +
@@ -115,6 +117,7 @@ std::vector<ResultField> ellipse_fields(bool optional) {
   return fields;
 }
 
+/// C++ has semi-axes, scripts have full axes.
 void set_ellipse(ResultTable& table, const vision::Ellipse& e) {
   table.number("x_px", e.center_px.x())
       .number("y_px", e.center_px.y())
@@ -143,6 +146,7 @@ vision::Ellipse ellipse_at(lua_State* L, int index, const std::string& name) {
   return e;
 }
 
+/// The ellipse and its certainty are there only while the object is measured; the state always is.
 std::vector<ResultField> track_fields() {
   std::vector<ResultField> fields = ellipse_fields(true);
   fields.insert(fields.begin(), {"state", "", "searching, tracking, coasting or lost"});
@@ -214,6 +218,7 @@ std::vector<const TrainedModel*> models_option(const Call& call) {
   return models;
 }
 
+/// Whether it stands in the options, be it false.
 bool option_given(const Call& call, const std::string& name) {
   const bool given = call.push_option(name);
   lua_pop(call.L, 1);

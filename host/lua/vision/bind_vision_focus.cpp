@@ -138,6 +138,8 @@ int next(Call& call) {
   return 1;
 }
 
+/// Positions and values have no unit of their own: a stage's or a lens mover's, in whatever it
+/// counts.
 Argument needed(const char* name, const char* help) {
   return {.name = name, .type = Type::number, .help = help};
 }

@@ -47,6 +47,7 @@ int training(Call& call) {
   });
 }
 
+/// The file stays open between frames: a handle, and not a list of images.
 int open_video(Call& call) {
   push_handle(call.L, video_class(),
               std::make_shared<VideoFile>(readable(call.context(), *call.text_option("file"))));

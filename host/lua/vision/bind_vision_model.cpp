@@ -72,6 +72,7 @@ int color_model(Call& call) {
   return load(call, *file);
 }
 
+/// In the order of table 8.2, not by quality: the script compares or sorts.
 int push_ranks(const Call& call, const std::vector<vision::ChannelRank>& ranks) {
   return push_result_list(call, ranks.size(), [&ranks](ResultTable& entry, std::size_t i) {
     entry.text("channels", vision::name_of(ranks[i].channels))
@@ -132,6 +133,8 @@ void set_calibration(ResultTable& table, const vision::Calibration& rim) {
       .number("sigma_angle", std::sqrt(rim.covariance(4, 4)), "rad");
 }
 
+/// What a person looks at before believing a model: how well its colors part object and ground,
+/// where it decides, what shapes it saw, what bias it takes off.
 int model_info(Call& call) {
   const vision::ObjectModel& model = model_of(call);
   ResultTable(call)
@@ -194,6 +197,7 @@ vision::ColorModelSettings color_settings(const Call& call) {
   return settings;
 }
 
+/// Of training and of ranking alike.
 std::vector<Argument> with_color_options(std::vector<Argument> options) {
   options.push_back(
       {.name = "channels",

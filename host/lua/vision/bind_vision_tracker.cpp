@@ -90,6 +90,8 @@ std::size_t object_option(const Call& call, std::size_t objects) {
   return number ? static_cast<std::size_t>(*number) - 1 : 0;
 }
 
+/// As an operator points at it: the object is tracked from there in the next frame. An ellipse
+/// outside of the image is refused by the tracker.
 int place_object(Call& call) {
   auto& [tracker, objects] = call.self<Tracker>();
   vision::Ellipse at = ellipse_at(call.L, call.index(0), "ellipse");
