@@ -50,7 +50,9 @@ TEST(MultiTracker, of_one_object_gives_the_tracks_of_a_color_tracker_to_the_bit)
     ASSERT_EQ(a.measured.has_value(), b.measured.has_value()) << k;
     ASSERT_EQ(a.expected.has_value(), b.expected.has_value()) << k;
     lost += a.state == TrackState::lost;
-    if (a.expected) EXPECT_EQ(a.expected->center_px, b.expected->center_px) << k;
+    if (a.expected) {
+      EXPECT_EQ(a.expected->center_px, b.expected->center_px) << k;
+    }
     if (!a.measured) continue;
     ++tracked;
     EXPECT_EQ(a.measured->ellipse.center_px, b.measured->ellipse.center_px) << k;
