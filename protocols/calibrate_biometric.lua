@@ -135,9 +135,13 @@ return {
     local retina = believed:distance(0) + points[1].distance - believed:distance(points[1].depth)
     local laws = {
       { name = "as prescribed", law = believed, mark = "dashed" },
-      { name = "biometric: the retina alone", law = believed:on_retina(retina) },
-      { name = "biometric, minimum norm", law = believed:on_retina(retina, { method = "minimum_norm" }), mark = "dashed" },
-      { name = "all points (4.4.4)", law = believed:fit({ points = points }).law },
+      { name = "biometric: the retina alone", law = believed:calibrate({ retina = retina }).law },
+      {
+        name = "biometric, minimum norm",
+        law = believed:calibrate({ retina = retina, method = "minimum_norm" }).law,
+        mark = "dashed",
+      },
+      { name = "all points (4.4.4)", law = believed:calibrate({ points = points }).law },
     }
     plot(run, laws, points)
     local rows, found = {}, {}

@@ -137,8 +137,9 @@ end
 -- known; and what the best estimator could leave that knows nothing but table 5.1 and that look.
 local function eyes_part(rig, p, book, numbers, orientation)
   local axis, spiral, places = axis_of(orientation), spiral_of(p), {}
+  local duration = spiral:info().duration
   for i = 0, 30 do
-    places[i + 1] = spiral:at(spiral:duration() * i / 30).position
+    places[i + 1] = spiral:at(duration * i / 30).position
   end
   local least, left, best, in_world = one_look.least(rig, axis, 200), {}, {}, rig:model().eye_in_world
   local height = statistics.mean(statistics.map(places, function(place) return (place - in_world).z end))

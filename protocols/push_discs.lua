@@ -73,7 +73,7 @@ return {
       p.images
     )
     local models = { vision.color_model { images = robots }, vision.color_model { images = discs } }
-    local tracker = vision.multi_tracker { models = models, shape_prior = true }
+    local tracker = vision.tracker { models = models, shape_prior = true }
     servo:go_to(start, { within = 0.3 * mm, settle = 0.3 * s })
     rig.simulation:move_body("disc", disc_at)
     run:wait(1 * s)

@@ -68,7 +68,7 @@ return {
     color_scene.watch(rig, run, color_scene.legs(p.legs), p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(all) do
-        looked.tracks[i] = one.tracker:update(frame.image)
+        looked.tracks[i] = one.tracker:update(frame.image).tracks[1]
       end
       frames[#frames + 1] = looked
       if #frames % 60 == 1 then looked.image = frame.image end

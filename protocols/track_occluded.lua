@@ -50,7 +50,7 @@ return {
     color_scene.watch(rig, run, legs, p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(found) do
-        looked.tracks[i] = one.tracker:update(frame.image)
+        looked.tracks[i] = one.tracker:update(frame.image).tracks[1]
       end
       frames[#frames + 1] = looked
       if #frames % 20 == 0 then looked.image = frame.image end

@@ -89,14 +89,14 @@ function focusing.autofocus(rig, options)
     repeats = options.repeats,
     coarse = math.max(11, math.ceil(2 * options.reach / (options.coarse_step or 250e-6)) + 1),
   }
-  local step = { move_to = search:start() }
+  local step = search:next()
   while step.move_to do
     focusing.move(rig, step.move_to)
     rig.top_camera:grab()
     local frame = rig.top_camera:grab()
     local window = cut(options.window, frame.width_px, frame.height_px)
     window.measure = options.measure
-    step = search:next(step.move_to, frame.image:focus(window).value)
+    step = search:next { position = step.move_to, value = frame.image:focus(window).value }
   end
   if step.park then focusing.move(rig, step.park) end
   return step

@@ -27,7 +27,7 @@ function color_scene.outline(rig, run, frame, view)
   local position, axis = truth_at(run, frame.time)
   if not position then return nil end
   local model = rig:model()
-  local seen = (view or rig:view()):ellipse(model.robot, { position = position - model.eye_in_world, axis = axis })
+  local seen = (view or rig:view()):ellipse { body = model.robot, position = position - model.eye_in_world, axis = axis }
   return seen
     and { x_px = seen.u, y_px = seen.v, major_px = 2 * seen.semi_major, minor_px = 2 * seen.semi_minor, angle = seen.angle }
 end

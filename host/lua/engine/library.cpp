@@ -34,7 +34,6 @@ const Library& library() {
                                             &video_class(),
                                             &color_model_class(),
                                             &tracker_class(),
-                                            &multi_tracker_class(),
                                             &background_tracker_class(),
                                             &autofocus_class(),
                                             &localizer_class(),

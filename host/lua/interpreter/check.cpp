@@ -139,6 +139,17 @@ void check_choice(lua_State* L, const Argument& argument, int index) {
 
 void check_one(lua_State* L, const Argument& argument, int index);
 
+void check_options(lua_State* L, const Argument& argument, int index);
+
+/// Two tables of one call may have keys of one name: an error says in which.
+void check_table_among_options(lua_State* L, const Argument& option, int index) {
+  try {
+    check_options(L, option, index);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(option.name + ": " + error.what());
+  }
+}
+
 /// Unknown keys first: a misspelled option would else be left out without a word. Sorted, so that
 /// the same call fails with the same message in each run.
 void check_options(lua_State* L, const Argument& argument, int index) {
@@ -159,7 +170,10 @@ void check_options(lua_State* L, const Argument& argument, int index) {
   // An option that is absent is still checked when it is needed: then it is reported as missing.
   for (const Argument& option : argument.options) {
     lua_getfield(L, index, option.name.c_str());
-    if (!lua_isnil(L, -1) || !option.optional) check_one(L, option, lua_gettop(L));
+    if (option.type == Type::options && lua_istable(L, -1))
+      check_table_among_options(L, option, lua_gettop(L));
+    else if (!lua_isnil(L, -1) || !option.optional)
+      check_one(L, option, lua_gettop(L));
     lua_pop(L, 1);
   }
 }

@@ -125,7 +125,7 @@ std::string stub_of(const Library& library, const std::string& owner, char separ
       "---" + entry.row->doc + "\n---\n---```lua\n---" + example(entry) + "\n---```\n";
   for (const Argument& argument : entry.row->arguments) {
     if (argument.type == Type::options)
-      for (const Argument& option : argument.options)
+      for (const Argument& option : options_by_name(argument))
         if (const std::string about = with_unit(option); !about.empty())
           text += "---- `" + option.name + "`:" + about.substr(2) + "\n";
     if (argument.name == "...")
@@ -240,7 +240,7 @@ std::string cell(std::string text) {
 void reference_arguments(const std::vector<Argument>& arguments, std::string& text) {
   for (const Argument& argument : arguments) {
     if (argument.type == Type::options) {
-      reference_arguments(argument.options, text);
+      reference_arguments(options_by_name(argument), text);
       continue;
     }
     std::string bounds;

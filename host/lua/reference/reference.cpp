@@ -111,7 +111,7 @@ std::string bounds_text(const Argument& argument) {
 
 void show_argument(std::string& text, const Argument& argument, const std::string& indent) {
   if (argument.type == Type::options) {
-    for (const Argument& option : argument.options) show_argument(text, option, indent);
+    for (const Argument& option : options_by_name(argument)) show_argument(text, option, indent);
     return;
   }
   text += indent + argument.name + ": " + wanted(argument) + bounds_text(argument) +
@@ -181,6 +181,25 @@ const Class* find_class(const Library& library, const std::string& name) {
   for (const Class* kind : library.classes)
     if (kind->name == name) return kind;
   return nullptr;
+}
+
+std::vector<Argument> options_by_name(const Argument& argument) {
+  std::vector<Argument> named;
+  for (const Argument& option : argument.options) {
+    if (option.type != Type::options) {
+      named.push_back(option);
+      continue;
+    }
+    named.push_back({.name = option.name,
+                     .type = Type::table,
+                     .optional = option.optional,
+                     .help = option.help});
+    for (Argument& inner : options_by_name(option)) {
+      inner.name = option.name + "." + inner.name;
+      named.push_back(std::move(inner));
+    }
+  }
+  return named;
 }
 
 std::optional<Entry> find_entry(const Library& library, const std::string& name) {

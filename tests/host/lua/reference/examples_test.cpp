@@ -38,7 +38,7 @@ local eye = optics.system { name = "navarro_condensing" }
 local map, law = eye:wide_angle_map {}, eye:axis_law()
 local view = optics.system({ name = "model_eye_5_3" }):localizer { center = { 691.5, 517.5 } }
 local robot = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }
-local seen = view:ellipse(robot, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })
+local seen = view:ellipse { body = robot, position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } }
 local points, pixels, on_retina, foci = {}, {}, {}, {}
 for i, b in ipairs { { mm, 0, 0 }, { -mm, 0.5 * mm, 0 }, { 0, -mm, 0.2 * mm }, { 0, 0.3 * mm, mm }, { -0.4 * mm, -0.6 * mm, -0.8 * mm } } do
   local at = view:pixel(vector(b) + vector(0, 0, 3 * mm))
@@ -59,20 +59,18 @@ local field_model, readings = control.field_model { name = "octomag" }, {}
 for n = 1, 60 do
   local at, currents = vector(math.random() - 0.5, math.random() - 0.5, math.random() - 0.5) * 0.02, {}
   for k = 1, 8 do currents[k] = 8 * math.random() - 4 end
-  readings[n] = { position = at, currents = currents, field = field_model:field(at, currents).field }
+  readings[n] = { position = at, currents = currents, field = field_model:field({ position = at, currents = currents }).field }
 end
 )";
 
 constexpr const char* kVision = R"(
 local image, training = vision.image { file = "frame.png" }, vision.training { folder = "training" }
 local color_model = vision.color_model { images = training }
-local tracker, multi_tracker = vision.tracker { model = color_model }, vision.multi_tracker { models = { color_model } }
-multi_tracker:update(image)
-local background_tracker, search = vision.background_tracker {}, vision.autofocus { low = 0, high = mm, step = 50 * um }
+local tracker, background_tracker, search = vision.tracker { model = color_model }, vision.background_tracker {}, vision.autofocus { low = 0, high = mm, step = 50 * um }
 local video, views = vision.video { file = "recorded.avi" }, {}
 for i = 1, 3 do views[i] = image:crop { x = 30 * i, y = 10 * i, width = 200, height = 180 } end
-search:start()
-local track = tracker:update(image)
+search:next()
+local track = tracker:update(image).tracks[1]
 )";
 
 constexpr const char* kServo = R"(
@@ -153,9 +151,8 @@ using Names = std::set<std::string>;
 /// Classes and modules whose examples run in one script.
 const Names kOfOptics{"optics", "optical_system", "wide_angle_map", "localizer", "axis_law"};
 const Names kOfControl{"control", "trajectory", "field_model"};
-const Names kOfVision{
-    "vision",   "image", "video", "color_model", "tracker", "multi_tracker", "background_tracker",
-    "autofocus"};
+const Names kOfVision{"vision",   "image", "video", "color_model", "tracker", "background_tracker",
+                      "autofocus"};
 const Names kOfServo{"servo", "background"};
 const Names kOfRig{"rig",         "camera",         "coils",          "lens_mover",
                    "sample",      "stage",          "rotation_stage", "motion",
