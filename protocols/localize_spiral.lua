@@ -76,8 +76,8 @@ local function one_spiral(rig, run, p, orientation)
 end
 
 local function series(run, whole, stream, x, y, label, mark)
-  local span = { from = whole.from, to = whole.to }
-  return { label = label, mark = mark, x = (run:samples(stream, x, span)), y = (run:samples(stream, y, span)) }
+  local seen = run:samples(stream, { x, y }, { from = whole.from, to = whole.to })
+  return { label = label, mark = mark, x = seen[x], y = seen[y] }
 end
 
 local function pictures(run, span, name)

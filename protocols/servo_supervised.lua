@@ -6,6 +6,7 @@
 local bring = require "session.preparation"
 local by_hand = require "session.manual_control"
 local expect = require "analysis.expectations"
+local judge = require "analysis.path_accuracy"
 local statistics = require "analysis.statistics"
 local track_errors = require "analysis.track_errors"
 local units = require "units"
@@ -61,7 +62,7 @@ end
 -- rig says.
 local function depth_bar(run, rig, servo, p)
   local values = {}
-  for _, z in ipairs((run:samples("servo", "z", { from = run:now() - 1 * s, to = run:now() }))) do
+  for _, z in ipairs(run:samples("servo", { "z" }, { from = run:now() - 1 * s, to = run:now() }).z) do
     if z == z then values[#values + 1] = z end
   end
   if #values == 0 then return nil end
@@ -136,7 +137,7 @@ return {
         end
         bars.x[#bars.x + 1], bars.y[#bars.y + 1], bars.p[#bars.p + 1] = number, bar.above, bar.above + bar.precision
       end
-      if run:has_stream("truth") or run:has_stream("side_camera") then
+      if judge.has_reference(run) then
         local x, z =
           track_errors.along(run, "x", { from = from, to = run:now() }, { prefix = "target_" }),
           track_errors.along(run, "z", { from = from, to = run:now() }, { prefix = "target_" })

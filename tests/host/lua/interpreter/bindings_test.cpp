@@ -65,11 +65,12 @@ TEST_F(Bindings, SamplesGoIntoAStreamAndComeBack) {
   ASSERT_EQ(run("for i = 1, 3 do run:record('drift', { speed = i, place = vector(i, 0, -i) }, { "
                 "speed = 'm/s', place = "
                 "'mm' }) run:wait(1) end\n"
-                "local v, t = run:samples('drift', 'place_z')\nassert(#v == 3 and v[2] == -2 and "
-                "t[3] == 2)\n"
-                "local w = run:samples('drift', 'speed', { from = 1, to = 1.5 })\nassert(#w == 1 "
-                "and w[1] == 2)\n"
-                "assert(run:has_stream('drift') and not run:has_stream('truth'))")
+                "local all = run:samples('drift')\nassert(#all.place_z == 3 and all.place_z[2] == "
+                "-2 and all.time[3] == 2 and all.speed[1] == 1)\n"
+                "local part = run:samples('drift', { 'speed' }, { from = 1, to = 1.5 })\n"
+                "assert(#part.speed == 1 and part.speed[1] == 2 and part.time[1] == 1 and "
+                "part.place_x == nil)\n"
+                "assert(#run:samples('drift', {}).time == 3 and run:samples('truth') == nil)")
                 .error,
             "");
   const Stream& stream = *recorder.stream("drift");
@@ -77,10 +78,12 @@ TEST_F(Bindings, SamplesGoIntoAStreamAndComeBack) {
   EXPECT_EQ(stream.info.channels[0].name, "place_x");
   EXPECT_EQ(stream.info.channels[0].unit, "m");
   EXPECT_EQ(stream.info.channels[3].unit, "m/s");
-  expect_all(run("run:samples('drft', 'x')").error,
-             {"run:samples: there is no stream drft; did you mean drift?"});
-  expect_all(run("run:samples('drift', 'sped')").error,
-             {"the stream drift has no channel sped; did you mean speed?"});
+  expect_all(run("run:samples('drift', { 'sped' })").error,
+             {"run:samples: channels: the stream drift has no sped; it has place_x, place_y, "
+              "place_z, speed"});
+  expect_all(run("run:samples('drift', { 1 })").error,
+             {"run:samples: channels: entry 1: wants a name, got a number"});
+  expect_all(run("run:record('e', { time = 1 })").error, {"values: time: is kept for every sample"});
   expect_all(run("run:record('drift', { speed = 1 })").error, {"drift is recorded by the host"});
   expect_all(run("run:record('a', { x = 1 }) run:record('a', { y = 1 })").error,
              {"run:record: values: y was not in the first sample of a"});
