@@ -265,10 +265,10 @@ return {
         run:note(
           ("eye %d: x %s ± %s, z %s ± %s"):format(
             p.first + number - 1,
-            run:show(span.x.mean, "m"),
-            run:show(span.x.deviation, "m"),
-            run:show(span.z.mean, "m"),
-            run:show(span.z.deviation, "m")
+            format_quantity(span.x.mean, "m"),
+            format_quantity(span.x.deviation, "m"),
+            format_quantity(span.z.mean, "m"),
+            format_quantity(span.z.deviation, "m")
           )
         )
         if #found == 1 then

@@ -118,9 +118,9 @@ return {
       run:note(
         ("point %d at %s, %s, %s: %s"):format(
           number,
-          run:show(target.x, "m"),
-          run:show(target.y, "m"),
-          run:show(target.z, "m"),
+          format_quantity(target.x, "m"),
+          format_quantity(target.y, "m"),
+          format_quantity(target.z, "m"),
           there and "reached" or "not reached, " .. tostring(problem)
         )
       )
@@ -130,8 +130,8 @@ return {
           run:note(
             ("point %d: %s above the zero level, %s from the retina"):format(
               number,
-              run:show(bar.above, "m"),
-              run:show(bar.from_retina, "m")
+              format_quantity(bar.above, "m"),
+              format_quantity(bar.from_retina, "m")
             )
           )
         end
@@ -146,12 +146,12 @@ return {
       servo:snapshot(("point %d"):format(number))
       rows[number] = {
         tostring(number),
-        run:show(target.x, "m"),
-        run:show(target.y, "m"),
-        run:show(target.z, "m"),
+        format_quantity(target.x, "m"),
+        format_quantity(target.y, "m"),
+        format_quantity(target.z, "m"),
         there and "reached" or "not reached",
-        bar and run:show(bar.above, "m") or "–",
-        bar and "± " .. run:show(bar.precision, "m") or "–",
+        bar and format_quantity(bar.above, "m") or "–",
+        bar and "± " .. format_quantity(bar.precision, "m") or "–",
         bar and bar.near and "near" or "",
       }
       number = number + 1

@@ -64,7 +64,7 @@ local function latest(run, since)
 end
 
 --- Mean velocity over `time`, in m/s: of the simulator's truth where there is one, else as the top camera sees it.
-function drift.velocity(run, servo, time)
+function drift.velocity(run, time)
   local from, started = latest(run, run:now() - 0.5 * s)
   run:wait(time)
   local to, ended = latest(run, run:now() - 0.5 * s)

@@ -15,7 +15,7 @@ end
 --- it together or not at all. Returns whether it is accepted.
 function acceptance:check(row)
   local well = row.value == row.value and row.value >= (row.least or -math.huge) and row.value <= (row.most or math.huge)
-  local function shown(value) return value and self.run:show(value, row.unit or "", 4) or "–" end
+  local function shown(value) return value and format_quantity(value, row.unit or "", 4) or "–" end
   self.rows[#self.rows + 1] = {
     row.name,
     shown(row.believed),

@@ -73,7 +73,7 @@ function retina.calibrate(rig, run, servo, options)
   run:note(
     ("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(
       told.image_scale,
-      run:show(vector(told.offset):norm(), "m"),
+      format_quantity(vector(told.offset):norm(), "m"),
       told.residual
     )
   )

@@ -1,4 +1,4 @@
--- Bar charts with a name at each bar, as an SVG document for run:drawing (run:plot has numbers on both axes).
+-- Bar charts with a name at each bar, as an SVG document for run:picture (run:plot has numbers on both axes).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = {}
 

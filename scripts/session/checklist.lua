@@ -69,7 +69,7 @@ function checklist:photograph(caption, options)
     return nil
   end
   local image = path == "camera" and self.rig.top_camera:grab().image or vision.image { file = path }
-  self.run:picture(caption, image, caption .. (path == "camera" and ", by the top camera" or ": " .. path))
+  self.run:picture { title = caption, image = image, note = path == "camera" and "by the top camera" or path }
   local name = ("photograph_%02d.png"):format(#self.rows + 1)
   image:save(name)
   self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), "photograph: " .. caption, name }

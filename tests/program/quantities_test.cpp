@@ -36,12 +36,12 @@ return {
       title = "Errors (um)",
       header = { "where", "error", "time", "limit, um" },
       rows = {
-        { "near", run:show(34 * um, "m"), run:show(0.5, "s"), 5 },
-        { "far", run:show(1.25 * mm, "m"), run:show(62, "s"), 7 },
+        { "near", format_quantity(34 * um, "m"), format_quantity(0.5, "s"), 5 },
+        { "far", format_quantity(1.25 * mm, "m"), format_quantity(62, "s"), 7 },
         { "there", "12 um", "3 s", 9 },
       },
     }
-    run:note(("moved by %s"):format(run:show(80 * um, "m")))
+    run:note(("moved by %s"):format(format_quantity(80 * um, "m")))
   end,
 }
 )lua";

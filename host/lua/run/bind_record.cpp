@@ -1,6 +1,5 @@
 // Bindings of run: samples and frames into the record, and samples out of it again.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/config/config.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/tables.h"

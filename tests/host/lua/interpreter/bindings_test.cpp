@@ -1,5 +1,6 @@
 // Errors and results of host calls from Lua, made wrongly and rightly.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/runs/results_text.h"
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
@@ -83,7 +84,8 @@ TEST_F(Bindings, SamplesGoIntoAStreamAndComeBack) {
               "place_z, speed"});
   expect_all(run("run:samples('drift', { 1 })").error,
              {"run:samples: channels: entry 1: wants a name, got a number"});
-  expect_all(run("run:record('e', { time = 1 })").error, {"values: time: is kept for every sample"});
+  expect_all(run("run:record('e', { time = 1 })").error,
+             {"values: time: is kept for every sample"});
   expect_all(run("run:record('drift', { speed = 1 })").error, {"drift is recorded by the host"});
   expect_all(run("run:record('a', { x = 1 }) run:record('a', { y = 1 })").error,
              {"run:record: values: y was not in the first sample of a"});
@@ -113,6 +115,16 @@ TEST_F(Bindings, ErrorsOfOneStreamAgainstAnother) {
   expect_all(run("run:errors { off = 'a' }").error, {"off is not known; did you mean of"});
 }
 
+TEST_F(Bindings, AResultInPercentKeepsItsUnit) {
+  ASSERT_EQ(run("run:result('tracked', 0.125, '%') run:result('gain', 2)").error, "");
+  const std::vector<StatedResult>& results = recorder.results();
+  EXPECT_DOUBLE_EQ(results.at(0).value, 0.125) << "the ratio itself";
+  EXPECT_EQ(results.at(0).unit, "%");
+  EXPECT_EQ(results.at(1).unit, "");
+  EXPECT_EQ(results_text(results).substr(0, results_text(results).find('\n')),
+            "tracked                      12.5 %");
+}
+
 TEST_F(Bindings, ResultsGoIntoTheRecord) {
   ASSERT_EQ(
       run("run:result('error', 0.00012, 'um')\n"
@@ -121,7 +133,7 @@ TEST_F(Bindings, ResultsGoIntoTheRecord) {
           "  series = { { label = 'a', x = { 1, 2 }, y = { 3, 4 }, mark = 'dashed' }, { x = {}, y "
           "= {} } } }\n"
           "run:table { title = 'T', header = { 'a', 'b' }, rows = { { 'x', 1 }, { 'y', 2.5 } } }\n"
-          "run:note('seen') run:checkpoint('here')\nassert(run:show(0.00012, 'm') == '120 "
+          "run:note('seen') run:checkpoint('here')\nassert(format_quantity(0.00012, 'm') == '120 "
           "\u00b5m')")
           .error,
       "");
