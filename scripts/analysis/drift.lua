@@ -20,12 +20,14 @@ function drift.any_direction()
   return direction / direction:norm()
 end
 
+--- The place of a value in a list; nil where it is not in it.
 function drift.index(list, wanted)
   for i, one in ipairs(list) do
     if one == wanted then return i end
   end
 end
 
+--- The middle value, or the mean of the two in the middle.
 function drift.median(values)
   local sorted = table.move(values, 1, #values, 1, {})
   table.sort(sorted)
@@ -46,7 +48,7 @@ function drift.mean(values)
   return mean, #values > 1 and (squares / (#values - 1)) ^ 0.5 or 0
 end
 
---- found[kind][place] is a list.
+--- Puts a value into the list found[kind][place], which is made where it is missing.
 function drift.add(found, kind, place, value)
   found[kind] = found[kind] or {}
   found[kind][place] = found[kind][place] or {}

@@ -29,7 +29,7 @@ local function tolerance_text(row)
   return "none"
 end
 
---- `where` names the table or figure that the rows belong to, unless a row names its own.
+--- Opens a book. `where` names the table or figure that the rows belong to, unless a row names its own.
 function expect.book(run, where) return setmetatable({ run = run, where = where, rows = {}, known = {} }, book) end
 
 --- One number: { id =, what =, thesis = (may be left out), ours =, unit = "" (SI: m, rad, m/s), why = "" } and one of

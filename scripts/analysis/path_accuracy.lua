@@ -33,7 +33,7 @@ function judge.measure(run, span)
   return path, run:errors { of = "servo", against = reference, from = span.from, to = span.to }
 end
 
---- The same, as the run's results.
+--- States the errors of judge.measure as the run's results, and returns them.
 function judge.results(run, span)
   local path, localization = judge.measure(run, span)
   run:result("path_error_rms", path.rms, "m")
@@ -44,6 +44,7 @@ function judge.results(run, span)
   return path, localization
 end
 
+--- The table of the localization error, lateral and in depth, beside the thesis'; `found` as run:errors gives it.
 function judge.localization_table(run, found)
   local thesis = judge.thesis
   local function row(name, mean, deviation, max, printed)
@@ -126,7 +127,8 @@ local function currents_plot(run, span, which)
   run:plot { title = "Currents against time" .. which, x = { "time", "s" }, y = { "current", "A" }, series = all }
 end
 
---- `which`: of several rounds, for the titles, such as ", eye 3".
+--- The plots of a path in a span {from, to}: trajectories, errors and currents against time. `which`: of several rounds, for
+--- the titles, such as ", eye 3".
 function judge.plots(run, span, which)
   which = which or ""
   trajectory(run, span, "Trajectory from above" .. which, "y", { truth = true })
@@ -135,7 +137,7 @@ function judge.plots(run, span, which)
   currents_plot(run, span, which)
 end
 
---- Results, table and plots of the time from `from` to `to`.
+--- Results, table and plots of the time from options.from to options.to.
 function judge.path(run, options)
   local span = { from = options.from, to = options.to }
   local path, localization = judge.results(run, span)

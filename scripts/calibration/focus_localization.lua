@@ -108,7 +108,7 @@ function by_focus.learn(model, angles, measure)
   return made
 end
 
---- The same with the instruments.
+--- The calibration of by_focus.learn, measured with the instruments.
 function by_focus.calibrate(rig, run, model, angles)
   local calibrated = false -- the first target, on the retina, is looked for in a wider range
   return by_focus.learn(model, angles, function(place, near)

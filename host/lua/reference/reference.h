@@ -38,6 +38,8 @@ std::string handle_name(const std::string& kind);
 /// A call that could stand in a script: the row's own, or one made from its arguments' types, units
 /// and bounds.
 std::string example(const Entry& entry);
+/// Of a number: "0.5 to 60 s", "at least 1", "" where it has no bounds.
+std::string bounds_text(const Argument& argument);
 /// The SI unit of a number, a vector or a list of numbers that the call returns; "" else.
 std::string unit_of_result(const Binding& row);
 /// Of a call that returns tables: the SI units of their fields, those of tables in them too.
