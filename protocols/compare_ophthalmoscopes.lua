@@ -191,7 +191,7 @@ return {
       ours = condensing:viewing().depth_of_field.thesis,
       unit = "m",
       within = 10 * um,
-      reason = '"approximately 150 um", read off a slope',
+      reason = '"approximately 150 µm", read off a slope',
     }
     book:close()
   end,

@@ -149,7 +149,7 @@ function color_scene.tell(run, title, trackers)
   local function px(value) return value == value and ("%.2f"):format(value) or "–" end
   run:table {
     title = title .. "; lost: said so, wrong: over 20 px off",
-    header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" },
+    header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, °", "tracked", "lost", "wrong" },
     rows = statistics.map(trackers, function(one)
       local e = one.errors
       local off = statistics.map({ e.x, e.y, e.major, e.minor, e.angle / deg }, px)
