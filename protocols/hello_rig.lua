@@ -11,7 +11,7 @@ return {
     run:note(("top camera: %s, %d x %d"):format(info.identity, info.width_px, info.height_px))
     if rig.coils then
       local coils = rig.coils:info()
-      run:note(("coils: %d channels, %s each"):format(coils.channels, run:show(coils.limit, "A")))
+      run:note(("coils: %d channels, %s each"):format(coils.channels, format_quantity(coils.limit, "A")))
     end
     local first, last
     for _ in run:each(p.frames, "frame") do

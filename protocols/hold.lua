@@ -39,7 +39,7 @@ end
 
 local function mean(run, stream, channel, span)
   local sum, count = 0, 0
-  for _, value in ipairs((run:samples(stream, channel, span))) do
+  for _, value in ipairs(run:samples(stream, { channel }, span)[channel]) do
     if value == value then
       sum, count = sum + value, count + 1
     end -- an unseen robot is not a number

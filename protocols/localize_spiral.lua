@@ -76,8 +76,8 @@ local function one_spiral(rig, run, p, orientation)
 end
 
 local function series(run, whole, stream, x, y, label, mark)
-  local span = { from = whole.from, to = whole.to }
-  return { label = label, mark = mark, x = (run:samples(stream, x, span)), y = (run:samples(stream, y, span)) }
+  local seen = run:samples(stream, { x, y }, { from = whole.from, to = whole.to })
+  return { label = label, mark = mark, x = seen[x], y = seen[y] }
 end
 
 local function pictures(run, span, name)
@@ -266,10 +266,10 @@ return {
         run:note(
           ("eye %d: x %s ± %s, z %s ± %s"):format(
             p.first + number - 1,
-            run:show(span.x.mean, "m"),
-            run:show(span.x.deviation, "m"),
-            run:show(span.z.mean, "m"),
-            run:show(span.z.deviation, "m")
+            format_quantity(span.x.mean, "m"),
+            format_quantity(span.x.deviation, "m"),
+            format_quantity(span.z.mean, "m"),
+            format_quantity(span.z.deviation, "m")
           )
         )
         if #found == 1 then

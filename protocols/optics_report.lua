@@ -113,7 +113,8 @@ local function fields(run, eye, p)
   }
   local spots = {}
   for i, depth in ipairs(range(0, p.depth, 3)) do
-    spots[i] = series(run:show(depth, "m") .. " before the retina", angles, eye:field_curvature(angles, depth).points, "rms")
+    spots[i] =
+      series(format_quantity(depth, "m") .. " before the retina", angles, eye:field_curvature(angles, depth).points, "rms")
   end
   run:plot {
     title = "Spot size at best focus",
@@ -290,7 +291,7 @@ return {
   },
   run = function(_, p, run)
     local eye = optics.system { name = p.prescription }
-    run:drawing("Layout", eye:layout { angles = range(0, p.field, 3) })
+    run:picture { title = "Layout", svg = eye:layout { angles = range(0, p.field, 3) } }
     first_order(run, eye, p)
     seidel(run, eye)
     run:progress(0.1, "tracing")

@@ -31,7 +31,7 @@ end
 
 local function bar_chart(run, title, options)
   options.title = title
-  run:drawing(title, bars.svg(options))
+  run:picture { title = title, svg = bars.svg(options) }
 end
 
 -- Figures 4.2, 4.5 and table 5.2: by each method, as the eye is believed, and calibrated on its retina.
@@ -266,8 +266,8 @@ local function design(run, eye, p)
     ("lens design: %s%s, span of best focus %s, before %s"):format(
       told.status,
       told.reason == "" and "" or " (" .. told.reason .. ")",
-      run:show(told.after.span, "m"),
-      run:show(told.before.span, "m")
+      format_quantity(told.after.span, "m"),
+      format_quantity(told.before.span, "m")
     )
   )
   run:result("design_span_before", told.before.span, "m")

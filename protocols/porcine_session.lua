@@ -61,7 +61,7 @@ local function focus(list, rig, run, p)
       end
     end
     rig.lens_mover:move_to(best)
-    run:note("condensing lens left at " .. run:show(best, "m") .. ", where the retina is sharpest")
+    run:note("condensing lens left at " .. format_quantity(best, "m") .. ", where the retina is sharpest")
   else
     list:must("condensing lens moved until the retina is sharp", { name = "focus_retina" })
   end
@@ -81,7 +81,7 @@ local function trial(rig, run, p, background, number)
   local to = servo:status().position or from
   servo:snapshot("trial " .. number)
   run:record("trial", { number = number, moved = (to - from):norm(), arrived = done and 1 or 0 }, { moved = "m" })
-  return { tostring(number), run:show((to - from):norm(), "m"), done and "arrived" or tostring(problem):match("[^:]*$") },
+  return { tostring(number), format_quantity((to - from):norm(), "m"), done and "arrived" or tostring(problem):match("[^:]*$") },
     (to - from):norm()
 end
 

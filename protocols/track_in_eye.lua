@@ -93,7 +93,7 @@ return {
       if each.frame.image then
         for i, one in ipairs(all) do
           if one.ours and one.channels == all[1].channels then
-            run:image_plot {
+            run:picture {
               title = ("at %.1f s, %s"):format(each.frame.time, one.name),
               image = each.frame.image,
               marks = seen(each.frame.tracks[i], each.outline),

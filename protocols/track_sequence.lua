@@ -249,16 +249,16 @@ return {
       if #trail > 60 then table.remove(trail, 1) end
       if (#tracks - 1) % every == 0 and shown < p.pictures then
         shown = shown + 1
-        run:picture(
-          ("frame %d"):format(frame),
-          image:overlay {
+        run:picture {
+          title = ("frame %d"):format(frame),
+          image = image:overlay {
             track = track,
             expected = track.expected,
             trail = trail,
             caption = ("%d %s"):format(frame, track.state),
           },
-          track.state
-        )
+          note = track.state,
+        }
       end
       if count then run:progress(math.min(#tracks / count, 1), "frame " .. #tracks) end
       image, frame = next_frame()

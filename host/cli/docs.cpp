@@ -3,6 +3,7 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/lua/engine/library.h"
+#include "host/lua/reference/api_reference.h"
 #include "host/lua/reference/editor_files.h"
 
 #include <fmt/format.h>
@@ -152,7 +153,11 @@ int docs(const CommandLine& line, const std::string& page, const std::string& in
   if (page == "stubs") return write_stubs(into, json);
   if (!into.empty()) throw ConfigError("'" + into + "': only stubs are written into a folder");
   const std::map<std::string, std::function<std::string()>> printed{
-      {"api", [] { return lua::api_reference(lua::library()); }},
+      {"api",
+       [] {
+         return lua::api_reference(lua::library(),
+                                   lua::script_modules(Program::in_data_folder("scripts")));
+       }},
       {"luacheck", [] { return lua::luacheck_standard(lua::library()); }},
       {"man", [&line] { return manual(line); }}};
   if (const auto found = printed.find(page); found != printed.end())

@@ -112,7 +112,7 @@ nlohmann::json summary(const RunData& data) {
   nlohmann::json units = nlohmann::json::object();
   for (const StatedResult& one : data.results) {
     results[one.name] = std::isfinite(one.value) ? nlohmann::json(one.value) : nlohmann::json();
-    units[one.name] = one.unit;
+    units[one.name] = si_unit(one.unit);  // the value is SI, in whatever it is shown
   }
   nlohmann::json samples = nlohmann::json::object();
   for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/run_folder.h"
 #include "host/runs/export.h"
+#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -64,7 +65,7 @@ std::string events_of(const RunData& data) {
 std::string results_of(const RunData& data) {
   std::string out = "name,value,unit\r\n";
   for (const StatedResult& one : data.results)
-    out += cell(one.name) + "," + number(one.value) + "," + cell(one.unit) + "\r\n";
+    out += cell(one.name) + "," + number(one.value) + "," + cell(si_unit(one.unit)) + "\r\n";
   return out;
 }
 

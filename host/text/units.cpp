@@ -204,6 +204,11 @@ std::optional<Unit> find_unit(std::string_view symbol) {
   return *found;
 }
 
+std::string si_unit(std::string_view symbol) {
+  const std::optional<Unit> unit = find_unit(symbol);
+  return std::string(unit ? unit->dimension : symbol);
+}
+
 // "mm/s" is mm_per_s in Lua's module `units`, "m^2" is m2; empty for what gives no identifier.
 std::string unit_name(std::string_view symbol) {
   std::string name;

@@ -148,7 +148,7 @@ end
 function calibrations.note_coils(run, against, coils)
   local lines, reversed = {}, {}
   for number, coil in ipairs(coils) do
-    lines[number] = ("coil %d: sign %s, gain %.3f, angle %.1f deg"):format(
+    lines[number] = ("coil %d: sign %s, gain %.3f, angle %.1f°"):format(
       number,
       coil.sign < 0 and "-" or "+",
       coil.gain or 0 / 0,

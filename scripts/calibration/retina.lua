@@ -18,15 +18,11 @@ end
 -- The tracker's mean ellipse since `from`; nothing when it was not seen.
 local function ellipse_since(run, from)
   local seen = {}
-  for name, channel in pairs {
-    u = "u_px",
-    v = "v_px",
-    semi_major = "semi_major_px",
-    semi_minor = "semi_minor_px",
-    angle = "angle",
-  } do
+  local channels = { u = "u_px", v = "v_px", semi_major = "semi_major_px", semi_minor = "semi_minor_px", angle = "angle" }
+  local servo = run:samples("servo", nil, { from = from, to = run:now() })
+  for name, channel in pairs(channels) do
     local good = {}
-    for _, value in ipairs((run:samples("servo", channel, { from = from, to = run:now() }))) do
+    for _, value in ipairs(servo[channel]) do
       if value == value then good[#good + 1] = value end
     end
     if #good == 0 then return nil end
@@ -83,7 +79,7 @@ function retina.calibrate(rig, run, servo, options)
   run:note(
     ("calibrated on the retina: image scale %.4f, offset %s, residual %.3f µm"):format(
       told.image_scale,
-      run:show(vector(told.offset):norm(), "m"),
+      format_quantity(vector(told.offset):norm(), "m"),
       told.residual / um
     )
   )

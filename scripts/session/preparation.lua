@@ -37,7 +37,7 @@ function bring.sink(run, servo, above, options)
   return trim
 end
 
---- Takes back what pressed it down, and holds a place again.
+--- Takes back what pressed the robot down (bring.sink), and holds a place again.
 function bring.lift(servo, trim, place)
   servo:set_trim(trim)
   servo:go_to(place, { within = 1 * mm, settle = 0, speed = 1 * mm / s, timeout = 60 * s })

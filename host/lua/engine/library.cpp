@@ -28,6 +28,7 @@ const Library& library() {
                                             &servo_class(),
                                             &run_class(),
                                             &reminder_class(),
+                                            &alarm_class(),
                                             &optical_system_class(),
                                             &wide_angle_map_class(),
                                             &image_class(),

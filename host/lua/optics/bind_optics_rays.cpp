@@ -211,7 +211,7 @@ std::vector<Binding> field_rows() {
                     depth,
                     {.name = "title", .type = Type::text, .optional = true}})},
        "string",
-       "draws surfaces and rays as SVG; put it into the report with run:drawing",
+       "draws surfaces and rays as SVG, for run:picture",
        layout,
        "eye:layout { angles = { 0, 20 * deg } }"}};
 }

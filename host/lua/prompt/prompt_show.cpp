@@ -6,7 +6,6 @@
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/rig/classes.h"
 #include "host/session/session.h"
-#include "host/text/columns.h"
 
 #include <fstream>
 #include <sstream>
@@ -83,18 +82,6 @@ std::string long_table(lua_State* L, int index, const FieldUnits& units) {
   return text + "\n}";
 }
 
-/// A number or a list of a few in a display unit; a list has one for all: "{1.00, 0.98} mm".
-std::optional<std::string> quantity_of(lua_State* L, int index, const std::string& unit) {
-  constexpr std::size_t kLongest = 16;
-  const auto numbers = to_numbers(L, index);
-  if (!numbers) return in_peoples_unit(L, index, unit);
-  if (numbers->empty() || numbers->size() > kLongest) return std::nullopt;
-  const ShownColumn column = show_column(*numbers, unit, 4);
-  std::string text;
-  for (const std::string& number : column.numbers) text += (text.empty() ? "{" : ", ") + number;
-  return with_unit({text + "}", column.unit});
-}
-
 /// A handle: what it is, and what can be asked of it.
 std::string handle_text(lua_State* L, const Class& kind) {
   std::vector<std::string> names;
@@ -121,7 +108,7 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
       from.call != nullptr && (lua_istable(L, index) ? lua_topointer(L, index) == from.pointer
                                                      : lua_tonumber(L, index) == from.number);
   const std::string unit = called ? unit_of_result(*from.call) : "";
-  if (const auto text = unit.empty() ? std::nullopt : quantity_of(L, index, unit)) return *text;
+  if (const auto text = unit.empty() ? std::nullopt : in_peoples_unit(L, index, unit)) return *text;
   const FieldUnits units = called ? units_of_fields(*from.call) : FieldUnits();
   const std::string text = pretty(L, index, 3, units);
   const bool plain_table =

@@ -1,4 +1,4 @@
-// Binding of help(): about a name, a handle, a function, a module, a protocol, or any value.
+// Global functions; help() about a name, a handle, a function, a module, a protocol, or any value.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/context.h"
@@ -95,7 +95,8 @@ const std::vector<Binding>& global_functions() {
        "",
        "tells what there is",
        help,
-       "help(\"servo:go_to\")"}};
+       "help(\"servo:go_to\")"},
+      format_quantity_row()};
   return functions;
 }
 

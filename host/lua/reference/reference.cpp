@@ -3,7 +3,7 @@
 
 #include "host/config/config.h"
 #include "host/lua/rig/classes.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <fmt/format.h>
 
@@ -100,21 +100,13 @@ std::string value_example(const Argument& argument) {
   return "nil";
 }
 
-std::string bounds_text(const Argument& argument) {
-  if (argument.type != Type::number && argument.type != Type::integer) return "";
-  const bool below = std::isfinite(argument.min), above = std::isfinite(argument.max);
-  const auto shown = [&](double value) { return format_quantity(value, argument.unit); };
-  if (below && above) return ", " + shown(argument.min) + " to " + shown(argument.max);
-  if (below) return ", at least " + shown(argument.min);
-  return above ? ", at most " + shown(argument.max) : "";
-}
-
 void show_argument(std::string& text, const Argument& argument, const std::string& indent) {
   if (argument.type == Type::options) {
     for (const Argument& option : options_by_name(argument)) show_argument(text, option, indent);
     return;
   }
-  text += indent + argument.name + ": " + wanted(argument) + bounds_text(argument) +
+  const std::string bounds = bounds_text(argument);
+  text += indent + argument.name + ": " + wanted(argument) + (bounds.empty() ? "" : ", " + bounds) +
           (argument.optional ? ", may be left out" : "") +
           (argument.help.empty() ? "" : "; " + argument.help) + "\n";
 }
@@ -260,6 +252,14 @@ void show_fields(std::string& text, const std::vector<ResultField>& fields,
 }
 
 }  // namespace
+
+std::string bounds_text(const Argument& argument) {
+  if (argument.type != Type::number && argument.type != Type::integer) return "";
+  const bool below = std::isfinite(argument.min), above = std::isfinite(argument.max);
+  if (below && above) return format_range(argument.min, argument.max, argument.unit);
+  if (below) return "at least " + format_quantity(argument.min, argument.unit);
+  return above ? "at most " + format_quantity(argument.max, argument.unit) : "";
+}
 
 std::string unit_of_result(const Binding& row) { return row.returns.unit; }
 

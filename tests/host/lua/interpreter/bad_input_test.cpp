@@ -250,8 +250,8 @@ TEST_F(BadInput, DeadTimeOfALoopIsWhatOnlyGotThingsReady) {
 
 TEST_F(BadInput, AlarmsOfAScriptAreLatchedShownRecordedAndAcknowledged) {
   EXPECT_EQ(
-      run("run:alarm('coil', 'high', 'too "
-          "hot')\nassert(run:alarms()[1].active)\nrun:clear_alarm('coil')\n"
+      run("local alarm = run:alarm { name = 'coil', priority = 'high', text = 'too hot' }\n"
+          "assert(run:alarms()[1].active)\nalarm:clear() alarm:clear()\n"
           "assert(#run:alarms() == 1)\nassert(run:acknowledge('coil') == 1 and #run:alarms() == 0)")
           .error,
       "");
@@ -259,8 +259,8 @@ TEST_F(BadInput, AlarmsOfAScriptAreLatchedShownRecordedAndAcknowledged) {
   ASSERT_EQ(recorder.events().size(), 3u);
   EXPECT_EQ(recorder.events()[0].text, "high: coil: too hot");
   EXPECT_EQ(recorder.events()[2].kind, "alarm acknowledged");
-  expect_all(run("run:alarm('coil', 'urgent', 'x')").error,
-             {"priority: wants low, medium or high, got urgent"});
+  expect_all(run("run:alarm { name = 'coil', priority = 'urgent', text = 'x' }").error,
+             {"priority: wants low, medium or high, got 'urgent'"});
   expect_all(run("run:acknowledge('nothing')").error, {"no alarm 'nothing' stands"});
 }
 

@@ -260,10 +260,16 @@ TEST_F(OpticsBinding, ToleranceRanksTheIndexOfTheLensFirst) {
 }
 
 TEST_F(OpticsBinding, TheLayoutGoesIntoTheRecordAsADrawing) {
-  expect_fine("run:drawing('Layout', eye:layout { angles = { 0, 20*deg }, title = 'An eye' })");
+  expect_fine(
+      "run:picture { title = 'Layout', svg = eye:layout { angles = { 0, 20*deg }, title = 'An eye' "
+      "} }");
   ASSERT_EQ(recorder.drawings().size(), 1u);
   expect_all(recorder.drawings().at(0).svg, {"<svg xmlns=", "An eye", "aerial image", "</svg>"});
-  expect_refused("run:drawing('x', 'text')", {"run:drawing: svg: wants a whole SVG document"});
+  expect_refused("run:picture { title = 'x', svg = 'text' }",
+                 {"run:picture: svg: wants a whole SVG document"});
+  expect_refused("run:picture { title = 'x', svg = eye:layout(), note = 'n' }",
+                 {"run:picture: note: does not go with svg"});
+  expect_refused("run:picture { title = 'x' }", {"run:picture: image: is missing"});
   expect_refused("eye:layout { angles = { 2 } }", {"optical_system:layout: "});
 }
 

@@ -85,7 +85,7 @@ servo:wait_until_tracked()
 constexpr const char* kRun = R"(
 local eye, image = rig:eye(), rig.top_camera:grab().image
 local track, reminder = { x_px = 50, y_px = 40, major_px = 30, minor_px = 20, angle = 0 }, run:remind("wet the eye")
-run:alarm("gel", "low", "it is warm")
+local alarm = run:alarm { name = "gel", priority = "low", text = "it is warm" }
 )";
 
 /// Runs one example, and compares what it returns with its row; what is wrong goes into `failures`.
@@ -110,11 +110,11 @@ local function compare_table(value, fields, where)
   if type(value) ~= "table" then return { where .. " is no table" } end
   local wrong = {}
   for name in pairs(value) do
-    if not fields[name] then wrong[#wrong + 1] = where .. "." .. tostring(name) .. " is not in the row" end
+    if not fields[name] and not fields["..."] then wrong[#wrong + 1] = where .. "." .. tostring(name) .. " is not in the row" end
   end
   for name, field in pairs(fields) do
     if value[name] == nil then
-      if not field.optional then wrong[#wrong + 1] = where .. "." .. name .. " is nil" end
+      if not field.optional and name ~= "..." then wrong[#wrong + 1] = where .. "." .. name .. " is nil" end
     elseif field.fields then
       for _, one in ipairs(compare(value[name], field.fields, where .. "." .. name)) do wrong[#wrong + 1] = one end
     end
@@ -157,7 +157,7 @@ const Names kOfServo{"servo", "background"};
 const Names kOfRig{"rig",         "camera",         "coils",          "lens_mover",
                    "sample",      "stage",          "rotation_stage", "motion",
                    "field_probe", "operator_input", "lamp",           "simulation"};
-const Names kOfRun{"run", "files", "reminder"};
+const Names kOfRun{"run", "files", "reminder", "alarm", "format_quantity"};
 
 /// "servo" of servo:go_to, "control" of control.line.
 std::string group_of(const Entry& entry) {
