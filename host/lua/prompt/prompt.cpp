@@ -84,11 +84,13 @@ Loaded Prompt::load() {
   return open_expression || open_statement ? Loaded::incomplete : Loaded::no;
 }
 
+/// The first error is kept: where nobody watches it is what the run fails with.
 void Prompt::refuse(const std::string& message, const std::string& trace) {
   err_ << show_error(message, trace, typed_, chunk_line_ == line_ ? line_ : 0) << std::flush;
   if (end_.failed++ == 0) end_.first_error = message;
 }
 
+/// Only the first value has the unit of the call that gave it, and is kept as `_`.
 void Prompt::show_results(int count) {
   std::string line;
   in_lua(L_, count, [&] {
@@ -136,6 +138,8 @@ void Prompt::end_nested() {
   out_ << results_text(stated_results());
 }
 
+/// Runs the function on the stack. Whatever ends it, the session goes on: what the statement left
+/// behind (laps, a trace, an interrupt that came late) is forgotten before the next one.
 void Prompt::execute() {
   Context& context = script_.context();
   RunControl& control = context.session->control;
@@ -185,6 +189,7 @@ void Prompt::expand_help() {
   });
 }
 
+/// The next line begins a statement.
 void Prompt::forget() {
   chunk_.clear();
   read_ = 0;
@@ -245,6 +250,8 @@ bool Prompt::read_line(std::string& line) {
   }
 }
 
+/// At a terminal print() goes through the listener, which knows of the line that is being edited;
+/// into a pipe it goes at once, in the order of the results.
 PromptEnd Prompt::run() {
   Context& context = script_.context();
   if (in_.interactive())

@@ -34,6 +34,7 @@ Place place_of(const std::string& text) {
   return {text.substr(0, colon), std::stoi(number)};
 }
 
+/// "" for a file that is gone or shorter by now.
 std::string source_line(const Place& place, const std::vector<std::string>& typed) {
   std::string line;
   if (place.file == "prompt") {
@@ -97,6 +98,8 @@ std::string handle_text(lua_State* L, const Class& kind) {
 
 }  // namespace
 
+// The value is that of the last call only if it is the very same: the same table, or the same
+// number. After `x + 1` the call that gave x must not lend its unit.
 std::string show_value(lua_State* L, int index, const Context::Result& from) {
   index = lua_absindex(L, index);
   if (lua_type(L, index) == LUA_TUSERDATA && luaL_getmetafield(L, index, "__name") == LUA_TSTRING) {
@@ -119,6 +122,8 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
              : text;
 }
 
+// Lines of the prompt's own helpers ("watch") are left out, and the line that was typed last, which
+// stands right above; a place that the message names already is not repeated.
 std::string show_error(const std::string& message, const std::string& trace,
                        const std::vector<std::string>& typed, int plain) {
   const auto is_plain = [plain](const Place& place) {

@@ -19,6 +19,7 @@ std::string cell(std::string text) {
   return text;
 }
 
+/// A line of the table for each argument; options stand for themselves, not for their table.
 void reference_arguments(const std::vector<Argument>& arguments, std::string& text) {
   for (const Argument& argument : arguments) {
     if (argument.type == Type::options) {
@@ -31,6 +32,7 @@ void reference_arguments(const std::vector<Argument>& arguments, std::string& te
   }
 }
 
+/// Fields of tables in the table have the way to them: "after.span".
 void reference_fields(const std::vector<ResultField>& fields, const std::string& before,
                       std::string& text) {
   for (const ResultField& field : fields) {

@@ -74,6 +74,8 @@ bool is_vector(const std::string& type) {
   return std::find(std::begin(kinds), std::end(kinds), type) != std::end(kinds);
 }
 
+/// A row's word for what it returns as a type of the language server; "any" for what it says in
+/// other words.
 std::string plain_type(const Library& library, const std::string& type) {
   if (find_class(library, type) != nullptr) return "vitreo." + type;
   if (type == "number" || type == "string") return type;
@@ -92,6 +94,7 @@ std::string return_type(const Library& library, const Returned& returns) {
   return plain_type(library, returns.type) + (returns.optional ? "?" : "");
 }
 
+/// Options of which none is needed may be left out as a whole, though their row does not say so.
 bool may_be_left_out(const Argument& argument) {
   return argument.optional || (argument.type == Type::options &&
                                std::all_of(argument.options.begin(), argument.options.end(),
@@ -119,6 +122,8 @@ std::string returned_fields(const std::vector<ResultField>& fields, const std::s
   return text;
 }
 
+/// An annotated function without a body. The server has no units: they stand behind the # of each
+/// parameter, and the fields of a result in the lines below @return.
 std::string stub_of(const Library& library, const std::string& owner, char separator,
                     const std::string& name, const Entry& entry) {
   std::string text =
@@ -141,6 +146,7 @@ std::string stub_of(const Library& library, const std::string& owner, char separ
          ") end\n\n";
 }
 
+/// A method is declared with a colon, so that the server counts arguments as scripts write them.
 std::string class_stub(const Library& library, const Class& kind) {
   std::string text = "---" + kind.doc + "\n---@class vitreo." + kind.name + "\n";
   for (const std::string& field : kind.fields) {
@@ -233,6 +239,7 @@ void write_fields(lua_State* L, int table, const std::string& indent, std::strin
 
 }  // namespace
 
+// A module is a global of vitreo.lua; the file of its name only returns that, for require.
 std::map<std::string, std::string> lua_stubs(const Library& library) {
   std::map<std::string, std::string> files{{"vitreo.lua", vitreo_stub(library)},
                                            {"units.lua", units_stub()}};
@@ -242,6 +249,8 @@ std::map<std::string, std::string> lua_stubs(const Library& library) {
   return files;
 }
 
+// Read from a live state, not from the rows: Lua's own names are among them, less those that the
+// sandbox takes away.
 std::string luacheck_standard(const Library& library) {
   std::string text =
       "-- For luacheck, printed by the program from what its scripts can see (vitreo docs "

@@ -76,6 +76,7 @@ std::vector<Series> marks_option(const Call& call) {
   return marks;
 }
 
+/// Whether it is given, false among them.
 bool has_option(const Call& call, const char* name) {
   const bool given = call.push_option(name);
   lua_pop(call.L, 1);

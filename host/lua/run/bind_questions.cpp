@@ -23,6 +23,8 @@ constexpr std::chrono::milliseconds kLookOutside{
 constexpr Time kLook = std::chrono::milliseconds(50);  // of the clock, where it goes on
 constexpr double kQuestionLimit = 3600;  // s of wall time, unless the script says another
 
+/// In real time the clock's wait is short, and taken again and again. On the virtual clock nothing
+/// may pass while people think: the thread sleeps by the wall, and the clock stands.
 Wait wait_until(const Call& call, const std::string& what, const std::function<bool()>& ready,
                 const std::function<int(Call&)>& then, double limit, Instant give_up) {
   Session& session = session_of(call.L);
@@ -143,6 +145,7 @@ std::vector<std::string> choices_of(const Call& call) {
   return choices;
 }
 
+/// A number, unless choices or a type say something else.
 ParameterKind kind_of_question(const Call& call, bool has_choices) {
   const std::string type = call.text_option("type").value_or(has_choices ? "choice" : "number");
   const std::pair<const char*, ParameterKind> kinds[] = {{"number", ParameterKind::number},
@@ -181,6 +184,9 @@ void check_fitting(const Call& call, ParameterKind kind) {
   }
 }
 
+/// A question is checked like a protocol's parameter, and its answer read like an argument of the
+/// command line. Without a default the fallback is a value within the bounds: the dry run goes on
+/// with it.
 int ask(Call& call) {
   Question question;
   question.text = call.text(0);
@@ -211,6 +217,8 @@ struct Reminder {
   std::unique_ptr<Task> task;
 };
 
+/// A task of the clock of its own. The list of closers has it weakly: a handle that was closed, or
+/// collected, ends the reminder before the run ends.
 int remind(Call& call) {
   Session& session = session_of(call.L);
   const Time every = from_seconds(call.number_option("every").value_or(300));

@@ -53,6 +53,7 @@ Sample sample_of(const Call& call, int index) {
   return sample;
 }
 
+/// The SI unit of a channel: values are SI, so `units` says what they measure, and "mm" is m.
 std::string unit_of(const Call& call, const std::string& key) {
   if (!call.has(2)) return "";
   lua_getfield(call.L, call.index(2), key.c_str());
@@ -63,6 +64,8 @@ std::string unit_of(const Call& call, const std::string& key) {
   return std::string(unit->dimension);
 }
 
+/// The stream of that name, made by its first sample. A stream of the host is refused: a script
+/// could forge what the loop has measured.
 Context::Script& script_stream(const Call& call, const std::string& name, const Sample& sample) {
   Context& context = call.context();
   const auto found = context.script_streams.find(name);
@@ -76,6 +79,8 @@ Context::Script& script_stream(const Call& call, const std::string& name, const 
   return context.script_streams[name] = {recorder.add_stream(info), sample.names};
 }
 
+/// A row has a value for every channel, since the table of the record has fixed columns. What is
+/// not known is told before what is missing: of a misspelt name both are true.
 void check_channels(const std::string& stream, const std::vector<std::string>& known,
                     const std::vector<std::string>& given) {
   for (const std::string& name : given)
@@ -97,6 +102,7 @@ int record(Call& call) {
   return 0;
 }
 
+/// Checked in a dry run, too; there the policy is only noted, for the space that it would need.
 int record_frames(Call& call) {
   const int every = static_cast<int>(call.number_option("every").value_or(1));
   Session& session = session_of(call.L);
@@ -111,6 +117,8 @@ int record_frames(Call& call) {
   return 0;
 }
 
+/// The recording of frames looks at the kinds of events, and "keep" is one that it keeps frames
+/// for.
 int keep_frames(Call& call) {
   Session& session = session_of(call.L);
   session.recorder.event(session.clock.now(), "keep", call.text(0));

@@ -13,6 +13,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// Throws std::invalid_argument with what was perhaps meant.
 Unit known_unit(const std::string& symbol) {
   if (const auto unit = find_unit(symbol)) return *unit;
   std::vector<std::string> symbols;
@@ -73,6 +74,8 @@ Mark mark_of(const std::string& name, const std::string& where) {
   throw std::invalid_argument(where + "mark: wants line, dashed or points, got " + name);
 }
 
+/// `where`: "series 2: ", with which every error begins. Lists of unequal lengths are refused here,
+/// where the script's line is known.
 Series series_of(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
