@@ -180,11 +180,13 @@ return function(object, options)
         local told, value = pcall(object[name], object)
         local text = told and shown(value) or "–"
         if told then heard = true else problem = problem or value end
-        -- what fills several lines is asked for by its name; here each look is one, and a
-        -- status, which has what the others tell, stands for them
+        -- what fills several lines is asked for by its name; here each look is one, and has of a
+        -- status what it does and where to
         if name == "status" and told then
-          local fields = text:gsub("^{%s*", ""):gsub(",?%s*}$", "")
-          line = { (fields:gsub(",\n%s*", "  "):gsub(" = ", " ")) }
+          for _, field in ipairs { "state", "target" } do
+            local said = text:match("\n  " .. field .. " = ([^\n]+),\n")
+            if said then line[#line + 1] = field .. " " .. said end
+          end
         elseif not text:find("\n", 1, true) then
           line[#line + 1] = name .. " " .. text
         end
