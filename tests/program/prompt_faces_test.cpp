@@ -81,7 +81,7 @@ TEST(TerminalPrompt, WhatIsPrintedTakesTheProgressAwayAndWatchingAServoIsALineAL
   ASSERT_TRUE(terminal.prompts());
   terminal.type("run('hello_rig')\r");
   EXPECT_TRUE(terminal.sees("100 %") && terminal.prompts()) << terminal.unseen();
-  EXPECT_NE(terminal.screen().find(" \rframe_period  66.7 ms"), std::string::npos)
+  EXPECT_NE(terminal.screen().find(" \rframe_period                 66.7 ms"), std::string::npos)
       << terminal.screen();
   terminal.type("watch(rig:servo { feedback = 'pose_sensor' }, { count = 1 })\r");
   EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") && terminal.prompts())
