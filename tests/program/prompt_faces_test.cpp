@@ -85,7 +85,7 @@ TEST(TerminalPrompt, WhatIsPrintedTakesTheProgressAwayAndWatchingAServoIsALineAL
       << terminal.screen();
   terminal.type("watch(rig:servo { feedback = 'pose_sensor' }, { count = 1 })\r");
   EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") &&
-              terminal.sees("target {0 mm") && terminal.prompts())
+              terminal.sees("target {0, 0, 0} mm") && terminal.prompts())
       << "nothing is seen yet: " << terminal.unseen();
   EXPECT_EQ(terminal.screen().find("headroom = "), std::string::npos) << terminal.screen();
 }
