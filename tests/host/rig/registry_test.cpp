@@ -46,6 +46,31 @@ TEST(Registry, TakesTheFirstDriverAndAnEmulatorWhenTheRigFileNamesNone) {
   EXPECT_EQ(reader.resolved()["coils"]["address"], "emulated");
 }
 
+TEST(Registry, TakesAFootPedalForAPedalAndASpaceMouseForAJoystick) {
+  RigDescription description = rig_with("pedal", {});
+  description.table["joystick"] = ConfigValue{ConfigTable{}};
+  ConfigReader reader(description);
+  read_rig_settings(reader);
+  EXPECT_EQ(reader.resolved()["pedal"]["driver"], "foot_pedal");
+  EXPECT_EQ(reader.resolved()["joystick"]["driver"], "spacemouse");
+}
+
+TEST(Registry, ShowsTheDriversThatItTakes) {
+  RigDescription description = rig_with("pedal", {});
+  for (const char* role : {"joystick", "coils", "lens_mover", "rotation_stage", "field_probe",
+                           "lamp", "top_camera", "side_camera", "pose_sensor", "sample"})
+    description.table[role] = ConfigValue{ConfigTable{}};
+  ConfigReader reader(description);
+  read_rig_settings(reader);
+  const nlohmann::json rows = examine_rig(description);
+  EXPECT_EQ(rows.size(), description.table.size());
+  for (const auto& row : rows) {
+    EXPECT_EQ(row["driver"], reader.resolved()[row["role"]]["driver"]) << row;
+    EXPECT_EQ(row["link"], "emulated") << row;
+    EXPECT_TRUE(row["present"]) << row;
+  }
+}
+
 TEST(Registry, NamesADriverThatItDoesNotKnowAndTheNearestOne) {
   expect_error(rig_with("coils", {{"driver", text("usb3104")}}), "did you mean usb3103?");
 }
