@@ -19,11 +19,7 @@ const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
 
 template <>
 const std::vector<DriverEntry<LensMover>>& drivers() {
-  // "simulated" is the name of older rig files for the same emulated motor.
-  static const std::vector<DriverEntry<LensMover>> entries{
-      {"pololu_tic", read_pololu_tic},
-      {"simulated", read_pololu_tic},
-  };
+  static const std::vector<DriverEntry<LensMover>> entries{{"pololu_tic", read_pololu_tic}};
   return entries;
 }
 

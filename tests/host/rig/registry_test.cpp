@@ -71,6 +71,10 @@ TEST(Registry, ShowsTheDriversThatItTakes) {
   }
 }
 
+TEST(Registry, KnowsTheLensMoverByItsDriverAlone) {
+  expect_error(rig_with("lens_mover", {{"driver", text("simulated")}}), "lens_mover.driver");
+}
+
 TEST(Registry, NamesADriverThatItDoesNotKnowAndTheNearestOne) {
   expect_error(rig_with("coils", {{"driver", text("usb3104")}}), "did you mean usb3103?");
 }
