@@ -97,6 +97,9 @@ const std::vector<DriverEntry<Lamp>>& drivers();
 /// `address` of a role's table, checked; "emulated" when it is not there.
 std::string read_address(ConfigReader& reader);
 
+/// Whether the address names images or a video in files, which are no instrument.
+bool is_recording(const std::string& address);
+
 /// The address of a USB or HID instrument; `scheme` is "usb" or "hid". Throws ConfigError.
 UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme);
 

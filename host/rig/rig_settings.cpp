@@ -277,9 +277,7 @@ void check_addresses(const RigDescription& rig) {
     const auto* const table = std::get_if<ConfigTable>(&value.value);
     if (table == nullptr || !table->contains("address")) continue;
     const auto* const address = std::get_if<std::string>(&table->at("address").value);
-    if (address == nullptr || *address == "emulated" || address->starts_with("images:") ||
-        address->starts_with("video:"))
-      continue;
+    if (address == nullptr || *address == "emulated" || is_recording(*address)) continue;
     const auto [first, is_new] = taken.emplace(*address, role);
     if (!is_new)
       throw ConfigError(rig.file + ": " + role + ".address is that of " + first->second +

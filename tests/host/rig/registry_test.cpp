@@ -8,6 +8,7 @@
 #include "host/rig/open_rig.h"
 #include "host/rig/plugged_in.h"
 #include "host/rig/rig_settings.h"
+#include "host/rig/twin.h"
 
 #include <gtest/gtest.h>
 
@@ -73,6 +74,29 @@ TEST(Registry, ShowsTheDriversThatItTakes) {
 
 TEST(Registry, KnowsTheLensMoverByItsDriverAlone) {
   expect_error(rig_with("lens_mover", {{"driver", text("simulated")}}), "lens_mover.driver");
+}
+
+ConfigTable camera_at(const char* address) {
+  return {{"driver", text("opencv_camera")},
+          {"address", text(address)},
+          {"width_px", {640.0}},
+          {"height_px", {480.0}},
+          {"effective_pixel", {20e-6}}};
+}
+
+TEST(Registry, TellsACameraFromAVideoByItsNode) {
+  EXPECT_TRUE(is_laboratory(rig_with("top_camera", camera_at("video:/dev/video0"))));
+  EXPECT_FALSE(is_laboratory(rig_with("top_camera", camera_at("video:eye.avi"))));
+  EXPECT_FALSE(is_laboratory(rig_with("top_camera", camera_at("video:0"))));  // a file so named
+}
+
+TEST(Registry, LetsTwoRolesShareAVideoAndNoCamera) {
+  RigDescription description = rig_with("top_camera", camera_at("video:eye.avi"));
+  description.table["side_camera"] = ConfigValue{camera_at("video:eye.avi")};
+  EXPECT_NO_THROW(check_rig(description));
+  for (const char* role : {"top_camera", "side_camera"})
+    description.table[role] = ConfigValue{camera_at("video:/dev/video0")};
+  EXPECT_THROW(check_rig(description), ConfigError);
 }
 
 TEST(Registry, NamesADriverThatItDoesNotKnowAndTheNearestOne) {
