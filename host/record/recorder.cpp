@@ -6,6 +6,7 @@
 #include "host/files/run_folder.h"
 #include "host/plot/plot_layout.h"
 #include "host/plot/plot_svg.h"
+#include "host/record/disk_alarm.h"
 #include "host/record/run_lock.h"
 
 #include <fmt/format.h>
@@ -208,11 +209,9 @@ void Recorder::State::add_event(const Event& event) {
 
 /// What the writer has to say becomes part of the record.
 void Recorder::State::drain_alarms(Time time) {
-  for (const std::string& alarm : writer.drain_alarms()) {
-    // DiskWatch's warning needs an answer by the operator; back pressure and drops do not.
-    const bool disk = alarm.starts_with("the disk");
-    raise(time, disk ? "disk" : "recording", disk ? AlarmPriority::medium : AlarmPriority::low,
-          alarm);
+  for (const std::string& said : writer.drain_alarms()) {
+    const DiskAlarm alarm(said);
+    raise(time, alarm.name, alarm.priority, alarm.text);
   }
 }
 
@@ -402,8 +401,9 @@ void Recorder::finish(const RunEnd& end) {
   // The clock is not known here: what the writer still has to say gets the last event's time.
   const Time last = data.events.empty() ? Time{} : data.events.back().time;
   guarded([&] { state_->writer.stop(); });
-  for (const std::string& alarm : state_->writer.drain_alarms()) {
-    data.events.push_back({last, "alarm", alarm});
+  for (const std::string& said : state_->writer.drain_alarms()) {
+    const DiskAlarm alarm(said);
+    data.events.push_back({last, "alarm", alarm_text(alarm.priority, alarm.name, alarm.text)});
     state_->writer.late_event(data.events.size() - 1, data.events.back());
   }
   // From here on every call of the run throws; the rows of frames become the record's own.

@@ -81,6 +81,23 @@ TEST(RecordWriter, HoldsUpTheSamplesWhenTheQueueIsFullAndSaysSoAndDropsNone) {
   EXPECT_EQ(number_in(recorder.folder(), "SELECT held > 0 FROM stop"), 1);
 }
 
+TEST(RecordWriter, GivesItsLastAlarmsNameAndPriorityToo) {
+  TemporaryFolder parent;
+  RecordLimits few;
+  few.queued_rows = 1;
+  test::ReportedRecorder recorder(parent.path(), servo_start(), few);
+  // Results take no alarms out of the writer: finish() finds them there.
+  for (int i = 0; i < 20; ++i) recorder.result({"result " + std::to_string(i), 1.0, "m"});
+  recorder.finish({Outcome::completed, "", 1, 1});
+  EXPECT_GT(
+      number_in(recorder.folder(),
+                "SELECT count(*) FROM event WHERE text LIKE 'low: recording: back pressure%'"),
+      0);
+  EXPECT_EQ(
+      number_in(recorder.folder(), "SELECT count(*) FROM event WHERE text LIKE 'back pressure%'"),
+      0);
+}
+
 TEST(RecordWriter, DropsFramesInRealTimeCountsThemAndRaisesAnAlarm) {
   TemporaryFolder parent;
   RecordLimits limits;
