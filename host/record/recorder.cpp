@@ -5,8 +5,8 @@
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
 #include "host/plot/plot_layout.h"
-#include "host/plot/plot_svg.h"
 #include "host/record/disk_alarm.h"
+#include "host/record/figures.h"
 #include "host/record/run_lock.h"
 
 #include <fmt/format.h>
@@ -357,18 +357,12 @@ void Recorder::State::try_to(const char* what, Action action) {
   }
 }
 
-/// Drawings come first, as in the report.
 void Recorder::State::write_outputs() {
-  std::size_t number = 0;
-  const auto write = [&](const std::string& title, const auto& svg) {
+  for (const Figure& one : figures_of(data))
     try_to("plot", [&] {
       std::filesystem::create_directory(data.folder / "plots");
-      const std::string name = fmt::format("{:02}_{}.svg", ++number, slug(title, "plot"));
-      write_file(data.folder / "plots" / name, svg());
+      write_file(data.folder / "plots" / (one.name + ".svg"), one.svg());
     });
-  };
-  for (const SvgDrawing& one : data.drawings) write(one.title, [&] { return one.svg; });
-  for (const Plot& one : data.plots) write(one.title, [&] { return to_svg(one); });
   for (const Picture& one : data.pictures) {
     // A picture that a full disk had no room for is written now.
     if (std::filesystem::exists(data.folder / one.file)) continue;
