@@ -18,6 +18,7 @@
 #include <array>
 #include <atomic>
 #include <cstdlib>
+#include <future>
 #include <unistd.h>
 
 namespace vitreo {
@@ -96,6 +97,38 @@ TEST(RecordWriter, GivesItsLastAlarmsNameAndPriorityToo) {
   EXPECT_EQ(
       number_in(recorder.folder(), "SELECT count(*) FROM event WHERE text LIKE 'back pressure%'"),
       0);
+}
+
+TEST(RecordWriter, GivesItsRowsWhileADiskThatWasGivenUpStillWrites) {
+  TemporaryFolder parent;
+  RecordLimits limits;
+  limits.queued_rows = 8;
+  limits.patience = std::chrono::milliseconds(200);
+  RecordWriter writer(parent.path(), servo_start(), limits);
+  const std::size_t count = 4000;
+  std::promise<void> taken, first, second;
+  const auto wait_for = [](std::promise<void>& gate) {
+    return [open = gate.get_future().share()](RecordFile&) { open.wait(); };
+  };
+  writer.add_camera({"top_camera", "test", 1, 0.01, 1e-6});
+  writer.post([&](RecordFile&) { taken.set_value(); }, true);
+  writer.post(wait_for(first), true);
+  taken.get_future().wait();
+  // All in the writer's next turn, which begins with a disk that does not answer.
+  writer.post(wait_for(second), true);
+  const cv::Mat image = noise(8, 8, CV_8UC1, 1);
+  for (std::uint64_t i = 0; i < count; ++i) writer.frame(0, frame_of(image, i));
+  first.set_value();
+  while (writer.fault().empty()) writer.post([](RecordFile&) {}, false);
+  EXPECT_NE(writer.fault().find("has not answered"), std::string::npos) << writer.fault();
+  EXPECT_TRUE(writer.frames().empty());
+  second.set_value();  // it answers after all
+  for (std::size_t seen = 0; seen < count;) {
+    const std::vector<FrameRow> rows = writer.frames();
+    ASSERT_GE(rows.size(), seen);
+    seen = rows.size();
+    for (std::size_t i = 0; i < seen; ++i) ASSERT_EQ(rows[i].number, i);
+  }
 }
 
 TEST(RecordWriter, DropsFramesInRealTimeCountsThemAndRaisesAnAlarm) {
