@@ -7,15 +7,20 @@
 #include "host/rig/calibrations.h"
 #include "host/session/alarms.h"
 #include "host/session/clock_map.h"
+#include "host/terminal/line_editor.h"
 #include "host/terminal/progress_line.h"
 #include "host/text/terminal_text.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <latch>
+#include <optional>
 #include <sstream>
 #include <stdlib.h>
+#include <thread>
 
 namespace vitreo {
 namespace {
@@ -258,6 +263,68 @@ TEST(DiskNeed, RefusesWhatTheDiskWouldNotHoldAndNamesBoth) {
   EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3), "");
   const std::string problem = disk_problem("runs", 1e18);
   EXPECT_NE(problem.find("would need"), std::string::npos) << problem;
+TEST_F(LogTest, MayBeNamedWithoutAFolderAndStaysThere) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder);
+  EXPECT_NO_THROW(open_log("host.log"));
+  std::filesystem::current_path(before);
+  write_log("from another folder");
+  EXPECT_NE(read("host.log").find("from another folder"), std::string::npos);
+}
+
+TEST_F(LogTest, ComplainsOnceHoweverManyThreadsCannotWrite) {
+  for (int round = 0; round < 200; ++round) {
+    open_log(folder / "sub" / "host.log");
+    std::filesystem::remove_all(folder / "sub");
+    testing::internal::CaptureStderr();
+    {
+      std::latch start(8);
+      std::vector<std::jthread> threads;
+      for (int i = 0; i < 8; ++i)
+        threads.emplace_back([&start] {
+          start.arrive_and_wait();
+          write_log("lost");
+        });
+    }
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  }
+}
+
+/// A variable of the environment, as it was when this goes.
+class Variable {
+ public:
+  Variable(const char* name, const char* value) : name_(name) {
+    if (const char* const before = std::getenv(name)) before_ = before;
+    value ? setenv(name, value, 1) : unsetenv(name);
+  }
+  ~Variable() { before_ ? setenv(name_, before_->c_str(), 1) : unsetenv(name_); }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+
+ private:
+  const char* name_;
+  std::optional<std::string> before_;
+};
+
+TEST_F(LogTest, IsBelowTheFolderOfStateWhichARelativePathIsNot) {
+  const Variable log("VITREO_LOG", nullptr), home("HOME", "/home/anna");
+  const std::filesystem::path usual = "/home/anna/.local/state/vitreo";
+  {
+    const Variable state("XDG_STATE_HOME", "/var/anna");
+    EXPECT_EQ(default_log(), "/var/anna/vitreo/host.log");
+    EXPECT_EQ(history_file(), "/var/anna/vitreo/history");
+  }
+  for (const char* none : {"state", "", static_cast<const char*>(nullptr)}) {
+    const Variable state("XDG_STATE_HOME", none);
+    EXPECT_EQ(default_log(), usual / "host.log");
+    EXPECT_EQ(history_file(), usual / "history");
+    const Variable nowhere("HOME", "home");
+    EXPECT_EQ(default_log(), "");
+    EXPECT_EQ(history_file(), "");
+  }
+}
+
   EXPECT_NE(problem.find("free"), std::string::npos) << problem;
 }
 
