@@ -194,6 +194,27 @@ TEST(ProgressLineTest, AScriptCannotSteerTheTerminal) {
       << "a control sequence of one character";
 }
 
+TEST(ProgressLineTest, IsNoLongerThanTheTerminalWhateverTheWidthOfItsCharacters) {
+  const auto drawn = [](const std::string& each) {
+    std::string label;
+    for (int i = 0; i < 100; ++i) label += each;
+    std::ostringstream out;
+    ProgressLine line(out, true);
+    line.progress(0.005, label);  // so early no time is estimated
+    return (out.str().size() - std::string("\r  0 %  ").size()) / each.size();
+  };
+  // 80 columns where there is no terminal: one stays free, and 7 are those of "  0 %  ".
+  EXPECT_EQ(drawn("x"), 72u);
+  EXPECT_EQ(drawn("\u00b5"), 72u);
+  EXPECT_EQ(drawn("\u773c"), 36u) << "the eye of a Chinese label is two columns wide";
+  EXPECT_EQ(drawn("e\u0301"), 72u) << "an accent has no column of its own";
+}
+
+TEST(TerminalTextTest, IsCutBetweenCharactersAndSaysHowManyBytesThereWere) {
+  EXPECT_EQ(for_terminal("\u00b5\u00b5\u00b5", 6), "\u00b5\u00b5\u00b5");
+  EXPECT_EQ(for_terminal("\u00b5\u00b5\u00b5", 3), "\u00b5 ... (6 bytes)");
+}
+
 TEST(ClockMapTest, FindsOffsetAndDriftThroughDelaysThatAreNeverNegative) {
   ClockMap map;
   EXPECT_FALSE(map.now());
@@ -242,27 +263,6 @@ TEST_F(LogTest, IsTurnedOverWhenItIsFullAndTheOldestFileGoes) {
       << "one line each";
 }
 
-TEST_F(LogTest, IsNotMissedWhereThereIsNone) {
-  write_log("nobody hears this");
-  EXPECT_THROW(open_log("/proc/nowhere/host.log"), std::exception);
-}
-
-TEST(FramePolicyTest, IsReadFromOneWordAndWhatIsNoneIsNamed) {
-  const FramePolicy policy = parse_frame_policy("side_camera/5@96~2.5");
-  EXPECT_EQ(policy.camera, "side_camera");
-  EXPECT_EQ(policy.every, 5);
-  EXPECT_EQ(policy.window, 96);
-  EXPECT_EQ(policy.around, 2.5);
-  EXPECT_EQ(parse_frame_policy("top_camera~10").around, 10);
-  for (const char* word : {"top_camera/", "top_camera/0", "top_camera/x", "top_camera@4",
-                           "top_camera~-1", "top_camera~1e9", "top_camera/5junk", "top_camera/5/"})
-    EXPECT_THROW(parse_frame_policy(word), ConfigError) << word;
-}
-
-TEST(DiskNeed, RefusesWhatTheDiskWouldNotHoldAndNamesBoth) {
-  EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3), "");
-  const std::string problem = disk_problem("runs", 1e18);
-  EXPECT_NE(problem.find("would need"), std::string::npos) << problem;
 TEST_F(LogTest, MayBeNamedWithoutAFolderAndStaysThere) {
   const std::filesystem::path before = std::filesystem::current_path();
   std::filesystem::current_path(folder);
@@ -325,6 +325,27 @@ TEST_F(LogTest, IsBelowTheFolderOfStateWhichARelativePathIsNot) {
   }
 }
 
+TEST_F(LogTest, IsNotMissedWhereThereIsNone) {
+  write_log("nobody hears this");
+  EXPECT_THROW(open_log("/proc/nowhere/host.log"), std::exception);
+}
+
+TEST(FramePolicyTest, IsReadFromOneWordAndWhatIsNoneIsNamed) {
+  const FramePolicy policy = parse_frame_policy("side_camera/5@96~2.5");
+  EXPECT_EQ(policy.camera, "side_camera");
+  EXPECT_EQ(policy.every, 5);
+  EXPECT_EQ(policy.window, 96);
+  EXPECT_EQ(policy.around, 2.5);
+  EXPECT_EQ(parse_frame_policy("top_camera~10").around, 10);
+  for (const char* word : {"top_camera/", "top_camera/0", "top_camera/x", "top_camera@4",
+                           "top_camera~-1", "top_camera~1e9", "top_camera/5junk", "top_camera/5/"})
+    EXPECT_THROW(parse_frame_policy(word), ConfigError) << word;
+}
+
+TEST(DiskNeed, RefusesWhatTheDiskWouldNotHoldAndNamesBoth) {
+  EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3), "");
+  const std::string problem = disk_problem("runs", 1e18);
+  EXPECT_NE(problem.find("would need"), std::string::npos) << problem;
   EXPECT_NE(problem.find("free"), std::string::npos) << problem;
 }
 
