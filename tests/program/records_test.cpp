@@ -160,6 +160,11 @@ TEST_F(Records, AreExportedAsHdf5) {
       << head;
   const std::string unit = ask("h5dump -a /streams/servo/x/unit out_h5/run.h5");
   EXPECT_NE(unit.find("\"m\""), std::string::npos) << unit;
+  const auto unit_of = [](const std::string& column) {
+    return ask("h5dump -a /frames/top_camera/" + column + "/unit out_h5/run.h5");
+  };
+  EXPECT_NE(unit_of("t_ns").find("\"ns\""), std::string::npos) << unit_of("t_ns");
+  EXPECT_NE(unit_of("number").find("(0): \"\""), std::string::npos) << unit_of("number");
 }
 
 TEST_F(Records, AreReplayedToTheBitByTheSameProgram) {
