@@ -134,7 +134,7 @@ TEST(FitMultipoles, names_what_is_wrong) {
   std::vector<MultipoleField::Sources> empty = start.sources();
   empty[3][0].irregular.clear();
   EXPECT_EQ(complaint(readings, MultipoleField(empty, {}, kBox)),
-            "start: coil 3 has an empty source");
+            "start: coil 4 has an empty source");
   EXPECT_THROW(multipoles_like(CoilField::octomag(), 0, kBox), std::invalid_argument);
 }
 
