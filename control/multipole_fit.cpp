@@ -197,7 +197,8 @@ std::vector<SourceUnknowns> slots_of(const MultipoleField& start, const Eigen::V
       SourceUnknowns slot{k, source, std::max((source.position - middle).norm(), kLengthUnit),
                           unknowns};
       if (slot.size() == 5)
-        throw std::invalid_argument("start: coil " + std::to_string(k + 1) + " has an empty source");
+        throw std::invalid_argument("start: coil " + std::to_string(k + 1) +
+                                    " has an empty source");
       unknowns += slot.size();
       slots.push_back(std::move(slot));
     }
