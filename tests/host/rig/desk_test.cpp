@@ -343,10 +343,24 @@ TEST(FramePolicyTest, IsReadFromOneWordAndWhatIsNoneIsNamed) {
 }
 
 TEST(DiskNeed, RefusesWhatTheDiskWouldNotHoldAndNamesBoth) {
-  EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3), "");
-  const std::string problem = disk_problem("runs", 1e18);
+  EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3, false), "");
+  const std::string problem = disk_problem("runs", 1e18, false);
   EXPECT_NE(problem.find("would need"), std::string::npos) << problem;
   EXPECT_NE(problem.find("free"), std::string::npos) << problem;
+}
+
+// 256 MB and 64 MB (DiskLimits): half of what no run begins without is in doubt here, so that what
+// others write meanwhile does not matter.
+TEST(DiskNeed, RefusesWhatTheRecorderWouldNotBeginWith) {
+  const DiskLimits limits;
+  const double room = free_bytes_for("runs") - static_cast<double>(limits.reserve_bytes);
+  const double stop = static_cast<double>(limits.stop_bytes);
+  const double with_frames = static_cast<double>(limits.stop_bytes_with_frames);
+  ASSERT_GT(room, 2 * with_frames);
+  EXPECT_EQ(disk_problem("runs", (room - 1.5 * stop) / 1.2, false), "");
+  EXPECT_NE(disk_problem("runs", (room - 0.5 * stop) / 1.2, false), "");
+  EXPECT_EQ(disk_problem("runs", (room - 1.5 * with_frames) / 1.2, true), "");
+  EXPECT_NE(disk_problem("runs", (room - 0.5 * with_frames) / 1.2, true), "");
 }
 
 TEST(DiskNeed, WarnsOfFramesThatFillTheDiskWithinTenMinutes) {
