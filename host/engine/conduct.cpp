@@ -77,8 +77,8 @@ class RunSession {
       : session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
         recording_(*stage.recorder, session_.control),
         policies_(frame_policies(request, stage.rig->rig())),
-        faults_({*stage.clock, *stage.rig->laboratory(), *stage.recorder, session_.control,
-                 *stage.disk, simulated_roles(stage.rig->resolved())}) {
+        faults_({*stage.clock, stage.rig->laboratory(), *stage.recorder, session_.control,
+                 *stage.disk, stage.breakable}) {
     session_.real_time = stage.pace == Pace::real_time;
     session_.questions.prepare(request.what.answers);
     session_.desk.set_rights(stage.rights);

@@ -102,27 +102,29 @@ class Opening {
   explicit Opening(const RigDescription& description)
       : clock_(has_real_instruments(description) ? wall_clock() : virtual_clock()),
         reader_(description),
-        settings_(read_rig_settings(reader_)),
-        laboratory_(settings_.laboratory, *clock_, 1) {}
+        settings_(read_rig_settings(reader_)) {
+    if (simulates_something(description))
+      laboratory_ = std::make_unique<sim::Laboratory>(settings_.laboratory, *clock_, 1);
+  }
   Clock& clock() { return *clock_; }
 
   /// Calls `visit(device)` with the opened role; throws DeviceError, ConfigError for a role that is
   /// not in the rig.
   template <class Visit>
   void with(const std::string& role, Visit visit) {
-    const RigContext where{*clock_, &laboratory_};
+    const RigContext where{*clock_, laboratory_.get()};
     if (role == "top_camera" && settings_.top_camera && !settings_.top)
-      return visit(laboratory_.top_camera());
-    if (role == "sample" && settings_.sample) return visit(laboratory_.sample());
+      return visit(laboratory_->top_camera());
+    if (role == "sample" && settings_.sample) return visit(laboratory_->sample());
     if (role == "pose_sensor" && settings_.pose_sensor) {
       const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
-        const auto known = laboratory_.truth(time);
+        const auto known = laboratory_->truth(time);
         return known ? std::optional(known->position) : std::nullopt;
       };
       return visit(*sim::make_pose_sensor(*settings_.pose_sensor, truth, *clock_, 1));
     }
     if (role == "side_camera" && settings_.side_camera && !settings_.side)
-      return visit(laboratory_.side_camera());
+      return visit(laboratory_->side_camera());
     const bool found = open(role, "top_camera", settings_.top, where, visit) ||
                        open(role, "side_camera", settings_.side, where, visit) ||
                        open(role, "coils", settings_.coils, where, visit) ||
@@ -149,7 +151,7 @@ class Opening {
   std::unique_ptr<Clock> clock_;
   ConfigReader reader_;
   RigSettings settings_;
-  sim::Laboratory laboratory_;
+  std::unique_ptr<sim::Laboratory> laboratory_;  // null: nothing is simulated
 };
 
 struct Tester {

@@ -85,7 +85,7 @@ struct Rig {
   RotationStage* rotation_stage = nullptr;
   FieldProbe* field_probe = nullptr;
   PoseSensor* pose_sensor = nullptr;  // simulated rigs only: the one role that gives the truth
-  Simulation* simulation = nullptr;   // null on a laboratory rig
+  Simulation* simulation = nullptr;   // null as soon as one role is real
   RigModel model;
   Lamp* lamp = nullptr;
   std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each

@@ -284,10 +284,8 @@ std::vector<std::string> check_rig(const RigDescription& rig) {
     throw ConfigError(rig.file + ": " + problem.what());
   }
   std::vector<std::string> roles;
-  for (const char* role :
-       {"coils", "field_probe", "joystick", "lamp", "lens_mover", "pedal", "pose_sensor",
-        "rotation_stage", "sample", "side_camera", "stage", "top_camera"})
-    if (reader.has(role)) roles.emplace_back(role);
+  for (const std::string& role : role_names())
+    if (reader.has(role)) roles.push_back(role);
   return roles;
 }
 
