@@ -10,6 +10,7 @@
 #include "devices/contract/stage.h"
 #include "devices/time/error.h"
 #include "host/rig/rig_settings.h"
+#include "host/rig/sample.h"
 
 #include <fmt/format.h>
 
@@ -115,7 +116,11 @@ class Opening {
     const RigContext where{*clock_, laboratory_.get()};
     if (role == "top_camera" && settings_.top_camera && !settings_.top)
       return visit(laboratory_->top_camera());
-    if (role == "sample" && settings_.sample) return visit(laboratory_->sample());
+    if (role == "sample" && settings_.sample) {
+      RigSample sample(laboratory_ ? &laboratory_->sample() : nullptr, settings_.model,
+                       settings_.sample_by_hand);
+      return visit(static_cast<SampleHandler&>(sample));
+    }
     if (role == "pose_sensor" && settings_.pose_sensor) {
       const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
         const auto known = laboratory_->truth(time);

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/open_rig.h"
 
-#include "control/robots.h"
-#include "control/vitreous.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/field_calibration_yaml.h"
 #include "host/rig/plant_settings.h"
 #include "host/rig/rig_settings.h"
+#include "host/rig/sample.h"
 #include "host/safety/guardian.h"
 
 #include <filesystem>
@@ -22,8 +21,8 @@ constexpr Time kStuck = std::chrono::milliseconds(400);
 /// Commands of a script to the simulated laboratory.
 class SimulationCommands final : public Simulation {
  public:
-  SimulationCommands(sim::Laboratory& laboratory, RigModel& model, std::uint64_t seed)
-      : laboratory_(laboratory), model_(model), seed_(seed) {}
+  SimulationCommands(sim::Laboratory& laboratory, std::uint64_t seed)
+      : laboratory_(laboratory), seed_(seed) {}
   void sample_machine(std::uint64_t number) override {
     constexpr std::uint64_t kFar =
         0x9E3779B97F4A7C15U;  // so that the machines of neighboring seeds are others
@@ -33,19 +32,12 @@ class SimulationCommands final : public Simulation {
     laboratory_.use_field(measured);
   }
   void set_eye(const optics::System& eye) override { laboratory_.set_eye(eye); }
-  void change(const std::string& robot, const std::string& gel) override {
-    const auto medium = gel.empty() ? std::nullopt : std::optional(control::gel_named(gel));
-    const control::Robot other = control::robot_named(robot);
-    laboratory_.change(other, medium);
-    model_.robot = other;
-  }
   void move_body(const std::string& name, const Eigen::Vector3d& position) override {
     laboratory_.move_body(name, position);
   }
 
  private:
   sim::Laboratory& laboratory_;
-  RigModel& model_;
   const std::uint64_t seed_;
 };
 
@@ -66,8 +58,11 @@ class ComposedRig final : public OpenRig {
       world_ = std::make_unique<sim::Laboratory>(settings.laboratory, clock, seed);
     // Only where all is simulated may a script change the world, and is there a truth: an eye that
     // is drawn beside a real camera judges nothing.
-    if (simulated == Share::all) rig_.simulation = &simulation_.emplace(*world_, rig_.model, seed);
+    if (simulated == Share::all) rig_.simulation = &simulation_.emplace(*world_, seed);
     if (world_) open_simulated(settings, seed);
+    if (settings.sample)
+      rig_.sample = &sample_.emplace(world_ ? &world_->sample() : nullptr, rig_.model,
+                                     settings.sample_by_hand);
     open_instruments(settings, {clock, world_.get()});
   }
   ~ComposedRig() override { make_safe(); }
@@ -112,7 +107,6 @@ class ComposedRig final : public OpenRig {
   void open_simulated(const RigSettings& settings, std::uint64_t seed) {
     if (settings.top_camera && !settings.top) rig_.top_camera = &world_->top_camera();
     if (settings.side_camera && !settings.side) rig_.side_camera = &world_->side_camera();
-    if (settings.sample) rig_.sample = &world_->sample();
     if (!settings.pose_sensor) return;
     const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
       const auto known = world_->truth(time);
@@ -160,6 +154,7 @@ class ComposedRig final : public OpenRig {
   std::unique_ptr<sim::Laboratory> world_;  // null: nothing is simulated
   std::optional<SimulationCommands> simulation_;
   std::unique_ptr<PoseSensor> pose_sensor_;
+  std::optional<RigSample> sample_;
   Opened<Camera> top_, side_;
   Opened<OperatorInput> joystick_, pedal_;  // before the interlock, which asks the pedal
   Opened<Lamp> lamp_;

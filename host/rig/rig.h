@@ -62,9 +62,6 @@ class Simulation {
   /// The true eye becomes this one; what the rig believes stays. Throws std::invalid_argument for
   /// another kind of eye.
   virtual void set_eye(const optics::System& eye) = 0;
-  /// Another robot, which the rig believes in too, and a gel of docs/simulated_laboratory.md, or ""
-  /// for the fluid. The robot is taken out. Throws std::invalid_argument naming what is not known.
-  virtual void change(const std::string& robot, const std::string& gel) = 0;
   /// Puts a body of the rig file elsewhere, m, world. Throws std::invalid_argument when there is
   /// none of that name.
   virtual void move_body(const std::string& name, const Eigen::Vector3d& position) = 0;

@@ -200,10 +200,29 @@ void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
 
 void read_sample(ConfigReader reader, RigSettings& settings) {
   settings.sample = true;
-  reader.choice("driver", "simulated", {"simulated"});
+  settings.sample_by_hand =
+      reader.choice("driver", "simulated", {"simulated", "operator"}) == "operator";
+  // Of a person, in the twin and in the emulated laboratory.
   settings.laboratory.world.placement_scatter = reader.number(
       "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMilli, "m"});
   reader.finish();
+}
+
+/// A person has the calibration's target in a drawer: where `truth` does not say what it is like,
+/// the twin's and the emulated one is a ball, out of sight until it is placed.
+void add_target(RigSettings& settings) {
+  std::vector<sim::BodySettings>& bodies = settings.laboratory.world.bodies;
+  const bool there = std::any_of(bodies.begin(), bodies.end(),
+                                 [](const auto& body) { return body.name == "target"; });
+  if (!settings.sample_by_hand || there) return;
+  sim::BodySettings ball;
+  ball.name = "target";
+  ball.shape = sim::Shape::spheroid;
+  ball.semi_axis = ball.semi_radius = 0.4 * kMilli;
+  ball.position = {0, 0, 0.5};
+  ball.axis = {0, 0, 1};
+  ball.fixed = true;
+  bodies.push_back(ball);
 }
 
 /// The laboratory is built as the model says, and then differs by what `truth` says.
@@ -244,6 +263,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   read_role(reader, "field_probe", settings, settings.field_probe);
   share_with_laboratory(settings);
   read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
+  add_target(settings);
   reader.finish();
   return settings;
 }

@@ -30,6 +30,7 @@ struct RigSettings {
   bool top_camera = false;
   bool side_camera = false;
   bool sample = false;
+  bool sample_by_hand = false;
   // Empty where the rig has none, or, for cameras, the simulated one.
   Opener<Camera> top, side;
   Opener<OperatorInput> joystick, pedal;

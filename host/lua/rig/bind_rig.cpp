@@ -18,7 +18,6 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr double kLongestHandling = 600;  // s
 
 int camera_info(Call& call) {
   const CameraInfo& info = call.self<Camera>().info();
@@ -102,20 +101,6 @@ int lens_home(Call& call) {
       about_lens(mover, "its switch")));
 }
 
-int insert_robot(Call& call) {
-  SampleHandler* const sample = &call.self<SampleHandler>();
-  return call.wait(work(
-      call, "sample", [sample, position = call.vector(0)] { sample->insert_robot(position); },
-      from_seconds(kLongestHandling), [](Call&) { return 0; }));
-}
-
-int remove_robot(Call& call) {
-  SampleHandler* const sample = &call.self<SampleHandler>();
-  return call.wait(work(
-      call, "sample", [sample] { sample->remove_robot(); }, from_seconds(kLongestHandling),
-      [](Call&) { return 0; }));
-}
-
 int learn(Call& call) {
   Session* const session = &session_of(call.L);
   const int frames = static_cast<int>(call.number_option("frames").value_or(15));
@@ -138,7 +123,7 @@ Argument timeout(const std::string& fallback) {
           .unit = "s",
           .optional = true,
           .min = 0,
-          .max = kLongestHandling,
+          .max = 600,
           .help = "how long it may take (" + fallback + ")"};
 }
 
@@ -319,20 +304,6 @@ const Class& lens_mover_class() {
         "finds its place by its switch, and waits for it",
         lens_home,
         "rig.lens_mover:home()"}}};
-  return kind;
-}
-
-const Class& sample_class() {
-  static const Class kind{
-      "sample",
-      "whoever brings the robot into the eye",
-      {{"insert_robot",
-        {{.name = "position", .type = Type::vector, .unit = "m"}},
-        "",
-        "releases the robot near a place",
-        insert_robot,
-        "rig.sample:insert_robot({ 0, 0, 0 })"},
-       {"remove_robot", {}, "", "takes the robot out", remove_robot, "rig.sample:remove_robot()"}}};
   return kind;
 }
 
