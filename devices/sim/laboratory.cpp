@@ -404,6 +404,10 @@ cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) {
   return state_->draw_top(exposed, number);
 }
 
+cv::Mat Laboratory::side_image(Time exposed, std::uint64_t number) {
+  return state_->draw_side(exposed, number);
+}
+
 std::optional<Truth> Laboratory::truth(Time time) {
   const BodyState* robot = state_->world.robot(time);
   if (robot == nullptr) return std::nullopt;

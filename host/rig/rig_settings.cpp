@@ -200,8 +200,9 @@ void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
 
 void read_sample(ConfigReader reader, RigSettings& settings) {
   settings.sample = true;
-  settings.sample_by_hand =
-      reader.choice("driver", "simulated", {"simulated", "operator"}) == "operator";
+  const bool person = reader.choice("driver", "simulated", {"simulated", "operator"}) == "operator";
+  // Of the simulated one: asks all the same, as in a dry run of a laboratory's rig.
+  settings.sample_by_hand = person || reader.flag("by_hand", false);
   // Of a person, in the twin and in the emulated laboratory.
   settings.laboratory.world.placement_scatter = reader.number(
       "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMilli, "m"});

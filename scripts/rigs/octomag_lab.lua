@@ -24,10 +24,24 @@ return {
     address = "genicam:127.0.0.1",
     width_px = 640,
     height_px = 480,
-    frame_rate = 60 * Hz,
+    frame_rate = 30 * Hz,
     exposure = 5 * ms,
     effective_pixel = 15 * um, -- of the aerial image, measured with a ruled slide in its place
   },
+
+  -- Looks along +y at the robot, past the eye: for judging, and for calibrations with a target.
+  side_camera = {
+    driver = "genicam",
+    address = "genicam:127.0.0.2",
+    width_px = 656,
+    height_px = 490,
+    frame_rate = 15 * Hz,
+    exposure = 5 * ms,
+    effective_pixel = 20.4 * um, -- of the scene
+  },
+
+  -- The operator's hands: protocols ask for the robot, the target and the vials by questions with names.
+  sample = { driver = "operator" },
 
   -- A FireWire camera in its place: driver = "iidc", address = "iidc:00b09d0100a8f3d1" (its GUID). A camera of the
   -- system, or a video: driver = "opencv_camera", address = "video:/dev/video0".
