@@ -212,7 +212,8 @@ struct Servo::Loop {
   }
 
   void send(const control::Currents& wanted) {
-    rig.coils->set_currents({wanted.data(), static_cast<std::size_t>(wanted.size())});
+    rig.coils->set_currents(
+        rig.coils->reachable({wanted.data(), static_cast<std::size_t>(wanted.size())}));
   }
 
   void switch_off() {
