@@ -17,6 +17,7 @@ namespace {
 using Wrench = Eigen::Matrix<double, 6, 1>;  // field, T; force over moment times kGradientLength, T
 using WrenchMatrix = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, kMaxCoils>;
 
+// Throws std::invalid_argument naming the argument: a NaN would come out as a current.
 void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
            double limit) {
   require(matrix.allFinite(), "matrix: not finite");
@@ -30,6 +31,8 @@ void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const Field
 // The right pseudo-inverse (Moore & Penrose) of A = [A_b; S(m) A_g], the matrix from currents to
 // field and force (Kummer et al. 2010; facts/magnetics 2): I = A' (A A')^-1 w has the least |I|^2,
 // so the least heat, of all currents that make the wrench w.
+// Factorized once and solved for several wrenches. Throws std::domain_error where a degree of
+// freedom is lost.
 class LeastNorm {
  public:
   LeastNorm(const FieldMatrix& matrix, const Eigen::Vector3d& moment)
@@ -74,6 +77,8 @@ class LeastNorm {
 
 // The largest s in [0, 1] with |fixed + s scaled| <= limit in every coil, or nothing: each coil
 // allows an interval of s, and these are intersected.
+// 1 when nothing needs to be cut. `fixed` alone may be beyond the limit and still be brought back
+// by a part of `scaled`.
 std::optional<double> largest_scale(const Currents& fixed, const Currents& scaled, double limit) {
   double low = 0;
   double high = 1;
@@ -87,6 +92,7 @@ std::optional<double> largest_scale(const Currents& fixed, const Currents& scale
     low = std::max(low, std::min(a, b));
     high = std::min(high, std::max(a, b));
   }
+  // Some coil allows no share that the others allow.
   if (low > high) return std::nullopt;
   return high;
 }
@@ -120,6 +126,7 @@ Allocation within_limit(const LeastNorm& solve, const FieldAndForce& wanted, dou
 
 }  // namespace
 
+// Without a limit in the way one solve suffices; only then are the parts of the wrench taken apart.
 Allocation allocate(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                     const FieldAndForce& wanted, double limit) {
   check(matrix, moment, wanted, limit);

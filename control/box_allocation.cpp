@@ -31,6 +31,8 @@ using Wanted = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
 constexpr double kMissed = 1e-4;
 
 // One allocation to solve: rows in T/A, wanted in T; the last row is the vertical force.
+// Force rows are divided by |m| and multiplied by kGradientLength, so that all rows are fields and
+// of one size.
 struct Task {
   Rows rows;
   Wanted wanted;
@@ -38,6 +40,8 @@ struct Task {
   double levitation = 0;  // the least of the last row
 };
 
+// Throws std::invalid_argument naming the argument, std::domain_error without a moment: a robot
+// without one cannot be held at all.
 void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const FieldAndForce& wanted,
            const CurrentLimits& limits, const AllocationWeights& weights) {
   require(matrix.allFinite(), "matrix: not finite");
@@ -54,6 +58,7 @@ void check(const FieldMatrix& matrix, const Eigen::Vector3d& moment, const Field
 }
 
 // [B (3); F (3)]: the rows of A as in allocation.cpp, vertical force last.
+// Weights are of the misses in T; the vertical row has none, as it is met exactly.
 Task six_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                  const FieldAndForce& wanted, const AllocationWeights& weights) {
   const double scale = kGradientLength / moment.norm();
@@ -70,6 +75,7 @@ Task six_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
 
 // [T_perp (2); F (3)] (facts/magnetics 2). T = m x B, so the torque over |m| about u and v, two
 // directions across the axis, is linear in the field; about the axis itself there is none.
+// `torque` in N m; what of it lies along the axis falls out of both rows.
 Task five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                   const Eigen::Vector3d& torque, const FieldAndForce& wanted,
                   const AllocationWeights& weights) {
@@ -93,6 +99,7 @@ Task five_degrees(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
 
 // I = A' (A A')^-1 w over the working coils; false where A A' has no full rank or a limit is
 // exceeded. LDL' at the fixed size 6: a task of five rows is padded by one that asks for nothing.
+// Where it returns false, `currents` is no solution.
 bool least_norm(const Task& task, const CurrentLimits& limits, Currents& currents) {
   const Eigen::Index rows = task.rows.rows();
   Eigen::Matrix<double, 6, 6> gram = Eigen::Matrix<double, 6, 6>::Identity();
@@ -121,6 +128,8 @@ bool least_norm(const Task& task, const CurrentLimits& limits, Currents& current
 
 // The vertical row's right-hand side: as wanted, or cut to kVerticalShare of the reach, but never
 // below the levitation. `reach`: the largest a'I in the box, sum |a_k| limit_k.
+// Throws std::domain_error where the levitation is out of reach. The bound leaves room for the
+// field: at full reach every coil would stand at its limit.
 double vertical_level(const Task& task, double reach, bool& cut) {
   const double wanted = task.wanted[task.wanted.size() - 1];
   if (std::abs(task.levitation) > reach * (1 + 1e-12)) {
@@ -135,6 +144,7 @@ double vertical_level(const Task& task, double reach, bool& cut) {
 // min 1/2 I'HI - c'I with H = sum w_r^2 a_r a_r' + eps 1 and c = sum w_r^2 b_r a_r over all rows
 // but the last, which becomes the equality a'I = level: the normal equations of the weighted
 // misses.
+// Padded to kMaxUnknowns; only the first `size` entries count.
 BoxProgram program_of(const Task& task, const CurrentLimits& limits) {
   const int n = static_cast<int>(limits.size());
   const Eigen::Index soft = task.rows.rows() - 1;
@@ -165,6 +175,7 @@ BoxProgram program_of(const Task& task, const CurrentLimits& limits) {
 }
 
 // The least-norm solution where it fits; else the quadratic program.
+// The usual tick ends in the first line. `iterations` tells from outside whether a limit was met.
 BoxAllocation solve(const Task& task, const CurrentLimits& limits) {
   BoxAllocation result;
   if (least_norm(task, limits, result.currents)) return result;
@@ -177,6 +188,7 @@ BoxAllocation solve(const Task& task, const CurrentLimits& limits) {
   // A feasible start: each coil takes its part of the vertical force in proportion to its limit,
   // I_k = sgn(a_k) limit_k level / reach. It lies in the box, and a'I = level.
   Eigen::Matrix<double, kMaxUnknowns, 1> x = Eigen::Matrix<double, kMaxUnknowns, 1>::Zero();
+  // Without any reach the level is 0, and so is the start.
   const double share = reach > 0 ? std::clamp(level / reach, -1.0, 1.0) : 0;
   for (Eigen::Index k = 0; k < n; ++k) x[k] = std::copysign(share * limits[k], share * plane[k]);
   result.iterations = improve(program, x, kMaxIterations);
@@ -187,6 +199,8 @@ BoxAllocation solve(const Task& task, const CurrentLimits& limits) {
 }
 
 // Adds the field and force that the currents make, and the headroom that they leave.
+// The force is that of the moment given; a soft robot's moment at the field made may be smaller,
+// which the caller iterates.
 BoxAllocation reported(BoxAllocation result, const FieldMatrix& matrix,
                        const Eigen::Vector3d& moment, const CurrentLimits& limits) {
   FieldGradient made = FieldGradient::Zero();
@@ -219,6 +233,7 @@ BoxAllocation allocate_five_degrees(const FieldMatrix& matrix, const Eigen::Vect
                   moment, limits);
 }
 
+// Infinite where a degree of freedom is lost; coils with the limit 0 do not count.
 double condition_number(const FieldMatrix& matrix, const Eigen::Vector3d& moment,
                         const CurrentLimits& limits) {
   check(matrix, moment, {}, limits, {});

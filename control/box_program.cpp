@@ -13,6 +13,7 @@ using Vector8 = Eigen::Matrix<double, kMaxUnknowns, 1>;
 // H_FF p = g_F - nu a_F, a_F'p = 0, where g = c - H x is downhill. By the Schur complement (Nocedal
 // & Wright 2006, 16.2): with H_FF = L L' (Cholesky), y = L^-1 g_F and t = L^-1 a_F, the multiplier
 // is nu = t'y / t't and p = L'^-1 (y - nu t).
+// The free unknowns alone are factorized: the others stand at their bounds and have no step.
 class FreeStep {
  public:
   FreeStep(const BoxProgram& program, const std::array<int, kMaxUnknowns>& free, int count,
@@ -79,6 +80,7 @@ class FreeStep {
 
 // At the minimum of a face: the held unknown whose bound has the most negative Lagrange multiplier,
 // so that letting go of it lowers the objective; or -1, and x is optimal.
+// `held` is 0, -1 or 1. A limit of 0 is never let go of: that coil is dead.
 int pulled_inwards(const BoxProgram& program, const Vector8& x,
                    const std::array<int, kMaxUnknowns>& held, double plane_force) {
   const int n = program.size;
@@ -98,6 +100,8 @@ int pulled_inwards(const BoxProgram& program, const Vector8& x,
 // The primal active-set method for convex quadratic programs (Nocedal & Wright 2006, algorithm
 // 16.3) with the bounds as the working set: every iterate is feasible, and the objective never
 // rises.
+// The start must be feasible, as the method never looks for a feasible point. Ended early by
+// `most`, the result is feasible too, only not the best.
 int improve(const BoxProgram& program, Vector8& x, int most) {
   const int n = program.size;
   std::array<int, kMaxUnknowns> held{};  // -1 or 1 at a limit

@@ -46,6 +46,7 @@ FieldGradient dipole_field(const Eigen::Vector3d& m, const Eigen::Vector3d& r) {
 
 // v turned by `angle` about an axis across it, which stands at `around` about v: a tilt by `angle`
 // in a random direction when `around` is uniform in [0, 2 pi).
+// A vector of length 0 has no direction to tilt and stays.
 Eigen::Vector3d tilted(const Eigen::Vector3d& v, double angle, double around) {
   const double length = v.norm();
   if (!(length > 0)) return v;
@@ -68,6 +69,7 @@ CoilField::CoilField(std::vector<Dipole> dipoles) : dipoles_(std::move(dipoles))
   }
 }
 
+// In the world frame; with positive current each coil's flux passes through the workspace.
 CoilField CoilField::octomag() {
   std::vector<Dipole> dipoles;
   for (int k = 0; k < 8; ++k) {
@@ -86,6 +88,8 @@ CoilField CoilField::octomag() {
   return CoilField(std::move(dipoles));
 }
 
+// Throws std::invalid_argument for a negative sigma. Coil after coil, six draws each, whatever
+// their values.
 CoilField CoilField::perturbed(const FieldPerturbation& sigma, std::mt19937_64& random) const {
   if (!(sigma.gain >= 0) || !(sigma.position >= 0) || !(sigma.axis >= 0)) {
     throw std::invalid_argument("sigma: gain, position and axis must be at least 0");
@@ -110,6 +114,7 @@ CoilField CoilField::perturbed(const FieldPerturbation& sigma, std::mt19937_64& 
 
 // Superposition: the cores are taken as linear, so every coil's field is proportional to its
 // current.
+// Currents are per unit: T/A and T/m/A.
 FieldMatrix CoilField::matrix(const Eigen::Vector3d& position_in_world) const {
   if (!position_in_world.allFinite()) throw std::invalid_argument("position_in_world: not finite");
   FieldMatrix result(8, coils());
@@ -124,6 +129,7 @@ FieldMatrix CoilField::matrix(const Eigen::Vector3d& position_in_world) const {
 }
 
 // Symmetric because curl B = 0, of trace zero because div B = 0.
+// From five numbers nine: no model can violate Maxwell's equations through this interface.
 Eigen::Matrix3d gradient_matrix(const FieldGradient& field) {
   Eigen::Matrix3d g;
   g << field[3], field[4], field[5],  //

@@ -8,11 +8,13 @@
 
 namespace vitreo::control {
 
+// Both from a command to its effect on the field, s; 0 is allowed.
 CommandHistory::CommandHistory(double delay, double lag) : delay_(delay), lag_(lag) {
   require(not_negative(delay), "command_delay: must be at least 0 s");
   require(not_negative(lag), "command_lag: must be at least 0 s");
 }
 
+// Commands come in the order of time. Two at one moment are one: only the later was sent.
 void CommandHistory::add(double time, const Eigen::Vector3d& velocity) {
   require(std::isfinite(time), "command time: not finite");
   require(velocity.allFinite(), "commanded velocity: not finite");
@@ -48,6 +50,7 @@ void CommandHistory::pass(Motion& motion, const Eigen::Vector3d& commanded, doub
 }
 
 // Piecewise: from one command's effect to the next, each span by pass().
+// Before the first command that is known the robot is taken as not commanded.
 CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, double from,
                                                double to) const {
   Motion motion;
@@ -67,6 +70,8 @@ CommandHistory::Motion CommandHistory::advance(const Eigen::Vector3d& velocity, 
   return motion;
 }
 
+// What is forgotten cannot be asked for again: `time` is that of the estimator's state, which never
+// goes back.
 void CommandHistory::forget_before(double time) {
   // The command that acts at `time` stays: the newest that took effect by then.
   while (size_ > 1 && entry(1).effect <= time) {

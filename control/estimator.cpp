@@ -26,6 +26,7 @@ void check(const PositionMeasurement& measurement) {
 
 }  // namespace
 
+// Throws std::invalid_argument naming the setting, with the unit that is meant.
 void EstimatorSettings::check() const {
   require(not_negative(command_delay), "command_delay: must be at least 0 s");
   require(not_negative(command_lag), "command_lag: must be at least 0 s");
@@ -43,12 +44,15 @@ PositionEstimator::PositionEstimator(const EstimatorSettings& settings)
     : settings_((settings.check(), settings)),
       commands_(settings.command_delay, settings.command_lag) {}
 
+// To a filter that has seen nothing; the settings stay.
 void PositionEstimator::reset() {
   started_ = false;
   rejected_ = 0;
   commands_.clear();
 }
 
+// `velocity` is what the limits left of the command, m/s: else a limit would look like a
+// disturbance.
 void PositionEstimator::command(double time, const Eigen::Vector3d& velocity) {
   commands_.add(time, velocity);
 }
@@ -75,6 +79,7 @@ PositionEstimator::Matrix6 PositionEstimator::predicted_covariance(double span) 
 }
 
 // Position as measured, the disturbance's estimate kept, without correlation between them.
+// What tied position to disturbance was the old position; that one is given up.
 void PositionEstimator::start_at(const PositionMeasurement& measurement,
                                  const Eigen::Matrix3d& disturbance) {
   state_.head<3>() = measurement.position;
@@ -88,6 +93,7 @@ void PositionEstimator::start_at(const PositionMeasurement& measurement,
 // The prediction to the measurement's time, then the update. The state is of the time at which the
 // measurement was taken, not at which it arrived: latency needs no augmented state, because at()
 // predicts from there through the buffered commands.
+// True where the measurement was used. A gap longer than max_age starts anew from it.
 bool PositionEstimator::measure(const PositionMeasurement& measurement) {
   check(measurement);
   const Eigen::Matrix3d first =
@@ -126,6 +132,7 @@ bool PositionEstimator::measure(const PositionMeasurement& measurement) {
 
 // Kalman update with H = [1 0]: innovation y - H x, its covariance S = H P H' + R, the gain
 // K = P H' S^-1, and then x += K (y - H x).
+// A rejected measurement leaves the prediction with its grown covariance.
 bool PositionEstimator::update(const PositionMeasurement& measurement,
                                const Eigen::Vector3d& predicted, const Matrix6& covariance) {
   const Eigen::Vector3d innovation = measurement.position - predicted;
@@ -170,6 +177,8 @@ bool PositionEstimator::update(const PositionMeasurement& measurement,
 
 // Prediction only: the delayed commands that have taken effect by `time` are known exactly, and the
 // disturbance is held (the structure of a Smith predictor, with the model's error in d).
+// Const: asking for the future changes nothing, so the loop may ask twice, for now and for the
+// moment at which its command acts.
 std::optional<PositionEstimate> PositionEstimator::at(double time) const {
   require(std::isfinite(time), "time: not finite");
   if (!started_) return std::nullopt;

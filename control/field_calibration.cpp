@@ -7,6 +7,9 @@
 
 namespace vitreo::control {
 
+// Sign, gain and angle of each coil's field against the reference at one position. A coil that is
+// connected the wrong way round has the sign -1 with a gain near 1 and a small angle; a wrong coil
+// has a large angle.
 std::vector<CoilComparison> compare_coils(const FieldModel& model, const FieldModel& reference,
                                           const Eigen::Vector3d& position_in_world) {
   if (model.coils() != reference.coils())

@@ -13,10 +13,12 @@
 namespace vitreo::control {
 namespace {
 
+// With these units all columns of the Jacobian are of like size.
 constexpr double kMomentUnit = 100;  // A m^2/A: brings moments to the size of positions in m
 
 // The unknowns x: of each coil position (m) and moment (kMomentUnit), then the background
 // (kFieldUnit).
+// Inverse of what fit_dipoles() puts into x; positions in m, world.
 CoilField dipoles_from(const double* x, int coils) {
   std::vector<Dipole> dipoles;
   for (int k = 0; k < coils; ++k, x += 6) {
@@ -83,6 +85,8 @@ class DipoleResiduals final : public ceres::CostFunction {
 
 }  // namespace
 
+// Throws as check_readings. A fit that does not converge is returned with `converged` false: its
+// residuals show how far off it is.
 DipoleFit fit_dipoles(const CoilField& start, const std::vector<ProbeReading>& readings) {
   const int coils = start.coils();
   // 6 n + 3 unknowns, three numbers a reading.

@@ -7,6 +7,7 @@
 
 namespace vitreo::control {
 
+// True when it converged; x has the last step in any case.
 bool solve_least_squares(std::unique_ptr<ceres::CostFunction> residuals, std::vector<double>& x) {
   ceres::Problem problem;
   problem.AddResidualBlock(residuals.release(), nullptr, x.data());  // the problem owns it

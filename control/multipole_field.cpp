@@ -19,6 +19,7 @@ namespace {
 //   P'_(k+1) = P'_(k-1) + (2k + 1) P_k                 and its derivative for P''
 struct LegendreDerivatives {
   std::array<double, kMaxMultipoleOrder + 3> first{};
+  // `last` at least 1; entries from 0 to `last`, P'_0 = P''_0 = P''_1 = 0.
   std::array<double, kMaxMultipoleOrder + 3> second{};
 
   LegendreDerivatives(double c, int last) {
@@ -42,6 +43,7 @@ struct LegendreDerivatives {
 //   second derivatives  = r^-(n+3) (P''_n z z - P''_(n+1) (z r^ + r^ z)
 //                                   + P''_(n+2) r^ r^ - P'_(n+1) 1)
 // and for r^n P_n the same with r^(n-1), r^(n-2) before and orders n-1, n-2 in place of n+1, n+2.
+// Coefficients of the four dyads are summed up, and the tensors are built once per source.
 class HarmonicSum {
  public:
   HarmonicSum(const Eigen::Vector3d& z, const Eigen::Vector3d& away) : z_(z), away_(away) {}
@@ -83,6 +85,7 @@ class HarmonicSum {
 
 // B and its gradients of one source, closed form: nothing is differenced, so sources that nearly
 // cancel, or lie far away, are as exact as any other.
+// Throws std::invalid_argument at an irregular source's own position, where the field is infinite.
 FieldGradient source_field(const MultipoleSource& source, const Eigen::Vector3d& position) {
   const Eigen::Vector3d offset = position - source.position;
   const double r = offset.norm();
@@ -111,6 +114,7 @@ FieldGradient source_field(const MultipoleSource& source, const Eigen::Vector3d&
   return sum.field();
 }
 
+// Superposition of a coil's sources.
 FieldGradient sources_field(const MultipoleField::Sources& sources,
                             const Eigen::Vector3d& position) {
   FieldGradient sum = FieldGradient::Zero();
@@ -145,6 +149,8 @@ bool Region::contains(const Eigen::Vector3d& p) const {
   return (p.array() >= low.array()).all() && (p.array() <= high.array()).all();
 }
 
+// Throws std::invalid_argument naming coil or region. The sources are taken over and their axes
+// normalized.
 MultipoleField::MultipoleField(std::vector<Sources> coils, Sources background, const Region& region)
     : coils_(std::move(coils)), background_(std::move(background)), region_(region) {
   if (coils_.empty() || coils_.size() > kMaxCoils) {
@@ -160,6 +166,8 @@ MultipoleField::MultipoleField(std::vector<Sources> coils, Sources background, c
   }
 }
 
+// Outside is std::domain_error and not a wrong argument: the position is sound, and the model ends
+// there.
 void MultipoleField::check_inside(const Eigen::Vector3d& p) const {
   if (!p.allFinite()) throw std::invalid_argument("position_in_world: not finite");
   if (region_.contains(p)) return;

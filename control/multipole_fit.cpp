@@ -41,6 +41,7 @@ struct SourceUnknowns {
     return kFieldUnit * std::pow(distance, static_cast<double>(k) + 3);
   }
 
+  /// From the solver's numbers; the axis is of unit length whatever they are.
   MultipoleSource source(const double* x) const {
     MultipoleSource made = start;
     x += first;
@@ -55,6 +56,7 @@ struct SourceUnknowns {
     return made;
   }
 
+  /// The inverse at the start, where the axis' two numbers are 0.
   void unknowns(double* x) const {
     x += first;
     Eigen::Map<Eigen::Vector3d>(x, 3) = start.position / kLengthUnit;
@@ -73,6 +75,7 @@ MultipoleField only(const MultipoleSource& source) { return {{{source}}, {}, kEv
 
 // As DipoleResiduals: r = B(p) I + b - B_measured in one dense block. Coefficients enter linearly;
 // the derivative by a source's position is -G; only those by the axis are differenced.
+// The background is one more unknown of three components, the same for all readings.
 class MultipoleResiduals final : public ceres::CostFunction {
  public:
   MultipoleResiduals(const std::vector<ProbeReading>& readings,
@@ -124,6 +127,8 @@ class MultipoleResiduals final : public ceres::CostFunction {
     }
     if (!jacobian) return;
     // Central differences by the two angles of the axis.
+    // The only derivative without a closed form here; its column costs two evaluations of the
+    // source.
     std::vector<double> moved(x, x + unknowns_);
     for (int turn = 3; turn < 5; ++turn) {
       const auto at = static_cast<std::size_t>(slot.first + turn);
@@ -180,6 +185,8 @@ class MultipoleResiduals final : public ceres::CostFunction {
 };
 
 // Every source of every coil in order, and the number of unknowns, with 3 of the background.
+// Throws std::invalid_argument for a source without coefficients: nothing would determine its
+// position.
 std::vector<SourceUnknowns> slots_of(const MultipoleField& start, const Eigen::Vector3d& middle,
                                      int& unknowns) {
   std::vector<SourceUnknowns> slots;
@@ -199,6 +206,7 @@ std::vector<SourceUnknowns> slots_of(const MultipoleField& start, const Eigen::V
 }
 
 // The box of the readings' positions: the fit interpolates within it and says nothing beyond.
+// Throws std::invalid_argument for readings in one plane: nothing is known beside it.
 Region spanned(const std::vector<ProbeReading>& readings) {
   Region region{readings.front().position, readings.front().position};
   for (const ProbeReading& reading : readings) {
@@ -212,6 +220,7 @@ Region spanned(const std::vector<ProbeReading>& readings) {
 
 }  // namespace
 
+/// A start for a fit: each dipole as a source of that order, whose higher coefficients are 0.
 MultipoleField multipoles_like(const CoilField& dipoles, int order, const Region& region) {
   require(order >= 1 && order <= kMaxMultipoleOrder, "order: must be 1 to 12");
   std::vector<MultipoleField::Sources> coils;
@@ -226,6 +235,8 @@ MultipoleField multipoles_like(const CoilField& dipoles, int order, const Region
   return {std::move(coils), {}, region};
 }
 
+/// Throws std::invalid_argument for too few or degenerate readings. The result holds in the box of
+/// the readings, whatever the start's region was.
 MultipoleFit fit_multipoles(const MultipoleField& start,
                             const std::vector<ProbeReading>& readings) {
   int unknowns = 0;

@@ -20,6 +20,8 @@ PdController::PdController(const PdGains& gains) : gains_(gains) { gains_.check(
 // u = v_ref + Kp e + Ki integral(e) + Kd (v_ref - v), e = p_ref - p (thesis 6.2 with the integral
 // of 7.3): the robot is overdamped, so the controller asks for a velocity, not for a force. v is
 // the measured velocity behind a first-order low-pass of time constant T.
+// m/s, at most max_speed. Times must not run backwards; `time` is that of the measurement, so that
+// latency does not spoil the derivative.
 Eigen::Vector3d PdController::update(double time, const Eigen::Vector3d& measured,
                                      const Reference& reference) {
   require(std::isfinite(time), "time: not finite");
@@ -41,6 +43,7 @@ Eigen::Vector3d PdController::update(double time, const Eigen::Vector3d& measure
   if (!started_ || time > time_) position_ = measured;
   started_ = true;
   time_ = time;
+  // The sum is tried first and taken over below, as the limit decides about it.
   const Eigen::Vector3d sum = sum_ + gains_.integral * since * (reference.position - measured);
   const Eigen::Vector3d other = reference.velocity +
                                 gains_.proportional * (reference.position - measured) +
@@ -56,6 +59,7 @@ Eigen::Vector3d PdController::update(double time, const Eigen::Vector3d& measure
   return speed > gains_.max_speed ? Eigen::Vector3d(asked * (gains_.max_speed / speed)) : asked;
 }
 
+// The gains stay. The next update has no derivative, as after the construction.
 void PdController::reset() {
   started_ = false;
   sum_.setZero();

@@ -11,6 +11,7 @@ namespace vitreo::control {
 
 // Rank of the readings' currents with a column of ones for the background: where it is short, a
 // combination of coils cannot be told from another, and the fit would be singular.
+// Throws std::invalid_argument naming the reading, or the coil that was never used.
 void check_readings(const std::vector<ProbeReading>& readings, int coils, std::size_t needed) {
   Eigen::MatrixXd currents(static_cast<Eigen::Index>(readings.size()), coils + 1);
   for (std::size_t n = 0; n < readings.size(); ++n) {
@@ -38,12 +39,14 @@ void check_readings(const std::vector<ProbeReading>& readings, int coils, std::s
     currents.col(k) /= currents.col(k).norm();
   }
   currents.col(coils).normalize();
+  // 1e-6 of the largest pivot: settings of an amplifier that differ by less are one setting.
   if (Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(currents).setThreshold(1e-6).rank() <= coils) {
     throw std::invalid_argument("readings: the currents never vary independently");
   }
 }
 
 // rms over the 3 N components; the largest by the length of a reading's vector.
+// In T, but for `relative`, which is over the rms of the measured fields.
 ResidualReport residual_report(const std::vector<ProbeReading>& readings,
                                const std::function<Eigen::Vector3d(const ProbeReading&)>& model) {
   ResidualReport report;

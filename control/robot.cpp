@@ -20,6 +20,7 @@ struct PerrinDrag {
 //   f_par = 16 pi eta q^2 / ((2a^2 - b^2) S - 2a), f_perp = 32 pi eta q^2 / ((2a^2 - 3b^2) S + 2a).
 // Both denominators vanish as e^2 when the axes become equal; divided by 2 a e^2 they are the
 // series below, by artanh e = sum e^(2n+1) / (2n + 1). At the sphere: 6 pi eta a, Stokes.
+// `a` along the axis and `b` across, m; a >= b.
 PerrinDrag perrin(double viscosity, double a, double b) {
   const double e2 = (a - b) * (a + b) / (a * a);
   double along = 0;   // denominator of f_par over 2 a e^2
@@ -41,6 +42,7 @@ PerrinDrag perrin(double viscosity, double a, double b) {
 
 }  // namespace
 
+// Throws std::invalid_argument naming the parameter.
 void Medium::check() const {
   require(positive(density), "medium density: must be above 0 kg/m^3");
   require(positive(kinematic_viscosity), "medium kinematic_viscosity: must be above 0 m^2/s");
@@ -65,12 +67,15 @@ void Robot::check() const {
 
 // Hard: V Br / mu0. Soft: a smooth passage from the linear law H / N to saturation,
 // M = Ms tanh(H / (N Ms)) (facts/magnetics 2).
+// A hard magnet's moment does not change with the field; `field` is checked in any case, so that a
+// NaN never passes.
 double Robot::moment(double field) const {
   require(std::isfinite(field) && field >= 0, "field: a magnitude, must be at least 0 T");
   const double full = solid_volume * saturation;
   return hard ? full : full * std::tanh(field / (kMu0 * demagnetization * saturation));
 }
 
+// Of the metal alone: the liquid fills what the outline encloses.
 double Robot::net_weight(const Medium& medium) const {
   return solid_volume * (solid_density - medium.density) * kGravity;
 }
@@ -101,6 +106,7 @@ Robot coni_2mm() {
 }
 
 // R = f_perp 1 + (f_par - f_perp) n n'.
+// In the world frame, symmetric and positive definite, so that its inverse, the mobility, exists.
 Eigen::Matrix3d resistance(const Robot& robot, const Medium& medium, const Eigen::Vector3d& axis) {
   robot.check();
   medium.check();

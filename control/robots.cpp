@@ -24,6 +24,7 @@ constexpr std::pair<std::string_view, Robot (*)()> kRobots[] = {
     {"ndfeb_cylinder_1mm", ndfeb_cylinder_1mm}};
 
 // A permanent magnet: m = Br V / mu0, and 7500 kg/m^3 of NdFeB (facts/magnetics 3.1).
+// The moment of a permanent magnet is its remanence over mu0 times its volume, whatever the field.
 Robot magnet(std::string name, double semi_axis, double semi_radius, double volume) {
   Robot robot;
   robot.name = std::move(name);
@@ -38,6 +39,7 @@ Robot magnet(std::string name, double semi_axis, double semi_radius, double volu
 
 }  // namespace
 
+// Two crossed plates as of coni_2mm, of nickel.
 Robot ni_500um() {
   constexpr double kThickness = 20e-6;
   constexpr double kAxis = 0.25e-3;
@@ -90,6 +92,7 @@ Robot robot_named(std::string_view name) {
 
 // Faxen's corrections of Stokes' drag for a sphere beside a plane wall, to the third order in R/h
 // (Happel & Brenner 1983, chapter 7; facts/magnetics 3.1).
+// x is held at its largest sound value near the wall; `radius` and `distance` in m.
 WallFactors faxen(double radius, double distance) {
   const double x = std::min(radius / distance, 1 / kNearestWall);
   const double cube = x * x * x;
@@ -112,6 +115,7 @@ Eigen::Matrix3d resistance_near_wall(const Eigen::Matrix3d& free, const Robot& r
   return root * free * root;
 }
 
+// About an axis across the robot's own; N m s.
 double rotational_resistance(const Robot& robot, const Medium& medium) {
   const Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
   const double along = resistance(robot, medium, axis)(0, 0);
@@ -126,6 +130,7 @@ double rotational_resistance(const Robot& robot, const Medium& medium) {
 // The saturating ellipsoid of soft_moment with a rounded knee. With k = |N^-1 H| / Ms the sharp law
 // has |M| = k Ms below k = 1; the factor tanh(k)/k there, and tanh(k) above, turn it into Ms tanh(B
 // / (mu0 N Ms)) along the axis, the law of Robot::moment.
+// A symmetric body's moment lies in the plane of axis and field.
 Eigen::Vector3d robot_moment(const Robot& robot, const Eigen::Vector3d& axis,
                              const Eigen::Vector3d& field) {
   if (robot.hard) return robot.solid_volume * robot.saturation * axis;

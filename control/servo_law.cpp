@@ -15,6 +15,7 @@ void ServoGains::check() const {
 
 // u = v_ref + Kp (p_ref - p^) - d^, shortened to max_speed (facts/magnetics 2): with p' = u + d the
 // error decays as e' = -Kp e.
+// The shortened velocity keeps its direction: a limit must not bend the path.
 Eigen::Vector3d servo_velocity(const ServoGains& gains, const Reference& reference,
                                const PositionEstimate& estimate) {
   gains.check();
@@ -40,6 +41,8 @@ void LoopIdentity::check() const {
 
 // Gains from the dead time T of the loop: latency of the measurement, delay and lag of the coils,
 // and half a period, the mean age of a held command. The plant is an integrator, p' = u.
+// All from the identified parameters, so that a faster camera or a thicker medium needs no tuning
+// by hand.
 ServoTuning tune(const LoopIdentity& loop) {
   loop.check();
   ServoTuning tuning;

@@ -48,6 +48,7 @@ double carlson_rd(double x, double y, double z) {
 
 // N_a = (abc/3) R_D(b^2, c^2, a^2) and cyclic (Osborn 1945 in Carlson's form; facts/magnetics 2).
 // Only the ratios of the axes matter: scaled to the largest, nothing underflows.
+// Their sum is 1. Throws std::invalid_argument for an axis that is not positive.
 Eigen::Vector3d demagnetizing_factors(const Eigen::Vector3d& semi_axes) {
   require(semi_axes.allFinite() && semi_axes.minCoeff() > 0, "semi_axes: must be above 0 m");
   const Eigen::Vector3d s = semi_axes / semi_axes.maxCoeff();
@@ -67,6 +68,7 @@ void SoftBody::check() const {
 // Abbott et al. 2007 (facts/magnetics 2): the susceptibility is far above 1, so the field inside is
 // about zero below saturation, H = N M. Above, the energy mu0/2 M.N M - mu0 M.H is least on the
 // sphere |M| = Ms, with the torque that follows, at most 1/2 mu0 V |N_r - N_a| Ms^2.
+// In the body's axes, A m^2. Continuous at saturation, where both branches have |M| = Ms.
 Eigen::Vector3d soft_moment(const SoftBody& body, const Eigen::Vector3d& field_in_body) {
   body.check();
   require(field_in_body.allFinite(), "field_in_body: not finite");

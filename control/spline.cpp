@@ -16,6 +16,7 @@ using Points = std::vector<Eigen::Vector3d>;
 //     = 6 ((p_(k+1) - p_k) / h_k - (p_k - p_(k-1)) / h_(k-1)),
 // and M = 0 at both ends ("natural"). Tridiagonal and diagonally dominant: Thomas' elimination
 // without pivoting is stable.
+// `at` is the arc length by chords, strictly increasing; n is at least 3.
 Points second_derivatives(const Points& p, const std::vector<double>& at) {
   const std::size_t n = p.size();
   Points second(n, Eigen::Vector3d::Zero());
@@ -36,6 +37,8 @@ Points second_derivatives(const Points& p, const std::vector<double>& at) {
 
 }  // namespace
 
+// Repeated points are dropped, as they would have no length to divide by. The limits are kept by
+// curve(), which samples the spline.
 Trajectory Trajectory::spline(const std::vector<Eigen::Vector3d>& points,
                               const MotionLimits& limits) {
   Points p;

@@ -10,6 +10,7 @@ namespace vitreo::control {
 
 // F = (m.grad) B - W z with m along B: the robot turns into the field within milliseconds
 // (facts/magnetics 3.1), so the axis is taken as algebraic.
+// N, world; the weight alone where there is no field to magnetize the robot.
 Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medium& medium,
                          const Currents& currents, const Eigen::Vector3d& position) {
   require(currents.size() == field.coils(), "currents: one a coil is wanted");
@@ -24,6 +25,7 @@ Eigen::Vector3d force_at(const FieldModel& field, const Robot& robot, const Medi
 // Linearized about `position` the overdamped robot obeys p' = R^-1 (dF/dp) dp. Earnshaw's theorem:
 // at constant currents the trace of dF/dp is at least 0 (facts/magnetics 2.1), so not all
 // eigenvalues are negative.
+// 1/s: the rate at which a small displacement grows fastest; 0 without currents.
 double instability(const FieldModel& field, const Robot& robot, const Medium& medium,
                    const Currents& currents, const Eigen::Vector3d& position) {
   constexpr double kStep = 0.1e-3;  // m: the field varies by 2 % a millimeter

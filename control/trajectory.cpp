@@ -35,11 +35,13 @@ Trajectory Trajectory::line(const Eigen::Vector3d& from, const Eigen::Vector3d& 
   return waypoints({from, to}, limits);
 }
 
+// Four sides and back to the first corner, at rest at each corner.
 Trajectory Trajectory::rectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& side,
                                  const Eigen::Vector3d& up, const MotionLimits& limits) {
   return waypoints({corner, corner + side, corner + side + up, corner + up, corner}, limits);
 }
 
+// From center + first; towards `second` first, so the sense of turning is that of the two vectors.
 Trajectory Trajectory::circle(const Eigen::Vector3d& center, const Eigen::Vector3d& first,
                               const Eigen::Vector3d& second, double turns,
                               const MotionLimits& limits) {
@@ -58,6 +60,7 @@ Trajectory Trajectory::circle(const Eigen::Vector3d& center, const Eigen::Vector
       limits);
 }
 
+// Counterclockwise seen from above, at even rise and widening.
 Trajectory Trajectory::spiral(const Spiral& shape, const MotionLimits& limits) {
   require(shape.bottom.allFinite(), "bottom: not finite");
   require(std::isfinite(shape.height) && shape.height > 0, "height: must be above 0 m");
@@ -77,6 +80,7 @@ Trajectory Trajectory::spiral(const Spiral& shape, const MotionLimits& limits) {
       limits);
 }
 
+// `position` of 0 to 1; its own speed does not count, as speed follows from the limits alone.
 Trajectory Trajectory::curve(const std::function<Eigen::Vector3d(double)>& position,
                              const MotionLimits& limits) {
   Trajectory result;
@@ -84,6 +88,7 @@ Trajectory Trajectory::curve(const std::function<Eigen::Vector3d(double)>& posit
   return result;
 }
 
+// At rest at each point. Points that repeat are one; all the same is a hold.
 Trajectory Trajectory::waypoints(const std::vector<Eigen::Vector3d>& points,
                                  const MotionLimits& limits) {
   require(!points.empty(), "waypoints: at least one is needed");
@@ -101,6 +106,7 @@ Trajectory Trajectory::waypoints(const std::vector<Eigen::Vector3d>& points,
 
 // Within a segment the acceleration along the path is constant, so s(t) = v0 t + a t^2 / 2;
 // position from s by Hermite's cubic with unit tangents, which is of fourth order in the sampling.
+// Before the beginning its first point at rest, after the end its last.
 Reference Trajectory::at(double time) const {
   require(!std::isnan(time), "time: not a number");
   if (time < 0) return {knots_.front().position, Eigen::Vector3d::Zero()};
@@ -122,6 +128,7 @@ Reference Trajectory::at(double time) const {
 
 // Samples one piece and gives each sample its arc length (as the sum of chords), unit tangent and
 // curvature.
+// Throws std::invalid_argument for a curve that stands still: it has no tangent there.
 void Trajectory::append(const std::function<Eigen::Vector3d(double)>& position,
                         const MotionLimits& limits) {
   limits.check();
@@ -160,6 +167,7 @@ void Trajectory::append(const std::function<Eigen::Vector3d(double)>& position,
 // v^2) (Bobrow, Dubowsky & Gibson 1985): the bend bounds v^2 k <= kBendPart a, and what it leaves,
 // sqrt(a^2 - (v^2 k)^2), is the slope d(v^2)/ds / 2 upwards in the first pass and downwards in the
 // second. On a straight line this is the trapezoidal profile. At rest at both ends.
+// The passes only lower speeds, so the bound of the bend stays kept.
 void Trajectory::shape_piece(std::size_t first, const MotionLimits& limits,
                              const std::vector<double>& curvature) {
   const double a = limits.acceleration;

@@ -31,6 +31,8 @@ VelocityController::VelocityController(const VelocityGains& gains) : gains_(gain
 // f' = K (v_wanted - v) by Euler's rule, a velocity controller as the thesis' 7.3 suggests in place
 // of its PID: the force needs no model of the medium, because its integral finds what yields it.
 // The limit on |f| is the anti-windup: nothing is summed up beyond it.
+// N, at most max_force. The force is kept from one call to the next: it is the controller's whole
+// memory of the medium.
 Eigen::Vector3d VelocityController::update(double time, const Eigen::Vector3d& measured,
                                            const Reference& reference) {
   require(std::isfinite(time), "time: not finite");
@@ -54,6 +56,7 @@ Eigen::Vector3d VelocityController::update(double time, const Eigen::Vector3d& m
   return force_;
 }
 
+// What the allocation left of the force: the integral goes on from there, and so winds nothing up.
 void VelocityController::limited_to(const Eigen::Vector3d& force) {
   require(force.allFinite(), "force: not finite");
   force_ = force;

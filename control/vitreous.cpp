@@ -33,6 +33,7 @@ void Gel::check() const {
   require(positive(density), "gel density: must be above 0 kg/m^3");
 }
 
+// Throws std::invalid_argument for a case that the tables do not have.
 Gel artificial_vitreous(int number) {
   require(number >= 1 && number <= static_cast<int>(kAgar.size()),
           "gel: a case from 1 to 11 is wanted");
@@ -54,6 +55,7 @@ const std::vector<std::string>& gel_names() {
   return names;
 }
 
+// By name, or std::invalid_argument with the names that there are.
 Gel gel_named(std::string_view name) {
   const auto& names = gel_names();
   for (std::size_t k = 0; k < kAgar.size(); ++k)
@@ -71,6 +73,8 @@ Gel gel_named(std::string_view name) {
 // 3.2), of the sphere of mean radius r = (a b^2)^(1/3): c = 6 pi eta_s r, k = 6 pi G' r, c_p = 6 pi
 // eta_p r, so that only the ratios k/c = G'/eta_s and k/c_p = G'/eta_p are needed beside c. The
 // torque's yield limit, 3.5 pi a b^2 tau_y, is assumed (docs/simulated_laboratory.md).
+// Throws std::invalid_argument naming the parameter. It starts relaxed: the network carries no
+// stress.
 EmbeddedRobot::EmbeddedRobot(const Robot& robot, const Gel& gel)
     : semi_axis_(robot.semi_axis),
       semi_radius_(robot.semi_radius),
@@ -87,6 +91,7 @@ EmbeddedRobot::EmbeddedRobot(const Robot& robot, const Gel& gel)
 
 // The silhouette of a spheroid at the angle th to its axis: pi b sqrt(b^2 cos^2 th + a^2 sin^2 th).
 // 14 = 2 / Y_c with the critical yield number 0.143 of a sphere (Beris et al. 1985).
+// N. Both vectors are of unit length.
 double EmbeddedRobot::yield_force(const Eigen::Vector3d& axis,
                                   const Eigen::Vector3d& direction) const {
   const double along = axis.dot(direction);

@@ -24,6 +24,7 @@ std::vector<Eigen::Vector3d> directions() {
 
 // The largest s with |fixed +- s each| within the limits, both signs alike; 0 where `fixed` alone
 // exceeds them.
+// Directions come with their opposites, hence both signs.
 double scale_within(const Currents& fixed, const Currents& each, const CurrentLimits& limits) {
   double scale = std::numeric_limits<double>::infinity();
   for (Eigen::Index k = 0; k < fixed.size(); ++k) {
@@ -36,6 +37,8 @@ double scale_within(const Currents& fixed, const Currents& each, const CurrentLi
 
 // At one position the least-norm currents I = A' (A A')^-1 w, in rows of field and of force over
 // moment, scaled to the first limit: a lower bound of what a box-constrained solution could reach.
+// A position where a degree of freedom is lost has neither field nor force, but an infinite
+// condition.
 MapPoint map_point(const FieldMatrix& matrix, const MapRequest& request) {
   MapPoint point;
   const Eigen::Vector3d axis = request.field.normalized();
@@ -73,6 +76,7 @@ void MapRequest::check() const {
   require(field.allFinite() && field.norm() > 0, "map field: must be finite and above 0 T");
 }
 
+// x fastest, then y, then z. Where the model does not hold the condition is infinite.
 std::vector<MapPoint> workspace_map(const FieldModel& model, const MapRequest& request) {
   request.check();
   std::vector<MapPoint> map;

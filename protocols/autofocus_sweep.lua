@@ -56,22 +56,22 @@ return {
       series = { { label = "first sweep", x = distances, y = values, mark = "points" } },
     }
     local place = map:locate({ 0, 0, found.mean }, { image_sigma = 3 * um, focus_sigma = math.max(found.deviation, 1e-9) })
-    if not place then error("where it was sharpest is no place in the eye: d_ls " .. run:show(found.mean, "m"), 0) end
+    if not place then error("where it was sharpest is no place in the eye: d_ls " .. format_quantity(found.mean, "m"), 0) end
     focusing.move(rig, found.mean)
     rig.top_camera:grab()
-    run:picture("in focus", rig.top_camera:grab().image, "d_ls " .. run:show(found.mean, "m"))
+    run:picture { title = "in focus", image = rig.top_camera:grab().image, note = "d_ls " .. format_quantity(found.mean, "m") }
     run:result("sharpest_at", found.mean, "m")
     run:result("sharpest_deviation", found.deviation, "m")
     run:result("depth", place.position.z, "m")
     run:result("depth_sigma", place.sigma.z, "m")
     run:note(
       ("sharpest at d_ls %s, %d sweeps of %d agree to %s; %s before the retina ± %s, uncalibrated"):format(
-        run:show(found.mean, "m"),
+        format_quantity(found.mean, "m"),
         found.count,
         found.count + missed,
-        run:show(found.deviation, "m"),
-        run:show(place.position.z, "m"),
-        run:show(place.sigma.z, "m")
+        format_quantity(found.deviation, "m"),
+        format_quantity(place.position.z, "m"),
+        format_quantity(place.sigma.z, "m")
       )
     )
     local book = expect.book(run, "4.4.3")

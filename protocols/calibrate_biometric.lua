@@ -23,7 +23,7 @@ local function sharp_at(rig, run, law, depth, p)
     window = { u = model.center_px[1], v = model.center_px[2], size = 120 },
   })
   if told.answer ~= "found" then
-    error(("the target %s before the retina was not found sharp: %s"):format(run:show(depth, "m"), told.answer), 0)
+    error(("the target %s before the retina was not found sharp: %s"):format(format_quantity(depth, "m"), told.answer), 0)
   end
   return told.position, told.sigma
 end
@@ -135,15 +135,19 @@ return {
     local retina = believed:distance(0) + points[1].distance - believed:distance(points[1].depth)
     local laws = {
       { name = "as prescribed", law = believed, mark = "dashed" },
-      { name = "biometric: the retina alone", law = believed:on_retina(retina) },
-      { name = "biometric, minimum norm", law = believed:on_retina(retina, { method = "minimum_norm" }), mark = "dashed" },
-      { name = "all points (4.4.4)", law = believed:fit({ points = points }).law },
+      { name = "biometric: the retina alone", law = believed:calibrate({ retina = retina }).law },
+      {
+        name = "biometric, minimum norm",
+        law = believed:calibrate({ retina = retina, method = "minimum_norm" }).law,
+        mark = "dashed",
+      },
+      { name = "all points (4.4.4)", law = believed:calibrate({ points = points }).law },
     }
     plot(run, laws, points)
     local rows, found = {}, {}
     for i, one in ipairs(laws) do
       found[i] = worst(one.law, points, rig:model().lens_depth)
-      rows[i] = { one.name, run:show(found[i], "m") }
+      rows[i] = { one.name, format_quantity(found[i], "m") }
     end
     run:table { title = "Largest error of depth over the points", header = { "law", "error" }, rows = rows }
     eyes.report(run, eye, truth)
@@ -157,7 +161,10 @@ return {
       unit = "m",
       at_most = published.chapter_4.model_eye.depth_of_field,
       reason = "the depth of field of 4.4.3",
-      why = ("uncalibrated %s on this eye; with all points %s"):format(run:show(found[1], "m"), run:show(found[4], "m")),
+      why = ("uncalibrated %s on this eye; with all points %s"):format(
+        format_quantity(found[1], "m"),
+        format_quantity(found[4], "m")
+      ),
     }
     book:number {
       id = "4.10.full",

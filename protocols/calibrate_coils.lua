@@ -22,7 +22,7 @@ return {
     local model, told, readings = calibrations.field(rig, run, { half = p.half, current = p.current })
     local nominal, before, fields = control.field_model { name = "octomag" }, {}, {}
     for i, reading in ipairs(readings) do
-      before[i] = (nominal:field(reading.position, reading.currents).field - reading.field):norm()
+      before[i] = (nominal:field({ position = reading.position, currents = reading.currents }).field - reading.field):norm()
       fields[i] = reading.field:norm()
     end
     run:plot {

@@ -72,7 +72,7 @@ return {
     local book, rows, found = expect.book(run, "3.1"), {}, {}
     for _, method in ipairs(methods) do
       local eye = optics.system { name = method.name }
-      run:drawing("Layout: " .. method.title, eye:layout { angles = { 0, 5 * deg } })
+      run:picture { title = "Layout: " .. method.title, svg = eye:layout { angles = { 0, 5 * deg } } }
       local images = image_curve(run, eye, method, depths)
       local view = method.key == "direct" and { observer_distance = p.observer_distance } or { clear_radius = p[method.view] }
       local field = eye:viewing(view).field_of_view
@@ -81,11 +81,11 @@ return {
         { retina = retina, span = math.abs(images[#images] - images[1]), first = images[1], last = images[#images] }
       rows[#rows + 1] = {
         method.title,
-        run:show(field.angle, "rad"),
+        format_quantity(field.angle, "rad"),
         field.limit,
-        run:show(retina.distance, "m"),
-        run:show(images[1], "m"),
-        run:show(images[#images], "m"),
+        format_quantity(retina.distance, "m"),
+        format_quantity(images[1], "m"),
+        format_quantity(images[#images], "m"),
         ("%.3g"):format(retina.magnification),
       }
       book:number {
@@ -191,7 +191,7 @@ return {
       ours = condensing:viewing().depth_of_field.thesis,
       unit = "m",
       within = 10 * um,
-      reason = '"approximately 150 um", read off a slope',
+      reason = '"approximately 150 µm", read off a slope',
     }
     book:close()
   end,

@@ -83,18 +83,22 @@ return {
     local span_conic = conic:field_curvature(angles).span
     local span_printed = printed:field_curvature(angles).span
     local span_spheres = spheres:field_curvature(angles).span
-    local rows = { { "table 3.3, conics alone", run:show(span_conic, "m"), "", "" } }
+    local rows = { { "table 3.3, conics alone", format_quantity(span_conic, "m"), "", "" } }
     for _, step in ipairs(steps) do
-      rows[#rows + 1] = { "up to " .. step.name, run:show(step.span, "m"), run:show(step.spot, "m"), step.status }
+      rows[#rows + 1] = { "up to " .. step.name, format_quantity(step.span, "m"), format_quantity(step.spot, "m"), step.status }
     end
-    rows[#rows + 1] =
-      { "a4 to a10 together", run:show(together.after.span, "m"), run:show(together.after.max_spot, "m"), together.status }
-    rows[#rows + 1] = { "table 3.4 as printed", run:show(span_printed, "m"), "", "" }
-    rows[#rows + 1] = { "two spheres", run:show(span_spheres, "m"), "", "" }
+    rows[#rows + 1] = {
+      "a4 to a10 together",
+      format_quantity(together.after.span, "m"),
+      format_quantity(together.after.max_spot, "m"),
+      together.status,
+    }
+    rows[#rows + 1] = { "table 3.4 as printed", format_quantity(span_printed, "m"), "", "" }
+    rows[#rows + 1] = { "two spheres", format_quantity(span_spheres, "m"), "", "" }
     rows[#rows + 1] = {
       "all shapes free, from two spheres",
-      run:show(told.after.span, "m"),
-      run:show(told.after.max_spot, "m"),
+      format_quantity(told.after.span, "m"),
+      format_quantity(told.after.max_spot, "m"),
       told.status,
     }
     run:table {

@@ -18,11 +18,11 @@ local hand_speed = 1.5 * mm / s
 local function trim(servo, tolerance)
   for _ = 1, 2 do
     servo:go_to(center, { speed = hand_speed, within = 0.5 * mm, settle = 1 * s })
-    servo:trim(vector(servo:trim()) + servo:mean_correction(1 * s))
+    servo:set_trim(servo:status().trim + servo:mean_correction(1 * s))
   end
   local left = drift.any_direction() * (tolerance * math.abs(drift.normal()))
-  servo:trim(vector(servo:trim()) + servo:force_for(left))
-  return servo:trim()
+  servo:set_trim(servo:status().trim + servo:force_for(left))
+  return servo:status().trim
 end
 
 -- An operator brings it near the place, not to it.
@@ -41,10 +41,10 @@ local function bring(run, rig, servo, place, scatter)
 end
 
 -- Drift of a robot that is left alone, as `let_go` has it, over `time`: m/s.
-local function watch(run, servo, let_go, time)
+local function watch(run, let_go, time)
   let_go()
   run:wait(0.25 * s) -- until what held it has gone through coils and latency
-  return drift.velocity(run, servo, time)
+  return drift.velocity(run, time)
 end
 
 -- The runs of one kind of feedback at all places; the median of a machine's mean drift is what counts.
@@ -54,13 +54,13 @@ local function leave_alone(run, rig, p, background, kind, found)
   rig.sample:insert_robot(center)
   servo:wait_until_tracked()
   found.trim = found.trim or trim(servo, p.tolerance)
-  servo:trim(found.trim)
+  servo:set_trim(found.trim)
   for place in run:each(places.six, names[kind]) do
     run:checkpoint("before " .. place.name)
     local speeds = {}
     for repetition = 1, p.repetitions do
       bring(run, rig, servo, place, kind == "none" and p.scatter_open or p.scatter)
-      local velocity = watch(run, servo, function() servo:release() end, p.hold)
+      local velocity = watch(run, function() servo:release() end, p.hold)
       speeds[repetition] = velocity:norm()
       run:record(
         "drift",
@@ -82,9 +82,9 @@ local function hold_on(run, rig, p, background, found)
   for place in run:each(places.six, "estimator") do
     servo:go_to(place.position, { speed = hand_speed, within = 0.5 * mm, settle = 0 })
     run:wait(p.settle)
-    drift.add(found, "hold", place.name, drift.velocity(run, servo, p.hold):norm())
+    drift.add(found, "hold", place.name, drift.velocity(run, p.hold):norm())
     local function cancel() servo:release { cancel = true } end
-    drift.add(found, "cancel", place.name, watch(run, servo, cancel, p.hold):norm())
+    drift.add(found, "cancel", place.name, watch(run, cancel, p.hold):norm())
   end
   rig.sample:remove_robot()
 end

@@ -59,10 +59,10 @@ local function step(run, servo, p)
   servo:hold(vector(p.step, 0, 0))
   run:wait(p.watch)
   span.to = run:now()
-  local x, times = run:samples(reference, "x", span)
-  local found = follow_up(x, times, p.step, span.from)
-  found.x, found.times = x, {}
-  for i, time in ipairs(times) do
+  local seen = run:samples(reference, { "x" }, span)
+  local found = follow_up(seen.x, seen.time, p.step, span.from)
+  found.x, found.times = seen.x, {}
+  for i, time in ipairs(seen.time) do
     found.times[i] = time - span.from
   end
   return found

@@ -10,7 +10,8 @@ return {
     local info = rig.top_camera:info()
     run:note(("top camera: %s, %d x %d"):format(info.identity, info.width_px, info.height_px))
     if rig.coils then
-      run:note(("coils: %d channels, %s each"):format(#rig.coils:currents(), run:show(rig.coils:limit(), "A")))
+      local coils = rig.coils:info()
+      run:note(("coils: %d channels, %s each"):format(coils.channels, format_quantity(coils.limit, "A")))
     end
     local first, last
     for _ in run:each(p.frames, "frame") do

@@ -39,7 +39,7 @@ end
 
 local function mean(run, stream, channel, span)
   local sum, count = 0, 0
-  for _, value in ipairs((run:samples(stream, channel, span))) do
+  for _, value in ipairs(run:samples(stream, { channel }, span)[channel]) do
     if value == value then
       sum, count = sum + value, count + 1
     end -- an unseen robot is not a number
@@ -55,7 +55,7 @@ local function align(run, servo)
   run:wait(3 * s)
   span.to = run:now()
   local function off(axis) return mean(run, "side_camera", axis, span) - mean(run, "servo", axis, span) end
-  servo:offset(vector(servo:offset()) + vector(off "x", 0, off "z"))
+  servo:set_offset(servo:status().offset + vector(off "x", 0, off "z"))
 end
 
 local function hold(run, servo, p, aligned)

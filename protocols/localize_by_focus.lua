@@ -14,7 +14,7 @@ local mm, um, deg = units.mm, units.um, units.deg
 local function error_table(run, title, angles, surfaces, cells)
   local header, rows = { "" }, {}
   for k = 1, #surfaces do
-    header[k + 1] = ("surface %d (%s)"):format(k, run:show(surfaces[k], "m"))
+    header[k + 1] = ("surface %d (%s)"):format(k, format_quantity(surfaces[k], "m"))
   end
   for i, angle in ipairs(angles) do
     rows[i] = { ("%.0f°"):format(angle / deg) }

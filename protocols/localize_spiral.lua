@@ -76,8 +76,8 @@ local function one_spiral(rig, run, p, orientation)
 end
 
 local function series(run, whole, stream, x, y, label, mark)
-  local span = { from = whole.from, to = whole.to }
-  return { label = label, mark = mark, x = (run:samples(stream, x, span)), y = (run:samples(stream, y, span)) }
+  local seen = run:samples(stream, { x, y }, { from = whole.from, to = whole.to })
+  return { label = label, mark = mark, x = seen[x], y = seen[y] }
 end
 
 local function pictures(run, span, name)
@@ -137,8 +137,9 @@ end
 -- known; and what the best estimator could leave that knows nothing but table 5.1 and that look.
 local function eyes_part(rig, p, book, numbers, orientation)
   local axis, spiral, places = axis_of(orientation), spiral_of(p), {}
+  local duration = spiral:info().duration
   for i = 0, 30 do
-    places[i + 1] = spiral:at(spiral:duration() * i / 30).position
+    places[i + 1] = spiral:at(duration * i / 30).position
   end
   local least, left, best, in_world = one_look.least(rig, axis, 200), {}, {}, rig:model().eye_in_world
   local height = statistics.mean(statistics.map(places, function(place) return (place - in_world).z end))
@@ -265,10 +266,10 @@ return {
         run:note(
           ("eye %d: x %s ± %s, z %s ± %s"):format(
             p.first + number - 1,
-            run:show(span.x.mean, "m"),
-            run:show(span.x.deviation, "m"),
-            run:show(span.z.mean, "m"),
-            run:show(span.z.deviation, "m")
+            format_quantity(span.x.mean, "m"),
+            format_quantity(span.x.deviation, "m"),
+            format_quantity(span.z.mean, "m"),
+            format_quantity(span.z.deviation, "m")
           )
         )
         if #found == 1 then

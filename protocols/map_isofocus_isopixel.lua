@@ -47,7 +47,7 @@ local function picture(run, map, one, near, far, edge)
       curves.family("isofocus", focuses, function(focus) return map:isofocus(focus) end),
       curves.family("isopixel", statistics.range(0, edge, 11), function(height) return map:isopixel(height) end, "dashed"),
     },
-    note = one.step and ("steps of the sensor: %s"):format(run:show(one.step, "m")) or nil,
+    note = one.step and ("steps of the sensor: %s"):format(format_quantity(one.step, "m")) or nil,
   }
   return #focuses
 end
@@ -94,7 +94,8 @@ local function fits(run, one, map, book)
     local name, list, at, cubic, axis, unit = table.unpack(fit)
     local residual, monotone = fit_plot(run, one, name, list, at, cubic, axis, unit)
     local largest = statistics.max(statistics.map(residual, math.abs))
-    rows[#rows + 1] = { name, unit == "mm" and run:show(largest, "m") or ("%.3g"):format(largest), monotone and "yes" or "no" }
+    rows[#rows + 1] =
+      { name, unit == "mm" and format_quantity(largest, "m") or ("%.3g"):format(largest), monotone and "yes" or "no" }
     if name == "pole" or name == "slope" then all_monotone = all_monotone and monotone end
   end
   run:table {
@@ -151,10 +152,10 @@ return {
         run:note(
           ("%s: the map reaches %s; in focus from %s to %s, imaged to %s from the axis"):format(
             one.name,
-            run:show(limit, "rad"),
-            run:show(near, "m"),
-            run:show(far, "m"),
-            run:show(edge, "m")
+            format_quantity(limit, "rad"),
+            format_quantity(near, "m"),
+            format_quantity(far, "m"),
+            format_quantity(edge, "m")
           )
         )
         fits(run, one, map, book)

@@ -24,15 +24,12 @@ end
 
 -- Where the robot is: of the simulator's truth where there is one, else as the side camera sees it.
 local function place(run)
-  local stream = run:has_stream("truth") and "truth" or "side_camera"
   run:wait(0.3 * s)
-  local now = {}
-  for i, axis in ipairs { "x", "y", "z" } do
-    local has = stream == "truth" or axis ~= "y"
-    local values = has and run:samples(stream, axis, { from = run:now() - 1 * s, to = run:now() }) or { 0 }
-    now[i] = values[#values] or error("the robot is not seen", 0)
-  end
-  return vector(now)
+  local span = { from = run:now() - 1 * s, to = run:now() }
+  local seen = run:samples("truth", { "x", "y", "z" }, span) or run:samples("side_camera", { "x", "z" }, span)
+  local last = seen and #seen.time or 0
+  if last == 0 then error("the robot is not seen", 0) end
+  return vector(seen.x[last], seen.y and seen.y[last] or 0, seen.z[last])
 end
 
 -- Currents for a direction of the field and as much force along x, up to `force`, as the sum of all currents allows.
@@ -58,7 +55,7 @@ end
 local function push(rig, run, model, robot, p, time, direction_at, force)
   local began = run:now()
   while run:now() - began < time do
-    rig.coils:set_currents(currents_for(model, robot, p, direction_at(run:now() - began), force, rig.coils:limit()))
+    rig.coils:set_currents(currents_for(model, robot, p, direction_at(run:now() - began), force, rig.coils:info().limit))
     run:wait(0.05 * s)
   end
 end

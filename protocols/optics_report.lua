@@ -113,7 +113,8 @@ local function fields(run, eye, p)
   }
   local spots = {}
   for i, depth in ipairs(range(0, p.depth, 3)) do
-    spots[i] = series(run:show(depth, "m") .. " before the retina", angles, eye:field_curvature(angles, depth).points, "rms")
+    spots[i] =
+      series(format_quantity(depth, "m") .. " before the retina", angles, eye:field_curvature(angles, depth).points, "rms")
   end
   run:plot {
     title = "Spot size at best focus",
@@ -186,10 +187,10 @@ local function round_trip(eye, map, p)
   for _, angle in ipairs(range(0, math.min(p.field, 0.999 * map:info().max_angle), 25)) do
     for _, depth in ipairs(range(inside, p.depth - inside, 17)) do
       local point = eye:point_at_field(angle, depth)
-      local image = point and map:image(point) and map:traced_image(point) -- nil where the map says nothing
-      local back = image and map:point(image)
+      local image = point and map:image(point) and map:image(point, { traced = true }) -- nil where the map says nothing
+      local back = image and map:locate(image)
       if back then
-        worst, count = math.max(worst, (back - point):norm()), count + 1
+        worst, count = math.max(worst, (back.position - point):norm()), count + 1
       end
     end
   end
@@ -264,8 +265,8 @@ local function localization(run, eye, p)
     local name, axis = table.unpack(one)
     local depths, sigmas, seen_any = range(1 * mm, p.depth, 15), {}, false
     for i, depth in ipairs(depths) do
-      local seen = view:ellipse(robot, { position = { 0, 0, depth }, axis = axis })
-      local pose = seen and view:locate(robot, seen, { position = { 0, 0, depth }, axis = axis })
+      local seen = view:ellipse { body = robot, position = { 0, 0, depth }, axis = axis }
+      local pose = seen and view:locate { body = robot, ellipse = seen, position = { 0, 0, depth }, axis = axis }
       sigmas[i] = pose and pose.status == "found" and pose.sigma[3] or 0 / 0
       seen_any = seen_any or sigmas[i] == sigmas[i]
     end
@@ -290,7 +291,7 @@ return {
   },
   run = function(_, p, run)
     local eye = optics.system { name = p.prescription }
-    run:drawing("Layout", eye:layout { angles = range(0, p.field, 3) })
+    run:picture { title = "Layout", svg = eye:layout { angles = range(0, p.field, 3) } }
     first_order(run, eye, p)
     seidel(run, eye)
     run:progress(0.1, "tracing")

@@ -31,7 +31,7 @@ end
 
 local function bar_chart(run, title, options)
   options.title = title
-  run:drawing(title, bars.svg(options))
+  run:picture { title = title, svg = bars.svg(options) }
 end
 
 -- Figures 4.2, 4.5 and table 5.2: by each method, as the eye is believed, and calibrated on its retina.
@@ -150,9 +150,9 @@ local function calibration(run, eye, p)
   local law = eye:axis_law()
   local laws = {
     { "as prescribed", law },
-    { "on the retina, sensor shifted", law:on_retina(sharp[1]) },
-    { "on the retina, minimum norm", law:on_retina(sharp[1], { method = "minimum_norm" }) },
-    { "at five depths (4.4.4)", law:fit({ points = points }).law },
+    { "on the retina, sensor shifted", law:calibrate({ retina = sharp[1] }).law },
+    { "on the retina, minimum norm", law:calibrate({ retina = sharp[1], method = "minimum_norm" }).law },
+    { "at five depths (4.4.4)", law:calibrate({ points = points }).law },
   }
   local series = {}
   for k, one in ipairs(laws) do
@@ -210,8 +210,8 @@ local function by_pose(run, eye, p, each_place)
   if not view then return end
   local robot, curve = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }, { label = "by pose", x = {}, y = {} }
   each_place(function(place)
-    local seen = view:ellipse(robot, { position = place, axis = { 0, 1, 0 } })
-    local pose = seen and view:locate(robot, seen, { position = place, axis = { 0, 1, 0 } })
+    local seen = view:ellipse { body = robot, position = place, axis = { 0, 1, 0 } }
+    local pose = seen and view:locate { body = robot, ellipse = seen, position = place, axis = { 0, 1, 0 } }
     if pose and pose.status == "found" then add_ellipse(curve, place, pose.candidates[1].covariance, p.magnified) end
   end)
   return curve
@@ -266,8 +266,8 @@ local function design(run, eye, p)
     ("lens design: %s%s, span of best focus %s, before %s"):format(
       told.status,
       told.reason == "" and "" or " (" .. told.reason .. ")",
-      run:show(told.after.span, "m"),
-      run:show(told.before.span, "m")
+      format_quantity(told.after.span, "m"),
+      format_quantity(told.before.span, "m")
     )
   )
   run:result("design_span_before", told.before.span, "m")

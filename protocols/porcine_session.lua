@@ -50,7 +50,7 @@ local function focus(list, rig, run, p)
   end
   list:must("BIOM swung in", { name = "biom_in" })
   if rig.lens_mover then
-    if not rig.lens_mover:homed() then rig.lens_mover:home() end
+    if not rig.lens_mover:info().homed then rig.lens_mover:home() end
     local best, best_value = rig.lens_mover:position(), -math.huge
     for _, at in ipairs { -1 * mm, -0.5 * mm, 0, 0.5 * mm, 1 * mm } do
       rig.lens_mover:move_to(at)
@@ -61,7 +61,7 @@ local function focus(list, rig, run, p)
       end
     end
     rig.lens_mover:move_to(best)
-    run:note("condensing lens left at " .. run:show(best, "m") .. ", where the retina is sharpest")
+    run:note("condensing lens left at " .. format_quantity(best, "m") .. ", where the retina is sharpest")
   else
     list:must("condensing lens moved until the retina is sharp", { name = "focus_retina" })
   end
@@ -81,7 +81,7 @@ local function trial(rig, run, p, background, number)
   local to = servo:status().position or from
   servo:snapshot("trial " .. number)
   run:record("trial", { number = number, moved = (to - from):norm(), arrived = done and 1 or 0 }, { moved = "m" })
-  return { tostring(number), run:show((to - from):norm(), "m"), done and "arrived" or tostring(problem):match("[^:]*$") },
+  return { tostring(number), format_quantity((to - from):norm(), "m"), done and "arrived" or tostring(problem):match("[^:]*$") },
     (to - from):norm()
 end
 

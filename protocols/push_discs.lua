@@ -73,7 +73,7 @@ return {
       p.images
     )
     local models = { vision.color_model { images = robots }, vision.color_model { images = discs } }
-    local tracker = vision.multi_tracker { models = models, shape_prior = true }
+    local tracker = vision.tracker { models = models, shape_prior = true }
     servo:go_to(start, { within = 0.3 * mm, settle = 0.3 * s })
     rig.simulation:move_body("disc", disc_at)
     run:wait(1 * s)
@@ -100,11 +100,11 @@ return {
         lost = lost + 1
       end
       if frame.image then
-        run:picture(
-          ("at %.1f s"):format(frame.time),
-          frame.image:overlay { track = frame.robot, expected = frame.disc.x_px and frame.disc or nil },
-          ("at %.1f s: robot; dashed: disc"):format(frame.time)
-        )
+        run:picture {
+          title = ("at %.1f s"):format(frame.time),
+          image = frame.image:overlay { track = frame.robot, expected = frame.disc.x_px and frame.disc or nil },
+          note = "robot; dashed: disc",
+        }
       end
     end
     if both < 2 then error("the two were not tracked together in two frames", 0) end

@@ -26,7 +26,7 @@ return {
     for i, angle in ipairs(angles) do
       run:progress((i - 1) / p.views, ("view %d of %d"):format(i, p.views))
       run:checkpoint("before view " .. i)
-      rig.rotation_stage:turn_to(angle)
+      rig.rotation_stage:move_to(angle)
       if i == 1 or p.refocus then
         local told = focusing.autofocus(
           rig,
@@ -40,11 +40,11 @@ return {
       rig.top_camera:grab()
       images[i] = rig.top_camera:grab().image
     end
-    rig.rotation_stage:turn_to(0)
+    rig.rotation_stage:move_to(0)
     run:progress(0.95, "joining")
     local made = vision.mosaic { images = images, max_rotation = math.min(1.5 * p.turn / (p.views - 1), 3.1) }
-    run:picture("mosaic", made.image, ("%d views joined"):format(made.joined))
-    run:picture("first view", images[1], "d_ls " .. run:show(focus[1], "m"))
+    run:picture { title = "mosaic", image = made.image, note = ("%d views joined"):format(made.joined) }
+    run:picture { title = "first view", image = images[1], note = "d_ls " .. format_quantity(focus[1], "m") }
     made.image:save("mosaic.png")
     run:plot {
       title = "Where each view was sharp",

@@ -84,11 +84,7 @@ return {
       header = { "channels", "low", "high", "low of (8.2) as it stands", "high", "thesis, low", "thesis, high" },
     }
     run:plot { title = "Quality image by image, as figure 8.6", x = { "image", "" }, y = { "r (8.1)", "" }, series = series }
-    run:picture(
-      "a training image",
-      training[1].image,
-      "a training image" .. (training[1].name and ": " .. training[1].name or "")
-    )
+    run:picture { title = "a training image", image = training[1].image, note = training[1].name }
     run:note(
       ("best pair of channels: %s, quality %.2f ± %.2f over %d images"):format(
         best.channels,

@@ -103,16 +103,16 @@ return {
       header = { "parameter", "on the axis", "over the field", "calibrated", "calibrated, retina 0.3 mm wrong" },
       rows = statistics.map(rows, function(row) return { row.name, table.unpack(statistics.map(row.values, shown)) } end),
     }
-    run:drawing(
-      "Which parameters matter",
-      bars.svg {
+    run:picture {
+      title = "Which parameters matter",
+      svg = bars.svg {
         title = "Largest error by focus, one parameter off by one sigma",
         unit = "mm",
         divisor = mm,
         rows = rows,
         labels = { "on the axis", "over the field", "calibrated on the retina", "calibrated, retina 0.3 mm wrong" },
-      }
-    )
+      },
+    }
     focus_error(run, eye, p)
     curves(run, eye, published.figure_4_2.ranking, { uncertainties = uncertainties, depth = p.depth })
 

@@ -63,16 +63,16 @@ return {
         }
       end),
     }
-    run:drawing(
-      "Table 5.2",
-      bars.svg {
+    run:picture {
+      title = "Table 5.2",
+      svg = bars.svg {
         title = "Mean error by pose, one parameter off by one sigma",
         unit = "um",
         divisor = um,
         rows = rows,
         labels = { "ours", "table 5.2", "ours, calibrated on the retina" },
-      }
-    )
+      },
+    }
     run:plot {
       title = "Table 5.2 against ours",
       x = { "ours", "um" },
@@ -97,7 +97,12 @@ return {
       rows = statistics.map(
         { { "as prescribed", all }, { "calibrated", calibrated }, { "calibrated, retina 0.3 mm wrong", wrong } },
         function(one)
-          return { one[1], run:show(one[2].median, "m"), run:show(one[2].percentile_95, "m"), run:show(one[2].max, "m") }
+          return {
+            one[1],
+            format_quantity(one[2].median, "m"),
+            format_quantity(one[2].percentile_95, "m"),
+            format_quantity(one[2].max, "m"),
+          }
         end
       ),
     }
@@ -114,7 +119,7 @@ return {
         why = (
           "ours is the parameter's effect alone; the thesis' numbers "
           .. "have a floor of about %s even where the effect is nothing, whose origin it does not tell"
-        ):format(run:show(line.intercept, "m")),
+        ):format(format_quantity(line.intercept, "m")),
       }
     end
     book:number {

@@ -168,7 +168,7 @@ local function expected(book, p, path, localization)
     ours = localization.mean,
     unit = "m",
     at_most = 266 * um,
-    reason = "93 and 249 um along x and z of table 5.4, together",
+    reason = "93 and 249 µm along x and z of table 5.4, together",
     where = "table 5.4",
   }
 end

@@ -6,6 +6,7 @@
 local bring = require "session.preparation"
 local by_hand = require "session.manual_control"
 local expect = require "analysis.expectations"
+local judge = require "analysis.path_accuracy"
 local statistics = require "analysis.statistics"
 local track_errors = require "analysis.track_errors"
 local units = require "units"
@@ -61,7 +62,7 @@ end
 -- rig says.
 local function depth_bar(run, rig, servo, p)
   local values = {}
-  for _, z in ipairs((run:samples("servo", "z", { from = run:now() - 1 * s, to = run:now() }))) do
+  for _, z in ipairs(run:samples("servo", { "z" }, { from = run:now() - 1 * s, to = run:now() }).z) do
     if z == z then values[#values + 1] = z end
   end
   if #values == 0 then return nil end
@@ -117,9 +118,9 @@ return {
       run:note(
         ("point %d at %s, %s, %s: %s"):format(
           number,
-          run:show(target.x, "m"),
-          run:show(target.y, "m"),
-          run:show(target.z, "m"),
+          format_quantity(target.x, "m"),
+          format_quantity(target.y, "m"),
+          format_quantity(target.z, "m"),
           there and "reached" or "not reached, " .. tostring(problem)
         )
       )
@@ -129,14 +130,14 @@ return {
           run:note(
             ("point %d: %s above the zero level, %s from the retina"):format(
               number,
-              run:show(bar.above, "m"),
-              run:show(bar.from_retina, "m")
+              format_quantity(bar.above, "m"),
+              format_quantity(bar.from_retina, "m")
             )
           )
         end
         bars.x[#bars.x + 1], bars.y[#bars.y + 1], bars.p[#bars.p + 1] = number, bar.above, bar.above + bar.precision
       end
-      if run:has_stream("truth") or run:has_stream("side_camera") then
+      if judge.has_reference(run) then
         local x, z =
           track_errors.along(run, "x", { from = from, to = run:now() }, { prefix = "target_" }),
           track_errors.along(run, "z", { from = from, to = run:now() }, { prefix = "target_" })
@@ -145,12 +146,12 @@ return {
       servo:snapshot(("point %d"):format(number))
       rows[number] = {
         tostring(number),
-        run:show(target.x, "m"),
-        run:show(target.y, "m"),
-        run:show(target.z, "m"),
+        format_quantity(target.x, "m"),
+        format_quantity(target.y, "m"),
+        format_quantity(target.z, "m"),
         there and "reached" or "not reached",
-        bar and run:show(bar.above, "m") or "–",
-        bar and "± " .. run:show(bar.precision, "m") or "–",
+        bar and format_quantity(bar.above, "m") or "–",
+        bar and "± " .. format_quantity(bar.precision, "m") or "–",
         bar and bar.near and "near" or "",
       }
       number = number + 1
@@ -203,7 +204,7 @@ return {
         ours = statistics.mean(errors),
         unit = "m",
         at_most = 266 * um,
-        reason = "93 and 249 um along x and z of table 5.4, together",
+        reason = "93 and 249 µm along x and z of table 5.4, together",
         where = "table 5.4",
       }
     end

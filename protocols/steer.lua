@@ -37,9 +37,9 @@ return {
         run:note(
           ("target %d: %s, %s, %s%s"):format(
             given,
-            run:show(places[1].x, "m"),
-            run:show(places[1].y, "m"),
-            run:show(places[1].z, "m"),
+            format_quantity(places[1].x, "m"),
+            format_quantity(places[1].y, "m"),
+            format_quantity(places[1].z, "m"),
             #places > 1 and (", the first of %d"):format(#places) or ""
           )
         )

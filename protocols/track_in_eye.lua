@@ -68,7 +68,7 @@ return {
     color_scene.watch(rig, run, color_scene.legs(p.legs), p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(all) do
-        looked.tracks[i] = one.tracker:update(frame.image)
+        looked.tracks[i] = one.tracker:update(frame.image).tracks[1]
       end
       frames[#frames + 1] = looked
       if #frames % 60 == 1 then looked.image = frame.image end
@@ -93,7 +93,7 @@ return {
       if each.frame.image then
         for i, one in ipairs(all) do
           if one.ours and one.channels == all[1].channels then
-            run:image_plot {
+            run:picture {
               title = ("at %.1f s, %s"):format(each.frame.time, one.name),
               image = each.frame.image,
               marks = seen(each.frame.tracks[i], each.outline),

@@ -50,7 +50,7 @@ return {
     color_scene.watch(rig, run, legs, p.speed, function(frame)
       local looked = { time = frame.time, tracks = {} }
       for i, one in ipairs(found) do
-        looked.tracks[i] = one.tracker:update(frame.image)
+        looked.tracks[i] = one.tracker:update(frame.image).tracks[1]
       end
       frames[#frames + 1] = looked
       if #frames % 20 == 0 then looked.image = frame.image end
@@ -66,11 +66,11 @@ return {
         if outline then one.both[#one.both + 1] = { track = looked.tracks[i], outline = outline } end
       end
       if looked.image and outline then
-        run:picture(
-          ("at %.1f s"):format(looked.time),
-          looked.image:overlay { track = looked.tracks[2], expected = outline },
-          "color and shape"
-        )
+        run:picture {
+          title = ("at %.1f s"):format(looked.time),
+          image = looked.image:overlay { track = looked.tracks[2], expected = outline },
+          note = "color and shape",
+        }
       end
     end
     for _, one in ipairs(found) do

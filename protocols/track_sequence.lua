@@ -7,7 +7,7 @@ local vision = require "vision"
 local deg = units.deg
 
 -- The frames, one at a time: next() gives an image and its number, or nothing at the end. Numbers come from the files'
--- names where each has one of its own, else they count from 0.
+-- names where each has one of its own, else they count from 0. And how many there are, or nil where a video does not say.
 local function open_frames(path)
   if not files.is_folder(path) then
     local video, at = vision.video { file = path }, -1
@@ -16,7 +16,7 @@ local function open_frames(path)
       local image = video:read()
       if image then return image, at end
     end,
-      video:count()
+      video:info().frames
   end
   local list, seen, numbered = vision.images { folder = path }, {}, true
   if #list == 0 then error("images: there is no PNG, JPEG, TIFF or BMP in " .. path, 0) end
@@ -237,29 +237,30 @@ return {
     run:note(("learnt from %d images: quality %.2f +- %.2f"):format(#training, quality.mean, quality.deviation))
     color_table(run, training)
     local tracker = vision.tracker { model = model, shape_prior = p.shape_prior, refine = p.refine }
-    local every = p.pictures > 0 and math.max(count // p.pictures, 1) or math.huge
+    local every = p.pictures > 0 and math.max((count or 0) // p.pictures, 1) or math.huge
     local tracks, trail, cpu, shown = {}, {}, 0, 0
     local image, frame = next_frame()
     while image do
-      local track = tracker:update(image)
-      track.frame = frame
-      tracks[#tracks + 1], cpu = track, cpu + track.cpu_time
+      local seen = tracker:update(image)
+      local track = seen.tracks[1]
+      track.frame, track.cpu_time = frame, seen.cpu_time
+      tracks[#tracks + 1], cpu = track, cpu + seen.cpu_time
       if track.x_px then trail[#trail + 1] = { track.x_px, track.y_px } end
       if #trail > 60 then table.remove(trail, 1) end
       if (#tracks - 1) % every == 0 and shown < p.pictures then
         shown = shown + 1
-        run:picture(
-          ("frame %d"):format(frame),
-          image:overlay {
+        run:picture {
+          title = ("frame %d"):format(frame),
+          image = image:overlay {
             track = track,
             expected = track.expected,
             trail = trail,
             caption = ("%d %s"):format(frame, track.state),
           },
-          track.state
-        )
+          note = track.state,
+        }
       end
-      if count > 0 then run:progress(math.min(#tracks / count, 1), "frame " .. #tracks) end
+      if count then run:progress(math.min(#tracks / count, 1), "frame " .. #tracks) end
       image, frame = next_frame()
     end
     if #tracks == 0 then error("images: there is no frame in " .. p.images, 0) end

@@ -14,7 +14,7 @@ local function number(value)
   return ("%.17g"):format(value)
 end
 
---- Keys in alphabetical order; a table with something at 1, and an empty one, is a list.
+--- A value as JSON, its keys in alphabetical order; a table with something at 1, and an empty one, is a list.
 function json.text(value)
   local kind = type(value)
   if kind == "nil" then return "null" end

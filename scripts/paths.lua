@@ -23,7 +23,7 @@ function paths.rectangle(options)
   return points
 end
 
---- A rectangle as wide as it is deep.
+--- The corners of a square, as paths.rectangle gives them.
 function paths.square(options)
   return paths.rectangle {
     width = options.side,

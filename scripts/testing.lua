@@ -13,14 +13,15 @@ local function entry(kind, given, known)
   return made
 end
 
---- Completes; `results` = { name = { least, most } } in SI. `arguments` and `answers` as on the command line, blanks between;
---- `rig` a name in scripts/rigs/ or a file.
+--- A run that completes; `results` = { name = { least, most } } in SI. `arguments` and `answers` as on the command line, blanks
+--- between; `rig` a name in scripts/rigs/ or a file.
 function testing.test_run(options)
   return entry("run", options, { arguments = "string", answers = "string", rig = "string", seed = "number", results = "table" })
 end
 
---- Does not complete, and is safe: with `fault` (as run --fault takes it; `vitreo faults` lists them) or with arguments that it
---- must refuse; `outcome` ("aborted", "failed", "refused": any that is not completed), and `says`, a part of the reason.
+--- A run that does not complete, and is safe: with `fault` (as run --fault takes it; `vitreo faults` lists them) or with
+--- arguments that it must refuse; `outcome` ("aborted", "failed", "refused": any that is not completed), and `says`, a part of
+--- the reason.
 function testing.test_fail(options)
   return entry("fail", options, {
     arguments = "string",
@@ -33,7 +34,7 @@ function testing.test_fail(options)
   })
 end
 
---- Stopped `times` (100) times at moments drawn by chance: each ends as stopped, and safe.
+--- A run that is stopped `times` (100) times at moments drawn by chance: each ends as stopped, and safe.
 function testing.test_stop(options)
   return entry(
     "stop",

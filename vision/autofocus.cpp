@@ -13,6 +13,7 @@ namespace vitreo::vision {
 namespace {
 
 // The median, for an even count the mean of the middle two.
+// One lucky or flickering frame does not move it.
 double median_value(std::vector<FocusSample> readings) {
   std::sort(readings.begin(), readings.end(),
             [](const FocusSample& a, const FocusSample& b) { return a.value < b.value; });
@@ -22,6 +23,8 @@ double median_value(std::vector<FocusSample> readings) {
 
 // With backlash the lowest positions can only be reached downwards: they serve to approach from,
 // not to measure at.
+// Throws std::invalid_argument naming the setting. The search sees the usable range alone, so no
+// strategy needs to know of backlash.
 AutofocusSettings with_usable_range(AutofocusSettings settings) {
   settings.check();
   settings.low += settings.backlash;
@@ -42,6 +45,8 @@ struct Autofocus::State {
   }
 
   // The next target; with backlash, a move downwards goes below it first.
+  // With backlash every reading is taken after an upward move, so that the screw's play is always
+  // on the same side.
   AutofocusStep go_to(double position) {
     under_way = settings.backlash > 0 && position < target;
     target = std::clamp(position, settings.low, settings.high);
@@ -50,6 +55,8 @@ struct Autofocus::State {
   // Where an upward approach starts; not below the travel limit.
   double below() const { return std::max(target - settings.backlash, lowest); }
   // The fitted peak; without one the stage still parks at the best sample, if any was not blank.
+  // Clamped to the travel: samples have the positions that the stage reported, which may lie a
+  // little beyond.
   AutofocusResult finish() {
     done = true;
     AutofocusResult result{find_focus_peak(samples, settings.peak), std::nullopt, readings_used};
@@ -81,6 +88,7 @@ Autofocus::Autofocus(Autofocus&&) noexcept = default;
 Autofocus& Autofocus::operator=(Autofocus&&) noexcept = default;
 
 // With backlash the first position is not measured at: it is where the first approach starts.
+// The caller moves there before its first reading.
 double Autofocus::start() const {
   return state_->settings.backlash > 0 ? state_->lowest : state_->settings.low;
 }
@@ -89,6 +97,8 @@ const std::vector<FocusSample>& Autofocus::samples() const { return state_->samp
 
 // One reading. A stage that was under way has only arrived below the target: its reading is not
 // used.
+// `position` is where the stage says it is, m or whatever the settings' unit; it need not be the
+// target. Throws std::logic_error after the end, so that a loop that does not stop is found.
 AutofocusStep Autofocus::next(double position, double value) {
   State& s = *state_;
   if (s.done) throw std::logic_error("this autofocus search has ended");
@@ -99,6 +109,7 @@ AutofocusStep Autofocus::next(double position, double value) {
   ++s.readings_used;
   if (static_cast<int>(s.readings.size()) < s.settings.repeats) return s.target;
   // One sample a position: mean of the stage's real positions, median of the values.
+  // The real positions, since a stage that misses its target by a step would else shift the peak.
   double sum = 0;
   for (const FocusSample& reading : s.readings) sum += reading.position;
   s.samples.push_back({sum / s.settings.repeats, median_value(s.readings)});

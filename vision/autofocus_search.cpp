@@ -10,6 +10,7 @@
 namespace vitreo::vision {
 namespace {
 
+// A bracket, two old steps wide, is then swept at nine positions.
 constexpr int kRefinement = 4;  // ratio of a sweep's step to that of the next
 
 struct Range {
@@ -23,6 +24,8 @@ Range intersection(const Range& range, const Range& limits) {
 }
 
 // Evenly over the range, both ends included, three positions at least.
+// A value type: a strategy takes a new one for each sweep. Numbers of positions are fixed at the
+// start, so no rounding adds one.
 class EvenSweep {
  public:
   EvenSweep() = default;
@@ -53,6 +56,7 @@ const FocusSample& best_of(const std::vector<FocusSample>& samples, std::size_t 
 }
 
 // Exhaustive search: every step from low to high.
+// Slow but without an assumption about the curve; the reference for the other strategies.
 class Sweep final : public FocusSearch {
  public:
   explicit Sweep(const AutofocusSettings& s)
@@ -66,6 +70,7 @@ class Sweep final : public FocusSearch {
 // The first, coarse sweep of the other strategies. While no sample stands out, the peak may be
 // narrower than the sweep's spacing: it is swept again at half the spacing, down to the finest
 // step.
+// Ends when a sample stands out, or when its spacing has come down to `step_`.
 class Bracketing {
  public:
   explicit Bracketing(const AutofocusSettings& s)
@@ -82,6 +87,7 @@ class Bracketing {
   double spacing() const { return sweep_.spacing(); }
   const Range& limits() const { return limits_; }
   // Whether the best exceeds the median by the hysteresis: most of a coarse sweep is out of focus.
+  // A median and not a mean, as the peak itself must not raise what it is compared with.
   bool stands_out(const std::vector<FocusSample>& samples) const {
     std::vector<double> values;
     values.reserve(samples.size());
@@ -92,6 +98,7 @@ class Bracketing {
     return best > 0 && best - *middle > hysteresis_ * best;
   }
   // A unimodal curve has its maximum between the best sample's neighbors.
+  // Cut at the limits, so that a maximum at an end is found there.
   Range bracket(const std::vector<FocusSample>& samples) const {
     const double best = best_of(samples).position;
     return intersection({best - spacing(), best + spacing()}, limits_);
@@ -106,6 +113,7 @@ class Bracketing {
 
 // Sweeps of ever smaller step around the best sample, each kRefinement times finer than the one
 // before.
+// A sweep costs more readings than a section, but no single reading decides what is cut off.
 class CoarseToFine final : public FocusSearch {
  public:
   explicit CoarseToFine(const AutofocusSettings& s) : step_(s.step), coarse_(s) {}
@@ -122,6 +130,7 @@ class CoarseToFine final : public FocusSearch {
  private:
   // About the best of the last sweep: those before it were coarser, and the light may have changed
   // since.
+  // Ends when the sweep just done had the finest step.
   std::optional<double> refine(const std::vector<FocusSample>& samples, double spacing) {
     if (spacing <= step_ * (1 + 1e-9)) return std::nullopt;
     const double best = best_of(samples, swept_).position;
@@ -159,6 +168,8 @@ class Section final : public FocusSearch {
     }
     if (stage_ == Stage::over) return std::nullopt;
     Inner& measured = stage_ == Stage::left ? left_ : right_;
+    // The stage may have stopped beside its target; the bracket goes on with the target, the peak
+    // fit takes the real position.
     measured.value = samples.back().value;
     // Both inner values are needed to compare; after the first pair each step lacks one.
     if (!right_.value) return ask(Stage::right);
@@ -190,6 +201,8 @@ class Section final : public FocusSearch {
     return stage == Stage::left ? left_.position : right_.position;
   }
   // One step: cuts the bracket on the side of the lower inner value.
+  // Nothing when the bracket is two steps wide: the parabola through all samples is finer than
+  // another cut.
   std::optional<double> shrink() {
     const double difference = *left_.value - *right_.value;
     if (std::abs(difference) < hysteresis_ * std::max(*left_.value, *right_.value)) {
@@ -221,6 +234,7 @@ class Section final : public FocusSearch {
 
 }  // namespace
 
+// Throws std::invalid_argument for a number that is none of the strategies.
 std::unique_ptr<FocusSearch> make_focus_search(const AutofocusSettings& settings) {
   switch (settings.strategy) {
     case AutofocusStrategy::sweep:

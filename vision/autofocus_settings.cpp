@@ -12,6 +12,7 @@
 namespace vitreo::vision {
 namespace {
 
+// One list for both directions, so that a strategy cannot be named and not read.
 constexpr std::array<std::pair<AutofocusStrategy, std::string_view>, 4> kStrategies{{
     {AutofocusStrategy::sweep, "sweep"},
     {AutofocusStrategy::coarse_to_fine, "coarse_to_fine"},
@@ -28,6 +29,7 @@ std::string_view name_of(AutofocusStrategy strategy) {
   throw std::invalid_argument("strategy: there is no such autofocus strategy");
 }
 
+// Throws std::invalid_argument with the names that there are.
 AutofocusStrategy autofocus_strategy(std::string_view name) {
   std::string names;
   for (const auto& [strategy, own] : kStrategies) {
@@ -38,6 +40,8 @@ AutofocusStrategy autofocus_strategy(std::string_view name) {
                               "\"; there are " + names);
 }
 
+// The bounds keep a mistyped unit from becoming a search of hours: (high - low) / step is checked,
+// not only each value.
 void AutofocusSettings::check() const {
   constexpr double kMostSteps = 100000;  // a night at a reading every 0.3 s
   require(std::isfinite(low) && std::isfinite(high) && low < high,

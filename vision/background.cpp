@@ -20,6 +20,8 @@ constexpr int kGrayLevels = 256;
 constexpr double kRounding = 1.0 / 12;
 
 // Noise variances summed by gray level, with the number of summands.
+// Pooled by level instead of kept per pixel: a few images determine a curve over the levels well,
+// and no single pixel's variance.
 struct NoisePool {
   std::array<double, kGrayLevels> variance{};
   std::array<double, kGrayLevels> weight{};
@@ -31,6 +33,7 @@ struct NoisePool {
 };
 
 // The unbiased sample variance of each pixel over the images, (sum x^2 - (sum x)^2 / n) / (n - 1).
+// Cancellation may leave less than nothing, hence the floor of 0.
 NoisePool noise_over_images(const cv::Mat& sum, const cv::Mat& squares, int count) {
   NoisePool pool;
   for (int v = 0; v < sum.rows; ++v) {
@@ -46,6 +49,7 @@ NoisePool noise_over_images(const cv::Mat& sum, const cv::Mat& squares, int coun
 
 // From one image: neighbors along a row have nearly the same expectation, so half their squared
 // difference, E (x - y)^2 / 2 = sigma^2, is noise. What texture adds errs on the side of too much.
+// One image has no other measure of noise; a second one replaces this by the variance over time.
 NoisePool noise_over_neighbors(const cv::Mat& image) {
   NoisePool pool;
   for (int v = 0; v < image.rows; ++v) {
@@ -62,6 +66,7 @@ NoisePool noise_over_neighbors(const cv::Mat& image) {
 // variance of shot noise grows with the level: variance = a + b level, both at least 0, by least
 // squares over all pixels. The line also extends to levels that the empty scene lacks, as a
 // robot's. Returns the standard deviations, one per gray level.
+// Weighted by the number of pixels at each level.
 cv::Mat fit_noise(const NoisePool& pool) {
   double n = 0;
   double x = 0;
@@ -93,6 +98,8 @@ cv::Mat fit_noise(const NoisePool& pool) {
 
 }  // namespace
 
+// Drops the results computed from fewer images; mean and noise are made again when they are asked
+// for.
 void Background::learn(const cv::Mat& image) {
   require(!image.empty() && image.type() == CV_8UC1, "image: must be 8-bit gray");
   require(count_ == 0 || image.size() == sum_.size(), "image: its size differs from the first");
@@ -114,6 +121,7 @@ const cv::Mat& Background::mean() const {
   return mean_;
 }
 
+// Computed on demand and kept; not safe from two threads at once.
 const cv::Mat& Background::noise_of_level() const {
   mean();  // throws before the first image, and fills mean_
   if (noise_.empty()) {

@@ -26,6 +26,7 @@ constexpr std::array<NamedKind, 4> kKinds{{{BackgroundKind::fixed, "fixed"},
 
 }  // namespace
 
+// By position: kKinds has the order of the enum.
 std::string name_of(BackgroundKind kind) { return kKinds[static_cast<std::size_t>(kind)].name; }
 
 BackgroundKind background_kind(const std::string& name) {
@@ -63,6 +64,8 @@ struct BackgroundTracker::State {
 
 // Every image must be as the first: the mean and OpenCV's models have one state per pixel and
 // channel.
+// Throws std::invalid_argument: OpenCV would end the call with an error of its own that names no
+// argument.
 void BackgroundTracker::State::check_image(const cv::Mat& image) const {
   require(image.type() == CV_8UC1 || image.type() == CV_8UC3,
           "image: must be 8-bit, gray or color");
@@ -73,6 +76,7 @@ void BackgroundTracker::State::check_image(const cv::Mat& image) const {
 
 // Exponential mean m <- (1 - rate) m + rate I where `where` is not 0 (everywhere, if empty); with
 // the rate 1 / n of learn() the plain mean of n images.
+// A float mean, as a rate of 0.02 would never move an 8-bit one by a level.
 void BackgroundTracker::State::learn_plain(const cv::Mat& image, double rate,
                                            const cv::Mat& where) {
   if (mean.empty()) image.convertTo(mean, CV_32F);
@@ -82,6 +86,8 @@ void BackgroundTracker::State::learn_plain(const cv::Mat& image, double rate,
 // Foreground: the subtractor's own decision, or |I - mean| above the threshold in the channel that
 // differs most. The running mean is updated only where there is no foreground, so that a robot that
 // holds still is not absorbed.
+// OpenCV's models learn the robot too when it holds still, which is what the fixed background is
+// for.
 void BackgroundTracker::State::find_foreground(const cv::Mat& image) {
   if (subtractor) {
     subtractor->apply(image, foreground, settings.rate);
@@ -107,6 +113,8 @@ void BackgroundTracker::State::find_foreground(const cv::Mat& image) {
 
 // The moment ellipse of the largest connected component of admissible area. Opening and closing by
 // 5 px is the "morphological filtering" of thesis 5.5.
+// Nothing when the largest admissible component is thinner than a pixel. No covariance: moments of
+// a thresholded mask have no error model.
 std::optional<Ellipse> BackgroundTracker::State::largest() {
   const cv::Mat element = cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5});
   cv::morphologyEx(foreground, foreground, cv::MORPH_OPEN, element);
@@ -144,6 +152,7 @@ BackgroundTracker::BackgroundTracker(const BackgroundTrackerSettings& settings)
 BackgroundTracker::~BackgroundTracker() = default;
 
 // OpenCV's subtractors learn at the same rate, 1 / n for the n-th image.
+// The first image makes the mean; before it update() has nothing to compare with.
 void BackgroundTracker::learn(const cv::Mat& image) {
   State& s = *state_;
   s.check_image(image);
@@ -156,6 +165,7 @@ void BackgroundTracker::learn(const cv::Mat& image) {
     s.learn_plain(image, 1.0 / s.learnt, {});
 }
 
+// Not const: all kinds but `fixed` learn from each image.
 std::optional<Ellipse> BackgroundTracker::update(const cv::Mat& image) {
   State& s = *state_;
   if (s.learnt == 0) throw std::logic_error("nothing was learnt: show it the empty scene first");

@@ -14,6 +14,8 @@ using Points = std::vector<cv::Point>;
 
 // The ellipse with the moments of the outline's convex hull, in px of the image: highlights open a
 // robot's mask, its hull closes it. Axes and angle as MomentSums::ellipse. `area` in px^2.
+// `where` and `step`: the mask's cell (0, 0) is the pixel where.tl(), its cells are `step` px
+// apart.
 Ellipse hull_ellipse(const Points& outline, const cv::Rect& where, int step, double& area) {
   Points hull;
   cv::convexHull(outline, hull);
@@ -35,8 +37,9 @@ Ellipse hull_ellipse(const Points& outline, const cv::Rect& where, int step, dou
 
 }  // namespace
 
-// The band of gray levels that each pixel of the empty scene may show, rounded outwards: beyond
-// `threshold_sigma` standard deviations, and `min_contrast`, a pixel is foreground.
+// The band of gray levels that each pixel of the empty scene may show: beyond `threshold_sigma`
+// standard deviations, and `min_contrast`, a pixel is foreground. Its ends are the outermost whole
+// levels within it, so that two comparisons of bytes decide as the real numbers would.
 BlobSearch::BlobSearch(const Background& background, const BlobLimits& limits) : limits_(limits) {
   const cv::Mat& mean = background.mean();
   const cv::Mat& noise = background.noise_of_level();
@@ -57,6 +60,8 @@ BlobSearch::BlobSearch(const Background& background, const BlobLimits& limits) :
 }
 
 // Foreground of every `step`-th pixel, as 255 and 0; the closing fills one-pixel gaps.
+// `where` must lie in the image. Fewer pixels than the image has are read: the speed of the search
+// goes with step squared.
 cv::Mat BlobSearch::mask(const cv::Mat& image, const cv::Rect& where, int step) const {
   cv::Mat mask((where.height + step - 1) / step, (where.width + step - 1) / step, CV_8U);
   for (int j = 0; j < mask.rows; ++j) {
@@ -77,6 +82,7 @@ cv::Mat BlobSearch::mask(const cv::Mat& image, const cv::Rect& where, int step) 
 }
 
 // By area, of the components whose hull ellipse has a size that the robot can have.
+// `cut` asks the caller to search a larger region: the blob's ellipse is then that of a part.
 std::optional<Blob> BlobSearch::largest(const cv::Mat& image, const cv::Rect& where,
                                         int step) const {
   const cv::Mat found = mask(image, where, step);

@@ -41,6 +41,7 @@ void BlobTrackerSettings::check() const {
   require(blur_sigma_px >= 0.5 && blur_sigma_px <= 5, "blur_sigma_px: must be 0.5 to 5");
 }
 
+// Memory of one robot between images; the measurement itself has no state.
 struct BlobTracker::State {
   State(Background learnt, const BlobTrackerSettings& chosen)
       : background(std::move(learnt)),
@@ -65,6 +66,8 @@ struct BlobTracker::State {
 };
 
 // The contour around `start`, if it is a robot by contrast, position and size.
+// Nothing for a shadow (too little contrast), a body out of the frame or one of a size that the
+// robot cannot have.
 std::optional<EllipseMeasurement> BlobTracker::State::measure(const cv::Mat& image,
                                                               const Ellipse& start) {
   auto found = contour.measure(image, background.mean(), background.noise_of_level(), start);
@@ -79,6 +82,8 @@ std::optional<EllipseMeasurement> BlobTracker::State::measure(const cv::Mat& ima
 
 // The contour from the last ellipse moved by constant velocity; accepted only if it is the same
 // robot.
+// Constant velocity over one image. The axes must agree, so that debris of another size is not
+// taken for the robot.
 std::optional<EllipseMeasurement> BlobTracker::State::as_predicted(const cv::Mat& image) {
   Ellipse predicted = *last;
   predicted.center_px += velocity_px;
@@ -91,6 +96,8 @@ std::optional<EllipseMeasurement> BlobTracker::State::as_predicted(const cv::Mat
 // Debris that drifts up to the robot makes one blob with it, whose ellipse is neither's: from there
 // the fit ends beside the rim. From the predicted ellipse the robot's own rim is found, and normals
 // where it is hidden become outliers.
+// The second attempt is used only where it finds the same robot; else what the blob gave is better
+// than nothing.
 std::optional<EllipseMeasurement> BlobTracker::State::of_blob(const cv::Mat& image,
                                                               const Ellipse& blob) {
   const auto found = measure(image, blob);
@@ -101,6 +108,8 @@ std::optional<EllipseMeasurement> BlobTracker::State::of_blob(const cv::Mat& ima
 
 // Blob search in a square around the prediction (constant velocity), which grows until it holds all
 // of the blob it found, four times at most.
+// Nothing in the squares is no loss yet: the rim is tried at the prediction before the whole image
+// is searched.
 std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& image) {
   const Eigen::Vector2d center = last->center_px + velocity_px;
   const cv::Rect frame(0, 0, image.cols, image.rows);
@@ -119,6 +128,8 @@ std::optional<EllipseMeasurement> BlobTracker::State::near_last(const cv::Mat& i
 }
 
 // Re-detection in the whole image, at a quarter of its rows and columns.
+// A quarter of the rows and columns finds bodies of some cells' width; the contour then gives the
+// fraction of a pixel.
 std::optional<EllipseMeasurement> BlobTracker::State::anywhere(const cv::Mat& image) {
   const auto blob = search.largest(image, cv::Rect(0, 0, image.cols, image.rows), kFarStep);
   return blob ? measure(image, blob->ellipse) : std::nullopt;
@@ -132,11 +143,14 @@ BlobTracker::BlobTracker(Background background, const BlobTrackerSettings& setti
 
 BlobTracker::~BlobTracker() = default;
 
+// The next image is searched as a whole.
 void BlobTracker::reset() {
   state_->last.reset();
   state_->velocity_px.setZero();
 }
 
+// Throws std::invalid_argument for another size or type. Nothing means not seen: the last position
+// stays, as the robot is most likely still near it, but its velocity is forgotten.
 std::optional<EllipseMeasurement> BlobTracker::update(const cv::Mat& image) {
   State& s = *state_;
   require(image.type() == CV_8UC1, "image: must be 8-bit gray");

@@ -14,6 +14,7 @@ constexpr std::size_t kTableSize =
     static_cast<std::size_t>(ColorModel::kLevels) * ColorModel::kLevels * ColorModel::kLevels;
 
 // F is within +-7.9 by the table's int8, so its thresholds are within +-8.
+// A file whose numbers are out of range is refused as damaged, not clamped.
 Thresholds load_thresholds(ByteReader& in) {
   Thresholds t;
   t.low = in.f64(-8, 8);
@@ -26,6 +27,8 @@ Thresholds load_thresholds(ByteReader& in) {
 
 // Format "VTCM", version 1: channels, quality, both pairs of thresholds, the quality of each image,
 // table.
+// Little-endian, sealed by a checksum (bytes.h). u32 space, u32 channels; f64 mean and deviation of
+// the quality, flat thresholds, weighted thresholds; u32 count and that many f64; 64^3 int8.
 std::string ColorModel::save() const {
   ByteWriter out;
   out.text(kColorMagic);
@@ -42,6 +45,8 @@ std::string ColorModel::save() const {
   return out.sealed();
 }
 
+// Throws std::invalid_argument for bytes that save() did not write: each number is read with its
+// bounds.
 ColorModel ColorModel::load(std::string_view bytes) {
   ByteReader in(bytes, kColorMagic, kColorVersion, "color model");
   ColorModel model;

@@ -14,6 +14,7 @@ constexpr std::array kSpaces{ColorSpace::rgb, ColorSpace::yuv, ColorSpace::yiq,
                              ColorSpace::hsv, ColorSpace::xyz, ColorSpace::nrgb};
 
 // The channels' letters as in table 8.2.
+// The names of channels, such as RG or HS, are made of these.
 std::array<std::string, 3> letters_of(ColorSpace space) {
   switch (space) {
     case ColorSpace::rgb:
@@ -33,6 +34,7 @@ std::array<std::string, 3> letters_of(ColorSpace space) {
 }
 
 // Hexcone model (Smith 1978). The hue of gray is undefined, taken as 0; red sits at both ends.
+// All three in [0, 1].
 Triple hsv(double r, double g, double b) {
   const double high = std::max({r, g, b});
   const double low = std::min({r, g, b});
@@ -95,6 +97,7 @@ std::vector<int> indices_of(ChannelSet set) {
   return {0, 1, 2};
 }
 
+// A name that channels_of reads back.
 std::string name_of(const Channels& channels) {
   const auto letters = letters_of(channels.space);
   std::string name;
@@ -102,6 +105,8 @@ std::string name_of(const Channels& channels) {
   return name;
 }
 
+// Three pairs for each of the six spaces; a pair is what the thesis trains, all three channels cost
+// no more here.
 std::vector<Channels> all_pairs() {
   std::vector<Channels> pairs;
   for (const ColorSpace space : kSpaces) {
@@ -113,6 +118,7 @@ std::vector<Channels> all_pairs() {
   return pairs;
 }
 
+// Throws std::invalid_argument listing the names.
 Channels channels_of(const std::string& name) {
   std::vector<Channels> offered = all_pairs();
   for (const ColorSpace space : kSpaces) offered.push_back({space, ChannelSet::all});
@@ -124,6 +130,7 @@ Channels channels_of(const std::string& name) {
   throw std::invalid_argument("channels: '" + name + "' is none of" + names);
 }
 
+// r, g, b in [0, 1]; each result in [0, 1] too, so that one histogram serves every space.
 std::array<double, 3> convert(ColorSpace space, double r, double g, double b) {
   switch (space) {
     case ColorSpace::rgb:

@@ -19,6 +19,8 @@ constexpr double kProbabilityFloor = 2e-5;
 constexpr double kFlat = 1e-3;  // how far above its minimum g(t) still counts as flat
 
 // The histogram bin of every cell.
+// From the 64^3 cells of the table to bins of the space used. Made once per model, so that a
+// pixel's conversion is a look-up.
 std::vector<std::size_t> bins_of(const ColorModelSettings& settings) {
   const std::vector<int> used = indices_of(settings.channels.set);
   std::vector<std::size_t> bins(kCells);
@@ -61,6 +63,7 @@ void smooth_along(std::vector<double>& histogram, std::size_t stride, int bins,
 }
 
 // Separable Gaussian smoothing, cut at two standard deviations: a Parzen window on the histogram.
+// Below a tenth of a bin the kernel is one bin wide, and nothing changes.
 void smooth_histogram(std::vector<double>& histogram, const ColorModelSettings& settings) {
   if (settings.smoothing_bins < 0.1) return;
   const int reach = static_cast<int>(std::ceil(2 * settings.smoothing_bins));
@@ -79,6 +82,7 @@ void smooth_histogram(std::vector<double>& histogram, const ColorModelSettings& 
 }
 
 // P(u | x in Omega) of thesis 8.1.1: the normalized joint histogram of the used channels.
+// `counts` by cell of RGB; `bins` has each cell's bin in the space used.
 std::vector<double> histogram_of(const std::vector<double>& counts,
                                  const std::vector<std::size_t>& bins,
                                  const ColorModelSettings& settings) {
@@ -98,6 +102,7 @@ std::vector<double> histogram_of(const std::vector<double>& counts,
 }
 
 // F of every pixel.
+// In natural units, log of a ratio; the table has sixteenths.
 cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table) {
   cv::Mat f(image.size(), CV_32F);
   for (int v = 0; v < image.rows; ++v) {
@@ -112,6 +117,8 @@ cv::Mat table_image(const cv::Mat& image, const std::vector<std::int8_t>& table)
 }
 
 // Omega_n of thesis 8.1.1: the mask dilated by a disc omega, without the mask.
+// Only the neighborhood counts for quality and thresholds, since a tracker meets that and not the
+// whole image.
 cv::Mat neighborhood(const cv::Mat& mask, int radius) {
   const cv::Mat disc =
       cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * radius + 1, 2 * radius + 1});
@@ -122,6 +129,7 @@ cv::Mat neighborhood(const cv::Mat& mask, int radius) {
 }
 
 // F over a mask in ascending order: shares above a threshold are then one binary search.
+// Floats suffice: F has steps of 1/16 before it is smoothed.
 std::vector<float> sorted_values(const cv::Mat& f, const cv::Mat& mask) {
   std::vector<float> values;
   for (int v = 0; v < f.rows; ++v) {
@@ -162,6 +170,7 @@ double midpoint(const Thresholds& t) { return (t.low + t.high) / 2; }
 
 // Omega_o against its whole complement Omega_b, as thesis 8.1.1 defines the histograms; only
 // quality and thresholds look at the neighborhood.
+// By cell of RGB, whatever the space, so that one pass over the images serves all spaces.
 ColorCounts count_colors(std::span<const LabeledImage> images) {
   ColorCounts counts{std::vector<double>(kCells, 0.0), std::vector<double>(kCells, 0.0)};
   for (const LabeledImage& one : images) {
@@ -179,6 +188,7 @@ ColorCounts count_colors(std::span<const LabeledImage> images) {
 
 // F = log(P(u|object) / P(u|ground)) of thesis 8.2.1, cycle one, of every cell, clamped to +-127 /
 // 16.
+// Rounded to int8: sixteenths between -7.94 and 7.94, which one byte per cell holds.
 std::vector<std::int8_t> compile_table(const ColorCounts& counts,
                                        const ColorModelSettings& settings) {
   const std::vector<std::size_t> bins = bins_of(settings);
@@ -196,6 +206,7 @@ std::vector<std::int8_t> compile_table(const ColorCounts& counts,
 
 // (8.1) r_j = c_o + c_n - m_o - m_n with the binary rule F > 0, for which m_o = 1 - c_o and c_n = 1
 // - m_n. Deviation over the images with divisor n.
+// 8.1.1 compares mean and variance of r: a space that is good on average may fail in one image.
 Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::int8_t>& table,
                    int neighborhood_px) {
   Quality quality;
@@ -218,6 +229,7 @@ Quality quality_of(std::span<const LabeledImage> images, const std::vector<std::
 // (8.2) with c_o, m_n counted at t_h and c_n, m_o at t_l separates into g(t_h) + g(t_l), where g(t)
 // = missed(t)^2 + false(t)^2; hence the two readings of ColorModel::flat_thresholds() and
 // weighted_thresholds(). Averaged over the images, as the thesis does.
+// Thresholds are taken on smoothed F, quality on the plain one, as the thesis' rule F > 0 is.
 std::array<Thresholds, 2> thresholds_of(std::span<const LabeledImage> images,
                                         const std::vector<std::int8_t>& table,
                                         const ColorModelSettings& settings) {

@@ -57,6 +57,8 @@ void ColorTrackerSettings::check() const {
   require(candidates >= 1 && candidates <= 8, "candidates: must be 1 to 8");
 }
 
+// All that changes from frame to frame is in TrackMemory, so that a frame can be undone by
+// restoring it (MultiTracker).
 struct ColorTracker::State : TrackMemory {
   State(ObjectModel learnt, const ColorTrackerSettings& chosen)
       : model(std::move(learnt)),
@@ -80,6 +82,7 @@ struct ColorTracker::State : TrackMemory {
   void not_seen();
 };
 
+// The center decides: an object half out of the image is still tracked by the rim that is left.
 bool ColorTracker::State::in_image(const Ellipse& e) const {
   return e.center_px.allFinite() && e.center_px.x() >= 0 && e.center_px.y() >= 0 &&
          e.center_px.x() <= model.image_size.width - 1 &&
@@ -88,6 +91,7 @@ bool ColorTracker::State::in_image(const Ellipse& e) const {
 
 // Constant velocity and turn rate, for three frames at most: while coasting longer the prediction
 // stays where it is.
+// Angles are modulo pi, as an ellipse has no head.
 Ellipse ColorTracker::State::expected() const {
   const double frames = std::min(unseen + 1, 3);
   Ellipse e{last.center_px + frames * velocity_px, axes_px.x(), axes_px.y(),
@@ -98,6 +102,8 @@ Ellipse ColorTracker::State::expected() const {
 
 // Validation gate of a measurement: share of the rim, jump from the prediction, change of the axes
 // against their slow mean and against training, colors of the inside.
+// False for a front that leaked too: its ellipse means nothing. `axes` are the slow mean, or the
+// trained ones of a new object; `jump` in px; `inliers` a share.
 bool ColorTracker::State::good(const Observation& seen, const Ellipse& start,
                                const Eigen::Vector2d& axes, double jump, double inliers) const {
   if (seen.leaked || !seen.measured || seen.measured->inlier_fraction < inliers) return false;
@@ -119,6 +125,7 @@ bool ColorTracker::State::good(const Observation& seen, const Ellipse& start,
 
 // Subtracts the mean bias of the axes found in training and adds the covariance of the rest, which
 // the scatter along the rim does not contain.
+// Axes keep their order, as covariance and pose depend on which is which.
 EllipseMeasurement ColorTracker::State::calibrated(const EllipseMeasurement& raw) const {
   const Calibration& calibration = settings.view.refine ? model.rim : model.segment;
   EllipseMeasurement result = raw;
@@ -131,6 +138,8 @@ EllipseMeasurement ColorTracker::State::calibrated(const EllipseMeasurement& raw
 
 // Updates motion and axes by first-order low-pass filters, x <- (1 - g) x + g new; the velocity is
 // per frame, over the frames since the last measurement.
+// `anew`: found by the search of the whole image, so there is no step from the last position that
+// could be a velocity.
 void ColorTracker::State::accept(const Observation& seen, Track& track, bool anew) {
   const Ellipse& e = seen.measured->ellipse;
   if (anew) {
@@ -158,6 +167,8 @@ void ColorTracker::State::accept(const Observation& seen, Track& track, bool ane
 }
 
 // One measurement at the prediction; gate, jump and prior widen with every frame without one.
+// `track.expected` is set whether it is found or not, so that the operator sees where it is
+// searched.
 bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned, Track& track) {
   const Ellipse start = expected();
   track.expected = start;
@@ -180,6 +191,8 @@ bool ColorTracker::State::near_expected(const cv::Mat& image, const Owned& owned
 // Re-detection: the search's candidates in order, each measured; the first good one is taken. The
 // prior is wide, as the candidate's position is good to some px and its angle to some tenths of
 // rad.
+// More is asked of an object found anew (min_inliers_new) than of one followed: the whole image has
+// more that looks like it.
 bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Track& track) {
   const Eigen::Vector2d middle(image.cols / 2.0, image.rows / 2.0);
   const bool known = state != TrackState::searching;
@@ -210,6 +223,7 @@ bool ColorTracker::State::anywhere(const cv::Mat& image, const Owned& owned, Tra
   return false;
 }
 
+// The model is taken over, since the view keeps a reference into it.
 ColorTracker::ColorTracker(ObjectModel model, const ColorTrackerSettings& settings) {
   settings.check();
   require(!model.color.table().empty() && !model.shape.samples().empty(), "model: is not trained");
@@ -221,6 +235,8 @@ ColorTracker::~ColorTracker() = default;
 void ColorTracker::reset() { state_->state = TrackState::searching; }
 
 // The axes are the trained ones, not the operator's, whose outline is rough.
+// As if it had been measured in the last frame: the next one is searched near there, with the gate
+// of a tracked object.
 void ColorTracker::place(const Ellipse& at) {
   State& s = *state_;
   require(s.in_image(at), "at: its center is not in the image");
@@ -238,6 +254,7 @@ void ColorTracker::place(const Ellipse& at) {
 TrackState ColorTracker::state() const { return state_->state; }
 const ObjectModel& ColorTracker::model() const { return state_->model; }
 const TrackMemory& ColorTracker::memory() const { return *state_; }
+// The next update() then behaves as it would have after that frame.
 void ColorTracker::restore(const TrackMemory& memory) {
   static_cast<TrackMemory&>(*state_) = memory;
 }
@@ -248,12 +265,14 @@ std::optional<Ellipse> ColorTracker::expected() const {
 }
 
 // tracking -> coasting for coast_frames, then lost; searching stays.
+// `unseen` counts on while lost: the prediction stays where it was after three frames.
 void ColorTracker::State::not_seen() {
   if (state == TrackState::searching) return;
   ++unseen;
   state = unseen > settings.coast_frames ? TrackState::lost : TrackState::coasting;
 }
 
+// For a frame that was measured and taken back: time goes on for the object.
 Track ColorTracker::miss() {
   Track track;
   track.expected = expected();
@@ -264,6 +283,8 @@ Track ColorTracker::miss() {
 
 // State machine: near the prediction while tracking or coasting; the frame in which coasting ends
 // is searched as a whole already.
+// Throws std::invalid_argument for another type or size. The measurement is present only while
+// tracking; a prediction is never returned as a measurement.
 Track ColorTracker::update(const cv::Mat& image, const Owned& owned) {
   State& s = *state_;
   require(image.type() == CV_8UC3, "image: must be 8-bit color (BGR)");

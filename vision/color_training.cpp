@@ -10,6 +10,7 @@
 
 namespace vitreo::vision {
 
+// Bins above 64 would be finer than the table's cells.
 void ColorModelSettings::check() const {
   require(bins >= 4 && bins <= 64, "bins: must be 4 to 64");
   require(smoothing_bins >= 0 && smoothing_bins <= 4, "smoothing_bins: must be 0 to 4");
@@ -18,6 +19,7 @@ void ColorModelSettings::check() const {
 }
 
 // A mask that is empty or full leaves one of the two histograms without counts.
+// Throws std::invalid_argument with the number of the image at fault, from 1.
 void check_labeled(std::span<const LabeledImage> images) {
   require(!images.empty(), "images: none given");
   for (std::size_t k = 0; k < images.size(); ++k) {
@@ -35,6 +37,8 @@ void check_labeled(std::span<const LabeledImage> images) {
 
 // Thesis 8.1: the decision function F by joint histograms (8.1.1), its quality (8.1) and its
 // thresholds (8.2), both on the training images.
+// On the training images themselves, as the thesis does: the quality is that of a fit, not of a
+// prediction.
 ColorModel ColorModel::train(std::span<const LabeledImage> images,
                              const ColorModelSettings& settings) {
   settings.check();
@@ -51,6 +55,7 @@ ColorModel ColorModel::train(std::span<const LabeledImage> images,
 }
 
 // Table 8.2 for these images: every pair of channels with its quality (8.1), mean and deviation.
+// In the order of all_pairs(); the caller sorts.
 std::vector<ChannelRank> ColorModel::rank(std::span<const LabeledImage> images,
                                           const ColorModelSettings& settings) {
   settings.check();

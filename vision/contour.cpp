@@ -21,6 +21,8 @@ constexpr double kClearlyMore = 1.3;
 constexpr double kRootSpread = 0.5;
 constexpr double kStraightSpread = 1;
 
+// u, v in px, the center of the first pixel at (0, 0); the caller has checked that all four
+// neighbors exist.
 template <class T>
 double bilinear(const cv::Mat& image, double u, double v) {
   const int i = static_cast<int>(u);
@@ -39,6 +41,8 @@ bool inside_image(const cv::Mat& image, const Eigen::Vector2d& p) {
 
 // `count` values 1 px apart outwards, the first `inside` px within the rim. False when they leave
 // the image.
+// The ground is sampled at the same positions, so that a pattern behind the rim is the same in
+// both.
 template <class Samples>
 bool sample_normal(const cv::Mat& image, const cv::Mat& ground, const Normal& n, double inside,
                    int count, Samples& out) {
@@ -54,6 +58,7 @@ bool sample_normal(const cv::Mat& image, const cv::Mat& ground, const Normal& n,
 }
 
 // The upper median for an even count; 0 of none.
+// Reorders `values`.
 double upper_median(std::vector<double>& values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -62,6 +67,7 @@ double upper_median(std::vector<double>& values) {
 }
 
 // Standard deviation of a pixel at this gray level (Background::noise_of_level).
+// A sensor's noise grows with the light (shot noise), so it is looked up by level.
 double noise_at(const cv::Mat& noise, double level) {
   return noise.at<float>(static_cast<int>(std::clamp(level, 0.0, 255.0)));
 }
@@ -83,6 +89,7 @@ const EdgeModel::Profile& Contour::profile(std::size_t k) const {
 }
 
 // The range of ContourSettings::blur_sigma_px that a measured blur may have.
+// Outside of this range the blur would have explained something else, such as a shadow.
 double Contour::allowed_blur(double sigma) const {
   constexpr double kAlwaysAllowed = 6;  // px
   const double nominal = settings_.blur_sigma_px;
@@ -93,6 +100,8 @@ double Contour::allowed_blur(double sigma) const {
 // outside inwards, so that highlights within cannot mislead: the position, by linear interpolation,
 // where the difference from the ground is half of its maximum just inside, and the slope there
 // (gray levels per px).
+// Leaves `n.found` false where there is no edge, and where already the outermost samples differ:
+// the rim then lies further out.
 void Contour::half_crossing(const Images& images, Normal& n, double& slope) const {
   Samples s;
   const int reach = static_cast<int>(settings_.search_px);
@@ -132,6 +141,7 @@ void Contour::half_crossing(const Images& images, Normal& n, double& slope) cons
 
 // All normals' half crossings and the ellipse through them. The blur from their slope: a step of
 // contrast c blurred by sigma has the slope c / (sqrt(2 pi) sigma) at half height.
+// False when too few normals agree on an ellipse. `ellipse` is replaced only by a valid fit.
 bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
   place_normals(ellipse, normals_);
   std::vector<double> contrasts;
@@ -154,6 +164,8 @@ bool Contour::coarse_round(const Images& images, Ellipse& ellipse) {
 
 // Rounds until the blur settles: with too small a blur half_crossing() searches the contrast too
 // close to the rim, and the next round has the better estimate.
+// Two rounds at least, four at most: the first brings the normals near the rim, the next sees the
+// true contrast.
 bool Contour::coarse_rounds(const Images& images, Ellipse& ellipse) {
   sigma_ = settings_.blur_sigma_px;
   for (int k = 0; k < kMostCoarseRounds; ++k) {
@@ -166,6 +178,7 @@ bool Contour::coarse_rounds(const Images& images, Ellipse& ellipse) {
 
 // Lamps flicker: difference of the ground from the learnt one, as the median over the three
 // outermost samples of all normals.
+// The outermost samples, beyond 2.5 sigma of blur, show the ground alone.
 double Contour::ground_offset() const {
   std::vector<double> off;
   for (std::size_t k = 0; k < normals_.size(); ++k) {
@@ -185,6 +198,8 @@ double Contour::light(std::size_t k, std::size_t j, double cover) const {
 
 // Least squares of the body's brightness with the rim at its current position: normal equations,
 // the right-hand side in the last column.
+// Trust falls towards the middle, where highlights are (EdgeModel), so that they do not set the
+// brightness.
 Eigen::Matrix4d Contour::brightness_sums(std::size_t k) const {
   const EdgeModel::Profile& model = profile(k);
   Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
@@ -199,6 +214,7 @@ Eigen::Matrix4d Contour::brightness_sums(std::size_t k) const {
 // The brightness at the rim and its rises inwards (root, linear). `prior` is the Tikhonov term
 // (noise / (spread contrast))^2 on the rises, a Gaussian prior in units of the noise: it separates
 // them where noise and blur make them nearly collinear.
+// In gray levels: the shade at the rim, and its coefficients of n and n^2 over the depth.
 Eigen::Vector3d Contour::brightness(std::size_t k, double noise, Eigen::Vector3d& prior) const {
   const Eigen::Matrix4d sum = brightness_sums(k);
   const double contrast =
@@ -213,6 +229,7 @@ Eigen::Vector3d Contour::brightness(std::size_t k, double noise, Eigen::Vector3d
 // Normal equations of one Gauss-Newton step in (shift of the rim, three of brightness, blur), the
 // residual in the last row and column: sum of trust (J, r)' (J, r). Model of a pixel: (1 - cover)
 // ground + body . value, whose derivative by shift and blur therefore has the ground in it.
+// Rows and columns: 0 shift, 1 to 3 brightness, 4 blur, 5 residual.
 Contour::StepSums Contour::step_sums(std::size_t k, const Eigen::Vector3d& body) const {
   const EdgeModel::Profile& model = profile(k);
   StepSums sum = StepSums::Zero();
@@ -230,6 +247,8 @@ Contour::StepSums Contour::step_sums(std::size_t k, const Eigen::Vector3d& body)
 // Solves a normal for shift and brightness and eliminates both from the blur's equation (Schur
 // complement): `gradient` and `hessian` of the blur can then be added up over the normals, and
 // `shift_by_blur` corrects the shift once the common blur is known.
+// The Schur complement makes the blur common to all normals at the price of one normal each: the
+// full system would have four unknowns a normal. `variance` in px^2 is that of the shift alone.
 void Contour::fit_edge(const Images& images, std::size_t k) {
   Edge& edge = edges_[k];
   Normal& n = normals_[k];
@@ -261,6 +280,8 @@ void Contour::fit_edge(const Images& images, std::size_t k) {
 
 // Drops normals that the model does not describe (highlights, vessels that were not learnt, other
 // bodies): those with a residual of more than four times the median one.
+// Four times in amplitude is 16 in variance; the median is at least a quarter of a gray level
+// squared, lest a noiseless image drop everything.
 void Contour::drop_misfits() {
   std::vector<double> misfits;
   for (std::size_t k = 0; k < normals_.size(); ++k) {
@@ -272,6 +293,7 @@ void Contour::drop_misfits() {
 
 // One Gauss-Newton step of the common blur, limited to 40 % up and 30 % down, and the shifts that
 // go with it.
+// The limits keep one bad round from leaving the range in which the model is nearly linear.
 void Contour::improve_blur() {
   double gradient = 0;
   double hessian = 0;
@@ -290,6 +312,8 @@ void Contour::improve_blur() {
 
 // Normals, model profiles and samples for a round, from 2.5 sigma + 3 px within the rim, but not
 // past 0.7 of the semi-minor axis, to 2.5 sigma + 3 px outside.
+// The profiles of a quarter of the normals serve all by symmetry; their depth is limited so that
+// the samples of a thin body do not reach its other side.
 void Contour::sample_profiles(const Images& images, const Ellipse& ellipse) {
   inside_ = std::min(2.5 * sigma_ + 3, 0.7 * ellipse.semi_minor_px);
   count_ = std::min(static_cast<int>(inside_ + 2.5 * sigma_ + 3) + 1, EdgeModel::kMaxSamples);
@@ -310,6 +334,7 @@ void Contour::sample_profiles(const Images& images, const Ellipse& ellipse) {
 }
 
 // One round of block-wise Gauss-Newton: edges and blur at the current ellipse, then the ellipse.
+// Nothing when the ellipse through the shifts is not determined.
 std::optional<FittedEllipse> Contour::fine_round(const Images& images, const Ellipse& ellipse) {
   sample_profiles(images, ellipse);
   for (std::size_t k = 0; k < normals_.size(); ++k) {
@@ -333,6 +358,8 @@ double Contour::median_contrast() const {
 
 // Coarse rounds bring the ellipse within the edge model's range, fine rounds iterate to convergence
 // of ellipse and blur; the inlier fraction is of all normals, also of those outside of the image.
+// `start` may be off by about search_px. Nothing when too little of the rim is there; the
+// covariance is that of the last round.
 std::optional<EllipseMeasurement> Contour::measure(const cv::Mat& image, const cv::Mat& ground,
                                                    const cv::Mat& noise, const Ellipse& start) {
   const Images images{image, ground, noise};

@@ -23,6 +23,7 @@ const cv::Scalar kShade(20, 20, 20);
 constexpr int kFraction = 4;    // fractional bits of OpenCV's drawing coordinates
 constexpr int kSegments = 180;  // of an ellipse: 2 degrees each
 
+// Draws in image coordinates, the center of the first pixel at (0, 0), to a sixteenth of a pixel.
 class Pen {
  public:
   explicit Pen(cv::Mat& canvas) : canvas_(canvas) {
@@ -40,6 +41,7 @@ class Pen {
   }
 
   // By chords: cv::ellipse rounds the angle to whole degrees and draws no dashes.
+  // Dashed: three of six chords, so that a prediction looks unlike a measurement.
   void ellipse(const Ellipse& e, const cv::Scalar& color, bool dashed) {
     for (int k = 0; k < kSegments; ++k) {
       if (dashed && k % 6 >= 3) continue;
@@ -71,6 +73,7 @@ class Pen {
 };
 
 // The ellipse, its major axis (darker) and a cross of 5 px at its center.
+// Colors and line weights are relative, so that the same picture reads on a page and on a screen.
 void draw_tracked(Pen& pen, const Ellipse& e) {
   const Eigen::Vector2d along(std::cos(e.angle), std::sin(e.angle));
   const Eigen::Vector2d u(5.0 * pen.weight(), 0);
@@ -88,6 +91,8 @@ constexpr double kDeviations95 = 2.4477;
 
 // The 95 % confidence ellipse of a center: its semi-axes are the roots of the covariance's
 // eigenvalues, ascending as Eigen sorts them, times kDeviations95.
+// Drawn ten times as large, since a center that is known to a tenth of a pixel would have a dot for
+// an ellipse.
 void draw_covariance(Pen& pen, const Ellipse& e, const Eigen::Matrix2d& covariance) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
   solver.computeDirect(covariance);
@@ -99,6 +104,7 @@ void draw_covariance(Pen& pen, const Ellipse& e, const Eigen::Matrix2d& covarian
 
 // A bar with ticks at the bottom left and its label above, light on dark so that it reads on any
 // ground.
+// The caller gives length and label; the drawing knows no scale of its own.
 void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
   const double edge = 12.0 * pen.weight();
   const double y = size.height - edge - 1;
@@ -122,6 +128,7 @@ void draw_scale_bar(Pen& pen, const cv::Size& size, const Overlay& overlay) {
 }  // namespace
 
 // In the order of importance: what is drawn later covers what was drawn before.
+// Draws on a copy: an image that is tracked or recorded is never touched.
 cv::Mat draw_overlay(const cv::Mat& image, const Overlay& overlay) {
   require(!image.empty() && (image.type() == CV_8UC1 || image.type() == CV_8UC3),
           "image: must be an 8-bit gray or BGR image");
@@ -150,6 +157,8 @@ cv::Mat draw_overlay(const cv::Mat& image, const Overlay& overlay) {
   return canvas;
 }
 
+// At most the image's size. A center near the border gets a crop that lies inside, so all crops of
+// a series have one size.
 cv::Mat crop_around(const cv::Mat& image, const Eigen::Vector2d& center_px, cv::Size size) {
   require(!image.empty(), "image: is empty");
   require(size.width >= 1 && size.height >= 1, "size: must be at least one pixel");

@@ -25,10 +25,12 @@ constexpr std::array<double, 7> kNodeWeights = {
 // Where n^2 reaches this a specular highlight may begin: a sample there counts half.
 constexpr double kTrusted = 0.25;
 
+// Density of the unit Gaussian.
 double normal_density(double z) { return std::exp(-z * z / 2) / std::sqrt(2 * std::numbers::pi); }
 
 }  // namespace
 
+// Once per model, by quadrature with steps of 0.01 in x; measurements then interpolate.
 EdgeModel::EdgeModel() {
   for (double z = kFirstDepth; z <= kLastDepth + kDepthStep / 2; z += kDepthStep) {
     // A step blurred by a unit Gaussian is the normal distribution Phi(z).
@@ -49,6 +51,8 @@ EdgeModel::EdgeModel() {
 }
 
 // Linear interpolation in the table, 16 entries per sigma.
+// Beyond the table's ends its last values: far outside nothing shows, far inside the slope hardly
+// matters.
 EdgeModel::Entry EdgeModel::at(double depth) const {
   const double index =
       std::clamp((depth - kFirstDepth) / kDepthStep, 0.0, static_cast<double>(table_.size() - 2));
@@ -64,6 +68,7 @@ EdgeModel::Entry EdgeModel::at(double depth) const {
 // 1, n and n^2 over the depth y, blurred by a unit Gaussian, at the depth z. On a chord of length 1
 // / k (all in units of the blur) n^2 goes as y (1 - k y) and n as its root, sqrt(y) (1 - k y / 2 -
 // k^2 y^2 / 8), to second order.
+// value, first and second: the blurred shade and its derivatives by depth, in units of the blur.
 EdgeModel::Blurred EdgeModel::blurred(double z, double k) const {
   const Entry e = at(z);
   // Blurred powers of the depth M_p = (y^p * phi)(z), each from lower ones: M_(p+1) = z M_p + M_p'
@@ -85,6 +90,8 @@ EdgeModel::Blurred EdgeModel::blurred(double z, double k) const {
 
 // The blur along the normal is analytic (blurred()); across it, by quadrature over lines parallel
 // to the normal, each cut with the ellipse itself, so that the rim's curvature is in it.
+// `a`, `b` semi-axes and `sigma` in px, `t` the parameter of the rim's point; sample j lies
+// `inside` - j px within the rim.
 void EdgeModel::profile(double a, double b, double t, double sigma, double inside, int count,
                         Profile& out) const {
   // The rim's point, its unit normal (the gradient of x^2 / a^2 + y^2 / b^2) and tangent.
@@ -112,6 +119,7 @@ void EdgeModel::profile(double a, double b, double t, double sigma, double insid
     const Eigen::Vector3d scale(w, w * std::sqrt(straight), w * straight);
     // Heat equation: a Gaussian blur's derivative by sigma is sigma times the Laplacian. Across the
     // normal the second derivative is the mean of (x^2 - 1) f(x) over the nodes (Stein's identity).
+    // So a change of the blur needs no second profile.
     const double across = kNodes[i] * kNodes[i] - 1;
     for (int j = 0; j < count; ++j) {
       const double depth = rim + inside - j;

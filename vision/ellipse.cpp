@@ -7,12 +7,14 @@
 
 namespace vitreo::vision {
 
+// (u, v, a, b, angle): the order of every covariance of an ellipse.
 Eigen::Matrix<double, 5, 1> Ellipse::vector() const {
   Eigen::Matrix<double, 5, 1> v;
   v << center_px, semi_major_px, semi_minor_px, angle;
   return v;
 }
 
+// In image coordinates, v down, so t runs from +u towards +v.
 Eigen::Vector2d Ellipse::point(double t) const {
   const double x = semi_major_px * std::cos(t);
   const double y = semi_minor_px * std::sin(t);
@@ -21,6 +23,8 @@ Eigen::Vector2d Ellipse::point(double t) const {
 }
 
 // S = a e e' + b f f' with the unit vectors e, f of the axes.
+// The symmetric root of the ellipse's matrix: the rim is c + S q with |q| = 1. Smooth where the
+// axes are equal, as axes and angle are not.
 Eigen::Matrix2d Ellipse::shape() const {
   const Eigen::Vector2d e(std::cos(angle), std::sin(angle));
   const Eigen::Vector2d f(-e.y(), e.x());
@@ -28,6 +32,7 @@ Eigen::Matrix2d Ellipse::shape() const {
 }
 
 // Eigenvalues and major direction of a symmetric 2 x 2 matrix in closed form.
+// The angle of a circle is 0 by convention.
 Ellipse Ellipse::from_shape(const Eigen::Vector2d& center_px, const Eigen::Matrix2d& shape) {
   const double mean = (shape(0, 0) + shape(1, 1)) / 2;
   const double half = (shape(0, 0) - shape(1, 1)) / 2;

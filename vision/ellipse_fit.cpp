@@ -27,6 +27,7 @@ constexpr std::size_t kMostNormals = 1024;
 // Jacobian of the rim's distance along a normal by center and shape matrix (Sxx, Sxy, Syy): a rim
 // point c + S q moves by dc + dS q, of which the component along the unit normal n counts. The
 // tangential part is second order, so this is the geometric (orthogonal) distance to first order.
+// Its residual is the normal's measured shift less row . step.
 Vector5 jacobian_row(const Normal& n) {
   Vector5 row;
   row << n.outward, n.outward.x() * n.circle.x(),
@@ -35,12 +36,14 @@ Vector5 jacobian_row(const Normal& n) {
 }
 
 // Inverse variance times the robust weight.
+// kModelError keeps one very sharp normal from outweighing all others.
 double information_weight(const Normal& n) {
   return n.weight / (n.variance + kModelError * kModelError);
 }
 
 // Normal equations J' W J and, in `right`, J' W d. Errors that `correlation_length` neighbors share
 // count once.
+// `right` null: the information alone. Normals without a cut or with weight 0 do not count.
 Matrix5 information(const std::vector<Normal>& normals, double correlation_length, Vector5* right) {
   Matrix5 sum = Matrix5::Zero();
   if (right != nullptr) right->setZero();
@@ -55,6 +58,7 @@ Matrix5 information(const std::vector<Normal>& normals, double correlation_lengt
 }
 
 // Median absolute residual, as the standard deviation of a normal distribution.
+// By the median, so that up to half of the normals may be wrong; at most kMostNormals.
 double scale_of(const std::vector<Normal>& normals, const Vector5& step) {
   std::array<double, kMostNormals> off{};  // on the stack: nothing is allocated per image
   auto end = off.begin();
@@ -68,6 +72,8 @@ double scale_of(const std::vector<Normal>& normals, const Vector5& step) {
 
 // Robust weights of the residuals in units of their scale s: Cauchy 1 / (1 + (r / s)^2) if
 // `gently`, else Tukey's biweight (1 - (r / (c s))^2)^2.
+// Cauchy's weights never reach 0, so a normal may come back; Tukey's end the influence of what is
+// clearly another rim.
 void reweight(std::vector<Normal>& normals, const Vector5& step, bool gently) {
   const double scale = scale_of(normals, step);
   for (Normal& n : normals) {
@@ -83,6 +89,7 @@ void reweight(std::vector<Normal>& normals, const Vector5& step, bool gently) {
 // eigenvectors e, f of S: da = e' dS e, db = f' dS f, dangle = e' dS f / (a - b). Where the axes
 // are equal within their uncertainty, the divisor is regularized such that the angle's variance
 // tends to pi^2 / 12, that of a uniform distribution over pi, instead of to infinity.
+// `covariance` is that of the shape's five unknowns.
 Matrix5 axes_from_shape(const Ellipse& ellipse, const Matrix5& covariance) {
   const double c = std::cos(ellipse.angle);
   const double s = std::sin(ellipse.angle);
@@ -106,6 +113,8 @@ struct StepPrior {
 
 // The prior's information J' Sigma^-1 J and right-hand side, J as in axes_from_shape() at the
 // prior's angle, but for the turn, which counts as the displacement of the rim (a - b) dangle.
+// Null: nothing is known beforehand, and both parts are 0. Sigmas of a prior are in px, the angle's
+// in rad.
 StepPrior prior_of(const Ellipse& start, const EllipsePrior* prior) {
   StepPrior result;
   if (prior == nullptr) return result;
@@ -134,6 +143,8 @@ StepPrior prior_of(const Ellipse& start, const EllipsePrior* prior) {
 // (J' W J / s^2 + prior)^-1, s^2 the reduced chi-square of the residuals with 5 parameters,
 // propagated to center, axes and angle. s^2 is at least 1/4, lest a few normals that happen to
 // agree shrink it. kSystematic is what no scatter along the rim shows.
+// A few pixels' noise is correlated along the rim, hence `correlation_length`, in normals. The
+// result is that of (u, v, a, b, angle), px^2 and rad^2, made symmetric against rounding.
 Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals,
                       const Vector5& step, const StepPrior& prior, double correlation_length) {
   double squares = 0;
@@ -155,6 +166,7 @@ Matrix5 covariance_of(const Ellipse& ellipse, const std::vector<Normal>& normals
 }
 
 // Five unknowns and some normals to spare: at least 8, and the share kFewest of all.
+// Below that an ellipse can be drawn through anything.
 bool enough(const std::vector<Normal>& normals) {
   const auto agree = [](const Normal& n) { return n.found && n.weight > 0; };
   const auto count = static_cast<double>(std::count_if(normals.begin(), normals.end(), agree));
@@ -163,6 +175,8 @@ bool enough(const std::vector<Normal>& normals) {
 
 }  // namespace
 
+// `normals` has the number wanted; all their measurements are reset. Equal steps of the parameter,
+// denser where the rim is curved.
 void place_normals(const Ellipse& ellipse, std::vector<Normal>& normals) {
   const Eigen::Matrix2d shape = ellipse.shape();
   const Eigen::Matrix2d inverse = shape.inverse();
@@ -181,6 +195,8 @@ void place_normals(const Ellipse& ellipse, std::vector<Normal>& normals) {
 
 // The distances are linear in the step, so every round solves one weighted linear problem; a caller
 // repeats with new normals where the step is not small (Gauss-Newton).
+// `valid` is false when too few normals agree, a direction is not determined, or the ellipse is
+// thinner than a pixel. The weights left in `normals` tell which ones the fit kept.
 FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals,
                           const EllipsePrior* prior, double correlation_length) {
   FittedEllipse result{start, Matrix5::Zero(), false};
@@ -211,6 +227,8 @@ FittedEllipse fit_ellipse(const Ellipse& start, std::vector<Normal>& normals,
 
 // tau = 1 + 2 sum_k rho_k: the variance of a mean of n values with the autocorrelation rho is tau /
 // n times that of one. Lags up to a sixth of the rim.
+// 1 for independent errors. Summed up to the first lag without correlation, as the noise of the
+// rest would only add up.
 double integrated_autocorrelation(const std::vector<Normal>& normals) {
   const std::size_t count = normals.size();
   double mean = 0;

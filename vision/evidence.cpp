@@ -7,6 +7,7 @@
 
 namespace vitreo::vision {
 
+// Pixels whose centers lie within; first == end where the row misses the ellipse.
 RowSpan row_of(const Ellipse& e, int v) {
   // The rim's quadratic form xx du^2 + 2 xy du dv + yy dv^2 = 1, solved for du along the row.
   const double c = std::cos(e.angle);
@@ -26,6 +27,7 @@ RowSpan row_of(const Ellipse& e, int v) {
 }
 
 // Not the exact parallel curve, which is no ellipse: exact on the axes.
+// No axis gets shorter than 1 px, so that the result is an ellipse.
 Ellipse grown(const Ellipse& ellipse, double by_px) {
   Ellipse e = ellipse;
   e.semi_major_px = std::max(e.semi_major_px + by_px, 1.0);
@@ -34,6 +36,7 @@ Ellipse grown(const Ellipse& ellipse, double by_px) {
 }
 
 // The region's sides are at most side_px + 1, plus a pixel on either side for the sums.
+// Called once with the largest gate, so that no frame allocates.
 void Evidence::reserve(int side_px) {
   const auto side = static_cast<std::size_t>(side_px) + 2;
   values_.reserve(side * side);
@@ -43,6 +46,7 @@ void Evidence::reserve(int side_px) {
 
 // Sums of F over three columns of row v, which lies in the image, into its slot of the ring of
 // three. Pixels outside of the image count as F = 0.
+// A pixel's F is an int8, a sum of nine of them an int16 without overflow.
 void Evidence::read_row(const cv::Mat& image, const ColorModel& model, int v) {
   const std::int8_t* table = model.table().data();
   const auto width = static_cast<std::size_t>(region_.width);
@@ -61,6 +65,7 @@ void Evidence::read_row(const cv::Mat& image, const ColorModel& model, int v) {
 
 // One row of the map: the 3 x 3 sum within the gate, kBlocked elsewhere and on other objects'
 // pixels.
+// kBlocked is the lowest int16: no threshold lets the level set in.
 void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const cv::Mat& owned,
                         unsigned char self) {
   const auto width = static_cast<std::size_t>(region_.width);
@@ -85,6 +90,8 @@ void Evidence::fill_row(const Ellipse& gate, int v, const cv::Mat& image, const 
 
 // Row by row with a ring of three rows of sums, so that every pixel's F is looked up once. The
 // gate's bounding box has the half sides hypot(a cos, b sin) and hypot(a sin, b cos).
+// `gate` in px; the region is its bounding box and kMargin blocked pixels all round, so that
+// neighbors of a front pixel always exist.
 void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse& gate,
                     int max_side_px, const cv::Mat& owned, unsigned char self) {
   const double c = std::cos(gate.angle);
@@ -131,6 +138,7 @@ void Evidence::look(const cv::Mat& image, const ColorModel& model, const Ellipse
 }
 
 // NaN marks the end of what is known; callers stop there.
+// F in natural units; u, v in px of the image.
 double Evidence::between(double u, double v) const {
   const double fu = std::floor(u);
   const double fv = std::floor(v);

@@ -16,6 +16,7 @@ constexpr int kSmallestWindow = 4;  // px a side: in fewer pixels the mean of a 
 constexpr int kLargestReach = 3;    // of all rules
 
 // The image without the border that the neighborhood of a pixel needs.
+// May be empty or negative for a small image; intersection() then is empty.
 cv::Rect interior(const cv::Mat& image, int reach) {
   return {reach, reach, image.cols - 2 * reach, image.rows - 2 * reach};
 }
@@ -42,6 +43,8 @@ void check_gray(const cv::Mat& image) {
 
 }  // namespace
 
+// Throws std::invalid_argument naming size or margin. The margin is what the window may move
+// without a new pass over the image.
 FocusWindow::FocusWindow(FocusMeasure measure, const cv::Size& size_px, int margin_px)
     : measure_(measure), size_(size_px), margin_(margin_px) {
   rule_of(measure);                 // throws for a number that is no measure
@@ -53,6 +56,8 @@ FocusWindow::FocusWindow(FocusMeasure measure, const cv::Size& size_px, int marg
 }
 
 // The window's part with all its neighborhoods in the image.
+// Throws std::invalid_argument when less than 4 x 4 px are left. Depends on the image's size, not
+// on what was measured.
 cv::Rect FocusWindow::clipped(const cv::Point& center_px) const {
   // Far outside is outside: clamped first, so that the sums below cannot overflow.
   const int u = std::clamp(center_px.x, -size_.width, image_.cols + size_.width);
@@ -65,6 +70,8 @@ cv::Rect FocusWindow::clipped(const cv::Point& center_px) const {
 }
 
 // Measures the window with its margin once, so that move() within the margin only reads the table.
+// The image is kept (its pixels are shared, not copied) for moves beyond the margin. Saturated
+// pixels are counted because a measure of a clipped image is no measure of focus.
 FocusReading FocusWindow::look(const cv::Mat& image, const cv::Point& center_px) {
   check_gray(image);
   window_ = {};  // move() must not use the old table, should this throw
@@ -81,6 +88,8 @@ FocusReading FocusWindow::look(const cv::Mat& image, const cv::Point& center_px)
   return reading();
 }
 
+// Throws std::logic_error before the first look(). Within the margin it costs the same however far
+// the window moved.
 FocusReading FocusWindow::move(const cv::Point& center_px) {
   if (window_.empty())
     throw std::logic_error("a focus window must look at an image before it can move");
@@ -92,6 +101,7 @@ FocusReading FocusWindow::move(const cv::Point& center_px) {
 
 // The integral images (summed-area tables, Crow 1984) of gray level, term and response over `area`:
 // T(i, j) = sum of all pixels above row j and left of column i.
+// 64-bit sums: a 32-bit one would overflow on squares of a large window.
 void FocusWindow::measure_area(const cv::Rect& area) {
   known_ = area;
   const FocusRule& rule = rule_of(measure_);
@@ -136,6 +146,7 @@ FocusWindow::Sums FocusWindow::sums() const {
 }
 
 // The measure from the means of its terms over the window (FocusRule::value).
+// Saturation is that of the last look(), as only that counted.
 FocusReading FocusWindow::reading() const {
   FocusReading reading;
   reading.pixels = window_.area();
@@ -148,6 +159,7 @@ FocusReading FocusWindow::reading() const {
   return reading;
 }
 
+// For one image: a window without a margin.
 FocusReading focus(const cv::Mat& image, const cv::Rect& where, FocusMeasure measure) {
   check_gray(image);
   const cv::Rect area = intersection(where, {0, 0, image.cols, image.rows});

@@ -31,6 +31,8 @@ struct PeakPoint {
 
 // Sorted by position, the mean of samples at the same one; the logarithm turns a Gaussian peak into
 // a parabola and a lamp's factor into an offset.
+// Empty when all values are 0 or less: a blank sweep has no peak. Throws std::invalid_argument for
+// a sample that is not finite.
 std::vector<PeakPoint> points_of(std::span<const FocusSample> samples) {
   std::vector<FocusSample> sorted(samples.begin(), samples.end());
   for (const FocusSample& s : sorted) {
@@ -61,11 +63,13 @@ bool lower(const PeakPoint& a, const PeakPoint& b) { return a.y < b.y; }
 bool smoothly_lower(const PeakPoint& a, const PeakPoint& b) { return a.smooth < b.smooth; }
 
 // Relative noise of one sample, as the standard deviation of its logarithm.
+// known: from eight residuals or more, enough for the median to be trusted.
 struct SampleNoise {
   double sigma;  // of one point's y
   bool known;    // from many points, not guessed from few
 };
 
+// On a copy, since the order of the values still matters to the caller.
 double median_copy(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -75,6 +79,7 @@ double median_copy(std::vector<double> values) {
 // Noise from the residuals of Lagrange's cubic through the two neighbors on either side: such a
 // residual y - sum w_k y_k has the variance (1 + sum w_k^2) sigma^2. The curve itself bends little
 // over five samples but for those at the peak, which the median absolute residual ignores.
+// `least`: the relative noise that is assumed at least, as few samples may agree by chance.
 SampleNoise noise_of(const std::vector<PeakPoint>& p, double least) {
   std::vector<double> misses;
   const double floor = std::max_element(p.begin(), p.end(), lower)->y + std::log(2 * kLeastShare);
@@ -99,6 +104,7 @@ SampleNoise noise_of(const std::vector<PeakPoint>& p, double least) {
 }
 
 // Binomial mean (1 2 1) / 4 of neighbors, one-sided at the ends.
+// Only for choosing points and the top; the parabola is fitted to the values themselves.
 void smooth_points(std::vector<PeakPoint>& p) {
   for (std::size_t i = 0; i < p.size(); ++i) {
     double y = 2 * p[i].y;
@@ -109,6 +115,7 @@ void smooth_points(std::vector<PeakPoint>& p) {
   }
 }
 
+// In t, so that coefficients and their covariance are of one size.
 struct Parabola {  // y = c0 + c1 t + c2 t^2 with t = (x - middle) / scale
   double middle = 0;
   double scale = 1;
@@ -132,6 +139,7 @@ Eigen::Vector3d parabola_row(const Parabola& f, const PeakPoint& p) {
 
 // Weighted least squares; false when the points do not determine a parabola. The weights are no
 // inverse variances, so the covariance is the sandwich s^2 (X'WX)^-1 X'W^2X (X'WX)^-1.
+// That is the covariance of this estimator for errors of equal variance s^2.
 bool solve_parabola(Parabola& f, std::span<const PeakPoint> p, const std::vector<double>& weight,
                     const SampleNoise& noise) {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
@@ -163,6 +171,7 @@ bool solve_parabola(Parabola& f, std::span<const PeakPoint> p, const std::vector
 // Robust parabola through `p` by iteratively re-weighted least squares (Tukey). The weight also
 // falls from the highest point to `lowest`: with a hard cut, a point more on one side would shift
 // the peak. x is scaled to [-1, 1], which keeps the normal equations well conditioned.
+// Returns `good` false where the points bend upwards or not clearly downwards.
 Parabola fit_parabola(std::span<const PeakPoint> p, double lowest, const SampleNoise& noise) {
   Parabola f;
   f.middle = (p.front().x + p.back().x) / 2;
@@ -190,6 +199,7 @@ Parabola fit_parabola(std::span<const PeakPoint> p, double lowest, const SampleN
 }
 
 // The run of samples about the top that stand higher than `lowest`, one on either side at least.
+// `top` is not at an end. Contiguous, so that a second maximum behind a valley is left out.
 std::span<const PeakPoint> about(const std::vector<PeakPoint>& p, std::size_t top, double lowest) {
   std::size_t begin = top - 1;
   std::size_t end = top + 2;
@@ -199,6 +209,7 @@ std::span<const PeakPoint> about(const std::vector<PeakPoint>& p, std::size_t to
 }
 
 // The curve still rises at an end: no interpolation, but the direction in which to go on.
+// The stage has not gone far enough on that side; a result, not an error.
 FocusPeakFit at_end(FocusPeakFit result, bool low) {
   result.answer = low ? FocusAnswer::at_low_end : FocusAnswer::at_high_end;
   return result;
@@ -228,6 +239,8 @@ void FocusPeakSettings::check() const {
 
 // Significance, then the ends, then the parabola over the upper part of the peak; a second,
 // narrower fit shows how far the curve deviates from a parabola.
+// Positions in the caller's unit. Sigma holds noise and the curve's deviation from a parabola,
+// added in squares.
 FocusPeakFit find_focus_peak(std::span<const FocusSample> samples,
                              const FocusPeakSettings& settings) {
   settings.check();

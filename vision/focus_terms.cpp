@@ -10,12 +10,15 @@ namespace vitreo::vision {
 namespace {
 
 // I^2, from which the variance is mean(I^2) - mean(I)^2.
+// Sums of int32 terms are taken in 64 bits by the caller.
 void square_terms(const FocusRow& r) {
   const unsigned char* const row = r.rows[0];
   for (int u = r.begin; u < r.end; ++u) r.term[u - r.begin] = row[u] * row[u];
 }
 
 // Tenengrad (Tenenbaum 1970, Krotkov 1987): squared magnitude of Sobel's gradient, no threshold.
+// The rows above and below stand in r.rows[-1] and r.rows[1]; u has a neighbor on either side, as
+// the rule's reach is 1.
 void sobel_terms(const FocusRow& r) {
   const unsigned char *const a = r.rows[-1], *const b = r.rows[0], *const c = r.rows[1];
   for (int u = r.begin; u < r.end; ++u) {
@@ -30,6 +33,8 @@ void sobel_terms(const FocusRow& r) {
 // Tenengrad of the smoothed image. The binomial (1 4 6 4 1) has the variance 1 px^2 and convolves
 // with Sobel's (1 2 1) to (1 6 15 20 15 6 1) and with (-1 0 1) to (-1 -4 -5 0 5 4 1). Gradients are
 // divided by 16, to 128 per gray level and pixel, so that their squares fit 32 bits.
+// Noise of a pixel is what plain Sobel amplifies; smoothing by 1 px takes most of it and little of
+// the edges of a focused image.
 void smoothed_sobel_terms(const FocusRow& r) {
   const int count = r.end - r.begin + 6;
   if (static_cast<int>(r.scratch->size()) < 2 * count)
@@ -57,6 +62,7 @@ void smoothed_sobel_terms(const FocusRow& r) {
 }
 
 // Brenner et al. 1976: squared difference of pixels two apart.
+// Cheapest of all: one difference a pixel, along rows alone.
 void brenner_terms(const FocusRow& r) {
   const unsigned char* const row = r.rows[0];
   for (int u = r.begin; u < r.end; ++u) {
@@ -66,6 +72,8 @@ void brenner_terms(const FocusRow& r) {
 }
 
 // 4-neighbor Laplacian; its variance is the measure of Pech-Pacheco et al. 2000.
+// A second derivative weighs the finest structure, and with it noise: see docs/focus_and_mosaic.md
+// before using it in low light.
 void laplacian_terms(const FocusRow& r) {
   const unsigned char *const a = r.rows[-1], *const b = r.rows[0], *const c = r.rows[1];
   for (int u = r.begin; u < r.end; ++u) {
@@ -92,6 +100,7 @@ void vollath_terms(const FocusRow& r) {
 }
 
 // A black window has no contrast: 0, not 0/0.
+// So a black image ranks last, and no NaN reaches the search.
 double over(double numerator, double denominator) {
   return denominator > 0 ? numerator / denominator : 0;
 }
@@ -106,10 +115,12 @@ double variance_over_mean(double mean, double term, double) {
 double variance_over_squared(double mean, double term, double) {
   return over(term - mean * mean, mean * mean);
 }
+// Of the Laplacian's response: its mean is near 0 in an image, but not exactly.
 double response_variance(double, double term, double response) {
   return term - response * response;
 }
 
+// The number is the reach: how many pixels a rule looks to either side.
 constexpr std::array<FocusRule, 8> kFocusRules{{
     {FocusMeasure::normalized_variance, "normalized_variance", 0, square_terms, variance_over_mean},
     {FocusMeasure::variance_over_mean_squared, "variance_over_mean_squared", 0, square_terms,
@@ -126,6 +137,7 @@ constexpr std::array<FocusRule, 8> kFocusRules{{
 
 }  // namespace
 
+// Throws std::invalid_argument for a number cast to the enum.
 const FocusRule& rule_of(FocusMeasure measure) {
   for (const FocusRule& rule : kFocusRules) {
     if (rule.measure == measure) return rule;
@@ -134,6 +146,7 @@ const FocusRule& rule_of(FocusMeasure measure) {
                               std::to_string(static_cast<int>(measure)));
 }
 
+// In the order of the rules, for menus and help.
 const std::vector<FocusMeasure>& focus_measures() {
   static const std::vector<FocusMeasure> kAll = [] {
     std::vector<FocusMeasure> all;

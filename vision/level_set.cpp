@@ -33,6 +33,7 @@ LevelSet::LevelSet(const LevelSetSettings& settings) : settings_(settings) {
   flag_.resize(most);
 }
 
+// Called once with the largest region, so that no frame allocates.
 void LevelSet::reserve(int side_px) {
   const auto size =
       (static_cast<std::size_t>(side_px) + 2) * (static_cast<std::size_t>(side_px) + 2);
@@ -43,6 +44,8 @@ void LevelSet::reserve(int side_px) {
 
 // phi = -3 inside the ellipse, +3 elsewhere, then the two lists. Row by row between kMargin and the
 // region's end: a pixel of the front always has its 5 x 5 neighborhood in the region.
+// `evidence` is kept by its address until the next start(). Lists, leak and count of iterations
+// begin anew.
 void LevelSet::start(const Evidence& evidence, const Ellipse& ellipse) {
   evidence_ = &evidence;
   const cv::Rect& region = evidence.region();
@@ -91,6 +94,7 @@ void LevelSet::list_front(int skip, int size) {
       phi[d] = 1;
       out_.push_back(p + d);
     }
+    // A front this long is no object's, and the lists would outgrow their room.
     if (in_.size() + out_.size() > static_cast<std::size_t>(settings_.max_points)) {
       leaked_ = true;
       return;
@@ -100,6 +104,7 @@ void LevelSet::list_front(int skip, int size) {
 
 // switch_in() of thesis 8.2.1 for the points of L_out that are flagged: to L_in, and their exterior
 // 4-neighbors to L_out. By two vectors that swap: nothing is erased from the middle of a list.
+// A pixel is marked in phi when it is added, so it enters a list only once.
 void LevelSet::switch_in() {
   kept_.clear();
   added_.clear();
@@ -147,6 +152,7 @@ void LevelSet::switch_out() {
 }
 
 // Drops the points that have only neighbors of their own `sign`: they are no longer at the front.
+// Table 8.1 has this deletion after each switch; Shi & Karl have it in cycles one and two as well.
 void LevelSet::clean(List& list, int sign) {
   std::size_t kept = 0;
   for (const int p : list) {
@@ -166,6 +172,8 @@ void LevelSet::clean(List& list, int sign) {
 // switches out if F(x) < t_l; with t_l = t_h = 0 it is Shi & Karl's data-driven cycle, which
 // descends the region energy. Blocked pixels have the lowest F and never switch in. True when no
 // point switched.
+// Between the thresholds a pixel stays what it is (8.1.2: as in hysteresis), so the result depends
+// on the start.
 bool LevelSet::cycle_one(const Thresholds& thresholds) {
   const std::int16_t* f = evidence_->values().data();
   // In the map's units: integers are compared.
@@ -182,6 +190,7 @@ bool LevelSet::cycle_one(const Thresholds& thresholds) {
 }
 
 // The sign of (G * phi)(p), by the separable kernel's outer product.
+// Kernel and phi are small integers, so the sum is exact.
 int LevelSet::smoothed(int p) const {
   int sum = 0;
   for (int j = 0; j < 5; ++j) {
@@ -195,6 +204,7 @@ int LevelSet::smoothed(int p) const {
 // Cycle two, one iteration: x in L_out switches in if (G * phi)(x) < 0, x in L_in out if it is > 0
 // (Shi & Karl 2005). Filtering phi by a Gaussian is motion by mean curvature to first order
 // (Merriman, Bence & Osher 1992), the descent of the front's length.
+// A blocked pixel never switches in, or smoothing would round the front into another object.
 void LevelSet::cycle_two() {
   const std::int16_t* f = evidence_->values().data();
   for (std::size_t k = 0; k < out_.size(); ++k)
@@ -208,6 +218,7 @@ void LevelSet::cycle_two() {
 
 // N_a iterations of cycle one, or until it has converged, then N_g of cycle two; repeated `rounds`
 // times at most, as smoothing may open the way for the data again.
+// The round in which cycle one converges is the last; its cycle two still runs.
 void LevelSet::evolve(const Thresholds& thresholds) {
   bool settled = false;
   for (int round = 0; round < settings_.rounds && !settled; ++round) {
@@ -219,6 +230,8 @@ void LevelSet::evolve(const Thresholds& thresholds) {
 
 // Table 8.1: N_s iterations in which x in L_out switches in if phi*(x) < 0, and x in L_in out if
 // phi*(x) > 0, each followed by the deletion of points that left the front (clean()).
+// Only the sign of phi* counts, and only at the points of the lists. A blocked pixel stays outside
+// whatever the prior asks.
 void LevelSet::evolve_to_prior(const PlacedShape& prior) {
   const std::int16_t* f = evidence_->values().data();
   const cv::Rect& region = evidence_->region();
@@ -235,6 +248,8 @@ void LevelSet::evolve_to_prior(const PlacedShape& prior) {
 }
 
 // Flood fill (4-connected) of the part of the inside with `seed`: labels it, sums moments and F.
+// Sums are taken in coordinates of the region, exactly in integers, and moved to the image at the
+// end. No recursion: a part may be as large as the region.
 Segment LevelSet::flood(int seed, unsigned char label) {
   MomentSums sums;
   std::int64_t evidence = 0;
@@ -259,6 +274,7 @@ Segment LevelSet::flood(int seed, unsigned char label) {
 }
 
 // Every part of the inside has points in L_in, so the list seeds the flood fills.
+// The area is 0 when nothing is inside.
 Segment LevelSet::keep_largest() {
   const auto size =
       static_cast<std::size_t>(stride_) * static_cast<std::size_t>(evidence_->region().height);
@@ -285,6 +301,7 @@ Segment LevelSet::keep_largest() {
 }
 
 // The rim lies between the two lists, half a pixel from either on average.
+// In image coordinates, the distance with the sign of phi; what the shape prior is fitted to.
 void LevelSet::front(std::vector<FrontPoint>& points) const {
   points.clear();
   const cv::Rect& region = evidence_->region();

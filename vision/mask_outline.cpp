@@ -18,6 +18,7 @@ constexpr double kPointPx = 2.5;           // radius of a point's mark
 constexpr std::uint64_t kGrabCutSeed = 4;  // of OpenCV's generator, which initializes its k-means
 
 // Even-odd rule: a ray towards +u crosses the outline an odd number of times from an inner point.
+// A corner belongs to one of its two edges only, so a ray through it crosses once.
 bool inside_polygon(const std::vector<Eigen::Vector2d>& corners, double u, double v) {
   bool odd = false;
   for (std::size_t i = 0, j = corners.size() - 1; i < corners.size(); j = i++) {
@@ -29,6 +30,7 @@ bool inside_polygon(const std::vector<Eigen::Vector2d>& corners, double u, doubl
   return odd;
 }
 
+// Pixels whose centers lie within; what is outside of the image is not painted.
 void paint_ellipse(cv::Mat& mask, const Ellipse& e) {
   require(e.semi_minor_px > 0 && e.semi_major_px >= e.semi_minor_px && e.vector().allFinite(),
           "ellipse: wants a center and two axes above 0, the longer first");
@@ -51,6 +53,7 @@ void paint_polygon(cv::Mat& mask, const std::vector<Eigen::Vector2d>& corners) {
 }
 
 // Gives the pixels around each point the label.
+// Throws std::invalid_argument for a point outside: it would be lost without a word.
 void mark_points(cv::Mat& labels, const std::vector<Eigen::Vector2d>& points, unsigned char label) {
   for (const Eigen::Vector2d& p : points) {
     require(p.x() >= 0 && p.y() >= 0 && p.x() <= labels.cols - 1 && p.y() <= labels.rows - 1,
@@ -62,6 +65,7 @@ void mark_points(cv::Mat& labels, const std::vector<Eigen::Vector2d>& points, un
 }
 
 // The component of largest area, its holes filled.
+// A body has no holes: a highlight that was cut out belongs to it.
 cv::Mat largest_filled(const cv::Mat& mask) {
   std::vector<std::vector<cv::Point>> rims;
   cv::findContours(mask, rims, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
@@ -77,6 +81,8 @@ cv::Mat largest_filled(const cv::Mat& mask) {
 
 }  // namespace
 
+// 255 inside of any of them. Throws std::invalid_argument where nothing is inside: training needs
+// an object.
 cv::Mat mask_of(const MaskOutline& outline, const cv::Size& size) {
   require(!outline.ellipses.empty() || !outline.polygons_px.empty(),
           "outline: wants an ellipse or a polygon");
@@ -91,6 +97,8 @@ cv::Mat mask_of(const MaskOutline& outline, const cv::Size& size) {
 // and a graph cut, in turn. Distances to the rough outline fix what is sure: farther than the
 // margin outside is ground; deeper inside, or than 0.6 of the deepest where the object is thin, is
 // object.
+// OpenCV's generator gets a fixed state, so that the same clicks give the same mask. Throws
+// std::invalid_argument where the colors do not separate.
 cv::Mat cut_by_color(const cv::Mat& image, const cv::Mat& rough, const MaskOutline& points,
                      double margin_px) {
   require(image.type() == CV_8UC3, "image: must be 8-bit color");
@@ -130,6 +138,7 @@ cv::Mat cut_by_color(const cv::Mat& image, const cv::Mat& rough, const MaskOutli
 
 // Borders traced through the centers of the outermost pixels (Suzuki & Abe 1985, OpenCV's
 // findContours).
+// Outer borders only.
 std::vector<std::vector<Eigen::Vector2d>> contours_of(const cv::Mat& mask) {
   std::vector<std::vector<cv::Point>> rims;
   cv::findContours(mask, rims, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);

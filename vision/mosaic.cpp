@@ -17,6 +17,7 @@ constexpr double kFarOff = 15;
 
 std::size_t as_index(int k) { return static_cast<std::size_t>(k); }
 
+// Throws std::invalid_argument naming the views.
 void check_uniform(std::span<const cv::Mat> views) {
   require(views.size() >= 2, "views: a mosaic wants at least two");
   for (const cv::Mat& view : views) {
@@ -26,6 +27,8 @@ void check_uniform(std::span<const cv::Mat> views) {
 }
 
 // Each view to the one before it, else to the nearest in time that it fits.
+// One link places a view; close_loops() adds the redundant ones. A view that fits none is left out
+// of the list.
 std::vector<MosaicLink> chain_of(const std::vector<RegistrationView>& views,
                                  const RegistrationSettings& settings) {
   std::vector<MosaicLink> links;
@@ -44,6 +47,7 @@ using Poses = std::vector<std::optional<Eigen::Affine2d>>;
 
 // Poses by composition along the links, from the view `root` at the origin; of the views it
 // reaches.
+// Views that the links do not reach have no pose.
 Poses poses_from(int root, int count, const std::vector<MosaicLink>& links) {
   Poses poses(as_index(count));
   poses[as_index(root)] = Eigen::Affine2d::Identity();
@@ -66,6 +70,7 @@ int count_of(const Poses& poses) {
 }
 
 // Share of the second view that the first covers, on a 12 x 12 grid.
+// Coarse, but only used to choose and order pairs.
 double overlap_share(const Eigen::Affine2d& first_from_second, const cv::Size& size) {
   constexpr int kSide = 12;
   int inside = 0;
@@ -88,6 +93,7 @@ struct LinkGuess {
 };
 
 // Pairs that overlap by the chain's poses and are not linked yet, the largest overlaps first.
+// By the poses alone; no pixel is compared yet.
 std::vector<LinkGuess> guesses_of(const MosaicPlan& plan, const cv::Size& size, double least) {
   std::vector<LinkGuess> guesses;
   const int count = static_cast<int>(plan.mosaic_from_view.size());
@@ -111,6 +117,7 @@ std::vector<LinkGuess> guesses_of(const MosaicPlan& plan, const cv::Size& size, 
 
 // Loop closure: a chain accumulates every link's error, which links between views that meet again
 // later correct. Where the guess from the chain is too far off, the pair is registered without it.
+// links_per_view bounds the cost, which would else grow with the square of the number of views.
 void close_loops(MosaicPlan& plan, const std::vector<RegistrationView>& views,
                  const MosaicSettings& settings) {
   std::vector<int> links(views.size(), 0);
@@ -146,6 +153,8 @@ void MosaicSettings::check() const {
 int MosaicPlan::joined() const { return count_of(mosaic_from_view); }
 
 // Chain in time, largest connected group of views, loop closure, global adjustment.
+// Views outside of the largest group have neither a pose nor links; the picture is made without
+// them.
 MosaicPlan plan_mosaic(std::span<const cv::Mat> views, const MosaicSettings& settings) {
   settings.check();
   check_uniform(views);

@@ -21,6 +21,7 @@ constexpr int kPointsPerSide = 5;  // of the grid of common points
 // A view's point in the mosaic, by the view's pose. Euclidean (N = 3): angle, and position of the
 // view's center, about which a turn and a shift are uncorrelated. Affine (N = 6): linear part times
 // half the view's width, and position of the center, so that all six are in pixels.
+// Templated for Ceres' Jets; p and middle are constants.
 template <int N, typename T>
 Eigen::Matrix<T, 2, 1> transformed(const T* pose, const Eigen::Vector2d& p,
                                    const Eigen::Vector2d& middle) {
@@ -54,6 +55,8 @@ struct LinkResidual {
 };
 
 // Parameters of transformed(). The nearest rotation to A has the angle atan2(a21 - a12, a11 + a22).
+// Of a Euclidean pose only the rotation and the shift are kept: composing a chain may have left
+// some scale by rounding.
 template <int N>
 std::array<double, N> pose_of(const Eigen::Affine2d& mosaic_from_view,
                               const Eigen::Vector2d& middle) {
@@ -81,6 +84,8 @@ Eigen::Affine2d affine_of(const std::array<double, N>& pose, const Eigen::Vector
 
 // min over the poses of sum_links sum_points huber(|T_first p_first - T_second p_second|^2), by
 // Levenberg-Marquardt; the view `fixed` removes the freedom of the whole mosaic (gauge).
+// Returns without a change when no used link touches the fixed view. Poses without a used link stay
+// as they are.
 template <int N>
 void adjust(MosaicPlan& plan, const cv::Size& size, int fixed) {
   const Eigen::Vector2d middle((size.width - 1) / 2.0, (size.height - 1) / 2.0);
@@ -116,6 +121,7 @@ void adjust(MosaicPlan& plan, const cv::Size& size, int fixed) {
 }
 
 // Root mean square over the link's points of the distance between its registration and the poses.
+// 0 for views without common points.
 double link_rms(const MosaicLink& link, const MosaicPlan& plan, const cv::Size& size) {
   const Eigen::Affine2d& first = *plan.mosaic_from_view[static_cast<std::size_t>(link.first)];
   const Eigen::Affine2d& second = *plan.mosaic_from_view[static_cast<std::size_t>(link.second)];
@@ -128,6 +134,8 @@ double link_rms(const MosaicLink& link, const MosaicPlan& plan, const cv::Size& 
 }
 
 // The links' residuals and the plan's; a spanning tree of the joined views needs joined - 1 links.
+// rms_px beside sigma_px tells whether the views lie on one plane: noise alone leaves about the
+// latter.
 void set_residuals(MosaicPlan& plan, const cv::Size& size) {
   double squares = 0;
   double variances = 0;
@@ -149,6 +157,7 @@ void set_residuals(MosaicPlan& plan, const cv::Size& size) {
 
 // Drops the worst link, one at a time, as it may be the cause of the others' residuals. A link that
 // alone holds a view has no residual and stays.
+// False when no link is off by more than kContradiction, which ends the rounds.
 bool drop_worst(MosaicPlan& plan) {
   MosaicLink* worst = nullptr;
   for (MosaicLink& link : plan.links) {
@@ -161,6 +170,7 @@ bool drop_worst(MosaicPlan& plan) {
 
 }  // namespace
 
+// The border is on the grid, since errors of a pose are largest there.
 std::vector<Eigen::Vector2d> common_points(const Eigen::Affine2d& first_from_second,
                                            const cv::Size& view_size) {
   std::vector<Eigen::Vector2d> points;
@@ -178,6 +188,7 @@ std::vector<Eigen::Vector2d> common_points(const Eigen::Affine2d& first_from_sec
 
 // Adjust, drop the worst contradicting link, adjust again: greedy outlier rejection beyond Huber's
 // loss.
+// Each round drops a link, so it ends.
 void adjust_mosaic(MosaicPlan& plan, const cv::Size& view_size, int fixed, ViewModel model) {
   do {
     if (model == ViewModel::euclidean)

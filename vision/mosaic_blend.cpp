@@ -25,6 +25,7 @@ struct Bounds {
 };
 
 // An affine image of the view's rectangle is bounded by its corners' images.
+// In the frame that `to_view` leads to.
 Bounds bounds_of(const Eigen::Affine2d& to_view, const cv::Size& size) {
   Bounds bounds;
   const double right = size.width - 1;
@@ -43,6 +44,7 @@ cv::Mat feather(const cv::Size& size) {
     for (int u = 0; u < size.width; ++u) {
       const double x = std::min(u + 0.5, size.width - u - 0.5) / (0.5 * size.width);
       const double y = std::min(v + 0.5, size.height - v - 0.5) / (0.5 * size.height);
+      // Above 0 everywhere, so that a pixel that one rim alone covers still has a color.
       weight.at<float>(v, u) = static_cast<float>(x * x * y * y + 1e-6);
     }
   }
@@ -56,6 +58,8 @@ double gray_at(const cv::Mat& view, int u, int v) {
 
 // Mean logarithm of first over second over their overlap. Both views' vignettes are in it, and
 // cancel on average.
+// Nothing without usable common pixels. `first_from_second` by the adjusted poses, not by the
+// link's own registration.
 std::optional<double> log_ratio(const cv::Mat& first, const cv::Mat& second,
                                 const Eigen::Affine2d& first_from_second) {
   double sum = 0;
@@ -79,6 +83,7 @@ std::optional<double> log_ratio(const cv::Mat& first, const cv::Mat& second,
 // Gain compensation (as Brown & Lowe 2007, on logarithms): least squares of log g_second - log
 // g_first = log(first / second) over all links, with the prior log g = 0. The matrix is the graph's
 // Laplacian.
+// The prior keeps views without links at 1, and the common factor that the ratios leave open.
 std::vector<double> gains_of(std::span<const cv::Mat> views, const MosaicPlan& plan) {
   const auto n = static_cast<Eigen::Index>(views.size());
   Eigen::MatrixXd information = kKeepLight * Eigen::MatrixXd::Identity(n, n);
@@ -101,6 +106,7 @@ std::vector<double> gains_of(std::span<const cv::Mat> views, const MosaicPlan& p
   return gains;
 }
 
+// Throws std::invalid_argument naming plan or views.
 void check_plan(std::span<const cv::Mat> views, const MosaicPlan& plan) {
   require(!views.empty() && views.size() == plan.mosaic_from_view.size(),
           "plan: must be made of these views");
@@ -119,6 +125,7 @@ struct Canvas {
 
 // Adds a warped view to the weighted sum, within its bounding box. Replicated borders keep the
 // color where the weight, warped alike, fades to 0.
+// `image_from_view` leads to pixels of the canvas.
 void add_view(Canvas& canvas, const cv::Mat& view, const cv::Mat& view_weight, double gain,
               const Eigen::Affine2d& image_from_view) {
   const Bounds bounds = bounds_of(image_from_view, view.size());
@@ -144,6 +151,8 @@ void add_view(Canvas& canvas, const cv::Mat& view, const cv::Mat& view_weight, d
 }  // namespace
 
 // Weighted mean sum(w g I) / sum(w) of the views on the integer grid of their bounding box.
+// Where no view is, the picture is black and `cover` is 0. Throws std::length_error before anything
+// large is allocated.
 Mosaic blend_mosaic(std::span<const cv::Mat> views, const MosaicPlan& plan,
                     const MosaicSettings& settings) {
   settings.check();

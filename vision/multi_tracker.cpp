@@ -27,6 +27,7 @@ constexpr double kNearer = 2.0;
 
 // Signed distance to the rim to first order, (g - 1) / |grad g| with g = sqrt(x^2 / a^2 + y^2 /
 // b^2) (Taubin 1991), px, negative inside; c and s: the ellipse's cosine and sine.
+// Exact on the rim and good near it, which is where it decides between two objects.
 double rim_distance(const Ellipse& e, double c, double s, double u, double v) {
   const double du = u - e.center_px.x();
   const double dv = v - e.center_px.y();
@@ -41,6 +42,7 @@ double rim_distance(const Ellipse& e, double c, double s, double u, double v) {
 
 // Share of the smaller ellipse that lies in the other, by 64 samples of equal area on Vogel's
 // (1979) spiral: radii sqrt((q + 1/2) / n), steps of the golden angle.
+// Sampled, as the common area of two ellipses has no simple closed form.
 double shared_area(const Ellipse& one, const Ellipse& other) {
   const bool swap =
       one.semi_major_px * one.semi_minor_px > other.semi_major_px * other.semi_minor_px;
@@ -61,6 +63,7 @@ double shared_area(const Ellipse& one, const Ellipse& other) {
 }
 
 // Whether any of 32 rim points of one is nearer than kTouching to the other's rim, or inside.
+// 0.19635 is a 32nd of a turn.
 bool touching(const Ellipse& one, const Ellipse& other) {
   if ((one.center_px - other.center_px).norm() >
       one.semi_major_px + other.semi_major_px + kTouching)
@@ -75,6 +78,7 @@ bool touching(const Ellipse& one, const Ellipse& other) {
 }
 
 // Of the colors sure for the object with fewer of them, the share that is sure for the other too.
+// By the tables, once at the start: what is alike there cannot be told apart by color in any image.
 double common_colors(const ColorModel& one, const ColorModel& other) {
   int first = 0;
   int second = 0;
@@ -90,6 +94,7 @@ double common_colors(const ColorModel& one, const ColorModel& other) {
 }  // namespace
 
 struct MultiTracker::State {
+  // What the multi-tracker knows of an object beyond its tracker.
   struct Object {
     explicit Object(const TrackedObject& from) : tracker(from.model, from.settings) {}
     ColorTracker tracker;
@@ -127,6 +132,7 @@ void MultiTracker::State::clear() {
 
 // Marks the pixels within kHalo of the claim and nearer to it than to every other claim: a Voronoi
 // diagram of the ellipses; of two at the same distance the first has the pixel.
+// Only objects that touch are compared, as all others are farther away than the halo.
 void MultiTracker::State::paint_one(std::size_t k) {
   const Ellipse wide = grown(*objects[k]->claim, kHalo);
   const int reach = static_cast<int>(wide.semi_major_px) + 2;
@@ -166,6 +172,7 @@ void MultiTracker::State::paint() {
 
 // Tracked before coasting before lost, then by inlier fraction: the surer objects claim pixels
 // first.
+// Ties go to the earlier object, so that the same images give the same order.
 void MultiTracker::State::sort_by_confidence() {
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
   const auto rank = [this](std::size_t k) {
@@ -182,6 +189,8 @@ void MultiTracker::State::sort_by_confidence() {
 
 // Identity of an object found anew: false where it may as well be another one of like colors that
 // is missing too.
+// Between two lost objects alike, a body counts only for one that is clearly nearer to it
+// (kNearer); else neither takes it, and it may be clear in a later frame.
 bool MultiTracker::State::believable(std::size_t k) const {
   const Object& object = *objects[k];
   const bool anew =
@@ -202,6 +211,7 @@ bool MultiTracker::State::believable(std::size_t k) const {
 }
 
 // Undoes this frame for an object and counts it as missed.
+// Time goes on for it: a frame that is taken back is a frame without a measurement.
 void MultiTracker::State::take_back(std::size_t k) {
   objects[k]->tracker.restore(objects[k]->before);
   tracks[k] = objects[k]->tracker.miss();
@@ -210,6 +220,7 @@ void MultiTracker::State::take_back(std::size_t k) {
 }
 
 // Tracks one object with the others' pixels blocked, and renews its claim.
+// The map is painted anew at once, since the next object is measured against it.
 void MultiTracker::State::measure(std::size_t k, const cv::Mat& image) {
   Object& object = *objects[k];
   tracks[k] = object.tracker.update(image, {map, static_cast<unsigned char>(k + 1)});
@@ -227,6 +238,7 @@ void MultiTracker::State::measure(std::size_t k, const cv::Mat& image) {
 
 // Second pass for objects that touch: their common border now comes from this frame's ellipses
 // instead of the predicted ones.
+// From the state before this frame, so that the frame counts once.
 void MultiTracker::State::measure_touching_again(const cv::Mat& image) {
   std::fill(again.begin(), again.end(), false);
   for (std::size_t i = 0; i < objects.size(); ++i) {
@@ -245,6 +257,7 @@ void MultiTracker::State::measure_touching_again(const cv::Mat& image) {
 
 // Two objects on one body: of different colors the surer one keeps it; of like colors neither, as
 // it cannot be decided.
+// Runs after both passes: only then is each claim final.
 void MultiTracker::State::resolve_overlaps() {
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
@@ -257,6 +270,8 @@ void MultiTracker::State::resolve_overlaps() {
   }
 }
 
+// Throws std::invalid_argument naming the objects. All sizes are fixed here, so that update()
+// allocates nothing later.
 MultiTracker::MultiTracker(const std::vector<TrackedObject>& objects)
     : state_(std::make_unique<State>()) {
   require(!objects.empty() && objects.size() <= kMostObjects,
@@ -281,6 +296,8 @@ MultiTracker::~MultiTracker() = default;
 
 // Claims by prediction, one pass in the order of confidence, a second one for objects that touch,
 // then the overlaps.
+// Only tracked objects claim pixels by prediction: that of a coasting or lost one would mask a body
+// that is really there.
 const std::vector<Track>& MultiTracker::update(const cv::Mat& image) {
   State& s = *state_;
   if (s.map.size() != image.size()) {

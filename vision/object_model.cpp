@@ -21,6 +21,7 @@ Calibration load_calibration(ByteReader& in) {
   return calibration;
 }
 
+// Its length first, so that the reader knows where the part ends.
 void save_part(ByteWriter& out, const std::string& part) {
   out.u32(static_cast<std::uint32_t>(part.size()));
   out.text(part);
@@ -44,6 +45,8 @@ std::string ObjectModel::save() const {
   return out.sealed();
 }
 
+// Throws std::invalid_argument naming the part that is damaged; every number is read with its
+// bounds.
 ObjectModel ObjectModel::load(std::string_view bytes) {
   ByteReader in(bytes, kObjectMagic, kObjectVersion, "object model");
   ObjectModel model;

@@ -27,6 +27,7 @@ ObjectSearch::ObjectSearch(const Ellipse& size)
 }
 
 // F of every cell and its integral image (Crow 1984).
+// Pixels of other objects count as the surest ground, so that no box covers them.
 void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv::Mat& owned,
                         unsigned char self) {
   const std::int8_t* table = model.table().data();
@@ -57,6 +58,8 @@ void ObjectSearch::read(const cv::Mat& image, const ColorModel& model, const cv:
 }
 
 // Sum of F over the box around a cell, cut to the image: four corners of the integral image.
+// A box cut by the border has fewer cells and so a lower score: bodies half out of the image come
+// last.
 int ObjectSearch::box(int i, int j) const {
   const int i0 = std::max(i - half_, 0);
   const int i1 = std::min(i + half_ + 1, columns_);
@@ -71,6 +74,8 @@ int ObjectSearch::box(int i, int j) const {
 
 // Mean F of each box over kMostTableF, less a penalty that grows with the distance from `near_px`;
 // -1 for a box that cannot be the object.
+// So of two equal boxes the one nearer to the last position, or to the middle of the image, is
+// tried first.
 void ObjectSearch::score(const Eigen::Vector2d& near_px) {
   const int side = 2 * half_ + 1;
   const float per_box = 1.0F / static_cast<float>(side * side * kMostTableF);
@@ -91,6 +96,7 @@ void ObjectSearch::score(const Eigen::Vector2d& near_px) {
 
 // Center and angle around a full box: moments of the cells with F > 0 within reach of it, three
 // times from the center just found. The axes stay those searched for.
+// The best box need not be in the body's middle; three rounds bring the disc there.
 Ellipse ObjectSearch::settle(int i, int j) const {
   Ellipse at{{i, j}, size_.semi_major_px / step_, size_.semi_minor_px / step_, 0};
   double reach = 1.2 * at.semi_major_px;
@@ -115,6 +121,7 @@ Ellipse ObjectSearch::settle(int i, int j) const {
   return {at.center_px * step_ + middle, size_.semi_major_px, size_.semi_minor_px, at.angle};
 }
 
+// At most 16, the best first; the list is overwritten by the next call. `owned` may be empty.
 const std::vector<Ellipse>& ObjectSearch::find(const cv::Mat& image, const ColorModel& model,
                                                const Eigen::Vector2d& near_px, int most,
                                                const cv::Mat& owned, unsigned char self) {

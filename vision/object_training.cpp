@@ -25,6 +25,7 @@ constexpr double kLeastPx2 = 0.0005;
 constexpr double kLeastAngle2 = 1e-5;
 
 // The largest part of a hand-drawn mask: a stray dot far away would turn and stretch all moments.
+// There is one: empty masks were refused by check_labeled().
 cv::Mat largest_part(const cv::Mat& mask) {
   cv::Mat labels;
   cv::Mat statistics;
@@ -40,6 +41,7 @@ cv::Mat largest_part(const cv::Mat& mask) {
 }
 
 // Whether the mask touches the image's border, and so may be cut by it.
+// Its moments would be those of a part.
 bool at_edge(const cv::Mat& mask) {
   const int u = mask.cols - 1;
   const int v = mask.rows - 1;
@@ -55,6 +57,8 @@ struct WholeMask {
 };
 
 // The images that show the whole object, for its shape; all, where none does.
+// Throws std::invalid_argument naming the image, from 1, for another size or an object too small to
+// have an axis.
 std::vector<WholeMask> whole_masks(std::span<const LabeledImage> images) {
   std::vector<WholeMask> all;
   std::vector<WholeMask> whole;
@@ -87,6 +91,7 @@ Matrix5 positive_part(const Matrix5& matrix) {
 
 // Bias of the axes and covariance of what the measurements' own covariance, `reported` on average,
 // does not explain: Cov(errors) - reported. `errors`: measured less true, of single measurements.
+// Covariance with the divisor n - 1, as the bias is estimated from the same errors.
 Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& reported) {
   Calibration result;
   const auto count = static_cast<double>(errors.size());
@@ -110,6 +115,7 @@ Calibration from_errors(const std::vector<Vector5>& errors, const Matrix5& repor
 
 // Measures every training image from its true ellipse and compares. Failures, with few normals or a
 // center off by more than 5 px, are the tracker's to reject, not the calibration's to explain.
+// `refine`: of the rim, else of the level set's segment; both have a bias of their own.
 Calibration calibration_of(const ObjectModel& model, const std::vector<WholeMask>& images,
                            ObjectViewSettings settings, bool refine) {
   settings.refine = refine;
@@ -134,6 +140,7 @@ Calibration calibration_of(const ObjectModel& model, const std::vector<WholeMask
 
 // Colors first: shape and calibration are measured with them. The calibrations use the training
 // images themselves, so they show the bias, not how far it generalizes.
+// Throws std::invalid_argument naming the image at fault.
 ObjectModel ObjectModel::train(std::span<const LabeledImage> images,
                                const ColorModelSettings& color, const ObjectViewSettings& view) {
   view.check();

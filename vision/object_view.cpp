@@ -21,6 +21,7 @@ double area_of(const Ellipse& e) {
 
 }  // namespace
 
+// Throws std::invalid_argument naming the setting.
 void ObjectViewSettings::check() const {
   level_set.check();
   rim.check();
@@ -47,6 +48,7 @@ ObjectView::ObjectView(const ObjectModel& model, const ObjectViewSettings& setti
 }
 
 // Shares of the ellipse's pixels for and against the object, over every second pixel and row.
+// A pixel outside of the region was not looked at: it counts for neither side, but in the whole.
 void ObjectView::count_support(const Ellipse& ellipse, Observation& observation) const {
   const cv::Rect& region = evidence_.region();
   int count = 0;
@@ -70,6 +72,8 @@ void ObjectView::count_support(const Ellipse& ellipse, Observation& observation)
 
 // Thesis 8.2 in order: F within the gate, cycles one and two, the shape prior from the front (8.4)
 // and cycle three; then, beyond the thesis, the sub-pixel rim around the shape.
+// A segment of an area unlike the prediction's is a piece or has run into a vessel: the rim is then
+// searched around the prediction.
 Observation ObjectView::observe(const cv::Mat& image, const Ellipse& expected, double gate_px,
                                 const EllipsePrior& prior, const Owned& owned, bool from_front) {
   Observation result;

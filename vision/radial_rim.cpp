@@ -36,6 +36,8 @@ RadialRim::RadialRim(const RadialRimSettings& settings) : settings_(settings) {
 // Maximum-likelihood change point on a normal: F is a log-likelihood ratio, so the cut after sample
 // k has the log-likelihood sum_(j <= k) F_j less a constant, and the best cut ends the largest
 // cumulative sum. To a fraction of a px by the linear zero crossing of F beside the cut.
+// Samples end at the first blocked pixel: what follows belongs to another object or lies outside of
+// the gate.
 void RadialRim::cut(const Evidence& evidence, Normal& n, double depth_px) const {
   std::array<double, kMostSamples> f;
   const int reach = static_cast<int>(settings_.search_px);
@@ -70,6 +72,8 @@ void RadialRim::cut(const Evidence& evidence, Normal& n, double depth_px) const 
 
 // Gauss-Newton: cuts along the current ellipse's normals, then the robust fit, until it moves no
 // more.
+// A normal that is blocked counts as not found, so a covered rim lowers inlier_fraction, by which
+// the tracker judges.
 std::optional<EllipseMeasurement> RadialRim::measure(const Evidence& evidence, const Ellipse& start,
                                                      const EllipsePrior& prior) {
   Ellipse ellipse = start;

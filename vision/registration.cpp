@@ -38,6 +38,7 @@ cv::Mat tapered(const cv::Mat& image) {
 
 // Zero padding to twice the size: the correlation is linear, not circular, so a shift beyond half
 // the view is not aliased.
+// The spectrum of a real image, both halves, so that products need no special rows.
 cv::Mat spectrum_of(const cv::Mat& image) {
   cv::Mat padded = cv::Mat::zeros(cv::getOptimalDFTSize(2 * image.rows),
                                   cv::getOptimalDFTSize(2 * image.cols), CV_32F);
@@ -66,6 +67,7 @@ cv::Mat correlation_of(const cv::Mat& first, const cv::Mat& second) {
 
 // The highest peaks, as shifts in p_first = p_turned + shift, px; those beyond half the padded size
 // are negative.
+// Paints over the correlation, of which the caller has no further use.
 std::vector<Eigen::Vector2d> peaks_of(cv::Mat correlation) {
   std::vector<Eigen::Vector2d> shifts;
   for (int k = 0; k < kPeaks; ++k) {
@@ -89,6 +91,7 @@ Eigen::Affine2d turn_about_center(const cv::Size& size, double angle) {
 }
 
 // The image in the frame that `to_from` maps to.
+// Of the same size; what has no source is 0, the flattened mean.
 cv::Mat warped(const cv::Mat& image, const Eigen::Affine2d& to_from) {
   const Eigen::Matrix<double, 2, 3, Eigen::RowMajor> m = to_from.matrix().topRows<2>();
   cv::Mat result;
@@ -99,6 +102,7 @@ cv::Mat warped(const cv::Mat& image, const Eigen::Affine2d& to_from) {
 // Exhaustive over rotation, by correlation over translation, at the coarsest level; no features, no
 // RANSAC. The best candidate is that of the highest Pearson correlation times the root of the
 // overlap.
+// The first view's spectrum is computed once; each angle costs one transform forwards and one back.
 Candidate search_pose(const RegistrationView& first, const RegistrationView& second,
                       const RegistrationSettings& settings) {
   const cv::Mat a = spectrum_of(tapered(first.level(kCoarsest).image));
@@ -123,11 +127,14 @@ Candidate search_pose(const RegistrationView& first, const RegistrationView& sec
 }
 
 // To a pyramid level `by` times as fine: the linear part is the same at all levels.
+// A pixel of the finer level is half as wide, hence the factor on the shift.
 void scale_shift(Eigen::Affine2d& transform, double by) { transform.translation() *= by; }
 
 }  // namespace
 
 // Coarse to fine: the pyramid's levels in turn, each from the result of the one before.
+// Correlation and overlap in the result are those of the coarsest level, sigma_px is that of full
+// resolution.
 std::optional<Registration> refine_registration(const RegistrationView& first,
                                                 const RegistrationView& second,
                                                 const Eigen::Affine2d& first_from_second,
@@ -160,6 +167,8 @@ std::optional<Registration> refine_registration(const RegistrationView& first,
   return result;
 }
 
+// The best candidate alone is refined: at a quarter of the resolution the right one stands out or
+// there is none.
 std::optional<Registration> register_views(const RegistrationView& first,
                                            const RegistrationView& second,
                                            const RegistrationSettings& settings) {

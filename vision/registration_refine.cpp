@@ -22,6 +22,7 @@ constexpr double kSharedNoise = 4 * std::numbers::pi;
 
 // Calls f(column, row, gray value of the second view there) for the pixels of the first that the
 // second covers, by bilinear interpolation.
+// The outermost pixels of the first view are left out, where central differences have no neighbor.
 template <typename F>
 void for_overlap(const cv::Mat& first, const cv::Mat& second,
                  const Eigen::Affine2d& second_from_first, int step, F f) {
@@ -63,6 +64,7 @@ struct PairMoments {
   double correlation() const { return (ab / n - mean_a() * mean_b()) / (sigma_a() * sigma_b()); }
 };
 
+// Every `step`-th pixel and row; moments need fewer samples than the equations.
 PairMoments pair_moments(const cv::Mat& first, const cv::Mat& second,
                          const Eigen::Affine2d& second_from_first, int step) {
   PairMoments m;
@@ -94,6 +96,8 @@ struct ViewFrame {
 // Normal equations of the inverse compositional step (Baker & Matthews 2004) for the six of an
 // affine change of the first view: J = grad(first) d(warp) / d(p), residual second(warp) - first,
 // both standardized; weights 1 / (1 + (r / c)^2) (Cauchy).
+// Only the first view's gradients enter, which RegistrationView has computed once: that is what
+// inverse compositional saves.
 RefineEquations refine_equations(const RegistrationView::Level& first, const cv::Mat& second,
                                  const Eigen::Affine2d& second_from_first, const PairMoments& m,
                                  double outlier) {
@@ -125,6 +129,7 @@ RefineEquations refine_equations(const RegistrationView::Level& first, const cv:
 }
 
 // Basis of the model's changes within the six: all, or a small turn (-y, x) and the two shifts.
+// A Euclidean step has three unknowns, so that noise cannot become scale or shear.
 Eigen::Matrix<double, 6, Eigen::Dynamic> freedoms_of(ViewModel model) {
   if (model == ViewModel::affine) return Matrix6::Identity();
   Eigen::Matrix<double, 6, 3> freedoms = Eigen::Matrix<double, 6, 3>::Zero();
@@ -148,6 +153,7 @@ Eigen::Affine2d change_of(const Vector6& d, const ViewFrame& frame, ViewModel mo
 }  // namespace
 
 // n step^2 pixels of the first view lie in the second, of its b.total().
+// An empty overlap has correlation and share 0.
 ViewOverlap overlap_of(const RegistrationView& first, const RegistrationView& second,
                        const Eigen::Affine2d& second_from_first, int level, int step) {
   const cv::Mat& a = first.level(level).image;
@@ -157,6 +163,8 @@ ViewOverlap overlap_of(const RegistrationView& first, const RegistrationView& se
   return {m.correlation(), m.n * step * step / static_cast<double>(b.total())};
 }
 
+// Nothing with fewer than 400 pixels in common, or where the structure does not determine the step,
+// as parallel vessels do not. `second_from_first` is improved in place.
 std::optional<double> refine_at_level(const RegistrationView& first, const RegistrationView& second,
                                       Eigen::Affine2d& second_from_first, int level,
                                       ViewModel model) {

@@ -16,6 +16,7 @@ namespace {
 constexpr int kSmallestSide = 64;
 constexpr double kLeastContrast = 0.002;  // of the flattened view: below, it is blank
 
+// Green of a color view, as vessels show best in it. Throws std::invalid_argument naming the view.
 cv::Mat gray_of(const cv::Mat& view) {
   require(!view.empty() && view.dims == 2 && (view.type() == CV_8UC1 || view.type() == CV_8UC3),
           "view: wants an 8-bit gray or BGR image that is not empty");
@@ -65,6 +66,7 @@ cv::Mat vignette_of(const cv::Mat& light) {
 
 // Flat-field correction: the view, smoothed by 1 px, over its vignette times a wide Gaussian mean,
 // both estimated on a small copy: uneven light goes, vessels stay.
+// A small copy suffices, as light varies slowly; it makes the wide filter cheap.
 cv::Mat flattened(const cv::Mat& gray, double sigma_px) {
   const double shrink = std::max(1.0, sigma_px / 3);
   const cv::Size size(std::max(8, static_cast<int>(gray.cols / shrink)),
@@ -93,6 +95,8 @@ void RegistrationSettings::check() const {
 }
 
 // Flattened and standardized, then a Gaussian pyramid with central differences.
+// Standardized, so that views under another lamp correlate as well. A blank view keeps its values
+// and is refused later.
 RegistrationView::RegistrationView(const cv::Mat& view, const RegistrationSettings& settings)
     : size_(view.size()) {
   settings.check();

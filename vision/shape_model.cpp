@@ -35,6 +35,7 @@ struct ModeValues {
 };
 
 // Bilinear in the grid; x, y in units of the scale. Outside of the grid, the values at its border.
+// Clamped: far outside of the shape only the sign of the distance counts.
 ModeValues interpolate(const std::vector<ShapeSample>& samples, double x, double y) {
   const double gx = std::clamp((x + ShapeModel::kReach) * kPerUnit, 0.0, kShapeGrid - 1.001);
   const double gy = std::clamp((y + ShapeModel::kReach) * kPerUnit, 0.0, kShapeGrid - 1.001);
@@ -65,6 +66,7 @@ double weighted_sum(const std::array<float, 5>& values,
 }
 
 // Signed distance of a mask to its rim, px, negative inside.
+// What is at the rim to half a pixel lets front and prior agree without a bias.
 cv::Mat signed_distance(const cv::Mat& mask) {
   cv::Mat inside;
   cv::Mat outside;
@@ -85,6 +87,7 @@ cv::Mat signed_distance(const cv::Mat& mask) {
 
 // The signed distance on the model's grid, in units of the scale: the similarity that maps the pose
 // to the origin, angle 0 and scale 1.
+// Distances are divided by the scale too, so that shapes of different size are comparable.
 Eigen::VectorXd register_distance(const cv::Mat& distance, const ShapePose& pose) {
   const double c = std::cos(pose.angle);
   const double s = std::sin(pose.angle);
@@ -111,6 +114,7 @@ ShapePose pose_from(const Ellipse& e) {
 }
 
 // One column per mask: its signed distance, registered by centroid, major axis and area.
+// By moments instead of the thesis' image correlation: no search, and no start that could be wrong.
 Eigen::MatrixXd registered_shapes(std::span<const cv::Mat> masks) {
   const auto count = static_cast<Eigen::Index>(masks.size());
   Eigen::MatrixXd shapes(static_cast<Eigen::Index>(kSamples), count);
@@ -172,9 +176,11 @@ void add_point(ShapeEquations& sum, const std::vector<ShapeSample>& samples, con
 
 }  // namespace
 
+// Refers to `model`; the sine and cosine are taken once for all points.
 PlacedShape::PlacedShape(const ShapeModel& model, const ShapeFit& fit)
     : model_(&model), fit_(fit), cos_(std::cos(fit.pose.angle)), sin_(std::sin(fit.pose.angle)) {}
 
+// In px: the model's distances are in units of the scale.
 double PlacedShape::at(double u, double v) const {
   const double du = u - fit_.pose.center_px.x();
   const double dv = v - fit_.pose.center_px.y();
@@ -227,6 +233,8 @@ ShapeModel ShapeModel::train(std::span<const cv::Mat> masks) {
 // with Sigma_k the unit matrix as they count in standard deviations; and for the pose a Gaussian
 // motion prior around the prediction instead of the uniform (8.9). Steps are limited, as the
 // linearization holds for small ones.
+// Without a front the prediction is returned, with no inliers. The covariance of the pose is not
+// kept: what is measured comes from the rim, not from here.
 ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& predicted,
                          const ShapeFitSettings& settings) const {
   ShapeFit fit;
@@ -271,6 +279,7 @@ ShapeFit ShapeModel::fit(std::span<const FrontPoint> front, const ShapePose& pre
 
 // Second moments of the inside over every second sample of the grid, each covered by 1/2 - phi /
 // spacing as the rim crosses it; then S = sqrt(4 covariance), turned to the pose.
+// The coverage of cells at the rim makes the moments smooth in the weights.
 Ellipse ShapeModel::ellipse_of(const ShapeFit& fit) const {
   double n = 0;
   double sx = 0;
@@ -319,6 +328,7 @@ std::string ShapeModel::save() const {
   return out.sealed();
 }
 
+// Throws std::invalid_argument for bytes that save() did not write.
 ShapeModel ShapeModel::load(std::string_view bytes) {
   ByteReader in(bytes, kShapeMagic, kShapeVersion, "shape model");
   ShapeModel model;

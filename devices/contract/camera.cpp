@@ -13,6 +13,8 @@ namespace vitreo::contract {
 namespace {
 
 /// One function a duty.
+/// A duty that throws is a finding, and the next ones are examined all the same
+/// (Examination::duty).
 struct Examiner : Examination<Examiner> {
   Camera& camera;
   Clock& clock;
@@ -47,6 +49,8 @@ struct Examiner : Examination<Examiner> {
       expect(wrong.empty(), "a frame shows what it should not: " + wrong);
     }
   }
+  // A frame is compared with the one before, which is kept alive meanwhile: a driver that reuses
+  // its memory changes both at once.
   void delivers_frames_in_order() {
     Frame last;
     for (int i = 0; i < how.frames; ++i) {
@@ -82,7 +86,9 @@ struct Examiner : Examination<Examiner> {
     }
     findings.emplace_back("it always has a frame at once");
   }
+  // A driver that gives up its acquisition at a timeout shows here.
   void goes_on_after_a_timeout() { examine(camera.grab(patience())); }
+  // Only that the count grows: what was delivered and not grabbed counts as well.
   void counts_frames() {
     const CameraStatistics before = camera.statistics();
     if (before.delivered == 0) return;  // a camera that cannot lose any does not count
@@ -93,6 +99,8 @@ struct Examiner : Examination<Examiner> {
 
 }  // namespace
 
+// The first duty decides whether there are others: their deadlines are made from the frame period
+// that the camera states.
 std::vector<std::string> check(Camera& camera, Clock& clock, const CameraCheck& how) {
   Examiner examiner(camera, clock, how);
   examiner.duty("describe itself", &Examiner::describes_itself);

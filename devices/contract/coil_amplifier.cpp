@@ -15,6 +15,8 @@ namespace {
 using Currents = std::vector<double>;
 
 /// One function a duty.
+/// Currents are small parts of the limit (CoilAmplifierCheck::fraction), for the suite runs on real
+/// coils as well. A stop in the middle leaves them at zero.
 struct AmplifierExaminer : Examination<AmplifierExaminer> {
   CoilAmplifier& amplifier;
   const CoilAmplifierCheck& how;
@@ -25,6 +27,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
   std::size_t count() const { return static_cast<std::size_t>(amplifier.channels()); }
 
   /// A different current in each channel, of both signs.
+  /// Channels that were swapped, or that all follow one of them, show by that.
   Currents pattern() const {
     Currents currents(count());
     for (std::size_t i = 0; i < currents.size(); ++i)
@@ -34,6 +37,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
   }
 
   /// currents() is exactly what was set; what flows agrees within the tolerance.
+  /// Without `measured` only the driver's word can be checked.
   void expect_currents(const Currents& wanted, const std::string& when) {
     expect(amplifier.currents() == wanted, when + ", currents() is not what was set");
     if (!how.measured) return;
@@ -45,6 +49,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
   }
 
   /// Sets `bad` on top of the pattern: must throw what the role says and leave the pattern alone.
+  /// The pattern is set anew for each case, so that there is something that could have changed.
   template <typename Error>
   void expect_refusal(const Currents& bad, const std::string& name) {
     const Currents before = pattern();
@@ -75,6 +80,8 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
     amplifier.set_currents(wanted);
     expect_currents(wanted, "after a change of sign");
   }
+  // A mistake of the caller's, and so std::invalid_argument; what is beyond the limit is the
+  // amplifier's refusal, a DeviceError.
   void refuses_a_wrong_count() {
     Currents fewer = pattern();
     Currents more = pattern();
@@ -84,6 +91,8 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
     expect_refusal<std::invalid_argument>(more, "one current too many");
     expect_refusal<std::invalid_argument>({}, "an empty list of currents");
   }
+  // In the last channel, behind others that are sound: a driver that checks while it sends would
+  // have set those.
   void refuses_what_is_no_number() {
     for (const double bad :
          {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
@@ -117,6 +126,7 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
 
 }  // namespace
 
+// From the harmless to the rare; the last duty leaves the outputs at zero whatever failed before.
 std::vector<std::string> check(CoilAmplifier& amplifier, const CoilAmplifierCheck& how) {
   AmplifierExaminer examiner(amplifier, how);
   examiner.duty("describe itself", &AmplifierExaminer::describes_itself);

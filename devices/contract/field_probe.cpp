@@ -18,6 +18,7 @@ std::vector<std::string> describe(const FieldProbeInfo& info) {
 }
 
 /// One reading: a number per axis, measured during the call, within the range and true.
+/// Without `really` the reading is compared with itself, so the tolerance then only refuses NaN.
 void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how,
              std::vector<std::string>& findings) {
   const Time before = clock.now();
@@ -45,6 +46,7 @@ std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbe
   try {
     for (int i = 0; i < 3 && findings.empty(); ++i) measure(probe, clock, how, findings);
   } catch (const std::exception& error) {
+    // A stop of the task is no finding.
     if (dynamic_cast<const Stopped*>(&error) != nullptr) throw;
     findings.push_back(std::string("measure: threw ") + error.what());
   }
@@ -58,6 +60,7 @@ std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbe
     if (error.kind != DeviceErrorKind::timeout)
       findings.emplace_back("at the deadline, measure() fails with another kind of error");
   }
+  // The next question after one that was given up.
   measure(probe, clock, how, findings);
   return findings;
 }

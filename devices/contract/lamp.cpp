@@ -28,12 +28,14 @@ struct LampExaminer : Examination<LampExaminer> {
     expect(!lamp.identity().empty(), "identity is empty");
     expect_level(0, "when it is opened");
   }
+  // Down to dark and up again: level 0 is a state of its own in some drivers.
   void shines() {
     for (const double level : {how.level, how.level / 2, 0., how.level}) {
       lamp.set_level(level);
       expect_level(level, "at level " + std::to_string(level));
     }
   }
+  // NaN too, which passes a test for "below 0 or above 1".
   void refuses_what_is_no_level() {
     lamp.set_level(how.level);
     for (const double wrong : {-0.1, 1.1, std::numeric_limits<double>::quiet_NaN()}) {
@@ -57,6 +59,7 @@ struct LampExaminer : Examination<LampExaminer> {
 
 }  // namespace
 
+// The last duty leaves the lamp dark.
 std::vector<std::string> check(Lamp& lamp, const LampCheck& how) {
   LampExaminer examiner(lamp, how);
   examiner.duty("describe itself", &LampExaminer::describes_itself);

@@ -17,6 +17,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
   LensMoverExaminer(LensMover& its, const LensMoverCheck& check) : mover(its), how(check) {}
   void leave_safe() { mover.make_safe(); }
 
+  // Targets are parts of the travel, so that one suite fits every mover.
   double middle() const { return (mover.travel_min() + mover.travel_max()) / 2; }
   double reach() const { return how.fraction * (mover.travel_max() - mover.travel_min()); }
   void expect_at(double wanted, const std::string& when) {
@@ -41,6 +42,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
     expect(how.fraction > 0 && how.fraction < 0.5, "fraction must be in (0, 0.5)");
   }
   /// Before it is homed it refuses to move; afterwards its position is a number.
+  /// Homing is done only where it is wanted: it may move over the whole travel.
   void knows_its_position() {
     if (!mover.homed()) {
       expect_error(DeviceErrorKind::refused, "a move before it was homed",
@@ -80,6 +82,7 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
     expect(mover.position() == there, "it still moves after the deadline of a move");
     expect(mover.homed(), "it forgets its place at the deadline of a move");
   }
+  // Stopping twice, and not moving by it.
   void makes_safe() {
     mover.make_safe();
     const double there = mover.position();
@@ -95,6 +98,8 @@ struct LensMoverExaminer : Examination<LensMoverExaminer> {
 
 }  // namespace
 
+// Without a known position nothing else may move it, so findings of the first two duties end the
+// suite.
 std::vector<std::string> check(LensMover& mover, const LensMoverCheck& how) {
   LensMoverExaminer examiner(mover, how);
   examiner.duty("describe itself", &LensMoverExaminer::describes_itself);

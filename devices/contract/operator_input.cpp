@@ -20,6 +20,7 @@ void note(std::vector<std::string>& findings, bool good, const std::string& find
 
 }  // namespace
 
+// Whether anything is pressed does not matter: what is reported must be possible, and told at once.
 std::vector<std::string> check(OperatorInput& input, Clock& clock) {
   std::vector<std::string> findings;
   try {

@@ -21,7 +21,7 @@ class AsStage final : public ForwardingMotion<Stage, RotationStage> {
   explicit AsStage(RotationStage& stage)
       : ForwardingMotion(stage), info_{stage.info().identity, {stage.info().axis}} {}
   const StageInfo& info() const override { return info_; }
-  Position position() override { return {inner().angle()}; }
+  Position position() override { return {inner().position()}; }
   void start(std::span<const double> target, double speed) override {
     // RotationStage::start takes one number, so a wrong count cannot reach it.
     if (target.size() != 1) throw std::invalid_argument("target: one angle is wanted");
@@ -33,6 +33,7 @@ class AsStage final : public ForwardingMotion<Stage, RotationStage> {
 };
 
 /// One function a duty. All move between two positions, near_ and far_, at speed_.
+/// Motions that are to arrive are examined first, since most later duties begin with one.
 class StageExaminer : Examination<StageExaminer> {
  public:
   StageExaminer(Stage& stage, Clock& clock, const StageCheck& how)
@@ -92,6 +93,7 @@ class StageExaminer : Examination<StageExaminer> {
     }
     expect(good, finding);
   }
+  // By the role's own move_to(), which also stops the stage where the wait fails.
   void go(const Position& target) { move_to(stage_, target, speed_, how_.timeout, clock_); }
 
   /// start() must throw `Error`, which tells a mistake of the caller from a limit of the stage, and
@@ -127,6 +129,8 @@ class StageExaminer : Examination<StageExaminer> {
     stage_.home(how_.timeout);
     expect(!stage_.moving(), "after home(), it moves");
   }
+  // There and back, so that backlash and a wrong sign show, and at last a motion of no length,
+  // which some controllers do not answer.
   void reaches_its_targets() {
     for (const Position& target : {near_, far_, near_}) {
       go(target);
@@ -135,6 +139,8 @@ class StageExaminer : Examination<StageExaminer> {
     go(near_);
     expect_position(near_, "after a motion to where it stands");
   }
+  // The motion must last long enough to be asked about in the middle (StageCheck::way). The second
+  // wait() has nothing to wait for and returns at once.
   void reports_that_it_moves() {
     stage_.start(far_, speed_);
     expect(stage_.moving(), "it says that it stands while it moves");
@@ -144,6 +150,7 @@ class StageExaminer : Examination<StageExaminer> {
     stage_.wait(how_.timeout);
     expect_position(far_, "after start() and wait()");
   }
+  // Should it take the new target all the same, the caller finds it elsewhere than at far_.
   void expect_busy() {
     try {
       stage_.start(near_, speed_);
@@ -153,6 +160,7 @@ class StageExaminer : Examination<StageExaminer> {
              "while it moves, start() fails with another kind of error");
     }
   }
+  // The target that is no number stands in the last axis, behind sound ones.
   void refuses_what_is_no_target() {
     go(near_);
     Position fewer = near_;

@@ -23,6 +23,7 @@ class Motion {
     const Dialogue::Turn turn(dialogue_);
     info_ = protocol_->configure();
   }
+  // A link that was lost is not opened again here, only to stop what cannot be reached.
   ~Motion() {
     try {
       if (!dialogue_.lost()) stop();
@@ -42,6 +43,7 @@ class Motion {
   }
 
   /// Limits are checked before the instrument is asked anything.
+  /// A motion that is under way refuses another one, see begin().
   void start(std::span<const double> target, double speed) {
     check_motion(info_.axes, target, speed, dialogue_.device(), unit_);
     const Dialogue::Turn turn(dialogue_);
@@ -72,6 +74,7 @@ class Motion {
   }
 
   /// Nothing to check against the limits: the instrument chooses target and speed.
+  /// wait() is called without the Turn, which another task may need to stop the homing.
   void home(Time timeout) {
     {
       const Dialogue::Turn turn(dialogue_);
@@ -82,6 +85,7 @@ class Motion {
   }
 
   /// Whether or not a motion is known of: the stage may have been set moving at its panel.
+  /// The task in wait() is told first, so that it does not take the halt for an arrival.
   void stop() {
     const Dialogue::Turn turn(dialogue_);
     be_open();
@@ -102,6 +106,8 @@ class Motion {
   }
 
   /// Whether the motion goes on; when it does not, ending_ is how it ended, or null at its target.
+  /// An exception is kept for wait(), for poll_motion() is also called by tasks that did not start
+  /// the motion.
   bool poll_motion() {
     if (!moving_) return false;
     try {
@@ -124,6 +130,7 @@ class Motion {
   }
 
   /// The deadline of wait(): the stage is stopped before the error is thrown.
+  /// No ending is kept: the caller has it by the exception.
   [[noreturn]] void give_up() {
     moving_ = false;
     protocol_->halt();
@@ -187,8 +194,8 @@ class DrivenRotationStage final : public RotationStage {
     info_ = {motion_.info().identity, motion_.info().axes.front()};
   }
   const RotationStageInfo& info() const override { return info_; }
-  double angle() override { return motion_.position().front(); }
-  void start(double angle, double speed) override { motion_.start({&angle, 1}, speed); }
+  double position() override { return motion_.position().front(); }
+  void start(double target, double speed) override { motion_.start({&target, 1}, speed); }
   bool moving() override { return motion_.moving(); }
   void wait(Time timeout) override { motion_.wait(timeout); }
   void home(Time timeout) override { motion_.home(timeout); }
@@ -202,6 +209,7 @@ class DrivenRotationStage final : public RotationStage {
 
 }  // namespace
 
+// Rounded to whole microsteps of the instrument.
 std::int32_t SilentStageProtocol::aim(std::span<const double> target) {
   std::int32_t longest = 0;
   for (std::size_t i = 0; i < target_.size(); ++i) {
@@ -211,6 +219,7 @@ std::int32_t SilentStageProtocol::aim(std::span<const double> target) {
   return longest;
 }
 
+// The deadline stands for the answer that does not come: nothing may be asked before.
 void SilentStageProtocol::begin(Time longest) {
   begun_ = clock().now();
   deadline_ = later(begun_, longest);
@@ -238,6 +247,7 @@ std::vector<double> SilentStageProtocol::position() {
 }
 
 /// Listens for the byte at the end of the motion, and sends nothing.
+/// Past the deadline the line counts as unsure, for the answer may still come.
 bool SilentStageProtocol::busy() {
   if (!moving_) return false;
   const auto answer = dialogue.next(clock().now());
@@ -249,6 +259,7 @@ bool SilentStageProtocol::busy() {
   return false;
 }
 
+// The byte at the motion's end says that it ended, not where.
 void SilentStageProtocol::check_arrival(bool) {
   const Usteps at = where();
   for (std::size_t i = 0; i < at.size(); ++i)
@@ -270,6 +281,7 @@ void SilentStageProtocol::halt() {
   if (where() != first) fail(DeviceErrorKind::timeout, "it does not stop");
 }
 
+// Unsure from here on: the answer to the interrupt is left on the line.
 void SilentStageProtocol::send_halt() {
   unsure_ = true;
   try {

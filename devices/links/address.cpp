@@ -24,6 +24,8 @@ Address parse_address(const std::string& text) {
   return {text.substr(0, colon), text.substr(colon + 1)};
 }
 
+// The buses that carry a stream of bytes; "emulated" has been handled by the caller, who has the
+// emulator.
 std::unique_ptr<ByteLink> open_byte_link(const std::string& address, const SerialSettings& serial,
                                          Clock& clock) {
   const Address where = parse_address(address);

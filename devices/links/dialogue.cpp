@@ -55,6 +55,8 @@ auto Dialogue::guarded(const Work& work) {
   }
 }
 
+// The bytes are with the kernel when it returns; whether the instrument took them only an answer
+// shows.
 void Dialogue::send(std::span<const std::uint8_t> bytes) {
   guarded([&] { link_->write(bytes, kWriteTimeout); });
 }
@@ -104,6 +106,7 @@ std::string Dialogue::line(char terminator, std::size_t most, Time deadline) {
                     : "only the beginning of an answer came in time: " + printable(text));
 }
 
+// A deadline of now reads only what has arrived already.
 void Dialogue::discard() {
   for (int i = 0; i < kMostChunks && fill(clock_.now()); ++i) arrived_.clear();
 }
@@ -114,6 +117,8 @@ void Dialogue::settle(Time silence) {
   while (clock_.now() < end && fill(later(clock_.now(), silence))) arrived_.clear();
 }
 
+// Only the link is opened: the driver configures the instrument anew, for it may have lost its
+// power.
 void Dialogue::reopen() {
   lost_ = false;  // or guarded() would refuse the attempt
   arrived_.clear();

@@ -33,6 +33,7 @@ class Descriptor final : public OpenFile {
   int handle_;
 };
 
+// From a loss until reopen() there is no file, and every call throws DeviceError{lost}.
 class FileLink final : public ByteLink {
  public:
   FileLink(std::string address, std::function<std::unique_ptr<OpenFile>()> open, Clock& clock)
@@ -82,6 +83,7 @@ class FileLink final : public ByteLink {
     }
   }
 
+  // Closed first: a port with one owner would refuse the second opening.
   void reopen() override {
     file_.reset();
     file_ = open_();
@@ -129,11 +131,13 @@ std::unique_ptr<ByteLink> file_link(std::string address,
   return std::make_unique<FileLink>(std::move(address), std::move(open), clock);
 }
 
+// MSG_NOSIGNAL exists for sockets alone; everything else is written to plainly.
 std::ptrdiff_t write_quietly(int handle, std::span<const std::uint8_t> bytes) {
   const std::ptrdiff_t sent = ::send(handle, bytes.data(), bytes.size(), MSG_NOSIGNAL);
   return sent < 0 && errno == ENOTSOCK ? ::write(handle, bytes.data(), bytes.size()) : sent;
 }
 
+// Reads errno, so it is called before anything else that may set it.
 std::string system_error() { return std::generic_category().message(errno); }
 
 }  // namespace vitreo

@@ -21,6 +21,7 @@ class MemoryHidLink final : public HidLink {
   MemoryHidLink& operator=(const MemoryHidLink&) = delete;
   ~MemoryHidLink() override { peer_.connect(nullptr); }
 
+  // The caller's task spends the latency; stopping it does not stop the report.
   void write(std::span<const std::uint8_t> report) override {
     try {
       clock_.sleep_for(latency_);

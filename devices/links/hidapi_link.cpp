@@ -47,6 +47,7 @@ class Writer {
     quiet_thread([writer] { writer->run(); }).detach();
     return writer;
   }
+  // For reading, on the caller's thread, while run() may be writing.
   hid_device* device() const { return device_.get(); }
   /// A report did not leave in time, so none is taken any more.
   bool given_up() {
@@ -92,6 +93,8 @@ class Writer {
   }
 
   const Device device_;
+  // Of all members below. report_ is the hand-over: filled by write(), emptied by run() when the
+  // kernel has taken it.
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<std::vector<std::uint8_t>> report_;  // on its way
@@ -110,6 +113,8 @@ class HidapiLink final : public HidLink {
   }
   HidapiLink(const HidapiLink&) = delete;
   HidapiLink& operator=(const HidapiLink&) = delete;
+  // The thread ends by itself; while the kernel holds a report it keeps the device open for as
+  // long.
   ~HidapiLink() override { writer_->end(); }
 
   void write(std::span<const std::uint8_t> report) override {

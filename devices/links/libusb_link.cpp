@@ -69,6 +69,7 @@ void for_each_device(libusb_context* context, Visit visit) {
 }
 
 /// Strings need an open handle; null: they stay empty.
+/// The place is bus and address, which change with each plugging in.
 UsbIdentity identify(libusb_device* device, const libusb_device_descriptor& d,
                      libusb_device_handle* handle) {
   return {d.idVendor,
@@ -113,6 +114,8 @@ class LibusbLink final : public UsbLink {
 
  private:
   /// Opens every candidate: serial numbers can be read of open devices only.
+  /// A device that may not be opened could be the wanted one, so its refusal is reported where no
+  /// other fits.
   void find(const UsbAddress& address) {
     int found = 0;
     int refusal = 0;
@@ -168,6 +171,7 @@ std::unique_ptr<UsbLink> open_usb_link(const UsbAddress& address, Clock& clock) 
   return std::make_unique<LibusbLink>(address, clock);
 }
 
+// A device that may not be opened is listed without its strings.
 std::vector<UsbIdentity> list_usb_devices() {
   const Context context = new_context();
   std::vector<UsbIdentity> found;

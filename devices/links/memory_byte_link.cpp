@@ -17,6 +17,7 @@ constexpr Time kFaultPoll = std::chrono::milliseconds(50);
 /// Bytes arrive in order, each at a time that is known when it is sent; a reader sleeps until then.
 /// The peer is driven by the caller: at each read and write it is given the time and asked for what
 /// it has sent.
+/// Bytes that are on their way are in coming_, in the order of their arrival.
 class MemoryByteLink final : public ByteLink {
  public:
   MemoryByteLink(BytePeer& peer, Clock& clock, const MemoryLinkSettings& settings,
@@ -62,6 +63,7 @@ class MemoryByteLink final : public ByteLink {
     }
   }
 
+  // What was on its way is lost with the connection.
   void reopen() override {
     check_cable();
     collect();
@@ -123,6 +125,7 @@ class MemoryByteLink final : public ByteLink {
   }
 
   /// The next time at which a reader may find something: the deadline, a byte, the peer, a fault.
+  /// Without faults only a delivery, which notifies, can end the wait earlier.
   Time wake_up(Time deadline) const {
     Time due = std::min(deadline, peer_.next());
     if (!coming_.empty()) due = std::min(due, coming_.front().due);

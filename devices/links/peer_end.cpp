@@ -22,6 +22,7 @@ std::unique_ptr<OpenFile> owned(int handle, const char* what) {
 }
 
 /// False when the other side has closed its end.
+/// Never blocks: both ends were made so. Bytes that the kernel does not take stay in `unsent`.
 bool pump_bytes(int handle, BytePeer& peer, Time now, ByteString& unsent) {
   std::array<std::uint8_t, 4096> buffer{};
   const ssize_t count = ::read(handle, buffer.data(), buffer.size());
@@ -83,6 +84,7 @@ class TcpEnd final : public PeerEnd {
   }
   const std::string& address() const override { return address_; }
 
+  // One pass does what is possible now; the owner calls again.
   void pump(BytePeer& peer, Time now) override {
     if (!connection_) {
       const int handle =

@@ -31,6 +31,7 @@ class Port final : public OpenFile {
   Port& operator=(const Port&) = delete;
 
   /// 8N1. RTS and DTR are asserted, as drivers of the Sutter MP-285 do without flow control.
+  /// Flushed last: what came in at another rate or parity is no answer to anything.
   void configure(const SerialSettings& settings) {
     const auto set = [this](sp_return result, const char* what) {
       check(result, DeviceErrorKind::refused, what);

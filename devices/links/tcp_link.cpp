@@ -45,6 +45,7 @@ HostAndPort split(const std::string& text) {
 }
 
 /// Waits for a connection under way. Empty when it stands, else why not.
+/// poll() with no time of its own, and sleeps on the clock: other tasks go on meanwhile.
 std::string connected(int handle, Time deadline, Clock& clock) {
   for (;;) {
     pollfd file{handle, POLLOUT, 0};
@@ -78,6 +79,7 @@ std::unique_ptr<OpenFile> connect(const std::string& address, const HostAndPort&
   const auto fail = [&address](DeviceErrorKind kind, const std::string& what) {
     throw DeviceError(kind, address, what);
   };
+  // Blocks, with the baton, where the host is a name and no number.
   if (const int error = ::getaddrinfo(to.host.c_str(), to.port.c_str(), &wanted, &found);
       error != 0)
     fail(DeviceErrorKind::not_found, ::gai_strerror(error));

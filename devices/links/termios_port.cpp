@@ -18,6 +18,7 @@ namespace {
   throw DeviceError(kind, "serial:" + path, what);
 }
 
+// A lack of rights is the user's to mend; all else counts as a port that is not there.
 DeviceErrorKind kind_of_errno() {
   return errno == EACCES || errno == EPERM || errno == EBUSY ? DeviceErrorKind::refused
                                                              : DeviceErrorKind::not_found;
@@ -50,9 +51,12 @@ void configure(int handle, const std::string& path, const SerialSettings& settin
 
 std::unique_ptr<OpenFile> open_with_termios(const std::string& path,
                                             const SerialSettings& settings) {
+  // O_NOCTTY: the port must not become this session's controlling terminal. O_NONBLOCK: opening
+  // must not wait for a carrier.
   const int handle = ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   if (handle < 0) fail(kind_of_errno(), path, system_error());
   auto file = own_descriptor(handle);
+  // Advisory, as in serial_port.cpp: the kernel itself lets any number of programs open a terminal.
   if (::flock(handle, LOCK_EX | LOCK_NB) != 0)
     fail(DeviceErrorKind::refused, path, "another program has it open");
   configure(handle, path, settings);

@@ -29,6 +29,8 @@ class MemoryUsbLink final : public UsbLink {
   }
 
  private:
+  // The peer is asked even where the answer is not waited for any more; of the reasons to throw the
+  // stop comes first, then the deadline, then the stall.
   std::vector<std::uint8_t> transfer(const UsbSetup& setup, std::span<const std::uint8_t> data,
                                      std::uint16_t length, Time timeout) {
     std::exception_ptr stopped;

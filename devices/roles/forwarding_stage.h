@@ -45,8 +45,8 @@ class ForwardingRotationStage : public ForwardingMotion<RotationStage> {
  public:
   using ForwardingMotion::ForwardingMotion;
   const RotationStageInfo& info() const override { return inner().info(); }
-  double angle() override { return inner().angle(); }
-  void start(double angle, double speed) override { inner().start(angle, speed); }
+  double position() override { return inner().position(); }
+  void start(double target, double speed) override { inner().start(target, speed); }
 };
 
 }  // namespace vitreo

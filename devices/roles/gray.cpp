@@ -8,6 +8,7 @@
 
 namespace vitreo {
 
+// Always a copy or a new image: a Frame's pixels belong to its receiver.
 cv::Mat in_gray(const cv::Mat& image) {
   // Eight bits: 65535 = 257 * 255, so white stays white. convertTo() rounds and saturates.
   cv::Mat eight;

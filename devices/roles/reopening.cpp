@@ -45,6 +45,8 @@ class Held {
   int times_opened() const { return times_opened_; }
 
   /// Calls `call(device)`, and notes when the instrument is lost during that.
+  /// The device is held by a copy of the pointer, so that a task inside of it is not left with a
+  /// dangling one when another task opens it anew.
   template <class Call>
   auto use(Gone gone, const Call& call) {
     if (gone_ && gone == Gone::stays) fail("it was lost; make it safe first: that opens it again");
@@ -122,6 +124,7 @@ class ReopeningAmplifier final : public CoilAmplifier {
   std::vector<double> currents() const override {
     return held_.now() != nullptr ? held_.now()->currents() : last_;
   }
+  // Refused while it is gone: a current must not begin to flow because a cable was put back.
   void set_currents(std::span<const double> currents) override {
     held_.use(Gone::stays, [&](CoilAmplifier& device) { device.set_currents(currents); });
     last_.assign(currents.begin(), currents.end());
@@ -169,6 +172,7 @@ class ReopeningLensMover final : public LensMover {
   std::string identity() const override { return held_.identity(); }
   double travel_min() const override { return travel_min_; }
   double travel_max() const override { return travel_max_; }
+  // A driver that came back may have lost its reference: its own homed() says so.
   double position() const override {
     return held_.use(Gone::comes_back, [](LensMover& device) { return device.position(); });
   }
@@ -197,6 +201,7 @@ class ReopeningCamera final : public Camera {
   explicit ReopeningCamera(Held<Camera> held)
       : held_(std::move(held)), info_(held_.now()->info()) {}
   const CameraInfo& info() const override { return info_; }
+  // A new opening is noticed within the call, before its first frame is numbered.
   Frame grab(Time timeout) override {
     Frame frame = held_.use(Gone::comes_back, [&](Camera& device) {
       if (times_opened_ != held_.times_opened()) begin_again(device);
@@ -208,6 +213,7 @@ class ReopeningCamera final : public Camera {
     last_number_ = frame.number;
     return frame;
   }
+  // Between a new opening and its first grab the counts of the former one still stand.
   CameraStatistics statistics() const override {
     const CameraStatistics now = held_.now() != nullptr && times_opened_ == held_.times_opened()
                                      ? held_.now()->statistics()

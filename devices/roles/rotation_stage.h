@@ -13,14 +13,14 @@ struct RotationStageInfo {
   StageAxis axis;  ///< rad, rad/s; an axis that turns without end has an infinite travel
 };
 
-/// As Stage, with an angle instead of positions.
+/// As Stage, with one angle as its position.
 class RotationStage {
  public:
   virtual ~RotationStage() = default;
   virtual const RotationStageInfo& info() const = 0;
-  virtual double angle() = 0;  ///< rad, from the stage's own origin; full turns are kept
-  /// Sets off for `angle`, rad, at `speed`, rad/s, and returns; as Stage::start.
-  virtual void start(double angle, double speed) = 0;
+  virtual double position() = 0;  ///< rad, from the stage's own origin; full turns are kept
+  /// Sets off for `target`, rad, at `speed`, rad/s, and returns; as Stage::start.
+  virtual void start(double target, double speed) = 0;
   virtual bool moving() = 0;
   virtual void wait(Time timeout) = 0;
   virtual void home(Time timeout) = 0;
@@ -29,6 +29,6 @@ class RotationStage {
 };
 
 /// Turns and waits until it is there; whatever breaks the wait off stops the stage.
-void turn_to(RotationStage& stage, double angle, double speed, Time timeout, Clock& clock);
+void move_to(RotationStage& stage, double target, double speed, Time timeout, Clock& clock);
 
 }  // namespace vitreo

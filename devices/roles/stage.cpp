@@ -33,8 +33,9 @@ void move_to(Stage& stage, std::span<const double> target, double speed, Time ti
   wait_or_stop(stage, timeout, clock);
 }
 
-void turn_to(RotationStage& stage, double angle, double speed, Time timeout, Clock& clock) {
-  stage.start(angle, speed);
+// As move_to() above, of one axis.
+void move_to(RotationStage& stage, double target, double speed, Time timeout, Clock& clock) {
+  stage.start(target, speed);
   wait_or_stop(stage, timeout, clock);
 }
 

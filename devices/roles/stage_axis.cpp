@@ -12,6 +12,7 @@ namespace vitreo {
 namespace {
 
 /// Six significant digits, as %g prints them.
+/// For messages alone: what is checked are the numbers themselves.
 std::string in_short(double number) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%g", number);
@@ -29,6 +30,11 @@ Shown shown_as(const std::string& unit) {
 }
 
 }  // namespace
+
+std::string position_text(double position, const std::string& unit) {
+  const Shown shown = shown_as(unit);
+  return in_short(shown.per_unit * position) + " " + shown.symbol;
+}
 
 void check_motion(const std::vector<StageAxis>& axes, std::span<const double> target, double speed,
                   const std::string& device, const char* unit) {

@@ -18,6 +18,9 @@ struct StageAxis {
   double resolution = 0;  ///< the instrument's step: how far a position may be off its target
 };
 
+/// A position for messages, in mm (of m) or degrees (of rad): "5 mm".
+std::string position_text(double position, const std::string& unit);
+
 /// The check of every stage before it moves. Throws std::invalid_argument for a wrong count, a
 /// number that is not finite or a speed that is not positive; DeviceError{refused} under the name
 /// `device` for a target outside the travel or a speed above the limit of an axis. `unit` is that

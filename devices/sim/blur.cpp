@@ -91,6 +91,8 @@ const Blur::Separable& Blur::kernel(double defocus) {
   return kernels_.emplace(key, std::move(separable)).first->second;
 }
 
+// sum_k v_k (u_k * image), one separable pass a term; at the border the edge's pixels are repeated,
+// so that an even image stays even.
 void Blur::apply(cv::Mat& image, double defocus) {
   const Separable& separable = kernel(defocus);
   cv::Mat sum;

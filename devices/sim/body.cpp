@@ -70,6 +70,8 @@ SpheroidDrag spheroid_drag(double viscosity, double a, double b) {
 
 // Support points: of an ellipsoid A A' n / sqrt(n'A A'n); of rod and disc as Minkowski sums of a
 // ball with a segment and with a flat disc.
+// `direction` is a unit vector. Ends of a rod and rim of a disc are round with the smaller
+// semi-axis.
 Eigen::Vector3d support(Shape shape, const BodyState& body, const Eigen::Vector3d& direction) {
   const double along = body.axis.dot(direction);
   const double a = body.semi_axis;
@@ -121,6 +123,8 @@ void Cavity::check() const {
   require_positive(lens_depth, "lens_depth");
 }
 
+// Below the equator a sphere of the retina's radius about the center; the distance is negative
+// outside.
 Cavity::Wall Cavity::retina(const Eigen::Vector3d& point) const {
   Eigen::Vector3d from_center = point - vertex - Eigen::Vector3d(0, 0, radius);
   // Above the equator the wall is a cylinder.

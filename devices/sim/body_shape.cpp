@@ -11,6 +11,8 @@ namespace {
 
 // S of the ellipsoid p.S p = 1 with semi-axes a, b, c along axis, side and their cross product: in
 // the norm sqrt(p.S p) it is the unit ball.
+// In that norm a line's distance from the middle is 1 where it touches the ellipsoid, which is what
+// hit() and the antialiasing use.
 Eigen::Matrix3d ellipsoid(const Eigen::Vector3d& axis, const Eigen::Vector3d& side, double a,
                           double b, double c) {
   const Eigen::Vector3d third = axis.cross(side);

@@ -38,6 +38,8 @@ CoilBank::CoilBank(const CoilBankSettings& settings, int coils)
   temperatures_ = control::Currents::Constant(coils, settings_.ambient);
 }
 
+// A queue, because the delay may be longer than the time between two set-points. A dead coil is
+// told zero, so it stays cold as well.
 void CoilBank::command(Time time, const control::Currents& set_points) {
   require(set_points.size() == target_.size(), "commands: one for each coil is wanted");
   require(set_points.allFinite(), "commands: not finite");

@@ -39,6 +39,8 @@ class FaultyHidLink final : public HidLink {
     clock_.sleep_for(Time::zero());
   }
 
+  // In slices, since faults are set without a signal: a pulled cable must end a wait that is under
+  // way.
   std::optional<std::vector<std::uint8_t>> read(Time timeout) override {
     const Time deadline = later(clock_.now(), timeout);
     for (;;) {
@@ -91,6 +93,8 @@ class FaultyUsbLink final : public UsbLink {
   }
 
  private:
+  // The instrument executes what it is sent only where the answer would come in time: a transfer
+  // that is lost is lost on its way there.
   void delay(Time timeout) {
     check_cable(faults_, "usb");
     if (!faults_.silent && !faults_.deaf && faults_.late == Time::zero()) return;

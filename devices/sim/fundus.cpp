@@ -161,6 +161,7 @@ Fundus Fundus::photograph(const std::string& file, double width) {
 }
 
 // Bilinear interpolation.
+// (0, 0) is the middle of the map, between its pixels, hence the half; 0 outside of it.
 float Fundus::reflectance(double x, double y) const {
   const double u = map_.cols / 2.0 - 0.5 + x * pixels_per_meter_;
   const double v = map_.rows / 2.0 - 0.5 - y * pixels_per_meter_;

@@ -70,6 +70,7 @@ std::uint64_t mix(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
   return x ^ (x >> 31);
 }
 
+// The uniform background is the room's and no coil's, so it is not perturbed.
 control::FieldModel perturbed(const control::FieldModel& model,
                               const control::FieldPerturbation& sigma, std::mt19937_64& random) {
   const control::CoilField* dipoles = model.dipoles();

@@ -46,6 +46,7 @@ class SimulatedSampleHandler : public SampleHandler {
 
 // The true plant: the settings with their perturbations sampled, each from a stream of its own, so
 // that a change of one sigma leaves the other samples as they were.
+// The operator tunes last, on the plant as it was sampled.
 WorldSettings sampled_world(const LaboratorySettings& settings, std::uint64_t seed) {
   const auto stream = [seed](Purpose purpose) { return std::mt19937_64(seed_for(seed, purpose)); };
   WorldSettings world = settings.world;
@@ -75,6 +76,7 @@ usb3103::EmulatorSettings sampled_dac(double offset, std::uint64_t seed) {
 // Thickness t of two crossed elliptical plates with the robot's outline and volume, which share a
 // bar of 2 a t^2 along the axis: the smaller root of V = 2 pi a b t - 2 a t^2. 0 where the outline
 // is too small.
+// Each plate is an elliptical cylinder of pi a b t.
 double plate_thickness(const control::Robot& robot) {
   const double a = robot.semi_axis;
   const double flat = 2 * M_PI * a * robot.semi_radius;
@@ -141,6 +143,7 @@ struct Laboratory::State {
   }
 
   /// Made with the first picture: it takes a tenth of a second, for which a prompt need not wait.
+  /// Its reach is just short of the equator, which is pi / 2 = 1.571 radii of arc from the vertex.
   const Fundus& retina() {
     if (!fundus)
       fundus = Fundus::drawn(seed_for(seed, Purpose::fundus), 1.55 * settings.world.cavity.radius);
@@ -224,6 +227,8 @@ struct Laboratory::State {
 
   /// One picture: bodies at the start and the end of the exposure, the middle of which is
   /// `exposed`.
+  /// Only the robot is smeared: the other bodies are drawn as they are in the middle of the
+  /// exposure.
   cv::Mat draw(Renderer& renderer, const CameraSettings& camera, Time exposed,
                std::uint64_t number) {
     const Time half = from_seconds(camera.exposure / 2);

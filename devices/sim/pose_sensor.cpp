@@ -44,6 +44,9 @@ class SimulatedPoseSensor : public PoseSensor {
     return "simulated pose sensor: the simulator's truth, late and noisy";
   }
   double period() const override { return 1 / settings_.frame_rate; }
+  // Readings between two calls are skipped, as by a camera: the newest one counts. The true
+  // position is fetched at the usual latency even where a fault delays the reading, since the world
+  // remembers one second only.
   PoseReading read(Time timeout) override {
     const Time deadline = later(clock_.now(), timeout);
     for (;;) {

@@ -28,6 +28,7 @@ SimulatedProbe::SimulatedProbe(const ProbeSettings& settings, World& world,
 
 // The field at the end of the integration time, with white Gaussian noise on each axis. Beyond the
 // range of one axis there is no reading, as a saturated teslameter shows none.
+// The reading bears the time of the question (FieldReading::measured).
 FieldReading SimulatedProbe::measure(Time timeout) {
   const Time asked = clock_.now();
   const Time needed = from_seconds(settings_.integration);

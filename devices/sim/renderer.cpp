@@ -188,6 +188,7 @@ void Renderer::restore_ground() {
 }
 
 // m per px at a depth of the view, along u.
+// By a central difference of the two neighbors' lines.
 double Renderer::scale_at(const Eigen::Vector2d& pixel, double z) const {
   const int u = std::clamp(static_cast<int>(pixel.x()), 1, view_.width - 2);
   const int v = std::clamp(static_cast<int>(pixel.y()), 1, view_.height - 2);

@@ -64,6 +64,7 @@ void RobotMotion::relax() {
 
 // moment_gain is the error of the believed magnetization, volume and hysteresis
 // (facts/magnetics 2.1, C).
+// A m^2, in the world frame, from the body's axis and the field at it, T.
 Eigen::Vector3d RobotMotion::moment(const BodyState& body, const Eigen::Vector3d& field) const {
   return moment_gain_ * control::robot_moment(robot_, body.axis, field);
 }

@@ -44,6 +44,8 @@ Time SimulatedCamera::arrival(std::int64_t number) const {
 }
 
 // The newest that has arrived, if it was not yet returned; else the next one to arrive.
+// By the latency alone; where its own jitter still holds that frame, the one before it is the
+// newest.
 std::int64_t SimulatedCamera::next() const {
   const Time now = clock_.now() - faults_.late;
   std::int64_t arrived = now < latency_ ? -1 : (now - latency_) / period_;
@@ -61,6 +63,7 @@ bool SimulatedCamera::comes(std::int64_t number) {
   return !dropped && !torn;
 }
 
+// The cable may be pulled before the wait or during it.
 void SimulatedCamera::wait_until(Time due) {
   if (faults_.unplugged) throw DeviceError(DeviceErrorKind::lost, info_.identity, "is gone");
   clock_.sleep_until(due);

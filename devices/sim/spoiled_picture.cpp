@@ -46,6 +46,7 @@ void draw_floater(cv::Mat& picture, int radius_px, double since) {
 }  // namespace
 
 // In the order of the light's way: what floats in the eye, then the lens, then the exposure.
+// Where nothing is wrong the same image goes on, so that faults cost nothing when there are none.
 cv::Mat spoiled(const cv::Mat& picture, const PictureFaults& faults, Time exposed) {
   if (faults.light == 1 && faults.blur_px == 0 && faults.floater_px == 0) return picture;
   cv::Mat worse = picture.clone();

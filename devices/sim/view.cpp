@@ -183,6 +183,7 @@ optics::Microscope bare_sensor(const optics::System& eye, double focus, double n
   return sensor;
 }
 
+// Parallel lines, along z, at the pixels' own scale; image rows go down, y up.
 View plain_view(double pixel, const Eigen::Vector2d& center_px, const ImageSize& size) {
   require(pixel > 0, "pixel must be above zero");
   View view;

@@ -83,6 +83,7 @@ World::World(const WorldSettings& settings, std::uint64_t seed)
   history_.assign(kHistory, now_);
 }
 
+// Not advanced here: the coils keep the command until their delay is over.
 void World::set_coil_commands(Time time, const control::Currents& commands) {
   coils_.command(time, commands);
 }
@@ -131,6 +132,7 @@ std::pair<const World::Moment*, const World::Moment*> World::moments_about(Time 
   return {at, step < steps_ ? &history_[static_cast<std::size_t>((step + 1) % kHistory)] : nullptr};
 }
 
+// Between the steps before and after, so that a camera's exposure need not fall on a step.
 const BodyState* World::robot(Time time) {
   const auto [at, next] = moments_about(time);
   if (!at->present) return nullptr;
@@ -157,6 +159,7 @@ const control::Currents& World::coil_temperatures(Time time) {
   return coils_.temperatures();
 }
 
+// At the currents of the newest step, without their noise: what flows, not what one instant shows.
 control::FieldGradient World::field(Time time, const Eigen::Vector3d& position) {
   advance_to(time);
   return field_at(position, coils_.currents());

@@ -11,6 +11,8 @@
 
 namespace vitreo {
 
+// far_ is the master and plays the device; near_ is the slave, which clients open by its name, and
+// is kept open here so that flow control and queue do not go with a client.
 PtyNode::PtyNode() {
   // Raw: no echo and no translation, or bytes in the queue would multiply.
   char name[64] = {};
@@ -21,6 +23,8 @@ PtyNode::PtyNode() {
     throw DeviceError(DeviceErrorKind::refused, "testbed",
                       "the system has no pseudo-terminal left");
   path_ = name;
+  // Else a program that is started inside the testbed would hold both ends, and none would see a
+  // hang-up.
   for (const int end : {near_, far_}) fcntl(end, F_SETFD, FD_CLOEXEC);
   fcntl(near_, F_SETFL, O_NONBLOCK);
 }
@@ -41,11 +45,13 @@ void PtyNode::put_byte() {
     throw DeviceError(DeviceErrorKind::refused, "testbed", "a report queue is full");
 }
 
+// Clients do not read the byte themselves: umockdev answers their reads.
 void PtyNode::take_byte() {
   char byte = 0;
   if (::read(near_, &byte, 1) != 1) return;  // hung up meanwhile: the byte is gone with it
 }
 
+// Idempotent: unplugging and destruction both come here.
 void PtyNode::close_far_end() {
   if (const int end = std::exchange(far_, -1); end >= 0) ::close(end);
 }

@@ -46,6 +46,7 @@ Bytes configuration_descriptor(std::uint8_t interface_class) {
 }
 // clang-format on
 /// USB 2.0, table 9-16: UTF-16, little-endian.
+/// ASCII only, so the high byte of each letter is zero.
 Bytes string_descriptor(const std::string& text) {
   Bytes bytes{low(static_cast<int>(2 + 2 * text.size())), 3};
   for (const char letter : text) {
@@ -57,12 +58,15 @@ Bytes string_descriptor(const std::string& text) {
 
 }  // namespace
 
+// Address 1 on the bus is the root hub's, so the first device has 2. The paths are those of a real
+// machine's first USB controller.
 UsbPaths::UsbPaths(int number)
     : device(number + 1),
       devpath(format("/devices/pci0000:00/0000:00:14.0/usb1/1-%d", number)),
       name(format("1-%d", number)),
       node(format("/dev/bus/usb/001/%03d", number + 1)) {}
 
+// As the kernel names HID devices: bus 0003 is USB; the last four digits count instances.
 HidPaths::HidPaths(const UsbPaths& usb, const UsbIdentity& identity)
     : interface_devpath(usb.devpath + "/" + usb.name + ":1.0"),
       hid_devpath(interface_devpath + "/" +
@@ -120,6 +124,7 @@ Bytes report_descriptor(int usage_page, int usage) {
 }
 // clang-format on
 
+// Other standard requests of the device are accepted and have no effect.
 std::optional<Bytes> standard_answer(const UsbIdentity& identity, const UsbSetup& setup) {
   // USB 2.0, tables 9-4 and 9-5.
   constexpr std::uint8_t kGetDescriptor = 6;

@@ -49,6 +49,7 @@ Data resolve(UMockdevIoctlData* from, std::size_t offset, std::size_t size) {
 }
 
 /// Completes a request with the result of the system call; true means handled.
+/// Negative results come with an errno, as from the kernel.
 gboolean done(UMockdevIoctlClient* client, long result, int error = 0) {
   umockdev_ioctl_client_complete(client, result, error);
   return TRUE;
@@ -98,6 +99,7 @@ class Plugged {
   }
   virtual void set_fault(UsbFault fault) { fault_ = fault; }
   void set_exclusive() { exclusive_ = true; }
+  // The node's link leads to it, for clients that poll; no data of the device goes through it.
   const PtyNode& pty() const { return pty_; }
 
  protected:
@@ -216,6 +218,7 @@ class PluggedUsb final : public Plugged {
   }
 
   /// USB 2.0, table 9-2: type, request, value, index, length. A stall is the status -EPIPE.
+  /// The request's own length bounds the answer, and the client's buffer bounds both.
   void transfer(usbdevfs_urb& urb, std::uint8_t* bytes) {
     const auto word = [bytes](int at) {
       return static_cast<std::uint16_t>(bytes[at] | bytes[at + 1] << 8);
@@ -238,6 +241,8 @@ class PluggedUsb final : public Plugged {
     std::copy_n(answer->begin(), urb.actual_length, bytes + 8);
   }
 
+  // Output that is allowed makes the node writable, which is how libusb learns of a URB to be
+  // reaped.
   void finish(Data urb) {
     finished_.push_back(std::move(urb));
     pty_.allow_output();
@@ -288,6 +293,7 @@ class PluggedHid final : public Plugged {
     peer_.connect(nullptr);
     release_writers(-1, ENODEV);
   }
+  // Writers that were stuck get EIO: the kernel's own end of such a write.
   void set_fault(UsbFault fault) override {
     Plugged::set_fault(fault);
     if (fault != UsbFault::stuck) release_writers(-1, EIO);
@@ -340,6 +346,7 @@ class PluggedHid final : public Plugged {
     for (; !reports_.empty(); reports_.pop_front()) pty_.take_byte();
   }
 
+  // Called under the testbed's lock: by a request's handler, or in with_emulators().
   void put(Bytes report) {
     if (fault_ == UsbFault::silent || gone_) return;
     reports_.push_back(std::move(report));
@@ -387,11 +394,14 @@ class TerminalNode {
   UMockdevIoctlBase* const handler_;
 };
 
+// Peers are borrowed. Handlers call them on a thread of umockdev's, under mutex_, which
+// with_emulators() takes as well.
 class Umockdev final : public UsbTestbed {
  public:
   Umockdev() : testbed_(umockdev_testbed_new()) {}
   Umockdev(const Umockdev&) = delete;
   Umockdev& operator=(const Umockdev&) = delete;
+  // Handlers go before the testbed that calls them.
   ~Umockdev() override {
     while (!plugged_.empty()) unplug(plugged_.begin()->first);
     nodes_.clear();
@@ -439,6 +449,7 @@ class Umockdev final : public UsbTestbed {
   }
 
  private:
+  // The link is made after umockdev has made its own file of that name, and replaces it.
   void add(int number, const std::string& node, std::unique_ptr<Plugged> device,
            const std::string& description) {
     device->add(testbed_, description);

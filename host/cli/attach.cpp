@@ -20,6 +20,8 @@ struct Attach {
   bool json = false;
 };
 
+// One reply or change of status per line. std::endl and not "\n": what follows a run live is mostly
+// a pipe, and a line must not wait there for a full buffer.
 void show(const nlohmann::json& reply, bool json) {
   if (json)
     std::cout << reply.dump() << std::endl;
@@ -33,6 +35,8 @@ void show(const nlohmann::json& reply, bool json) {
 }
 
 /// "pause after focus", "answer 3 mm": the first word and the rest.
+/// The line protocol of `vitreo control`, typed: the rest of the line belongs to "answer" as its
+/// text and to "pause" as the checkpoint's name; to other words it is dropped.
 nlohmann::json request_of(const std::string& line) {
   const std::size_t blank = line.find(' ');
   const std::string word = line.substr(0, blank);
@@ -45,6 +49,8 @@ nlohmann::json request_of(const std::string& line) {
 
 /// What was typed, line by line; false at the end of the input, and for a line that no run would
 /// take.
+/// Unfinished input stays in `typed` for the next call, so it is bounded: past kLongest without a
+/// line end the keyboard is given up, and the run is still followed.
 bool take_typed(ControlConnection& run, bool control, std::string& typed) {
   constexpr std::size_t kLongest = 32 << 10;
   char bytes[4096];
@@ -67,6 +73,8 @@ bool take_typed(ControlConnection& run, bool control, std::string& typed) {
 }
 
 /// Waits for the run and for the keyboard at once, until the run closes its socket.
+/// Everything goes through one poll(), so no thread is needed. The exit code does not tell how the
+/// run ended, only whether following it worked; the status lines have the outcome's phase.
 int attach(const Attach& wanted) {
   ControlConnection run(wanted.run);
   run.send({{"do", "watch"}});
@@ -76,6 +84,7 @@ int attach(const Attach& wanted) {
     // A negative descriptor is left out by poll().
     pollfd watched[] = {{run.descriptor(), POLLIN, 0}, {typing ? STDIN_FILENO : -1, POLLIN, 0}};
     if (poll(watched, 2, -1) < 0 && errno != EINTR) return static_cast<int>(ExitCode::internal);
+    // Also on POLLHUP: receive() then returns false, which is the end of the run.
     if (watched[0].revents != 0) {
       if (!run.receive()) break;
       while (const auto reply = run.next()) show(*reply, wanted.json);

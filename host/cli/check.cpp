@@ -25,10 +25,13 @@ void show(const PreflightReport& report, bool json) {
     std::cout << to_text(report) << std::flush;
 }
 
+// The report is printed on both ways out, also by the call-back of a stuck script, so that what was
+// found until then is not lost.
 int check(Program& program, Check& wanted) {
   PreflightLimits limits;
   limits.wall = wanted.limit;
   // A script that does not end cannot be unwound: the report is shown, and the process left.
+  // _exit() and not exit(): static destructors would run beside the thread that is stuck.
   limits.stuck = [&wanted](const PreflightReport& report) {
     show(report, wanted.json);
     _exit(static_cast<int>(ExitCode::preflight_failed));

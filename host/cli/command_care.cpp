@@ -10,6 +10,8 @@
 
 namespace vitreo {
 
+// The problems come first and the verdict last, so that the verdict is the line that stays in view
+// on a terminal.
 int verify_command(const std::filesystem::path& folder, bool json, std::ostream& out) {
   const RunCheck verdict = verify_run(folder);
   const bool whole = verdict.problems.empty();
@@ -30,6 +32,8 @@ int verify_command(const std::filesystem::path& folder, bool json, std::ostream&
   return whole ? 0 : 1;
 }
 
+// Success, 0, also where the run had its end record: recovery is idempotent, and a second call is
+// no mistake.
 int recover_command(const std::filesystem::path& folder, bool json, std::ostream& out) {
   const Recovery recovery = recover_run(folder);
   if (json) {
@@ -47,6 +51,7 @@ int recover_command(const std::filesystem::path& folder, bool json, std::ostream
   return 0;
 }
 
+// The path is all that is printed, so that it can be given to another program: a browser, say.
 int report_command(const std::filesystem::path& folder, bool json, std::ostream& out) {
   report_run(folder);
   const std::string report = (folder / "report.html").string();

@@ -16,6 +16,9 @@ namespace {
 constexpr const char* kAboutWord = "protocol";  // the positional word that --help may be about
 }  // namespace
 
+// What the header hides of CLI11. `commands` has the order of their declaration, which is that of
+// lists, help and man page; `about_word` holds what Command::help_about_word() was given, and a
+// std::map keeps the address of each entry that a Command points to.
 struct CommandLine::State {
   State(const std::string& about, const std::string& name) : app(about, name) {}
   CLI::App app;
@@ -28,6 +31,8 @@ struct CommandLine::State {
   std::string refusal(const CLI::ParseError& error) const;
 };
 
+// Of the commands that people see: CLI11 shows none whose group is empty, so neither does a
+// suggestion.
 std::vector<std::string> CommandLine::State::names() const {
   std::vector<std::string> known;
   for (const auto& [command, action] : commands)
@@ -43,6 +48,7 @@ std::string suggestion(const std::string& word, const std::vector<std::string>& 
   return near.empty() ? "" : "; did you mean " + near + "?";
 }
 
+// Long names only: a near miss of one letter would suggest any other letter.
 std::vector<std::string> option_names(const CLI::App& app) {
   std::vector<std::string> known;
   for (const CLI::Option* option : app.get_options())
@@ -53,6 +59,9 @@ std::vector<std::string> option_names(const CLI::App& app) {
 }  // namespace
 
 /// One line that says what is wrong, and where to read on.
+/// CLI11 knows the deepest command that it entered; words that no command took are in remaining().
+/// At the top a word without a dash must have been meant as a command; anywhere else it is an
+/// option or a word too many of that command.
 std::string CommandLine::State::refusal(const CLI::ParseError& error) const {
   const CLI::App* at = &app;
   for (const auto& [command, action] : commands)
@@ -76,6 +85,8 @@ Command CommandLine::root(Action action) {
   return Command(state_->app);
 }
 
+// `action` is called by run() after the whole line was parsed, so the order of options and words is
+// free.
 Command CommandLine::command(const std::string& name, const std::string& help, Action action) {
   CLI::App* app = state_->app.add_subcommand(name, help);
   app->get_formatter()->column_width(28);
@@ -92,6 +103,8 @@ void CommandLine::version(std::function<std::string()> text) {
 
 char** CommandLine::words() const { return state_->words; }
 
+// CLI11 reports by exceptions: CallForHelp and other Success for what was asked for and is done,
+// ParseError for what was not understood. CallForHelp is a Success, so it is caught before.
 int CommandLine::run(int count, char** words) {
   state_->words = words;
   try {
@@ -127,11 +140,15 @@ std::string is_number(const std::string& text) {
          " to " + std::to_string(std::numeric_limits<Number>::max()) + "; got '" + text + "'";
 }
 
+// A number with a unit is refused: these options state their own unit (px), and 6mm would be taken
+// as 6e-3 of it.
 std::string is_plain_number(const std::string& text) {
   const auto quantity = parse_quantity(text);
   return quantity && quantity->bare ? "" : "wants a plain number; got '" + text + "'";
 }
 
+// The time in s. Zero is refused with the negative ones: a limit of nothing would end before it
+// began.
 double seconds_in(const std::string& option, const std::string& text) {
   const auto quantity = parse_quantity(text);
   if (!quantity || !(quantity->bare || quantity->dimension == "s") || !(quantity->value > 0))
@@ -157,6 +174,8 @@ Option Command::option(const std::string& names, int& into, const std::string& h
 Option Command::option(const std::string& names, double& into, const std::string& help) {
   return Option(app_.add_option(names, into, help)->check(is_plain_number));
 }
+// A function and not a variable of CLI11's: it converts while it parses, so that an error names the
+// option as it was declared.
 Option Command::seconds(const std::string& names, double& into, const std::string& help) {
   return Option(app_.add_option_function<std::string>(
       names, [names, &into](const std::string& text) { into = seconds_in(names, text); }, help));
@@ -177,6 +196,8 @@ Command& Command::hidden() { return app_.group(""), *this; }
 
 namespace {
 
+// The declaration as plain data, without CLI11's types: completion, man page and tests read that. A
+// flag expects no value, so its largest number of them is 0.
 Described describe_one(const CLI::App& app, const std::string& name) {
   Described made{name, app.get_description(), app.get_footer(), {}};
   for (const CLI::Option* option : app.get_options()) {
@@ -201,6 +222,9 @@ std::vector<Described> CommandLine::describe() const {
   return all;
 }
 
+// Each word is a flag of its own that writes its name. CLI11's excludes() would want a row for each
+// pair; the second of two different flags is noticed here by what the first wrote, while the same
+// one twice is harmless.
 void Command::one_of(const std::vector<std::pair<std::string, std::string>>& words,
                      std::string& into) {
   for (const auto& [word, help] : words)
@@ -217,6 +241,8 @@ Option Option::required() { return option_->required(), *this; }
 Option Option::needs(const std::string& other) { return option_->needs(other), *this; }
 Option Option::delimiter(char separator) { return option_->delimiter(separator), *this; }
 Option Option::one_word_each() { return option_->allow_extra_args(false), *this; }
+// The range is checked but not shown as CLI11's own "INT in [0 - 65535]": the help text says it
+// where it matters.
 Option Option::between(int least, int most) {
   return option_->check(CLI::Validator(CLI::Range(least, most)).description("")), *this;
 }

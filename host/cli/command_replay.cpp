@@ -18,12 +18,17 @@
 namespace vitreo {
 namespace {
 
+// "" where the key is missing or no text: records of other versions are read too.
 std::string text_of(const nlohmann::json& table, const char* key) {
   const auto found = table.is_object() ? table.find(key) : table.end();
   return found != table.end() && found->is_string() ? found->get<std::string>() : "";
 }
 
 /// The nominal model as the rig file of the run describes it; no instrument is opened.
+/// The rig is read from the texts in the record, not from today's files, and the calibration from
+/// what was in force then: the replay varies the program alone. The projection is fitted anew, as
+/// when a rig is opened (host/rig/open_rig.cpp): the record has the settings, not what is computed
+/// from them.
 RigModel model_of(ScriptEngine& engine, const RunData& data) {
   const nlohmann::json& rig = data.start.rig;
   if (!rig.is_object() || !rig.contains("text") || !rig["text"].is_string())
@@ -51,6 +56,8 @@ std::string position_text(const std::optional<Eigen::Vector3d>& position) {
   return position ? fmt::format("{},{},{}", position->x(), position->y(), position->z()) : ",,";
 }
 
+// CRLF and commas are RFC 4180's. An empty cell is "not seen", which a spreadsheet does not plot; a
+// 0 would be a position.
 std::string csv_of(const Replay& replayed) {
   std::string text =
       "number,t_ns,recorded_x (m),recorded_y (m),recorded_z (m),"
@@ -66,6 +73,8 @@ std::string csv_of(const Replay& replayed) {
 
 }  // namespace
 
+// Two runs of the same program on the same machine agree to the bit, so `same` below `compared`
+// means that the tracker, the localizer or the compiler has changed since.
 int replay_command(ScriptEngine& engine, const std::filesystem::path& folder,
                    const std::filesystem::path& csv, bool json, std::ostream& out) {
   const RunData data = read_run(folder);

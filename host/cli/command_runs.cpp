@@ -22,6 +22,8 @@ bool has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
+// Times are compared as texts: ISO 8601 of one zone sorts as it reads, and --since is the beginning
+// of one, so only as many characters are compared as it has.
 bool wanted(const RunHead& head, const RunFilter& filter) {
   if (!filter.protocol.empty() && !has(head.protocol, filter.protocol) &&
       !has(head.title, filter.protocol))
@@ -34,6 +36,7 @@ bool wanted(const RunHead& head, const RunFilter& filter) {
 /// The beginning of "2026-11-21T14:30:05" at least as far as the year, or nothing.
 bool is_time(const std::string& text) {
   constexpr std::string_view kShape = "dddd-dd-ddTdd:dd:dd";
+  // The lengths at which a field is complete; 0 is the option that was not given.
   constexpr std::size_t kEnds[] = {0, 4, 7, 10, 13, 16, 19};
   if (std::find(std::begin(kEnds), std::end(kEnds), text.size()) == std::end(kEnds)) return false;
   for (std::size_t i = 0; i < text.size(); ++i)
@@ -54,6 +57,7 @@ void check(const RunFilter& filter) {
                       filter.since);
 }
 
+// SI and untruncated, unlike the line for people below.
 nlohmann::json json_of(const RunHead& head) {
   return {{"run", std::filesystem::path(head.folder).filename().string()},
           {"folder", head.folder},
@@ -67,6 +71,8 @@ nlohmann::json json_of(const RunHead& head) {
           {"experiment_time", head.experiment_time}};
 }
 
+// A line a run: of the reason only the first line, without control characters, since it may be a
+// script's text. `time` is formatted by the caller, with all runs in one unit.
 void print(const RunHead& head, const std::string& time, std::ostream& out) {
   out << fmt::format("{:<44} {:<10} {:>9}  {}{}\n",
                      std::filesystem::path(head.folder).filename().string(), head.state, time,
@@ -82,10 +88,14 @@ int list_runs(const std::filesystem::path& parent, const RunFilter& filter, bool
               std::ostream& out) {
   check(filter);
   std::vector<RunHead> heads;
+  // read_head() reads the two short records, not the data, and does not throw: a broken run is
+  // listed as unreadable instead of ending the list.
   for (const std::filesystem::path& folder : run_folders(parent)) {
     RunHead head = read_head(folder);
     if (wanted(head, filter)) heads.push_back(std::move(head));
   }
+  // Counted after the filter, so that `--protocol x --newest 5` is the five newest of that
+  // protocol.
   const auto newest = static_cast<std::size_t>(filter.newest);
   if (newest > 0 && heads.size() > newest) heads.erase(heads.begin(), heads.end() - filter.newest);
   if (json) {

@@ -16,6 +16,7 @@
 namespace vitreo {
 namespace {
 
+// Names, units and counts only: the samples themselves are what `vitreo export` is for.
 nlohmann::json streams_of(const RunData& data) {
   nlohmann::json list = nlohmann::json::array();
   for (const Stream& stream : data.streams) {
@@ -31,6 +32,8 @@ nlohmann::json streams_of(const RunData& data) {
 }
 
 /// The summary, and what only the whole record has.
+/// Texts of protocol and modules go in as hashes: two runs can be compared by them, and the JSON
+/// stays of a size that a person can read.
 nlohmann::json json_of(const RunData& data, const RunHead& head) {
   nlohmann::json json = summary(data);
   json["outcome"] = head.state;
@@ -50,6 +53,7 @@ nlohmann::json json_of(const RunData& data, const RunHead& head) {
   return json;
 }
 
+// Without JSON's quotes where it is a text, for a line that people read.
 std::string text_of(const nlohmann::json& value) {
   return value.is_string() ? value.get<std::string>() : dumped(value);
 }
@@ -74,6 +78,7 @@ void print(const RunData& data, const RunHead& head, std::ostream& out) {
     out << fmt::format("frames {:<21} {} recorded, {} dropped\n", camera,
                        dumped(counts.at("recorded")), dumped(counts.at("dropped")));
   for (const Event& event : data.events)
+    // The events that explain an outcome; the others are in the report and under --json.
     if (event.kind.starts_with("alarm") || event.kind == "error" || event.kind == "override")
       out << fmt::format("{:>10.3f} s  {}: {}\n", to_seconds(event.time), event.kind, event.text);
   out << "report: " << (data.folder / "report.html").string() << "\n";

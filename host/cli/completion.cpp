@@ -62,6 +62,7 @@ complete -c vitreo -f -a '(__vitreo_complete)'
 
 using Words = std::vector<std::string>;
 
+// "protocols/servo_square.lua" is typed as "servo_square".
 Words stems(const Words& files) {
   Words names;
   for (const std::string& file : files)
@@ -70,6 +71,8 @@ Words stems(const Words& files) {
 }
 
 /// "hold=" for the parameters that were not given; after "mode=" the values that there are.
+/// The protocol is loaded for this, so a file with an error throws, and the shell, which drops the
+/// standard error, offers nothing.
 Words parameter_words(Program& program, const Words& before, const std::string& protocol,
                       const std::string& word) {
   Words found;
@@ -79,6 +82,8 @@ Words parameter_words(Program& program, const Words& before, const std::string& 
     const bool given = std::any_of(before.begin(), before.end(),
                                    [&](const auto& one) { return one.starts_with(head); });
     if (!given) found.push_back(head);
+    // The word is in this parameter's value: only its values are of use, and for a number or a text
+    // there are none to offer.
     if (!word.starts_with(head)) continue;
     found = {};
     for (const std::string& choice : parameter.choices) found.push_back(head + choice);
@@ -88,6 +93,8 @@ Words parameter_words(Program& program, const Words& before, const std::string& 
   return found;
 }
 
+// Only of the usual folder: --runs may come after the word that is being completed. "last" is a
+// run's name to every command that takes one.
 Words run_words() {
   Words found{"last"};
   std::error_code error;
@@ -105,6 +112,7 @@ bool takes_value(const Described& command, const std::string& option) {
 }
 
 /// Those that are neither options nor their values.
+/// Positional words are counted by their place, so an option's value must not be taken for one.
 Words bare_words(const Described& command, const Words& before) {
   Words bare;
   for (std::size_t i = 0; i < before.size(); ++i)
@@ -122,6 +130,8 @@ Words value_words(const std::string& option) {
   return {};  // the shell's files
 }
 
+// The word's meaning by its place in the command. What is not listed here completes to nothing, and
+// then the shell offers its files.
 Words positional_words(Program& program, const std::string& command, const Words& bare,
                        const std::string& word) {
   static const std::set<std::string> kOfProtocols{"run",  "describe", "check",
@@ -144,6 +154,9 @@ Words positional_words(Program& program, const std::string& command, const Words
 }
 
 /// Candidates for the last of `words`: commands, option names, values, positional words.
+/// The order decides: a value belongs to the option before it, whatever it looks like; option names
+/// are offered as soon as a dash stands there; what does not begin as the word does is dropped
+/// last, for all kinds at once. Shells filter too, but by rules of their own.
 Words complete(const CommandLine& line, Program& program, Words words) {
   if (words.empty()) words.emplace_back();
   const std::string word = words.back();
@@ -151,6 +164,8 @@ Words complete(const CommandLine& line, Program& program, Words words) {
   const auto commands = line.describe();  // the first is the program without a command
   auto here = commands.begin();
   for (auto it = commands.begin() + 1; it != commands.end(); ++it)
+    // Only the first word can be the command: behind an option of the program itself no command is
+    // known.
     if (!words.empty() && it->name == words.front()) here = it;
   Words found;
   if (here == commands.begin()) {

@@ -26,6 +26,8 @@ struct Control {
 };
 
 /// The status in a line, and the alarms that stand, the most urgent first.
+/// "remaining" is absent while no estimate is known (OperatorDesk::status), so -1 stands for that
+/// here.
 void show(const nlohmann::json& status) {
   fmt::print("{}\n", status["text"].get<std::string>());
   const std::string doing = status.value("doing", "");
@@ -43,6 +45,8 @@ void show(const nlohmann::json& status) {
   }
 }
 
+// Without "target": positions of a microrobot are sent by programs, as JSON on the socket itself.
+// With "status", which the desk does not have, since it only reads.
 const std::vector<std::string>& words() {
   static const std::vector<std::string> known{"status", "pause",     "resume", "stop",
                                               "abort",  "emergency", "answer", "ack"};
@@ -50,6 +54,8 @@ const std::vector<std::string>& words() {
 }
 
 /// The request in the socket's own JSON: {"do": word, ...}; refused here where a slip can be named.
+/// A misspelt word is named here with a suggestion; all that depends on the run, such as whether a
+/// question is open or a checkpoint exists, is for the run to judge. Its refusal is exit code 2.
 int control(const Control& wanted) {
   if (std::find(words().begin(), words().end(), wanted.word) == words().end()) {
     const std::string near = nearest(wanted.word, words());
@@ -65,6 +71,8 @@ int control(const Control& wanted) {
   if (wanted.word == "pause" && !wanted.text.empty()) request["at"] = wanted.text;
   if (wanted.word == "ack" && !wanted.text.empty()) request["alarm"] = wanted.text;
   if (wanted.force) request["override"] = true;
+  // For the record: who stopped or answered. The socket's folder admits this account alone, so the
+  // name is a courtesy, not a proof.
   request["by"] = wanted.by.empty() ? account_name() : wanted.by;
   const nlohmann::json reply = control_run(wanted.run, request);
   if (wanted.json)

@@ -15,6 +15,7 @@
 namespace vitreo::cli {
 namespace {
 
+// The words of the JSON, fixed independently of the enumerators' names: programs compare them.
 const char* kind_name(ParameterKind kind) {
   switch (kind) {
     case ParameterKind::number:
@@ -31,6 +32,7 @@ const char* kind_name(ParameterKind kind) {
   return "?";
 }
 
+// SI. A bound that is not finite is left out, since JSON has no infinity.
 nlohmann::json describe_json(const ProtocolDescription& protocol) {
   nlohmann::json parameters = nlohmann::json::array();
   for (const Parameter& p : protocol.parameters) {
@@ -43,13 +45,19 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
     if (!p.choices.empty()) row["choices"] = p.choices;
     parameters.push_back(row);
   }
-  return {{"name", protocol.name},   {"file", protocol.file},   {"title", protocol.title},
-          {"about", protocol.about}, {"needs", protocol.needs}, {"rig", protocol.rig},
+  return {{"name", protocol.name},
+          {"file", protocol.file},
+          {"title", protocol.title},
+          {"about", protocol.about},
+          {"needs", protocol.needs},
+          {"rig", protocol.rig},
           {"simulated_only", protocol.simulated_only},
           {"parameters", parameters}};
 }
 
 /// As it could be written on the command line: hold=5s.
+/// A default is printed as "5 s", and a blank would end the word in a shell. "..." stands for a
+/// text that has no default: the line then cannot be pasted unchanged, which is meant.
 std::string argument_example(const ProtocolDescription& protocol) {
   if (protocol.parameters.empty()) return "";
   const Parameter& p = protocol.parameters.front();
@@ -63,6 +71,7 @@ void describe(const ProtocolDescription& protocol, bool json) {
 }
 
 /// A protocol that does not load is listed with its error.
+/// So one broken file in the folder does not hide the others from a technician.
 void list(ScriptEngine& engine, bool json) {
   nlohmann::json rows = nlohmann::json::array();
   std::size_t widest = 0;

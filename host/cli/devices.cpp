@@ -21,6 +21,9 @@ struct DeviceWords {
   std::uint64_t seed = 1;
 };
 
+// The contract suite of the role (devices/contract) against the instrument as it is connected. It
+// moves and energizes, which is why it has a flag of its own and wants the rig to be named. 4: an
+// instrument did not do what it must.
 int test_role(Program& program, const DeviceWords& wanted) {
   const std::vector<std::string> findings =
       test_instrument(program.engine().load_rig(Program::rig_file(wanted.rig)), wanted.test);
@@ -49,6 +52,8 @@ int emulate(const RigDescription& rig, const DeviceWords& wanted) {
   return run_among(wanted.command);
 }
 
+// Without a rig the buses are listed, and no port is asked anything: a question could move
+// something. With one, each role is opened by the driver that the rig file names.
 int devices(Program& program, const DeviceWords& wanted) {
   if (!wanted.test.empty()) return test_role(program, wanted);
   const nlohmann::json rows =
@@ -76,6 +81,9 @@ void add_devices(CommandLine& line, Program& program) {
 
   // A command sees emulated USB only from within umockdev-wrapper, so the program starts itself
   // anew.
+  // umockdev works by a preloaded library, and that must be there when a process starts. The
+  // process that restart_in_testbed() starts gets the same words and runs through here again,
+  // inside the testbed.
   const auto emulation = [&program, &line, wanted] {
     if (!wanted->command.empty()) restart_in_testbed(line.words());
     return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), *wanted);

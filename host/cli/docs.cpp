@@ -3,6 +3,7 @@
 #include "host/cli/command_line.h"
 #include "host/cli/program.h"
 #include "host/lua/engine/library.h"
+#include "host/lua/reference/api_reference.h"
 #include "host/lua/reference/editor_files.h"
 
 #include <fmt/format.h>
@@ -21,6 +22,8 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Text for troff: what begins a line or looks like a command of its own is made plain.
+/// Hyphens are escaped because troff sets a bare one as a typographic hyphen, which a reader cannot
+/// paste into a shell.
 std::string troff(const std::string& text) {
   std::string made;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -45,6 +48,8 @@ std::string manual_words(const Described& command) {
 }
 
 /// vitreo(1), from the commands as they are declared.
+/// So the page cannot lag behind the program. ".nf" keeps lines as they are where the program's own
+/// text is already laid out.
 std::string manual(const CommandLine& line) {
   const std::vector<Described> all = line.describe();
   std::string text =
@@ -70,6 +75,7 @@ std::string manual(const CommandLine& line) {
 
 fs::path docs_folder() { return Program::in_data_folder("docs"); }
 
+// "" where it cannot be read; the caller took the name from a listing a moment ago.
 std::string file_text(const fs::path& file) {
   std::ifstream in(file);
   std::ostringstream text;
@@ -78,6 +84,7 @@ std::string file_text(const fs::path& file) {
 }
 
 /// Pages by their names: "safety", "how-to/write_a_protocol".
+/// The folder may be missing in an installation without documentation: then there are none.
 std::map<std::string, fs::path> pages() {
   std::map<std::string, fs::path> found;
   std::error_code error;
@@ -110,6 +117,9 @@ int list_pages(bool json) {
   return 0;
 }
 
+// Files of type definitions ("---@meta") for the Lua language server, one a module, printed from
+// the same rows as the reference. Files of those names are written over: stubs are never edited by
+// hand.
 int write_stubs(const std::string& folder, bool json) {
   if (folder.empty()) throw ConfigError("stubs: name the folder into which they are written");
   std::error_code error;
@@ -126,6 +136,7 @@ int write_stubs(const std::string& folder, bool json) {
   return 0;
 }
 
+// One JSON object rather than a text for programs, so that they need not know which page it is.
 int print_page(const std::string& name, const std::string& text, bool json) {
   if (json)
     std::cout << nlohmann::json{{"page", name}, {"text", text}}.dump() << "\n";
@@ -135,12 +146,18 @@ int print_page(const std::string& name, const std::string& text, bool json) {
 }
 
 /// Pages that the program prints come first, then files of docs/, by their name or its last part.
+/// The last part of a name suffices ("write_a_protocol"), in the order of the full names where two
+/// folders have it.
 int docs(const CommandLine& line, const std::string& page, const std::string& into, bool json) {
   if (page.empty()) return list_pages(json);
   if (page == "stubs") return write_stubs(into, json);
   if (!into.empty()) throw ConfigError("'" + into + "': only stubs are written into a folder");
   const std::map<std::string, std::function<std::string()>> printed{
-      {"api", [] { return lua::api_reference(lua::library()); }},
+      {"api",
+       [] {
+         return lua::api_reference(lua::library(),
+                                   lua::script_modules(Program::in_data_folder("scripts")));
+       }},
       {"luacheck", [] { return lua::luacheck_standard(lua::library()); }},
       {"man", [&line] { return manual(line); }}};
   if (const auto found = printed.find(page); found != printed.end())

@@ -13,6 +13,7 @@ namespace {
 int list_faults(bool json) {
   nlohmann::json rows = nlohmann::json::array();
   for (const FaultKind& kind : fault_kinds()) {
+    // "n" is the table's word for a count, which has no unit for people or in the JSON.
     const bool plain = kind.unit == "n";
     rows.push_back({{"kind", kind.name}, {"doc", kind.doc}, {"roles", kind.roles}});
     if (!kind.unit.empty())

@@ -26,6 +26,7 @@
 namespace vitreo {
 namespace {
 
+// The order of the rows is that of `vitreo --help` and of the man page.
 int dispatch(int count, char** words) {
   cli::CommandLine line(
       "Vitreo drives the instruments of a laboratory that steers microrobots inside the eye.\n"
@@ -53,12 +54,17 @@ int dispatch(int count, char** words) {
 
 /// POSIX gives a new file the lowest free number: a stream that was closed would give its number to
 /// the next file, and what is printed would land in the record.
+/// From the lowest number up: open() returns the lowest free one, so another answer than `stream`
+/// means that the table of descriptors is not as it seems, and nothing may be written. 5 is
+/// ExitCode::internal; _exit(), since nothing is there yet to be torn down.
 void keep_standard_streams() {
   for (int stream = 0; stream < 3; ++stream)
     if (fcntl(stream, F_GETFD) < 0 && open("/dev/null", O_RDWR) != stream) _exit(5);
 }
 
 /// Whether --json is among the words: then an error is a JSON object, too, on the standard output.
+/// The words are searched before they are parsed, because parsing itself may be what fails. After
+/// "--" they belong to another command.
 bool json_wanted(int count, char** words) {
   for (int i = 1; i < count && std::string_view(words[i]) != "--"; ++i)
     if (std::string_view(words[i]) == "--json") return true;
@@ -66,6 +72,8 @@ bool json_wanted(int count, char** words) {
 }
 
 /// What was printed has reached its file, or its reader has gone (`| head`): a pipe or a socket.
+/// Both layers are flushed: fmt::print() writes through stdio, the commands through std::cout. A
+/// full disk shows only here, at the flush.
 bool printed() {
   std::cout.flush();
   const bool whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
@@ -84,9 +92,14 @@ int leave(int code) {
 }  // namespace
 }  // namespace vitreo
 
+// What happens during a run is in its result (run_protocol), so an exception that reaches this
+// function comes from before a run or from a command without one, and its type alone decides the
+// exit code.
 int main(int count, char** words) {
   using vitreo::ExitCode;
   vitreo::keep_standard_streams();
+  // Before anything is opened, and inherited by threads: with the default action a `| head` would
+  // kill the host while coils are energized.
   std::signal(SIGPIPE, SIG_IGN);  // a reader that has gone must not end a run
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of write()
   cv::setNumThreads(1);           // the same bytes on every run; and the loop owns its core
@@ -118,6 +131,7 @@ int main(int count, char** words) {
   } catch (const vitreo::PreflightError& error) {
     return fail(error.what(), ExitCode::preflight_failed);
   } catch (const vitreo::Stopped&) {
+    // Out of the dry run: once the record is open, a stop is an outcome and no exception (judge()).
     return fail("stopped by the operator before anything was opened", ExitCode::stopped);
   } catch (const vitreo::RecordError& error) {
     return fail(error.what(), ExitCode::usage);

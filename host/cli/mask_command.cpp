@@ -23,6 +23,8 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Numbers with commas between, and nothing else.
+/// std::from_chars and not a stream: it does not depend on the locale, in which a comma may be the
+/// decimal point. It takes "inf" and "nan" too, hence the test for finite values.
 std::vector<double> numbers_of(const std::string& text, const std::string& option,
                                const std::string& wanted) {
   std::vector<double> numbers;
@@ -31,6 +33,7 @@ std::vector<double> numbers_of(const std::string& text, const std::string& optio
   while (at != end) {
     double value = 0;
     const auto [next, error] = std::from_chars(at, end, value);
+    // The last clause refuses a comma at the end, behind which a number is missing.
     if (error != std::errc() || !std::isfinite(value) || (next != end && *next != ',') ||
         next + 1 == end)
       throw std::invalid_argument(option + ": wants " + wanted + ", got " + text);
@@ -40,6 +43,7 @@ std::vector<double> numbers_of(const std::string& text, const std::string& optio
   return numbers;
 }
 
+// Pairs (u, v) in px; the caller has checked that the count is even.
 std::vector<Eigen::Vector2d> points_of(const std::vector<double>& numbers) {
   std::vector<Eigen::Vector2d> points;
   for (std::size_t i = 0; i + 1 < numbers.size(); i += 2)
@@ -47,6 +51,8 @@ std::vector<Eigen::Vector2d> points_of(const std::vector<double>& numbers) {
   return points;
 }
 
+// vision::Ellipse has its semi-major axis first; a person measures either one first. Swapping the
+// axes turns the ellipse by a right angle.
 vision::Ellipse ellipse_of(const std::string& text) {
   const std::vector<double> n = numbers_of(text, "--ellipse", "cx,cy,A,B,phi");
   if (n.size() != 5 || !(n[2] > 0 && n[3] > 0))
@@ -59,6 +65,8 @@ vision::Ellipse ellipse_of(const std::string& text) {
           std::remainder((n[4] + turn) * std::numbers::pi / 180, std::numbers::pi)};
 }
 
+// All options are checked before the first image is read: a training set of hundreds of images
+// should not fail half-way for a misspelt number.
 vision::MaskOutline outline_of(const MaskRequest& request) {
   vision::MaskOutline outline;
   for (const std::string& text : request.ellipses) outline.ellipses.push_back(ellipse_of(text));
@@ -84,6 +92,8 @@ vision::MaskOutline outline_of(const MaskRequest& request) {
         "wants --ellipse or --polygon: where the object is in the first image");
   if (!request.grab && !(outline.on_px.empty() && outline.off_px.empty()))
     throw std::invalid_argument("--on, --off: are for --grab only");
+  // Negated, so that NaN is refused too. The margin is half the width of the band in which GrabCut
+  // may decide.
   if (!(request.margin_px >= 1 && request.margin_px <= 200))
     throw std::invalid_argument("--margin: wants 1 to 200 px");
   return outline;
@@ -97,6 +107,9 @@ struct Target {
   std::string name;
 };
 
+// NAME.png and NAME_mask.png are what a training folder of the tracker holds (docs/vision.md);
+// overlays go to a folder of their own, since they would be taken for images to train with. The
+// mask is protected from being written over, because only that may have been mended by hand.
 Target target_of(const MaskRequest& request, const std::string& image) {
   const fs::path folder =
       request.out.empty() ? fs::path(image).parent_path() : fs::path(request.out);
@@ -109,6 +122,8 @@ Target target_of(const MaskRequest& request, const std::string& image) {
   return target;
 }
 
+// The image itself is copied only where --out names another folder: beside its source it is there
+// already.
 void write(const MaskRequest& request, const Target& target, const cv::Mat& image,
            const cv::Mat& mask) {
   fs::create_directories(target.overlay.parent_path());
@@ -120,6 +135,8 @@ void write(const MaskRequest& request, const Target& target, const cv::Mat& imag
 }
 
 /// Finds in other images what the first one's mask shows.
+/// A color tracker trained with one image and its mask; it gives an ellipse only, from which
+/// make_masks() cuts the outline by color.
 class Follower {
  public:
   Follower(const cv::Mat& image, const cv::Mat& mask) {
@@ -139,6 +156,9 @@ class Follower {
 };
 
 /// Size and bounding box, for a mask that is wrong shows there first.
+/// A mask on the image's edge is a part of the object, and a model trained with it learns a wrong
+/// shape. The mask has a pixel, so on[0] is there: mask_of() and cut_by_color() throw for an empty
+/// one.
 void say(std::ostream& out, const Target& target, const cv::Mat& mask) {
   const cv::Rect all({0, 0}, mask.size()), box = [&mask] {
     std::vector<cv::Point> on;
@@ -175,6 +195,7 @@ int make_masks(const MaskRequest& request, std::ostream& out) {
     } else {
       if (image.size() != size)
         throw std::invalid_argument(file + ": has another size than the first image");
+      // Absence and not a failure: an image without the object is common in a recorded sequence.
       const auto found = follower->find(image);
       if (!found) {
         ++missed;
@@ -183,6 +204,7 @@ int make_masks(const MaskRequest& request, std::ostream& out) {
       }
       vision::MaskOutline here;
       here.ellipses.push_back(*found);
+      // Without the marks of --on and --off: they are pixels of the first image.
       mask = vision::cut_by_color(image, vision::mask_of(here, size), {}, request.margin_px);
     }
     write(request, target, image, mask);

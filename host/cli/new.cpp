@@ -21,6 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// A name becomes a file, a Lua module, a C++ namespace and part of a class name: the letters are
+// those that all of them take. ASCII only, whatever the locale.
 bool is_name(const std::string& name) {
   constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz_0123456789";
   return !name.empty() && name.size() <= 60 && name[0] >= 'a' && name[0] <= 'z' &&
@@ -39,6 +41,7 @@ std::string camel_case(const std::string& name) {
   return camel;
 }
 
+// Goes on behind what it has put in, so a text that contains the mark itself does not loop.
 std::string replaced(std::string text, const std::string& mark, const std::string& with) {
   for (std::size_t at = 0; (at = text.find(mark, at)) != std::string::npos; at += with.size())
     text.replace(at, mark.size(), with);
@@ -46,6 +49,7 @@ std::string replaced(std::string text, const std::string& mark, const std::strin
 }
 
 /// What was written, and what to do with it.
+/// Files are listed as they are made; where a later one fails, the earlier ones stay.
 struct Made {
   std::vector<std::string> files;
   std::vector<std::string> changed;  // those that got a line more
@@ -62,6 +66,7 @@ void write_new(Made& made, const fs::path& file, const std::string& text) {
   made.files.push_back(file.string());
 }
 
+// Throws ConfigError: a template that is missing is a broken installation.
 std::string template_text(const fs::path& file) {
   std::ifstream in(file);
   if (!in) throw ConfigError(file.string() + ": the template is missing from the installation");
@@ -71,6 +76,8 @@ std::string template_text(const fs::path& file) {
 }
 
 /// What the Lua language server and luacheck read, where they are not there yet.
+/// Only where the folder has none of its own: an editor's settings are the user's. Stubs go to
+/// .vitreo/, into which a search for protocols does not descend (lua_files).
 void write_editor_files(Made& made, const fs::path& folder) {
   if (!fs::exists(folder / ".luarc.json")) {
     const fs::path stubs = folder / ".vitreo";
@@ -104,6 +111,8 @@ struct Model {
   std::string driver;
   std::string camel;
 };
+// Role, the driver to copy, the name of its class; new_driver() copies its emulator and its test
+// too.
 const std::vector<Model>& models() {
   static const std::vector<Model> known{{"stage", "sutter_mp285", "Mp285"},
                                         {"coils", "kepco_bop", "Kepco"},
@@ -124,6 +133,8 @@ const Model& model_for(const std::string& role) {
 }
 
 /// Puts a line below the one that holds `after`, the same but for the names.
+/// The registry and the list of drivers have a row for each. The first occurrence of `after` is
+/// taken, so it must be text that stands in no other place before the row.
 void add_row(Made& made, const fs::path& file, const std::string& after, const Model& model,
              const std::string& name) {
   std::string text = template_text(file);
@@ -143,12 +154,16 @@ Made new_driver(const std::string& name, const std::string& role) {
   Made made;
   const Model& model = model_for(role);
   const fs::path drivers = "devices/instruments";
+  // The paths are relative: the command works on the source tree that it is called in, not on the
+  // one that the program was built from.
   const fs::path tests = "tests" / drivers;
   if (!fs::is_directory(drivers / model.driver))
     throw ConfigError("new driver: is called in Vitreo's source folder, where " +
                       (drivers / model.driver).string() + " is");
   if (fs::exists(drivers / name))
     throw ConfigError((drivers / name).string() + ": is there already");
+  // Two spellings of one driver: the name of its files and namespace, and its class, which need not
+  // be the same in camel case (Mp285 of sutter_mp285).
   const auto renamed = [&](const fs::path& from) {
     const std::string text = replaced(template_text(from), model.driver, name);
     return replaced(text, model.camel, camel_case(name));
@@ -167,6 +182,7 @@ Made new_driver(const std::string& name, const std::string& role) {
   return made;
 }
 
+// Words and names are checked before the first file is made.
 Made make_new(const std::string& kind, const std::string& name, const std::string& role) {
   if (kind != "protocol" && kind != "driver")
     throw ConfigError(

@@ -25,6 +25,9 @@ ScriptEngine& Program::engine() {
   return *engine_;
 }
 
+// VITREO_ROOT wins over all, for tests and for several checkouts. Beside the program ("../share")
+// is found through /proc/self/exe, so that an installation can be moved. VITREO_SOURCE_DIR last: it
+// makes a fresh build usable without an installation.
 std::string Program::in_data_folder(const std::string& below) {
   const char* given = std::getenv("VITREO_ROOT");
   std::error_code error;
@@ -70,6 +73,8 @@ std::string file_or_name(const std::string& given, const std::string& folder,
 }
 
 /// Before anything is opened: a run's folder can be made there.
+/// The nearest folder above that exists decides: the missing ones below it are made with the run.
+/// Only a courtesy: the rights may change until then, and open_record() reports that as well.
 void check_writable(const std::string& out) {
   fs::path folder = fs::absolute(out).lexically_normal();
   std::error_code error;
@@ -97,6 +102,7 @@ std::vector<std::string> Program::protocol_files() {
 
 std::vector<std::string> Program::rig_files() { return lua_files(in_data_folder("scripts/rigs")); }
 
+// The same list as in docs/conventions.md; ExitCode (host/engine/run_result.h) has the numbers.
 std::string exit_codes_text() {
   return "0  completed\n"
          "1  the script failed, or a statement of a piped prompt\n"
@@ -111,6 +117,7 @@ std::string exit_codes_text() {
          "rig)\n";
 }
 
+// Shared by `run`, `view`, `test` and the prompt, so that one option has one meaning and one text.
 void add_run_options(Command& command, RunOptions& options) {
   command.option("--rig", options.request.where.rig_file,
                  "a rig's file or name (default: the protocol's own, else simulated)");
@@ -145,11 +152,14 @@ void add_view_options(Command& command, RunOptions& options) {
       "a file for you alone (0600; made where there is none) whose token lets browsers in");
 }
 
+// The protocol's file first: the default of the rig is asked from the protocol.
 RunRequest& ProtocolOptions::complete(Program& program) {
   request.what.protocol_file = Program::protocol_file(protocol);
   return RunOptions::complete(program);
 }
 
+// In the order of the defaults: what was given, the protocol's own rig, the simulated one.
+// Everything about files and addresses is refused here, before an instrument is opened.
 RunRequest& RunOptions::complete(Program& program) {
   if (request.where.rig_file.empty() && !request.what.protocol_file.empty())
     request.where.rig_file = program.engine().describe(request.what.protocol_file).rig;
@@ -158,6 +168,7 @@ RunRequest& RunOptions::complete(Program& program) {
   check_writable(request.where.out);
   view.port = static_cast<unsigned short>(view_port);
   view.token_file = token_file;
+  // An option that would be read and ignored is refused: a user who writes --listen expects a page.
   if (!view.on && (view.address != view::ViewRequest().address || !token_file.empty()))
     throw ConfigError("--listen, --token-file: are about the page, which wants --view");
   view::check(view);

@@ -12,6 +12,8 @@
 namespace vitreo::cli {
 namespace {
 
+// One set of variables for all commands about records: a line has one command, so the others keep
+// their defaults.
 struct RecordWords {
   std::string run = "last";
   std::string parent = "runs";
@@ -22,9 +24,12 @@ struct RecordWords {
   RunFilter filter;
   bool json = false;
   bool png = false;
+  // When the action runs, not while the line is parsed: --runs may stand behind the run's name.
   std::filesystem::path folder() const { return find_run(run, parent); }
 };
 
+// Writes each plot of the report as a file of its own, for a paper: the report has them inside
+// HTML.
 int plots(const RecordWords& wanted) {
   nlohmann::json files = nlohmann::json::array();
   const PlotFiles kind = wanted.png ? PlotFiles::png : PlotFiles::svg;

@@ -14,11 +14,15 @@ namespace vitreo {
 namespace {
 
 /// A background learnt during the run: from which exposure on, from how many frames.
+/// As Session::learn_background() records it (event "background", JSON): every frame exposed at
+/// `from` or later was learnt until there were `count`.
 struct Learning {
   Time from{};
   int count = 0;
 };
 
+// In the order of the events, which is that of time. Text that is no JSON is passed over: another
+// version's record is no reason to fail. Only the top camera is replayed.
 std::vector<Learning> learnings_of(const RunData& data) {
   std::vector<Learning> learnings;
   for (const Event& event : data.events) {
@@ -31,6 +35,8 @@ std::vector<Learning> learnings_of(const RunData& data) {
 }
 
 /// The robot's axis as the servo was set to.
+/// Of the first servo in the record; nothing where none names an axis. A later servo with another
+/// axis is replayed with this one.
 std::optional<Eigen::Vector3d> axis_of(const RunData& data) {
   for (const Event& event : data.events) {
     if (event.kind != "servo") continue;
@@ -45,6 +51,8 @@ std::optional<Eigen::Vector3d> axis_of(const RunData& data) {
 }
 
 /// By the exposure's time: where the loop saw the robot.
+/// The stream "servo" carries the exposure's time as its key, the same that the frame's row has, so
+/// frames and rows match exactly. NaN in the record is "lost", which is nullopt here.
 std::map<Time, std::optional<Eigen::Vector3d>> seen_then(const RunData& data) {
   const Stream* const servo = data.stream("servo");
   if (!servo) throw RecordError(data.folder.string() + ": has no stream servo to compare with");
@@ -90,6 +98,8 @@ class Player {
   }
 
  private:
+  // While a learning is due its frames are learnt and not localized, as in the run. A frame without
+  // a row in the servo's stream was not used by the loop: there is nothing to compare it with.
   void take(const FrameRow& row) {
     if (next_ < learnings_.size() && row.exposed >= learnings_[next_].from) return learn(row);
     const auto then = seen_.find(row.exposed);
@@ -98,6 +108,8 @@ class Player {
     result_.frames.push_back({row.number, row.exposed, then->second, observation.position});
   }
 
+  // The background that was learnt is handed over whole and the next one starts empty, as
+  // Session::learn_background() makes a new one each time.
   void learn(const FrameRow& row) {
     background_.learn(read_frame(data_, row));
     ++result_.background_frames;
@@ -118,6 +130,8 @@ class Player {
 
 }  // namespace
 
+// |replayed - recorded| in 3-D, m. `same` wants a distance of exactly 0: the replay does the same
+// arithmetic on the same bytes, so a difference is one of the program, the model or the machine.
 ReplayStatistics Replay::statistics() const {
   ReplayStatistics statistics;
   double sum = 0;

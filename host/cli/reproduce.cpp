@@ -31,6 +31,8 @@ struct ReproductionWords {
 };
 
 /// The runs of the plan that were asked for; the short form leaves some out.
+/// A misspelt protocol is refused before the first run begins. "-" as the short form's arguments
+/// means that the run has no short form.
 std::vector<PlannedRun> chosen(const RigDescription& plan, const ReproductionWords& wanted) {
   const std::string& file = plan.file;
   std::vector<PlannedRun> all = read_plan(plan);
@@ -49,6 +51,7 @@ std::vector<PlannedRun> chosen(const RigDescription& plan, const ReproductionWor
   return runs;
 }
 
+// On the standard error, a line as each run ends, for the standard output is the table's.
 void report(const ReproducedRun& run) {
   int missed = 0;
   for (const ReproducedRow& row : run.rows) missed += is_missed(row.verdict);
@@ -57,6 +60,9 @@ void report(const ReproducedRun& run) {
              run.reason);
 }
 
+// Each run is a process of its own (`vitreo run --json`), the same program as this one: the state
+// of one run cannot leak into the next, and the cores are used. The page in docs/ is written over
+// only by the whole plan with its own settings.
 int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   const RigDescription plan = program.engine().load_rig(
       wanted.plan.empty() ? Program::in_data_folder("scripts/reproduction.lua") : wanted.plan);
@@ -70,6 +76,8 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   request.processes = wanted.processes > 0 ? wanted.processes : cores;
   std::vector<ReproducedRun> runs = reproduce(request, report);
+  // Rows about several runs are missing by nature where only a part was run, so they count as
+  // missed only for the whole plan.
   ReproducedRun together = join_rows(joined, runs, wanted.only.empty() && !wanted.brief);
   if (!together.rows.empty()) runs.push_back(std::move(together));
   const fs::path docs =
@@ -84,6 +92,8 @@ int reproduce_thesis(Program& program, const ReproductionWords& wanted) {
   write_file(page, reproduction_page(runs, request.out));
   bool well = true;
   nlohmann::json rows = nlohmann::json::array();
+  // The exit code is 1 for a number outside its tolerance as well as for a run that did not
+  // complete, so that the whole can serve as a test.
   for (const ReproducedRun& run : runs) {
     well = well && run.outcome == "completed" && run.reason.empty();
     for (const ReproducedRow& row : run.rows) {

@@ -31,6 +31,7 @@ struct Run : ProtocolOptions {
 
 /// Progress of --quiet: nothing but questions, which want an answer, and the live view's address,
 /// without which the page cannot be opened.
+/// question() and typed() are ProgressLine's own, so questions still appear.
 class Quiet : public ProgressLine {
  public:
   using ProgressLine::ProgressLine;
@@ -41,6 +42,8 @@ class Quiet : public ProgressLine {
 };
 
 /// What was opened, and what became of it, for --verbose: on the standard error.
+/// The arguments with their defaults filled in, in display units: what the run will use, not what
+/// was typed.
 void print_before(ScriptEngine& engine, const RunRequest& request) {
   const ProtocolDescription protocol = engine.describe(request.what.protocol_file);
   fmt::print(stderr, "protocol {}\nrig {}\nseed {}\n", protocol.file, request.where.rig_file,
@@ -54,6 +57,7 @@ void print_before(ScriptEngine& engine, const RunRequest& request) {
 }
 
 /// Every event of the record.
+/// Read from the closed record and not from memory: it shows what a reader of the run will find.
 void print_after(const RunResult& result) {
   for (const Event& event : read_run(result.folder).events)
     fmt::print(stderr, "{:10.3f} s  {}: {}\n", to_seconds(event.time), event.kind,
@@ -88,6 +92,9 @@ void show(const RunResult& result, bool json) {
              (std::filesystem::path(result.folder) / "report.html").string());
 }
 
+// The faces are made after complete(), which may refuse, and before the run: a page that cannot
+// listen must fail before an instrument is opened. The progress line is cleared before anything is
+// printed below it.
 int run(Program& program, Run& wanted) {
   const bool terminal = isatty(STDERR_FILENO) != 0;
   const auto progress = wanted.quiet ? std::make_unique<Quiet>(std::cerr, false)
@@ -105,6 +112,8 @@ int run(Program& program, Run& wanted) {
 }
 
 /// Progress at a prompt: messages that come while a line is typed appear above it.
+/// The readline editor owns the line in which is typed: show_above() redraws it below the message.
+/// It returns false while no line is being read; then the message is printed as usual.
 class PromptLines : public ProgressLine {
  public:
   PromptLines(std::ostream& out, bool animate, LineEditor& editor)
@@ -118,6 +127,8 @@ class PromptLines : public ProgressLine {
 };
 
 /// Stream buffer of the prompt's output: clears the progress that stands in the line first.
+/// Results of statements and the animated progress share the terminal; without this the first
+/// characters of a result would be written over the progress text.
 class AfterProgress : public std::streambuf {
  public:
   AfterProgress(ProgressLine& progress, std::ostream& out) : progress_(progress), out_(out) {}
@@ -128,6 +139,8 @@ class AfterProgress : public std::streambuf {
     progress_.clear();
     return out_.put(static_cast<char>(c)) ? c : traits_type::eof();
   }
+  // All or nothing: a stream that fails has failed for the whole text, and std::ostream sets
+  // badbit.
   std::streamsize xsputn(const char* text, std::streamsize count) override {
     progress_.clear();
     return out_.write(text, count) ? count : 0;
@@ -139,10 +152,15 @@ class AfterProgress : public std::streambuf {
   std::ostream& out_;
 };
 
+// Three cases: a person at a terminal gets line editing and animation, at the pace of the wall
+// clock; a terminal whose output goes to a file gets neither; a pipe runs at the virtual clock's
+// pace and prints plain lines.
 int prompt(Program& program, RunOptions& options) {
   const bool terminal = isatty(STDIN_FILENO) != 0;
   if (terminal) options.real_time = true;
   const bool edits = terminal && isatty(STDOUT_FILENO) != 0;
+  // Declared before what uses it: progress, buffer and stream refer to each other in this order and
+  // die in the reverse one.
   const auto editor =
       edits ? terminal_lines(history_file()) : stream_lines(std::cin, std::cout, terminal);
   PromptLines progress(edits ? std::cout : std::cerr, edits, *editor);
@@ -158,6 +176,7 @@ int prompt(Program& program, RunOptions& options) {
   return static_cast<int>(result.exit_code);
 }
 
+// Words that `run` and `view` have in common beyond those of every run.
 void add_arguments(Command& command, Program& program, const std::shared_ptr<Run>& wanted) {
   command.option("arguments", wanted->request.what.arguments,
                  "name=value, with units: speed=0.5mm/s");
@@ -200,6 +219,8 @@ void add_run(CommandLine& line, Program& program) {
   command.examples({"vitreo run servo_square speed=0.5mm/s --seed 7",
                     "vitreo run drift_test --help", "vitreo run hold --json | jq .results"});
 
+  // `view` is `run` with other defaults, set before the line is parsed; --view and --real-time may
+  // be given again without harm.
   const auto watched = std::make_shared<Run>();
   watched->protocol = "steer";
   watched->real_time = watched->view.on = true;

@@ -14,6 +14,7 @@
 namespace vitreo::cli {
 namespace {
 
+// A seed that was not given: 0 is a seed like any other.
 constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
 
 struct SoakWords : ProtocolOptions {
@@ -22,12 +23,15 @@ struct SoakWords : ProtocolOptions {
   std::uint64_t run_seed = 1;
 };
 
+// Two kinds of seeds: the plan's draws the disturbances, the run's the simulated rig. The latter is
+// the same for all plans, so that each run can be compared with one undisturbed reference.
 int soak_protocol(Program& program, SoakWords& wanted) {
   SoakRequest request;
   wanted.request.how.seed = wanted.run_seed;
   request.run = wanted.complete(program);
   request.first = wanted.seed == kNone ? 1 : wanted.seed;
   request.count = wanted.seed == kNone ? wanted.seeds : 1;
+  // Flushed for each seed: a soak may run for hours, and is watched through a pipe or a log.
   const SoakResult result = soak(program.engine(), request, [&](const SoakedSeed& one) {
     fmt::print("{}", wanted.json ? dumped(to_json(one)) + "\n" : to_text(one));
     std::fflush(stdout);

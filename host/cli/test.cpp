@@ -18,6 +18,8 @@ struct TestWords : ProtocolOptions {
 };
 
 /// Those that the protocol lists, else the usual ones with the arguments that were given.
+/// Arguments of the command line would contradict tests that state their own, so they are refused
+/// rather than ignored.
 std::vector<ProtocolTest> tests_of(Program& program, const RunRequest& base) {
   std::vector<ProtocolTest> tests = program.engine().describe(base.what.protocol_file).tests;
   if (!tests.empty()) {
@@ -31,6 +33,8 @@ std::vector<ProtocolTest> tests_of(Program& program, const RunRequest& base) {
   return tests;
 }
 
+// A stop test reports a trial for each of its stops, so runs are counted in the call-back and not
+// by the tests.
 int test(Program& program, TestWords& wanted) {
   const RunRequest& base = wanted.complete(program);
   int runs = 0;

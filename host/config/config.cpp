@@ -20,6 +20,7 @@ const ConfigTable& empty_table() {
 }
 
 /// A script's text inside a one-line message.
+/// At most 40 bytes and no line end: an error is one line of the terminal.
 std::string in_quotes(const std::string& text) {
   std::string shown;
   for (char c : text.substr(0, 40)) shown += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
@@ -45,6 +46,7 @@ std::string dimension_of(std::string_view unit) {
   return std::string(found ? found->dimension : unit);
 }
 
+// "must be a length" tells more than "must be a number".
 std::string number_wanted(const Bounds& bounds) {
   const std::string dimension = dimension_of(bounds.unit);
   return dimension.empty() ? "a number" : quantity_name(dimension);
@@ -78,6 +80,7 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return last[b.size()];
 }
 
+// ASCII alone, as keys are; a slip in case costs no letter of the distance.
 std::string lower(std::string text) {
   for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   return text;
@@ -100,6 +103,7 @@ std::string nearest(const std::string& word, const std::vector<std::string>& can
     }
   }
   if (!result.empty() || word.size() < 4) return result;
+  // Only when no slip fits: a word that was cut or continued.
   for (const std::string& candidate : candidates) {  // "focus_depth" for "focus"
     if (candidate.size() >= 4 && (candidate.starts_with(word) || word.starts_with(candidate)))
       return candidate;
@@ -107,6 +111,8 @@ std::string nearest(const std::string& word, const std::vector<std::string>& can
   return result;
 }
 
+// From the key up through its tables: a key that stands nowhere is missing in the file that has its
+// table, and the rig file itself is the last answer.
 RigSource RigDescription::source_of(std::string key) const {
   for (;;) {
     const auto found = from_base.find(key);
@@ -117,6 +123,8 @@ RigSource RigDescription::source_of(std::string key) const {
   }
 }
 
+// The root owns the resolved values; the readers of sub-tables write into its object through
+// pointers, which is why a reader is not copied.
 ConfigReader::ConfigReader(const RigDescription& rig)
     : rig_(rig), table_(rig.table), own_(nlohmann::json::object()), resolved_(&own_) {}
 
@@ -124,6 +132,7 @@ ConfigReader::ConfigReader(const RigDescription& rig, const ConfigTable& table, 
                            nlohmann::json* resolved)
     : rig_(rig), table_(table), path_(std::move(path)), resolved_(resolved) {}
 
+// The text is read for lines only now: a rig file without errors costs nothing for it.
 void ConfigReader::fail(const std::string& key, const std::string& problem) const {
   const RigSource source = rig_.source_of(path_ + key);
   const int line = find_line(source.text, path_ + key);
@@ -137,12 +146,15 @@ void ConfigReader::wrong_type(const std::string& key, const std::string& wanted,
   fail(key, "must be " + wanted + ", not " + describe(found));
 }
 
+// Every key that is asked for is known, whether it is there or not: finish() refuses the others,
+// and proposes from these.
 const ConfigValue* ConfigReader::find(const std::string& key) {
   known_.insert(key);
   const auto found = table_.find(key);
   return found == table_.end() ? nullptr : &found->second;
 }
 
+// Does not make the key known: who asks and then does not read it leaves an error for finish().
 bool ConfigReader::has(const std::string& key) const { return table_.contains(key); }
 
 std::vector<std::string> ConfigReader::keys() const {
@@ -151,6 +163,8 @@ std::vector<std::string> ConfigReader::keys() const {
   return names;
 }
 
+// NaN and infinity come first: they have no display in a unit. A bound that is infinite is left out
+// of the sentence.
 void ConfigReader::check_bounds(const std::string& key, double value, const Bounds& bounds) const {
   if (!std::isfinite(value))
     fail(key, "must be " + number_wanted(bounds) + ", not infinite or undefined");
@@ -165,6 +179,8 @@ void ConfigReader::check_bounds(const std::string& key, double value, const Boun
   fail(key, "is " + shown(value) + "; it must be " + wanted);
 }
 
+// The default is not held to the bounds: it is the program's own, and the bounds are for what
+// people write.
 double ConfigReader::number(const std::string& key, double fallback, const Bounds& bounds) {
   const ConfigValue* found = find(key);
   double value = fallback;
@@ -174,6 +190,7 @@ double ConfigReader::number(const std::string& key, double fallback, const Bound
     value = *number;
     check_bounds(key, value, bounds);
   }
+  // What was chosen, not how: a reader of the record needs no defaults of this version.
   (*resolved_)[key] = value;
   return value;
 }
@@ -183,6 +200,7 @@ int ConfigReader::integer(const std::string& key, int fallback, int min, int max
   int value = fallback;
   if (found) {
     const double* number = std::get_if<double>(&found->value);
+    // Lua's integers and floats arrive as one kind of number: 3.0 is a whole one.
     if (!number || *number != std::floor(*number)) wrong_type(key, "a whole number", *found);
     check_bounds(key, *number, {static_cast<double>(min), static_cast<double>(max), ""});
     value = static_cast<int>(*number);
@@ -230,6 +248,7 @@ std::string ConfigReader::choice(const std::string& key, const std::string& fall
   return value;
 }
 
+// `wanted`: how many; 0: any. The error names the place of the number in the list.
 std::vector<double> ConfigReader::read_numbers(const std::string& key,
                                                const std::vector<double>& fallback,
                                                const Bounds& bounds, std::size_t wanted) {
@@ -292,6 +311,8 @@ Eigen::Vector3d ConfigReader::vector3(const std::string& key, const Eigen::Vecto
   return {values[0], values[1], values[2]};
 }
 
+// A table that is not there reads as an empty one, so that all defaults below it are resolved too.
+// One that is read twice, by two readers, joins what both resolved.
 ConfigReader ConfigReader::table(const std::string& key) {
   const ConfigValue* found = find(key);
   const ConfigTable* inner = found ? std::get_if<ConfigTable>(&found->value) : nullptr;
@@ -303,6 +324,8 @@ ConfigReader ConfigReader::table(const std::string& key) {
   return ConfigReader(rig_, inner ? *inner : empty_table(), path_ + key + ".", &below);
 }
 
+// Called by each reader when it has read all it wants. Without it a misspelt key would silently
+// leave a default in force, such as a limit of current.
 void ConfigReader::finish() const {
   for (const auto& [key, value] : table_) {
     if (known_.contains(key)) continue;

@@ -37,6 +37,7 @@ class Joiner {
              std::size_t first) {
     for (const auto& [key, value] : base) {
       const std::string dotted = path + key;
+      // A base that builds on another one knows that itself; its indices move by its own place.
       const auto farther = from.from_base.find(dotted);
       rig_.from_base[dotted] =
           farther == from.from_base.end() ? first : first + 1 + farther->second;
@@ -45,6 +46,8 @@ class Joiner {
     }
   }
 
+  // Works in the base's table: what the rig states is moved over it, everything else is already
+  // there.
   void join(ConfigTable& base, ConfigTable own, const std::string& path) {
     for (auto& [key, value] : own) {
       const std::string dotted = path + key;
@@ -85,6 +88,8 @@ class Joiner {
 
 }  // namespace
 
+// The order matters: first every key is claimed for the base, then those that the rig sets are
+// taken out again.
 void build_on(RigDescription& rig, RigDescription base) {
   Joiner joiner(rig);
   joiner.claim(base.table, "", base, rig.bases.size());

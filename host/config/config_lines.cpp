@@ -21,6 +21,8 @@ constexpr int kMaxDepth = 100;  // of tables and functions: a hostile text must 
 const std::string kReturned = "@return";
 
 /// One key that gets a value.
+/// Entries are in the order of the text. `line` is where the key stands, and not where its value
+/// ends.
 struct Entry {
   std::string path;  // "@return.top_camera.focus"
   int line;
@@ -48,6 +50,7 @@ class Reader {
   }
 
  private:
+  // Tokens of strings never match, so that "end" in a text ends no block.
   bool is(const char* text, std::size_t ahead = 0) const {
     return at_ + ahead < tokens_.size() && tokens_[at_ + ahead].kind != Kind::text &&
            tokens_[at_ + ahead].text == text;
@@ -58,6 +61,8 @@ class Reader {
   bool is_variable() const { return is_kind(Kind::name) && !is_keyword(tokens_[at_].text); }
 
   // Statements up to the `end` of the function whose body this is, or to the text's end.
+  // `target` is the path under which a table constructor's keys are noted; "@" is that of a table
+  // without a name, such as a call's argument, and only find_elsewhere() looks there.
   void statements(bool in_function, int depth) {
     std::string target;  // of the assignment that goes on
     int blocks = 0;
@@ -86,6 +91,7 @@ class Reader {
 
   void function(int depth) {
     ++at_;
+    // The rest of the text is given up: its keys have no line.
     if (depth > kMaxDepth) {
       at_ = tokens_.size();
       return;
@@ -134,6 +140,9 @@ class Reader {
   }
 
   // Notes that `path` gets the value that begins at the cursor, and which kind of value it is.
+  // A value that is a variable and nothing else ("camera = top") leads to that variable's own
+  // entries; one that goes on ("top or {}") is computed, and leads nowhere. The cursor stays where
+  // it was.
   void keep(const std::string& path, int line, bool in_table) {
     Entry entry{path, line};
     const std::size_t start = at_;
@@ -147,11 +156,13 @@ class Reader {
     entries_.push_back(std::move(entry));
   }
 
+  // In a statement a name right behind the value begins the next one; `and` and `or` continue it.
   bool ends_value(bool in_table) const {
     if (at_ >= tokens_.size() || is(",") || is(";") || is("}")) return true;
     return !in_table && is_kind(Kind::name) && !is("and") && !is("or");
   }
 
+  // Items without a key count from 1, as Lua counts them; the paths are those of the config reader.
   void constructor(const std::string& path, int depth) {
     ++at_;
     if (depth > kMaxDepth) at_ = tokens_.size();
@@ -170,6 +181,8 @@ class Reader {
   }
 
   // The key of the next item; the cursor is then at its value.
+  // A computed key, [i + 1], is noted as "[...]": it is found by no path, and its value is still
+  // read through.
   std::string key(int& items) {
     if (is_kind(Kind::name) && is("=", 1)) {
       at_ += 2;
@@ -216,6 +229,8 @@ class Paths {
   explicit Paths(std::vector<Entry> entries) : entries_(std::move(entries)) {}
 
   /// The last of several is the one in effect. Null when there is none.
+  /// Exact first. Then from the longest prefix to the shortest: where a table is a variable's, the
+  /// rest of the path goes on in the variable.
   const Entry* find(const std::string& path, int depth = 0) const {
     const auto found = std::find_if(entries_.rbegin(), entries_.rend(),
                                     [&](const Entry& entry) { return entry.path == path; });
@@ -233,6 +248,8 @@ class Paths {
   }
 
   /// A key of that name in a table that is not the returned one.
+  /// For tables that a function or a loop makes: the first place that sets such a key is the best
+  /// guess.
   const Entry* find_elsewhere(const std::string& name) const {
     const auto found = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
       return !entry.path.starts_with(kReturned) && entry.path.ends_with("." + name);
@@ -260,6 +277,8 @@ bool is_literal(const Paths& paths, const Entry& entry) {
 
 }  // namespace
 
+// Four answers, each less exact than the one before: the key itself; a key of that name elsewhere,
+// if its table is computed; the line of its table; nothing.
 int find_line(std::string_view text, std::string_view dotted_key) {
   const Paths paths(Reader(text).entries());
   std::string path = kReturned + "." + std::string(dotted_key);

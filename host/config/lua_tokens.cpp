@@ -21,6 +21,8 @@ class Lexer {
  public:
   explicit Lexer(std::string_view text) : text_(text) {}
 
+  // Keeps going through what is no Lua: the caller looks for a line in a file that may be broken,
+  // and for whose errors Lua itself speaks.
   std::vector<LuaToken> tokens() {
     while (!done()) step();
     return std::move(tokens_);
@@ -40,6 +42,8 @@ class Lexer {
     ++line_;
   }
 
+  // One token, blank, line end or comment. At least one character is taken each time, so that any
+  // text comes to an end.
   void step() {
     const char c = peek();
     if (is_line_end(c)) return next_line();
@@ -62,6 +66,7 @@ class Lexer {
     tokens_.push_back({kind, std::move(text), line});
   }
 
+  // A long bracket that begins at once makes the comment long: --[[ ... ]].
   void skip_comment() {
     at_ += 2;
     if (peek() == '[' && long_bracket()) return;
@@ -112,6 +117,8 @@ class Lexer {
     keep(Kind::name, std::string(text_.substr(start, at_ - start)), line_);
   }
 
+  // A string without its end stops at the line's, so that a missing quote does not swallow the rest
+  // of the file.
   void read_quoted() {
     const char quote = peek();
     const int line = line_;
@@ -175,6 +182,7 @@ class Lexer {
   }
 
   void read_symbol() {
+    // Longer ones first, where one begins like another.
     constexpr std::array<std::string_view, 10> kLong = {
         "...", "..", "==", "~=", "<=", ">=", "//", "::", "<<", ">>"};
     for (const std::string_view symbol : kLong) {

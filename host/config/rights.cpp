@@ -7,6 +7,7 @@
 namespace vitreo {
 namespace {
 
+// The default is the lesser right: `rights` is written to restrict.
 Right right_in(ConfigReader& reader, const std::string& key) {
   return reader.choice(key, "technician", {"technician", "researcher"}) == "researcher"
              ? Right::researcher
@@ -31,6 +32,7 @@ Rights Rights::read(ConfigReader& rig) {
   return rights;
 }
 
+// No finish(): the rest of the description is read elsewhere, and is not this reader's.
 Rights Rights::of(const RigDescription& rig) {
   ConfigReader reader(rig);
   return read(reader);
@@ -48,6 +50,8 @@ void Rights::require_researcher(const std::string& name, const std::string& what
                    " wants a researcher's right (the rig file's rights)");
 }
 
+// The effective account, which is the one whose rights the files have. A container may run under a
+// number without a name.
 std::string account_name() {
   const passwd* const account = getpwuid(geteuid());
   return account != nullptr ? account->pw_name : std::to_string(geteuid());

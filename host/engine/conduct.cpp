@@ -29,6 +29,8 @@ std::vector<FramePolicy> frame_policies(const RunRequest& request, const Rig& ri
 
 /// s between the moments at which the truth is of use: the period of the sensor of the loop. 0:
 /// there is none.
+/// A simulated run's truth is sampled at that rate, so that each measurement of the loop has a true
+/// position of its own moment.
 double truth_period(const Rig& rig) {
   if (rig.top_camera != nullptr) return rig.top_camera->info().frame_period;
   return rig.pose_sensor != nullptr ? rig.pose_sensor->period() : 0;
@@ -72,6 +74,8 @@ class RecordingGuard {
 /// the session.
 class RunSession {
  public:
+  // The order matters: rights and answers before any face can send a command, the hooks of control
+  // before any face can end the run, faults last, for they need all the rest.
   RunSession(RunStage& stage, ScriptEngine& engine, const RunRequest& request,
              ProgressListener& listener)
       : session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
@@ -183,6 +187,7 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
         disk_warning(request.where.out, frame_bytes_per_second(run.policies(), session.rig));
     if (!disk.empty()) session.raise("disk", AlarmPriority::medium, disk);
     for (const FramePolicy& policy : run.policies()) session.frames.start(policy);
+    // Throws for every end that is not the script's own; judge() says what that means for the run.
     body(session);
   };
   return judge(script, session.control);
@@ -212,6 +217,8 @@ std::string make_safe(RunStage& stage, Session& session, Verdict& verdict) {
 }
 
 /// Act three: the end record, then the report.
+/// The record is closed after the outputs are safe: what the record says about them is then a fact.
+/// The wall clock's result is left out of the canonical export, so runs still compare to the bit.
 void close_record(RunStage& stage, Verdict& verdict, const std::string& location, double began) {
   // The two times are results like any other, so that runs can be compared by them.
   const double experiment_time = to_seconds(stage.clock->now());
@@ -230,6 +237,8 @@ void close_record(RunStage& stage, Verdict& verdict, const std::string& location
 
 }  // namespace
 
+// An exception that reaches the handler below is the engine's own, such as a camera that cannot be
+// decorated: the rig is made safe there too, since make_safe() above may not have been reached.
 RunResult conduct(RunStage& stage, ScriptEngine& engine, const RunRequest& request,
                   ProgressListener& listener, const std::function<void(Session&)>& body,
                   const Inspect& inspect) {

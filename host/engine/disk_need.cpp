@@ -31,6 +31,7 @@ double frame_bytes_per_second(const std::vector<FramePolicy>& policies, const Ri
   return rate;
 }
 
+// An estimate from above for small values: SQLite stores integers and zero in fewer bytes.
 double sample_bytes(const Recorder& recorder) {
   double bytes = 0;
   for (const Stream& stream : recorder.streams())
@@ -49,6 +50,7 @@ double free_bytes_for(const std::filesystem::path& out) {
   return static_cast<double>(std::filesystem::space(folder).available);
 }
 
+// The reserve is asked for on top, because the recorder sets it aside before the first sample.
 std::string disk_problem(const std::filesystem::path& out, double need) {
   const DiskLimits limits;
   const double room = free_bytes_for(out);
@@ -59,6 +61,8 @@ std::string disk_problem(const std::filesystem::path& out, double need) {
                      size_text(static_cast<std::uint64_t>(room)));
 }
 
+// At the moment at which recording begins, with the sizes and rates of the cameras that are open: a
+// simulated rig has had no preflight.
 std::string disk_warning(const std::filesystem::path& out, double bytes_per_second) {
   if (bytes_per_second <= 0) return "";
   const DiskLimits limits;

@@ -36,6 +36,7 @@ constexpr std::array kKeys{Key{"top_camera", "effective_pixel", "top_camera", fa
 
 std::string full_name(const Key& key) { return std::string(key.table) + "." + key.name; }
 
+// Null for another name: a calibration sets nothing but what stands in kKeys.
 const Key* find_key(const std::string& name) {
   for (const Key& key : kKeys)
     if (full_name(key) == name) return &key;
@@ -194,6 +195,7 @@ json entry_of(const Key& key, const RunStart& start, const fs::path& run_folder)
 }
 
 /// The key of that name, if it is of that kind. Throws std::invalid_argument naming the keys.
+/// Called with what a script accepts, so a wrong name is the script's mistake and no ConfigError.
 const Key& settable(const std::string& name, bool is_file) {
   const Key* const key = find_key(name);
   if (key == nullptr || key->is_file != is_file)
@@ -218,6 +220,9 @@ fs::path installed_calibration_file(const std::string& name, const fs::path& run
   return fs::absolute(runs / "calibrations" / name).lexically_normal();
 }
 
+// The rig is checked twice, without and with the calibration, so that an error names the file that
+// is to blame. The path in force is put into the description: install_calibration() finds it in the
+// record.
 void take_installed_calibration(RigDescription& rig, const fs::path& runs) {
   ConfigReader own(rig);
   const Calibrations calibrations = Calibrations::read(own);
@@ -241,6 +246,8 @@ void take_installed_calibration(RigDescription& rig, const fs::path& runs) {
   }
 }
 
+// Numbers are in the resolved rig of the record; files are not, so a field calibration is the rig
+// file's own in a replay.
 void take_recorded_calibration(RigDescription& rig, const json& resolved) {
   if (!resolved.is_object() || !resolved.contains("calibrations")) return;
   for (const Key& key : kKeys) {
@@ -250,6 +257,8 @@ void take_recorded_calibration(RigDescription& rig, const json& resolved) {
   }
 }
 
+// The order makes each step safe to be cut off: copies of the named files, then the way back, then
+// the file itself by one rename.
 fs::path install_calibration(const AcceptedCalibration& accepted, const RunStart& start,
                              const fs::path& run_folder) {
   const fs::path file = text_at(start.rig, {"resolved", "calibrations", "installed", "file"});

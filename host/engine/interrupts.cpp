@@ -11,6 +11,8 @@ namespace {
 constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
 // In a signal handler: RunControl::request(tier) is async-signal-safe.
+// The third signal, or one without a run, falls back to the default action: the guardian and the
+// instruments' own time-outs are what is left then.
 extern "C" void on_signal(int number) {
   RunControl* const control = attached_control();
   if (control == nullptr || control->tier() >= StopTier::abort) {

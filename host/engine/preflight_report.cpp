@@ -13,6 +13,8 @@ namespace vitreo {
 namespace {
 
 /// Lines of the axes; those of one dimension have one unit.
+/// Two passes, since the unit of a column follows from all its values: `taken` counts how many
+/// numbers of each dimension were used up.
 std::string axes_text(const std::vector<AxisUse>& moves) {
   std::map<std::string, std::vector<double>> limits;
   for (const AxisUse& use : moves)

@@ -14,6 +14,8 @@ namespace {
 
 /// Throws PreflightError, unless a researcher overrides it; that is recorded, and logged outside of
 /// the run.
+/// The log outlives the run's folder: who overrode what can be looked up even where the run was
+/// removed.
 void refuse_or_override(const RunRequest& request, const RigDescription& rig,
                         const std::string& why, Preparation& preparation) {
   if (request.how.override_reason.empty()) throw PreflightError(why);

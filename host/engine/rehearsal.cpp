@@ -50,6 +50,7 @@ class PassingFolder {
 
 /// Stops the script after so much wall time: a script that waits for hours of the rig's time
 /// computes for all of them.
+/// Its thread touches nothing but the control, whose request() any thread may call.
 class TimeLimit {
  public:
   TimeLimit(RunControl& control, double seconds) {
@@ -101,6 +102,7 @@ RunStart start_of(const RunRequest& request, const ProtocolDescription& protocol
 }
 
 /// The dry run's record is thrown away: no reserve is kept, and a small disk will do.
+/// The floor of 16 MB keeps the dry run itself from filling the disk.
 RecordLimits passing_limits() {
   RecordLimits limits;
   limits.disk.reserve_bytes = 0;
@@ -109,6 +111,7 @@ RecordLimits passing_limits() {
   return limits;
 }
 
+// The default of PreflightLimits::stuck.
 [[noreturn]] void leave(const PreflightReport& report) {
   std::cerr << "vitreo: the preflight failed, nothing was opened: " << report.problems.back()
             << std::endl;
@@ -168,6 +171,8 @@ class DryRun {
 
  private:
   /// What the run took and energized, and what was remarkable on the way.
+  /// Axes and coils were counted by decorators in the twin, so the numbers are those of what the
+  /// twin accepted.
   void report_use(const Rehearsal& rehearsal, const Rig& rig) {
     // The virtual clock jumps over waits but counts them.
     report_.duration = to_seconds(clock_->now());
@@ -182,6 +187,8 @@ class DryRun {
         sample_bytes(recorder_) + report_.frame_bytes_per_second * report_.duration;
   }
 
+  // The same streams as conduct() records, so that a script that reads "truth" is rehearsed with
+  // it.
   void keep_truth(Session& session) {
     const Rig& rig = session.rig;
     const double period = rig.top_camera ? rig.top_camera->info().frame_period
@@ -190,6 +197,8 @@ class DryRun {
       session.keep(observe_truth(*clock_, *twin_.open_rig().laboratory(), period, recorder_));
   }
 
+  // Runs the script to its end, to its error or to the limit; only the operator's own stop is
+  // thrown on.
   void play(Session& session) {
     // Ctrl-C ends the check itself.
     const InterruptScope interrupts;
@@ -254,6 +263,8 @@ class DryRun {
 
 }  // namespace
 
+// A rig that has no twin is not refused: the rehearsal is a help, and a rig file may hold settings
+// that only the real instrument's driver can judge.
 PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
                          const CheckedRequest& checked, const PreflightLimits& limits) {
   PreflightReport report;

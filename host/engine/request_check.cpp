@@ -49,6 +49,8 @@ std::string operator_of(const RunRequest& request) {
   return request.how.operator_name.empty() ? account_name() : request.how.operator_name;
 }
 
+// One error at a time, in the order in which a person mends them: protocol, arguments, rig file,
+// and whether they fit each other.
 CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
   CheckedRequest checked;
   checked.protocol = engine.describe(request.what.protocol_file);

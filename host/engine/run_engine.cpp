@@ -42,6 +42,8 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
   return conduct(stage, engine, request, listener, script, inspect);
 }
 
+// The same straight line without a protocol: what run_protocol() takes from its description, a
+// prompt has empty.
 RunResult run_prompt(ScriptEngine& engine, const RunRequest& request, ProgressListener& listener,
                      LineEditor& in, std::ostream& out, std::ostream& err) {
   RigDescription rig = engine.load_rig(request.where.rig_file);

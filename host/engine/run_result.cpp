@@ -36,6 +36,7 @@ Verdict judge(const std::function<void()>& body, const RunControl& control) {
   }
 }
 
+// A result that is NaN becomes null when this is printed: JSON has no NaN.
 nlohmann::json to_json(const RunResult& result) {
   nlohmann::json results = nlohmann::json::object();
   for (const StatedResult& one : result.results) results[one.name] = one.value;

@@ -76,6 +76,8 @@ RecordLimits record_limits(const RunRequest& request, const RigDescription& desc
 
 }  // namespace
 
+// The clock comes before the rig, whose devices wait on it from their first byte on. One real
+// instrument is enough to make the whole run real time.
 RunStage open_stage(const RunRequest& request, const RigDescription& description) {
   RunStage stage;
   stage.rights = Rights::of(description);

@@ -27,6 +27,8 @@ Watchdog::~Watchdog() {
   thread_.join();
 }
 
+// This thread holds no baton except between break_in() and leave(), so it runs while everything
+// else is stuck; it reads atomics and the control only.
 void Watchdog::watch() {
   while (!done_) {
     control_.wait_for_request(control_.tier() == StopTier::none ? kIdlePeriod : kEndingPeriod);

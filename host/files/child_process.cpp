@@ -18,6 +18,8 @@ namespace vitreo {
 // Both ends are close-on-exec, so that no other child inherits them and keeps the pipe open; the
 // end that is duplicated onto 0, 1 or 2 is not.
 ChildProcess::ChildProcess(const std::vector<std::string>& words, Pipe pipe) {
+  // posix_spawn() and not fork(): this process has threads, and between fork() and exec() only
+  // calls that a signal handler may make would be allowed.
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0)
     throw std::runtime_error(words.at(0) + ": " + std::strerror(errno));
@@ -42,6 +44,8 @@ ChildProcess::ChildProcess(const std::vector<std::string>& words, Pipe pipe) {
       posix_spawnp(&pid_, arguments[0], &actions, &attributes, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   posix_spawnattr_destroy(&attributes);
+  // The child's end is closed here: otherwise this process would hold the pipe open itself, and
+  // never read an end of the child's output.
   ::close(ends[input ? 0 : 1]);
   pipe_ = ends[input ? 1 : 0];
   if (error == 0) return;
@@ -50,6 +54,8 @@ ChildProcess::ChildProcess(const std::vector<std::string>& words, Pipe pipe) {
                            " cannot be started: " + std::strerror(error));
 }
 
+// Killed without a chance to end by itself: the destructor runs before finish() only when its owner
+// gives up. It is still waited for, or it would stay as a zombie.
 ChildProcess::~ChildProcess() {
   if (pid_ >= 0) ::kill(pid_, SIGKILL);
   finish();
@@ -57,6 +63,8 @@ ChildProcess::~ChildProcess() {
 
 bool ChildProcess::write(std::string_view bytes) {
   // A write to a program that has ended raises SIGPIPE, which would end this one too.
+  // The disposition is the whole process': for as long as this call lasts other threads ignore the
+  // signal too.
   const auto before = std::signal(SIGPIPE, SIG_IGN);
   bool taken = true;
   while (!bytes.empty() && taken) {
@@ -79,11 +87,13 @@ std::size_t ChildProcess::read(void* into, std::size_t bytes) {
   return got;
 }
 
+// An end of the output counts as readable: poll() answers POLLHUP, and read_some() then gives 0.
 bool ChildProcess::readable(std::chrono::milliseconds patience) const {
   pollfd end{pipe_, POLLIN, 0};
   return ::poll(&end, 1, static_cast<int>(patience.count())) > 0;
 }
 
+// An error of the pipe is taken for its end; the exit status says more about the reason.
 std::size_t ChildProcess::read_some(void* into, std::size_t bytes) {
   for (;;) {
     const ssize_t got = ::read(pipe_, into, bytes);
@@ -93,6 +103,8 @@ std::size_t ChildProcess::read_some(void* into, std::size_t bytes) {
 }
 
 // The exit code as a shell gives it: 128 and the signal's number for one that was killed.
+// The pipe is closed first: a program that reads until its input ends would never end, one that
+// still writes is stopped by SIGPIPE, and waitpid() would wait for both.
 int ChildProcess::finish() {
   if (pipe_ >= 0) ::close(pipe_);
   pipe_ = -1;

@@ -20,6 +20,8 @@ void require_success(int result) {
 
 void Sha256::Free::operator()(evp_md_ctx_st* context) const { EVP_MD_CTX_free(context); }
 
+// EVP_DigestInit_ex() fails where no provider of libcrypto offers the algorithm: an error, never
+// another digest.
 Sha256::Sha256() : context_(EVP_MD_CTX_new()) {
   require_success(context_ ? EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) : 0);
 }
@@ -29,6 +31,7 @@ Sha256& Sha256::update(std::string_view bytes) {
   return *this;
 }
 
+// EVP_DigestFinal_ex() adds the padding and the length, so that a later update() would be an error.
 std::string Sha256::hex() {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned int size = 0;
@@ -40,6 +43,7 @@ std::string Sha256::hex() {
 
 std::string sha256(std::string_view bytes) { return Sha256().update(bytes).hex(); }
 
+// crc32_z() takes a size of 64 bits; crc32() would cut it to 32, and a frame's bytes may be more.
 std::uint32_t crc32(const void* bytes, std::size_t size, std::uint32_t before) {
   // zlib takes a null pointer for the request to begin anew, and answers 0 whatever came before.
   if (size == 0) return before;

@@ -19,6 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 
 // Against files that would take the memory: the first is checked before decoding.
+// Deflate packs up to a thousandfold: a PNG of a megabyte may decode to a gigabyte, and so the
+// second is checked as well.
 constexpr std::uintmax_t kLargestFile = 256U << 20U;  // bytes
 constexpr std::size_t kMostPixels = 1U << 26U;
 constexpr std::string_view kMask = "_mask";
@@ -30,6 +32,7 @@ std::string lower(std::string text) {
   return text;
 }
 
+// By the stem: "eye_mask.png" and "eye_mask.tif" are masks, "eye_masked.png" is an image.
 bool is_mask(const fs::path& file) { return lower(file.stem().string()).ends_with(kMask); }
 
 /// The digits from `at` on without leading zeros; `at` moves behind them.
@@ -40,6 +43,8 @@ std::string_view number_at(const std::string& text, std::size_t& at) {
   return std::string_view(text).substr(first, at - first);
 }
 
+// Sorted, because the order of a folder is the file system's: a training on the same images must
+// see them in the same order on every machine.
 std::vector<fs::path> images_and_masks(const fs::path& folder) {
   std::error_code error;
   if (!fs::is_directory(folder, error))
@@ -55,6 +60,8 @@ std::vector<fs::path> images_and_masks(const fs::path& folder) {
   return files;
 }
 
+// Decoded from memory and not by imread(), which answers every problem, a missing file or a damaged
+// one, with an empty image. Every error is the operator's, thus std::invalid_argument.
 cv::Mat read(const fs::path& file, int flags) {
   std::error_code error;
   const std::uintmax_t size = fs::is_regular_file(file, error) ? fs::file_size(file, error) : 0;
@@ -82,6 +89,9 @@ cv::Mat read(const fs::path& file, int flags) {
 
 }  // namespace
 
+// Numbers are compared by their count of digits, then digit by digit: no number is too long for it.
+// A strict weak order, as std::sort demands, because names that differ in zeros alone are still
+// told apart.
 bool natural_less(const std::string& a, const std::string& b) {
   std::size_t i = 0;
   std::size_t j = 0;
@@ -106,6 +116,8 @@ std::optional<long long> number_in(const fs::path& file) {
   while (end > 0 && !digit(stem[end - 1])) --end;
   std::size_t first = end;
   while (first > 0 && digit(stem[first - 1])) --first;
+  // 10^17 fits into long long with certainty; more digits are a time stamp or a hash, no frame
+  // number.
   if (first == end || end - first > 17) return std::nullopt;
   return std::stoll(stem.substr(first, end - first));
 }
@@ -125,6 +137,8 @@ std::vector<fs::path> image_files(const fs::path& folder) {
 
 cv::Mat read_color_image(const fs::path& file) { return read(file, cv::IMREAD_COLOR); }
 
+// Read in color: a mask painted red has a gray level of 30 % of white, and its brightest channel is
+// full.
 cv::Mat read_mask(const fs::path& file) {
   const cv::Mat image = read(file, cv::IMREAD_COLOR);
   cv::Mat mask(image.size(), CV_8UC1);
@@ -141,6 +155,9 @@ cv::Mat read_mask(const fs::path& file) {
   return clear;
 }
 
+// A mask without its image is refused, not passed over: it is a typing error in a name, and the
+// training would silently lose a pair. An image without a mask is no error: it is simply not
+// labeled.
 std::vector<LabeledFiles> labeled_files(const fs::path& folder) {
   const std::vector<fs::path> all = images_and_masks(folder);
   std::vector<LabeledFiles> pairs;
@@ -165,6 +182,8 @@ void write_png(const fs::path& file, const cv::Mat& image) {
   if (image.empty())
     throw std::invalid_argument(file.string() + ": there is nothing in the image to write");
   std::vector<unsigned char> bytes;
+  // Encoded in memory, then written beside and renamed, where imwrite() would leave half a file on
+  // a full disk.
   if (!cv::imencode(".png", image, bytes))
     throw std::runtime_error(file.string() + ": cannot be made a PNG");
   write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});

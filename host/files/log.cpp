@@ -17,6 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// One for the program and not one a session: the log takes lines before a session exists and after
+// it has gone. `mutex` orders the threads of this program, Lock the programs.
 struct Log {
   std::mutex mutex;
   fs::path file;  // empty: none
@@ -49,6 +51,7 @@ class Lock {
   explicit Lock(const fs::path& file)
       : descriptor_(::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644)) {
     if (descriptor_ < 0) throw std::runtime_error(file.string() + ": cannot be opened");
+    // Waits without a limit: a holder writes one line and goes.
     flock(descriptor_, LOCK_EX);
   }
   ~Lock() { ::close(descriptor_); }
@@ -60,6 +63,9 @@ class Lock {
 };
 
 /// One write() in append mode: lines of several programs do not mix.
+/// The size is asked and the file renamed under the lock: two programs that rotate at the same time
+/// would lose a file. A line that does not fit begins a new file, so that none is ever larger than
+/// the limit, unless a single line is.
 void append(const Log& log, const std::string& line) {
   const Lock lock(log.file.string() + ".lock");
   if (file_size_or_zero(log.file) + line.size() > log.limits.bytes) rotate(log);
@@ -72,6 +78,8 @@ void append(const Log& log, const std::string& line) {
 }
 
 /// Time, process and the text without control characters: one event is one line.
+/// Escape sequences and line ends from a device or a script could otherwise forge lines of the log,
+/// or act on the terminal that shows it. Bytes from 0x80 on stay: they are UTF-8.
 std::string one_line(const std::string& text) {
   std::string line = wall_time_text() + " [" + std::to_string(getpid()) + "] ";
   for (const char c : text) line += static_cast<unsigned char>(c) < 0x20 || c == 0x7F ? ' ' : c;
@@ -85,6 +93,8 @@ void open_log(const fs::path& file, const LogLimits& limits) {
   const std::lock_guard guard(log.mutex);
   log.file.clear();  // stays so where the new one cannot be opened
   fs::create_directories(file.parent_path());
+  // Taken and given back: a folder that cannot be written is an error now, to the one who asked,
+  // and not a lost line later.
   { const Lock lock(file.string() + ".lock"); }
   log.file = file;
   log.limits = limits;
@@ -96,6 +106,8 @@ void close_log() noexcept {
   the_log().file.clear();
 }
 
+// The XDG base directory specification: logs are state. An empty variable counts as unset there
+// too.
 fs::path default_log() {
   if (const char* const given = std::getenv("VITREO_LOG"); given != nullptr && *given) return given;
   const char* const state = std::getenv("XDG_STATE_HOME");
@@ -104,6 +116,8 @@ fs::path default_log() {
   return home != nullptr && *home ? fs::path(home) / ".local/state/vitreo/host.log" : fs::path();
 }
 
+// Nothing escapes: a run must not end because the disk of the log is full. One complaint, not one a
+// line.
 void write_log(const std::string& text) noexcept {
   Log& log = the_log();
   try {

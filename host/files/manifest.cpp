@@ -26,6 +26,8 @@ bool belongs(const std::filesystem::path& below) {
          !name.starts_with("export/");
 }
 
+// Paths with '/' below the run's folder, sorted: the manifest of the same files is the same text
+// everywhere. Links to folders are not entered.
 std::vector<std::string> files_of(const std::filesystem::path& folder) {
   std::vector<std::string> names;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
@@ -36,6 +38,9 @@ std::vector<std::string> files_of(const std::filesystem::path& folder) {
   return names;
 }
 
+// A line is 64 hexadecimal digits, two spaces (the mark of `sha256sum` for text mode) and the name.
+// What is no such line is an error and not passed over: a damaged manifest must not vouch for a
+// run.
 std::map<std::string, std::string> read_manifest(const std::filesystem::path& folder) {
   std::istringstream lines(read_whole_file(folder / kManifest));
   std::map<std::string, std::string> hashes;
@@ -50,6 +55,7 @@ std::map<std::string, std::string> read_manifest(const std::filesystem::path& fo
 
 }  // namespace
 
+// O_NOFOLLOW: a link could name a file outside of the run, which may change without the run.
 std::string sha256_file(const std::filesystem::path& file) {
   const Descriptor open(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
   if (open.number() < 0) throw std::runtime_error(file.string() + ": " + std::strerror(errno));
@@ -71,6 +77,8 @@ std::string sha256_file(const std::filesystem::path& file) {
 
 std::size_t count_files(const std::filesystem::path& folder) { return files_of(folder).size(); }
 
+// Last of a run's files, when nothing else is written any more. The manifest cannot hash itself:
+// who needs proof of it keeps its hash elsewhere.
 void write_manifest(const std::filesystem::path& folder) {
   std::string text;
   for (const std::string& name : files_of(folder))
@@ -78,6 +86,8 @@ void write_manifest(const std::filesystem::path& folder) {
   write_file(folder / kManifest, text);
 }
 
+// Both ways: each file that is there must be known and unchanged, and each that is known must be
+// there. A folder without a manifest is a finding and no error: the run was never closed.
 std::vector<std::string> check_manifest(const std::filesystem::path& folder) {
   if (!std::filesystem::exists(folder / kManifest))
     return {std::string(kManifest) + ": is missing"};

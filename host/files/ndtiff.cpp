@@ -28,10 +28,13 @@ constexpr std::uint32_t kSummary = 2355492;
 constexpr std::uint32_t kMajor = 3;
 constexpr std::uint32_t kMinor = 3;
 
+// Little-endian bytes of a head, a directory or an index entry. Offsets are kept in 64 bits and cut
+// to 32 here: NdtiffWriter begins a new file before one passes kLargestFile.
 class Bytes {
  public:
   Bytes& u16(std::uint32_t value) { return add(static_cast<std::uint16_t>(value)); }
   Bytes& u32(std::uint64_t value) { return add(static_cast<std::uint32_t>(value)); }
+  // 32-bit length in bytes, then the text without an end mark, as NDTiff has its strings.
   Bytes& text(const std::string& value) {
     u32(value.size());
     bytes_ += value;
@@ -52,6 +55,8 @@ class Bytes {
   std::string bytes_;
 };
 
+// NDTiff's numbers of the types that a camera of this host may give; others are refused before a
+// byte is written.
 int pixel_type_of(const cv::Mat& image) {
   if (!image.empty() && image.dims == 2) {
     if (image.type() == CV_8UC1) return 0;
@@ -62,6 +67,8 @@ int pixel_type_of(const cv::Mat& image) {
       "a recorded frame must be 8- or 16-bit gray or 8-bit color, and not empty");
 }
 
+// ASCII with \u escapes: NDTiff wants UTF-8 and a text of TIFF 7-bit ASCII, and this is both. What
+// is no UTF-8 is replaced, so that a camera's odd name ends no run.
 std::string text_of(const nlohmann::json& json) {
   return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
@@ -81,6 +88,8 @@ struct Page {
   std::uint64_t metadata_at;
 };
 
+// The way back from an entry to its page's link, by the layout of Page: link, bits of RGB, two
+// resolutions of 8 bytes, pixels.
 std::uint64_t link_of(const NdtiffEntry& entry) {
   return entry.pixels_at - 16 - (entry.pixel_type == 2 ? 6 : 0) - kLinkBytes;
 }
@@ -105,6 +114,8 @@ std::string directory_of(const Page& page, const NdtiffEntry& entry) {
       .tag(277, kShort, 1, rgb ? 3 : 1)
       .tag(278, kShort, 1, entry.height_px);
   bytes.tag(279, kLong, 1, entry.pixel_bytes());
+  // Two rationals 1/1 with the unit "none" (296 = 1): baseline TIFF requires the tags, the true
+  // scale stands in the summary.
   bytes.tag(282, kRational, 1, entry.pixels_at - 16).tag(283, kRational, 1, entry.pixels_at - 8);
   bytes.tag(296, kShort, 1, 1).tag(51123, kText, entry.metadata_bytes, entry.metadata_at);
   bytes.u32(0);  // the last page, until the next one is whole
@@ -113,6 +124,9 @@ std::string directory_of(const Page& page, const NdtiffEntry& entry) {
   return bytes.str();
 }
 
+// An entry of the index: axes and file name as text with their lengths, then eight 32-bit numbers:
+// offset of the pixels, width, height, pixel type, compression of the pixels (0: none), offset and
+// length of the metadata, compression of the metadata.
 std::string index_text(const NdtiffEntry& entry) {
   Bytes bytes;
   bytes.text(text_of(entry.axes)).text(entry.file).u32(entry.pixels_at);
@@ -131,6 +145,8 @@ std::uint64_t NdtiffEntry::pixel_bytes() const {
 NdtiffWriter::NdtiffWriter(const std::filesystem::path& folder, const std::string& name,
                            const nlohmann::json& summary, std::uint64_t largest_file)
     : folder_(folder), name_(name), summary_(text_of(summary)), largest_(largest_file) {
+  // The index is made with O_EXCL: a stack of an earlier run in this folder is an error, never
+  // continued.
   std::filesystem::create_directories(folder);
   index_ = create_new_file(folder / "NDTiff.index");
   try {
@@ -148,6 +164,8 @@ NdtiffWriter::~NdtiffWriter() {
 
 // The head: byte order "II", 42, offset of the first page (0 until there is one), NDTiff's marks
 // and the summary.
+// Files are NAME_NDTiffStack.tif, NAME_NDTiffStack_1.tif and so on. The new one is made before the
+// old one is closed: where the disk refuses it, the writer is as it was.
 void NdtiffWriter::begin_file() {
   const std::string next =
       name_ + "_NDTiffStack" + (files_ == 0 ? "" : "_" + std::to_string(files_)) + ".tif";
@@ -158,12 +176,15 @@ void NdtiffWriter::begin_file() {
   ++files_;
   Bytes head;
   head.u16(0x4949).u16(42).u32(0).u32(kMagic).u32(kMajor).u32(kMinor).u32(kSummary).text(summary_);
+  // TIFF wants directories on even offsets; the space is outside of the summary's stated length.
   if (head.str().size() % 2 == 1) head.str() += ' ';
   write_at(stack_, 0, head.str(), folder_ / file_);
   end_ = head.str().size();
   link_at_ = 4;
 }
 
+// `end_` and `link_at_` move only when all is written: after an error the next page takes the same
+// place, and what was half written is overwritten.
 NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image,
                                 const nlohmann::json& metadata) {
   NdtiffEntry entry;
@@ -180,6 +201,8 @@ NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image
   std::string words = text_of(metadata);
   if ((entry.pixel_bytes() + words.size()) % 2 == 1) words += ' ';  // pages begin on even offsets
   constexpr std::uint64_t kRoom = 4096;  // bytes for the directory, more than it has
+  // Never a new file behind an empty one (link_at_ is still in the head): a frame that fits into no
+  // file would make files without end.
   if (end_ + entry.pixel_bytes() + words.size() + kRoom > largest_ && link_at_ != 4) begin_file();
   const Page page(end_, entry.pixel_type, entry.pixel_bytes());
   entry.file = file_;
@@ -207,6 +230,8 @@ NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image
   return entry;
 }
 
+// The stack first: the system may have written either file on its own before, but this call never
+// makes an entry durable whose pixels are not.
 void NdtiffWriter::sync() {
   sync_file(stack_, folder_ / file_);
   sync_file(index_, folder_ / "NDTiff.index");
@@ -219,6 +244,8 @@ class IndexReader {
  public:
   IndexReader(const std::string& text, const std::filesystem::path& file)
       : text_(text), file_(file) {}
+  // False where the text ends within an entry, as it does after a kill; what is whole but makes no
+  // sense throws, since no interruption of this writer can have made it.
   bool next(NdtiffEntry& entry) {
     std::size_t at = whole_;
     std::string axes;
@@ -229,6 +256,8 @@ class IndexReader {
     entry.axes = nlohmann::json::parse(axes, nullptr, false);
     const bool named =
         !entry.file.empty() && entry.file.find_first_of(std::string("/\0", 2)) == std::string::npos;
+    // Sides are compared less one: unsigned, so that 0 becomes the largest number and is refused
+    // too.
     constexpr std::uint32_t kLargest = 1u << 16;  // px
     if (!entry.axes.is_object() || !named || numbers[1] - 1 >= kLargest ||
         numbers[2] - 1 >= kLargest || numbers[3] > 2 || numbers[4] != 0 || numbers[7] != 0)
@@ -249,6 +278,8 @@ class IndexReader {
   std::size_t whole() const { return whole_; }
 
  private:
+  // The order of the comparison matters: `size` comes from the file, and at + size could wrap
+  // around.
   bool read_text(std::size_t& at, std::string& into) const {
     std::uint32_t size = 0;
     if (at + sizeof size > text_.size()) return false;
@@ -277,6 +308,8 @@ std::vector<NdtiffEntry> read_ndtiff_index(const std::filesystem::path& folder,
   return entries;
 }
 
+// No lock is needed while the stack grows: an entry that is in the index has its page whole in
+// front of it.
 cv::Mat read_ndtiff_image(const std::filesystem::path& folder, const NdtiffEntry& entry) {
   constexpr int kTypes[] = {CV_8UC1, CV_16UC1, CV_8UC3};
   const std::filesystem::path file = folder / entry.file;
@@ -305,6 +338,7 @@ std::vector<NdtiffEntry> mend_ndtiff(const std::filesystem::path& folder) {
   std::uint64_t whole = 0;
   std::vector<NdtiffEntry> entries = read_ndtiff_index(folder, &whole);
   while (!entries.empty()) {
+    // The metadata stand last in a page: where they are there, the page is.
     const NdtiffEntry& last = entries.back();
     if (last.metadata_at + last.metadata_bytes <= file_size_or_zero(folder / last.file)) break;
     entries.pop_back();
@@ -312,6 +346,8 @@ std::vector<NdtiffEntry> mend_ndtiff(const std::filesystem::path& folder) {
   }
   std::filesystem::resize_file(folder / "NDTiff.index", whole);
   if (entries.empty()) return entries;
+  // Only the file of the last entry can end with a page too many: each earlier one was complete
+  // when the next began.
   const NdtiffEntry& last = entries.back();
   const std::filesystem::path stack = folder / last.file;
   const int file = open_existing_file(stack);

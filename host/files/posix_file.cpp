@@ -11,10 +11,13 @@
 namespace vitreo {
 namespace {
 
+// Reads errno, so it must come right after the call that failed.
 [[noreturn]] void fail(const std::filesystem::path& file) {
   throw std::runtime_error(file.string() + ": " + std::strerror(errno));
 }
 
+// Close-on-exec: a child process such as ffmpeg that inherited the record's files would keep them,
+// and a run's lock, beyond the end of this program. The rights 0666 are narrowed by the umask.
 int opened(const std::filesystem::path& file, int flags) {
   const int descriptor = ::open(file.c_str(), flags | O_CLOEXEC, 0666);
   if (descriptor < 0) fail(file);
@@ -27,6 +30,8 @@ Descriptor::~Descriptor() {
   if (number_ >= 0) ::close(number_);
 }
 
+// O_EXCL: a stack or an index that is there already belongs to another run; writing into it would
+// mix two runs in one file.
 int create_new_file(const std::filesystem::path& file) {
   return opened(file, O_RDWR | O_CREAT | O_EXCL);
 }
@@ -37,6 +42,9 @@ void close_file(int& descriptor) noexcept {
   descriptor = -1;
 }
 
+// One pwrite() may take less than it was given: on a disk that is nearly full, or beyond 2 GB. The
+// next call then continues, or gives the error. pwrite() moves no file position, so that the head's
+// link can be set while pages are appended.
 void write_at(int descriptor, std::uint64_t offset, std::string_view bytes,
               const std::filesystem::path& file) {
   while (!bytes.empty()) {
@@ -65,6 +73,8 @@ void shorten_file(int descriptor, std::uint64_t size) noexcept {
   static_cast<void>(::ftruncate(descriptor, static_cast<off_t>(size)) == 0);
 }
 
+// fdatasync() waits for the bytes and for the size that is needed to read them, but not for the
+// time stamps as fsync() does.
 void sync_file(int descriptor, const std::filesystem::path& file) {
   if (::fdatasync(descriptor) != 0) fail(file);
 }
@@ -77,6 +87,7 @@ void sync_folder(const std::filesystem::path& folder) {
 
 std::string read_whole_file(const std::filesystem::path& file) {
   const Descriptor reading(opened(file, O_RDONLY));
+  // The size of a pipe or a device says nothing: only plain files are read as a whole.
   struct stat status {};
   if (::fstat(reading.number(), &status) != 0) fail(file);
   if (!S_ISREG(status.st_mode)) throw std::runtime_error(file.string() + ": is not a file");
@@ -89,6 +100,7 @@ void read_at(const std::filesystem::path& file, std::uint64_t offset, void* into
              std::size_t bytes) {
   const Descriptor reading(opened(file, O_RDONLY));
   auto* at = static_cast<char*>(into);
+  // Early end of the file: another program shortens it, or an index claims more than there is.
   while (bytes > 0) {
     const ssize_t got = ::pread(reading.number(), at, bytes, static_cast<off_t>(offset));
     if (got < 0 && errno == EINTR) continue;
@@ -100,6 +112,7 @@ void read_at(const std::filesystem::path& file, std::uint64_t offset, void* into
   }
 }
 
+// For comparisons only: a file that is missing holds nothing, whatever the reason.
 std::uint64_t file_size_or_zero(const std::filesystem::path& file) noexcept {
   std::error_code error;
   const auto size = std::filesystem::file_size(file, error);

@@ -12,6 +12,8 @@
 namespace vitreo {
 namespace {
 
+// The wall clock, as names of folders and the record's head have it; within a run all times are
+// those of its Clock. localtime_r() because several threads may ask.
 std::string local_time(const char* format) {
   const std::time_t now = std::time(nullptr);
   std::tm parts{};
@@ -24,6 +26,7 @@ std::string local_time(const char* format) {
 
 std::string wall_time_text() { return local_time("%Y-%m-%dT%H:%M:%S%z"); }
 
+// Not from the run's seed: two runs of one seed that begin in the same second need other names.
 std::string random_hex(int digits) {
   std::random_device entropy;
   std::string text;
@@ -32,6 +35,9 @@ std::string random_hex(int digits) {
 }
 
 // Every run of other characters becomes one underscore, none at either end.
+// Compared by hand and not by isalnum(), which depends on the locale: a name must be the same on
+// every machine. 48 characters leave room for date, random digits and endings below the 255 bytes
+// that a file system allows for a name.
 std::string slug(std::string_view text, const std::string& fallback) {
   constexpr std::size_t kLongest = 48;
   std::string result;
@@ -54,6 +60,8 @@ std::filesystem::path make_run_folder(const std::filesystem::path& parent,
   if (error)
     throw FolderError("the folder for runs cannot be made: " + parent.string() + ": " +
                       error.message());
+  // Four random digits: a collision within one second is rare, a hundred of them mean that
+  // something else is wrong.
   for (int attempt = 0; attempt < 100; ++attempt) {
     const auto folder =
         parent / (local_time("%Y-%m-%dT%H%M%S") + "_" + slug(name, "run") + "_" + random_hex(4));
@@ -67,11 +75,16 @@ std::filesystem::path make_run_folder(const std::filesystem::path& parent,
   throw std::runtime_error(parent.string() + ": no free name for a run folder");
 }
 
+// The part file stands in the same folder, because rename() replaces a file at once only within one
+// file system. Nothing here waits for the disk: it guards against an end of the program, not of the
+// power.
 void write_file(const std::filesystem::path& file, std::string_view bytes) {
   const std::filesystem::path part = file.string() + ".part";
+  // Streams do not promise to set errno: where it stays 0 the reason is not known.
   errno = 0;
   std::ofstream out(part, std::ios::binary | std::ios::trunc);
   out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  // Before the test: close() writes the last buffer, and may be what fails.
   out.close();
   std::error_code error;
   if (out) {

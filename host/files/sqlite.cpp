@@ -6,6 +6,8 @@
 namespace vitreo {
 namespace {
 
+// The message belongs to the last call on this connection: it is asked before anything else is done
+// with it.
 [[noreturn]] void fail(sqlite3* database) {
   const char* file = database ? sqlite3_db_filename(database, "main") : nullptr;
   const char* reason = database ? sqlite3_errmsg(database) : "out of memory";
@@ -24,6 +26,8 @@ std::string quoted_identifier(std::string_view name) {
   return quoted + "\"";
 }
 
+// sqlite3_prepare_v2 and not _prepare: its statements give the true error from step() at once, and
+// are compiled anew by themselves after the schema has changed.
 Statement::Statement(sqlite3* database, const std::string& sql) {
   sqlite3_stmt* statement = nullptr;
   if (sqlite3_prepare_v2(database, sql.c_str(), -1, &statement, nullptr) != SQLITE_OK)
@@ -43,6 +47,7 @@ Statement& Statement::bind(int index, double value) {
   return *this;
 }
 
+// SQLITE_TRANSIENT: SQLite copies the text at once, since the view may be gone before step().
 Statement& Statement::bind(int index, std::string_view text) {
   const auto size = static_cast<sqlite3_uint64>(text.size());
   const char* data = text.empty() ? "" : text.data();  // a null pointer would bind NULL
@@ -54,6 +59,7 @@ Statement& Statement::bind(int index, std::string_view text) {
 }
 
 // Resets at the end and after an error, so that the statement can run again and holds no lock.
+// Bindings survive the reset: an insert that runs again keeps what is not bound anew.
 bool Statement::step() {
   const int result = sqlite3_step(handle_.get());
   if (result == SQLITE_ROW) return true;
@@ -74,6 +80,8 @@ void Statement::run() {
   while (step()) continue;
 }
 
+// In this order: sqlite3_column_text() may convert the value, and sqlite3_column_bytes() then gives
+// the length of the converted one.
 std::string Statement::text(int column) const {
   const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(handle_.get(), column));
   return data ? std::string(data,
@@ -81,6 +89,8 @@ std::string Statement::text(int column) const {
               : "";
 }
 
+// PRIVATECACHE whatever the process' default is: with a shared cache two connections of this
+// process would lock each other's tables.
 Database::Database(const std::string& file, Mode mode) {
   constexpr int kFlags[] = {SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, SQLITE_OPEN_READWRITE,
                             SQLITE_OPEN_READONLY};
@@ -88,6 +98,7 @@ Database::Database(const std::string& file, Mode mode) {
   sqlite3* database = nullptr;
   const int result =
       sqlite3_open_v2(file.c_str(), &database, flags | SQLITE_OPEN_PRIVATECACHE, nullptr);
+  // Also after an error SQLite hands out a connection, and it must be closed.
   handle_.reset(database);
   if (result != SQLITE_OK) throw std::runtime_error(file + ": " + sqlite3_errstr(result));
   // ms. In WAL mode readers never hold up a writer, but for its last checkpoint.

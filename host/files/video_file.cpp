@@ -10,6 +10,8 @@
 
 namespace vitreo {
 
+// Invariant after construction: `capture` is open, and `first` holds the frame that it gave, until
+// read() hands it out.
 struct VideoFile::State {
   cv::VideoCapture capture;
   std::filesystem::path file;
@@ -34,6 +36,8 @@ VideoFile::VideoFile(const std::filesystem::path& file) : state_(std::make_uniqu
 
 VideoFile::~VideoFile() = default;
 
+// Checked on every frame and not at construction alone: some files change their format on the way.
+// The copy keeps the frame valid whatever the back end does with its buffer.
 cv::Mat VideoFile::read() {
   cv::Mat frame;
   if (!state_->first.empty())
@@ -45,6 +49,8 @@ cv::Mat VideoFile::read() {
   return frame.clone();
 }
 
+// FFmpeg estimates it from duration and rate where the file does not say, and may give a negative
+// number.
 int VideoFile::count() const {
   return static_cast<int>(std::clamp(state_->capture.get(cv::CAP_PROP_FRAME_COUNT), 0.0, 1e9));
 }

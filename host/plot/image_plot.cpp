@@ -19,6 +19,7 @@ namespace {
 // CSS px, of the picture
 constexpr double kWidest = 640;
 constexpr double kTallest = 560;
+// A small image is enlarged to at most eight px a pixel: more shows nothing more.
 constexpr double kLargestPixel = 8;
 // CSS px
 constexpr double kLeft = 58;
@@ -47,6 +48,7 @@ bool labeled(const ImagePlot& plot) {
                      [](const Series& one) { return !one.label.empty(); });
 }
 
+// The scale that lets the image fill its room without being distorted.
 Frame frame_of(const ImagePlot& plot) {
   const double scale =
       std::min({kWidest / plot.image.cols, kTallest / plot.image.rows, kLargestPixel});
@@ -75,6 +77,7 @@ std::string axes(const ImagePlot& plot, const Frame& frame) {
   std::string svg = fmt::format(
       "<rect x=\"{}\" y=\"{}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"none\" stroke=\"{}\"/>",
       kLeft, kTop, frame.width, frame.height, kSpine);
+  // Never between pixels: the step is at least one.
   const auto ticks = [](int count, double length) {
     const Range range{0, std::max(count - 1.0, 1.0)};
     return make_ticks(range, std::max(1.0, nice_step(range.span(), length / 60)));
@@ -119,6 +122,7 @@ std::string marks(const ImagePlot& plot, const Frame& frame, const std::vector<P
   return "<g opacity=\"0.55\">" + rims + "</g>" + lines + points;
 }
 
+// White with a dark rim: it lies on the image, which may be dark or bright there.
 std::string scale_bar(const ImagePlot& plot, const Frame& frame) {
   if (!(plot.scale_bar_px > 0)) return "";
   const double length = plot.scale_bar_px * frame.scale;
@@ -148,6 +152,8 @@ std::string legend(const ImagePlot& plot, const Frame& frame, const std::vector<
   return svg;
 }
 
+// Pixels that are drawn larger than two px stay squares: smoothing would show an edge that was not
+// measured.
 std::string picture(const cv::Mat& image, const Frame& frame) {
   std::vector<unsigned char> jpeg;
   if (!cv::imencode(".jpg", image, jpeg, {cv::IMWRITE_JPEG_QUALITY, kQuality}))
@@ -162,6 +168,8 @@ std::string picture(const cv::Mat& image, const Frame& frame) {
 
 // p(t) = c + R(angle) (a cos t, b sin t), closed.
 Series outline(const std::string& label, const vision::Ellipse& ellipse, Mark how) {
+  // The sagitta of a chord of 1/96 turn is r (1 - cos(pi / 96)), 0.05 % of the radius: below a
+  // pixel up to 1800 px.
   constexpr int kCorners = 96;
   Series made{label, {}, {}, how};
   const double c = std::cos(ellipse.angle);

@@ -13,6 +13,7 @@ namespace vitreo {
 // False for a NaN too. 1e150: the square of a span stays finite.
 bool drawable(double value) { return std::fabs(value) < 1e150; }
 
+// A single value gets 5 % on both sides, so that its ticks differ in the digits shown.
 Range widened(const Range& data) {
   if (data.empty()) return {0, 1};
   const double magnitude = std::max(std::fabs(data.low), std::fabs(data.high));
@@ -33,6 +34,7 @@ Range padded(const Range& data, double share, bool reach_zero) {
 
 // The smallest of 1, 2, 5 and 10 times a power of ten that makes at most `wanted` steps (Heckbert's
 // "nice numbers", Graphics Gems 1990, rounded up).
+// 1e-9: a span of 0.3 divided by 3 may come out a bit above 0.1.
 double nice_step(double span, double wanted) {
   const double raw = span / std::max(wanted, 1.0);
   const double power = std::pow(10.0, std::floor(std::log10(raw)));
@@ -43,6 +45,7 @@ double nice_step(double span, double wanted) {
 }
 
 // Near: within 3 % of the span.
+// Only ends that are near: a full step of empty plot would look like missing data.
 Range snapped(const Range& range, double step) {
   const double near = 0.03 * range.span();
   const double low = std::floor(range.low / step) * step;
@@ -52,6 +55,8 @@ Range snapped(const Range& range, double step) {
 
 // Labels are plain from 0.01 to 99 999; beyond, a power of ten that is a multiple of three goes
 // into the axis' title. The values are multiples of the step and not sums of it, so that 0 is 0.
+// Decimals come from the step, so that neighbors never have the same label. `slack`: an end of the
+// range that is a multiple of the step but for rounding has its tick.
 Ticks make_ticks(const Range& range, double step) {
   Ticks ticks;
   const double magnitude = std::max(std::fabs(range.low), std::fabs(range.high));
@@ -71,6 +76,7 @@ Ticks make_ticks(const Range& range, double step) {
   return ticks;
 }
 
+// Superscript characters of Unicode: SVG's own way, baseline-shift, is not drawn by every renderer.
 std::string axis_title(const std::string& label, const std::string& unit, int exponent) {
   std::string inside;
   if (exponent != 0) {

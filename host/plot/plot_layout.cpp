@@ -12,6 +12,8 @@ namespace vitreo {
 namespace {
 
 /// An estimate, for layout: the mean advance of Helvetica and its likes.
+/// No fonts are loaded, since the renderer chooses its own. Three classes of letters are enough for
+/// margins; the continuation bytes of UTF-8 have no width.
 double text_width(std::string_view text, double size) {
   double width = 0;
   for (char c : text) {
@@ -22,6 +24,7 @@ double text_width(std::string_view text, double size) {
   return width * size;
 }
 
+// Values are SI and the axis is in its unit. An unknown one is an error of the script, at its line.
 double factor_of(const Axis& axis) {
   const auto unit = find_unit(axis.unit);
   if (!unit)
@@ -37,6 +40,8 @@ double legend_width(const Plot& plot) {
 }
 
 /// The ranges from the data with their margins, before the shape of the box changes them.
+/// Curves touch the left and right end of the box, since time has no margin; clouds get air, or
+/// points on the rim would be cut. Views with equal axes get the same air all around.
 void choose_ranges(Drawing& drawing) {
   Range x;
   Range y;
@@ -62,6 +67,8 @@ void choose_ranges(Drawing& drawing) {
 }
 
 /// Gives the box the shape of the data; a sliver is widened by showing more of the surroundings.
+/// One scale for both axes, the smaller of the two that fit; the box shrinks to it. `least`: each
+/// side keeps at least 0.35 of its room, where a sliver would have no ticks.
 void make_equal(Drawing& drawing) {
   Box& box = drawing.box;
   const auto widen_to = [](Range& range, double span) {
@@ -88,6 +95,7 @@ bool counts_along_x(const Drawing& drawing) {
   return true;
 }
 
+// A tick every 60 px across and 32 px down: labels of five characters do not touch.
 void choose_ticks(Drawing& drawing) {
   double x_step = nice_step(drawing.x.span(), drawing.box.width / 60);
   double y_step = nice_step(drawing.y.span(), drawing.box.height / 32);
@@ -128,6 +136,8 @@ bool has_legend(const Plot& plot) {
                      [](const Series& one) { return !one.label.empty(); });
 }
 
+// Row by row from the left, as text is set; a label never breaks. Series without a label have a
+// place of no width, so that places and series have the same index.
 std::vector<PlotPoint> legend_places(const Plot& plot, double width, double* height) {
   std::vector<PlotPoint> places;
   double x = 0;
@@ -146,6 +156,7 @@ std::vector<PlotPoint> legend_places(const Plot& plot, double width, double* hei
   return places;
 }
 
+// One letter's width is kept for the ellipsis. At least one character stays.
 std::string fitted(std::string_view text, double size, double width) {
   if (text_width(text, size) <= width) return std::string(text);
   std::size_t count = count_characters(text);
@@ -169,6 +180,7 @@ Drawing lay_out_plot(const Plot& plot, int width, int height) {
   const Range x = drawing.x;
   const Range y = drawing.y;
   bool on_top = !plot.equal_aspect;
+  // Three are enough: the legend may move once, and the margins follow.
   for (int pass = 0; pass < 3; ++pass) {
     drawing.x = x;
     drawing.y = y;
@@ -181,6 +193,7 @@ Drawing lay_out_plot(const Plot& plot, int width, int height) {
   return drawing;
 }
 
+// Laid out in full: with equal axes the height follows from the data's shape.
 int needed_height(const Plot& plot, int width, int height) {
   const Drawing drawing = lay_out_plot(plot, width, height);
   return static_cast<int>(std::ceil(drawing.box.bottom() + below_box(plot)));

@@ -19,6 +19,7 @@ constexpr std::array kColors = {"#0072B2", "#D55E00", "#009E73", "#CC79A7",
 constexpr std::array kDashes = {"", "7 3", "2 3", "9 3 2 3"};
 constexpr const char* kReferenceColor = "#4A4F55";
 
+// A tenth of a pixel is below what is visible: more digits only make the file larger.
 std::string path_data(const Stroke& stroke) {
   std::string data;
   for (const PlotPoint& point : stroke) {
@@ -31,6 +32,7 @@ std::string dot(const PlotPoint& point, double radius) {
   return fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/>", point.x, point.y, radius);
 }
 
+// A little transparent: where points lie on each other they grow darker.
 std::string cloud_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
   Stroke all;
   for (const Stroke& stroke : pixels) all.insert(all.end(), stroke.begin(), stroke.end());
@@ -43,6 +45,8 @@ std::string cloud_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
 }  // namespace
 
 // What cannot be drawn (NaN, infinite) cuts the line: a gap in the data is a gap in the plot.
+// Never ends with an empty stroke; a value that stands alone between gaps is a stroke of one point,
+// drawn as a dot.
 std::vector<Stroke> strokes_of(const Series& series, double x_factor, double y_factor) {
   if (series.x.size() != series.y.size()) {
     throw std::invalid_argument(fmt::format("series \"{}\" has {} x values and {} y values",
@@ -70,6 +74,8 @@ Stroke thinned(const Stroke& pixels) {
     std::size_t end = start + 1;
     std::size_t low = start;
     std::size_t high = start;
+    // Visits and not columns: a curve that comes back to a column (a trajectory) is thinned in each
+    // visit, so that its order stays.
     for (; end < pixels.size() && std::floor(pixels[end].x) == column; ++end) {
       if (pixels[end].y < pixels[low].y) low = end;
       if (pixels[end].y > pixels[high].y) high = end;
@@ -95,6 +101,8 @@ Stroke thinned_cloud(const Stroke& pixels) {
 }
 
 // Colors first; after the last of them the dashes change. 300 points: lines and dots become finer.
+// By the places in the list alone, so that a picture and its legend agree. The reference takes no
+// color away from the data.
 std::vector<Pen> pens_for(const std::vector<Series>& series) {
   std::vector<Pen> pens;
   std::size_t next = 0;
@@ -137,6 +145,7 @@ std::string series_svg(const std::vector<Stroke>& pixels, const Pen& pen) {
   return svg;
 }
 
+// Thicker than in the plot: a color is hard to tell on a thin line.
 std::string swatch_svg(double x, double y, double width, const Pen& pen) {
   if (pen.mark == Mark::points) return cloud_svg({{{x + width / 2, y}}}, pen);
   Pen thick = pen;

@@ -22,6 +22,7 @@ struct TextStyle {
   const char* extra = "";
 };
 
+// Escaped here: a label may hold any text of a script.
 std::string text_svg(double x, double y, std::string_view text, const TextStyle& style) {
   return fmt::format(
       "<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"{}\" fill=\"{}\"{}>{}</text>",
@@ -34,8 +35,11 @@ std::string line_svg(double x1, double y1, double x2, double y2, const char* col
       y2, color);
 }
 
+// A line of one pixel is sharp when its middle lies in the middle of a pixel.
 double crisp(double px) { return std::floor(px) + 0.5; }
 
+// The zero line is darker where values of both signs are shown; in a trajectory's view zero is no
+// special place.
 std::string grid_svg(const Drawing& drawing) {
   const Box& box = drawing.box;
   std::string svg;
@@ -85,6 +89,7 @@ std::string axis_titles_svg(const Drawing& drawing) {
                            text_svg(0, 0, fitted(y, 12, drawing.height - 10), centered));
 }
 
+// Above the box in rows, or beside it in a column, as the layout has decided.
 std::string legend_svg(const Drawing& drawing) {
   const Plot& plot = drawing.plot;
   double height = 0;
@@ -114,6 +119,7 @@ std::string data_svg(const Drawing& drawing) {
   std::string svg;
   std::string dashed;
   for (std::size_t i = 0; i < drawing.strokes.size(); ++i) {
+    // A copy: thinning works in pixels, and the layout keeps the axes' units.
     std::vector<Stroke> pixels = drawing.strokes[i];
     for (Stroke& stroke : pixels) {
       for (PlotPoint& point : stroke) point = {drawing.px(point.x), drawing.py(point.y)};

@@ -13,12 +13,14 @@
 namespace vitreo {
 namespace {
 
+// The manifest passes this name over (host/files/manifest.cpp).
 constexpr const char* kReserve = "reserve.room";
 constexpr auto kSpan = std::chrono::seconds(10);  // over which the rate is taken
 constexpr auto kLeast = std::chrono::seconds(2);  // less says nothing yet
 
 }  // namespace
 
+// Decimal units, as disks are sold by.
 std::string size_text(std::uint64_t space) {
   const double bytes = static_cast<double>(space);
   if (bytes >= 1e9) return fmt::format("{:.1f} GB", bytes / 1e9);
@@ -40,6 +42,8 @@ DiskWatch::DiskWatch(std::filesystem::path folder, DiskLimits limits)
 
 std::uint64_t DiskWatch::free() const { return limits_.free_bytes(folder_); }
 
+// The parent is named, which the operator chose: the run's own folder is removed again
+// (Recorder::Recorder).
 void DiskWatch::check_start() const {
   const std::uint64_t wanted = limits_.stop_bytes + limits_.reserve_bytes;
   if (const std::uint64_t left = free(); left < wanted)
@@ -49,11 +53,14 @@ void DiskWatch::check_start() const {
 }
 
 /// fallocate sets blocks aside without writing them.
+/// It is given back before the end record is written (RecordWriter::finish): so a full disk takes
+/// that all the same.
 void DiskWatch::make_reserve() {
   if (limits_.reserve_bytes == 0) return;
   int file = create_new_file(folder_ / kReserve);
   const bool kept = ::fallocate(file, 0, 0, static_cast<off_t>(limits_.reserve_bytes)) == 0;
   close_file(file);
+  // A file without blocks would be a reserve in name only.
   if (!kept) give_up_reserve();
 }
 
@@ -63,6 +70,7 @@ void DiskWatch::give_up_reserve() noexcept {
 }
 
 /// Bytes per second over the last kSpan; 0 as long as less than kLeast is known.
+/// The mean over some seconds, because frames may come in bursts, and a burst is no trend.
 double DiskWatch::rate(std::uint64_t written, Instant now) {
   history_.emplace_back(now, written);
   while (history_.size() > 1 && now - history_.front().first > kSpan) history_.pop_front();
@@ -75,6 +83,7 @@ double DiskWatch::rate(std::uint64_t written, Instant now) {
 DiskWatch::Verdict DiskWatch::look(std::uint64_t written, bool frames, Instant now) {
   const double bytes_per_second = rate(written, now);
   const std::uint64_t left = free();
+  // 1e9 s stand for ever; below 1e6 s the rate is worth a sentence.
   const double seconds = bytes_per_second > 0 ? static_cast<double>(left) / bytes_per_second : 1e9;
   // Frames fill a disk far faster than samples: then more must be left.
   const std::uint64_t least = frames ? limits_.stop_bytes_with_frames : limits_.stop_bytes;
@@ -84,6 +93,8 @@ DiskWatch::Verdict DiskWatch::look(std::uint64_t written, bool frames, Instant n
                                   seconds, size_text(static_cast<std::uint64_t>(bytes_per_second)))
                     : size_text(left) + " are left on the disk";
   if (left < least || seconds < limits_.stop_seconds) {
+    // Begins with the folder, the warning below with "the disk": by that the recorder gives it its
+    // priority (Recorder::State::drain_alarms).
     verdict.stop = folder_.string() + ": the disk is nearly full: " + state;
   } else if (seconds < limits_.warn_seconds && !warned_) {
     warned_ = true;

@@ -53,6 +53,8 @@ void FrameStore::open(Stack& stack, const Frame& frame) {
 void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dropped_before) {
   Stack& stack = stacks_.at(camera);
   if (!stack.writer) open(stack, frame);
+  // A window into a larger image has gaps between its rows; file and CRC-32 are of the pixels
+  // without them.
   const cv::Mat image = frame.image.isContinuous() ? frame.image : frame.image.clone();
   const NdtiffEntry entry = stack.writer->write({{"time", stack.count}}, image,
                                                 metadata_of(stack.info, frame, dropped_before));
@@ -69,6 +71,8 @@ void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dro
   row.width_px = entry.width_px;
   row.height_px = entry.height_px;
   row.pixel_type = entry.pixel_type;
+  // Of the image in memory, before the disk had it: what comes back is compared with what the
+  // camera gave.
   row.crc32 = crc32(image.data, entry.pixel_bytes());
   row.dropped_before = dropped_before;
   bytes_ += row.bytes;
@@ -80,6 +84,8 @@ void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dro
 /// Pixels first, rows second: after a crash a row never names pixels that are not there.
 void FrameStore::write_rows(RecordFile& file, bool now) {
   if (named_ == rows_.size()) return;
+  // One wait for the disk a second and not one a frame; a power cut takes at most the frames of
+  // that second.
   if (!now && std::chrono::steady_clock::now() - waiting_since_ < kFrameSyncAfter) return;
   for (const Stack& stack : stacks_)
     if (stack.writer) stack.writer->sync();

@@ -13,6 +13,7 @@ std::string unquoted(const nlohmann::json& value) {
 
 }  // namespace
 
+// Tolerant of what is missing: the record may be of a foreign or a broken run.
 std::string parameter_unit(const RunStart& start, const std::string& name) {
   const nlohmann::json& units = start.parameter_units;
   if (!units.is_object() || !units.contains(name) || !units[name].is_string()) return "";

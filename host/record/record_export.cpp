@@ -17,6 +17,7 @@ namespace {
 /// The shortest text that reads back as the same double (fmt's default).
 std::string exact(double value) { return std::isnan(value) ? "nan" : fmt::format("{}", value); }
 
+// JSON's own quoting in ASCII: a text with commas or line ends stays one field of one line.
 std::string one_line(const std::string& text) {
   return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
@@ -68,6 +69,7 @@ nlohmann::json frame_counts(const RunData& data) {
 
 }  // namespace
 
+// A copy, since the rows of frames are the writer's until the run has ended.
 std::string canonical_export(const Recorder& recorder) {
   RunData data = recorder.data();
   data.frames = recorder.frames();
@@ -76,6 +78,8 @@ std::string canonical_export(const Recorder& recorder) {
 
 // Streams, frames, results, events, pictures, in the order of the record: a line each, so that a
 // diff of two exports names what differs.
+// Frames by the CRC-32 of their pixels and without file, offset or time of arrival: where they are
+// stored is no part of what was seen.
 std::string canonical_export(const RunData& data) {
   std::string out;
   for (const Stream& stream : data.streams) out += export_stream(stream);
@@ -101,12 +105,14 @@ std::string canonical_export(const RunData& data) {
   return out;
 }
 
+// JSON has no NaN and no infinity: such a result is null. A parameter's value is SI whatever unit
+// was declared, and so the unit beside it is that of its dimension; its text has the declared one.
 nlohmann::json summary(const RunData& data) {
   nlohmann::json results = nlohmann::json::object();
   nlohmann::json units = nlohmann::json::object();
   for (const StatedResult& one : data.results) {
     results[one.name] = std::isfinite(one.value) ? nlohmann::json(one.value) : nlohmann::json();
-    units[one.name] = one.unit;
+    units[one.name] = si_unit(one.unit);  // the value is SI, in whatever it is shown
   }
   nlohmann::json samples = nlohmann::json::object();
   for (const Stream& stream : data.streams) samples[stream.info.name] = stream.times.size();

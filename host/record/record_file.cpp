@@ -23,6 +23,7 @@ constexpr int kCommitRows = 1000;
 std::int64_t whole(std::size_t number) { return static_cast<std::int64_t>(number); }
 
 /// What a power cut must not take: for these a commit waits for the disk.
+/// Waiting for the disk takes milliseconds: for what explains an accident it is worth them.
 bool is_grave(const std::string& kind) {
   static const std::set<std::string> kGrave = {"alarm", "interlock",    "unsafe",
                                                "lost",  "servo failed", "error"};
@@ -47,6 +48,9 @@ RecordFile::RecordFile(const std::filesystem::path& file, const RunStart& start)
   database_.execute("PRAGMA synchronous=NORMAL");
 }
 
+// The hash of the rig is of the text that is stored beside it, so that a reader can check it
+// without this program. Wall clock and random uid differ in every run of a seed: the canonical
+// export leaves this table out.
 void RecordFile::write_start(const RunStart& start) {
   database_.execute("PRAGMA user_version=" + std::to_string(kRecordVersion));
   database_.prepare("INSERT INTO run VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
@@ -94,6 +98,7 @@ void RecordFile::add_stream(const StreamInfo& info) {
         .bind(4, info.channels[i].unit)
         .run();
   }
+  // A stream's tables are on their way at once: readers find the stream before its first row.
   commit();
   // A row that is there already is the same row: see write_again().
   inserts_.push_back(
@@ -112,11 +117,14 @@ void RecordFile::write(Row row) {
   }
 }
 
+// seq is the row's number in memory plus one, as SQLite counts its rows; verification compares the
+// largest seq with the count.
 void RecordFile::sample(std::size_t stream, std::size_t row, Time time,
                         std::span<const double> values) {
   Statement& insert = inserts_.at(stream);
   write([&] {
     insert.bind(1, whole(row) + 1).bind(2, std::int64_t{time.count()});
+    // After seq and t_ns.
     int index = 3;
     for (double value : values) insert.bind(index++, value);
     insert.run();
@@ -143,6 +151,8 @@ void RecordFile::event(std::size_t number, const Event& event) {
   if (grave) database_.execute("PRAGMA synchronous=NORMAL");
 }
 
+// The one table where a second row of the same key changes the first: a script may state a result
+// again.
 void RecordFile::result(const StatedResult& result) {
   write([&] {
     database_
@@ -247,6 +257,8 @@ void RecordFile::frame(std::size_t number, const FrameRow& row) {
   row_written();
 }
 
+// Each step on its own, the first error last: a full disk may refuse the rows and still have room
+// for the end record, without which the run would count as lost.
 void RecordFile::end(const RunEnd& end, const RunData& data, const std::vector<FrameRow>& frames,
                      bool all_there) {
   std::exception_ptr failure;
@@ -274,6 +286,8 @@ void RecordFile::end(const RunEnd& end, const RunData& data, const std::vector<F
 /// Everything once more, from memory. Rows that are there stay (INSERT OR IGNORE by their number).
 void RecordFile::write_again(const RunData& data, const std::vector<FrameRow>& frames) {
   lost_rows_ = false;
+  // Streams whose CREATE TABLE was in the transaction that failed: their number is the next one
+  // here too.
   for (std::size_t i = inserts_.size(); i < data.streams.size(); ++i)
     add_stream(data.streams[i].info);
   for (std::size_t i = 0; i < data.streams.size(); ++i) {
@@ -304,6 +318,7 @@ void RecordFile::write_end(const RunEnd& end, const RunData& data) {
   for (const Stream& stream : data.streams) counts[stream.info.name] = stream.times.size();
   for (std::size_t i = 0; i < data.cameras.size() && i < data.dropped.size(); ++i)
     dropped[data.cameras[i].camera] = data.dropped[i];
+  // Before begin(), within which the pragma does nothing; this commit waits for the disk.
   database_.execute("PRAGMA synchronous=FULL");
   begin();
   database_.prepare("INSERT INTO stop VALUES(?,?,?,?,?,?,?,?,?)")
@@ -323,6 +338,7 @@ void RecordFile::write_end(const RunEnd& end, const RunData& data) {
 /// Back to a rollback journal, so that the closed record is one file.
 void RecordFile::close() {
   commit();
+  // Before the change of journal mode: a statement that is open holds the database.
   inserts_.clear();
   try {
     database_.execute("PRAGMA busy_timeout=250");
@@ -343,6 +359,7 @@ void RecordFile::begin() {
   begun_ = std::chrono::steady_clock::now();
 }
 
+// Also under the virtual clock, where 1000 rows may come within a millisecond.
 void RecordFile::row_written() {
   if (++pending_ >= kCommitRows) commit();
 }

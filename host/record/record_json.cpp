@@ -17,10 +17,12 @@ std::vector<double> numbers(const nlohmann::json& list) {
 }
 
 // By Mark.
+// Part of the file format: a mark that is renamed would change old records' plots.
 constexpr const char* kMarks[] = {"line", "dashed", "points"};
 
 }  // namespace
 
+// A text from a device may hold any byte; the record must not fail for it.
 std::string dumped(const nlohmann::json& json) {
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }

@@ -28,6 +28,9 @@ constexpr auto kLookAtDisk = 1s;
 // Rows that do wake it: about half of what makes a commit (record_file.cpp).
 constexpr std::size_t kWakeRows = 512;
 
+// A job owns what it writes: the caller's span is gone when the thread comes to it. `row` is the
+// number that the sample already has in memory, so that the same row can be written twice without
+// harm. A frame's pixels are shared with the camera's image and not copied.
 struct SampleJob {
   std::size_t stream;
   std::size_t row;
@@ -44,6 +47,7 @@ struct OtherJob {
 };
 using Job = std::variant<SampleJob, FrameJob, OtherJob>;
 
+// What a frame holds in memory; what the TIFF takes differs only by its directory.
 std::size_t image_bytes(const Frame& frame) { return frame.image.total() * frame.image.elemSize(); }
 
 }  // namespace
@@ -54,6 +58,7 @@ struct RecordWriter::State {
         disk(folder, given.disk),
         file(folder / "run.sqlite", start),
         store(folder, given.largest_stack) {
+    // Before the thread: from now on `file` and `store` belong to it, until stop() has joined it.
     disk.make_reserve();
     thread = quiet_thread([this] { run(); });
   }
@@ -73,6 +78,7 @@ struct RecordWriter::State {
 
   // The callers' side: the run's threads, which record.
 
+  // An atomic and not the lock: it is asked at every sample.
   void must_be_well() {
     if (has_failed) throw std::runtime_error(fault_text());
   }
@@ -88,6 +94,8 @@ struct RecordWriter::State {
     if (room()) return;
     const Instant began = std::chrono::steady_clock::now();
     work.notify_one();
+    // Waits on the real clock, also under the virtual one: the disk is real, and the run's time
+    // stands still meanwhile, so that the record stays the same.
     const bool got =
         space.wait_for(lock, limits.patience, [&] { return room() || !fault.empty(); });
     const double waited =
@@ -102,6 +110,8 @@ struct RecordWriter::State {
   }
 
   /// Rows and image bytes are bounded apart: a queue full of frames does not hold up samples.
+  /// The writer is not woken for a single row: it takes what has gathered at its next nap, and a
+  /// commit holds many rows.
   void push(Job job, std::size_t rows, std::size_t bytes, bool urgent) {
     std::unique_lock lock(mutex);
     if (rows > 0) wait_for_room(lock, [&] { return queued_rows < limits.queued_rows; });
@@ -136,6 +146,7 @@ struct RecordWriter::State {
         ++dropped[camera];
         return false;
       }
+      // Taken before the push: this frame will be recorded, and bears the count.
       lost = std::exchange(pending_drops[camera], 0);
     }
     push(FrameJob{camera, frame, lost}, 0, bytes, false);
@@ -143,6 +154,7 @@ struct RecordWriter::State {
   }
 
   /// Returns when all that was given is written, or the disk has failed.
+  /// A fault ends the wait too: what has not been written then will not be.
   void drain() {
     std::unique_lock lock(mutex);
     wake = true;
@@ -175,6 +187,8 @@ struct RecordWriter::State {
       const bool last = stopping;
       wake = false;
       std::deque<Job> jobs;
+      // Rows leave the count at once, image bytes only when each is written (freed()): rows are
+      // small, while frames must not fill the memory twice.
       jobs.swap(queue);
       queued_rows = 0;
       busy = true;
@@ -186,6 +200,7 @@ struct RecordWriter::State {
       busy = false;
       space.notify_all();
       if (!failed.empty()) set_fault(lock, failed);
+      // Nothing is lost by it: stop() comes after the run's last record.
       if (last) return;
     }
   }
@@ -210,10 +225,13 @@ struct RecordWriter::State {
           attempt([&] { std::visit([this](auto& one) { write(one); }, jobs.front()); });
       jobs.pop_front();
       if (failed.empty()) continue;
+      // One failed job ends the turn: the disk is not asked again and again while the run is being
+      // stopped.
       give_back(jobs);
       throw std::runtime_error(failed);
     }
     file.commit_if_due();
+    // After commit_if_due(): rows of frames wait for their pixels, samples do not.
     store.write_rows(file, last);
     if (std::chrono::steady_clock::now() - looked < kLookAtDisk) return;
     looked = std::chrono::steady_clock::now();
@@ -292,6 +310,8 @@ void RecordWriter::sample(std::size_t stream, std::size_t row, Time time,
   state_->push(SampleJob{stream, row, time, {values.begin(), values.end()}}, 1, 0, false);
 }
 
+// Events, results and the like are in the caller's memory already (RunData), which finish() writes
+// again after a fault: nothing is lost by leaving it.
 void RecordWriter::post(std::function<void(RecordFile&)> job, bool at_once) {
   if (state_->has_failed) return;
   try {
@@ -308,6 +328,8 @@ void RecordWriter::add_camera(const RecordedCameraInfo& info) {
     state_->dropped.push_back(0);
     state_->names.push_back(info.camera);
   }
+  // In the queue and not at once: `store` is the thread's. Its cameras then have the same order as
+  // `names`, and come before their first frame.
   const auto add = [state = state_.get(), info](RecordFile& file) {
     state->store.add(info);
     file.camera(info);
@@ -327,6 +349,7 @@ void RecordWriter::on_fault(std::function<void()> call) {
 
 std::string RecordWriter::fault() const { return state_->fault_text(); }
 
+// Asked after every sample: without an alarm it costs one atomic read.
 std::vector<std::string> RecordWriter::drain_alarms() {
   if (!state_->has_alarms) return {};
   const std::lock_guard lock(state_->mutex);

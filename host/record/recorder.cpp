@@ -50,6 +50,8 @@ void keep_scripts(const std::filesystem::path& folder, const RunStart& start) {
     const bool taken = std::filesystem::exists(folder / "script" / (stem + ".lua"));
     write_file(folder / "script" / ((taken ? fallback + "_" + stem : stem) + ".lua"), text);
   };
+  // The rig file and those it builds on as their texts were when the run began, not as the files
+  // are now.
   keep(start.protocol_file, start.protocol_text, "protocol");
   if (start.rig.is_object() && start.rig.contains("text") && start.rig["text"].is_string()) {
     keep(start.rig.value("file", ""), start.rig["text"].get<std::string>(), "rig");
@@ -79,6 +81,9 @@ std::string_view as_text(const std::vector<unsigned char>& bytes) {
 
 }  // namespace
 
+// Members in the order of their birth: the lock is taken before anything is written, and released
+// last. `writer`'s jobs refer to `data.folder`, which does not change after construction; `data`
+// itself is touched by the run's threads alone.
 struct Recorder::State {
   State(const std::filesystem::path& folder, const RunStart& start, const RecordLimits& limits)
       : lock(folder), writer(folder, start, limits) {
@@ -87,6 +92,7 @@ struct Recorder::State {
     keep_scripts(folder, start);
   }
 
+  // A programming error, not one of the disk: hence std::logic_error.
   void must_be_open() const {
     if (data.end) throw std::logic_error("the run has ended: its record is closed");
   }
@@ -110,6 +116,7 @@ Recorder::Recorder(const std::filesystem::path& parent, const RunStart& start,
   const std::filesystem::path stem = std::filesystem::path(start.protocol_file).stem();
   const std::filesystem::path folder = make_run_folder(parent, stem.string());
   try {
+    // After the folder is made: before, its parent may not exist, and the disk could not be asked.
     DiskWatch(folder, limits.disk).check_start();
     state_ = std::make_unique<State>(folder, start, limits);
   } catch (...) {
@@ -145,6 +152,7 @@ const Stream* Recorder::stream(const std::string& name) const { return state_->d
 std::string Recorder::fault() const { return state_->writer.fault(); }
 void Recorder::on_fault(std::function<void()> call) { state_->writer.on_fault(std::move(call)); }
 
+// While the run goes on the rows are the writer's: it is asked, and waits until they are written.
 std::vector<FrameRow> Recorder::frames() const {
   return state_->data.end ? state_->data.frames : state_->writer.frames();
 }
@@ -165,6 +173,8 @@ int Recorder::add_stream(const StreamInfo& info) {
   return static_cast<int>(state_->data.streams.size()) - 1;
 }
 
+// Every check comes before the first change: what throws std::invalid_argument leaves no trace in
+// the record.
 void Recorder::sample(int stream, Time time, std::span<const double> values) {
   state_->must_be_open();
   if (stream < 0 || static_cast<std::size_t>(stream) >= state_->data.streams.size()) {
@@ -181,10 +191,13 @@ void Recorder::sample(int stream, Time time, std::span<const double> values) {
   target.values.insert(target.values.end(), values.begin(), values.end());
   // First in memory, then in the queue: what the writer refuses now is written again at the end.
   state_->writer.sample(index, target.times.size() - 1, time, values);
+  // After the record: the live view shows nothing that the record does not have.
   if (state_->observer != nullptr) state_->observer->sample(target.info, time, values);
   state_->drain_alarms(time);
 }
 
+// The number in the file is the place in memory, by which a second writing knows the event again.
+// Urgent, so that it wakes the writer.
 void Recorder::State::add_event(const Event& event) {
   data.events.push_back(event);
   if (observer != nullptr) observer->event(event.time, event.kind, event.text);
@@ -205,6 +218,8 @@ void Recorder::State::drain_alarms(Time time) {
 
 void Recorder::State::raise(Time time, const std::string& name, AlarmPriority priority,
                             const std::string& text) {
+  // The session's listener latches it and records the event itself; without one, in tests and
+  // tools, the event is all.
   if (listener) return listener(name, priority, text);
   add_event({time, "alarm", alarm_text(priority, name, text)});
 }
@@ -223,6 +238,7 @@ void Recorder::event(Time time, const std::string& kind, const std::string& text
   state_->drain_alarms(time);
 }
 
+// A script may state a better value later, such as a running mean: one row a name.
 void Recorder::result(const StatedResult& result) {
   state_->must_be_open();
   auto& results = state_->data.results;
@@ -239,6 +255,7 @@ void Recorder::result(const StatedResult& result) {
 void Recorder::plot(const Plot& plot) {
   state_->must_be_open();
   // Throws here, where the script's line is known, and not in the report.
+  // The size does not matter: what throws are lengths, numbers and units.
   lay_out_plot(plot, 640, 360);
   state_->data.plots.push_back(plot);
   state_->writer.post(
@@ -246,6 +263,7 @@ void Recorder::plot(const Plot& plot) {
       false);
 }
 
+// A coarse check, and enough: the report shows it as an image, in which no script runs.
 void Recorder::drawing(const std::string& title, const std::string& svg) {
   state_->must_be_open();
   if (!svg.starts_with("<svg xmlns=") || svg.find("</svg>") == std::string::npos)
@@ -268,6 +286,8 @@ void Recorder::table(const Table& table) {
 void Recorder::picture(const std::string& name, const std::string& caption, const cv::Mat& image) {
   state_->must_be_open();
   auto& pictures = state_->data.pictures;
+  // Encoded in the caller's thread: an image that cannot be a PNG is the script's error, at its
+  // line.
   Picture picture{name, caption, "", png_of(name, image)};
   picture.file = fmt::format("pictures/{:03}_{}.png", pictures.size() + 1, slug(name, "picture"));
   pictures.push_back(picture);
@@ -281,6 +301,8 @@ void Recorder::picture(const std::string& name, const std::string& caption, cons
   state_->writer.post(write, false);
 }
 
+// The text as it was when it was required: a file that is edited during the run is recorded as it
+// ran.
 void Recorder::module(const Module& module) {
   state_->must_be_open();
   auto& modules = state_->data.modules;
@@ -295,6 +317,7 @@ void Recorder::module(const Module& module) {
   state_->writer.post(keep, false);
 }
 
+// A camera is recorded once: two rates of one camera would mix in one stack.
 int Recorder::add_camera(const RecordedCameraInfo& info) {
   state_->must_be_open();
   auto& cameras = state_->data.cameras;
@@ -325,6 +348,8 @@ void Recorder::State::try_to(const char* what, Action action) {
   try {
     action();
   } catch (const std::exception& error) {
+    // The run's clock is not known here: the last sample of the first stream is the nearest that
+    // is.
     const Time time = data.streams.empty() || data.streams[0].times.empty()
                           ? Time{}
                           : data.streams[0].times.back();
@@ -381,13 +406,18 @@ void Recorder::finish(const RunEnd& end) {
     data.events.push_back({last, "alarm", alarm});
     state_->writer.late_event(data.events.size() - 1, data.events.back());
   }
+  // From here on every call of the run throws; the rows of frames become the record's own.
   data.end = end;
   data.frames = state_->writer.frames();
   data.dropped = state_->writer.dropped();
   data.held = state_->writer.held();
   guarded([&] { state_->writer.finish(end, data); });
+  // After the end record: a report that fails, or is killed half-way, no longer makes the run a
+  // lost one.
   state_->write_outputs();
   guarded([&] { state_->writer.close(); });
+  // The lock is still held, and the reserve is gone: the manifest passes the lock file over, which
+  // vanishes with release().
   guarded([&] { write_manifest(data.folder); });
   guarded([&] { sync_folder(data.folder); });
   state_->lock.release();

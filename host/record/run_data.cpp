@@ -15,6 +15,7 @@ constexpr std::array kOutcomes = {"completed", "failed", "stopped", "aborted", "
 
 const char* to_string(Outcome outcome) { return kOutcomes[static_cast<std::size_t>(outcome)]; }
 
+// These words are in records and in scripts: they are part of the formats.
 const char* to_string(AlarmPriority priority) {
   switch (priority) {
     case AlarmPriority::low:

@@ -70,7 +70,8 @@ struct StreamInfo {
 struct StatedResult {
   std::string name;
   double value;  // SI
-  /// SI: shown in the display unit of that size; or a unit such as "um": shown in just that one.
+  /// SI: shown in the display unit of that size; or a unit such as "um" or "%": shown in just that
+  /// one. What programs read has its SI unit (si_unit()).
   std::string unit;
 };
 

@@ -12,6 +12,8 @@
 namespace vitreo {
 namespace {
 
+// A file of its own and not run.sqlite: SQLite locks that one, and closing any descriptor of a file
+// takes the process' POSIX locks on it away.
 std::filesystem::path lock_file(const std::filesystem::path& folder) {
   return folder / "recording.lock";
 }
@@ -31,6 +33,8 @@ RunLock::RunLock(const std::filesystem::path& folder) : file_(lock_file(folder))
 
 RunLock::~RunLock() { release(); }
 
+// The name goes first, while the lock is held: removed later, it could be that of another process
+// which took the lock in between.
 void RunLock::release() noexcept {
   if (descriptor_ < 0) return;
   std::error_code ignored;  // where it stays, it is not held
@@ -39,6 +43,9 @@ void RunLock::release() noexcept {
   descriptor_ = -1;
 }
 
+// Takes a shared lock for a moment, without waiting; two programs that ask at the same time do not
+// exclude each other. Within that moment a RunLock of the folder would fail; it lasts two system
+// calls.
 bool RunLock::is_held(const std::filesystem::path& folder) {
   const int descriptor = ::open(lock_file(folder).c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor < 0) return false;

@@ -14,6 +14,7 @@ namespace vitreo {
 namespace {
 
 /// "2026-10-01" as a day; none for another text or a day that the calendar has not.
+/// %n makes sure that nothing follows: "2026-10-01T12:00" is another format, and not silently cut.
 std::optional<std::chrono::sys_days> day_of(const std::string& text) {
   int year = 0;
   int month = 0;
@@ -39,6 +40,7 @@ Calibration read_one(ConfigReader& rig, ConfigReader reader, const std::string& 
   if (*day > *day_of(today_text()) + std::chrono::days(1))
     reader.fail("date", "is in the future: " + one.date);
   one.valid_days = reader.integer("valid_days", one.valid_days, 1, 36500);
+  // A role that the rig has not would never be compared: a misspelt one is an error.
   ConfigReader devices = reader.table("devices");
   for (const std::string& role : devices.keys()) {
     if (!rig.has(role)) devices.fail(role, "is no role of this rig");
@@ -46,6 +48,7 @@ Calibration read_one(ConfigReader& rig, ConfigReader reader, const std::string& 
   }
   devices.finish();
   if (reader.has("instead_of"))
+    // Without bounds: it is whatever the rig file had there, in that key's unit.
     one.instead_of = reader.number(
         "instead_of", 0,
         {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), ""});
@@ -65,6 +68,8 @@ InstalledCalibration read_installed(ConfigReader reader) {
 
 }  // namespace
 
+// The operator's day, as calibrations are dated; days and not times, since validity is counted in
+// days.
 std::string today_text() { return wall_time_text().substr(0, 10); }
 
 Calibrations Calibrations::read(ConfigReader& rig) {
@@ -72,6 +77,7 @@ Calibrations Calibrations::read(ConfigReader& rig) {
   if (!rig.has("calibrations")) return calibrations;
   ConfigReader reader = rig.table("calibrations");
   calibrations.refuse_stale = reader.choice("when_stale", "warn", {"warn", "refuse"}) == "refuse";
+  // Every other key is a calibration's name, which the file chooses.
   for (const std::string& name : reader.keys())
     if (name == "installed")
       calibrations.installed = read_installed(reader.table(name));
@@ -100,6 +106,8 @@ std::vector<std::string> Calibrations::out_of_date(const std::string& today) con
   return lines;
 }
 
+// Part of the identity is enough, such as a serial number: firmware and address in it may change.
+// An instrument that is missing counts as another one.
 std::vector<std::string> Calibrations::of_others(const nlohmann::json& identities) const {
   std::vector<std::string> lines;
   for (const Calibration& one : list)

@@ -102,6 +102,8 @@ class Emulation::State {
   }
 
  private:
+  // For a command the addresses must be those of the rig file, and what cannot be at that address
+  // is said. Without one every instrument that talks bytes gets a new address, an emulated one too.
   void offer(const std::string& role, const std::string& driver, const std::string& address) {
     const bool hid = begins(address, "hid:");
     if (hid || begins(address, "usb:")) {
@@ -142,6 +144,8 @@ class Emulation::State {
   }
 
   /// The far ends that the role's driver asks for, if it is one that talks bytes.
+  /// The driver's own opener is asked, with `where.offer` set: it knows its emulator and opens no
+  /// instrument. The lambda borrows `role`; it is called before this returns.
   void offer_bytes(const std::string& role, const std::string& driver) {
     RigContext where{*clock_, &laboratory_, places_};
     where.offer = [this, &role](const std::string& address, int baud_rate,
@@ -154,6 +158,7 @@ class Emulation::State {
       End end{tcp ? open_tcp_end(port) : open_pty_end(), std::move(peer)};
       std::string shown = end.wire->address();
       if (!tcp && in_place_) {
+        // The pseudo-terminal appears under the name of the rig file's port.
         testbed().add_node(address.substr(address.find(':') + 1),
                            shown.substr(shown.find(':') + 1));
         shown = address + " (" + shown + ")";
@@ -175,11 +180,15 @@ class Emulation::State {
     out << role << ": " << what << std::endl;
   }
 
+  // Only when something is plugged in: a rig without USB needs no umockdev.
   UsbTestbed& testbed() {
     if (!testbed_) testbed_ = make_usb_testbed();
     return *testbed_;
   }
 
+  // 0x01, 0x08 of the SpaceMouse: the HID usage "multi-axis controller" on the page of generic
+  // desktop controls. An address without a serial number takes any; the emulated device has "1"
+  // then.
   void plug(const std::string& role, const std::string& driver, const UsbAddress& address) {
     UsbIdentity identity{
         address.vendor, address.product,      0x0100, address.serial.empty() ? "1" : address.serial,
@@ -198,7 +207,8 @@ class Emulation::State {
       throw ConfigError(role + ": there is no emulator for the driver '" + driver + "' on USB");
   }
 
-  /// A GigE Vision camera that streams what the role sees of the simulated world.
+  /// A GigE Vision camera that streams what the role sees of the simulated world. The server calls
+  /// `draw` in a thread of its own: nothing may be drawn there without with_world().
   void serve(const std::string& role, const std::string& interface) {
     const bool top = role == "top_camera";
     const sim::CameraSettings& camera = top ? settings_.laboratory.top : settings_.laboratory.side;
@@ -222,6 +232,8 @@ class Emulation::State {
   }
 
   /// One thread at a time: the camera's, the testbed's, the wires'.
+  /// The laboratory and the emulators know nothing of threads. This lock is taken before the
+  /// testbed's, and the testbed's own thread holds that one alone: no two wait for each other.
   void with_world(const std::function<void()>& work) {
     const std::lock_guard lock(mutex_);
     if (testbed_)
@@ -230,6 +242,8 @@ class Emulation::State {
       work();
   }
 
+  // Polled, because a pseudo-terminal and the emulators' own delays have no common event to wait
+  // for.
   void pump() {
     while (!ended_) {
       if (!ends_.empty())
@@ -245,6 +259,8 @@ class Emulation::State {
     std::shared_ptr<BytePeer> peer;
   };
 
+  // Members go from the last to the first: the testbed before the emulators that it borrows. Thread
+  // and camera have ended by then (see the destructor).
   const bool in_place_;
   std::unique_ptr<Clock> clock_ = wall_clock();
   ConfigReader reader_;
@@ -268,6 +284,7 @@ Emulation::~Emulation() = default;
 void Emulation::handle(const nlohmann::json& task) { state_->handle(task); }
 std::optional<sim::Truth> Emulation::truth() { return state_->truth(); }
 
+// The exit code as a shell gives it.
 int run_among(const std::vector<std::string>& command) {
   std::vector<char*> words;
   for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
@@ -279,6 +296,7 @@ int run_among(const std::vector<std::string>& command) {
   // The terminal's Ctrl-C reaches the command too: it decides, and the instruments outlive it.
   struct sigaction ignore {
   }, before{};
+  // Only after the start: an ignored signal stays ignored in a program that is started.
   ignore.sa_handler = SIG_IGN;
   sigaction(SIGINT, &ignore, &before);
   int status = 0;
@@ -292,6 +310,8 @@ struct EndingSignals::Sets {
   sigset_t ending{}, before{};
 };
 
+// Made before any thread, which inherits the mask: the signal then waits for sigwait() and
+// interrupts no system call of the emulators.
 EndingSignals::EndingSignals() : sets_(std::make_unique<Sets>()) {
   sigemptyset(&sets_->ending);
   for (const int one : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&sets_->ending, one);
@@ -331,6 +351,8 @@ void restart_in_testbed(char** words) {
   std::vector<char*> all{const_cast<char*>("umockdev-wrapper"), const_cast<char*>(self.c_str())};
   for (char** word = words + 1; *word != nullptr; ++word) all.push_back(*word);
   all.push_back(nullptr);
+  // It returns only where umockdev-wrapper is not installed: then the caller goes on, and says what
+  // is missing when it is needed.
   execvp(all[0], all.data());
 }
 

@@ -39,6 +39,8 @@ const YamlNode& required(const YamlNode& parent, const std::string& key, const s
   return *node;
 }
 
+// from_chars: without a locale, to the last bit, and the whole scalar; YAML's own .inf and .nan are
+// refused. A leading plus is YAML's, not from_chars'.
 double number(const YamlNode& node, const std::string& name) {
   if (node.kind != Kind::scalar) fail(node, name + ": a number is expected");
   const char* begin = node.scalar.data();
@@ -67,6 +69,8 @@ Eigen::Vector3d vector(const YamlNode& node, const std::string& name) {
 }
 
 // One order alone is also seen without its dash.
+// A_n in T m^(1-n)/A and B_n in T m^(n+2)/A for n = 1, 2, ... (control/multipole_field.h): the
+// first entry is n = 1.
 std::vector<double> coefficients(const YamlNode* node, const std::string& name) {
   if (!node || node->kind == Kind::null) return {};
   if (node->kind == Kind::scalar) return {number(*node, name)};
@@ -77,6 +81,7 @@ std::vector<double> coefficients(const YamlNode* node, const std::string& name) 
   return values;
 }
 
+// A name twice would count a source, or a coil, double.
 std::vector<std::string> names(const YamlNode& node, const std::string& name) {
   if (node.kind != Kind::sequence) fail(node, name + ": a list of names is expected");
   std::vector<std::string> result;
@@ -94,6 +99,7 @@ using Warnings = std::vector<std::string>;
 
 // A unit vector. One that is unit to 1e-3 is left to the bit: MultipoleField normalizes it, and a
 // file that is written and read again stays the same.
+// The norm would otherwise be lost without a word, and with it a factor of the field.
 Eigen::Vector3d direction(const YamlNode& node, const std::string& name, Warnings& warnings) {
   const Eigen::Vector3d axis = vector(node, name);
   const double off = std::abs(axis.norm() - 1);
@@ -105,6 +111,8 @@ Eigen::Vector3d direction(const YamlNode& node, const std::string& name, Warning
   return axis.normalized();
 }
 
+// Psi = sum_n (A_n r^n + B_n r^-(n+1)) P_n(cos th), B = + grad Psi (MPEM: Petruska & Nelson;
+// control/multipole_field.h). `whose` names the place in errors, "Coil_3/Src_0".
 MultipoleSource source_from(const YamlNode& node, const std::string& whose, Warnings& warnings) {
   if (node.kind != Kind::mapping) fail(node, whose + ": a source has keys");
   MultipoleSource source;
@@ -132,6 +140,8 @@ MultipoleField::Sources coil_from(const YamlNode& root, const std::string& coil,
   return sources;
 }
 
+// Required: outside of the box in which it was fitted the model does not hold, and nothing in the
+// numbers says so.
 Region region_from(const YamlNode& root) {
   const std::string name = "Workspace_Dimensions";
   const YamlNode& node = required(root, name, "");
@@ -149,6 +159,7 @@ Region region_from(const YamlNode& root) {
   return region;
 }
 
+// The shortest form that reads back as the same double, without a locale.
 std::string text_of(double value) {
   char buffer[32];  // the longest shortest form of a double has 24 characters
   const auto [end, error] = std::to_chars(buffer, buffer + sizeof buffer, value);
@@ -172,6 +183,7 @@ std::string quoted(const std::string& text) {
   return result + '"';
 }
 
+// "~", YAML's null, stands for no coefficients.
 template <typename Values>
 std::string list_of(const Values& values) {
   std::string text;
@@ -179,6 +191,7 @@ std::string list_of(const Values& values) {
   return text.empty() ? "~" : text + "]";
 }
 
+// A source is named by its number: the names of the file that was read are not kept.
 void write_coil(std::string& text, const std::string& name,
                 const MultipoleField::Sources& sources) {
   std::string list;
@@ -196,6 +209,7 @@ void write_coil(std::string& text, const std::string& name,
 
 }  // namespace
 
+// Coils come in the order of Coil_List and not of the keys, since that order is the wiring.
 FieldCalibration parse_field_calibration(std::string_view text) {
   const YamlNode root = parse_yaml(text);
   if (root.kind != Kind::mapping)

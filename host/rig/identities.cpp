@@ -14,6 +14,8 @@ constexpr std::size_t kLongestPath = 1024;
 
 /// Adds the hash of the file that the text names, if it names one. A text of a rig file may be
 /// anything: what is too long for a path, or no path, is passed over.
+/// First as it stands, then from beside the rig file. The hash is of the file that a link leads to,
+/// under the name that the rig file has.
 void add_hash(const std::string& text, const std::filesystem::path& beside,
               nlohmann::json& hashes) {
   if (text.empty() || text.size() > kLongestPath ||
@@ -28,6 +30,7 @@ void add_hash(const std::string& text, const std::filesystem::path& beside,
 }
 
 /// Every text of the value, at any depth.
+/// No list of keys that name files: a new setting with a file is hashed without a change here.
 void walk(const nlohmann::json& value, const std::filesystem::path& beside,
           nlohmann::json& hashes) {
   if (value.is_string()) return add_hash(value.get<std::string>(), beside, hashes);
@@ -37,6 +40,8 @@ void walk(const nlohmann::json& value, const std::filesystem::path& beside,
 
 }  // namespace
 
+// Without the pose sensor: it is the simulator's truth, and no calibration depends on which one it
+// is.
 nlohmann::json identities(const Rig& rig) {
   nlohmann::json names = nlohmann::json::object();
   if (rig.top_camera != nullptr) names["top_camera"] = rig.top_camera->info().identity;

@@ -22,6 +22,8 @@ namespace {
 
 using Json = nlohmann::json;
 
+// Of the description and not of the resolved rig: the row must be there also for an instrument that
+// cannot be opened.
 Json text_of(const ConfigValue& table, const char* key, const char* fallback) {
   const auto& keys = std::get<ConfigTable>(table.value);
   const auto found = keys.find(key);
@@ -40,6 +42,7 @@ void describe(Json& row, Camera& camera) {
 }
 void describe(Json& row, CoilAmplifier& coils) {
   row["identity"] = coils.identity();
+  // Not asked: open() has returned, and leaves an amplifier at zero by its contract.
   row["state"] = "at zero";
   row["limits"] = {{"channels", coils.channels()}, {"current", coils.current_limit()}};
 }
@@ -87,7 +90,7 @@ void describe(Json& row, RotationStage& stage) {
   row["identity"] = to_string(stage.info().identity);
   row["firmware"] = stage.info().identity.firmware;
   row["state"] = stage.moving() ? "moving" : "standing";
-  row["position"] = stage.angle();
+  row["position"] = stage.position();
   row["limits"] = limits_of(stage.info().axis);
 }
 void describe(Json& row, FieldProbe& probe) {
@@ -100,6 +103,7 @@ void describe(Json& row, FieldProbe& probe) {
 /// The rig's roles, each opened by a call of its own.
 class Opening {
  public:
+  // Seed 1 for all: an examination has no run, and its simulated instruments need not differ.
   explicit Opening(const RigDescription& description)
       : clock_(has_real_instruments(description) ? wall_clock() : virtual_clock()),
         reader_(description),
@@ -113,6 +117,8 @@ class Opening {
   /// not in the rig.
   template <class Visit>
   void with(const std::string& role, Visit visit) {
+    // Simulated roles are the laboratory's own and need no opening; they are taken where the rig
+    // names no driver of another.
     const RigContext where{*clock_, laboratory_.get()};
     if (role == "top_camera" && settings_.top_camera && !settings_.top)
       return visit(laboratory_->top_camera());
@@ -144,6 +150,8 @@ class Opening {
   }
 
  private:
+  // The instrument is closed when the visit ends, before the next one is opened: no two are open at
+  // the same time.
   template <class Role, class Visit>
   static bool open(const std::string& wanted, const char* role, const Opener<Role>& opener,
                    const RigContext& where, Visit& visit) {
@@ -159,6 +167,8 @@ class Opening {
   std::unique_ptr<sim::Laboratory> laboratory_;  // null: nothing is simulated
 };
 
+// One suite a role, by overload; the template takes those that have none. Findings go out by
+// reference, since a visit returns nothing.
 struct Tester {
   Clock& clock;
   std::vector<std::string>& findings;
@@ -178,6 +188,8 @@ struct Tester {
 
 }  // namespace
 
+// The second column is shown where the rig file names no driver. One instrument that is missing
+// does not hide the others.
 Json examine_rig(const RigDescription& description) {
   Opening opening(description);
   Json rows = Json::array();

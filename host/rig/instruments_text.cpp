@@ -19,6 +19,7 @@ std::string joined_text(const std::vector<double>& in_si, const std::string& uni
 
 /// "; at 1, 0 mm; x -5 to 5 mm up to 3 mm/s": what a role's row says about position and limits, in
 /// people's units.
+/// An axis a part, each with its own unit: axes of a stage may differ in travel by decades.
 std::string place_and_limits(const Json& row) {
   const std::string length = row["role"] == "rotation_stage" ? "rad" : "m";
   const std::string speed = length + "/s";
@@ -66,6 +67,8 @@ std::string with(const std::string& separator, const std::string& text) {
 
 }  // namespace
 
+// Three kinds of rows in one list: a bus that cannot be searched, a role of a rig, a device that
+// was found.
 std::string to_text(const Json& rows) {
   std::string text;
   for (const Json& row : rows) {

@@ -65,6 +65,7 @@ class ComposedRig final : public OpenRig {
                                      settings.sample_by_hand);
     open_instruments(settings, {clock, world_.get()});
   }
+  // While every member is still alive; what fails here has no caller to hear of it.
   ~ComposedRig() override { make_safe(); }
   Rig& rig() override { return rig_; }
   const nlohmann::json& resolved() const override { return resolved_; }
@@ -82,6 +83,7 @@ class ComposedRig final : public OpenRig {
         failures.emplace_back(error.what());
       }
     };
+    // The most dangerous first: currents, light, motion.
     if (rig_.coils != nullptr) attempt([&] { rig_.coils->make_safe(); });
     if (rig_.lamp != nullptr) attempt([&] { rig_.lamp->make_safe(); });
     if (rig_.lens_mover != nullptr) attempt([&] { rig_.lens_mover->make_safe(); });
@@ -108,6 +110,8 @@ class ComposedRig final : public OpenRig {
     if (settings.top_camera && !settings.top) rig_.top_camera = &world_->top_camera();
     if (settings.side_camera && !settings.side) rig_.side_camera = &world_->side_camera();
     if (!settings.pose_sensor) return;
+    // The pose sensor is given a function and not the laboratory: positions are all that it can
+    // learn.
     const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
       const auto known = world_->truth(time);
       return known ? std::optional(known->position) : std::nullopt;
@@ -127,6 +131,8 @@ class ComposedRig final : public OpenRig {
       coils_ = settings.coils(where);
       if (guardian_) guarded_ = guarded(*coils_.device, *guardian_);
       rig_.coil_pause = settings.coil_pause;
+      // The amplifier itself goes no further: rig_.coils is the interlock, and nothing else leads
+      // to the outputs.
       interlock_ = std::make_unique<Interlock>(guarded_ ? *guarded_ : *coils_.device,
                                                settings.limits, &clock_);
       rig_.coils = interlock_.get();
@@ -135,6 +141,7 @@ class ComposedRig final : public OpenRig {
     if (settings.side) rig_.side_camera = (side_ = settings.side(where)).device.get();
     if (settings.joystick) rig_.joystick = (joystick_ = settings.joystick(where)).device.get();
     if (settings.pedal) rig_.pedal = (pedal_ = settings.pedal(where)).device.get();
+    // It asks through rig_ at each time: the pedal may be lost and opened again.
     if (settings.dead_man_pedals != 0)
       interlock_->require(
           "the pedal is released, or gone",
@@ -142,6 +149,7 @@ class ComposedRig final : public OpenRig {
     if (settings.lamp) rig_.lamp = (lamp_ = settings.lamp(where)).device.get();
     if (settings.lens_mover)
       rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
+    // Stages before the probe: what stands on a stage asks where it is (RigContext::places).
     if (settings.stage) rig_.stage = (stage_ = settings.stage(where)).device.get();
     if (settings.rotation_stage)
       rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
@@ -170,10 +178,14 @@ class ComposedRig final : public OpenRig {
 };
 
 /// Files are named from where the rig file that names them stands.
+/// source_of(): a key that a base states is relative to the base, so that a rig in another folder
+/// can build on it.
 std::string beside(const RigDescription& rig, const std::string& key, const std::string& name) {
   return (std::filesystem::path(rig.source_of(key).file).parent_path() / name).string();
 }
 
+// What the loop believes of the field. Unlike the truth's (read_calibration()), its coils are taken
+// in the order of the file.
 control::MultipoleField model_calibration(const std::string& file,
                                           std::vector<std::string>& warnings) {
   std::ifstream stream(file, std::ios::binary);
@@ -194,6 +206,8 @@ control::MultipoleField model_calibration(const std::string& file,
 void keep_simulated_cameras(const RigDescription& rig, sim::LaboratorySettings& laboratory) {
   for (const Calibration& one : Calibrations::of(rig).list) {
     if (!one.instead_of) continue;
+    // `instead_of` is what the rig file itself says: in a simulated laboratory that is how the
+    // camera was built, and the calibration what was measured of it.
     if (one.name == "top_camera.effective_pixel") laboratory.top_image.pixel = *one.instead_of;
     if (one.name == "side_camera.effective_pixel") laboratory.side_pixel = *one.instead_of;
   }
@@ -218,6 +232,9 @@ std::vector<std::string> Rig::roles() const {
   return names;
 }
 
+// check_rig() first, so that nothing is opened of a rig with any error. Then in this order: files
+// of the model, files of the truth, and instruments last. An std::invalid_argument of whatever is
+// built is an error of the rig file.
 std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock,
                                   std::uint64_t seed, const SimulationShifts& shifts) {
   check_rig(description);

@@ -16,6 +16,9 @@ namespace {
 
 constexpr double kMilli = 1e-3;
 
+// C T' = I^2 R(T) - (T - T_ambient) / R_th with R = R_0 (1 + alpha (T - T_ambient)); the current is
+// at most the supply's voltage over R (docs/simulated_laboratory.md). Ohm, 1/K, J/K, K/W, K and V,
+// which a rig file gives as plain numbers.
 void read_heat(ConfigReader reader, sim::CoilBankSettings& coils) {
   coils.resistance = reader.number("resistance", coils.resistance, {1e-3, 1000, ""});
   coils.temperature_coefficient =
@@ -44,6 +47,7 @@ void read_field(ConfigReader& reader, sim::LaboratorySettings& laboratory,
                 std::string& calibration) {
   calibration = reader.text("calibration", "");
   control::FieldPerturbation& field = laboratory.field_perturbation;
+  // A measured field is the machine as it is: sigmas, where they are given, come on top of it.
   if (!calibration.empty()) field = {0, 0, 0};
   field.gain = reader.number("coil_gain_sigma", field.gain, {0, 0.5, ""});
   field.position = reader.number("coil_position_sigma", field.position, {0, 0.02, "m"});
@@ -52,6 +56,8 @@ void read_field(ConfigReader& reader, sim::LaboratorySettings& laboratory,
       reader.vector3("background", {0, 0, 0}, {-10 * kMilli, 10 * kMilli, "T"}));
 }
 
+// A named gel with single values replaced; the yield strain is a strain, the moduli are in Pa, the
+// viscosities in Pa s.
 void read_gel(ConfigReader reader, std::optional<control::Gel>& gel) {
   gel = control::gel_named(reader.choice("name", "gel_1", control::gel_names()));
   gel->storage_modulus = reader.number("storage_modulus", gel->storage_modulus, {1e-3, 1e5, ""});
@@ -64,6 +70,8 @@ void read_gel(ConfigReader reader, std::optional<control::Gel>& gel) {
   reader.finish();
 }
 
+// Where the table stands at all, the operator has trimmed by hand before the run, within
+// `tolerance` of drift.
 void read_tuning(ConfigReader reader, std::optional<sim::HandTuning>& tuning) {
   tuning.emplace();
   tuning->tolerance = reader.number("tolerance", tuning->tolerance, {0, 10 * kMilli, "m/s"});
@@ -105,6 +113,7 @@ CoilFields fields_at_center(const control::FieldModel& model) {
 /// Entry k: the channel, from 1, that drives coil k of the file. A file that numbers the same coils
 /// in another order is wired by where they point; one that fits as it is, or in no order, is left
 /// as it is.
+/// By the fields' directions at the center, since gains may differ.
 std::vector<int> wiring(const control::FieldModel& measured, const control::FieldModel& before) {
   // Of the mean cosine between coils that are taken for the same; a neighbor of an OctoMag's coil
   // is at 0.5 or less.
@@ -194,6 +203,7 @@ void read_plant(ConfigReader reader, sim::LaboratorySettings& laboratory,
 }
 
 // The order matters: the number of coils before the wiring, the wiring before the comparison.
+// No channel may change its meaning unseen: the channels are part of the result.
 MeasuredField read_calibration(const std::filesystem::path& file,
                                const control::FieldModel& before) {
   const auto wrong = [&file](const std::string& what) {

@@ -23,6 +23,7 @@ void look(Json& rows, const std::string& bus, const std::function<void()>& find)
   }
 }
 
+// Either may be missing in a descriptor.
 std::string name_of(const UsbIdentity& usb) {
   return usb.manufacturer + (usb.manufacturer.empty() || usb.name.empty() ? "" : " ") + usb.name;
 }
@@ -35,6 +36,8 @@ Json row_of(const std::string& bus, const UsbIdentity& found) {
           {"driver", driver_for(found.vendor, found.product)}};
 }
 
+// "usb" beside the node: the node's number may change with the next plugging, the adapter's serial
+// number does not.
 Json row_of(const SerialPort& port) {
   const std::vector<std::string> drivers = drivers_for(port);
   Json row = {{"bus", "serial"},
@@ -52,6 +55,8 @@ Json row_of(const SerialPort& port) {
 
 // By vendor and product numbers: Measurement Computing's USB-3103, Pololu's Tics, 3Dconnexion under
 // 046D (Logitech) and 256F, foot pedals under 05F3 (PI Engineering).
+// Nothing is opened for it: vendor and product numbers are in the descriptors that the system has
+// read already.
 std::string driver_for(int vendor, int product) {
   const auto is = [product](std::initializer_list<int> ids) {
     return std::find(ids.begin(), ids.end(), product) != ids.end();
@@ -84,6 +89,7 @@ std::vector<std::string> drivers_for(const SerialPort& port) {
   }
   // Any adapter (FTDI, CP210x, PL2303, CH340, a port of the machine) may have any of these behind
   // it.
+  // The MPC-200 is not among them: its USB identity is its own.
   return {"kepco_bop", "scpi_probe", "sutter_mp285", "zaber"};
 }
 
@@ -107,6 +113,8 @@ Json find_instruments() {
                       {"driver", "genicam"}});
   });
   // The same device as a USB and as a HID one: the driver takes it by one of them.
+  // One row keeps the driver, the HID one, as the drivers open these by "hid:". The Tic alone is
+  // driven by USB transfers.
   for (Json& row : rows) {
     const std::string driver = row.value("driver", "");
     if (row.value("bus", "") != "usb" || driver.empty() || driver == "pololu_tic") continue;

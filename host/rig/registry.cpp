@@ -82,7 +82,9 @@ const std::vector<DriverEntry<Lamp>>& drivers() {
   return entries;
 }
 
+// The syntax alone is checked: whether something is there is seen when it is opened.
 std::string read_address(ConfigReader& reader) {
+  // Without an address nothing leaves the program: a rig file that forgets one is harmless.
   std::string address = reader.text("address", "emulated");
   try {
     parse_address(address);

@@ -17,6 +17,8 @@ namespace {
 
 constexpr double kMilli = 1e-3;
 
+// What the loop believes. The bounds keep a slip of a unit out (5 instead of 5 * mm), not a bad
+// choice. `field` has one value today; it is read so that a rig file can state it.
 void read_model(ConfigReader reader, RigSettings& settings) {
   RigModel& model = settings.model;
   model.eye_name = reader.choice("eye", model.eye_name, {"model_eye_5_3", "navarro_condensing"});
@@ -44,6 +46,7 @@ void read_camera(ConfigReader& reader, sim::CameraSettings& camera, double& pixe
   camera.size.width = reader.integer("width_px", camera.size.width, 64, 8192);
   camera.size.height = reader.integer("height_px", camera.size.height, 64, 8192);
   camera.frame_rate = reader.number("frame_rate", camera.frame_rate, {0.1, 2000, "Hz"});
+  // The simulated camera refuses 0.4 s and more.
   camera.latency = reader.number("latency", camera.latency, {0, 0.39, "s"});
   const double usual = std::min({camera.exposure, 0.5 / camera.frame_rate, 2 * camera.latency});
   camera.exposure = reader.number("exposure", usual, {0, 0.1, "s"});
@@ -71,6 +74,8 @@ Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role,
     read_camera(reader, camera, pixel);
     return nullptr;
   }
+  // The model's image center and scale are computed before the camera is opened; a default would be
+  // that of another camera.
   for (const char* key : {"width_px", "height_px", "effective_pixel"})
     if (!reader.has(key))
       reader.fail(key, "must be given for a real camera: the model of the view is made with it");
@@ -83,6 +88,9 @@ Opener<Camera> read_any_camera(ConfigReader& reader, const std::string& role,
   reader.fail("driver", "is not known");
 }
 
+// The order matters: the size of the image decides the default center, and `view` decides which
+// optics the laboratory builds. `projection_reach` bounds the fit of the single viewpoint, thesis
+// (5.2) to (5.11), to where the robot can be.
 void read_top_camera(ConfigReader reader, RigSettings& settings) {
   settings.top_camera = true;
   sim::CameraSettings& camera = settings.laboratory.top;
@@ -129,9 +137,11 @@ void read_side_camera(ConfigReader reader, RigSettings& settings) {
 /// program's memory outlives it.
 void read_guardian(ConfigReader& reader, RigSettings& settings) {
   const std::string address = reader.text("address", "emulated");
+  // On by default exactly where something real is energized.
   settings.guardian = reader.flag("guardian", address != "emulated");
   if (!settings.guardian || address == "emulated") return;
   guardian::Output output{reader.resolved().at("driver").get<std::string>(), address};
+  // Read back from the resolved table: the defaults of the driver's own reader are in it too.
   for (const char* key : {"enable_line", "baud_rate"})
     if (const auto found = reader.resolved().find(key); found != reader.resolved().end())
       output.settings[key] = found->get<double>();
@@ -141,6 +151,8 @@ void read_guardian(ConfigReader& reader, RigSettings& settings) {
 // The interlock's limit of a channel is interlock_current, else the amplifier's current_limit.
 void read_coils(ConfigReader reader, RigSettings& settings) {
   settings.coils = read_instrument<CoilAmplifier>(reader, "coils", settings.laboratory);
+  // Where the file states the amplifier's limit, that is the interlock's default too: one number
+  // limits both.
   const double limit = reader.has("current_limit")
                            ? reader.number("current_limit", 0, {0.1, 20, "A"})
                            : settings.limits.current;
@@ -184,11 +196,13 @@ void read_pedal(ConfigReader reader, RigSettings& settings) {
     if (pedal != std::floor(pedal)) reader.fail("dead_man", "wants the numbers of pedals, from 1");
     settings.dead_man_pedals |= 1U << (static_cast<unsigned>(pedal) - 1);
   }
+  // Coils are read before the pedal: see read_rig_settings().
   if (settings.dead_man_pedals != 0 && !settings.coils)
     reader.fail("dead_man", "is of use only with the role coils");
   reader.finish();
 }
 
+// The one role that gives the truth to a script; check_rig() refuses it beside real instruments.
 void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   reader.choice("driver", "simulated", {"simulated"});
   sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
@@ -227,6 +241,8 @@ void add_target(RigSettings& settings) {
 }
 
 /// The laboratory is built as the model says, and then differs by what `truth` says.
+/// What is believed and what is true are two copies from here on: `truth` changes the laboratory's
+/// alone. The cavity is the retina's sphere, with the lens as its lid.
 void share_with_laboratory(RigSettings& settings) {
   sim::LaboratorySettings& laboratory = settings.laboratory;
   laboratory.eye = settings.model.eye;
@@ -244,6 +260,9 @@ void share_with_laboratory(RigSettings& settings) {
 
 }  // namespace
 
+// Rights and calibrations are read for their errors and their place in the resolved rig; their
+// users read them again. `truth` comes last but for finish(), since it changes what
+// share_with_laboratory() has built.
 RigSettings read_rig_settings(ConfigReader& reader) {
   RigSettings settings;
   settings.title = reader.text("title", "untitled rig");
@@ -290,6 +309,9 @@ void check_addresses(const RigDescription& rig) {
 
 }  // namespace
 
+// Everything that can be wrong without opening an instrument: a request is checked by this before
+// anything is touched. limits.check() is the interlock's own, which would otherwise throw when the
+// coils are open already.
 std::vector<std::string> check_rig(const RigDescription& rig) {
   ConfigReader reader(rig);
   const RigSettings settings = read_rig_settings(reader);

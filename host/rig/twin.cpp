@@ -12,6 +12,7 @@ namespace vitreo {
 namespace {
 
 /// The settings of a real camera that a simulated one has too.
+/// Others, such as a packet size, would be unknown keys of the simulated camera, and so errors.
 constexpr std::array kCameraKeys{
     "width_px",        "height_px",  "frame_rate", "effective_pixel",  "view",  "center_px",
     "sensor_aperture", "microscope", "projection", "projection_reach", "sensor"};
@@ -30,6 +31,7 @@ std::string text_in(const ConfigTable& table, const std::string& key) {
 
 /// Whether the address leads to an instrument. Images and videos in files do nothing, and a twin
 /// reads them too; "video:/dev/video0" and "video:0" are cameras.
+/// By the address alone: an emulated instrument has the same driver as a real one.
 bool is_real(const ConfigTable& role) {
   const auto address = role.find("address");
   const auto* text =
@@ -42,6 +44,8 @@ bool is_real(const ConfigTable& role) {
 }
 
 /// A real camera may be outside of what a simulated one can be.
+/// A twin that is a bit off still rehearses the protocol; a refusal would forbid the real rig what
+/// only the simulator cannot do.
 void clamp_number(ConfigTable& table, const char* key, double min, double max) {
   const auto found = table.find(key);
   if (found == table.end()) return;
@@ -57,6 +61,7 @@ void emulate_camera(ConfigTable& camera) {
   clamp_number(camera, "frame_rate", 0.1, 2000);
 }
 
+// 15 Hz: a real camera's file need not say.
 double frame_rate_of(const ConfigTable& camera) {
   const auto found = camera.find("frame_rate");
   const double* const rate =
@@ -65,6 +70,7 @@ double frame_rate_of(const ConfigTable& camera) {
 }
 
 /// Notes where the axes of a role are sent.
+/// Only motions that were accepted count: what the twin refuses is an error of the rehearsal.
 class Note {
  public:
   Note(std::vector<AxisUse>& uses, std::string role, std::string unit)
@@ -91,6 +97,7 @@ class WatchedStage final : public ForwardingStage {
  public:
   WatchedStage(Stage& stage, std::vector<AxisUse>& uses)
       : ForwardingStage(stage), note_(uses, "stage", "m") {}
+  // First the motion: a target beyond its travel throws, and is not noted.
   void start(std::span<const double> target, double speed) override {
     ForwardingStage::start(target, speed);
     for (std::size_t i = 0; i < target.size(); ++i) note_.sent(info().axes[i].name, target[i]);
@@ -104,9 +111,9 @@ class WatchedRotation final : public ForwardingRotationStage {
  public:
   WatchedRotation(RotationStage& stage, std::vector<AxisUse>& uses)
       : ForwardingRotationStage(stage), note_(uses, "rotation_stage", "rad") {}
-  void start(double angle, double speed) override {
-    ForwardingRotationStage::start(angle, speed);
-    note_.sent(info().axis.name, angle);
+  void start(double target, double speed) override {
+    ForwardingRotationStage::start(target, speed);
+    note_.sent(info().axis.name, target);
   }
 
  private:
@@ -144,6 +151,8 @@ bool is_laboratory(const RigDescription& rig) {
 }
 
 // Cameras first: after the second loop no address says any more which of them are real.
+// A copy of the description and not of the settings: the twin goes through the same reader, bounds
+// and limits as the rig.
 RigDescription twin_of(const RigDescription& rig) {
   RigDescription twin = rig;
   for (const char* name : {"top_camera", "side_camera"}) {
@@ -162,6 +171,8 @@ RigDescription twin_of(const RigDescription& rig) {
   }
   // An emulated pedal is never pressed.
   if (ConfigTable* const pedal = table_in(twin.table, "pedal")) pedal->erase("dead_man");
+  // So that protocols which need the sensor can be rehearsed; only where everything is simulated
+  // may the truth be told.
   if (ConfigTable* const camera = table_in(twin.table, "top_camera");
       camera && !twin.table.contains("pose_sensor") && !has_real_instruments(twin)) {
     ConfigTable sensor;
@@ -179,6 +190,8 @@ struct Twin::State {
     Rig& roles = open->rig();
     // A rig with real instruments has nothing that a script could redraw.
     if (real) roles.simulation = nullptr;
+    // From here on the rig's own roles are the decorators: make_safe() goes through them as well,
+    // and so they outlive `open`.
     if (roles.stage != nullptr) roles.stage = &stage.emplace(*roles.stage, uses);
     if (roles.rotation_stage != nullptr)
       roles.rotation_stage = &rotation.emplace(*roles.rotation_stage, uses);
@@ -207,6 +220,7 @@ CoilUse Twin::coils() const {
   return coils == nullptr ? CoilUse{} : coils->use();
 }
 
+// In a rehearsal there is no hand to bring one.
 void Twin::bring_robot() {
   sim::Laboratory& laboratory = *state_->open->laboratory();
   if (!laboratory.truth(state_->clock.now())) laboratory.sample().insert_robot({0, 0, 0});

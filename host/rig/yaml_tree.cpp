@@ -38,6 +38,9 @@ class TreeBuilder : public YAML::EventHandler {
                 const std::string& value) override {
     put({Kind::scalar, line_of(mark), value, {}, {}}, anchor);
   }
+  // A copy of what the anchor stands for, counted as such: ten levels of ten aliases each would
+  // otherwise make 10^10 values of a short text. yaml-cpp announces an anchor at its beginning; one
+  // that is used within itself has no node yet.
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
     const auto named = anchors_.find(anchor);
     if (named == anchors_.end()) fail_at(line_of(mark), "an alias within its own anchor");
@@ -56,18 +59,23 @@ class TreeBuilder : public YAML::EventHandler {
   void OnMapEnd() override { close(); }
 
  private:
+  // Containers that have begun and not ended, the outermost first. A node joins its parent only
+  // when it is complete.
   struct Open {
     YamlNode node;
     YAML::anchor_t anchor;
     std::optional<std::string> key;  // of a mapping: read, and its value not yet
   };
 
+  // Before the memory is taken: a text at the bound ends here, not in the allocator.
   void count(std::size_t nodes, int line) {
     count_ += nodes;
     if (count_ > bounds_.nodes)
       fail_at(line, "more than " + std::to_string(bounds_.nodes) + " values");
   }
 
+  // Copies and destructors of a tree recurse, and yaml-cpp's parser does: what is thrown here ends
+  // both before the stack does.
   void open(Kind kind, const YAML::Mark& mark, YAML::anchor_t anchor) {
     count(1, line_of(mark));
     if (static_cast<int>(open_.size()) >= bounds_.depth)
@@ -86,6 +94,7 @@ class TreeBuilder : public YAML::EventHandler {
     keep(std::move(node), anchor);
   }
 
+  // By value: aliases copy it later, when its parent may have grown and moved.
   void keep(YamlNode node, YAML::anchor_t anchor) {
     if (anchor != YAML::NullAnchor) anchors_[anchor] = node;
     add(std::move(node));
@@ -137,6 +146,8 @@ const YamlNode* YamlNode::find(const std::string& key) const {
   return found == members.end() ? nullptr : &found->second;
 }
 
+// The second document is asked for, because yaml-cpp would silently read the first alone: a
+// calibration that was appended to another is an error.
 YamlNode parse_yaml(std::string_view text, const YamlBounds& bounds) {
   if (text.size() > bounds.bytes)
     fail_at(1, "the file is larger than " + std::to_string(bounds.bytes >> 20) + " MiB");

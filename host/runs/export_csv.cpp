@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/run_folder.h"
 #include "host/runs/export.h"
+#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -14,6 +15,8 @@ namespace vitreo {
 namespace {
 
 /// RFC 4180; and what a spreadsheet would take for a formula is made text.
+/// A text of a script or a device that begins with '=' would be run by the spreadsheet in which the
+/// export is opened.
 std::string cell(const std::string& text) {
   const bool formula = !text.empty() && std::string("=+-@\t\r").find(text[0]) != std::string::npos;
   std::string quoted = "\"";
@@ -37,6 +40,7 @@ std::string with_unit(const std::string& name, const std::string& unit) {
   return unit.empty() ? name : name + " (" + unit + ")";
 }
 
+// CRLF, as RFC 4180 has it.
 std::string table_of(const Stream& stream) {
   std::string out = "t (s)";
   for (const Channel& channel : stream.info.channels)
@@ -61,7 +65,7 @@ std::string events_of(const RunData& data) {
 std::string results_of(const RunData& data) {
   std::string out = "name,value,unit\r\n";
   for (const StatedResult& one : data.results)
-    out += cell(one.name) + "," + number(one.value) + "," + cell(one.unit) + "\r\n";
+    out += cell(one.name) + "," + number(one.value) + "," + cell(si_unit(one.unit)) + "\r\n";
   return out;
 }
 
@@ -79,6 +83,7 @@ std::string frames_table(const RunData& data) {
 
 }  // namespace
 
+// Shared by all exports of images. Borrowed from `data`, which must outlive the result.
 std::vector<const FrameRow*> frames_of(const RunData& data, const std::string& camera) {
   std::vector<const FrameRow*> rows;
   for (const FrameRow& row : data.frames) {

@@ -13,6 +13,8 @@ namespace vitreo {
 namespace {
 
 /// An identifier of the library with the call that gives it back; a negative one is an error.
+/// H5Fclose() leaves a file open as long as an object in it is: everything is closed by its scope,
+/// in reverse order, also where an error is thrown.
 class Handle {
  public:
   Handle(hid_t id, herr_t (*close)(hid_t), const std::string& what) : id_(id), close_(close) {
@@ -40,6 +42,7 @@ std::string named(std::string name) {
 }
 
 /// Variable length, UTF-8.
+/// The encoding is stated in the type: no reader has to guess it.
 Handle text_type() {
   return {[] {
             const hid_t type = H5Tcopy(H5T_C_S1);
@@ -70,6 +73,7 @@ void numbers(hid_t in, const std::string& name, hid_t type, const void* values, 
   const hsize_t size = count;
   const Handle space(H5Screate_simple(1, &size, nullptr), H5Sclose, name);
   const Handle set(
+      // Native types: the file states their order of bytes, and readers convert.
       H5Dcreate2(in, named(name).c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
       H5Dclose, name);
   if (count > 0) wanted(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), name);
@@ -96,6 +100,7 @@ void times(hid_t in, const std::string& name, const List& list, Each each) {
   numbers(in, name, H5T_NATIVE_INT64, values.data(), values.size(), "ns");
 }
 
+// Column by column, as h5py and MATLAB read them; the record in memory is by rows.
 void write_stream(hid_t streams, const Stream& stream) {
   const Handle here = group(streams, stream.info.name);
   attribute(here, "source", stream.info.source);
@@ -172,6 +177,7 @@ void write_events(hid_t file, const RunData& data) {
 Files export_hdf5(const RunData& data, const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / "run.h5";
   const std::string part = path.string() + ".part";
+  // For the whole process: nothing else in the host uses the library.
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // its errors are thrown, not printed
   {
     const Handle file(H5Fcreate(part.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose,

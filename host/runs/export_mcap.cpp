@@ -35,6 +35,7 @@ constexpr unsigned char kChunkIndex = 0x08;
 constexpr unsigned char kStatistics = 0x0B;
 constexpr unsigned char kDataEnd = 0x0F;
 
+// A reader loads a chunk at a time: about 1 MiB, more only where a single image is larger.
 constexpr std::size_t kChunkBytes = 1 << 20;
 
 /// The fields of a record: little-endian numbers, length-prefixed texts.
@@ -45,6 +46,8 @@ class Fields {
     bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
     return *this;
   }
+  // A string, and likewise an array or a map: the specification prefixes all of them with their
+  // length in bytes, 32 bits.
   Fields& text(const std::string& value) {
     add(static_cast<std::uint32_t>(value.size()));
     bytes_ += value;
@@ -61,12 +64,17 @@ class Fields {
 };
 
 /// Opcode, length, fields.
+/// The length has 64 bits and counts the fields alone.
 std::string record(unsigned char kind, const Fields& fields) {
   Fields whole;
   whole.add(kind).add(std::uint64_t{fields.str().size()}).rest(fields.str());
   return whole.str();
 }
 
+// Writes one file front to back; only finish() makes it a file of that name. The summary at the end
+// repeats schemas and channels and lists the chunks, so that a reader can seek without having read
+// the data. Invariant: `size_` is the file's length and `crc_` the CRC-32 of all of it, as DataEnd
+// wants them.
 class McapFile {
  public:
   explicit McapFile(const std::filesystem::path& file)
@@ -84,6 +92,7 @@ class McapFile {
   /// A schema and a channel of the same number, in the data and again in the summary.
   std::uint16_t channel(const std::string& topic, const std::string& schema,
                         const nlohmann::json& content) {
+    // From 1: schema 0 means "none".
     const auto id = static_cast<std::uint16_t>(counts_.size() + 1);
     const std::string both =
         record(kSchema, Fields().add(id).text(schema).text("jsonschema").text(dumped(content))) +
@@ -96,6 +105,7 @@ class McapFile {
 
   /// `time`: ns, as log time and as publish time.
   void message(std::uint16_t channel, std::uint64_t time, const std::string& data) {
+    // The offset of a message is counted from the beginning of its chunk's records.
     const auto sequence = static_cast<std::uint32_t>(counts_[channel]++);
     index_[channel].emplace_back(time, chunk_.size());
     first_ = std::min(first_, time);
@@ -133,6 +143,8 @@ class McapFile {
   void end_chunk() {
     if (chunk_.empty()) return;
     const std::uint64_t begin = size_;
+    // Fields: first and last log time, size and CRC-32 without compression, name of the compression
+    // (empty: none), the records with their length in 64 bits.
     put(record(kChunk, Fields()
                            .add(first_)
                            .add(last_)
@@ -149,6 +161,8 @@ class McapFile {
       for (const auto& [time, offset] : entries) list.add(time).add(offset);
       put(record(kMessageIndex, Fields().add(channel).text(list.str())));
     }
+    // Fields: first and last log time, place and length of the chunk, place of each channel's
+    // message index, their length together, compression, size with and without it.
     chunk_indexes_ += record(kChunkIndex, Fields()
                                               .add(first_)
                                               .add(last_)
@@ -168,6 +182,8 @@ class McapFile {
     last_ = 0;
   }
 
+  // Fields: messages, schemas (16 bits), channels, attachments, metadata, chunks, first and last
+  // log time, messages of each channel.
   std::string statistics() const {
     Fields per_channel;
     std::uint64_t all = 0;
@@ -212,6 +228,7 @@ std::uint64_t log_time(Time time) {
   return static_cast<std::uint64_t>(std::max<std::int64_t>(0, time.count()));
 }
 
+// JSON Schema has no units: they are the descriptions. A value may be null, which stands for NaN.
 nlohmann::json schema_of(const StreamInfo& info) {
   nlohmann::json properties = nlohmann::json::object();
   for (const Channel& channel : info.channels)
@@ -255,6 +272,8 @@ std::string sample_text(const Stream& stream, std::size_t row) {
 
 std::string image_text(const RunData& data, const FrameRow& row) {
   std::vector<unsigned char> png;
+  // Lossless, as the record is. Level 1: a camera's noise hardly compresses better at the slower
+  // ones.
   cv::imencode(".png", read_frame(data, row), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
   const std::int64_t ns = row.exposed.count();
   return dumped({{"timestamp", {{"sec", ns / 1000000000}, {"nsec", ns % 1000000000}}},
@@ -276,6 +295,8 @@ struct Item {
 Files export_mcap(const RunData& data, const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / "run.mcap";
   McapFile file(path);
+  // Only numbers are sorted: the texts, and above all the images, are made one by one when they are
+  // written.
   std::vector<Item> items;
   const std::size_t events = data.streams.size();
   const std::size_t frames = events + 1;

@@ -45,6 +45,7 @@ void encode(const RunData& data, const std::vector<const FrameRow*>& rows, doubl
                       ChildProcess::Pipe::to_input);
   for (const FrameRow* row : rows) {
     const cv::Mat image = read_frame(data, *row);
+    // It has ended before its time: its exit status says why.
     if (!ffmpeg.write({reinterpret_cast<const char*>(image.data), row->bytes})) break;
   }
   if (const int status = ffmpeg.finish(); status != 0)
@@ -52,6 +53,8 @@ void encode(const RunData& data, const std::vector<const FrameRow*>& rows, doubl
 }
 
 /// What was written decodes to the same pixels.
+/// Against the CRC-32 of the record and not against the stack's pixels once more: so the film is
+/// held to what the camera gave.
 void check(const std::vector<const FrameRow*>& rows, const std::string& file) {
   ChildProcess ffmpeg({"ffmpeg", "-v", "error", "-i", file, "-f", "rawvideo", "-pix_fmt",
                        kFormats[rows[0]->pixel_type], "-"},
@@ -75,6 +78,8 @@ Files export_mkv(const RunData& data, const std::filesystem::path& folder) {
     const std::vector<const FrameRow*> rows = frames_of(data, camera.camera);
     if (rows.empty()) continue;
     const std::filesystem::path file = folder / (slug(camera.camera, "camera") + ".mkv");
+    // Matroska wants one rate: the nominal one. The true times of the frames are in the record,
+    // which dropped frames make uneven; 25 Hz where the camera stated none.
     const double period = camera.frame_period * camera.every;
     encode(data, rows, period > 0 ? 1 / period : 25, file.string());
     check(rows, file.string());

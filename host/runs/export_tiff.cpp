@@ -36,6 +36,7 @@ std::string tag(std::uint32_t id, std::uint32_t type, std::uint64_t count, std::
 }
 
 /// What stands behind the pixels: description, bits, resolution; then the directories.
+/// All pages share it: their frames are of one size and kind (frames_of()).
 struct Tail {
   std::uint64_t at;
   std::string description;
@@ -70,6 +71,8 @@ std::string page(const FrameRow& first, const Tail& tail, std::uint64_t pixels_a
 }
 
 /// ImageJ's own keys. Ended by a zero, as TIFF's texts are, and of even length.
+/// ImageJ reads the first directory alone: by "images" it knows how many pictures follow it without
+/// a gap. Times in s, the unit in ASCII, which TIFF's texts are.
 std::string description_of(const RecordedCameraInfo& camera, std::size_t count) {
   std::string text = fmt::format(
       "ImageJ=1.53t\nimages={0}\nframes={0}\nhyperstack=true\nmode=grayscale\nunit=um\nfinterval={"
@@ -84,6 +87,7 @@ std::string description_of(const RecordedCameraInfo& camera, std::size_t count) 
 void write_stack(const RunData& data, const RecordedCameraInfo& camera, const FrameRow* const* rows,
                  std::size_t count, const std::filesystem::path& file) {
   const FrameRow& first = *rows[0];
+  // Rounded up to even, where TIFF wants its directories; the head has 8 bytes.
   const std::uint64_t pixels_end = 8 + (count * first.bytes + 1) / 2 * 2;
   // Resolution as pixels per micrometer, a fraction of two 32-bit numbers.
   const double pixel_um = camera.effective_pixel > 0 ? camera.effective_pixel * 1e6 : 1;
@@ -120,6 +124,7 @@ Files export_tiff(const RunData& data, const std::filesystem::path& folder) {
   for (const RecordedCameraInfo& camera : data.cameras) {
     const std::vector<const FrameRow*> rows = frames_of(data, camera.camera);
     if (rows.empty()) continue;
+    // How many frames fit below 4 GB together with their directories.
     const std::size_t in_one = std::max<std::size_t>(1, kLargest / (rows[0]->bytes + kDirectory));
     for (std::size_t from = 0, number = 0; from < rows.size(); from += in_one, ++number) {
       const std::string name = slug(camera.camera, "camera") +

@@ -32,6 +32,8 @@ constexpr int kPlotHeight = 270;
 constexpr int kViewHeight = 400;
 constexpr std::size_t kEventsShown = 60;
 
+// Nine digits: what the rig file says comes back as it was typed, without the tail of binary
+// fractions.
 std::string text_of(const nlohmann::json& value) {
   if (value.is_string()) return value.get<std::string>();
   if (value.is_number()) return format_number(value.get<double>(), 9);
@@ -44,6 +46,7 @@ std::string minus_sign(const std::string& number) {
 }
 
 /// A number and its unit do not part at the end of a line.
+/// A no-break space (U+00A0) between them.
 std::string printed(Shown shown) {
   shown.number = minus_sign(shown.number);
   return with_unit(shown, "\u00a0");
@@ -55,6 +58,7 @@ std::string spaced(std::string name) {
   return name;
 }
 
+// Empty bodies leave no heading behind.
 std::string section(const std::string& title, const std::string& body) {
   return body.empty() ? "" : "<section><h2>" + title + "</h2>\n" + body + "</section>\n";
 }
@@ -63,6 +67,8 @@ std::string row_of(const std::string& name, const std::string& value) {
   return "<tr><th scope=\"row\">" + escape_markup(name) + "</th><td>" + value + "</td></tr>\n";
 }
 
+// A record without an end is "running" here: a lost run gets its report from recovery, after its
+// end record.
 std::string badge(const RunEnd* end) {
   if (!end) return "<span class=\"badge running\">running</span>";
   // By Outcome, distinguishable without color too.
@@ -73,12 +79,14 @@ std::string badge(const RunEnd* end) {
 }
 
 /// "2026-11-21 14:30" out of the folder's name, which holds the wall clock.
+/// From the name and not from the start record: RunData has no date.
 std::string when(const std::string& folder) {
   if (folder.size() < 17 || folder[10] != 'T') return "";
   return folder.substr(0, 10) + " " + folder.substr(11, 2) + ":" + folder.substr(13, 2);
 }
 
 /// Title, outcome, and the facts of the start record.
+/// What a reader asks first: did it succeed, why not, who and when, with what.
 std::string head_section(const RunData& data) {
   const RunStart& start = data.start;
   const RunEnd* end = data.end ? &*data.end : nullptr;
@@ -106,6 +114,7 @@ std::string head_section(const RunData& data) {
 }
 
 /// The stated results, a tile each.
+/// A number longer than eight characters gets a smaller type, so that tiles keep their width.
 std::string result_tiles(const RunData& data) {
   std::string out;
   for (const ShownResult& result : shown_results(data.results)) {
@@ -164,6 +173,8 @@ std::vector<unsigned char> small_jpeg(const std::vector<unsigned char>& png) {
   cv::Mat image = cv::imdecode(png, cv::IMREAD_COLOR);
   if (image.empty()) return {};  // a damaged one: the report is still made
   if (image.cols > kWidest)
+    // INTER_AREA averages what falls on a pixel: other filters would alias a detector's noise into
+    // patterns.
     cv::resize(image, image, cv::Size(kWidest, image.rows * kWidest / image.cols), 0, 0,
                cv::INTER_AREA);
   std::vector<unsigned char> jpeg;
@@ -171,6 +182,7 @@ std::vector<unsigned char> small_jpeg(const std::vector<unsigned char>& png) {
   return jpeg;
 }
 
+// Data URLs: the page has no other files, and can be mailed.
 std::string picture_grid(const RunData& data) {
   std::string out;
   for (const Picture& picture : data.pictures) {
@@ -183,6 +195,8 @@ std::string picture_grid(const RunData& data) {
 }
 
 /// Each column in one unit; the thesis' numbers and ours, which are compared, in the same one.
+/// Tables hold shown cells, "12 mm": cells_in_one_unit() reads them back, and leaves those that are
+/// no quantities as they are. Rows may be shorter than the header.
 Table in_one_unit(Table table) {
   std::map<std::string, std::vector<std::size_t>> groups;
   for (std::size_t i = 0; i < table.header.size(); ++i) {
@@ -206,6 +220,7 @@ Table in_one_unit(Table table) {
 }
 
 /// A column stands to the right when all its cells begin like numbers.
+/// U+2212, the minus sign, has three bytes in UTF-8. A dash alone stands for "none".
 bool numeric_column(const Table& table, std::size_t column) {
   return std::all_of(table.rows.begin(), table.rows.end(), [&](const auto& row) {
     if (column >= row.size() || row[column].empty()) return true;
@@ -238,6 +253,7 @@ std::string one_table(const Table& written) {
     return fmt::format("<{0}{1}>{2}</{0}>", tag, kinds[column],
                        escape_markup(with_print_units(text)));
   };
+  // Longer ones may be broken by a page of paper; the style sheet keeps the others whole.
   constexpr std::size_t kOnePage = 20;  // rows that are surely kept together on paper
   std::string out =
       table.rows.size() > kOnePage ? "<div class=\"scroll long\">" : "<div class=\"scroll\">";
@@ -262,6 +278,8 @@ std::string table_section(const RunData& data) {
   return section("Results", out);
 }
 
+// The digits with which it can be typed back (kParameterDigits), unlike results, whose digits
+// follow their size.
 std::string parameter_section(const RunData& data) {
   const RunStart& start = data.start;
   std::string out;
@@ -277,6 +295,7 @@ std::string parameter_section(const RunData& data) {
   return section("Parameters", out.empty() ? "" : "<table>" + out + "</table>\n");
 }
 
+// What is needed to make the run again: seed, versions, and the hash of the text that ran.
 std::string version_section(const RunData& data) {
   const RunStart& start = data.start;
   std::string out = row_of("seed", std::to_string(start.seed));
@@ -312,6 +331,8 @@ std::string alarm_section(const RunData& data) {
                  "<table class=\"events\">" + event_rows(alarms, 0, alarms.size()) + "</table>\n");
 }
 
+// The first ones are open, the rest is folded: a long run has thousands, and the report should
+// print on a few pages.
 std::string event_section(const RunData& data) {
   const std::vector<Event>& events = data.events;
   if (events.empty()) return "";
@@ -326,6 +347,7 @@ std::string event_section(const RunData& data) {
   return section("What happened", out);
 }
 
+// For the reader who opens run.sqlite next: tables, columns and units as they are there.
 std::string stream_section(const RunData& data) {
   if (data.streams.empty()) return "";
   Table table{"", {"stream", "samples", "source", "channels"}, {}};
@@ -378,6 +400,8 @@ std::string source_section(const RunData& data) {
 
 /// The document's {{name}}s replaced by their values. One pass: what stands in a value is not
 /// looked at, so no text of a run can name a part of the page.
+/// Every name must be known: a page with a slot that has no value throws std::out_of_range at the
+/// first report.
 std::string filled(std::string_view page,
                    const std::map<std::string_view, std::string_view>& values) {
   constexpr std::string_view kOpen = "{{";
@@ -397,6 +421,8 @@ std::string filled(std::string_view page,
 
 }  // namespace
 
+// A pure function of the record: no clock, no file. Sections in the order in which they are asked
+// for: outcome and results first, then how the run was made and what happened, its sources last.
 std::string report_html(const RunData& data) {
   const RunStart& start = data.start;
   const std::string sections = head_section(data) + result_tiles(data) + plot_grid(data) +

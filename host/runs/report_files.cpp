@@ -28,6 +28,8 @@ bool is_bad(const Event& event) {
 }
 
 /// "01_path_in_depth.svg": of the title only ASCII letters and digits, in lower case.
+/// Two titles may give one name, the number in front tells them apart. `title` may be cut within a
+/// UTF-8 character, whose bytes become an underscore all the same.
 std::string file_name(std::size_t number, const std::string& title, const char* ending) {
   std::string name = fmt::format("{:02}_", number);
   for (const char c : title.substr(0, 60)) {
@@ -42,6 +44,7 @@ std::string file_name(std::size_t number, const std::string& title, const char* 
 }
 
 /// JSON without its quotes and braces.
+/// Four digits for people: the record keeps them all.
 std::string plain(const nlohmann::json& value) {
   if (value.is_number_float()) return format_number(value.get<double>(), 4);
   if (value.is_string()) return value.get<std::string>();
@@ -53,6 +56,8 @@ std::string plain(const nlohmann::json& value) {
 }
 
 /// From 0 to the end by a step that clocks have, s; the end instead of what is too near to it.
+/// Above a minute people read steps of clocks (15 s, 5 min, 6 h), which a decimal step would miss.
+/// A mark too near to the end would overlap its label.
 std::vector<double> round_times(double end) {
   constexpr double kMost = 6;     // steps
   constexpr double kNear = 0.11;  // of the whole
@@ -115,12 +120,17 @@ std::string event_mark(const Event& event, double end) {
 
 }  // namespace
 
+// A text that only looks like JSON, "[stopped]", is shown as it is.
 std::string event_text(const std::string& text) {
   if (!text.starts_with('{') && !text.starts_with('[')) return text;
   const auto value = nlohmann::json::parse(text, nullptr, false);
   return value.is_discarded() || value.empty() ? text : plain(value);
 }
 
+// The axis ends with the last event where that is later than the end record's time, as safe states
+// and alarms after the end are. At most kMost marks: beyond that they hide each other, and the page
+// grows without use. A mark's text is its <title>, the tooltip; the whole list stands below the
+// strip.
 std::string timeline_svg(const RunData& data) {
   double end = data.end ? data.end->experiment_time : 0;
   for (const Event& event : data.events) end = std::max(end, to_seconds(event.time));
@@ -138,6 +148,8 @@ std::string timeline_svg(const RunData& data) {
   return out + "</svg>";
 }
 
+// A program of its own and no library: librsvg would bring its whole stack into the host for a rare
+// request. The document goes through the pipe, without a file in between.
 void write_png_of_svg(const std::string& svg, const fs::path& file) {
   ChildProcess renderer(
       {"rsvg-convert", "--format", "png", "--zoom", "2", "--output", file.string()},

@@ -7,6 +7,8 @@
 
 namespace vitreo {
 
+// First joined, then shown: a value and its uncertainty take one unit, and digits that fit the
+// uncertainty.
 std::vector<ShownResult> shown_results(const std::vector<StatedResult>& results) {
   std::vector<NamedQuantity> quantities;
   for (const StatedResult& one : results) quantities.push_back({one.name, one.value, one.unit});

@@ -49,6 +49,8 @@ class Findings {
 
 /// SQLite's own integrity check, one end record, and as many samples as that counted, without gaps
 /// in their numbers.
+/// Opened again and not through read_run(), which fails at the first broken text: here each fault
+/// is a line of its own. The largest seq equals the count only where no row is missing in between.
 void check_database(const fs::path& folder, Findings& findings) {
   Database database((folder / "run.sqlite").string(), Database::Mode::read_only);
   Statement check = database.prepare("PRAGMA integrity_check");
@@ -74,6 +76,7 @@ void check_database(const fs::path& folder, Findings& findings) {
   }
 }
 
+// Equal times are no fault: several samples of one stream may belong to one moment.
 void check_streams(const RunData& data, Findings& findings, RunCheck& verdict) {
   for (const Stream& stream : data.streams) {
     verdict.samples += stream.times.size();
@@ -83,6 +86,8 @@ void check_streams(const RunData& data, Findings& findings, RunCheck& verdict) {
 }
 
 /// Every recorded image against its CRC-32, and each camera's numbers rising.
+/// Numbers may have gaps, for drops are allowed and counted; they never repeat or go back within a
+/// camera.
 void check_frames(const RunData& data, Findings& findings, RunCheck& verdict) {
   std::map<std::string, std::uint64_t> last;
   for (const FrameRow& row : data.frames) {
@@ -112,6 +117,8 @@ std::size_t name_frames(Database& database, const RunData& data) {
   for (const RecordedCameraInfo& camera : data.cameras) {
     const std::string below = "frames/" + slug(camera.camera, "camera");
     if (!fs::exists(data.folder / below / "NDTiff.index")) continue;
+    // It cuts the files: the folder's lock is held by recover_run(), so that no recorder writes
+    // them.
     const std::vector<NdtiffEntry> entries = mend_ndtiff(data.folder / below);
     const auto known =
         std::count_if(data.frames.begin(), data.frames.end(),
@@ -119,6 +126,8 @@ std::size_t name_frames(Database& database, const RunData& data) {
     for (std::size_t i = static_cast<std::size_t>(known); i < entries.size(); ++i, ++named) {
       const NdtiffEntry& entry = entries[i];
       const nlohmann::json about = read_ndtiff_metadata(data.folder / below, entry);
+      // The CRC-32 is of what is on the disk now: it cannot vouch for the moment of recording, only
+      // for the time from here on.
       const cv::Mat image = read_ndtiff_image(data.folder / below, entry);
       Statement insert = database.prepare("INSERT INTO frame VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
       insert.bind(1, ++seq).bind(2, camera.camera).bind(3, about.value("Number", std::int64_t{0}));
@@ -137,6 +146,8 @@ std::size_t name_frames(Database& database, const RunData& data) {
 }
 
 /// The end record of a run that has none; its time is that of the last sample.
+/// Counts are of what is there, so that `vitreo verify` holds the recovered run to it. Drops and
+/// waits are not known any more: none are stated.
 void write_lost(Database& database, const RunData& data) {
   nlohmann::json counts = nlohmann::json::object();
   Time last{};
@@ -159,6 +170,7 @@ void write_lost(Database& database, const RunData& data) {
 }
 
 /// The files that are made of the record, and their hashes last.
+/// write_manifest() last, since it hashes the two others.
 void write_outputs(const RunData& data) {
   try {
     write_file(data.folder / "report.html", report_html(data));
@@ -181,6 +193,8 @@ RunCheck verify_run(const fs::path& folder) {
     return verdict;
   }
   const bool recording = RunLock::is_held(folder);
+  // The other checks hold for a run that goes on too: the database is consistent at every commit,
+  // and frames that have a row are whole.
   if (!recording)
     findings.attempt([&] {
       for (const std::string& problem : check_manifest(folder)) findings.add(problem);
@@ -203,6 +217,8 @@ Recovery recover_run(const fs::path& folder) {
     RunData data = read_run(folder);
     recovery.was_closed = data.end.has_value();
     {
+      // Opening it replays the WAL that the dead program left. Back to a rollback journal then, as
+      // RecordFile::close() leaves it.
       Database database((folder / "run.sqlite").string(), Database::Mode::read_write);
       database.execute("BEGIN IMMEDIATE");
       recovery.frames_named = name_frames(database, data);
@@ -214,6 +230,8 @@ Recovery recover_run(const fs::path& folder) {
     }
     std::error_code ignored;  // it may have gone with the end record
     fs::remove(folder / "reserve.room", ignored);
+    // Once more: the report is made of what the file now says, and not of what was believed to have
+    // been written.
     data = read_run(folder);
     write_outputs(data);
   } catch (const RecordError&) {
@@ -224,6 +242,7 @@ Recovery recover_run(const fs::path& folder) {
   return recovery;
 }
 
+// Only of a run that has ended: the manifest would be wrong with the next row.
 void report_run(const fs::path& folder) {
   const RunData data = read_run(folder);
   if (!data.end)

@@ -22,6 +22,8 @@ namespace fs = std::filesystem;
 constexpr std::size_t kShownCandidates = 5;
 
 /// Opened to read; the file is one of ours.
+/// Read-only: a run that is being recorded has one writer. The version is compared for equality: a
+/// table that changed its columns would be read as something else.
 Database open_record(const fs::path& folder) {
   const fs::path file = folder / "run.sqlite";
   if (!fs::is_regular_file(file))
@@ -40,6 +42,7 @@ nlohmann::json parsed(const std::string& text) {
   return nlohmann::json::parse(text, nullptr, false);
 }
 
+// A broken text of the start record must not hide the samples: it reads as "nothing known".
 nlohmann::json object_of(const std::string& text) {
   nlohmann::json json = parsed(text);
   return json.is_discarded() ? nlohmann::json::object() : json;
@@ -73,6 +76,8 @@ void read_end(Database& database, RunData& data) {
   const auto outcome = outcome_named(row.text(0));
   if (!outcome)
     throw RecordError(data.folder.string() + ": its end record names no outcome that is known");
+  // Drops belong to cameras by name in the file and by number in memory: hence the order of
+  // read_run().
   data.end = RunEnd{*outcome, row.text(1), row.real(2), row.real(3)};
   const nlohmann::json dropped = object_of(row.text(4));
   for (const RecordedCameraInfo& camera : data.cameras)
@@ -84,6 +89,8 @@ void read_end(Database& database, RunData& data) {
 }
 
 /// NULL is NaN: SQLite has no NaN and stores one as NULL.
+/// All of a stream is held in memory, as the recorder holds it: reports and exports need several
+/// passes.
 void read_samples(Database& database, Stream& stream, const std::string& table) {
   std::string columns;
   for (const Channel& channel : stream.info.channels)
@@ -99,6 +106,7 @@ void read_samples(Database& database, Stream& stream, const std::string& table) 
   }
 }
 
+// The statement of the channels runs once a stream: step() leaves it ready for the next binding.
 void read_streams(Database& database, RunData& data) {
   Statement streams =
       database.prepare("SELECT id, name, source, sample_table FROM stream ORDER BY id");
@@ -128,6 +136,8 @@ std::vector<std::string> texts(const nlohmann::json& list) {
 }
 
 /// A path of the record that stays within the run's folder.
+/// The folder may come from elsewhere: a report or an export made of it must not read a file of
+/// this machine.
 std::string inside(const RunData& data, const std::string& file) {
   const fs::path path(file);
   const bool climbs = std::find(path.begin(), path.end(), "..") != path.end();
@@ -137,6 +147,8 @@ std::string inside(const RunData& data, const std::string& file) {
 }
 
 /// What came out: results, plots, drawings, tables, pictures.
+/// In the order in which they were stated. A picture whose file is gone stays with its caption and
+/// no bytes: the report is made all the same.
 void read_results(Database& database, RunData& data) {
   rows_of(database, "SELECT name, value, unit FROM result ORDER BY rowid",
           [&](const Statement& row) {
@@ -206,6 +218,8 @@ void read_frames(Database& database, RunData& data) {
 }
 
 /// Without an end record: running as long as a process holds the folder's lock, else lost.
+/// The lock and not the age of the files decides: a run may wait an hour for its operator without
+/// writing.
 std::string state_of(Database& database, const fs::path& folder, RunHead& head) {
   Statement stop =
       database.prepare("SELECT exit_status, reason, experiment_time FROM stop LIMIT 1");
@@ -217,6 +231,7 @@ std::string state_of(Database& database, const fs::path& folder, RunHead& head) 
 
 }  // namespace
 
+// No record is opened: a list of thousands is quick, and has those that cannot be read too.
 std::vector<fs::path> run_folders(const fs::path& parent) {
   std::vector<fs::path> folders;
   std::error_code error;
@@ -228,6 +243,7 @@ std::vector<fs::path> run_folders(const fs::path& parent) {
 }
 
 // In this order: a path, "last", a whole name, the beginning of exactly one name.
+// Never a guess between two: the run that is meant may be recovered or exported next.
 fs::path find_run(const std::string& word, const fs::path& parent) {
   if (fs::exists(fs::path(word) / "run.sqlite")) return fs::path(word);
   const std::vector<fs::path> folders = run_folders(parent);
@@ -252,6 +268,7 @@ fs::path find_run(const std::string& word, const fs::path& parent) {
                                 count > kShownCandidates ? ", ..." : ""));
 }
 
+// The error becomes the row's text, so that one broken folder does not end a list.
 RunHead read_head(const fs::path& folder) {
   RunHead head;
   head.folder = folder.string();
@@ -272,6 +289,8 @@ RunHead read_head(const fs::path& folder) {
   return head;
 }
 
+// Rows and pixels are independent witnesses: the size by the row must be that by width, height and
+// type, or the row is not believed.
 cv::Mat read_frame(const RunData& data, const FrameRow& row) {
   NdtiffEntry entry;
   entry.file = row.file;
@@ -290,6 +309,8 @@ cv::Mat read_frame(const RunData& data, const FrameRow& row) {
 }
 
 // Whatever is wrong becomes a RecordError with the file's name.
+// Each query sees what is committed at its own moment: of a run that goes on, frames may be newer
+// than samples by a commit.
 RunData read_run(const fs::path& folder) {
   RunData data;
   data.folder = folder;

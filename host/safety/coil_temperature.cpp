@@ -7,6 +7,8 @@
 
 namespace vitreo {
 
+// Each test is negated, so that NaN is refused as well. Divisors must be above zero: heat capacity
+// and thermal resistance make the time constant.
 void CoilHeat::check() const {
   if (!(resistance >= 0)) throw std::invalid_argument("coil resistance must not be negative");
   if (!(temperature_coefficient >= 0))
@@ -19,6 +21,7 @@ void CoilHeat::check() const {
     throw std::invalid_argument("coil temperature limit must be above ambient");
 }
 
+// Coils are taken to be at ambient when a run begins: nothing is known of the run before.
 CoilTemperature::CoilTemperature(const CoilHeat& heat, int coils)
     : heat_(heat), temperatures_(static_cast<std::size_t>(coils), heat.ambient) {
   heat_.check();
@@ -43,6 +46,7 @@ void CoilTemperature::advance(double seconds, std::span<const double> currents) 
   }
 }
 
+// The limit is one for all coils, so the hottest decides. There is at least one coil.
 double CoilTemperature::hottest() const {
   return *std::max_element(temperatures_.begin(), temperatures_.end());
 }

@@ -42,6 +42,8 @@ std::string program() {
 
 // Armed before the first current is sent and disarmed after the zero was taken: an error in between
 // leaves the guardian armed.
+// The decorator that the interlock sends to: limits are judged before, so that only what really
+// goes to the outputs arms the guardian.
 class GuardedCoils final : public CoilAmplifier {
  public:
   GuardedCoils(CoilAmplifier& amplifier, Guardian& guardian)
@@ -53,6 +55,7 @@ class GuardedCoils final : public CoilAmplifier {
   void set_currents(std::span<const double> currents) override {
     const bool zero =
         std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
+    // arm() throws where there is no guardian any more: then nothing is energized.
     if (!zero) guardian_.arm();
     amplifier_.set_currents(currents);
     if (zero) guardian_.disarm();
@@ -69,6 +72,8 @@ class GuardedCoils final : public CoilAmplifier {
 
 }  // namespace
 
+// SEQPACKET keeps messages apart and in order, and its end is seen by both sides. CLOEXEC on both
+// ends: a program that the host starts later must not hold the socket open after the host's death.
 Guardian::Guardian(const std::vector<guardian::Output>& outputs, std::function<bool()> healthy)
     : healthy_(std::move(healthy)) {
   int ends[2];
@@ -83,6 +88,8 @@ Guardian::Guardian(const std::vector<guardian::Output>& outputs, std::function<b
     if (process_ > 0) ::waitpid(process_, nullptr, 0);
     throw;
   }
+  // Last: the thread uses the socket, and a constructor that throws runs no destructor to join it.
+  // All signals are blocked in it (quiet_thread).
   thread_ = quiet_thread([this] { beat(); });
 }
 
@@ -93,12 +100,14 @@ void Guardian::start(int end) {
   const std::string self = std::to_string(::getpid());
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
+  // A duplicate is not closed on exec, so the child has its end at the agreed number.
   posix_spawn_file_actions_adddup2(&actions, end, guardian::kSocket);
   posix_spawn_file_actions_addclosefrom_np(&actions, guardian::kSocket + 1);
   posix_spawnattr_t how;
   posix_spawnattr_init(&how);
   sigset_t none;
   sigemptyset(&none);
+  // The creating thread may have signals blocked, and a mask is inherited.
   posix_spawnattr_setsigmask(&how, &none);
   posix_spawnattr_setflags(&how, POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGMASK);
   char* const words[] = {const_cast<char*>(file.c_str()), const_cast<char*>(self.c_str()), nullptr};
@@ -112,6 +121,8 @@ void Guardian::start(int end) {
 }
 
 // The guardian answers when it has understood every output, or with what it cannot bring to zero.
+// 'O' and the outputs in one packet (guardian/wire.h). The answer is kReady, or a text that says
+// what cannot be guarded, or nothing within kPatience.
 void Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
   const std::string asked = "O" + guardian::encode(outputs);
   const timeval patience{kPatience, 0};
@@ -124,6 +135,8 @@ void Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
   fail(DeviceErrorKind::refused, said.empty() ? "it did not get ready" : said);
 }
 
+// Armed means that the last zero was not taken by the amplifier: the guardian is told to bring it
+// about itself, since this process gives up its devices now.
 Guardian::~Guardian() {
   done_ = true;
   thread_.join();
@@ -139,6 +152,8 @@ bool Guardian::say(char message) {
   return false;
 }
 
+// Idempotent, for it is called with each set-point: only the first one of a row sends. kArm is in
+// the kernel's queue, ahead of the current, when this returns.
 void Guardian::arm() {
   const std::lock_guard lock(mutex_);
   if (!armed_ && !lost_) armed_ = say(guardian::kArm);
@@ -154,6 +169,8 @@ void Guardian::disarm() {
 
 // While armed, a host whose `healthy` is false sends no heartbeat and is killed like one that
 // hangs.
+// The lock makes one order of heartbeats and of arm() and disarm(): no heartbeat follows a
+// disarm().
 void Guardian::beat() {
   const sched_param urgent{kUrgent};
   ::sched_setscheduler(0, SCHED_RR, &urgent);  // this thread; where it may not, it goes on as it is

@@ -22,6 +22,7 @@ constexpr Time kRampStep = std::chrono::milliseconds(20);
 // A, of a reading that counts as zero: noise and offsets of the amplifiers are below.
 constexpr double kZero = 0.05;
 
+// Exactly zero: a small current is a current, and keeps the dead-man at work.
 bool is_zero(std::span<const double> currents) {
   return std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
 }
@@ -33,6 +34,8 @@ bool towards_zero(double from, double to) {
 
 }  // namespace
 
+// A dead-man shorter than the period of the watch, 50 ms, would promise what cannot be noticed;
+// beyond 5 s it guards nothing.
 void InterlockLimits::check() const {
   if (!(current > 0)) throw std::invalid_argument("current limit must be above zero");
   if (!(total_current > 0)) throw std::invalid_argument("total_current limit must be above zero");
@@ -42,6 +45,8 @@ void InterlockLimits::check() const {
   heat.check();
 }
 
+// The watch is a task of the run's clock, under the baton like all others: nothing here is locked,
+// except energized_, which the guardian's and the watchdog's threads read.
 Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Clock* clock)
     : amplifier_(amplifier),
       limits_(limits),
@@ -55,12 +60,16 @@ Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Cl
   watch_ = clock_->spawn("interlock", [this] { watch(); });
 }
 
+// watch_ is the last member, so its task has ended before what it uses is destroyed.
 Interlock::~Interlock() = default;
 
+// The lower one of the rig's limit and of what the amplifier can give at all.
 double Interlock::current_limit() const {
   return std::min(limits_.current, amplifier_.current_limit());
 }
 
+// A command beyond a limit is a fault of the loop that gave it, so its outputs are not merely left
+// as they are: they go to zero, and stay there until enable().
 void Interlock::refuse(const std::string& why) {
   trip(why);
   throw DeviceError(DeviceErrorKind::refused, "coils", why + "; the coils are at zero");
@@ -127,6 +136,7 @@ void Interlock::set_currents(std::span<const double> currents) {
   send(currents);
 }
 
+// Conditions are added by the rig's opening and outlive every loop; they are asked in their order.
 void Interlock::require(std::string why, std::function<bool()> holds) {
   conditions_.push_back({std::move(why), std::move(holds)});
 }
@@ -160,6 +170,7 @@ void Interlock::send(std::span<const double> currents) {
   if (energized_) clock_->notify(energized_changed_);
 }
 
+// Statistics for the record and the preflight's report: what was sent, not what was asked for.
 void Interlock::count(std::span<const double> currents) {
   use_.peak.resize(currents.size());
   double total = 0;
@@ -199,6 +210,8 @@ void Interlock::forget_slew() {
   if (clock_ != nullptr) sent_at_ = clock_->now() - std::chrono::seconds(1);
 }
 
+// Loops beat anew: while the interlock was open they may have rested for longer than the dead-man's
+// time. The slew begins from rest, and nothing is energized by enabling.
 void Interlock::enable() {
   enabled_ = true;
   forget_slew();
@@ -207,6 +220,8 @@ void Interlock::enable() {
 }
 
 // The same reason again, at every turn of the watch, is counted and reported once.
+// A device that fails to take the zero does not hide the trip: the listener hears of it first, then
+// the failure goes on to the caller.
 void Interlock::trip(const std::string& why) {
   const std::string before = std::exchange(tripped_, why);
   std::exception_ptr failure;
@@ -225,6 +240,8 @@ void Interlock::trip(const std::string& why) {
 void Interlock::pause(PausePolicy policy) {
   if (policy == PausePolicy::hold) return;
   paused_ = true;
+  // The set-points of loops are dropped from here on (paused_), so the ramp is the only one that
+  // sends; it gives up the baton at each step.
   if (policy == PausePolicy::ramp && clock_ != nullptr) {
     const std::vector<double> from = sent_;
     const Time began = clock_->now();
@@ -239,6 +256,8 @@ void Interlock::pause(PausePolicy policy) {
   if (enabled_) send(std::vector<double>(sent_.size(), 0.0));
 }
 
+// An amplifier that does not read zero after a pause at zero has been changed by something else:
+// its state is not known, so it trips instead of going on.
 void Interlock::resume() {
   if (!paused_) return;
   const std::vector<double> read = amplifier_.currents();
@@ -277,6 +296,7 @@ void Interlock::watch() {
   }
 }
 
+// The first that is late is named; one trip opens the coils for all.
 void Interlock::check_heartbeats() {
   for (const Heartbeat* heartbeat : heartbeats_) {
     const double since = to_seconds(clock_->now() - heartbeat->last_);
@@ -286,6 +306,7 @@ void Interlock::check_heartbeats() {
   }
 }
 
+// Registered for its lifetime: a loop that ends leaves no heartbeat behind that would be missed.
 Interlock::Heartbeat::Heartbeat(Interlock& interlock, std::string name)
     : interlock_(interlock), name_(std::move(name)), last_{} {
   beat();

@@ -33,6 +33,8 @@ bool same_picture(const cv::Mat& a, const cv::Mat& b) {
 FrameValidator::FrameValidator(Clock& clock, Recorder& recorder, std::string role)
     : clock_(clock), recorder_(recorder), role_(std::move(role)), believed_at_(clock.now()) {}
 
+/// Patience counts from the last frame that was believed, or from the start: a camera that begins
+/// with rubbish gets as long as one that fails later.
 bool FrameValidator::plausible(const Frame& frame) {
   // Accepted: t_exposed and number strictly increasing, -kAhead <= now - t_exposed <= kOldest.
   const Time age = clock_.now() - frame.exposed;
@@ -55,6 +57,7 @@ bool FrameValidator::plausible(const Frame& frame) {
   return false;
 }
 
+/// A NaN must not reach a filter, which would keep it for ever.
 std::optional<Eigen::Vector3d> FrameValidator::finite(
     const std::optional<Eigen::Vector3d>& position) {
   if (!position || position->allFinite()) return position;
@@ -69,11 +72,13 @@ void FrameValidator::must_change(const cv::Mat& picture) {
   last_picture_ = picture;
 }
 
+/// Two readings without a position are no standstill: nothing was measured.
 void FrameValidator::must_change(const std::optional<Eigen::Vector3d>& position) {
   count(position && last_position_ == position, "place");
   last_position_ = position;
 }
 
+/// The count is of repetitions: the fourth equal one throws.
 void FrameValidator::count(bool same, const char* what) {
   unchanged_ = same ? unchanged_ + 1 : 0;
   if (unchanged_ >= kMostUnchanged)

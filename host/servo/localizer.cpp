@@ -45,6 +45,8 @@ constexpr double kEye = 30e-3;  // m, from the retina's vertex: more than any ey
 
 }  // namespace
 
+/// Throws std::invalid_argument naming axis_sigma. `tilted_` is set only where the axis is to be
+/// estimated; it needs the answer by the known axis as its start, so both solvers are prepared.
 Localizer::Localizer(const RigModel& model, vision::Background background,
                      const Eigen::Vector3d& axis, double axis_sigma)
     : model_(model), axis_(axis), tracker_(std::move(background), tracker_settings(model)) {
@@ -64,6 +66,8 @@ Localizer::Localizer(const RigModel& model, vision::Background background,
   tilted_->orientation_sigma = axis_sigma;
 }
 
+/// An observation with an ellipse and without a position is a robot that is seen and could not be
+/// located.
 Observation Localizer::look(const cv::Mat& image) {
   Observation observation;
   observation.ellipse = tracker_.update(image);
@@ -126,6 +130,8 @@ void Localizer::from_above(Observation& observation) const {
   observation.covariance(2, 2) = kEye * kEye;
 }
 
+/// With an uncertain axis by_axis() gives the start and with_axis() the answer; where the second
+/// fails there is no position.
 void Localizer::localize(Observation& observation) {
   if (model_.plain_view) return from_above(observation);
   auto found = by_axis(*observation.ellipse);
@@ -157,6 +163,7 @@ void join_side(Observation& observation, const SideObservation& side) {
   const Eigen::Matrix3d P = observation.covariance;
   const Eigen::Matrix2d S = H * P * H.transpose() + side.covariance;      // of the innovation
   const Eigen::Matrix<double, 3, 2> K = P * H.transpose() * S.inverse();  // K = P H' S^-1
+  // Two covariances that are both singular: the top view's answer stays.
   if (!K.allFinite()) return;
   *observation.position += K * (side.position - H * *observation.position);
   // Joseph form, (I - K H) P (I - K H)' + K R K': stays symmetric and positive definite.

@@ -21,11 +21,13 @@ constexpr double kLargestResidual_px = 1.5;
 /// up to 1.7 mm below.
 constexpr double kLeastRim = 0.75;
 
+/// A dry run has the sensor in the camera's place, whatever feedback it names.
 bool uses_pose_sensor(const ServoSettings& settings) {
   return settings.by_pose || settings.feedback == Feedback::pose_sensor;
 }
 
 /// Whether rig and background have what the feedback needs.
+/// Throws std::invalid_argument before any device is asked for a frame.
 void check_cameras(const Rig& rig, const ServoCameras& cameras, const ServoSettings& settings) {
   const Feedback feedback = settings.feedback;
   const auto require = [feedback](bool good, const char* what) {
@@ -83,6 +85,7 @@ ObservationSource::ObservedFrame ObservationSource::next() {
     if (auto found = by_pose_ ? by_pose(patience) : by_camera(patience)) return std::move(*found);
 }
 
+/// A reading has no image, so its stamps alone make the frame that is validated.
 std::optional<ObservationSource::ObservedFrame> ObservationSource::by_pose(Time patience) {
   const PoseReading reading = rig_.pose_sensor->read(patience);
   const Frame stamps{{}, reading.number, reading.exposed, reading.received};
@@ -114,6 +117,8 @@ std::optional<ObservationSource::ObservedFrame> ObservationSource::by_camera(Tim
 
 /// An outline that no position of the robot explains, or of which a quarter is hidden, is a vessel,
 /// a speck, or the robot behind one (docs/safety.md).
+/// The ellipse stays in the observation, so that the record and the page show what was taken for
+/// the robot.
 void ObservationSource::reject_implausible(Observation& observation) {
   const bool implausible =
       observation.position && (observation.residual_px > kLargestResidual_px ||

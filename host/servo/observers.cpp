@@ -27,12 +27,15 @@ SideObservation side_observation(const RigModel& model, Time exposed,
 
 }  // namespace
 
+/// Called by the side camera's task, once a frame, whether or not the robot was seen in it.
 void SideObservationBuffer::add(const Frame& frame, std::optional<SideObservation> seen) {
   lately_.push_back({frame.exposed, seen});
   if (lately_.size() > kKept) lately_.pop_front();
   clock_.notify(added_);
 }
 
+/// Entries come in the order of exposure: once the newest has reached `exposed`, the one that is
+/// wanted has come or will never come.
 std::optional<SideObservation> SideObservationBuffer::at(Time exposed, Time deadline) {
   // Only a frame of the same exposure counts: cameras that are not triggered together give none.
   const auto there = [&] { return !lately_.empty() && lately_.back().exposed >= exposed; };

@@ -4,6 +4,7 @@
 #include "host/servo/observation_source.h"
 #include "host/servo/servo_record.h"
 #include "host/servo/visibility.h"
+#include "host/text/units.h"
 
 #include <fmt/format.h>
 
@@ -16,6 +17,7 @@
 namespace vitreo {
 namespace {
 
+/// How far mean_correction() can look back.
 constexpr double kKeptCorrections = 30;  // s
 
 /// A per coil; 0 for those that are dead by the rig file or by the script.
@@ -32,6 +34,7 @@ control::CurrentLimits limits_of(const Rig& rig, const std::vector<int>& dead) {
   return limits;
 }
 
+/// What the controller needs of the settings, with the limits of the rig's coils.
 ControllerSettings controller_settings(const Rig& rig, const ServoSettings& given, double period) {
   ControllerSettings loop;
   loop.field = given.field;
@@ -62,6 +65,8 @@ const char* source_of(Feedback feedback) {
   return "?";
 }
 
+/// Throws std::invalid_argument: a field model of another number of coils would set currents of the
+/// wrong ones.
 void check_coils(const Rig& rig) {
   if (rig.coils == nullptr) throw std::invalid_argument("the servo needs the role coils");
   if (rig.coils->channels() != rig.model.field.coils())
@@ -92,9 +97,12 @@ const char* to_string(ServoState state) {
   return "?";
 }
 
+/// All of the loop's state. Its task and the script's calls hold the clock's one baton in turn,
+/// which changes hands only where one of them waits, so no lock is needed.
 struct Servo::Loop {
   enum class Mode { holding, following, released };
 
+  /// Source and controller check their own settings and throw naming them.
   Loop(Clock& the_clock, Rig& the_rig, Recorder& the_recorder, ServoCameras given_cameras,
        const ServoSettings& given)
       : clock(the_clock),
@@ -111,6 +119,8 @@ struct Servo::Loop {
   }
 
   /// The loop's task: a turn for each frame until it is stopped or something fails.
+  /// A stop of the loop sets the coils to zero; any other end makes the interlock open (shut()).
+  /// Nothing leaves this function, as it is a task's body.
   void run() {
     heartbeat.emplace(*rig.coils, "the servo loop");
     try {
@@ -124,6 +134,7 @@ struct Servo::Loop {
   }
 
   /// One turn: measurement, control, publication, record.
+  /// The record comes after the currents, so that writing never delays them.
   void tick() {
     const auto [frame, observation] = source.next();
     // Seen means used: the dead-man is refreshed only where a plausible frame has come.
@@ -168,6 +179,8 @@ struct Servo::Loop {
     }
   }
 
+  /// The measurement keeps the time of its exposure; what became of the robot since then is the
+  /// law's to predict.
   ControlStep drive(const Frame& frame, double now, const Observation& observation) {
     // What was let go is not taken up again until a new goal is given.
     if (let_go) {
@@ -189,6 +202,8 @@ struct Servo::Loop {
     return step;
   }
 
+  /// Released, the field follows the robot, except where no camera is in the loop: then the
+  /// currents stay as they are (thesis 6.1, case a).
   ControlMode control_mode() const {
     if (mode != Mode::released) return ControlMode::follow;
     if (settings.feedback == Feedback::none) return ControlMode::constant;
@@ -227,6 +242,7 @@ struct Servo::Loop {
     while (corrections.front().first < time - kKeptCorrections) corrections.pop_front();
   }
 
+  /// "searching" and "lost" outrank the mode: no path is being followed that cannot be seen.
   void publish(const Frame& frame, const control::Reference& target, const Observation& observation,
                const ControlStep& step) {
     status.time = frame.exposed;
@@ -252,6 +268,7 @@ struct Servo::Loop {
                                                                     : ServoState::holding;
   }
 
+  /// Checked before anything is changed, so a path that is refused leaves the loop as it was.
   void set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
     check_reach(rig.model, path);
     if (settings.feedback == Feedback::one_camera || settings.feedback == Feedback::two_cameras)
@@ -316,6 +333,7 @@ struct Servo::Loop {
   std::unique_ptr<Task> task;  // last: it ends before what it uses
 };
 
+/// The task is started last, with all in place that it uses.
 Servo::Servo(Clock& clock, Rig& rig, Recorder& recorder, ServoCameras cameras,
              const ServoSettings& settings) {
   settings.check();
@@ -336,6 +354,7 @@ ServoStatus Servo::status() const { return loop_->status; }
 Signal& Servo::changed() { return loop_->ticked; }
 const ServoSettings& Servo::settings() const { return loop_->settings; }
 
+/// The progress is 0 at once: a script may wait for it before the next frame has come.
 void Servo::follow(const control::Trajectory& path, int pictures) {
   loop_->set_goal(Loop::Mode::following, path, pictures);
   loop_->status.progress = 0;
@@ -345,6 +364,7 @@ void Servo::hold(const Eigen::Vector3d& position) {
   loop_->set_goal(Loop::Mode::holding, control::Trajectory::hold_at(position), 0);
 }
 
+/// Throws std::invalid_argument for another law, which has no estimate of a disturbance.
 void Servo::release(bool cancel) {
   if (cancel && loop_->settings.law != ControlLaw::estimator)
     throw std::invalid_argument("cancel: only the law \"estimator\" knows what pushes the robot");
@@ -354,6 +374,7 @@ void Servo::release(bool cancel) {
   loop_->corrections.clear();
 }
 
+/// Corrections from before belong to another trim and would falsify the mean.
 void Servo::set_trim(const Eigen::Vector3d& force) {
   loop_->controller.set_trim(force, loop_->goal);
   loop_->corrections.clear();
@@ -361,10 +382,12 @@ void Servo::set_trim(const Eigen::Vector3d& force) {
 
 Eigen::Vector3d Servo::trim() const { return loop_->controller.trim(); }
 
+/// An event of the record, since positions differ by it from there on.
 void Servo::set_offset(const Eigen::Vector3d& offset) {
   constexpr double kLargest = 1e-3;  // m: more is no bias but another position
   if (!(offset.norm() <= kLargest))
-    throw std::invalid_argument("offset: must be finite and at most 1 mm");
+    throw std::invalid_argument("offset: wants at most " + format_quantity(kLargest, "m") +
+                                ", got " + format_quantity(offset.norm(), "m"));
   loop_->source.set_offset(offset);
   loop_->recorder.event(loop_->clock.now(), "offset",
                         nlohmann::json{offset.x(), offset.y(), offset.z()}.dump());
@@ -393,8 +416,11 @@ Eigen::Vector3d Servo::mean_correction(double duration) const {
   return loop_->controller.force_of(sum / count);
 }
 
+/// The next frame with an image takes it; a caption that is still waiting is replaced.
 void Servo::snapshot(const std::string& caption) { loop_->wanted_picture = caption; }
 
+/// With the caller's own stop deferred, as the coils must be at zero before it goes on. Also called
+/// by the destructor.
 void Servo::close() {
   if (!loop_->task) return;
   const StopShield shield(loop_->clock);

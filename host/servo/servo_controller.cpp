@@ -28,6 +28,7 @@ void require(bool good, const char* what) {
 }
 
 /// What the interlock's total limit is about, A.
+/// Magnitudes, as opposite currents do not cancel.
 double total(const control::Currents& currents) { return currents.cwiseAbs().sum(); }
 
 }  // namespace
@@ -44,6 +45,8 @@ ControlLaw control_law_named(const std::string& name) {
                               "\"");
 }
 
+/// Throws std::invalid_argument naming the setting. With every coil dead there would be nothing to
+/// allocate.
 ServoController::ServoController(const RigModel& model, const ControllerSettings& settings)
     : model_(model),
       settings_(settings),
@@ -61,6 +64,8 @@ ServoController::ServoController(const RigModel& model, const ControllerSettings
           "wall_drag: needs an eye with a lens in the rig's model");
 }
 
+/// A constant current replaces what the law has allocated; the law still runs, so that its estimate
+/// is known.
 ControlStep ServoController::step(double now,
                                   const std::optional<control::PositionMeasurement>& measured,
                                   const ReferencePath& path, ControlMode mode) {
@@ -173,6 +178,7 @@ void ServoController::steer(ControlStep& step, const control::PositionMeasuremen
 /// The free drag multiplied by Faxen's wall factors (facts/magnetics 3.1), each wall as a plane
 /// of its own: for the retina the tangent plane at the nearest point, for the lens the plane
 /// through its vertex.
+/// N s/m, at a position in the world frame; the lens and the retina multiply their factors.
 Eigen::Matrix3d ServoController::drag_at(const Eigen::Vector3d& position) const {
   if (!settings_.wall_drag) return drag_;
   constexpr double kNearest = 1e-6;  // m: a position measured beyond a wall is at the wall
@@ -196,6 +202,8 @@ Eigen::Matrix3d ServoController::drag_at(const Eigen::Vector3d& position) const 
 
 /// Currents for field, weight and `force` besides at a position: [B; F] = A(m, p) I, the inner loop
 /// of thesis 6.1 (figure 6.1). Returns what of `force` the limits left.
+/// Outside of the field model's region the nearest position's field is used, and step.outside says
+/// so.
 Eigen::Vector3d ServoController::allocate(ControlStep& step, const Eigen::Vector3d& position,
                                           const Eigen::Vector3d& force) const {
   const Eigen::Vector3d known = model_.field.nearest_valid(position);
@@ -213,6 +221,7 @@ Eigen::Vector3d ServoController::allocate(ControlStep& step, const Eigen::Vector
 /// the sum of currents is within its limit. It is nonlinear only in the moment m(|B|), which is
 /// found by fixed-point iteration. Field and force of the result are those that the robot feels,
 /// the background's share included. Throws std::domain_error where levitation is out of reach.
+/// From the sixth attempt on, a force that is too much is given up altogether.
 control::BoxAllocation ServoController::within(const control::FieldMatrix& matrix,
                                                const control::FieldGradient& background,
                                                const Eigen::Vector3d& force) const {
@@ -263,6 +272,7 @@ control::BoxAllocation ServoController::within(const control::FieldMatrix& matri
   return found;
 }
 
+/// The estimator is built and tuned anew by the next measurement.
 void ServoController::reset() {
   pd_.reset();
   velocity_.reset();
@@ -283,6 +293,7 @@ control::Currents ServoController::orienting_currents() const {
       .currents;
 }
 
+/// `position` is where the trim was found: constant currents are computed there.
 void ServoController::set_trim(const Eigen::Vector3d& force, const Eigen::Vector3d& position) {
   require(force.allFinite(), "trim: a force that is a number is wanted");
   trim_ = force;

@@ -12,6 +12,8 @@ namespace {
 
 constexpr std::size_t kTrail = 150;  // frames: 10 s at 15 fps
 
+/// Names of streams and columns are a part of the record's format; readers and reports look for
+/// them.
 StreamInfo servo_stream(const std::string& source) {
   return {"servo",
           source + ", and the loop's own numbers",
@@ -57,6 +59,7 @@ StreamInfo current_stream(int coils) {
 }
 
 /// The stream of that name, which a second loop of the same run shares.
+/// Streams are found by name, as a loop has no other trace of the one before it.
 int stream_of(Recorder& recorder, const StreamInfo& info) {
   for (std::size_t i = 0; i < recorder.streams().size(); ++i)
     if (recorder.streams()[i].info.name == info.name) return static_cast<int>(i);
@@ -120,6 +123,7 @@ void ServoRecord::sample(Time exposed, Time now, const Observation& observation,
   if (trail_.size() > kTrail) trail_.pop_front();
 }
 
+/// Drawn on a copy; its name has the camera's own count.
 void ServoRecord::picture(const Frame& frame, const Observation& observation,
                           const control::Reference& target, const std::string& caption) {
   vision::Overlay overlay;

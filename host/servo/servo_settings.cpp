@@ -23,6 +23,8 @@ Feedback feedback_named(const std::string& name) {
       name + "\"");
 }
 
+// rad. The thesis' law takes the commanded axis for the robot's; with the estimator it is uncertain
+// unless the settings say otherwise.
 double ServoSettings::axis_uncertainty() const {
   // How far coils of the prior's kind (3 %, 1.2 mm, 1.5 degrees each) turn the true field: 1.8
   // degrees rms in the median machine, 4.6 in the worst, more while a large force is made.
@@ -30,6 +32,7 @@ double ServoSettings::axis_uncertainty() const {
   return axis_sigma.value_or(law == ControlLaw::estimator ? kAxisSigma : 0);
 }
 
+// Throws std::invalid_argument naming the setting and its bounds.
 void ServoSettings::check() const {
   if (!(field >= 1e-3 && field <= 40e-3))
     throw std::invalid_argument("field must be in [1 mT, 40 mT]");
@@ -51,6 +54,8 @@ void ServoSettings::check() const {
     if (channel < 1) throw std::invalid_argument("dead_coils: channels count from 1");
 }
 
+// By samples in time, as the path will be driven. The same shape of the eye as in
+// ServoController::drag_at.
 void check_reach(const RigModel& model, const control::Trajectory& path) {
   constexpr int kAsked = 200;  // positions along the way
   // Surfaces count from 1 at the retina, as in the thesis' tables: the second is the lens' rear.

@@ -12,6 +12,7 @@ StreamInfo side_stream(const std::string& source) {
           {{"x", "m"}, {"z", "m"}, {"semi_major_px", ""}, {"semi_minor_px", ""}}};
 }
 
+// The ellipse's axes are NaN, in the tables NULL: no image was rendered that could be measured.
 std::unique_ptr<Task> simulate_side(Clock& clock, sim::Laboratory& laboratory, double period,
                                     Recorder& recorder) {
   const int stream =

@@ -24,6 +24,7 @@ std::optional<Eigen::Vector2d> pixel_of(const RigModel& model, double image_scal
 
 }  // namespace
 
+/// One position out of sight refuses the whole path, before anything moves.
 void check_visible(const RigModel& model, const CameraInfo& camera, double image_scale,
                    const control::Trajectory& path) {
   constexpr int kAsked = 200;  // positions along the way

@@ -14,6 +14,7 @@ std::string to_string(const Alarm& alarm) {
 
 Alarms::Alarms(const Clock& clock, Now wall) : clock_(clock), wall_(std::move(wall)) {}
 
+// With the lock held. `changes_` is what faces poll (OperatorDesk::changes).
 void Alarms::note(const std::string& kind, const std::string& text) {
   events_.push_back({clock_.now(), kind, text});
   ++changes_;
@@ -42,6 +43,8 @@ void Alarms::raise(const std::string& name, AlarmPriority priority, const std::s
   if (news) note("alarm", to_string(alarm));
 }
 
+// By the cause's own watcher; an operator acknowledges instead. Without a latched alarm of that
+// name nothing happens, so a watcher may call it at every turn.
 void Alarms::clear(const std::string& name) {
   const std::lock_guard lock(mutex_);
   for (Held& held : held_) {
@@ -53,6 +56,7 @@ void Alarms::clear(const std::string& name) {
   }
 }
 
+// The names that stand are collected on the way, for the message to a person who misspelt one.
 int Alarms::acknowledge(const std::string& name, const std::string& by) {
   const std::lock_guard lock(mutex_);
   int count = 0;

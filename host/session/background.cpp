@@ -6,6 +6,7 @@
 
 namespace vitreo {
 
+// The limits: one frame has no scatter to learn from, and 1000 are a minute at 15 Hz.
 vision::Background learn_background(Camera& camera, int frames, Time from) {
   if (frames < 2 || frames > 1000) throw std::invalid_argument("frames must be in [2, 1000]");
   vision::Background background;

@@ -18,6 +18,7 @@ namespace {
 constexpr std::size_t kAbsent = static_cast<std::size_t>(-1);
 constexpr std::size_t kY = 1;
 
+// Three columns of one stream, found once: rows are then read without any search by name.
 struct Track {
   const Stream* stream;
   std::array<std::size_t, 3> channels;

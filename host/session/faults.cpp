@@ -27,6 +27,7 @@ const Roles kCameras{"top_camera", "side_camera"};
 const Roles kMotions{"lens_mover", "stage", "rotation_stage"};
 constexpr double kLongest = 1e5;  // s
 
+// The two lists share no role.
 Roles all_of(const Roles& first, const Roles& second) {
   Roles both = first;
   both.insert(both.end(), second.begin(), second.end());
@@ -184,6 +185,8 @@ SimulatedRoles simulated_roles(const nlohmann::json& resolved_rig) {
   return roles;
 }
 
+// The disk is no role of the rig: it is always there, and `role` is then the end of the map, which
+// the tests below do not touch.
 void check(const Fault& fault, const SimulatedRoles& roles) {
   const FaultKind& kind = kind_of(fault);
   const auto role = roles.find(fault.role);
@@ -222,6 +225,7 @@ void FaultInjector::add(const Fault& fault) {
   tasks_.push_back(context_.clock.spawn(name, [this, fault, &kind] { run(fault, kind); }));
 }
 
+// The body of the fault's task. `kind` refers to the static table; `fault` is the task's own copy.
 void FaultInjector::run(const Fault& fault, const FaultKind& kind) {
   context_.clock.sleep_for(from_seconds(fault.after));
   const double by = fault.by.value_or(kind.usual);
@@ -235,6 +239,7 @@ void FaultInjector::run(const Fault& fault, const FaultKind& kind) {
   context_.recorder.event(context_.clock.now(), "fault over", fault.role + " " + fault.kind);
 }
 
+/// Read by the recorder's thread, so both are atomics.
 void FaultInjector::set_disk(const Fault& fault, double by, bool on) {
   if (fault.kind == "full") {
     context_.disk.full = on;

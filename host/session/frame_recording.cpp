@@ -43,6 +43,7 @@ Number number_after(const std::string& word, std::size_t& at, double min, double
   return value;
 }
 
+// Of the pixels, which the ring keeps alive by sharing them with the camera's frame.
 std::size_t bytes_of(const Frame& frame) { return frame.image.total() * frame.image.elemSize(); }
 
 }  // namespace
@@ -87,6 +88,8 @@ class FrameRecording::Tap final : public Camera {
   const CameraInfo& info() const override { return camera_.info(); }
   const std::string& name() const { return name_; }
 
+  // What a caller gets is offered to the record in the same call, so what is recorded is what the
+  // loop saw, in its order.
   Frame grab(Time timeout) override {
     // Counted while it waits, so that the pump leaves the camera alone.
     struct Count {
@@ -104,6 +107,8 @@ class FrameRecording::Tap final : public Camera {
   /// True the first time that it is asked.
   bool wants_pump() { return !std::exchange(pumped_, true); }
 
+  // The recorder throws where the camera is recorded already. `every` counts from the first frame
+  // that is grabbed after this.
   void start(const FramePolicy& policy) {
     const CameraInfo& info = camera_.info();
     if (policy.window > std::min(info.width_px, info.height_px))
@@ -152,6 +157,8 @@ class FrameRecording::Tap final : public Camera {
 
  private:
   /// Records the instrument's clock against the host's, once a second, as the stream NAME_clock.
+  /// A stream only for instruments with a clock of their own; readers of the record convert its
+  /// times by it. One row a second is enough for a drift of parts per million.
   void map_clock(const Frame& frame) {
     if (!frame.device) return;
     map_.add(*frame.device, frame.exposed);
@@ -191,6 +198,7 @@ class FrameRecording::Tap final : public Camera {
   }
 
   /// Whether the record has an event since the last call that keeps frames.
+  /// Events are only appended, so an index is enough to know the new ones.
   bool something_happened() {
     const std::vector<Event>& events = recorder_.events();
     const bool some =
@@ -200,6 +208,8 @@ class FrameRecording::Tap final : public Camera {
     return some;
   }
 
+  // `count` is the frame's place since start(), so a frame that waited in the ring is thinned out
+  // as it would have been at once.
   void keep(const Frame& frame, std::int64_t count) {
     if (count % whole_ == 0) recorder_.frame(recorded_, frame);
     if (windows_ >= 0 && count % policy_.every == 0) keep_window(frame);
@@ -283,6 +293,7 @@ FrameRecording::FrameRecording(Clock& clock, Rig& rig, Recorder& recorder)
 }
 
 // The pumps use the taps.
+// They are tasks: clearing the list stops and joins them.
 FrameRecording::~FrameRecording() { pumps_.clear(); }
 
 FrameRecording::Tap& FrameRecording::tap_of(const FramePolicy& policy) const {

@@ -9,6 +9,7 @@
 namespace vitreo {
 namespace {
 
+// The words that end a run, which are the ones that need neither a right nor control of the page.
 const std::map<std::string, StopTier>& ends() {
   static const std::map<std::string, StopTier> kEnds{
       {"stop", StopTier::stop}, {"abort", StopTier::abort}, {"emergency", StopTier::emergency}};
@@ -16,6 +17,7 @@ const std::map<std::string, StopTier>& ends() {
 }
 
 /// The person for the record: the name, or "operator at" the face that the command came from.
+/// Without a name the record says from where the command came.
 std::string person(const OperatorCommand& command) {
   return command.by.empty() ? "operator at " + command.source : command.by;
 }

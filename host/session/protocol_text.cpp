@@ -13,6 +13,7 @@ namespace {
 // A declared value is shown as it was written, not rounded to what a result has.
 constexpr int kValueDigits = 6;
 
+// Of a flag or a text; numbers have been handled by the caller.
 std::string word_of(const ArgumentValue& value) {
   if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
   return std::get<std::string>(value);

@@ -31,6 +31,7 @@ std::string wanted(const Parameter& answer) {
 }
 
 /// The default as the operator would type it.
+/// In the display unit with its symbol, which read_answer() takes back as it stands.
 std::string default_text(const Parameter& answer) {
   if (const bool* flag = std::get_if<bool>(&answer.fallback)) return *flag ? "yes" : "no";
   if (const double* number = std::get_if<double>(&answer.fallback)) {
@@ -111,6 +112,8 @@ void Questions::prepare(const std::vector<std::string>& answers) {
   }
 }
 
+// An answer by name wins over one by order and is kept for the next time; answers by order are used
+// up, so that a loop of questions gets one after the other.
 int Questions::ask(Question question) {
   std::string prepared;
   bool is_prepared = false;
@@ -191,6 +194,8 @@ std::vector<std::string> Questions::unused_answers() const {
   return left;
 }
 
+// Any thread: terminal, socket and page compete. A wrong answer leaves the question open, so that
+// the operator can try again.
 void Questions::answer(const std::string& given, const std::string& by) {
   const std::string text = trimmed(given);
   const std::lock_guard lock(mutex_);
@@ -208,6 +213,7 @@ bool Questions::answered() const {
   return answer_.has_value();
 }
 
+// Polled by the script's thread, the only one that closes a question with an answer.
 std::optional<Questions::Answer> Questions::take() {
   const std::lock_guard lock(mutex_);
   if (!answer_) return std::nullopt;

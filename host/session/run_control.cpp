@@ -36,11 +36,13 @@ void deliver_to_script() noexcept {
 
 RunControl::RunControl() : script_(pthread_self()) { sem_init(&request_, 0, 0); }
 
+// Detached before the semaphore goes, which a signal handler may post.
 RunControl::~RunControl() {
   detach();
   sem_destroy(&request_);
 }
 
+// The handler is installed for the process, and acts only where `the_control` is set.
 void RunControl::attach(ScriptHooks hooks) {
   hooks_ = std::move(hooks);
   the_control = this;
@@ -111,6 +113,7 @@ void RunControl::request_pause(const std::string& checkpoint) {
   ++changes_;
 }
 
+// A run that is paused already goes on by itself: its wait at the checkpoint sees resumed().
 void RunControl::resume() {
   const std::lock_guard lock(mutex_);
   pause_ = false;
@@ -138,6 +141,7 @@ std::string RunControl::take_override() {
   return std::exchange(override_by_, {});
 }
 
+// Locks, so it is never called from a signal handler; request(tier) alone is safe there.
 void RunControl::set_reason(const std::string& reason) {
   const std::lock_guard lock(mutex_);
   reason_ = reason;
@@ -204,6 +208,8 @@ void RunControl::begin_stopping() {
   if (tier() >= StopTier::abort) make_safe();
 }
 
+// The baton is with the caller. The lock is not held during the hook, which waits for instruments,
+// so that the faces can ask for the status meanwhile.
 void RunControl::make_safe() {
   // Once, by whichever comes first: the script's thread or the watchdog.
   if (safe_.exchange(true) || !hooks_.make_safe) return;
@@ -239,6 +245,7 @@ void RunControl::wait_for_request(std::chrono::milliseconds patience) {
   sem_clockwait(&request_, CLOCK_MONOTONIC, &until);
 }
 
+// Zero stands for never: the steady clock is far beyond it when a run begins.
 std::optional<std::chrono::steady_clock::duration> RunControl::since(StopTier tier) const {
   const std::int64_t requested = requested_at_[static_cast<std::size_t>(tier)];
   if (requested == 0) return std::nullopt;

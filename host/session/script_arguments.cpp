@@ -64,6 +64,7 @@ double read_number(const Parameter& parameter, const std::string& text) {
   return quantity->value;
 }
 
+// Lower case only, as Lua writes them.
 bool read_flag(const Parameter& parameter, const std::string& text) {
   if (text == "true" || text == "yes" || text == "on") return true;
   if (text == "false" || text == "no" || text == "off") return false;
@@ -91,6 +92,8 @@ ArgumentValue read_argument(const Parameter& parameter, const std::string& text)
   return text;
 }
 
+// Three passes: what was given, what is missing, what takes its default. The first problem throws,
+// and names the parameter.
 std::map<std::string, ArgumentValue> check_arguments(const ProtocolDescription& protocol,
                                                      const std::vector<std::string>& words) {
   std::vector<std::string> known;

@@ -9,11 +9,15 @@
 
 namespace vitreo {
 
+// Latched first and then drained at once, so that the event stands in the record before whatever
+// the caller does next.
 void Session::raise(const std::string& name, AlarmPriority priority, const std::string& text) {
   alarms.raise(name, priority, text);
   note_alarms();
 }
 
+// The recorder belongs to the thread with the baton; alarms raised or acknowledged elsewhere wait
+// in their queue until this is called there. A rehearsal writes no log.
 void Session::note_alarms() {
   for (const Event& event : alarms.drain_events()) {
     recorder.event(event.time, event.kind, event.text);

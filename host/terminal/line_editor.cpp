@@ -10,6 +10,8 @@
 namespace vitreo {
 namespace {
 
+// For pipes and files, and for a terminal without editing. `idle` is called only where a person
+// types: between two lines of a file there is nothing to wait for.
 class StreamLines final : public LineEditor {
  public:
   StreamLines(std::istream& in, std::ostream& out, bool interactive)
@@ -51,6 +53,7 @@ std::filesystem::path history_file() {
   return {};
 }
 
+// Dots and colons belong to a word: "rig.coils:set" is completed as one.
 std::size_t word_start(const std::string& line, std::size_t cursor) {
   // As readline's in terminal_lines.cpp.
   constexpr const char* kBreaks = " \t\n\"'()[]{}=<>~+-*/%^#&|,;";

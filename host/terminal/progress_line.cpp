@@ -21,6 +21,7 @@ namespace {
 constexpr double kRedraw = 0.1;  // s of wall time
 constexpr int kBar = 24;         // characters
 
+// An estimate needs no hours: what takes longer is still read in minutes.
 std::string duration_text(double seconds) {
   const long whole = std::lround(seconds);
   return whole < 60 ? fmt::format("{} s", whole)
@@ -28,6 +29,8 @@ std::string duration_text(double seconds) {
 }
 
 /// Width of the terminal on the standard error; at least enough for a few words.
+/// Asked anew for each line: a window may be resized. The standard error is where the line goes;
+/// the standard output may be a file.
 std::size_t columns() {
   winsize window = {};
   constexpr std::size_t kUsual = 80;
@@ -61,6 +64,7 @@ ProgressLine::ProgressLine(std::ostream& out, bool animate)
     : out_(out), animate_(animate), began_(wall_seconds()) {}
 ProgressLine::~ProgressLine() { clear(); }
 
+// The label is a script's text: no escape sequence and no line end of it reaches the terminal.
 std::string ProgressLine::text(double fraction, const std::string& label) const {
   const int filled = static_cast<int>(std::lround(fraction * kBar));
   std::string bar;
@@ -77,6 +81,8 @@ std::string ProgressLine::text(double fraction, const std::string& label) const 
   return animate_ ? "[" + bar + "] " + rest : rest;
 }
 
+// At most ten lines a second on a terminal, and eleven in all elsewhere: a log file is not filled
+// by a fast loop.
 void ProgressLine::progress(double fraction, const std::string& label) {
   const std::lock_guard lock(mutex_);
   fraction = std::clamp(fraction, 0.0, 1.0);
@@ -95,6 +101,7 @@ void ProgressLine::progress(double fraction, const std::string& label) {
   std::string line = text(fraction, label);
   if (width_of(line) > room) line.erase(0, line.find(']') + 2);  // the words say more than the bar
   line = cut(line, room);
+  // What the line before had more is overwritten by blanks.
   const std::size_t width = width_of(line);
   out_ << '\r' << line << std::string(width_ > width ? width_ - width : 0, ' ') << std::flush;
   width_ = width;
@@ -106,6 +113,8 @@ void ProgressLine::message(const std::string& line) {
   out_ << harmless(line) << std::endl;
 }
 
+// The question stays on its line, and the answer is typed behind it. Without a terminal nothing can
+// be typed: the way by which it can be answered is said.
 void ProgressLine::question(const Question& asked) {
   const std::lock_guard lock(mutex_);
   wipe();
@@ -113,6 +122,7 @@ void ProgressLine::question(const Question& asked) {
   if (!isatty(STDIN_FILENO)) out_ << "\n(answer with: vitreo control answer TEXT)" << std::endl;
 }
 
+// Never waits for the first character: the run goes on beside the question.
 std::optional<std::string> ProgressLine::typed() {
   pollfd input{STDIN_FILENO, POLLIN, 0};
   if (!isatty(STDIN_FILENO) || poll(&input, 1, 0) <= 0) return std::nullopt;
@@ -128,6 +138,8 @@ void ProgressLine::clear() {
   wipe();
 }
 
+// With the lock held by the caller. By blanks and not by an escape sequence, which a plain terminal
+// would print.
 void ProgressLine::wipe() {
   if (width_ == 0) return;
   out_ << '\r' << std::string(width_, ' ') << '\r' << std::flush;

@@ -27,6 +27,8 @@ class TerminalLines;
 TerminalLines* the_editor = nullptr;  // readline's callbacks have no place for one of ours
 
 /// Ctrl-C is a key at the prompt: a signal would ask for the end of a run that does not run.
+/// Called by readline before each line, in place of its own function, and undone by it after the
+/// line.
 void prepare_terminal(int meta) {
   rl_prep_terminal(meta);
   termios settings = {};
@@ -38,6 +40,7 @@ void prepare_terminal(int meta) {
 }
 
 /// Owner-only, since statements may name patients.
+/// Made before readline writes: it would make the file with the rights of the umask.
 bool make_private(const std::filesystem::path& file) {
   std::error_code error;
   std::filesystem::create_directories(file.parent_path(), error);
@@ -50,6 +53,7 @@ bool make_private(const std::filesystem::path& file) {
 class TerminalLines final : public LineEditor {
  public:
   explicit TerminalLines(const std::filesystem::path& history) : history_(history.string()) {
+    // readline's state is global: a second editor would take the first one's line.
     if (the_editor != nullptr)
       throw std::logic_error("there is one terminal, and it has a prompt already");
     the_editor = this;
@@ -71,11 +75,15 @@ class TerminalLines final : public LineEditor {
   Read read(const std::string& prompt, std::string& line,
             const std::function<void()>& idle) override {
     done_ = false;
+    // readline's callback interface: characters are handed over one by one, and the host's own work
+    // goes on in between.
     rl_callback_handler_install(prompt.c_str(), take_line);
     set_reading(true);
     while (!done_) {
       show_waiting();
       pollfd input{STDIN_FILENO, POLLIN, 0};
+      // With `idle` the waiting is its: it returns within 20 ms. Without, the poll waits, so that
+      // lines from other threads appear in time.
       if (poll(&input, 1, idle ? 0 : 20) > 0)
         rl_callback_read_char();
       else if (idle)
@@ -88,6 +96,8 @@ class TerminalLines final : public LineEditor {
     return result_;
   }
 
+  // The same statement twice in a row is kept once. A history that cannot be written is given up
+  // with one complaint; the prompt goes on.
   void remember(const std::string& statement) override {
     if (statement.empty() || statement == last_) return;
     last_ = statement;
@@ -111,6 +121,7 @@ class TerminalLines final : public LineEditor {
   void open_history() {
     using_history();
     history_comment_char = '#';
+    // `history_comment_char` marks the lines with time stamps.
     history_write_timestamps = 1;  // keeps statements of several lines together
     if (history_.empty() || !make_private(history_)) return;
     read_history(history_.c_str());
@@ -161,6 +172,7 @@ class TerminalLines final : public LineEditor {
     self.finish(Read::line);
   }
 
+  // Leaves the read() by `result_`; what was typed is gone, as in a shell.
   static int cancel(int, int) {
     std::cout << "^C" << std::endl;
     rl_replace_line("", 0);
@@ -174,6 +186,8 @@ class TerminalLines final : public LineEditor {
     rl_completion_append_character = '\0';  // readline sets it anew for each completion
     const TerminalLines& self = *the_editor;
     if (!self.complete_) return nullptr;
+    // Static, since readline calls the generator below without any context. There is one editor,
+    // and it completes in one thread.
     static std::vector<std::string> found;
     found = self.complete_(rl_line_buffer, static_cast<std::size_t>(end));
     (void)start;

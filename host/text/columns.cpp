@@ -16,6 +16,8 @@ namespace {
 constexpr double kLongest = 1e5;
 // Below this a number begins with zeros: the next smaller unit is taken.
 constexpr double kShortest = 0.1;
+// A column whose smallest value is far below the largest would otherwise get more decimals than a
+// reader can use.
 constexpr int kMostDecimals = 6;
 
 /// Magnitudes of the finite values that are more than what a subtraction of doubles leaves.
@@ -27,6 +29,8 @@ std::vector<double> magnitudes(const std::vector<double>& in_si, double smallest
   return sizes;
 }
 
+// Times of a column are decimal numbers, since "1 min 02 s" cannot stand beneath "0.8 s"; from 2 h
+// and from 10 min on they are in h and min.
 std::vector<DisplayUnit> units_of_columns(std::string_view unit) {
   std::vector<DisplayUnit> units = display_units(unit);
   if (unit == "s") units.insert(units.begin(), {{*find_unit("h"), 7200}, {*find_unit("min"), 600}});
@@ -34,6 +38,8 @@ std::vector<DisplayUnit> units_of_columns(std::string_view unit) {
 }
 
 /// The power of ten of the first digit of a number that is shown with `digits` of them.
+/// By way of the printed text and not by log10(): 9.996 with three digits is 1.00e+01, one place
+/// more than its logarithm says.
 int exponent_of(double number, int digits) {
   const std::string text = fmt::format("{:.{}e}", std::fabs(number), digits - 1);
   return std::stoi(text.substr(text.find('e') + 1));
@@ -45,6 +51,7 @@ int decimals_for(double number, int digits) {
 }
 
 /// Never "-0.00".
+/// A minus in front of zeros would claim a direction that the digits do not show.
 std::string fixed(double number, int decimals) {
   if (!std::isfinite(number)) return format_number(number);
   std::string text = fmt::format("{:.{}f}", number, decimals);
@@ -68,6 +75,9 @@ void strip_common_zeros(std::vector<std::string>& numbers, int decimals) {
   }
 }
 
+// Decimals for `digits` of the largest and two of the smallest, and no more than kMostDecimals
+// unless the largest needs them. In a unit with a prefix numbers below 1e-8 count as zero: they are
+// what a subtraction left.
 ShownColumn column_in(const std::vector<double>& in_si, const Unit& unit, int digits) {
   std::vector<double> numbers;
   for (const double value : in_si) numbers.push_back(unit.from_si(value));
@@ -95,6 +105,7 @@ struct Cell {
   int digits;  // significant ones
 };
 
+// All digits from the first that is not zero: "20" has two, as the one who wrote it may have meant.
 int significant_digits(std::string_view number) {
   number = number.substr(0, number.find_first_of("eE"));
   int digits = 0;
@@ -108,6 +119,7 @@ int significant_digits(std::string_view number) {
 }
 
 /// "1 min 02 s" and "1 h 02 min" have two numbers; SI.
+/// The sign stands once, in front: "-1 min 02 s" is -62 s.
 std::optional<double> long_time(const std::string& text) {
   const std::size_t hours = text.find(" h ");
   const std::size_t split = hours != std::string::npos ? hours + 2 : text.find(" min ") + 4;
@@ -119,6 +131,8 @@ std::optional<double> long_time(const std::string& text) {
   return first->value + (text.starts_with('-') ? -second->value : second->value);
 }
 
+// Nothing for a bare number: without a unit it cannot be compared with others. A long time counts
+// in its smaller part, "1 min 02 s" as 62 s of two digits.
 std::optional<Cell> read_cell(std::string text) {
   if (text.starts_with("\u2212")) text.replace(0, 3, "-");
   if (const auto time = long_time(text)) {
@@ -140,6 +154,7 @@ struct CellText {
   std::string suffix;
 };
 
+// All parts must be quantities of one dimension; otherwise the whole cell stays as it is.
 std::optional<CellText> read_text(std::string text) {
   CellText read;
   for (const std::string_view prefix : {"\u00b1 ", "at most ", "at least "}) {
@@ -171,6 +186,9 @@ std::string in_unit(const Cell& cell, const Unit& unit) {
 
 }  // namespace
 
+// First the unit that fits the largest value; then smaller ones as long as the smallest would begin
+// with a zero after the point and the largest stays below kLongest. 1 - 1e-12: a millimeter that
+// was computed may be one bit short of 1e-3. All zeros: the unit in which zero is shown.
 std::optional<Unit> column_unit(const std::vector<double>& in_si, std::string_view unit) {
   const std::vector<DisplayUnit> units = units_of_columns(unit);
   if (units.empty()) return std::nullopt;
@@ -191,12 +209,15 @@ std::optional<Unit> column_unit(const std::vector<double>& in_si, std::string_vi
   return units[i].unit;
 }
 
+// A unit that is not known stands behind the numbers as it came.
 ShownColumn show_column(const std::vector<double>& in_si, std::string_view unit, int digits) {
   if (const auto shared = column_unit(in_si, unit)) return column_in(in_si, *shared, digits);
   return column_in(in_si, {unit, unit, 1, ""}, digits);
 }
 
 std::string format_range(double min, double max, std::string_view unit, int digits) {
+  // More than three decades apart one of the two ends would have zeros or five digits: each gets
+  // its own unit.
   constexpr double kFar = 1e3;
   const double small = std::min(std::fabs(min), std::fabs(max));
   const bool far = small > 0 && std::max(std::fabs(min), std::fabs(max)) > kFar * small;
@@ -207,6 +228,8 @@ std::string format_range(double min, double max, std::string_view unit, int digi
   return shown(min) + " to " + with_unit({shown(max), print_unit(shared->symbol)});
 }
 
+// JCGM 100:2008, 7.2.6: both to the place of the uncertainty's second digit. `place` is negative
+// where that is in front of the point: 12 340 ± 420.
 Shown show_measured_in(double in_si, double uncertainty, const Unit& unit) {
   constexpr int kDigits = 2;
   const double number = unit.from_si(in_si);
@@ -235,6 +258,8 @@ std::string format_measured(double in_si, double uncertainty, std::string_view u
   return with_unit(show_measured(in_si, uncertainty, unit, digits));
 }
 
+// Two passes: a unit can be chosen only when all values of its dimension are known. Where a
+// dimension came with one unit alone, nothing is rewritten: the author's digits stay.
 std::vector<std::string> cells_in_one_unit(std::vector<std::string> cells) {
   std::vector<std::optional<CellText>> read;
   std::map<std::string, std::vector<double>> values;
@@ -260,6 +285,9 @@ std::vector<std::string> cells_in_one_unit(std::vector<std::string> cells) {
   return cells;
 }
 
+// A word is a unit behind a number ("30 deg") or at the head of a bracket or after a comma ("error
+// (um)", "x, um"); elsewhere "min" and "h" may be words. The degree sign follows its number without
+// a blank.
 std::string with_print_units(const std::string& text) {
   constexpr std::string_view kEnds = " ,;:)]";
   std::string made;
@@ -274,6 +302,7 @@ std::string with_print_units(const std::string& text) {
     const bool named = (last == ',' && word != "us") || before == '(' || before == '[';
     const std::string unit = (number || named) && find_unit(word) ? print_unit(word) : "";
     if (unit.empty() || unit == word) {
+      // A bracket within a word ends it too: "error(um)".
       const std::size_t next = word.find_first_of("([");
       const std::size_t taken =
           next == std::string_view::npos ? std::min(end + 1, text.size()) : at + next + 1;
@@ -288,6 +317,8 @@ std::string with_print_units(const std::string& text) {
   return made;
 }
 
+// A sigma whose value was not stated, or that is zero or not finite, stays a result of its own:
+// nothing a script states is hidden.
 std::vector<NamedQuantity> join_uncertainties(const std::vector<NamedQuantity>& quantities) {
   const auto named = [&](const std::string& name, const std::string& unit) {
     return std::find_if(quantities.begin(), quantities.end(), [&](const NamedQuantity& one) {
@@ -310,6 +341,7 @@ std::vector<NamedQuantity> join_uncertainties(const std::vector<NamedQuantity>& 
   return joined;
 }
 
+// Grouped by the unit as stated: "um" and "m" are different wishes, though one dimension.
 std::vector<Shown> show_list(const std::vector<NamedQuantity>& quantities, int digits) {
   std::map<std::string, std::vector<double>> values;
   for (const NamedQuantity& one : quantities) values[one.unit].push_back(one.value);

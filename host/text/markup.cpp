@@ -17,6 +17,7 @@ std::size_t sequence_length(std::string_view text) {
   const std::size_t length = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
   // RFC 3629: 0xC0 and 0xC1 would be overlong, 0xF5 and above beyond U+10FFFF; 0x80 to 0xC1 are no
   // lead bytes.
+  // Before the sequence is read: a text that ends within one must not be read beyond its end.
   if (lead < 0xC2 || lead > 0xF4 || text.size() < length) return 0;
   std::uint32_t code = lead & (0xFF >> (length + 1));
   for (std::size_t i = 1; i < length; ++i) {
@@ -24,6 +25,7 @@ std::size_t sequence_length(std::string_view text) {
     code = code << 6 | (byte(i) & 0x3F);
   }
   // Overlong forms, surrogates and the two noncharacters that XML 1.0 excludes (2.2) are refused.
+  // By the length of the sequence.
   constexpr std::uint32_t kSmallest[] = {0, 0, 0x80, 0x800, 0x10000};
   const bool surrogate = code >= 0xD800 && code <= 0xDFFF;
   const bool is_character = code <= 0x10FFFF && code != 0xFFFE && code != 0xFFFF;
@@ -67,6 +69,7 @@ std::size_t count_characters(std::string_view text) {
   return count;
 }
 
+// Cut at the lead byte of the next character, so that no sequence is torn.
 std::string_view first_characters(std::string_view text, std::size_t count) {
   std::size_t seen = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -77,6 +80,7 @@ std::string_view first_characters(std::string_view text, std::size_t count) {
 }
 
 // RFC 4648, section 4, with padding.
+// Three bytes make four digits of six bits; missing bytes of the last group are marked by '='.
 std::string base64(std::span<const unsigned char> bytes) {
   constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string out;

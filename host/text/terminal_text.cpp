@@ -23,6 +23,8 @@ std::string harmless(const std::string& text) {
   return out;
 }
 
+// Shortened before it is escaped: `most` bounds the work too, for a text of a script may be of any
+// length.
 std::string for_terminal(const std::string& text, std::size_t most) {
   if (text.size() <= most) return harmless(text);
   // Back to the start of a UTF-8 sequence.

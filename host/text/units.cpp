@@ -46,6 +46,7 @@ constexpr Step kSteps[] = {
 };
 
 /// The unit in which zero is shown.
+/// Zero has no size to choose by: the unit in which a laboratory speaks of that quantity.
 std::string_view usual_symbol(std::string_view dimension) {
   if (dimension == "m") return "mm";
   if (dimension == "m/s") return "mm/s";
@@ -56,6 +57,7 @@ std::string_view usual_symbol(std::string_view dimension) {
   return dimension;
 }
 
+// The tolerance is that of column_unit(). A dimension without rows is its own symbol.
 std::string_view symbol_for(double magnitude, std::string_view dimension) {
   if (magnitude == 0) return usual_symbol(dimension);
   for (const Step& step : kSteps) {
@@ -73,6 +75,7 @@ double rounded(double number, int digits) {
   return result;
 }
 
+// Rounded to whole seconds before it is split, or 119.7 s would be "1 min 60 s".
 std::string minutes_text(double seconds) {
   const bool negative = seconds < 0;
   const auto whole = static_cast<long long>(std::llround(std::fabs(seconds)));
@@ -90,6 +93,8 @@ std::string replaced(std::string text, std::string_view from, std::string_view t
 }
 
 /// The table's spelling of a symbol: Unicode signs by their ASCII equivalents.
+/// Two characters look like µ: U+00B5, the micro sign, and U+03BC, the Greek letter, which
+/// keyboards and editors mix. ℃ (U+2103) is one character and °C are two: both are degC.
 std::string plain_symbol(std::string_view symbol) {
   constexpr std::pair<std::string_view, std::string_view> kSpellings[] = {
       {"\u2103", "degC"}, {"\u00b5", "u"},  {"\u03bc", "u"},   {"\u00b0", "deg"},
@@ -109,6 +114,7 @@ std::string_view trimmed(std::string_view text) {
 }  // namespace
 
 const std::vector<Unit>& units() {
+  // The first row of a dimension gives it its name (quantity_name()).
   static const std::vector<Unit> table = {
       {"m", "m", 1, "a length"},
       {"cm", "m", 1e-2, "a length"},
@@ -187,6 +193,7 @@ const std::vector<Unit>& units() {
   return table;
 }
 
+// degC is found here and stands in no table: its factor alone would turn 20 degC into 20 K.
 std::optional<Unit> find_unit(std::string_view symbol) {
   if (symbol.empty()) return Unit{"", "", 1, "a plain number"};
   const std::string plain = plain_symbol(symbol);
@@ -195,6 +202,11 @@ std::optional<Unit> find_unit(std::string_view symbol) {
                                   [&](const Unit& unit) { return unit.symbol == plain; });
   if (found == units().end()) return std::nullopt;
   return *found;
+}
+
+std::string si_unit(std::string_view symbol) {
+  const std::optional<Unit> unit = find_unit(symbol);
+  return std::string(unit ? unit->dimension : symbol);
 }
 
 // "mm/s" is mm_per_s in Lua's module `units`, "m^2" is m2; empty for what gives no identifier.
@@ -215,6 +227,7 @@ std::string unit_name(std::string_view symbol) {
   return valid && !std::isdigit(static_cast<unsigned char>(name[0])) ? name : "";
 }
 
+// With its article, as errors want it: "must be a length".
 std::string quantity_name(std::string_view dimension) {
   if (dimension.empty()) return "a plain number";
   for (const Unit& unit : units()) {
@@ -234,6 +247,8 @@ std::optional<Quantity> parse_quantity(std::string_view text) {
   const std::size_t first = text.starts_with('-') ? 1 : 0;
   if (first >= text.size() || !(text[first] == '.' || (text[first] >= '0' && text[first] <= '9')))
     return std::nullopt;
+  // std::from_chars knows no locale: a decimal comma of the operator's system must not change a
+  // current.
   double number = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error != std::errc()) return std::nullopt;
@@ -241,12 +256,14 @@ std::optional<Quantity> parse_quantity(std::string_view text) {
   if (symbol.empty()) return Quantity{number, "", true};
   if (symbol.starts_with('*')) symbol = trimmed(symbol.substr(1));  // "3*s", as scripts write it
   const std::optional<Unit> unit = symbol.empty() ? std::nullopt : find_unit(symbol);
+  // 1e308 h is a number, but not in seconds.
   if (!unit || !std::isfinite(unit->to_si(number))) return std::nullopt;
   return Quantity{unit->to_si(number), std::string(unit->dimension), false};
 }
 
 // Fixed notation for powers of ten from -4 to 7 (or to `digits`, if that is more), trailing zeros
 // cut; outside of it exponential notation.
+// Digits in front of the point are never replaced by zeros: 123456 stays, with three digits too.
 std::string format_number(double number, int digits) {
   if (std::isnan(number)) return "not a number";
   if (std::isinf(number)) return number > 0 ? "infinity" : "-infinity";
@@ -267,6 +284,8 @@ std::string format_number(double number, int digits) {
 
 namespace {
 
+// The rounded value chooses the unit, the exact one is converted: 999.9 um with three digits is 1
+// mm. What a subtraction left of a length is shown as 0 in the unit that its size has chosen.
 Shown plain_shown(double in_si, std::string_view dimension, int digits) {
   if (!std::isfinite(in_si)) return {format_number(in_si), ""};
   const double value = rounded(in_si, std::clamp(digits, 1, 17));  // 999.9 um is 1 mm
@@ -279,6 +298,7 @@ Shown plain_shown(double in_si, std::string_view dimension, int digits) {
 
 }  // namespace
 
+// Only a dimension has several. A declared unit ("um") is a wish, and stands alone.
 std::vector<DisplayUnit> display_units(std::string_view unit) {
   std::vector<DisplayUnit> shown;
   for (const Step& step : kSteps)
@@ -288,6 +308,7 @@ std::vector<DisplayUnit> display_units(std::string_view unit) {
   return shown;
 }
 
+// From 59.5 s on, where rounding makes a minute of it.
 Shown show_quantity(double in_si, std::string_view unit, int digits) {
   const bool minutes = unit == "s" && std::isfinite(in_si) && std::llround(std::fabs(in_si)) >= 60;
   if (minutes) return {minutes_text(in_si), ""};
@@ -309,6 +330,8 @@ std::string plain_quantity(double in_si, std::string_view unit, int digits) {
   return with_unit(plain_shown(in_si, unit, digits));
 }
 
+// Also of products and powers: "N m" is N·m, "mm^2/s" is mm²/s. A leading u is a prefix only where
+// the whole is a unit.
 std::string print_unit(std::string_view symbol) {
   if (symbol == "deg") return "\u00b0";
   if (symbol == kCelsius.symbol) return "\u00b0C";

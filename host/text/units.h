@@ -27,6 +27,8 @@ const std::vector<Unit>& units();
 /// "µm", "°" and "mm²/s" are found too; "" is the plain number. So are "degC" and "°C", which
 /// units() leaves out: 20 * units.degC would be no temperature.
 std::optional<Unit> find_unit(std::string_view symbol);
+/// The SI unit that a declared one measures in: "m" of "um", "" of "%"; what is no unit stays.
+std::string si_unit(std::string_view symbol);
 /// The unit's name in Lua's table `units`: mm_per_s; "" where it makes no name.
 std::string unit_name(std::string_view symbol);
 /// "a speed" for "m/s"; the dimension itself where it has no name.

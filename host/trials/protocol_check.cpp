@@ -14,6 +14,7 @@
 namespace vitreo {
 namespace {
 
+// The test's own words replace the command line's; what it leaves open is taken from there.
 RunRequest request_of(const RunRequest& base, const ProtocolTest& test) {
   RunRequest request = base;
   if (!test.arguments.empty()) request.what.arguments = words_of(test.arguments);
@@ -30,6 +31,8 @@ struct Ended {
 };
 
 /// However a run ends: no current flows, and its record is whole.
+/// Looked at while the rig is still open, after the engine's own safe state: `inspect` of
+/// conduct(). An unsafe end outweighs a broken record.
 Ended run_and_look(ScriptEngine& engine, const RunRequest& request) {
   SilentListener listener;
   Ended ended;
@@ -59,6 +62,8 @@ double value_of(const RunResult& result, const std::string& name) {
 /// The first result that is missing or outside its range; empty: none.
 std::string fault_of_results(const RunResult& result, const ProtocolTest& test) {
   for (const auto& [name, range] : test.results) {
+    // A result that is stated as NaN counts as missing: it would slip through both comparisons
+    // below.
     const double value = value_of(result, name);
     if (std::isnan(value)) return "it states no result " + name;
     if (value < range.first || value > range.second)
@@ -72,6 +77,7 @@ std::string titled(const std::string& what, const std::string& how) {
   return how.empty() ? what : what + " " + how;
 }
 
+// An outcome other than completed is reported even when something was unsafe: it is what led there.
 void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
              const std::function<void(const ProtocolTrial&)>& report) {
   const Ended ended = run_and_look(engine, request_of(base, test));
@@ -84,6 +90,7 @@ void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& t
 }
 
 /// Whether a run that must fail did, and as the test says; empty: yes.
+/// An empty `says` is found in every reason, so a test need not name one.
 std::string fault_of_failure(const ProtocolTest& test, const std::string& outcome,
                              const std::string& reason) {
   if (outcome == "completed") return "it completed";
@@ -94,6 +101,8 @@ std::string fault_of_failure(const ProtocolTest& test, const std::string& outcom
   return "";
 }
 
+// Refused arguments count as a failure of the expected kind ("refused"): checking its arguments is
+// part of what a protocol does.
 void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
               const std::function<void(const ProtocolTrial&)>& report) {
   std::string outcome;
@@ -113,6 +122,9 @@ void try_fail(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& 
 }
 
 /// A run with a stop asked for at `moment`, s of its clock.
+/// The task is named and kept by the session, so it ends before what it refers to.
+/// request_and_wait(): the script's thread has felt the stop when this task goes on, so the run
+/// repeats to the bit.
 Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {
   request.how.companion = [moment](Session& session) {
     session.keep(session.clock.spawn("stop by test", [&session, moment] {
@@ -124,12 +136,15 @@ Ended stopped_at(ScriptEngine& engine, RunRequest request, double moment) {
   return run_and_look(engine, request);
 }
 
+// One run without a stop gives the duration; moments are uniform in it. The generator's seed is the
+// test's, so a failing moment comes again in the next call.
 void try_stop(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
               const std::function<void(const ProtocolTrial&)>& report) {
   const RunRequest request = request_of(base, test);
   const Ended whole = run_and_look(engine, request);
   const double duration = value_of(whole.result, "experiment_time");
   std::mt19937_64 random(test.seed);
+  // Above zero even for a script that takes no time: the range of a distribution must not be empty.
   std::uniform_real_distribution<double> moments(0, std::max(duration, 1e-6));
   for (int number = 1; number <= test.times; ++number) {
     const double moment = moments(random);
@@ -148,6 +163,7 @@ void try_stop(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& 
 
 }  // namespace
 
+// It completes, and it can be stopped at any of 100 moments.
 std::vector<ProtocolTest> usual_tests() {
   ProtocolTest stop;
   stop.kind = ProtocolTest::Kind::stop;

@@ -23,6 +23,8 @@ namespace fs = std::filesystem;
 // Thesis and simulation are compared to their fourth digit.
 constexpr int kQuantityDigits = 4;
 
+// Paths below `root` and no names: a protocol of that name in another place must not be taken
+// instead.
 std::vector<std::string> command_of(const ReproduceRequest& request, const PlannedRun& run) {
   const fs::path root = request.root;
   std::vector<std::string> words{request.program,
@@ -40,6 +42,7 @@ std::vector<std::string> command_of(const ReproduceRequest& request, const Plann
   return words;
 }
 
+// "" where the key is missing or null.
 std::string text_of(const nlohmann::json& row, const char* key) {
   const auto found = row.find(key);
   return found != row.end() && found->is_string() ? found->get<std::string>() : "";
@@ -47,6 +50,8 @@ std::string text_of(const nlohmann::json& row, const char* key) {
 
 /// The rows of a completed run, as scripts/analysis/expectations.lua wrote them. JSON has null
 /// where Lua had NaN.
+/// A run without a table of expectations is an error of the plan and gets a reason, unless the run
+/// has one of its own already.
 void read_rows(ReproducedRun& run) {
   std::ifstream file(fs::path(run.folder) / "expectations.json");
   const auto rows = nlohmann::json::parse(file, nullptr, false);
@@ -79,6 +84,8 @@ void read_rows(ReproducedRun& run) {
 }
 
 /// One run in a process of its own, asked and answered as on the command line (--json).
+/// The pipe is read to its end before the process is waited for: a child whose output fills the
+/// pipe would never end. Reading stops when the child closes its standard output.
 ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
   ReproducedRun done;
   done.plan = plan;
@@ -101,12 +108,14 @@ ReproducedRun run_one(const ReproduceRequest& request, const PlannedRun& plan) {
   done.outcome = text_of(reply, "outcome");
   done.reason = text_of(reply, "reason");
   done.folder = text_of(reply, "run");
+  // As the run's own record has it; 0 where it did not get so far.
   done.wall_time = reply.value("/results/wall_time"_json_pointer, 0.0);
   if (done.outcome == "completed") read_rows(done);
   return done;
 }
 
 /// For a cell of a table, in HTML or in Markdown.
+/// Markdown tables break at "|" alone; HTML at its three characters. Texts come from scripts.
 std::string escaped(const std::string& text, bool html) {
   std::string made;
   for (const char c : text) {
@@ -133,6 +142,7 @@ struct Tally {
   int runs = 0;
 };
 
+// "printed" is a number without a bar: it is shown and not judged, so it counts neither way.
 Tally tally(const std::vector<ReproducedRun>& runs) {
   Tally all;
   for (const ReproducedRun& run : runs) {
@@ -152,6 +162,7 @@ std::string summary(const std::vector<ReproducedRun>& runs) {
       all.well, all.missed, all.printed, all.failed, all.runs);
 }
 
+// What is joined has no rig of its own (reproduction_joined.cpp) and is titled by its name.
 std::string title_of(const ReproducedRun& run) {
   if (run.plan.rig.empty()) return run.plan.protocol;
   return fmt::format("{} (rig {}, seed {}{}{})", run.plan.protocol, run.plan.rig, run.plan.seed,
@@ -166,6 +177,8 @@ struct Compared {
 };
 
 /// Those of a run's rows: all of one dimension in one unit.
+/// The cells of a whole run are converted at once, so that 0.9 mm and 137 µm of one table can be
+/// compared by eye; three cells a row, in that order.
 std::vector<Compared> compared(const std::vector<ReproducedRow>& rows) {
   std::vector<std::string> cells;
   for (const ReproducedRow& row : rows) {
@@ -196,6 +209,8 @@ bool is_missed(const std::string& verdict) {
 }
 
 // Keys are sorted; entries with `joins` are read_joined()'s.
+// reader.finish() refuses a key that is not known, so a misspelt "argumnets" is not a run with the
+// defaults.
 std::vector<PlannedRun> read_plan(const RigDescription& file) {
   std::vector<PlannedRun> runs;
   ConfigReader reader(file);
@@ -219,6 +234,8 @@ std::vector<PlannedRun> read_plan(const RigDescription& file) {
 
 std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
                                      const std::function<void(const ReproducedRun&)>& report) {
+  // One slot a run, written by one worker each: results keep the plan's order whatever order they
+  // end in, and need no lock.
   std::vector<ReproducedRun> done(request.runs.size());
   std::atomic<std::size_t> next{0};
   std::mutex reporting;
@@ -233,6 +250,7 @@ std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
       } catch (...) {
         const std::lock_guard lock(reporting);
         failure = std::current_exception();
+        // Runs that are under way are still waited for; the failure goes on after the join.
         next = request.runs.size();
       }
     }
@@ -245,6 +263,7 @@ std::vector<ReproducedRun> reproduce(const ReproduceRequest& request,
   return done;
 }
 
+// JSON has no NaN: a number without an answer is null.
 nlohmann::json to_json(const ReproducedRow& row) {
   nlohmann::json json = {{"id", row.id},     {"what", row.what},           {"where", row.where},
                          {"unit", row.unit}, {"tolerance", row.tolerance}, {"verdict", row.verdict},
@@ -254,6 +273,7 @@ nlohmann::json to_json(const ReproducedRow& row) {
   return json;
 }
 
+// No date and no machine: the page changes in the repository only where a number does.
 std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
   std::string text =
       "# The thesis, reproduced\n\nWritten by `vitreo reproduce`, not by hand: each number of the "
@@ -285,6 +305,8 @@ std::string reproduction_markdown(const std::vector<ReproducedRun>& runs) {
   return text;
 }
 
+// Links are relative to the page, so that the folder can be moved as a whole. Unclosed cells are
+// valid HTML.
 std::string reproduction_page(const std::vector<ReproducedRun>& runs, const fs::path& beside) {
   std::string text =
       "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>The thesis, "

@@ -18,6 +18,7 @@ double median_of(std::vector<double> values) {
   return values.size() % 2 == 1 ? values[half] : (values[half - 1] + values[half]) / 2;
 }
 
+// The first of that id; null where no run brought one, as in a part of the plan.
 const ReproducedRow* row_named(const std::vector<ReproducedRun>& runs, const std::string& id) {
   for (const ReproducedRun& run : runs)
     for (const ReproducedRow& row : run.rows)
@@ -25,6 +26,8 @@ const ReproducedRow* row_named(const std::vector<ReproducedRun>& runs, const std
   return nullptr;
 }
 
+// The same words as scripts/analysis/expectations.lua uses for a bar from above, so that
+// is_missed() judges both alike.
 std::string verdict_of(const JoinedRow& wanted, double ours) {
   if (!std::isfinite(ours)) return "no answer";
   if (!wanted.at_most) return "printed";
@@ -38,6 +41,8 @@ std::string tolerance_of(const JoinedRow& wanted) {
 }
 
 /// `missing` gets the ids of the rows that no run brought.
+/// The median is taken over the single values where a row states them, since a median of medians is
+/// not the median of all.
 ReproducedRow joined(const JoinedRow& wanted, const std::vector<ReproducedRun>& runs,
                      std::string& missing) {
   std::vector<double> values;
@@ -69,6 +74,8 @@ ReproducedRow joined(const JoinedRow& wanted, const std::vector<ReproducedRun>& 
 
 }  // namespace
 
+// The complement of read_plan(): each passes over the other's entries in the same file. A bar has
+// the unit of the row, so that it is checked like any number of a rig file.
 std::vector<JoinedRow> read_joined(const RigDescription& plan) {
   constexpr double kNoLimit = std::numeric_limits<double>::infinity();
   std::vector<JoinedRow> rows;
@@ -92,6 +99,7 @@ std::vector<JoinedRow> read_joined(const RigDescription& plan) {
   return rows;
 }
 
+// The section has the form of a run, without a rig, so that pages and verdicts treat it alike.
 ReproducedRun join_rows(const std::vector<JoinedRow>& wanted,
                         const std::vector<ReproducedRun>& runs, bool whole) {
   ReproducedRun section;

@@ -35,11 +35,13 @@ constexpr int kWarmUp = 3;                    // runs, in which caches fill
 
 /// Memory shared with the worker: the samples recorded a second before it was killed, which outlive
 /// it. Lock-free atomics work across processes.
+/// Anonymous and shared: the fork leaves one page in both processes.
 struct Page {
   std::atomic<std::uint64_t> samples{0};
   std::atomic<bool> noted{false};
 };
 
+// Of all streams: the promise of the record is about the sum.
 std::uint64_t samples_of(const Recorder& recorder) {
   std::uint64_t all = 0;
   for (const Stream& stream : recorder.streams()) all += stream.times.size();
@@ -63,11 +65,13 @@ class Soak {
 
  private:
   struct Worker {
+    // -1: there is none; the next seed starts one.
     pid_t process = -1;
     int pipe = -1;
     std::string received;  // the beginning of a line
   };
 
+  // A folder a seed: after a kill there is exactly one run in it to be recovered.
   fs::path folder_of(std::uint64_t seed) const {
     return fs::path(request_.run.where.out) / fmt::format("soak_{:06}", seed);
   }
@@ -90,6 +94,8 @@ class Soak {
 
 /// The reference run without disturbance: how long it takes, what is recorded, which roles there
 /// are.
+/// The rig's own seed is the same in all runs, so that up to the first disturbance each must equal
+/// this one to the bit.
 void Soak::run_undisturbed() {
   RunRequest alone = request_.run;
   alone.where.out = (fs::path(request_.run.where.out) / "soak_reference").string();
@@ -108,6 +114,7 @@ void Soak::run_undisturbed() {
 
 /// On the run's clock: the stop, or the kill, of the plan.
 void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness) {
+  // A plan without either disturbs by its faults alone.
   if (!plan.kill && plan.tier == StopTier::none) return;
   // `session` ends its tasks before `plan` and `witness`, which run_one() holds, go.
   session.keep(session.clock.spawn("soak", [this, &session, &plan, &witness] {
@@ -119,11 +126,14 @@ void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness)
       std::this_thread::sleep_for(1s);  // what is promised is what is older than that
       raise(SIGKILL);
     }
+    // A run that is ending by itself at this moment may complete or stop, and either is right: only
+    // a stop that came while the script ran is expected in the outcome.
     const RunPhase phase = session.control.status().phase;
     witness.asked = phase != RunPhase::ended && phase != RunPhase::stopping &&
                     phase != RunPhase::stop_requested;
     if (phase == RunPhase::ended) return;
     session.control.request_and_wait(plan.tier);
+    // Only an abort promises zero within a time; and not through a wire that carries nothing.
     if (plan.tier < StopTier::abort || coils_unreachable(plan)) return;
     session.clock.sleep_for(from_seconds(kSafeWithin));
     if (session.rig.coils != nullptr && session.rig.coils->energized())
@@ -133,6 +143,8 @@ void Soak::disturb(Session& session, const SoakPlan& plan, SoakWitness& witness)
 
 /// One run under its plan, in the worker: checked while its rig is still open, and again by its
 /// result.
+/// The digest is of the canonical export: two soaks of the same program agree seed by seed, except
+/// where the wall clock has a part in the record, as with faults of the disk.
 SoakedSeed Soak::run_one(std::uint64_t seed) {
   const SoakPlan plan = plan_of(seed);
   SoakWitness witness;
@@ -167,6 +179,8 @@ SoakedSeed Soak::run_one(std::uint64_t seed) {
 
 /// The worker process: run after run until one kills it, a line of JSON each. In one process, so
 /// that what leaks from run to run shows.
+/// The footprint is compared with that of the first runs, which fill caches, load libraries lazily
+/// and let the allocator's arenas grow.
 void Soak::work(std::uint64_t first, int pipe) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);  // the worker does not outlive its parent
   setpgid(0, 0);                     // the terminal's Ctrl-C is for the parent
@@ -199,6 +213,7 @@ void Soak::work(std::uint64_t first, int pipe) {
 
 /// Forks: the engine and the reference are there already. Only the calling thread goes on in the
 /// child.
+/// The undisturbed run has joined its own threads by then.
 Soak::Worker Soak::start_worker(std::uint64_t first) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0)
@@ -206,6 +221,7 @@ Soak::Worker Soak::start_worker(std::uint64_t first) {
   const pid_t process = fork();
   if (process < 0) throw std::runtime_error(std::string("soak: ") + std::strerror(errno));
   if (process == 0) {
+    // The child never returns from work().
     ::close(ends[0]);
     work(first, ends[1]);
   }
@@ -214,6 +230,7 @@ Soak::Worker Soak::start_worker(std::uint64_t first) {
 }
 
 /// Nothing at its end, or when it does not say anything for so long.
+/// Bytes behind the line stay in `received` for the next call.
 std::optional<std::string> Soak::line_from(Worker& worker, std::chrono::milliseconds timeout) {
   const auto until = std::chrono::steady_clock::now() + timeout;
   for (;;) {
@@ -236,9 +253,12 @@ std::optional<std::string> Soak::line_from(Worker& worker, std::chrono::millisec
 }
 
 /// The worker is gone, or stands still, with this seed.
+/// A worker that died by its own plan's kill is no violation: its record is recovered and judged.
+/// Death by another signal, or an exit, is a crash.
 SoakedSeed Soak::lost(Worker& worker, std::uint64_t seed, bool stuck) {
   if (stuck) ::kill(worker.process, SIGKILL);
   int status = 0;
+  // Reaped here, so that a soak of thousands of seeds leaves no zombies.
   while (::waitpid(worker.process, &status, 0) < 0 && errno == EINTR) continue;
   ::close(worker.pipe);
   worker.process = -1;
@@ -261,6 +281,7 @@ SoakedSeed Soak::lost(Worker& worker, std::uint64_t seed, bool stuck) {
 }
 
 /// The worker's line about this seed, or what became of the worker.
+/// No line and no patience used up means that the pipe was closed: the process is gone.
 SoakedSeed Soak::result_of(Worker& worker, std::uint64_t seed) {
   const auto began = std::chrono::steady_clock::now();
   const auto line = line_from(worker, request_.patience);
@@ -306,6 +327,8 @@ nlohmann::json to_json(const SoakResult& result) {
           {"wall_time", result.seconds}};
 }
 
+// Real instruments are refused before anything else: faults are injected, and processes killed in
+// the middle of a motion.
 SoakResult soak(ScriptEngine& engine, const SoakRequest& request,
                 const std::function<void(const SoakedSeed&)>& report) {
   if (has_real_instruments(engine.load_rig(request.run.where.rig_file)))

@@ -17,6 +17,8 @@ namespace fs = std::filesystem;
 constexpr double kZero = 5e-3;  // V: a count of the USB-3103 is 0.3 mV
 
 /// The violations of one run, as texts.
+/// Checks go on after the first failure: a seed is rare and expensive, so everything about it is
+/// told at once.
 class Findings {
  public:
   template <class... Words>
@@ -35,6 +37,7 @@ bool has_fault_of(const SoakPlan& plan, const std::string& role) {
 }
 
 /// s: when the first thing happens that the reference did not have.
+/// Infinity where nothing happens at all: then the whole run is compared.
 double first_disturbance(const SoakPlan& plan) {
   double first = plan.tier != StopTier::none || plan.kill ? plan.at : INFINITY;
   for (const Fault& fault : plan.faults) first = std::min(first, fault.after);
@@ -43,6 +46,8 @@ double first_disturbance(const SoakPlan& plan) {
 
 /// Up to the first disturbance the run is the reference, to the bit: nothing is lost, nothing is
 /// different.
+/// A stream of the reference that begins later is not expected; one that is missing or short is a
+/// loss of recorded data.
 void check_prefix(const SoakPlan& plan, const SoakReference& reference, const Recorder& recorder,
                   Findings& findings) {
   const double first = first_disturbance(plan);
@@ -74,6 +79,8 @@ void check_prefix(const SoakPlan& plan, const SoakReference& reference, const Re
 }
 
 /// No set-point above the amplifier's limit, but for rounding.
+/// The stream "currents" has what the loop commanded; current_limit() is the interlock's, the lower
+/// one of the rig's and the amplifier's.
 void check_currents(const Recorder& recorder, OpenRig& rig, Findings& findings) {
   const Stream* const stream = recorder.stream("currents");
   if (stream == nullptr || rig.rig().coils == nullptr) return;
@@ -84,6 +91,8 @@ void check_currents(const Recorder& recorder, OpenRig& rig, Findings& findings) 
 }
 
 /// The record on the disk is whole, and is the one in memory.
+/// What a reader finds must be what the run had in memory: the recorder writes in a thread of its
+/// own, and the two could part.
 void check_record(const Recorder& recorder, Findings& findings) {
   for (const std::string& problem : verify_run(recorder.folder()).problems)
     findings.unless(false, "verify: {}", problem);
@@ -109,6 +118,8 @@ void check_record(const Recorder& recorder, Findings& findings) {
 
 }  // namespace
 
+// Volts at the terminals of the simulated amplifier's analog outputs: the truth of the simulator,
+// which no fault of a link can falsify.
 double outputs_of(OpenRig& rig) {
   double most = 0;
   for (const double volts : rig.laboratory()->coil_outputs().outputs())
@@ -116,12 +127,15 @@ double outputs_of(OpenRig& rig) {
   return most;
 }
 
+// Other faults of the link (silent, garbled) may lose answers, but commands still arrive.
 bool coils_unreachable(const SoakPlan& plan) {
   return std::any_of(plan.faults.begin(), plan.faults.end(), [](const Fault& fault) {
     return fault.role == "coils" && fault.kind == "unplugged";
   });
 }
 
+// Both directions are checked: outputs that hold a voltage must be reported as unsafe, and "unsafe"
+// must not be reported of a healthy device.
 std::vector<std::string> check_ended(const SoakPlan& plan, const SoakWitness& witness,
                                      const SoakReference& reference, const Recorder& recorder,
                                      OpenRig& rig) {
@@ -148,6 +162,8 @@ std::vector<std::string> check_ended(const SoakPlan& plan, const SoakWitness& wi
   return all;
 }
 
+// Only what follows from the plan is demanded: with a fault many outcomes are right, without one
+// just one is.
 std::vector<std::string> check_result(const SoakPlan& plan, const SoakWitness& witness,
                                       const RunResult& result) {
   Findings findings;
@@ -172,6 +188,8 @@ std::vector<std::string> check_result(const SoakPlan& plan, const SoakWitness& w
   return findings.take();
 }
 
+// The promise of the record (docs/records.md): what was a second old at the kill is on the disk,
+// and the recovered record says "lost", never "completed".
 std::vector<std::string> check_killed(const fs::path& parent, std::uint64_t samples) {
   Findings findings;
   std::vector<fs::path> folders;
@@ -196,6 +214,7 @@ std::vector<std::string> check_killed(const fs::path& parent, std::uint64_t samp
   return findings.take();
 }
 
+// Of this very process: /proc/self/fd holds the descriptor of its own listing too, each time alike.
 Footprint footprint() {
   const auto entries = [](const char* folder) {
     return static_cast<std::size_t>(

@@ -19,6 +19,7 @@ class Dice {
   double between(double least, double most) {
     return least + (most - least) * (static_cast<double>(random_() >> 11U) * 0x1p-53);
   }
+  // The modulo favors small results by count / 2^64, which is nothing here.
   std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_() % count); }
   bool falls(double part) { return between(0, 1) < part; }
 
@@ -31,6 +32,7 @@ double rounded(double value) { return std::round(value * 1e3) / 1e3; }
 
 /// The fault's amount in its own unit (FaultKind::unit), half of them small and half of them gross;
 /// nothing for a kind without one.
+/// The ranges lie within FaultKind's least and most, or check() would refuse the fault.
 std::optional<double> draw_amount(const FaultKind& kind, Dice& dice) {
   if (kind.unit.empty()) return std::nullopt;
   if (kind.name == "late")
@@ -44,6 +46,8 @@ std::optional<double> draw_amount(const FaultKind& kind, Dice& dice) {
 }
 
 /// Every kind on every role that this rig simulates.
+/// The same check() as for a fault of the command line decides, so a plan never holds a fault that
+/// the injector would refuse.
 std::vector<Fault> possible_faults(const SimulatedRoles& roles) {
   std::vector<Fault> possible;
   for (const FaultKind& kind : fault_kinds()) {
@@ -60,6 +64,8 @@ std::vector<Fault> possible_faults(const SimulatedRoles& roles) {
 
 }  // namespace
 
+// The order of the draws is part of the seed's meaning: a draw that is inserted changes every plan
+// after it.
 SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horizon) {
   Dice dice(seed);
   SoakPlan plan;
@@ -82,6 +88,7 @@ SoakPlan draw_plan(std::uint64_t seed, const SimulatedRoles& roles, double horiz
               : end < 0.45 ? StopTier::emergency
                            : StopTier::none;
   plan.kill = end >= 0.45 && end < 0.51;
+  // Up to 2 % beyond the end: a stop that comes too late is a case as well.
   if (plan.kill || plan.tier != StopTier::none) plan.at = rounded(dice.between(0, 1.02 * horizon));
   return plan;
 }
@@ -95,6 +102,7 @@ std::string to_string(const SoakPlan& plan) {
   return parts.empty() ? "left alone" : fmt::format("{}", fmt::join(parts, "; "));
 }
 
+// Twelve digits of the digest are enough to compare two soaks by eye.
 std::string to_text(const SoakedSeed& one) {
   std::string text = fmt::format("seed {}: {} -> {}", one.seed, one.plan, one.ending);
   if (!one.digest.empty()) text += " [" + one.digest.substr(0, 12) + "]";

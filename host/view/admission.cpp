@@ -56,6 +56,8 @@ std::string made(const std::filesystem::path& file) {
 
 }  // namespace
 
+// Names are not accepted, only addresses: what a name resolves to may change, and the Host header
+// of requests is compared with this text.
 void check(const ViewRequest& request) {
   in_addr four = {};
   in6_addr six = {};
@@ -87,6 +89,7 @@ std::string shared_token(const std::filesystem::path& file) {
   const Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (in.number() < 0 && errno == ENOENT) return made(file);
   if (in.number() < 0)
+    // O_NOFOLLOW gives ELOOP for a link.
     refuse(file, errno == ELOOP ? "is a link; name the file itself" : std::strerror(errno));
   struct stat about = {};
   if (::fstat(in.number(), &about) != 0 || !S_ISREG(about.st_mode))

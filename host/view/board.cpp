@@ -11,6 +11,7 @@ constexpr std::size_t kLines = 300;     // messages and events
 
 }  // namespace
 
+// One frame a camera: a viewer is shown the present, not a film.
 void Board::seen(const std::string& camera, const Frame& frame) {
   const std::lock_guard lock(mutex_);
   newest_ = std::max(newest_, frame.received);
@@ -29,6 +30,7 @@ void Board::sample(const StreamInfo& stream, Time time, std::span<const double> 
   if (held.samples.size() > kSamples) held.samples.pop_front();
 }
 
+// The lock is between the threads that write the record and the server's, which reads.
 void Board::event(Time time, const std::string& kind, const std::string& text) {
   const std::lock_guard lock(mutex_);
   newest_ = std::max(newest_, time);
@@ -42,6 +44,8 @@ void Board::message(const std::string& line) {
   add_line(to_seconds(newest_), "message", line);
 }
 
+// With the lock held. Numbers go on when old lines are forgotten, so that a viewer knows what it
+// has.
 void Board::add_line(double time, const std::string& kind, const std::string& text) {
   lines_.push_back({++line_count_, time, kind, text});
   if (lines_.size() > kLines) lines_.pop_front();
@@ -63,6 +67,7 @@ std::vector<std::string> Board::cameras() const {
   return names;
 }
 
+// Copies, here and below: the server's thread encodes them without the lock.
 std::vector<StreamInfo> Board::streams() const {
   const std::lock_guard lock(mutex_);
   std::vector<StreamInfo> infos;

@@ -39,6 +39,7 @@ fs::path runtime_folder() {
 }
 
 /// One line of JSON. Text that a user typed need not be UTF-8: what is not is replaced.
+/// Newlines inside of texts are escaped by JSON, so "\n" ends the message.
 std::string line_of(const nlohmann::json& message) {
   return message.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
@@ -58,10 +59,14 @@ fs::path find_run(const std::string& run) {
 
 }  // namespace
 
+// XDG_RUNTIME_DIR is this user's alone by its specification, and goes with the login. Run folders
+// have unique names, so their sockets have.
 fs::path control_socket_path(const std::string& run_name) {
   return runtime_folder() / (run_name + ".sock");
 }
 
+// Removing sockets without a listener keeps the list true after a kill. The connection that is made
+// here sends nothing and ends at once, which a run's server takes for a client that left.
 std::vector<std::string> controllable_runs() {
   std::vector<std::string> names;
   asio::io_context io;
@@ -123,6 +128,7 @@ void ControlConnection::send(const nlohmann::json& request) {
   if (failed) throw std::runtime_error(state_->name + ": does not take what is sent");
 }
 
+// One read, so it blocks only where poll() has not said that there is something.
 bool ControlConnection::receive() {
   char bytes[4096];
   boost::system::error_code failed;

@@ -25,6 +25,7 @@ constexpr std::size_t kMostClients = 16;
 constexpr auto kStatusPeriod = std::chrono::milliseconds(50);  // of the checks for a change
 
 /// "positions" of a target, m, world; empty for other requests. Throws std::invalid_argument.
+/// The number of targets is limited by OperatorTargets, their reach by the script that takes them.
 std::vector<Eigen::Vector3d> positions_of(const nlohmann::json& request) {
   std::vector<Eigen::Vector3d> positions;
   for (const nlohmann::json& one : request.value("positions", nlohmann::json::array())) {
@@ -55,6 +56,7 @@ nlohmann::json status_reply(const OperatorDesk& desk) {
 
 }  // namespace
 
+// Never throws: whatever a client sends, the reply is JSON, and the connection goes on.
 nlohmann::json answer_request(const std::string& line, OperatorDesk& desk) {
   try {
     const nlohmann::json request = nlohmann::json::parse(line);
@@ -80,6 +82,8 @@ struct ControlSocket::Server {
   // A list: an entry stays valid when others are dropped.
   using Entry = std::list<Client>::iterator;
 
+  // Listening throws in the constructor, before there is a thread; everything after it happens on
+  // that thread.
   Server(fs::path the_path, OperatorDesk& the_desk) : path(std::move(the_path)), desk(the_desk) {
     std::error_code ignored;
     fs::remove(path, ignored);
@@ -96,6 +100,7 @@ struct ControlSocket::Server {
     send_changes();
     thread = quiet_thread([this] { io.run(); });
   }
+  // The io_context is stopped, so no handler runs any more when its thread has been joined.
   ~Server() {
     io.stop();
     thread.join();

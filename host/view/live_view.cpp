@@ -63,6 +63,7 @@ std::shared_ptr<const std::string> packed(int slot, const Frame& frame) {
 }
 
 /// Newest items that were sent to one viewer, so that it gets each once.
+/// A viewer that reloads the page is a new viewer and gets the history again.
 struct Sent {
   std::map<std::string, std::uint64_t> frames;
   std::map<std::string, Time> streams;
@@ -107,6 +108,7 @@ struct LiveView::State {
   std::map<std::pair<std::string, std::uint64_t>, std::shared_ptr<const std::string>> encoded;
   WebServer server;  // last: its thread uses all the others
 
+  // Control falls free with the connection: a browser that crashed must not keep it.
   void leave(int viewer) {
     sent.erase(viewer);
     if (operator_viewer == viewer) operator_viewer = 0;
@@ -121,6 +123,8 @@ struct LiveView::State {
   void give(const json& message);
 };
 
+// Called by the server each 10 ms; frames and states have periods of their own. The lock is held
+// throughout, so end() waits until no message about the session is being made.
 void LiveView::State::tick() {
   const auto now = std::chrono::steady_clock::now();
   const std::lock_guard lock(mutex);
@@ -210,6 +214,8 @@ void LiveView::State::show_state(int viewer, Sent& known) {
   server.send(viewer, text_of(message));
 }
 
+// The desk's status, which all faces share, and what differs from viewer to viewer: who has
+// control.
 json LiveView::State::status(int viewer) {
   json state = session->desk.status();
   state["control"] = operator_viewer == viewer ? "mine" : operator_viewer == 0 ? "free" : "taken";
@@ -273,11 +279,14 @@ json LiveView::State::perform(int viewer, const json& message) {
   return {{"target", {last.x(), last.y(), last.z()}}};
 }
 
+// The server listens from here on, without a session: viewers that come early wait for the
+// greeting.
 LiveView::LiveView(const ViewRequest& request, ProgressListener& terminal)
     : state_(std::make_unique<State>(request, terminal)) {}
 LiveView::~LiveView() {
   end("");
   // The server's thread sends the outcome at its next tick.
+  // At most 0.2 s: a server that does not send any more must not hold up the end of the program.
   for (int wait = 0; wait < 10; ++wait) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     const std::lock_guard lock(state_->mutex);
@@ -312,6 +321,8 @@ void LiveView::begin(Session& session) {
   state_->board.message("live view: " + invitation());
 }
 
+// Also called by the destructor, and for a run that never began: then there is no session to
+// forget.
 void LiveView::end(const std::string& outcome) {
   // First, and without the lock: it is a task that uses the session.
   state_->watcher.reset();

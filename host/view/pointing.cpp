@@ -34,6 +34,7 @@ double meters(const nlohmann::json& message, const std::string& name) {
 
 }  // namespace
 
+// Once a run: the page draws the retina and the lens from it without knowing the eye's model.
 nlohmann::json Pointing::to_json() const {
   const auto& retina = model_.eye.surfaces.front();
   // Scale of the top image at the workspace's center, over 0.1 mm: the projection is not linear.
@@ -54,6 +55,9 @@ std::optional<Eigen::Vector2d> Pointing::pixel_of(const Eigen::Vector3d& positio
   return model_.top_image.pixel_from_m(*m);
 }
 
+// Starts on the optical axis. 30 steps of at most 2 mm lead across an eye, and near the solution
+// each step squares the error; what has not converged by then is taken for a point that does not
+// show.
 Eigen::Vector3d Pointing::at_height(const Eigen::Vector2d& pixel, double z) const {
   constexpr double kStep = 1e-6;       // m, of the difference quotients
   constexpr double kConverged = 1e-9;  // m
@@ -104,6 +108,7 @@ std::vector<Eigen::Vector3d> Pointing::positions(const nlohmann::json& message) 
   return found;
 }
 
+// The row of the stream "servo" begins with x, y, z of the robot and of the target.
 nlohmann::json Pointing::marks(const std::vector<double>& servo) const {
   nlohmann::json marks = nlohmann::json::object();
   const Eigen::Vector3d robot = Eigen::Map<const Eigen::Vector3d>(servo.data());

@@ -44,6 +44,7 @@ constexpr std::size_t kMostCookies = 10000;  // of browsers that came with the s
 constexpr const char* kCookie = "vitreo=";
 
 /// Comparison of secrets in a time that does not depend on where they differ.
+/// The length may show: it is no secret.
 bool equal(std::string_view a, std::string_view b) {
   unsigned char difference = a.size() == b.size() ? 0 : 1;
   for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
@@ -60,6 +61,8 @@ std::string host_and_port(const std::string& address, unsigned short port) {
 std::string_view view_of(beast::string_view text) { return {text.data(), text.size()}; }
 
 /// A text with the headers that every answer has.
+/// "nosniff" and "no-store": a page served with a secret cookie must be neither reinterpreted nor
+/// kept.
 Response plain_reply(const Request& request, http::status status, const std::string& text) {
   Response response(status, request.version());
   response.set(http::field::content_type, "text/plain; charset=utf-8");
@@ -76,6 +79,8 @@ Response plain_reply(const Request& request, http::status status, const std::str
 }
 
 /// The value of our cookie among those that a browser sent; "" when it is not there.
+/// Cookies of other programs on the same host come along in one header, separated by "; " (RFC
+/// 6265, 4.2.1).
 std::string_view cookie_in(std::string_view header) {
   while (!header.empty()) {
     const std::size_t end = std::min(header.find(';'), header.size());
@@ -89,6 +94,7 @@ std::string_view cookie_in(std::string_view header) {
 
 }  // namespace
 
+// Four words of 32 bits: 128 bits are beyond guessing.
 std::string random_token() {
   // Not a seeded generator: a token must not be predictable.
   std::random_device random;
@@ -169,6 +175,8 @@ struct WebServer::State {
 };
 
 /// One open WebSocket.
+/// All functions run on the server's thread. Handlers hold a shared pointer, so a viewer that was
+/// dropped lives until its last handler has returned.
 class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
  public:
   Viewer(State& state, beast::tcp_stream stream, int number)
@@ -227,6 +235,7 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
   }
 
  private:
+  // Only texts are accepted; a binary message, or too many, ends the connection.
   void read() {
     socket_.async_read(
         received_, [self = shared_from_this()](beast::error_code error, std::size_t) {
@@ -290,6 +299,8 @@ class WebServer::State::Viewer : public std::enable_shared_from_this<Viewer> {
 };
 
 /// One connection that speaks HTTP until it becomes a viewer's.
+/// A visitor lives as long as one of its handlers is pending; the count in State limits how many
+/// there are.
 class WebServer::State::Visitor : public std::enable_shared_from_this<Visitor> {
  public:
   Visitor(State& state, tcp::socket socket) : state_(state), stream_(std::move(socket)) {
@@ -379,6 +390,7 @@ Response WebServer::State::answer(const Request& request) {
   return reply(http::status::not_found, "there is no such page\n");
 }
 
+// Throws the system's error; the constructor adds the address.
 void WebServer::State::listen() {
   const tcp::endpoint where(asio::ip::make_address(settings.address), settings.port);
   listener.open(where.protocol());
@@ -443,6 +455,7 @@ void WebServer::send(int viewer, const std::string& text) {
   kept->send(text);
 }
 
+// The bytes are shared by all viewers: a frame is encoded once.
 void WebServer::send_frame(int viewer, int slot, std::shared_ptr<const std::string> bytes) {
   const auto found = state_->viewers.find(viewer);
   if (found == state_->viewers.end()) return;

@@ -16,6 +16,8 @@ struct Paraxial {
   double slope;   // u, before it
 };
 
+/// The two rays that third-order sums need: every other paraxial ray is a linear combination of
+/// them.
 struct Pair {
   Paraxial marginal;
   Paraxial chief;
@@ -23,6 +25,9 @@ struct Pair {
 
 /// Marginal ray from the axis to the rim of the stop, chief ray from the object's edge through the
 /// stop's center, both at surface 2.
+/// Object in the plane `depth` (m) before the retina's vertex, its edge `object_height` (m) off the
+/// axis. The second row of b gives heights at the stop: the chief ray is the one with height 0
+/// there, the marginal ray the one with the stop's radius.
 Pair start(const System& system, double object_height, double depth) {
   const double index = system.surfaces.front().index;
   const double distance = system.surfaces.front().thickness - depth;
@@ -34,6 +39,8 @@ Pair start(const System& system, double object_height, double depth) {
   return {{marginal * distance, marginal}, {object_height + chief * distance, chief}};
 }
 
+/// What a surface does to light up to third order in height and angle; terms of r^6 and beyond have
+/// no part in it.
 struct Refraction {
   // indices
   double before;
@@ -52,6 +59,7 @@ double slope_behind(const Refraction& at, const Paraxial& ray) {
 /// invariant:
 ///  S_I = -A^2 h D(u/n), S_II = -A Abar h D(u/n), S_III = -Abar^2 h D(u/n), S_IV = -H^2 c D(1/n).
 /// An asphere adds 8 a4' (n' - n) h^4 to S_I, and powers of hbar / h times that to the others.
+/// `lagrange` is H; the caller takes it once, since it is the same at all surfaces.
 SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
   const double h = rays.marginal.height;
   const double hbar = rays.chief.height;
@@ -71,6 +79,8 @@ SeidelSums sums_of(const Refraction& at, const Pair& rays, double lagrange) {
   // The form that stays finite where the marginal ray meets the surface at right angles (A = 0).
   sums.distortion =
       -abar * (abar * abar * by_square * h - (abar * h - lagrange) * hbar * c * by_index);
+  // g = (k c^3 + 8 a4) (n' - n) of the asphere. A surface at the stop has hbar = 0, so there it
+  // adds to S_I alone.
   const double g = 8 * at.fourth * (at.behind - at.before);
   sums.spherical += g * h * h * h * h;
   sums.coma += g * h * h * h * hbar;
@@ -107,11 +117,14 @@ double Aberrations::tangential_field() const {
 double Aberrations::sagittal_field() const {
   return -index * (total.astigmatism + total.petzval) / (2 * marginal_slope * marginal_slope);
 }
+/// Positive means away from the axis, which for an inverted image is towards negative heights.
 double Aberrations::distortion_height() const {
   const double across = total.distortion / (2 * marginal_slope);
   return image_height < 0 ? -across : across;
 }
 
+/// The pair is carried from surface to surface and the sums are added up as it goes, so that a
+/// caller sees which surface causes what. The retina (surface 1) does not refract and has no sums.
 Aberrations third_order_aberrations(const System& system, double object_height, double depth) {
   system.check();
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
@@ -120,6 +133,7 @@ Aberrations third_order_aberrations(const System& system, double object_height, 
   if (!image) throw std::invalid_argument("depth: the image of it lies at infinity");
   Pair rays = start(system, object_height, depth);
   const double n = system.surfaces.front().index;
+  // H before surface 2, where both rays are known; refraction and transfer leave it unchanged.
   const double lagrange =
       n * (rays.marginal.slope * rays.chief.height - rays.chief.slope * rays.marginal.height);
   Aberrations result;
@@ -134,6 +148,8 @@ Aberrations third_order_aberrations(const System& system, double object_height, 
     result.total += result.surfaces.back();
     // Petzval's sum: curvature of the image is n' * sum c D(1/n).
     petzval += c * (1 / at.behind - 1 / at.before);
+    // Behind the last surface only the slopes are wanted, so the pair is not carried on to the
+    // image.
     const double thickness = i + 1 < system.size() ? surface.thickness : 0;
     rays = {advanced(rays.marginal, at, thickness), advanced(rays.chief, at, thickness)};
   }

@@ -16,6 +16,8 @@ namespace {
 
 /// Foci of one eye at equal steps of depth: d_o (from surface 2, negative) against d_ls. Empty when
 /// one of them is missing.
+/// A sweep with holes is no sweep: an eye that images only some depths would be compared over the
+/// easy ones.
 std::vector<OnAxisPoint> foci(const System& system, const AxialFocus& focus,
                               const AxisErrorOptions& options) {
   std::vector<OnAxisPoint> points;
@@ -29,6 +31,8 @@ std::vector<OnAxisPoint> foci(const System& system, const AxialFocus& focus,
 }
 
 /// Largest |d_o by the law - d_o| over the points.
+/// Nothing when one of the points falls on the law's pole, since a largest error over the rest
+/// would look better than it is.
 std::optional<double> worst_of(const OnAxisLaw& law, const std::vector<OnAxisPoint>& points) {
   double worst = 0;
   for (const OnAxisPoint& point : points) {
@@ -41,6 +45,8 @@ std::optional<double> worst_of(const OnAxisLaw& law, const std::vector<OnAxisPoi
 
 /// Thesis 4.3: calibrated on the retina with its depth known to retinal_depth_error, the first
 /// point being the retina.
+/// The worse of both signs of the retinal error. `points` were imaged by the true eye, `law`
+/// belongs to the assumed one.
 std::optional<double> worst_calibrated(const OnAxisLaw& law, const std::vector<OnAxisPoint>& points,
                                        const AxisErrorOptions& options) {
   double worst = 0;
@@ -70,6 +76,7 @@ std::optional<double> error_at(const Prescription& prescription, const Uncertain
 }
 
 /// Mean, rms, median, 95th percentile and maximum of the errors; all 0 when there is none.
+/// `failed` is carried along, so that no statistic hides how many eyes it leaves out.
 ErrorStatistics summary(std::vector<double> errors, int failed) {
   ErrorStatistics result;
   result.count = static_cast<int>(errors.size());
@@ -95,6 +102,7 @@ ErrorStatistics summary(std::vector<double> errors, int failed) {
   return result;
 }
 
+/// An infinite or NaN error is no answer either: one of them would spoil every mean.
 void add(const std::optional<double>& error, std::vector<double>& errors, int& failed) {
   if (error && std::isfinite(*error)) {
     errors.push_back(*error);
@@ -105,6 +113,8 @@ void add(const std::optional<double>& error, std::vector<double>& errors, int& f
 
 }  // namespace
 
+/// First order, (4.2) to (4.9): conic constants, aspheric terms and the stop's radius have no
+/// influence.
 AxialFocus paraxial_focus() {
   return [](const System& system, double depth) -> std::optional<double> {
     const auto image = axial_image(system, depth);
@@ -131,6 +141,8 @@ void AxisErrorOptions::check() const {
 }
 
 /// Thesis 4.2 on the axis: the true eye forms the images, the assumed eye's law takes them back.
+/// The law is fitted once, to the assumed eye's own foci, as a laboratory would do with the eye it
+/// believes in. The function returned holds copies of all it needs and may outlive the arguments.
 EyeError axis_error(const Prescription& believed, const AxialFocus& focus,
                     const AxisErrorOptions& options) {
   options.check();
@@ -152,6 +164,8 @@ double Sensitivity::worst() const {
 }
 
 /// Thesis 4.2: each parameter perturbed by its uncertainty alone, in both senses.
+/// Sorted by the worse sense; equal ones keep the order of the list, so that two runs print the
+/// same table.
 std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
                                        const std::vector<Uncertainty>& uncertainties,
                                        const EyeError& error) {
@@ -167,6 +181,7 @@ std::vector<Sensitivity> one_at_a_time(const Prescription& prescription,
   return list;
 }
 
+/// Over eyes that were sampled beforehand: two methods can be compared on the very same eyes.
 ErrorStatistics statistics(const std::vector<PerturbedEye>& eyes, const EyeError& error) {
   std::vector<double> errors;
   int failed = 0;
@@ -188,6 +203,8 @@ std::vector<MeasurementValue> variance_attribution(
     std::vector<double> errors;
     int failed = 0;
     for (const PerturbedEye& eye : eyes) {
+      // The assumed eye has the true value of this one parameter and the prescription's values of
+      // all others.
       const Override measured{one.parameter, parameter(eye.prescription, one.parameter)};
       try {
         add(make_error(with_parameters(prescription, {&measured, 1}))(eye.prescription), errors,

@@ -18,6 +18,8 @@ struct OnAxis {
 };
 
 /// Magnification from an object near the axis, by its chief ray in the plane of the on-axis focus.
+/// Throws std::invalid_argument naming the depth: without an image on the axis no field can be
+/// referred to one.
 OnAxis on_axis(const PupilTracer& tracer, const std::vector<Eigen::Vector2d>& samples, double depth,
                Spot& spot) {
   constexpr double kNearAxis = 1e-4;  // rad: distortion grows as its square
@@ -32,6 +34,8 @@ OnAxis on_axis(const PupilTracer& tracer, const std::vector<Eigen::Vector2d>& sa
 }
 
 /// The object lies in the x-z plane: tangential is the width along x, sagittal along y.
+/// A share of rays is a share of light, as the samples of disc_samples stand for equal areas of the
+/// pupil. Best foci are m behind the last vertex.
 FieldPoint image_of(const Eigen::Vector3d& object, const OnAxis& axis, const Spot& spot) {
   const SpotMoments moments = spot.moments();
   FieldPoint made;
@@ -42,6 +46,7 @@ FieldPoint image_of(const Eigen::Vector3d& object, const OnAxis& axis, const Spo
   made.chief_height = spot.chief_at(made.best_focus).x();
   made.rms = moments.rms(made.best_focus);
   // Distortion: height in the plane of the on-axis focus over the ideal height, less one.
+  // At the axis itself both heights are 0, and so is the distortion that their ratio tends to.
   const double ideal = axis.magnification * object.x();
   made.distortion = ideal == 0 ? 0 : spot.chief_at(axis.focus).x() / ideal - 1;
   return made;

@@ -26,6 +26,8 @@ class FieldErrors {
     sum_ += *error;
     max_ = std::max(max_, *error);
   }
+  // Nothing when more than a quarter of the field has no answer: statistics over the easy part
+  // would flatter the method.
   std::optional<double> summary(ErrorMeasure measure) const {
     if (answered_ == 0 || answered_ < (1 - kMostMissing) * count_) return std::nullopt;
     return measure == ErrorMeasure::max ? max_ : sum_ / answered_;
@@ -45,6 +47,8 @@ std::optional<double> worse(const std::optional<double>& one, const std::optiona
 }
 
 /// A point of the field and the focus and height of its sharp image.
+/// Focus: d_ls, m from the last vertex. Height: |d_op|, m; the sign of the magnification is known
+/// and not measured.
 struct ImagedPoint {
   Eigen::Vector3d point;
   double focus;
@@ -58,6 +62,8 @@ struct ImagedField {
 };
 
 /// Thesis 4.2: bundles from a grid of points over the field are traced to the image.
+/// A point counts as lost unless its whole bundle comes through: a vignetted bundle has another
+/// best focus, as another pupil would have, and would be blamed on the eye.
 std::optional<ImagedField> image_field(const System& system, const FieldErrorOptions& options) {
   const PupilTracer tracer(system, Pupil::of_stop(system));
   const auto samples = disc_samples(options.rings, options.arms);
@@ -93,6 +99,8 @@ struct Believed {
 
 /// Thesis 3.2.1 and 4.3 for the assumed eye; the isofocus surfaces take the conic constant of its
 /// retina.
+/// Throws std::invalid_argument naming `believed` when that eye has no images of these depths. A
+/// true eye may fail, the assumed one must work.
 Believed believe(const Prescription& believed, const FieldErrorOptions& options) {
   WideAngleSettings settings;
   settings.max_angle = options.max_angle;
@@ -116,6 +124,8 @@ Believed believe(const Prescription& believed, const FieldErrorOptions& options)
 /// Errors with the sensor off by `shift`. With a calibrated law the isofocus surfaces are moved
 /// along the axis by its difference from the assumed one (4.3: only their intersection with the
 /// axis is calibrated).
+/// `shift`: m, added to each focus, as a misplaced sensor would read it. `calibrated` null: the
+/// curves are used as they were fitted.
 std::optional<double> error_of(const Believed& believed, const ImagedField& imaged,
                                const OnAxisLaw* calibrated, double shift, ErrorMeasure measure) {
   FieldErrors errors;
@@ -141,6 +151,8 @@ std::optional<double> error_of(const Believed& believed, const ImagedField& imag
 
 /// The worse of both signs of the sensor's misplacement (figure 4.2e) and, calibrated, of the
 /// retinal depth error (figure 4.6).
+/// `retina_object`: d_o of the true eye's retina, m from surface 2, negative. The two errors change
+/// their signs together, so two of the four combinations are tried.
 std::optional<double> error_of(const Believed& believed, const ImagedField& imaged,
                                double retina_object, const FieldErrorOptions& options) {
   const auto with = [&](double sign) -> std::optional<double> {
@@ -172,6 +184,8 @@ void FieldErrorOptions::check() const {
   detail::require_not_negative(retinal_depth_error, "retinal_depth_error");
 }
 
+/// The curves and the law of the assumed eye are fitted here, once; each true eye then costs its
+/// bundles alone. The function returned owns copies of both.
 EyeError field_error(const Prescription& believed, const FieldErrorOptions& options) {
   options.check();
   const Believed model = believe(believed, options);

@@ -15,6 +15,8 @@ namespace {
 const Eigen::Vector3d kAxis(1, 0, 0);  // of the robot; a sphere's does not matter
 
 /// Step 2 of the sensitivity analysis of thesis 5.4: the isopixel lines of this eye.
+/// The true and the assumed eye go through this same function, so they differ by nothing but the
+/// eye.
 PoseSettings looking_through(const System& system, const PoseErrorOptions& options) {
   PoseSettings settings;
   settings.robot = options.robot;
@@ -28,6 +30,8 @@ PoseSettings looking_through(const System& system, const PoseErrorOptions& optio
 }
 
 /// Step 4 of thesis 5.4: the position by (5.15) with the assumed eye.
+/// Starts from the size of the ellipse, without a previous position, as a localizer that has just
+/// seen the robot. Nothing when it finds none; the caller counts that.
 std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const EllipseVector& shown) {
   const auto start = first_guess(believed, shown, kAxis);
   if (!start) return std::nullopt;
@@ -37,6 +41,8 @@ std::optional<Eigen::Vector3d> located(const PoseSettings& believed, const Ellip
 
 /// Steps 3 and 4 of thesis 5.4 over a grid of the field: projected with the true eye, located with
 /// the assumed one.
+/// A point that the true eye does not show is outside the field and does not count. One that is
+/// shown but not located does; when more than a quarter of them are not, there is no answer.
 std::optional<double> error_over_field(const PoseSettings& truth, const PoseSettings& believed,
                                        const System& system, const PoseErrorOptions& options) {
   constexpr double kMostMissing = 0.25;  // of the field, when there is still an answer
@@ -66,6 +72,8 @@ std::optional<double> error_over_field(const PoseSettings& truth, const PoseSett
 }
 
 /// The worse of both signs of the retinal depth error.
+/// The picture is that of the robot `depth_from` before the retina; calibrate_pose is told a depth
+/// that is off by the error.
 std::optional<double> calibrated_error(const PoseSettings& truth, const PoseSettings& believed,
                                        const System& system, const PoseErrorOptions& options) {
   const auto shown = project_spheroid(truth, {0, 0, options.depth_from}, kAxis);

@@ -67,6 +67,8 @@ std::string tint(double index) {
   return "rgb(" + channel(238, 122) + "," + channel(246, 172) + "," + channel(251, 214) + ")";
 }
 
+/// Builds the SVG text piece by piece in `out_`. Positions are in m of the eye frame, z to the
+/// right and height up; x(), y() and at() make pixels of them, in which y runs down.
 class Drawing {
  public:
   Drawing(const System& system, std::span<const LayoutRay> rays, const LayoutOptions& options)
@@ -109,6 +111,8 @@ class Drawing {
 };
 
 /// One scale for both axes: the drawing's width holds the system's length.
+/// Lengths are bounded by the system's length, so that the picture is at most about twice as high
+/// as wide.
 void Drawing::measure() {
   const auto take = [&](double z, double height) {
     left_ = std::min(left_, z);
@@ -142,12 +146,14 @@ std::vector<Eigen::Vector2d> Drawing::profile(int i) const {
   return path;
 }
 
+/// The value of an SVG `points` attribute: "x,y x,y ...".
 std::string Drawing::points(const std::vector<Eigen::Vector2d>& path) const {
   std::string list;
   for (const Eigen::Vector2d& p : path) list += (list.empty() ? "" : " ") + at(p.x(), p.y());
   return list;
 }
 
+/// `what` may come from a file or a script, so it is escaped; `style` is our own markup and is not.
 void Drawing::text(double px, double py, const std::string& what, const char* style) {
   out_ += "<text x=\"" + number(px) + "\" y=\"" + number(py) + "\" " + style + ">" + escaped(what) +
           "</text>\n";
@@ -184,6 +190,9 @@ void Drawing::draw_rays() {
   }
 }
 
+/// Surfaces over the media, then the lines that close solid media at their rims: full weight for a
+/// lens, whose two sides end at one height, thin where a medium ends because its surfaces nearly
+/// meet.
 void Drawing::draw_surfaces() {
   for (int i = 0; i < system_.size(); ++i) {
     out_ += "<polyline points=\"" + points(profile(i)) + "\" fill=\"none\" stroke=\"" +
@@ -221,6 +230,8 @@ void Drawing::draw_stop() {
   }
 }
 
+/// Marks are dashed lines across the axis with a label over them, such as the place of the aerial
+/// image.
 void Drawing::draw_marks() {
   for (const LayoutMark& mark : options_.marks) {
     out_ += "<line x1=\"" + number(x(mark.z)) + "\" y1=\"" + number(y(mark.half_height)) +
@@ -233,6 +244,7 @@ void Drawing::draw_marks() {
   }
 }
 
+/// In the footer, so that no ray crosses it; its length is a round number of millimeters.
 void Drawing::draw_scale_bar() {
   constexpr double kMm = 1e-3;
   // The longest round length of at most a fifth of the system.
@@ -270,8 +282,8 @@ void Drawing::draw_legend() {
   }
 }
 
-/// Numbers of the surfaces, as the thesis counts them, above their upper rims; two rows where they
-/// stand close.
+/// Numbers of the surfaces, as the thesis counts them, above their upper rims, on up to three
+/// levels where rims stand closer than a number is wide.
 void Drawing::draw_labels() {
   constexpr double kNear = 13;
   double before = -1e9;
@@ -328,6 +340,7 @@ void LayoutOptions::check() const {
   }
 }
 
+/// Checked before anything is drawn: a NaN would be printed as text that no reader of SVG takes.
 std::string layout_svg(const System& system, std::span<const LayoutRay> rays,
                        const LayoutOptions& options) {
   system.check();

@@ -22,6 +22,7 @@ double reach(const Surface& surface) {
 }
 
 /// From the rays that meet the surface, else from its radius; a stop must fit on it.
+/// The wanted height of surface i, counted from 0, m.
 double wanted(const System& system, int i, std::span<const LayoutRay> rays) {
   const Surface& surface = system.surfaces[i];
   double height = 0;
@@ -38,6 +39,8 @@ double wanted(const System& system, int i, std::span<const LayoutRay> rays) {
 }
 
 /// Where the medium between two surfaces ends: their common height, or where they nearly meet.
+/// Marched outwards instead of solved: two aspheres may cross several times, and the crossing
+/// nearest the axis ends the medium.
 double common_height(const Surface& front, const Surface& behind, double height) {
   constexpr int kSteps = 200;
   double good = 0;
@@ -56,6 +59,8 @@ std::vector<double> layout_heights(const System& system, std::span<const LayoutR
   const int count = system.size();
   std::vector<double> heights(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) heights[i] = wanted(system, i, rays);
+  // The retina is drawn about as far out as the vitreous is long, where its sphere allows, so that
+  // an eye looks like an eye.
   heights[0] =
       std::max(heights[0], std::min(reach(system.surfaces[0]), kNearEquator * system.vertex(2)));
   // Both sides of a lens are as high as the higher one; the humours between lenses are drawn as
@@ -69,12 +74,15 @@ std::vector<double> layout_heights(const System& system, std::span<const LayoutR
         std::min({std::max(heights[i], heights[i + 1]), reach(front), reach(behind)});
     heights[i] = heights[i + 1] = common_height(front, behind, both);
   }
+  // What is left of surfaces that cross: the lower one of the two is cut back to where the medium
+  // ends.
   for (int i = 1; i + 1 < count; ++i) {
     if (system.surfaces[i].index == 1) continue;
     const double least = std::min(heights[i], heights[i + 1]);
     const double common = common_height(system.surfaces[i], system.surfaces[i + 1], least);
     if (common < least) heights[heights[i] < heights[i + 1] ? i : i + 1] = common;
   }
+  // A prescribed rim outranks all estimates, but a conic still ends at its equator.
   for (int i = 1; i < count; ++i) {
     if (std::isfinite(system.surfaces[i].semi_diameter))
       heights[i] = std::min(system.surfaces[i].semi_diameter, reach(system.surfaces[i]));

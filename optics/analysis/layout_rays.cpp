@@ -10,6 +10,8 @@
 namespace vitreo::optics {
 
 /// The drawing's plane is x-z: a skew ray is shown in projection.
+/// The path holds the origin, the point on each surface reached, and, for a ray that gets out, the
+/// point in the plane `end_z` (m). A lost ray ends on the last surface that it reached.
 LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group) {
   system.check();
   detail::require_finite(end_z, "end_z");
@@ -35,6 +37,8 @@ LayoutRay ray_path(const System& system, const Ray& ray, double end_z, int group
 }
 
 /// Rays are aimed at the stop and then followed without it.
+/// A group is an angle, whether rays of it get through or not, so that a color means the same angle
+/// in each drawing.
 std::vector<LayoutRay> field_fans(const System& system, std::span<const double> angles,
                                   double end_z, int count, double depth) {
   if (count < 1 || count > 1000) throw std::invalid_argument("count: must lie within 1 and 1000");

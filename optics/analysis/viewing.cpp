@@ -13,12 +13,16 @@
 namespace vitreo::optics {
 namespace {
 
+/// Throws std::invalid_argument for an unsound system and for one without a stop: all quantities
+/// here are of a stop.
 const Stop& stop_of(const System& system) {
   system.check();
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
   return *system.stop;
 }
 
+/// In first order. A relaxed emmetropic eye alone images its retina nearly to infinity, but not
+/// quite: of table 3.1 the virtual image lies 3.9 m behind the cornea.
 AxialImage retina_image(const System& system) {
   const auto image = axial_image(system, 0);
   if (!image) throw std::invalid_argument("system: the image of the retina is at infinity");
@@ -42,6 +46,8 @@ System before_stop(const System& system, int stop) {
   part.surfaces.assign(system.surfaces.begin(), system.surfaces.begin() + stop - 1);
   return part;
 }
+/// Surface 1 is a stand-in for the retina: it refracts nothing, and its thickness puts the stop's
+/// surface back to its own z.
 System from_stop(const System& system, int stop) {
   System part;
   part.surfaces.assign(system.surfaces.begin() + stop - 2, system.surfaces.end());
@@ -79,6 +85,8 @@ std::optional<Eigen::Vector3d> on_retina(const Surface& retina, const Ray& ray) 
 
 /// Heights on the surfaces that a ray meets, by tracing through 2, 3, ... surfaces. Few rays, so
 /// the repetition is cheap; the trace itself keeps no path.
+/// Heights are signed, m. The surface at which the ray is lost gets none, so their number tells how
+/// far it came.
 TraceResult follow_out(const System& part, const Ray& ray, std::vector<double>& heights) {
   TraceResult traced{ray, TraceStatus::ok, 0};
   for (int count = 2; count <= part.size(); ++count) {
@@ -91,6 +99,9 @@ TraceResult follow_out(const System& part, const Ray& ray, std::vector<double>& 
   return traced;
 }
 
+/// Whether the chief ray under `angle` (rad) leaves the system and stays within `clear_radius` (m)
+/// behind `from_surface`. heights[0] is the retina's, so the index from_surface is that of the next
+/// surface.
 bool passes(const System& system, double angle, int from_surface, double clear_radius,
             ChiefRay& ray) {
   ray = chief_ray_at_stop(system, angle);
@@ -102,6 +113,7 @@ bool passes(const System& system, double angle, int from_surface, double clear_r
 }  // namespace
 
 /// OSLO's rule and the self-consistent alternatives (docs/optics.md).
+/// Of the five, `oslo` alone gives the thesis' 0.159 for table 3.4.
 NumericalAperture numerical_aperture(const System& system) {
   const Stop& stop = stop_of(system);
   const double m = std::abs(retina_image(system).magnification);
@@ -137,6 +149,8 @@ DepthOfFocus depth_of_focus(const System& system, double confusion) {
 
 /// Depth of focus over the slope of image distance against depth: the secant of figure 3.4(b), or
 /// m^2 n_i / n_v at the retina.
+/// The two are not the same: the image moves faster, the nearer to the lens its object is, so the
+/// retina's slope is the smallest.
 DepthOfField depth_of_field(const System& system, double confusion, double range) {
   const DepthOfFocus focus = depth_of_focus(system, confusion);
   const auto secant = secant_slope(system, range);
@@ -145,6 +159,9 @@ DepthOfField depth_of_field(const System& system, double confusion, double range
   return {focus.thesis / *secant, focus.thesis / slope, focus.image_side / slope};
 }
 
+/// From the stop's center both ways, inwards by reversibility and outwards, so nothing needs to be
+/// aimed. The field angle then follows from where the ray meets the retina. A ray that is lost is
+/// returned as far as it came, with `complete` false.
 ChiefRay chief_ray_at_stop(const System& system, double angle) {
   const Stop& stop = stop_of(system);
   detail::require(std::abs(angle) < std::numbers::pi / 2, "angle: must lie within -pi/2 and pi/2");
@@ -156,6 +173,7 @@ ChiefRay chief_ray_at_stop(const System& system, double angle) {
   if (inwards.status != TraceStatus::ok) return chief;
   const auto point = on_retina(system.surfaces.front(), inwards.ray);
   if (!point) return chief;
+  // The ray comes from the other side of the axis than it leaves to, hence the minus.
   chief.field_angle = std::atan2(-point->x(), center.z() - point->z());
   chief.heights.push_back(point->x());
   if (stop.surface > 2) {
@@ -171,6 +189,8 @@ ChiefRay chief_ray_at_stop(const System& system, double angle) {
   return chief;
 }
 
+/// Half illumination: at the edge of this field the observer's pupil center sees the rim of the
+/// eye's entrance pupil.
 FieldOfView direct_field_of_view(const System& system, double observer_distance) {
   const Stop& stop = stop_of(system);
   detail::require(observer_distance > 0 && std::isfinite(observer_distance),
@@ -188,6 +208,8 @@ FieldOfView direct_field_of_view(const System& system, double observer_distance)
 }
 
 /// Marches outwards to the first lost or clipped chief ray, then bisects.
+/// Marched from the axis rather than bisected from the start, because the field ends at the first
+/// ray that is lost, whether or not rays come through again farther out.
 FieldOfView vignetted_field_of_view(const System& system, int from_surface, double clear_radius) {
   constexpr double kStep = 0.25 * std::numbers::pi / 180;
   constexpr double kWidest = 80 * std::numbers::pi / 180;
@@ -218,6 +240,8 @@ FieldOfView vignetted_field_of_view(const System& system, int from_surface, doub
       bad = middle;
     }
   }
+  // The first ray outside tells what ends the field: it comes through, but too far out, or it is
+  // lost.
   (void)passes(system, bad, from_surface, clear_radius, tried);
   return {2 * std::abs(inside.field_angle), tried.complete ? "rim of the lens" : "rays are lost"};
 }

@@ -39,6 +39,7 @@ bool derivatives(const OnAxisLaw& law, double d_ls, double& d_o, Eigen::Vector3d
 }
 
 /// Sums over the points: J^T J, J^T r, and the squares and the largest of r.
+/// One pass over the points, in m and m^2; J has the columns f, PP1, PP2.
 struct Normal {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
   Eigen::Vector3d vector = Eigen::Vector3d::Zero();
@@ -72,6 +73,8 @@ OnAxisLaw moved(OnAxisLaw law, const Eigen::Vector3d& step) {
 }
 
 /// A fit of three parameters needs three abscissas.
+/// Otherwise J^T J is singular and the fit would return whatever the damping leaves. Positions of
+/// the sensor nearer than 0.1 um are one position.
 void check_points(std::span<const OnAxisPoint> points) {
   constexpr double kDistinct = 1e-7;  // m
   std::vector<double> sensors;
@@ -88,6 +91,8 @@ void check_points(std::span<const OnAxisPoint> points) {
 
 /// Levenberg-Marquardt with Marquardt's scaling by the diagonal, for the refinement of f, PP1 and
 /// PP2 (thesis 4.3).
+/// The three parameters are lengths and so are the residuals, which is why one threshold serves the
+/// step. A start with a pole between the points is refused, as least squares cannot step over it.
 Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
   constexpr int kSteps = 200;
   constexpr double kSmall = 1e-13;  // m
@@ -118,6 +123,8 @@ Normal minimize(OnAxisLaw& law, std::span<const OnAxisPoint> points) {
 
 /// Smallest (e_dls, e_do) that fulfills the law at the retina: Newton's method, each time the point
 /// nearest to zero on the linearized constraint g . e = rest, e = g rest / |g|^2.
+/// By (4.10) and (4.12) the gradient of d_o by (e_dls, e_do) is (ds_o/ds_i, 1), and `by` holds
+/// -ds_o/ds_i for PP2.
 void minimum_norm(OnAxisLaw& law, const OnAxisPoint& retina) {
   constexpr int kSteps = 100;
   constexpr double kSmall = 1e-15;  // m
@@ -152,6 +159,7 @@ void OnAxisLaw::check() const {
   detail::require(object_index >= 1, "object_index: must be at least 1");
 }
 
+/// Nothing at the pole s_i = f, where the object is at infinity.
 std::optional<double> OnAxisLaw::object_from_sensor(double d_ls) const {
   double d_o = 0;
   Eigen::Vector3d by;
@@ -181,6 +189,8 @@ OnAxisLaw on_axis_law(const System& system) {
 
 /// Thesis 4.3, "we use the paraxial calculations as an initial estimation, and perform a
 /// minimization".
+/// Least squares of d_o, the depth in the eye: an error of the sensor's position counts by what it
+/// does to the depth.
 OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> points) {
   start.check();
   check_points(points);
@@ -200,6 +210,7 @@ OnAxisFit fit_on_axis(const OnAxisLaw& start, std::span<const OnAxisPoint> point
 
 /// Thesis 4.3: e_dls and e_do from one equation, the retina's. With e_dls alone it is solved by the
 /// inverse law, exactly.
+/// The residual is computed from the finished law, so it also proves the inverse.
 BiometricFit calibrate_biometric(const OnAxisLaw& law, const OnAxisPoint& retina,
                                  BiometricMethod method) {
   law.check();

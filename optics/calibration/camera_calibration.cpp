@@ -21,6 +21,7 @@ Complex upright(const Eigen::Vector2d& m) { return {-m.x(), m.y()}; }
 Complex pixel(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
 struct Similarity {
+  // px per m, turned by the rotation, and the pixel that shows w = 0.
   Complex factor;
   Complex center;
   // spread: sum of squared distances of the plane's points from their mean
@@ -51,6 +52,7 @@ Similarity similarity(std::span<const PointPair> pairs, bool mirrored) {
     fit.spread += std::norm(w);
   }
   fit.factor = cross / fit.spread;
+  // Residuals in pixels, since those are what was measured with an error.
   fit.center = mean_p - fit.factor * mean_w;
   for (const PointPair& pair : pairs) {
     const double residual = std::abs(pixel(pair.pixel_px) - fit.center - fit.factor * plane(pair));
@@ -76,6 +78,7 @@ void check_pairs(std::span<const PointPair> pairs) {
 }
 
 /// z of the robot by (5.15).
+/// With unit covariance: the position is wanted here, not its uncertainty.
 std::optional<double> depth_at(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis) {
   const auto start = first_guess(settings, observed, axis);
@@ -85,6 +88,8 @@ std::optional<double> depth_at(const PoseSettings& settings, const EllipseVector
   return found->position_in_eye.z();
 }
 
+/// A larger pixel makes the observed ellipse larger in m, so the robot is placed nearer to the
+/// lens.
 PoseSettings scaled(PoseSettings settings, double scale) {
   settings.image.pixel *= scale;
   return settings;
@@ -102,6 +107,8 @@ std::optional<double> zero_between(const Error& error, double low, double high) 
   const auto at_high = error(high);
   if (!at_low && !at_high) return std::nullopt;
   if (at_low && at_high && (*at_low > 0) == (*at_high > 0)) return std::nullopt;
+  // The side without an answer is given the sign that leaves a zero between the two; the halvings
+  // then move towards the answers.
   const bool low_is_above = at_low ? *at_low > 0 : !(*at_high > 0);
   for (int i = 0; i < kBisections; ++i) {
     const double middle = (low + high) / 2;
@@ -116,6 +123,8 @@ std::optional<double> zero_between(const Error& error, double low, double high) 
 
 /// The scale nearest 1 that puts the observed ellipse at the known depth, which grows with the
 /// scale.
+/// Outwards from 1, so that of several scales that explain the picture the one that changes the
+/// camera least is taken.
 double scale_for(const PoseSettings& settings, const EllipseVector& observed,
                  const Eigen::Vector3d& axis, double known_z) {
   constexpr double kSmallest = 0.7;
@@ -138,6 +147,7 @@ double scale_for(const PoseSettings& settings, const EllipseVector& observed,
 
 }  // namespace
 
+/// ImageScale has no rotation, so the turn is made in pixels about the image of m = 0.
 Eigen::Vector2d CameraFit::pixel_from_m(const Eigen::Vector2d& m) const {
   const Eigen::Vector2d from_center = image.pixel_from_m(m) - image.center_px;
   return Eigen::Rotation2Dd(rotation) * from_center + image.center_px;
@@ -149,6 +159,8 @@ Eigen::Vector2d CameraFit::m_from_pixel(const Eigen::Vector2d& pixel_px) const {
 }
 
 /// A mirrored similarity that fits a hundred times better shows a sign error in the pairs.
+/// v counted upwards is the usual mistake; no rotation makes up for it, and the fit would pass as a
+/// poor camera.
 CameraFit fit_camera(std::span<const PointPair> pairs) {
   constexpr double kClearlyBetter = 0.01;
   check_pairs(pairs);
@@ -177,6 +189,8 @@ CameraFit fit_camera(std::span<const PointPair> pairs) {
     // |factor|.
     fit.scale_sigma = of_factor * fit.image.pixel * fit.image.pixel;
     fit.rotation_sigma = of_factor * fit.image.pixel;
+    // Variance of the fitted line at w = 0: that of the mean, and the factor's over the distance of
+    // the mean from there.
     fit.center_sigma_px.setConstant(
         std::sqrt(variance * (1 / count + std::norm(mean) / straight.spread)));
   }
@@ -189,6 +203,8 @@ PoseSettings PoseCalibration::applied(PoseSettings settings) const {
 
 /// Thesis 5.4: mean errors are accounted for by calibration with the robot resting on the retina,
 /// whose depth is known.
+/// Either correction makes the one known height right; they differ elsewhere. Throws
+/// std::invalid_argument naming `observed`.
 PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector& observed,
                                const Eigen::Vector3d& axis_in_eye, double known_z,
                                PoseCorrection correction) {
@@ -200,6 +216,7 @@ PoseCalibration calibrate_pose(const PoseSettings& settings, const EllipseVector
     calibration.residual = z ? std::abs(*z - known_z) : std::abs(known_z);
     return calibration;
   }
+  // One known height says nothing about x and y.
   const auto z = depth_at(settings, observed, axis_in_eye);
   if (!z) throw std::invalid_argument("observed: the localizer finds no place for it");
   calibration.offset.z() = known_z - *z;

@@ -14,6 +14,8 @@ namespace vitreo::optics {
 namespace {
 
 /// The eye whose parameters are off by `x`, in sigmas of their priors.
+/// All parameters in units of their priors: the solver's variables are of one size, and x = 0 is
+/// the prescription.
 Prescription eye_at(const Prescription& prescription, const std::vector<Uncertainty>& priors,
                     const double* x) {
   std::vector<Override> changes;
@@ -50,6 +52,7 @@ struct Residuals {
 };
 
 /// A relative prior needs a value that is neither zero nor infinite.
+/// Found here, a bad argument is named; inside the solver it would only look like no convergence.
 void check(const Prescription& prescription, const std::vector<Uncertainty>& priors,
            const Eigen::VectorXd& measured, const Eigen::VectorXd& sigmas) {
   prescription.check();
@@ -86,6 +89,8 @@ Eigen::MatrixXd covariance(ceres::CostFunction& cost, const std::vector<double>&
 }
 
 /// The share learned is 1 - (sigma / prior sigma)^2 = 1 - C_kk, in units of the prior.
+/// Correlations are C_ij / sqrt(C_ii C_jj); those near 1 show parameters that the measurements know
+/// as a sum only.
 EyeEstimate report(const Prescription& prescription, const std::vector<Uncertainty>& priors,
                    const std::vector<double>& x, const Eigen::MatrixXd& covariance) {
   EyeEstimate estimate{eye_at(prescription, priors, x.data()), {}, covariance, 0, 0};
@@ -105,6 +110,7 @@ EyeEstimate report(const Prescription& prescription, const std::vector<Uncertain
 }  // namespace
 
 /// First-order image distances (4.2) to (4.9).
+/// An empty vector where one image is at infinity, which is no eye that the measurements can be of.
 EyeModel on_axis_model(std::vector<double> depths) {
   return [depths = std::move(depths)](const System& system) {
     Eigen::VectorXd distances(static_cast<Eigen::Index>(depths.size()));
@@ -118,6 +124,9 @@ EyeModel on_axis_model(std::vector<double> depths) {
 }
 
 /// Levenberg-Marquardt (Ceres' default) with central differences, since a model may trace rays.
+/// From the prescription as the start. An estimate that did not converge would look like any other,
+/// so it throws. chi2 is that of the measurements alone, so that it can be compared with their
+/// number.
 EyeEstimate estimate_eye(const Prescription& prescription, const std::vector<Uncertainty>& priors,
                          const EyeModel& model, const Eigen::VectorXd& measured,
                          const Eigen::VectorXd& sigmas) {

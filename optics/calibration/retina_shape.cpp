@@ -18,6 +18,8 @@ using Parameters = Eigen::Matrix<double, 5, 1>;  // x0, y0, z0, R, k
 using Normal = Eigen::Matrix<double, 5, 5>;
 
 /// Indices into (x0, y0, z0, R, k): R and the depth z0 are always free.
+/// The retina is x, y, z on a conic of revolution about an axis parallel to z: (x0, y0, z0) its
+/// vertex, R and k as in (3.1).
 std::vector<int> free_parameters(const RetinaFitOptions& options) {
   std::vector<int> free;
   if (options.fit_center) free = {0, 1};
@@ -28,6 +30,7 @@ std::vector<int> free_parameters(const RetinaFitOptions& options) {
 
 /// Distance to first order (Sampson 1982): F / |grad F| with F = r^2 - 2 R w + (1+k) w^2, and its
 /// derivatives with |grad F| held: enough for least squares of small distances.
+/// At the conic's center F has no gradient; points lie on the shell, far from there.
 double distance(const Parameters& p, const Eigen::Vector3d& point, Parameters& by) {
   const double x = point.x() - p[0];
   const double y = point.y() - p[1];
@@ -46,6 +49,8 @@ double distance(const Parameters& p, const Eigen::Vector3d& point, Parameters& b
 
 /// Algebraic start: r^2 = 2 R w - (1+k) w^2 is linear in the coefficients of 1, x, y, z, z^2. It
 /// minimizes F instead of the distance, so it is biased with noise, but needs no start.
+/// Lengths in units of `scale`, so that the columns are of like size and the test of the singular
+/// values has a meaning.
 Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options,
                      double scale) {
   const Eigen::Index count = static_cast<Eigen::Index>(points.size());
@@ -80,6 +85,7 @@ Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
   const double y0 = options.fit_center ? c[3] / 2 : 0;
   const double squared = options.fit_conic ? c[columns - 1] : -(1 + options.conic);  // -(1+k)
   // r^2 about the center = a + b z - (1+k) z^2; the vertex is its zero on the side where it grows.
+  // Completing the squares of x and y moves their constants into a.
   const double a = c[0] + x0 * x0 + y0 * y0;
   const double b = c[1];
   const double discriminant = b * b - 4 * squared * a;
@@ -91,6 +97,7 @@ Parameters algebraic(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
                     options.fit_conic ? -squared - 1 : options.conic);
 }
 
+/// J^T J, J^T r and the residuals of one pass.
 struct State {
   Normal matrix = Normal::Zero();
   Parameters vector = Parameters::Zero();
@@ -114,6 +121,8 @@ State linearize(const Parameters& p, std::span<const Eigen::Vector3d> points, do
 }
 
 /// Inverse over the free parameters; zero where a parameter is held.
+/// Held parameters are struck out before the inversion: one that is known has no variance and lends
+/// none to others.
 Normal inverse_of(const Normal& matrix, const std::vector<int>& free) {
   const auto n = static_cast<Eigen::Index>(free.size());
   Eigen::MatrixXd reduced = matrix(free, free);
@@ -123,6 +132,8 @@ Normal inverse_of(const Normal& matrix, const std::vector<int>& free) {
   return inverse;
 }
 
+/// Throws std::invalid_argument naming `points` or `conic`; the degenerate positions show only in
+/// the fit itself.
 void check(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options,
            std::size_t needed) {
   detail::require_finite(options.conic, "conic");
@@ -135,6 +146,8 @@ void check(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& opti
 }  // namespace
 
 /// Gauss-Newton from the algebraic fit.
+/// Held ones of the five parameters keep their value through all steps. Refused when the points lie
+/// on the far cap or the fit turns convex, as a retina is concave towards the lens.
 RetinaFit fit_retina(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options) {
   constexpr int kSteps = 50;
   constexpr double kSmall = 1e-13;

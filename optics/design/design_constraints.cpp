@@ -21,6 +21,8 @@ std::string in_mm(double value) {
 }  // namespace
 
 /// The sag must exist and be monotone out to where rays or the aperture reach.
+/// Empty when it is kept, else the sentence for the user. Tested at the positions at which the
+/// merit has its penalties.
 std::string Designer::violated_profile(std::size_t surface) const {
   const Surface& s = now_.system.surfaces[surface];
   const double reach = problem_.reach[surface];
@@ -39,6 +41,8 @@ std::string Designer::violated_profile(std::size_t surface) const {
 }
 
 /// Thickness of glass or air between two surfaces out to the larger of their reaches.
+/// The gap may be air, whose surfaces must not cross, or glass, whose rim must be thick enough to
+/// be made.
 std::string Designer::violated_gap(std::size_t i) const {
   const Surface& front = now_.system.surfaces[i];
   const Surface& behind = now_.system.surfaces[i + 1];
@@ -58,6 +62,8 @@ std::string Designer::violated_gap(std::size_t i) const {
 }
 
 /// The first constraint that is not kept, with its figures; empty when all are.
+/// In the order of their weight for the user: what was to be kept, the spots, then the surfaces
+/// from the eye outwards.
 std::string Designer::violated() const {
   const LensImage image = lens_image(now_.system, options_);
   if (options_.keeps == DesignKeeps::image_distance &&

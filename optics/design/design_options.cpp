@@ -16,6 +16,8 @@ std::vector<double> LensDesignOptions::default_angles() {
   return angles;
 }
 
+/// Throws std::invalid_argument naming the option; whether a variable exists is known to the
+/// Designer alone, which has the prescription.
 void LensDesignOptions::check() const {
   const auto length = [](double x) { return std::isfinite(x) && x >= 0; };
   detail::require(!variables.empty(), "variables: nothing to design");

@@ -34,6 +34,8 @@ const char* to_string(DesignStatus status) {
 
 /// Merit of the header, over the fields from which rays come through: flatness is the spread of
 /// best foci about their mean, spots their rms radii.
+/// A field with a cut bundle counts with the rays that come through, and in lost_fields. With the
+/// plain tracer, so that the figures do not come from the code that was optimized.
 LensImage lens_image(const System& system, const LensDesignOptions& options) {
   options.check();
   const PupilTracer tracer(system, Pupil::of_stop(system));

@@ -56,6 +56,7 @@ double scale_of(ShapeKind kind, double reach) {
   }
 }
 
+/// From the prescription's number to the shape's value: a curvature for a radius, 0 for a plane.
 double to_shape(ShapeKind kind, double parameter) {
   return kind == ShapeKind::curvature ? 1 / parameter : parameter;
 }
@@ -114,6 +115,8 @@ Designer::Designer(const Prescription& start, const LensDesignOptions& options)
 /// Half of one field's bundle (the other is its mirror image, hence weight 2), aimed at the stop
 /// through the present lens and kept behind the last surface that does not change; `lost` of its
 /// rays do not come through. Notes how far out the rays meet each surface.
+/// Aimed with the lens as it is, a ray is then held up to the first surface that changes: so the
+/// merit is differentiable, and the next round aims anew.
 std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double angle, int& lost) {
   constexpr double kOnPlane = 1e-9;  // of the unit disc
   const auto object = point_at_field(now_.system, angle, options_.depth);
@@ -142,6 +145,7 @@ std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double a
       continue;
     }
     ++lost;
+    // The lost ray's start may have been noted already.
     made.origin.resize(made.weight.size());
     made.direction.resize(made.weight.size());
   }
@@ -149,6 +153,8 @@ std::optional<DesignBundle> Designer::bundle(const PupilTracer& tracer, double a
 }
 
 /// The bundles of the first `fields` fields for the next round, and how far out all of them reach.
+/// `used` and `whole` are compared from round to round: a set of rays that changes makes another
+/// merit.
 Designer::Rays Designer::gather(std::size_t fields) {
   constexpr std::size_t kFewest = 6;  // rays that still make a spot
   const PupilTracer tracer(now_.system, Pupil::of_stop(now_.system));
@@ -185,6 +191,8 @@ std::vector<double> Designer::start_of_round() const {
   return x;
 }
 
+/// The residuals for Ceres, in doubles or Jets. False refuses the step: a ray is lost, and there is
+/// no merit to compare.
 struct MeritFunctor {
   const DesignProblem& problem;
   template <class T>
@@ -198,6 +206,8 @@ struct MeritFunctor {
 
 /// One round: least squares by Ceres with automatic derivatives, within bounds. Aspheric terms of
 /// an order above `highest` are held.
+/// True when Ceres converged, or when all variables are held. Adds to `iterations` what it used of
+/// the whole design's allowance; the derivatives are exact, since the tracer itself runs on Jets.
 bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations, double& cost) {
   // Derivatives per pass of Ceres' dynamic automatic differentiation.
   constexpr int kStride = 8;
@@ -241,6 +251,8 @@ bool Designer::solve(std::vector<double>& x, ShapeKind highest, int& iterations,
 }
 
 /// Adopts the solver's shapes, unless they make no system; `unsound_` then names the fault.
+/// The penalties do not exclude what System::check refuses, such as a thickness a little below
+/// zero.
 void Designer::adopt(const std::vector<double>& x) {
   const Prescription last = now_;
   const auto surfaces = shaped(problem_, x.data());
@@ -264,6 +276,8 @@ void Designer::adopt(const std::vector<double>& x) {
 
 /// Figures before and after by the plain tracer. A lost field outranks a violated constraint, that
 /// outranks a design that did not settle.
+/// A parameter within 0.1 % of a bound is marked: the optimum may lie beyond. Before and after are
+/// traced with the options' own bundle.
 LensDesign Designer::report(bool settled, int iterations) const {
   constexpr double kTouches = 1e-3;
   LensDesign made;
@@ -299,6 +313,8 @@ LensDesign Designer::report(bool settled, int iterations) const {
 /// Rays are aimed through the lens as it is, then held while the shapes are solved for; rounds
 /// repeat until cost and set of rays settle. By the path, a field or the next order joins each
 /// round, as thesis 3.2 determines a4, a6, a8, a10 in sequence.
+/// Throws std::invalid_argument when the start does not image the first field: there is no focus to
+/// improve.
 LensDesign Designer::run(const Path& path) {
   constexpr int kMaxRounds = 60;
   constexpr double kSettled = 1e-5;  // of the cost, from one round to the next

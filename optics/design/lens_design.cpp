@@ -21,6 +21,8 @@ bool better(const LensDesign& one, const LensDesign& other) {
 }  // namespace
 
 /// A local optimizer from one start: four continuation paths, the best end counts.
+/// A Designer keeps the state of its rounds, so each path has its own, from the same start. Of
+/// equal ends the earlier path is kept.
 LensDesign design_lens(const Prescription& start, const LensDesignOptions& options) {
   LensDesign best = detail::Designer(start, options).run({false, false});
   for (const detail::Path& path :

@@ -18,9 +18,12 @@ namespace {
 
 /// Number of radial polynomials of a harmonic. rho^k times a polynomial of degree j in rho^2 has
 /// degree k + 2 j; the total degree is about the same for all harmonics.
+/// So a harmonic k has terms of rho^k, rho^(k+2), ..., as a smooth function on the disc must have.
 int radials_of(int harmonic, int rings) { return std::max(rings - (harmonic + 1) / 2, 1); }
 
 /// T_0 .. T_(n-1) at x, and their derivatives, by T_k = 2 x T_(k-1) - T_(k-2).
+/// The derivatives follow from differentiating the recurrence: T'_k = 2 T_(k-1) + 2 x T'_(k-1) -
+/// T'_(k-2).
 void chebyshev(double x, int n, double* t, double* d) {
   t[0] = 1;
   d[0] = 0;
@@ -37,6 +40,8 @@ double ring_radius(int ring, int rings) {
 }
 
 /// Values at the Chebyshev nodes to coefficients: the discrete cosine transform.
+/// c_q = (2 - [q = 0]) / n sum_k f(x_k) cos(q pi (k + 1/2) / n), as Chebyshev2 has it for two
+/// variables.
 Eigen::MatrixXd cosine_transform(int nodes) {
   Eigen::MatrixXd made(nodes, nodes);
   for (int q = 0; q < nodes; ++q) {
@@ -63,6 +68,7 @@ Eigen::MatrixXd harmonic_of(const Eigen::MatrixXd& ring, int depths, int k, bool
 
 }  // namespace
 
+/// (xi, eta) of a sample, on the unit disc of the field; the map turns it into a point of the eye.
 Eigen::Vector2d SkewTable::sample_position(int ring, int rings, int arm) {
   const double rho = ring_radius(ring, rings);
   const double azimuth = 2 * std::numbers::pi * arm / kArms;
@@ -71,6 +77,8 @@ Eigen::Vector2d SkewTable::sample_position(int ring, int rings, int arm) {
 
 /// In depth and azimuth by discrete cosines and sines, along the radius by least squares for each
 /// harmonic, which does not divide by small powers of rho.
+/// `samples` has a row for each ring, arm and depth, the last one fastest, and a column for each
+/// value: mx, my, d_ls, and the chief ray's x and y in the stop.
 SkewTable::SkewTable(const Eigen::MatrixXd& samples, int rings, int depths)
     : depths_(depths), radials_(rings) {
   for (int k = 0; k <= kHarmonics; ++k) {
@@ -116,6 +124,7 @@ void SkewTable::trim() {
   std::vector<Eigen::Index> kept;
   for (Eigen::Index i = 0; i < count; ++i) {
     double largest = 0;
+    // Of all five values, over all depths: a term is kept for the sake of any of them.
     for (int value = 0; value < kValues; ++value) {
       largest = std::max(largest, coefficients_.row(value * count + i).cwiseAbs().maxCoeff());
     }
@@ -137,6 +146,8 @@ void SkewTable::trim() {
 
 /// Values and derivatives by xi and eta of all terms, by complex powers: Re and Im of z^k are the
 /// harmonics times rho^k.
+/// The table is a polynomial in xi and eta, so the derivatives are exact and regular on the axis,
+/// which Newton's method passes.
 void SkewTable::basis(const Eigen::Vector2d& at,
                       Eigen::Matrix<double, Eigen::Dynamic, 3>& out) const {
   double t[Chebyshev2::kMaxNodes];
@@ -192,6 +203,7 @@ SkewTable::Image SkewTable::operator()(const Eigen::Vector3d& position) const {
 }
 
 /// Values 3 and 4: the chief ray in the plane of the stop.
+/// Without derivatives: the stop decides about the shadow alone, once a position is found.
 Eigen::Vector2d SkewTable::stop(const Eigen::Vector3d& position) const {
   Eigen::Matrix<double, Eigen::Dynamic, 3> field;
   basis(position.head<2>(), field);

@@ -16,10 +16,13 @@ namespace {
 
 using FieldPosition = WideAngleMap::FieldPosition;
 using Plane = WideAngleMap::Plane;
+/// A cubic has four coefficients; with a fifth point its residual begins to tell something.
 constexpr int kFewest = 5;
 
 /// The zero of f between two ends, by bisection; nothing when f has the same sign or no value at
 /// both.
+/// Bisection, not Newton's method: f has no value where the map ends or folds. Fifty halvings of an
+/// angle or a depth reach rounding.
 std::optional<double> root(const std::function<std::optional<double>(double)>& f, double from,
                            double to) {
   constexpr int kHalvings = 50;
@@ -37,6 +40,7 @@ std::optional<double> root(const std::function<std::optional<double>(double)>& f
 
 /// Points in focus at one sensor position d_ls: for each field angle the depth at which the map's
 /// focus is `focus` (thesis 3.2: the isofocus surface).
+/// Angles under which no depth has this focus are left out, as the surface leaves the map there.
 std::vector<Plane> isofocus_points(const WideAngleMap& map, double focus, int samples) {
   std::vector<Plane> points;
   for (int i = 0; i < samples; ++i) {
@@ -54,6 +58,7 @@ std::vector<Plane> isofocus_points(const WideAngleMap& map, double focus, int sa
 
 /// Points imaged at one height d_op: for each depth the field angle at which the map's height is
 /// `height` (thesis 3.2: the isopixel curve).
+/// As isofocus_points, with the roles of angle and depth exchanged; `height` is |d_op|, m.
 std::vector<Plane> isopixel_points(const WideAngleMap& map, double height, int samples) {
   std::vector<Plane> points;
   for (int i = 0; i < samples; ++i) {
@@ -77,6 +82,7 @@ struct Distance {
   double per_pole;
 };
 
+/// In meters; the conic constant is held, as 3.2.1 sets it to the retina's.
 Distance distance(double radius, double conic, double pole, const Plane& at) {
   const double u = at.z - pole;
   const double normal = (1 + conic) * u - radius;
@@ -88,6 +94,8 @@ Distance distance(double radius, double conic, double pole, const Plane& at) {
 /// 3.2.1: radius and pole of one isofocus surface by least squares of the distances, Gauss-Newton;
 /// the conic constant k is held. The start is the linear fit of r^2 + (1 + k) z^2 = 2 A z - B,
 /// where A = R + (1 + k) z0 and B = (1 + k) z0^2 + 2 R z0.
+/// Least squares of r^2 alone would weigh far points more and is biased, so it is the start only.
+/// An eleventh pass serves the residual of the last step.
 IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, double focus) {
   constexpr int kSteps = 10;
   const auto count = static_cast<Eigen::Index>(points.size());
@@ -110,6 +118,7 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
       off[i] = -from.value;
       jacobian.row(i) << from.per_radius, from.per_pole;
     }
+    // The residual is that of the parameters before this pass' step.
     made = {focus, p[0], p[1], off.cwiseAbs().maxCoeff()};
     p += detail::least_squares(jacobian, off);
   }
@@ -117,6 +126,7 @@ IsofocusSurface fit_surface(const std::vector<Plane>& points, double conic, doub
 }
 
 /// 3.2.1: slope and intercept of one isopixel curve, by the normal equations of r = a + s z.
+/// The residual is across the axis, where a pixel's offset acts.
 IsopixelCurve fit_line(const std::vector<Plane>& points, double height) {
   double n = 0;
   double z = 0;
@@ -136,6 +146,8 @@ IsopixelCurve fit_line(const std::vector<Plane>& points, double height) {
 }
 
 /// 3.2.1: a polynomial of third order for each parameter.
+/// Throws std::invalid_argument naming the map with fewer points than a residual needs. The fit
+/// runs in x / largest x.
 Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
   const auto count = static_cast<Eigen::Index>(x.size());
   if (count < kFewest) throw std::invalid_argument("map: too small for the thesis' cubics");
@@ -155,6 +167,7 @@ Cubic fit_cubic(const std::vector<double>& x, const std::vector<double>& y) {
   return made;
 }
 
+/// One parameter's cubic; the columns are named by pointers to members.
 template <class Row>
 Cubic fit_column(const std::vector<Row>& rows, double Row::*x, double Row::*y) {
   std::vector<double> xs;
@@ -174,6 +187,8 @@ void ThesisSettings::check() const {
 
 /// 3.2.1 and figure 3.6: surfaces at equal steps of d_ls from the retina's image to the deepest
 /// point's, curves at equal steps of d_op, then a cubic for each of the four parameters.
+/// What the map cannot draw is left out, so `from` and `to` of the cubics are the ends of what was
+/// fitted and not of what was asked.
 ThesisCurves fit_thesis_curves(const WideAngleMap& map, const ThesisSettings& settings) {
   settings.check();
   ThesisCurves made;
@@ -201,6 +216,7 @@ ThesisCurves fit_thesis_curves(const WideAngleMap& map, const ThesisSettings& se
   return made;
 }
 
+/// Nothing beyond the ends: outside, the cubics follow no surface of this eye.
 std::optional<WideAngleMap::Plane> ThesisCurves::point(double focus, double height) const {
   // On the axis the thesis' cubics have constant terms; they are used as they are. A little outside
   // the first and last curve is still within the pixel that the curve stands for.
@@ -209,6 +225,8 @@ std::optional<WideAngleMap::Plane> ThesisCurves::point(double focus, double heig
 }
 
 /// 4.1: the position is the intersection of the isopixel curve with the isofocus surface.
+/// `pole_shift` (m, along the axis) is what a calibration on the retina changes (4.3: only the
+/// intersection with the axis).
 std::optional<WideAngleMap::Plane> ThesisCurves::extrapolated_point(double focus, double height,
                                                                     double pole_shift) const {
   const double R = radius(focus);

@@ -30,6 +30,8 @@ int stop_surface(const System& system) {
 /// The system with its lens at the distance asked for. For a microscope the stop lets everything
 /// through, so that the table reaches past the iris' shadow, whose edge is no smooth curve in it;
 /// whether a point lies in the shadow is decided by its chief ray.
+/// Throws std::invalid_argument naming the setting, or the surface where the lens' distance makes
+/// the system unsound.
 System resolved(const System& system, const WideAngleSettings& settings) {
   constexpr double kWide = 1;  // m
   settings.check();
@@ -50,6 +52,7 @@ Pupil first_pupil(const System& system, const WideAngleSettings& settings) {
 }
 
 /// A decentered telecentric microscope takes the same rays as a centered one.
+/// Without symmetry the map needs two angles: as many bundles more as a skew table has arms.
 bool is_symmetric(const std::optional<Microscope>& microscope) {
   return !microscope ||
          (microscope->tilt.isZero(0) &&
@@ -79,6 +82,7 @@ void WideAngleSettings::check() const {
   detail::require(fits(depth_nodes), "depth_nodes: must lie between 4 and 32");
 }
 
+/// The lens is the last two surfaces, so the gap that changes is the one before them.
 System with_lens_distance(const System& system, double distance) {
   if (system.size() < 4) throw std::invalid_argument("surfaces: the system has no condensing lens");
   detail::require(std::isfinite(distance) && distance >= 0,
@@ -88,6 +92,9 @@ System with_lens_distance(const System& system, double distance) {
   return moved;
 }
 
+/// The table ends where bundles are vignetted or where its error exceeds kMaxTail, whichever is
+/// nearer to the axis. Both ends are found by halving, in steps of a 160th of the angle, or of a
+/// tenth where a table of two angles makes each try costly.
 WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settings)
     : settings_(settings),
       symmetric_(is_symmetric(settings.microscope)),
@@ -120,11 +127,13 @@ WideAngleMap::WideAngleMap(const System& system, const WideAngleSettings& settin
   angle_nodes_ = std::max(angle_nodes_, kManyAngles);
   depth_nodes_ = std::max(depth_nodes_, kManyDepths);
   const int good = largest(whole, [&](double angle) { return build(angle); });
+  // The last field that was tried need not be the one that is good.
   if (max_angle_ != settings.max_angle * good / parts) build(settings.max_angle * good / parts);
 }
 
 /// Whether whole bundles get through along the rim of the field: at three depths, and for a skew
 /// map at all azimuths.
+/// The rim alone is tested: inside it, bundles are less oblique and vignetted less.
 bool WideAngleMap::bundles_pass(double angle) {
   constexpr int kDepths = 3;
   Spot spot;
@@ -143,6 +152,8 @@ bool WideAngleMap::bundles_pass(double angle) {
 /// Best focus of one point's bundle. A microscope's pupil moves with its focus, so the focus f =
 /// g(f) is found by the secant method, the first step a fixed-point step; a coarse bundle serves
 /// until it is nearly found.
+/// Nothing when a ray of the bundle is lost: a vignetted bundle focuses elsewhere, and the table
+/// would have a kink there.
 std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& point,
                                                       PupilTracer& tracer, Spot& spot) const {
   constexpr int kMaxFocusSteps = 20;
@@ -164,6 +175,8 @@ std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& poi
     const double position = microscope.focus;
     const double off = focus_through(tracer.system(), microscope, aerial) - position;
     if (!coarse && (!moves || std::abs(off) < kSettled)) return aerial;
+    // g depends weakly on f, so off has a slope near -1; a secant that says otherwise is made of
+    // rounding.
     const double slope = step == 0 ? -1 : (off - last_off) / (position - last_position);
     microscope.focus = position - off / (std::isfinite(slope) && slope < -0.1 ? slope : -1);
     last_position = position;
@@ -173,6 +186,8 @@ std::optional<AerialPoint> WideAngleMap::focus_bundle(const Eigen::Vector3d& poi
   return std::nullopt;
 }
 
+/// False when a bundle is lost or the error is too large. The members then belong to no table,
+/// until a later call succeeds.
 bool WideAngleMap::build(double max_angle) {
   max_angle_ = max_angle;
   return measure_distances() && (symmetric_ ? build_flat() : build_skew());
@@ -193,6 +208,7 @@ bool WideAngleMap::measure_distances() {
   return true;
 }
 
+/// The polynomial in u = 2 (angle / max_angle)^2 - 1; it has no second variable.
 double WideAngleMap::distance(double angle) const {
   const double part = angle / max_angle_;
   return distance_(2 * part * part - 1, 0).value;
@@ -200,6 +216,7 @@ double WideAngleMap::distance(double angle) const {
 
 /// Bundles at the Chebyshev nodes in (angle^2, depth). Heights are divided by the point's distance
 /// from the axis, which leaves even functions without a zero on the axis.
+/// No node lies on the axis, as Chebyshev's lie inside (-1, 1), so r is never 0.
 bool WideAngleMap::trace_flat(Eigen::MatrixXd& focus, Eigen::MatrixXd& scale,
                               Eigen::MatrixXd& stop) {
   Spot spot;
@@ -234,6 +251,7 @@ bool WideAngleMap::build_flat() {
   // The scale's tail times the largest distance from the axis is a height.
   tail_ = std::max(focus_.tail(), scale_.tail() * stop_z_ * std::tan(max_angle_));
   if (!(tail_ < kMaxTail)) return false;
+  // The image's sense, from a height near the axis, where the height itself would be 0.
   inverted_ = evaluate({max_angle_ / 100, 0}).height < 0 ? -1 : 1;
   const auto sampled = [&](const FlatSearch::Point& unit) {
     return sample({unit.x() * max_angle_, unit.y() * max_depth()});
@@ -246,6 +264,7 @@ bool WideAngleMap::build_flat() {
   return true;
 }
 
+/// Called by everything that speaks of a meridional plane.
 void WideAngleMap::require_symmetry() const {
   if (!symmetric_)
     throw std::invalid_argument(
@@ -261,6 +280,8 @@ WideAngleMap::Plane WideAngleMap::plane_point(const FieldPosition& position) con
 }
 
 /// Inverse of plane_point: angle and distance at the stop's center.
+/// kSlack, a length, becomes an angle by the distance; what lies within it is clamped onto the
+/// edge.
 std::optional<WideAngleMap::FieldPosition> WideAngleMap::position_of(const Plane& point) const {
   require_symmetry();
   if (!(point.z < stop_z_)) return std::nullopt;
@@ -297,6 +318,8 @@ WideAngleMap::Meridional WideAngleMap::evaluate(const FieldPosition& position) c
 }
 
 /// Whether the chief ray misses the eye's stop, which is open in the traced system.
+/// The stop's table has the ratio of the chief ray's distance from the axis in the stop and in the
+/// eye, which is even and without a zero on the axis.
 bool WideAngleMap::in_shadow(const FieldPosition& position) const {
   if (!std::isfinite(stop_radius_) || !settings_.microscope) return false;
   const double part = position.angle / max_angle_;
@@ -305,6 +328,8 @@ bool WideAngleMap::in_shadow(const FieldPosition& position) const {
          stop_radius_;
 }
 
+/// As the cell search wants it: the image, the determinant whose sign shows folds, and whether the
+/// iris hides the position.
 WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const FieldPosition& position) const {
   const Meridional there = evaluate(position);
   return {{there.focus, there.height}, there.per_position.determinant(), in_shadow(position)};
@@ -312,6 +337,8 @@ WideAngleMap::FlatSearch::Sample WideAngleMap::sample(const FieldPosition& posit
 
 /// Newton's method in (angle, depth), kept near the table. A solution outside it by less than
 /// edge() is taken to lie on its boundary.
+/// The start and the result are in the unit square of the cells, `image` in m. Nothing when it does
+/// not converge, or ends outside.
 std::optional<WideAngleMap::FlatSearch::Solution> WideAngleMap::solve(
     const FlatSearch::Point& image, const FlatSearch::Point& start) const {
   FieldPosition position{start.x() * max_angle_, start.y() * max_depth()};
@@ -340,6 +367,7 @@ std::optional<WideAngleMap::FlatSearch::Solution> WideAngleMap::solve(
 }
 
 /// Where the table is not one-to-one, a value counts only when find() leads back to it.
+/// So that at() and find() are inverse of each other wherever both answer.
 std::optional<WideAngleMap::Meridional> WideAngleMap::at(const FieldPosition& position) const {
   require_symmetry();
   const double aside = kSlack / distance(0);
@@ -385,6 +413,7 @@ std::optional<AerialPoint> WideAngleMap::image(const Eigen::Vector3d& point) con
 }
 
 /// Thesis 4.1: the position from d_ls and d_op, through the table instead of the fitted curves.
+/// The azimuth of m is the point's, turned by pi where the image is inverted.
 std::optional<Eigen::Vector3d> WideAngleMap::point(const AerialPoint& aerial) const {
   if (!(std::isfinite(aerial.focus) && aerial.m.allFinite())) return std::nullopt;
   if (!symmetric_) {
@@ -402,6 +431,7 @@ std::optional<Eigen::Vector3d> WideAngleMap::point(const AerialPoint& aerial) co
   return Eigen::Vector3d(across.x(), across.y(), at.z);
 }
 
+/// Nothing is inverted here, so folds and the table's edges do not count.
 std::optional<AerialPoint> WideAngleMap::traced_image(const Eigen::Vector3d& point) const {
   PupilTracer tracer = tracer_;  // a focusing microscope moves its pupil
   Spot spot;

@@ -23,6 +23,7 @@ Eigen::Vector3d position_of_unit(const Eigen::Vector3d& unit) {
           2 * unit.z() - 1};
 }
 
+/// The azimuth of -pi to pi becomes a turn from 0 to 1, as the cells count it.
 Eigen::Vector3d unit_of_position(const Eigen::Vector3d& position) {
   const double turn = std::atan2(position.y(), position.x()) / kTurn;
   return {position.head<2>().norm(), turn < 0 ? turn + 1 : turn, (position.z() + 1) / 2};
@@ -32,6 +33,8 @@ Eigen::Vector3d unit_of_position(const Eigen::Vector3d& position) {
 
 /// (xi, eta) is the field angle over its maximum with its azimuth; v the depth, from -1 at the
 /// retina to 1.
+/// The center of the stop is the origin of the polar coordinates here too, so `distance` is shared
+/// with the symmetric map.
 Eigen::Vector3d WideAngleMap::skew_point(const Eigen::Vector3d& position) const {
   const double rho = position.head<2>().norm();
   const double angle = rho * max_angle_;
@@ -43,6 +46,7 @@ Eigen::Vector3d WideAngleMap::skew_point(const Eigen::Vector3d& position) const 
 }
 
 /// Inverse of skew_point; nothing outside the table.
+/// kSlack lets points in that rounding has put beyond the edge.
 std::optional<Eigen::Vector3d> WideAngleMap::skew_position(const Eigen::Vector3d& point) const {
   if (!(point.z() < stop_z_)) return std::nullopt;
   const double r = point.head<2>().norm();
@@ -61,6 +65,8 @@ std::optional<Eigen::Vector3d> WideAngleMap::skew_position(const Eigen::Vector3d
 
 /// The table's largest error against traced bundles between its nodes, where it is worst: by the
 /// rim and by both ends of depth; m. What is deep in the iris' shadow does not count.
+/// At azimuths between the arms, where trigonometric interpolation is worst. Infinite where a
+/// bundle is lost.
 double WideAngleMap::skew_error() const {
   constexpr double kRadii[] = {0.3, 0.7, 0.9, 0.97, 0.995};
   constexpr double kDepths[] = {-0.98, -0.6, 0.05, 0.7, 0.985};
@@ -84,6 +90,8 @@ double WideAngleMap::skew_error() const {
 
 /// As build_flat, over rings, arms and depths. The table's error is measured, not taken from its
 /// last coefficients.
+/// A polynomial of two angles may look converged in its last coefficients and still be off between
+/// the arms.
 bool WideAngleMap::build_skew() {
   const int rings = angle_nodes_;
   const int depths = depth_nodes_;
@@ -117,6 +125,7 @@ bool WideAngleMap::build_skew() {
   return true;
 }
 
+/// The image is (mx, my, d_ls), in m; hidden when the chief ray misses the eye's stop.
 WideAngleMap::SkewSearch::Sample WideAngleMap::skew_sample(const Eigen::Vector3d& position) const {
   const SkewTable::Image there = skew_(position);
   return {there.value, there.per_position.determinant(),
@@ -125,6 +134,7 @@ WideAngleMap::SkewSearch::Sample WideAngleMap::skew_sample(const Eigen::Vector3d
 
 /// Newton's method in (xi, eta, v), kept near the table; these are regular on the axis, as angle
 /// and azimuth are not.
+/// Positions outside by less than edge() are put onto the boundary, as in the symmetric map.
 std::optional<WideAngleMap::SkewSearch::Solution> WideAngleMap::solve(
     const SkewSearch::Point& image, const SkewSearch::Point& start) const {
   constexpr int kMaxSteps = 30;
@@ -146,6 +156,7 @@ std::optional<WideAngleMap::SkewSearch::Solution> WideAngleMap::solve(
     const Eigen::Vector3d move = now.per_position.inverse() * off;
     if (!move.allFinite()) return std::nullopt;
     position += move;
+    // Drawn back as a vector, so that the azimuth is kept.
     const double strayed = position.head<2>().norm() / (1 + kStray);
     if (strayed > 1) position.head<2>() /= strayed;
     position.z() = std::clamp(position.z(), -1 - 2 * kStray, 1 + 2 * kStray);

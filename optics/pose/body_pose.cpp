@@ -10,6 +10,7 @@
 namespace vitreo::optics {
 
 /// Infinite sigmas are allowed: they mean "not known".
+/// The single viewpoint is checked only where it is used, as the exact projection replaces it.
 void ObjectPoseSettings::check() const {
   if (!exact) projection.check();
   image.check();

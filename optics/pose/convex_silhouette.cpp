@@ -18,6 +18,7 @@ constexpr double kTurn = 2 * std::numbers::pi;
 struct Across {
   Vector e1;
   Vector e2;
+  // Crossed with the unit axis that is least along w, so that the product is never near zero.
   explicit Across(const Vector& w) {
     Eigen::Index least = 0;
     w.cwiseAbs().minCoeff(&least);
@@ -30,6 +31,8 @@ struct Across {
 /// A point of the outline. The plane that holds the viewpoint (far * w) and touches the body has
 /// the normal n = c cos t + w sin t with h(n) = n . viewpoint, where h is the support function and
 /// its gradient the point of contact. Safeguarded Newton; the equation is nearly far sin t = h.
+/// The bracket 0 to pi/2 holds because the viewpoint is outside the body; a step that leaves it is
+/// replaced by a halving.
 Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, double far) {
   constexpr int kSteps = 60;
   constexpr double kExact = 1e-9;  // rad; the outline moves by its square
@@ -55,6 +58,8 @@ Vector touching(const ObjectModel& body, const Vector& c, const Vector& w, doubl
 
 /// Where the ellipsoid is the unit sphere, s . s = 1 and s . (far w) = 1 hold on the outline: a
 /// circle at height 1 / far along w.
+/// `far` is the viewpoint's distance in units of the body's semi-axes along the line of sight;
+/// points are in the same units.
 std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, double far,
                                       int count) {
   std::vector<Vector> points;
@@ -67,6 +72,8 @@ std::vector<Vector> ellipsoid_outline(const Across& across, const Vector& w, dou
 
 /// Where the half-plane at `angle` round the line of sight cuts a closed polygon; `from` is the
 /// edge to start at.
+/// Half-planes are asked for in the order of their angle, so the next crossing is at the same edge
+/// or soon behind it.
 Vector cut(const std::vector<Vector>& polygon, const Across& across, double angle,
            std::size_t& from) {
   const Vector along = across.at(angle);
@@ -101,6 +108,7 @@ std::vector<Vector> general_outline(const ObjectModel& body, const Across& acros
 /// Center and shape of the ellipse with the polygon's area moments, by Green's theorem as sums over
 /// its edges. Of an ellipse with semi-axes a, b the second moments are a^2 / 4, b^2 / 4, hence the
 /// factor 2 at the root.
+/// False for a rim without area, or one so thin that its moments no longer tell its axes.
 bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
              Eigen::Matrix2d& shape) {
   const Eigen::Vector2d origin = rim.front();
@@ -127,6 +135,7 @@ bool moments(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
   return true;
 }
 
+/// A rim point in coordinates in which the ellipse is the unit circle.
 struct OnCircle {
   double angle;
   double length;
@@ -135,6 +144,8 @@ struct OnCircle {
 /// One Gauss-Newton step for the least-squares ellipse; returns the step's size. Where the ellipse
 /// is the unit circle the rim's distance from it is fitted by 1, cos, sin, cos 2, sin 2 of the
 /// angle: the size, shift and stretch of an ellipse. Each point counts for the arc it stands for.
+/// Least squares of distances is what a tracker's fit does, so a model that fits its rim in the
+/// same way has no bias against it.
 double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
                Eigen::Matrix2d& shape) {
   const Eigen::Matrix2d inverse = shape.inverse();
@@ -170,6 +181,8 @@ double correct(const std::vector<Eigen::Vector2d>& rim, Eigen::Vector2d& center,
 }  // namespace
 
 /// In the space where the semi-axes are 1, since tangency is preserved by affine maps.
+/// Nothing for a viewpoint nearer than 1.05 times the plane that touches the body: the outline
+/// would degenerate to a point.
 std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector& viewpoint,
                                            int count) {
   const Vector seen_from = viewpoint.cwiseQuotient(body.semi_axes);
@@ -187,6 +200,8 @@ std::optional<std::vector<Vector>> outline(const ObjectModel& body, const Vector
 
 /// (a - b) / 2 times (cos 2 phi, sin 2 phi): the second-harmonic vector, which is zero for a circle
 /// instead of undefined.
+/// (u, v, mean semi-axis, and that vector); the last two coordinates change smoothly when the axes
+/// exchange their order.
 SmoothEllipse smooth_ellipse(const Eigen::Matrix<double, 5, 1>& e) {
   SmoothEllipse smooth;
   const double half = (e[2] - e[3]) / 2;
@@ -194,6 +209,7 @@ SmoothEllipse smooth_ellipse(const Eigen::Matrix<double, 5, 1>& e) {
   return smooth;
 }
 
+/// Its inverse. A circle is given the angle 0; angles lie in (-pi/2, pi/2].
 Eigen::Matrix<double, 5, 1> center_axes_angle(const SmoothEllipse& e) {
   const double half = std::hypot(e[3], e[4]);
   Eigen::Matrix<double, 5, 1> made;
@@ -205,6 +221,7 @@ Eigen::Matrix<double, 5, 1> center_axes_angle(const SmoothEllipse& e) {
 
 /// Start: the ellipse of the area's moments. The axes follow from shape * shape^T without an
 /// eigenvalue decomposition, which would not be smooth at a circle.
+/// Nothing for a rim without area. In pixels, as the rim.
 std::optional<SmoothEllipse> rim_ellipse(const std::vector<Eigen::Vector2d>& rim) {
   constexpr int kSteps = 8;        // from the moments' ellipse; nearly an ellipse, a rim needs two
   constexpr double kSmall = 1e-6;  // the next step is its square

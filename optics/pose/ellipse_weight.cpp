@@ -14,6 +14,8 @@ namespace {
 using Matrix5 = Eigen::Matrix<double, 5, 5>;
 
 /// d smooth / d (center, axes, angle), the elongation along and across the observed direction.
+/// Rows: center, mean semi-axis, and d = (a - b) / 2 along and across: d(d cos 2 phi) = dd and d(d
+/// sin 2 phi) = 2 d dphi at phi = 0.
 Matrix5 derivative(double half_difference) {
   Matrix5 by = Matrix5::Zero();
   by(0, 0) = by(1, 1) = 1;
@@ -24,6 +26,7 @@ Matrix5 derivative(double half_difference) {
 }
 
 /// Smooth coordinates turned so that the elongation is along the observed direction.
+/// A vector of twice the angle turns by twice the angle.
 Matrix5 turned(double angle) {
   Matrix5 turn = Matrix5::Identity();
   const double cosine = std::cos(2 * angle);
@@ -35,6 +38,8 @@ Matrix5 turned(double angle) {
 
 /// W with W^T W = C^-1, from the Cholesky factor C = L L^T: W = L^-1 (whitening).
 template <int kSize>
+/// Throws std::invalid_argument naming the covariance where it is not positive definite: its
+/// inverse would weigh by infinity.
 Eigen::Matrix<double, kSize, kSize> inverse_root(
     const Eigen::Matrix<double, kSize, kSize>& covariance) {
   const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> factor(covariance);
@@ -47,6 +52,9 @@ Eigen::Matrix<double, kSize, kSize> inverse_root(
 }  // namespace
 
 /// With d = (a - b) / 2, smooth(3, 3) is the variance of d along the observed direction.
+/// An angle that is not known takes the elongation of a long ellipse out (three terms are left); of
+/// a round one both components count alike. A huge variance of the angle would not do, since the
+/// propagation is of first order.
 EllipseWeight ellipse_weight(const Eigen::Matrix<double, 5, 1>& observed,
                              const Matrix5& covariance) {
   constexpr double kSigmas = 3;  // of the difference of the axes, below which there is no direction

@@ -17,9 +17,12 @@ double power(double base, double exponent) {
   return std::pow(base, exponent);
 }
 
+/// 0 of 0: a normal in a plane of symmetry has its point of contact in that plane.
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
 /// (x^q + y^q)^(1/q) of numbers that are not negative, scaled against overflow.
+/// Scaling by the larger one keeps its q-th power from overflowing, as q grows without bound
+/// towards exponent 2.
 double norm(double x, double y, double q) {
   if (q == 2) return std::sqrt(x * x + y * y);
   if (q == 1) return x + y;
@@ -32,6 +35,8 @@ double norm(double x, double y, double q) {
 /// The gradient of the support function h(n) = max n . p. The body is the unit ball of nested
 /// p-norms with exponents 2 / e, so h is the dual norm, whose exponent is q = 2 / (2 - e) from 1/p
 /// + 1/q = 1, and the gradient's components are powers (n_i / |n|)^(q - 1).
+/// Points of contact of the body with semi-axes 1; the caller scales. A zero normal gives the
+/// center.
 Eigen::Vector3d ObjectModel::support(const Eigen::Vector3d& n) const {
   const double across = 2 / (2 - exponent_across);
   const double along = 2 / (2 - exponent_along);
@@ -63,6 +68,8 @@ void ObjectModel::check() const {
 
 ObjectModel ellipsoid(const Eigen::Vector3d& semi_axes) { return {semi_axes, 1, 1}; }
 
+/// A superquadric whose exponent along the axis is 0 has flat ends; 1 across makes the section a
+/// circle.
 ObjectModel cylinder(double half_length, double radius) {
   return {{radius, radius, half_length}, 0, 1};
 }

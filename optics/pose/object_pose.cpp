@@ -24,6 +24,7 @@ using detail::SmoothEllipse;
 /// (5.14) for a convex body: the outline seen from the viewpoint near the body, projected, and the
 /// ellipse that a tracker fits to it. The outline is computed in the frame of the body at its
 /// nominal size: a body larger by `scale` is one seen from a viewpoint nearer by that factor.
+/// Nothing where the viewpoint is too near, or a point of the outline has no image.
 std::optional<SmoothEllipse> shown_ellipse(const ObjectPoseSettings& settings,
                                            const ProjectionModel& camera, const BodyState& state) {
   const auto viewpoint = camera.viewpoint(state.position);
@@ -43,6 +44,8 @@ std::optional<SmoothEllipse> shown_ellipse(const ObjectPoseSettings& settings,
 }
 
 /// An orientation is needed where it is held, or known beforehand; it must be a proper rotation.
+/// Throws std::invalid_argument naming position or orientation; 1e-9 admits rotations that were
+/// composed of many.
 void check_start(const ObjectPoseSettings& settings, const PoseStart& start) {
   if (start.position_in_eye && !start.position_in_eye->allFinite()) {
     throw std::invalid_argument("position: must be finite");
@@ -60,6 +63,7 @@ void check_start(const ObjectPoseSettings& settings, const PoseStart& start) {
 
 /// Block diagonal, of the inverse Cholesky factors of the points' covariances: independent terms of
 /// unit variance.
+/// Throws std::invalid_argument naming the points for a covariance that has no inverse.
 Eigen::MatrixXd point_weights(std::span<const SeenPoint> points) {
   const auto count = static_cast<Eigen::Index>(points.size());
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(2 * count, 2 * count);
@@ -81,6 +85,8 @@ Eigen::MatrixXd point_weights(std::span<const SeenPoint> points) {
 
 /// Normal of the plane that the points lie in best: the direction of least spread. A flat set of
 /// points is its own mirror image in that plane.
+/// In the body's frame. For points in one plane the mirror image in it is the points themselves,
+/// for others nearly so.
 Eigen::Vector3d flattest(std::span<const SeenPoint> points) {
   Eigen::Vector3d mean(0, 0, 0);
   for (const SeenPoint& point : points) mean += point.in_body / static_cast<double>(points.size());
@@ -91,6 +97,8 @@ Eigen::Vector3d flattest(std::span<const SeenPoint> points) {
 }
 
 /// (5.14) for points.
+/// Nothing as soon as one point has no image: with fewer residuals the minimum would be another
+/// one.
 std::optional<Eigen::VectorXd> shown_points(std::span<const SeenPoint> points,
                                             const ProjectionModel& camera, const BodyState& state) {
   Eigen::VectorXd shown(2 * static_cast<Eigen::Index>(points.size()));
@@ -104,6 +112,7 @@ std::optional<Eigen::VectorXd> shown_points(std::span<const SeenPoint> points,
 }
 
 /// Root mean square distance of pixels from their mean.
+/// Stands in for an ellipse's size where a start depth is sought; one point has none.
 double spread(const Eigen::VectorXd& pixels) {
   const Eigen::Index count = pixels.size() / 2;
   const auto each = pixels.reshaped(2, count);
@@ -128,6 +137,8 @@ std::optional<EllipseVector> project_object(const ObjectPoseSettings& settings,
 }
 
 /// Measurement: the five smooth coordinates of the ellipse; its size is the mean semi-axis.
+/// Not the axes and the angle, which are undefined at a circle and exchange where a body turns;
+/// ellipse_weight brings the covariance into the same coordinates.
 ObjectPose locate_object(const ObjectPoseSettings& settings, const EllipseVector& observed,
                          const EllipseCovariance& covariance, const PoseStart& start) {
   settings.check();
@@ -156,6 +167,7 @@ ObjectPose locate_object(const ObjectPoseSettings& settings, const EllipseVector
 }
 
 /// Measurement: the pixels; their size is the spread about the mean.
+/// Weighted by each point's own covariance.
 ObjectPose locate_points(const ObjectPoseSettings& settings, std::span<const SeenPoint> points,
                          const PoseStart& start) {
   settings.check();

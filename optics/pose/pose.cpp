@@ -30,6 +30,7 @@ class EllipseResidual {
   EllipseResidual(const PoseSettings& settings, const EllipseVector& observed,
                   const Eigen::Vector3d& axis)
       : settings_(settings), circle_(settings.contour_points), observed_(observed), axis_(axis) {}
+  // Null: the terms of (5.15) themselves, in px.
   void weigh(const detail::EllipseWeight* weight) { weight_ = weight; }
 
   template <class T>
@@ -100,6 +101,8 @@ using AutoDiff = ceres::TinySolverAutoDiffFunction<EllipseResidual, 5, 3>;
 using Solver = ceres::TinySolver<AutoDiff>;
 
 /// (5.15) does not invert it, so variances that are not negative suffice.
+/// Throws std::invalid_argument naming the covariance; weighing needs more, which ellipse_weight
+/// checks.
 void check_covariance(const EllipseCovariance& covariance) {
   detail::require(covariance.allFinite(), "covariance: must be finite");
   detail::require(covariance.diagonal().minCoeff() >= 0, "covariance: has a negative variance");
@@ -109,6 +112,7 @@ void check_covariance(const EllipseCovariance& covariance) {
   }
 }
 
+/// Its sense does not matter: a spheroid is its own mirror image.
 Eigen::Vector3d unit_axis(const Eigen::Vector3d& axis) {
   const double length = axis.norm();
   detail::require(std::isfinite(length) && length > 0, "axis_in_eye: must be finite and not zero");
@@ -121,6 +125,7 @@ bool inside(const PoseSettings& settings, const Eigen::Vector3d& position) {
 }
 
 /// The inverse of the information, m^2, of terms of unit variance.
+/// The solver's J is by mm, hence the factor.
 Eigen::Matrix3d in_m(const Eigen::Matrix3d& information) {
   return information.inverse() / (kMmPerM * kMmPerM);
 }
@@ -129,6 +134,8 @@ Eigen::Matrix3d in_m(const Eigen::Matrix3d& information) {
 /// whitened; for (5.15) the observation's covariance C through the estimator, G C G^T with the gain
 /// G = (J^T J)^-1 J^T D. D is the derivative of the residuals by the observation, up to sign.
 /// Nothing when some direction is not observed at all.
+/// `shown`: the model's ellipse at the minimum; its axes are in D, as the angle's term is half
+/// their difference times the angle.
 std::optional<Eigen::Matrix3d> propagate(const PoseSettings& settings, const EllipseVector& shown,
                                          const Jacobian& jacobian,
                                          const EllipseCovariance& covariance) {
@@ -184,6 +191,9 @@ std::optional<EllipseVector> project_spheroid(const PoseSettings& settings,
 
 /// Levenberg-Marquardt (Ceres' TinySolver) with automatic derivatives; thesis 5.5 minimizes (5.15)
 /// by the same method.
+/// There is a result only when all of this holds: converged, within the projection, residual below
+/// max_residual_px, and every direction observed. Else the caller looks with another start, or has
+/// lost the robot.
 std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVector& observed,
                                    const EllipseCovariance& covariance,
                                    const Eigen::Vector3d& axis_in_eye,
@@ -226,6 +236,8 @@ std::optional<PoseEstimate> locate(const PoseSettings& settings, const EllipseVe
 
 /// The shown size sqrt(a b) grows with z along the line of sight of the ellipse's center; bisection
 /// for the observed size.
+/// A fifth of tolerance at both ends, as an outline of few pixels on the retina may come out
+/// somewhat too small for any depth.
 std::optional<Eigen::Vector3d> first_guess(const PoseSettings& settings,
                                            const EllipseVector& observed,
                                            const Eigen::Vector3d& axis_in_eye) {

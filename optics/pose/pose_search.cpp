@@ -24,6 +24,7 @@ FreeParameters free_parameters(const ObjectPoseSettings& settings) {
 
 constexpr double kTilt = 0.35;  // rad, of starts away from what was found
 
+/// The logarithm of a rotation, rad; its length lies between 0 and pi.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& rotation) {
   const Eigen::AngleAxisd turn(rotation);
   return turn.angle() * turn.axis();
@@ -31,6 +32,8 @@ Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& rotation) {
 
 /// The smallest rotation vector, in the frame of `from`, that brings a body of this symmetry into
 /// the same attitude as `to`. about_z: only the axes count, and their sense does not.
+/// half_turns: of the four attitudes that a half-turn about an axis of the body makes equal, the
+/// nearest counts.
 Eigen::Vector3d difference(const Eigen::Matrix3d& from, const Eigen::Matrix3d& to,
                            Symmetry symmetry) {
   if (symmetry == Symmetry::about_z) {
@@ -55,6 +58,7 @@ Eigen::Vector3d difference(const Eigen::Matrix3d& from, const Eigen::Matrix3d& t
 /// The 24 rotations of the cube, or the first six that half-turns do not turn into each other
 /// (three for a body round about z); all of them oblique, since gradients vanish by symmetry where
 /// a body is aligned with the line of sight.
+/// Few and far apart; the mirrored and tilted starts that follow cover what lies between.
 std::vector<Eigen::Matrix3d> orientations(Symmetry symmetry) {
   const Eigen::Matrix3d oblique =
       Eigen::AngleAxisd(0.6, Eigen::Vector3d(1, 2, -1.5).normalized()).toRotationMatrix();
@@ -73,6 +77,9 @@ std::vector<Eigen::Matrix3d> orientations(Symmetry symmetry) {
   return made;
 }
 
+/// One search. Settings, measurement and start are borrowed for the call; minima_ has the distinct
+/// minima in the order in which they were found, unfinished_ the best end that did not converge,
+/// which is reported only when there is no other.
 class Search {
  public:
   Search(const ObjectPoseSettings& settings, const Measurement& measured, const PoseStart& start)
@@ -110,6 +117,7 @@ class Search {
 
 /// Whitened residuals of the measurement, then of the prior knowledge: the orientation as a
 /// rotation vector and the logarithm of the size, each over its sigma.
+/// Nothing where the body has no image.
 std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state) const {
   const auto seen = measured_.difference_px(state);
   if (!seen) return std::nullopt;
@@ -122,12 +130,16 @@ std::optional<Eigen::VectorXd> Search::residuals(const BodyState& state) const {
         rotation_vector(start_.orientation->transpose() * state.orientation) /
         settings_.orientation_sigma;
   }
+  // Not known at all (an infinite sigma) counts as a factor of e, so that size and depth cannot run
+  // away together.
   if (sized) all.tail<1>()[0] = std::log(state.scale) / std::fmin(settings_.scale_sigma, 1);
   return all;
 }
 
 /// Start positions: on the line of sight of the observed center, where the body would show the
 /// observed size (bisection), and 3 mm before and behind it.
+/// A caller's own position comes alone. Without an observed size, as of one point, the middle of
+/// the range is the guess.
 std::vector<Eigen::Vector3d> Search::start_positions(const Eigen::Matrix3d& orientation) const {
   constexpr int kHalvings = 14;  // of some 15 mm: a micrometer
   constexpr double kAside = 3e-3;
@@ -154,6 +166,8 @@ std::vector<Eigen::Vector3d> Search::start_positions(const Eigen::Matrix3d& orie
 }
 
 /// Every start orientation with its start positions.
+/// A known orientation leaves the depth as the doubt, hence all its start positions; unknown ones
+/// get the middle position each.
 std::vector<BodyState> Search::starts() const {
   const auto turns = start_.orientation ? std::vector<Eigen::Matrix3d>{*start_.orientation}
                                         : orientations(measured_.symmetry);
@@ -172,6 +186,7 @@ std::vector<BodyState> Search::starts() const {
 /// the plane across the line of sight look the same (Necker reversal; Schweighofer & Pinz 2006 for
 /// planar targets). I - 2 w w^T mirrors across the line of sight, I - 2 n n^T maps the body onto
 /// itself.
+/// Both mirrorings together are a rotation again, so the result is a proper attitude.
 std::optional<BodyState> Search::mirrored(const BodyState& state) const {
   const auto viewpoint = camera_.viewpoint(state.position);
   if (!viewpoint) return std::nullopt;
@@ -184,6 +199,8 @@ std::optional<BodyState> Search::mirrored(const BodyState& state) const {
 
 /// Starts tilted away from the attitude across the line of sight, where the image is stationary in
 /// the tilt.
+/// None where the axis points along the line of sight to within 0.1: the direction in which to tilt
+/// is undefined there.
 std::vector<BodyState> Search::tilted(const BodyState& state) const {
   const auto viewpoint = camera_.viewpoint(state.position);
   if (!viewpoint) return {};
@@ -204,6 +221,8 @@ std::vector<BodyState> Search::tilted(const BodyState& state) const {
 /// direction in which it lies in `state` and across, at the depth where the size fits; those that
 /// fit better than their neighbors. A short cylinder shows one ellipse at two tilts that are nearer
 /// to each other than any few starts are.
+/// Costs are of the start positions, without a minimization: a scan is cheap, and its minima are
+/// followed like other starts.
 std::vector<BodyState> Search::scanned(const BodyState& state) const {
   constexpr int kTilts = 24;  // of half a turn: 7.5 degrees
   const auto viewpoint = camera_.viewpoint(state.position);
@@ -237,6 +256,8 @@ std::vector<BodyState> Search::scanned(const BodyState& state) const {
 }
 
 /// Logarithm of moved(): the step in the free parameters that leads from a to b.
+/// In m, rad and the logarithm of the size, by the symmetry given: none where the way itself
+/// counts.
 Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
                                      Symmetry symmetry) const {
   Eigen::VectorXd step(static_cast<Eigen::Index>(free_.size()));
@@ -249,6 +270,8 @@ Eigen::VectorXd Search::step_between(const BodyState& a, const BodyState& b,
 /// Profile likelihood: the distance along a direction, every other parameter at its best, at which
 /// chi^2 has grown by about 1; the distances tried are coarse, so 0.7 is enough. A valley that is
 /// flatter than its bottom's curvature, as of a tilt near zero, has a larger sigma.
+/// The distance is held by a penalty of 1e3 per sigma while the solver moves all else. 1, a natural
+/// unit, means that the direction is not observed.
 double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
                        double sigma) const {
   constexpr double kEnough = 0.7;
@@ -273,6 +296,8 @@ double Search::widened(const Minimum& minimum, const Eigen::VectorXd& direction,
 }
 
 /// Half a sigma by both Jacobians, or equal to rounding.
+/// So near, the measurement cannot tell them apart. Both must agree: where one valley is flat, the
+/// other may still be steep.
 bool Search::same(const Minimum& a, const Minimum& b) const {
   constexpr double kApart = 0.5;  // sigma
   const Eigen::VectorXd step = step_between(a.state, b.state, measured_.symmetry);
@@ -281,6 +306,7 @@ bool Search::same(const Minimum& a, const Minimum& b) const {
 }
 
 /// Minimizes from a start and keeps the minimum, or the better of two that are the same.
+/// A start without an image, or an end outside the projection, leaves nothing behind.
 void Search::follow(const BodyState& start) {
   const auto found =
       minimize([this](const BodyState& state) { return residuals(state); }, free_, start);
@@ -299,6 +325,7 @@ void Search::follow(const BodyState& start) {
 }
 
 /// Covariance of the free parameters, written into the full 7 x 7 matrix.
+/// A pose that did not converge has a position but no covariance: infinite variances.
 PoseCandidate Search::candidate(const Minimum& minimum) const {
   PoseCandidate made;
   made.pose = {minimum.state.position, minimum.state.orientation};
@@ -326,6 +353,7 @@ PoseCandidate Search::candidate(const Minimum& minimum) const {
 
 /// All starts, then for each minimum found its mirror image and tilted attitudes. Candidates are
 /// the minima whose chi^2 is within equal_chi2 of the best.
+/// At most kMost minima are expanded: each may bring three others.
 ObjectPose Search::run() {
   constexpr std::size_t kMost = 12;
   // sigma of what is known of the orientation: a tilted start would end where it is

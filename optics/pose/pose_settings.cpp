@@ -20,6 +20,8 @@ void PoseSettings::check() const {
   detail::require(max_residual_px > 0, "max_residual_px: must be positive");
 }
 
+/// Axes in order, since angle and axes exchange otherwise: throws std::invalid_argument naming
+/// `observed`.
 void detail::check_ellipse(const EllipseVector& observed) {
   detail::require(observed.allFinite(), "observed: must be finite");
   detail::require(observed[3] > 0 && observed[2] >= observed[3],

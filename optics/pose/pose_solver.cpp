@@ -12,6 +12,7 @@
 namespace vitreo::optics::detail {
 namespace {
 
+/// The order of FreeParameters: 0 to 2 position, 3 to 5 rotation, 6 the logarithm of the size.
 constexpr int kFirstRotation = 3;
 constexpr int kSize = 6;
 
@@ -20,6 +21,7 @@ constexpr int kSize = 6;
 double difference_step(int parameter) { return parameter < kFirstRotation ? 1e-6 : 1e-4; }
 
 /// Central differences: an error of second order in the step.
+/// Nothing where one of the neighbors has no image, as at the rim of the projection.
 std::optional<Eigen::MatrixXd> differentiate(const BodyResiduals& residuals,
                                              const FreeParameters& free, const BodyState& at,
                                              Eigen::Index rows) {
@@ -60,6 +62,8 @@ BodyState moved(const BodyState& state, const FreeParameters& free, const Eigen:
   return there;
 }
 
+/// 3 mm, 0.4 rad and 20 %: what counts as far in an eye. In these units one damping and one
+/// threshold serve all parameters.
 Eigen::VectorXd parameter_units(const FreeParameters& free) {
   Eigen::VectorXd units(static_cast<Eigen::Index>(free.size()));
   for (std::size_t i = 0; i < free.size(); ++i) {
@@ -77,6 +81,8 @@ constexpr int kDoublings = 12;
 
 /// Levenberg-Marquardt steps from one state, in the parameters' natural units:
 /// (J^T J + lambda D) x = -J^T r with Marquardt's scaling D = diag(J^T J) and a floor.
+/// The decomposition is repeated for each damping tried; J^T J is at most 7 x 7, and an evaluation
+/// of the residuals costs far more.
 class DampedSteps {
  public:
   DampedSteps(const Eigen::MatrixXd& scaled, const Eigen::VectorXd& residuals)
@@ -102,6 +108,7 @@ class DampedSteps {
 /// curvature: where a residual that stays is large against the noise and curved, as a body's length
 /// is in its tilt seen from straight above, its steps are too short by a factor that stays, and a
 /// hundred are not enough. So a step is doubled for as long as that lowers the cost again.
+/// False when not even the step itself lowers the cost. `best` follows each doubling that does.
 bool line_search(const BodyResiduals& residuals, const FreeParameters& free,
                  const Eigen::VectorXd& step, int doublings, Minimum& best) {
   const BodyState from = best.state;
@@ -119,6 +126,8 @@ bool line_search(const BodyResiduals& residuals, const FreeParameters& free,
 
 }  // namespace
 
+/// `converged` is false both at the limit of iterations and at the edge of what can be projected;
+/// the state is then the best one seen.
 std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParameters& free,
                                 const BodyState& start) {
   constexpr int kIterations = 100;
@@ -152,6 +161,7 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
       better = line_search(residuals, free, by, best.iterations >= kSlow ? kDoublings : 0, best);
     }
     if (better) {
+      // The loop has raised it once more by 8, so this is a division by 8.
       damping = std::fmax(damping / 64, 1e-9);
       continue;
     }
@@ -163,6 +173,8 @@ std::optional<Minimum> minimize(const BodyResiduals& residuals, const FreeParame
 
 /// By the eigenvectors of the information J^T J in natural units: sigma along each is 1 /
 /// sqrt(eigenvalue). Directions with a sigma above one unit are not observed.
+/// A lost direction must not leave finite numbers behind: what it moves gets an infinite variance
+/// and no covariances.
 Observed observed_from(const Eigen::MatrixXd& jacobian, const FreeParameters& free,
                        const Widen& widen) {
   constexpr double kShare = 0.02;

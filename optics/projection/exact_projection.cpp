@@ -14,6 +14,7 @@ namespace vitreo::optics {
 namespace {
 
 /// A traced ray as the line x = at_retina + slope z.
+/// The function refers to the system and the microscope and must not outlive them.
 detail::TraceLine tracer_of(const System& system, const Microscope& microscope) {
   return [&system, microscope](const Eigen::Vector2d& m) -> std::optional<detail::TracedLine> {
     const auto ray = isopixel_line(system, microscope, m);
@@ -27,6 +28,8 @@ detail::TraceLine tracer_of(const System& system, const Microscope& microscope) 
 
 /// A decentered telecentric microscope takes the same rays as a centered one; only m counts from
 /// its own axis, which shift_ undoes.
+/// Throws std::invalid_argument naming max_m where too few rays come through. `tabulated` asks for
+/// the grid even of a symmetric chain, so that a test can compare both.
 ExactProjection::ExactProjection(const System& system, const Microscope& microscope, double max_m,
                                  bool tabulated) {
   system.check();
@@ -56,6 +59,7 @@ ExactProjection::ExactProjection(const System& system, const Microscope& microsc
 /// The largest z at which neighboring lines keep apart: x = a(m) + z s(m) has the derivative A + z
 /// S by m, which is singular where an eigenvalue of A^-1 S is -1 / z. Beyond, one point has several
 /// images.
+/// Sampled along the x axis of m, which for a tilted microscope is one meridian of many.
 void ExactProjection::find_max_z(const System& system) {
   constexpr int kSteps = 64;
   constexpr double kNearViewpoint = 0.95;  // beyond, the image of a point grows without bound
@@ -74,6 +78,8 @@ void ExactProjection::find_max_z(const System& system) {
 
 /// Largest distance of the table from traced lines, in m of the aerial image, at both ends of the
 /// vitreous, as the difference of two straight lines is largest at an end.
+/// Nodes would agree by construction, so the test looks between them. The line's distance is turned
+/// into one of m by (dx/dm)^-1.
 void ExactProjection::check_against_trace(const detail::TraceLine& trace) {
   constexpr int kAcross = 23;  // no divisor of the table's own nodes
   for (int i = 0; i <= kAcross; ++i) {
@@ -93,6 +99,7 @@ void ExactProjection::check_against_trace(const detail::TraceLine& trace) {
 }
 
 /// By the implicit function theorem dm/dx = (dx/dm)^-1 at constant z.
+/// m counts from the table's own axis here; project_with_jacobian undoes the shift.
 bool ExactProjection::solve(const Eigen::Vector3d& point, Solution& found) const {
   if (!(point.z() <= max_z_)) return false;
   if (!(symmetric_ ? radial_.solve(point, found.m, found.line)
@@ -104,6 +111,7 @@ bool ExactProjection::solve(const Eigen::Vector3d& point, Solution& found) const
 }
 
 /// The public projection is bounded by retina and lens too.
+/// Nothing behind the retina, in the lens, beyond max_z, or where no line of the table leads.
 std::optional<ExactProjection::WithJacobian> ExactProjection::project_with_jacobian(
     const Eigen::Vector3d& point_in_eye) const {
   detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
@@ -129,6 +137,7 @@ std::optional<Eigen::Vector2d> ExactProjection::project(const Eigen::Vector3d& p
 }
 
 /// The isopixel line of m: the inverse of the projection but for the depth.
+/// Nothing outside the table. `z` (m) only chooses the point of the line that is its origin.
 std::optional<Ray> ExactProjection::line(const Eigen::Vector2d& m, double z) const {
   detail::require(m.allFinite() && std::isfinite(z), "m: must be finite");
   const Eigen::Vector2d in_table = m + shift_;

@@ -18,6 +18,9 @@ constexpr double kSlack = 1e-9;  // of max_m: a point computed to lie on the tab
 constexpr int kMaxSteps = 30;
 
 /// The largest |m| up to max_m to which rays come through, along one radius.
+/// Less than max_m is usual, as an image ends where the lens does; less than half of it is taken
+/// for a wrong max_m. From the first lost ray on nothing counts, though rays may come through
+/// again.
 double reach_of(const TraceLine& trace, double max_m) {
   constexpr int kSteps = 64;
   int last = 0;
@@ -31,6 +34,9 @@ double reach_of(const TraceLine& trace, double max_m) {
 
 /// x = m (A + S z): A and S are even in |m| by symmetry, so they are fitted as polynomials in
 /// |m|^2, at Chebyshev nodes of the scaled variable 2 |m|^2 / max_m^2 - 1, by least squares.
+/// x / m has no zero on the axis, so dividing costs no digits, and Chebyshev nodes keep the least
+/// squares away from Runge's oscillation. Terms that change the line by less than femtometers are
+/// dropped at once, as every projection evaluates them.
 RadialLines::RadialLines(const TraceLine& trace, double max_m) : max_m_(reach_of(trace, max_m)) {
   constexpr int kSamples = 48;
   Eigen::MatrixXd powers(kSamples, kTerms);
@@ -55,6 +61,7 @@ RadialLines::RadialLines(const TraceLine& trace, double max_m) : max_m_(reach_of
 }
 
 /// Horner's scheme for both polynomials and their derivatives.
+/// The derivative of a Horner step p x + c is p' x + p.
 RadialLines::Values RadialLines::values(double m2) const {
   const double per = 2 / (max_m_ * max_m_);
   const double x = m2 * per - 1;
@@ -70,6 +77,7 @@ RadialLines::Values RadialLines::values(double m2) const {
   return v;
 }
 
+/// kSlack is relative here.
 bool RadialLines::covers(const Eigen::Vector2d& m) const {
   return m.norm() <= max_m_ * (1 + kSlack);
 }
@@ -87,6 +95,8 @@ IsopixelLine RadialLines::line(const Eigen::Vector2d& m, const Values& v) {
 
 /// r^2 = M (A(M) + S(M) z)^2 for M = |m|^2 by Newton's method: smooth on the axis, and nearly
 /// linear. Its derivative by M is g (g + 2 M g') with g = A + S z.
+/// Unique while the slope is positive; a slope of zero is where neighboring lines cross, and the
+/// answer is none.
 bool RadialLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m,
                         IsopixelLine& line) const {
   constexpr double kConverged = 1e-9;  // of max_m^2; the step after such a step is below rounding
@@ -113,6 +123,8 @@ bool RadialLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m,
 }
 
 /// Traced at every node of a square grid of m.
+/// A node whose ray is lost is a NaN, which each interpolation over it inherits: the table's edge
+/// needs no list of its own.
 GridLines::GridLines(const TraceLine& trace, double max_m)
     : max_m_(max_m), step_(2 * max_m / (kNodes - 3)) {
   // One node beyond the square on each side, for the cubics of its outermost cells.
@@ -130,12 +142,15 @@ GridLines::GridLines(const TraceLine& trace, double max_m)
     throw std::invalid_argument("max_m: the rays in the middle are lost");
 }
 
+/// By evaluation: the edge of a grid with lost nodes is no simple shape.
 bool GridLines::covers(const Eigen::Vector2d& m) const {
   return m.cwiseAbs().maxCoeff() <= max_m_ * (1 + kSlack) && line(m).at_retina.allFinite();
 }
 
 /// Bicubic Lagrange interpolation through 4 x 4 nodes: w are the weights at the nodes -1, 0, 1, 2
 /// for t in [0, 1], d their derivatives. A lost node makes the result a NaN.
+/// The cubics share their nodes with those of the neighboring cells, so values are continuous and
+/// slopes nearly.
 IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
   double weight[2][4];
   double change[2][4];
@@ -179,6 +194,7 @@ IsopixelLine GridLines::line(const Eigen::Vector2d& m) const {
 
 /// Newton's method in m, the 2 x 2 Jacobian inverted by its adjugate. Steps are clamped to the
 /// square, where the table has values.
+/// From m = 0, the middle of the image, where the constructor has made sure of a line.
 bool GridLines::solve(const Eigen::Vector3d& point, Eigen::Vector2d& m, IsopixelLine& line) const {
   constexpr double kConverged = 1e-10;  // m: the step after such a step is below a nanometer by far
   m.setZero();

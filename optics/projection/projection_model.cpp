@@ -4,6 +4,7 @@
 namespace vitreo::optics::detail {
 
 /// (5.13): the pixel is K P(X), P the projection and K the microscope's matrix (5.12).
+/// Nothing where the point has no image.
 std::optional<Eigen::Vector2d> ProjectionModel::pixel(const Eigen::Vector3d& point) const {
   Eigen::Vector2d m;
   const bool projected =
@@ -13,6 +14,8 @@ std::optional<Eigen::Vector2d> ProjectionModel::pixel(const Eigen::Vector3d& poi
   return image_.pixel_from_m(m);
 }
 
+/// The thesis' viewpoint is one for all points; without that simplification each neighborhood of
+/// lines has its own.
 std::optional<Eigen::Vector3d> ProjectionModel::viewpoint(const Eigen::Vector3d& point) const {
   if (!exact_) return Eigen::Vector3d(0, 0, view_.viewpoint);
   Eigen::Vector3d from;
@@ -20,6 +23,8 @@ std::optional<Eigen::Vector3d> ProjectionModel::viewpoint(const Eigen::Vector3d&
   return from;
 }
 
+/// Nothing outside the projection. The direction leads away from the retina and is used by its
+/// slopes, so its length does not count.
 std::optional<Ray> ProjectionModel::line_of_sight(const Eigen::Vector2d& pixel_px) const {
   const Eigen::Vector2d m = image_.m_from_pixel(pixel_px);
   if (exact_) return exact_->line(m);
@@ -32,6 +37,7 @@ std::optional<Ray> ProjectionModel::line_of_sight(const Eigen::Vector2d& pixel_p
   return Ray{{0, 0, view_.viewpoint}, {across.x(), across.y(), 1}};
 }
 
+/// By an attempt: both projections know their own limits.
 bool ProjectionModel::inside(const Eigen::Vector3d& point) const {
   return exact_ ? exact_->project(point).has_value() : view_.project(point).has_value();
 }

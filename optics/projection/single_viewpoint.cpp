@@ -25,6 +25,8 @@ struct Curve {
 };
 
 /// Traced isopixel curves at equal steps of |m| from the axis outwards, up to the first lost ray.
+/// Rays that come through again beyond a lost one are left out, as they belong to no connected
+/// image.
 std::vector<Curve> trace_curves(const System& system, const Microscope& centered, double max_m,
                                 int samples) {
   std::vector<Curve> curves;
@@ -39,6 +41,7 @@ std::vector<Curve> trace_curves(const System& system, const Microscope& centered
 }
 
 /// p_0 of thesis 5.2: the median of the curves' intersections p_c with the optical axis.
+/// With an even number of curves the upper of the two in the middle.
 double median_intersection_with_axis(const std::vector<Curve>& curves) {
   std::vector<double> z;
   for (const Curve& curve : curves) z.push_back(-curve.at_retina / curve.slope);
@@ -49,6 +52,7 @@ double median_intersection_with_axis(const std::vector<Curve>& curves) {
 
 /// The slope of the line through the viewpoint that is nearest to the curve between two depths: the
 /// minimum over lambda of the integral of (at_retina + slope z - lambda (z - viewpoint))^2.
+/// Depths are z in m. Distances across the axis count, as those are what a projection errs by.
 double slope_through(double viewpoint, const Curve& curve, double from_z, double to_z) {
   // With t = z - viewpoint: minimize the integral of (e + (slope - lambda) t)^2, e the curve at the
   // viewpoint; lambda = slope + e * integral of t / integral of t^2.
@@ -61,6 +65,7 @@ double slope_through(double viewpoint, const Curve& curve, double from_z, double
 }
 
 /// (5.2) by least squares, d = 0.
+/// d = 0, as the line of m = 0 is the axis by symmetry; as printed, (5.2) has it free.
 void fit_slopes(const std::vector<Curve>& curves, double from_z, double to_z,
                 SingleViewpoint& view) {
   const auto count = static_cast<Eigen::Index>(curves.size());
@@ -79,6 +84,7 @@ void fit_slopes(const std::vector<Curve>& curves, double from_z, double to_z,
 
 /// (5.5) to (5.9), the one real root where D^2 >= 0 (Cardano). Where D^2 < 0 there are three, which
 /// take cosines instead of cube roots (Viete); the one nearest the middle of the range is meant.
+/// The thesis prints the case of one real root alone.
 double root_by_formula(const std::array<double, 4>& cubic, double slope, double max_m) {
   const auto& [a, b, c, d] = cubic;
   const double q = b * b - 3 * a * c;
@@ -102,6 +108,8 @@ double root_by_formula(const std::array<double, 4>& cubic, double slope, double 
 
 /// The closed form gives the start, Newton's method the digits; what does not satisfy (5.2) within
 /// the range is no answer.
+/// `slope` is the tangent of (5.4), not negative. Six steps of Newton's method are plenty for a
+/// start that is right to some digits.
 std::optional<double> detail::height_from_slope(const SingleViewpoint& view, double slope) {
   // of the linear term: below this the formula divides nothing by nothing
   constexpr double kSmall = 1e-4;
@@ -123,6 +131,7 @@ std::optional<double> detail::height_from_slope(const SingleViewpoint& view, dou
 }
 
 /// Monotony of (5.2), "one-to-one" in the thesis, is tested at 65 heights.
+/// Throws std::invalid_argument naming the value that (5.3) to (5.11) cannot do with.
 void SingleViewpoint::check() const {
   constexpr int kSteps = 64;
   const bool finite = std::all_of(slope_from_m.begin(), slope_from_m.end(),
@@ -138,6 +147,7 @@ void SingleViewpoint::check() const {
   }
 }
 
+/// (5.3) to (5.11), for 0 <= z <= max_z and heights up to max_m.
 std::optional<Eigen::Vector2d> SingleViewpoint::project(const Eigen::Vector3d& point_in_eye) const {
   detail::require(point_in_eye.allFinite(), "point_in_eye: must be finite");
   if (!(point_in_eye.z() >= 0 && point_in_eye.z() <= max_z)) return std::nullopt;
@@ -149,6 +159,9 @@ std::optional<Eigen::Vector2d> SingleViewpoint::project(const Eigen::Vector3d& p
 
 /// Thesis 5.2: curves, viewpoint as the median of their intersections with the axis, then slopes
 /// through that viewpoint.
+/// The viewpoint lies on the eye's axis, so a tilt has no place in this model; a decentering only
+/// moves where m counts from (axis_m). Throws std::invalid_argument naming max_m, the samples or
+/// the depths.
 SingleViewpoint fit_single_viewpoint(const System& system, const Microscope& microscope,
                                      double max_m, int samples, double fit_from_z,
                                      double fit_to_z) {

@@ -12,6 +12,8 @@
 namespace vitreo::optics {
 namespace {
 
+/// The kernel's header must stay free of shared code, so its codes are plain numbers; here they are
+/// held equal to TraceStatus.
 static_assert(static_cast<int>(TraceStatus::missed) == detail::kLostMissed);
 static_assert(static_cast<int>(TraceStatus::total_reflection) == detail::kLostReflected);
 static_assert(static_cast<int>(TraceStatus::clipped) == detail::kLostClipped);
@@ -21,6 +23,7 @@ static_assert(static_cast<int>(TraceStatus::no_convergence) == detail::kLostNoCo
 constexpr int kStatuses = 8;  // a loss is kStatuses * surface + status
 
 /// The instruction sets that kernels.cmake compiles each level for.
+/// By the processor, and for AVX by the operating system too, which must save the wide registers.
 bool machine_has(CpuLevel level) {
   switch (level) {
     case CpuLevel::baseline:
@@ -34,6 +37,8 @@ bool machine_has(CpuLevel level) {
   return false;
 }
 
+/// Refused by name where the machine lacks it; the kernel itself would end the program by an
+/// illegal instruction.
 detail::TraceBlock kernel_for(CpuLevel level) {
   if (!machine_has(level)) {
     throw std::invalid_argument(std::string("level: this machine has no ") + to_string(level));
@@ -44,6 +49,8 @@ detail::TraceBlock kernel_for(CpuLevel level) {
 
 /// A surface as the kernel takes it: curvature for radius, squared radii for comparisons, the ratio
 /// of indices in the direction of travel.
+/// A plane's curvature is 1 / infinity = 0, and a rim of infinite radius clips nothing, so neither
+/// is a special case in the kernel.
 detail::KernelSurface compile(const System& system, int number, double vertex, bool outwards) {
   const Surface& surface = system.surfaces[number - 1];
   const double before = system.surfaces[number - 2].index;
@@ -68,6 +75,8 @@ detail::KernelSurface compile(const System& system, int number, double vertex, b
 
 /// Marks rays that cannot be traced as missed, where trace_out would throw. Written with & and
 /// selections for the vectorizer.
+/// They are lost at the first surface of their way. The kernel takes unit directions and finite
+/// numbers for granted.
 void refuse_bad_rays(bool outwards, int surface, RayBlock& r) {
   // Of |d|^2, as trace_out.
   constexpr double kUnit = 1e-6;
@@ -109,6 +118,7 @@ CpuLevel best_cpu_level() {
   return machine_has(CpuLevel::avx2) ? CpuLevel::avx2 : CpuLevel::baseline;
 }
 
+/// Alive and without a crossing of the stop, since blocks are filled again and again.
 void put(RayBlock& block, int i, const Ray& ray) {
   block.x[i] = ray.origin.x();
   block.y[i] = ray.origin.y();
@@ -129,6 +139,7 @@ TraceResult result(const RayBlock& block, int i) {
   return made;
 }
 
+/// Whole blocks: the last one may have lanes that no ray was put into.
 RayBatch::RayBatch(int count) : size_(count) {
   detail::require(count >= 0, "count: must not be negative");
   blocks_.resize(static_cast<std::size_t>((count + RayBlock::kSize - 1) / RayBlock::kSize));
@@ -154,18 +165,22 @@ BatchTracer::BatchTracer(const System& system, CpuLevel level) : kernel_(kernel_
   if (!to_stop_.empty()) to_stop_.back().stop2 = std::numeric_limits<double>::infinity();
 }
 
+/// `surfaces` in the order of travel; the rays are tested first, as the kernel does not.
 void BatchTracer::trace(const std::vector<detail::KernelSurface>& surfaces, std::size_t count,
                         bool outwards, RayBlock& rays) const {
   refuse_bad_rays(outwards, outwards ? 2 : surfaces.front().number, rays);
   kernel_(surfaces.data(), static_cast<int>(count), &rays);
 }
 
+/// Up to and through the stop's own surface; the rays then stand behind it.
 void BatchTracer::trace_through_stop(RayBlock& rays) const {
   if (to_stop_.empty()) throw std::invalid_argument("stop: the system has none");
   trace(to_stop_, to_stop_.size(), true, rays);
 }
 
 /// The last of to_stop_ is the stop's own surface.
+/// So the rays are those that reach the plane of the stop from before, whichever side of its
+/// surface that plane is on.
 void BatchTracer::trace_before_stop(RayBlock& rays) const {
   if (to_stop_.empty()) throw std::invalid_argument("stop: the system has none");
   trace(to_stop_, to_stop_.size() - 1, true, rays);

@@ -10,6 +10,8 @@
 
 namespace vitreo::optics {
 
+/// Throws std::invalid_argument naming the value. An infinite pupil distance is telecentric and
+/// allowed, a negative one lies on the eye's side.
 void Microscope::check() const {
   constexpr double kMaxTilt = 0.5;  // rad; no microscope stands more obliquely to an eye
   detail::require(numerical_aperture > 0 && numerical_aperture < 1,
@@ -25,6 +27,8 @@ void Microscope::check() const {
 
 /// The chief ray goes through the center of the microscope's entrance pupil: for a telecentric one
 /// (pupil at infinity) it is parallel to the microscope's axis, else it points from m to the pupil.
+/// `m` in the plane in focus, m from the microscope's axis; the ray is in the eye frame and goes
+/// outwards.
 Ray chief_ray_in_air(const System& system, const Microscope& microscope, const Eigen::Vector2d& m) {
   detail::require(m.allFinite(), "m: must be finite");
   const Eigen::Vector3d center(microscope.decenter.x(), microscope.decenter.y(),
@@ -47,6 +51,8 @@ Ray chief_ray_in_air(const System& system, const Microscope& microscope, const E
 }
 
 /// By the reversibility of light: the chief ray is traced inwards and its direction turned round.
+/// Nothing where the ray is lost on its way in. The line's origin lies on surface 2, from where it
+/// is straight in the vitreous.
 std::optional<Ray> isopixel_line(const System& system, const Microscope& microscope,
                                  const Eigen::Vector2d& m) {
   // The plane in focus may lie before the last vertex (a virtual aerial image), so start well

@@ -14,6 +14,8 @@
 namespace vitreo::optics {
 namespace {
 
+/// A block is always traced whole, so loops run over all lanes and the vectorizer needs no
+/// remainder.
 constexpr int kLanes = RayBlock::kSize;
 
 /// The same system with its stop opened, for aiming: its surface is still marked, but nothing is
@@ -46,6 +48,8 @@ std::vector<Eigen::Vector2d> disc_samples(int rings, int arms) {
   return samples;
 }
 
+/// Rim to rim. The ends weigh as much as all others, which shifts a fan's best focus a little
+/// against a disc's.
 std::vector<Eigen::Vector2d> fan_samples(int count) {
   detail::require_at_least(count, 2, "count");
   std::vector<Eigen::Vector2d> samples;
@@ -53,6 +57,7 @@ std::vector<Eigen::Vector2d> fan_samples(int count) {
   return samples;
 }
 
+/// The disc lies in the vertex plane of the stop's surface.
 Pupil Pupil::of_stop(const System& system, Kind kind) {
   if (!system.stop) throw std::invalid_argument("stop: the system has none");
   return {kind, system.vertex(system.stop->surface), {0, 0}, system.stop->radius};
@@ -71,6 +76,8 @@ Pupil Pupil::of_microscope(const System& system, const Microscope& microscope) {
 }
 
 /// Bisection for the crossing of the line with the retina: z - sag(r) along it.
+/// Sixty halvings of the distance from retina to stop end at rounding; Newton's method would need a
+/// retina without an edge.
 std::optional<Eigen::Vector3d> point_at_field(const System& system, double angle, double depth) {
   constexpr int kHalvings = 60;
   if (!std::isfinite(angle) || std::abs(angle) >= std::numbers::pi / 2) {
@@ -95,6 +102,8 @@ std::optional<Eigen::Vector3d> point_at_field(const System& system, double angle
   return Eigen::Vector3d((pupil - z) * std::tan(angle), 0, z);
 }
 
+/// Two tracers of one system: the real one clips, the open one carries rays that are still being
+/// aimed through any stop.
 PupilTracer::PupilTracer(const System& system, const Pupil& pupil, CpuLevel level)
     : system_(system),
       pupil_(pupil),
@@ -107,6 +116,7 @@ PupilTracer::PupilTracer(const System& system, const Pupil& pupil, CpuLevel leve
 }
 
 /// By the sags of retina and surface 2 at the point's distance from the axis.
+/// A point on the retina is in the vitreous, and so is one that touches the lens.
 bool PupilTracer::in_vitreous(const Eigen::Vector3d& point) const {
   constexpr double kRounding = 1e-9;  // m: a point computed to lie on the retina is on it
   if (!point.allFinite()) return false;
@@ -134,6 +144,7 @@ void PupilTracer::fill(const Eigen::Vector3d& point, RayBlock& rays, const doubl
 
 /// Traces as far as needed and gives the coordinates at which the pupil is met; NaN where a ray is
 /// lost before. For a pupil at infinity the coordinates are the slopes.
+/// The lanes are traced in place, so `rays` is used up.
 void PupilTracer::reach(RayBlock& rays, double* pupil_x, double* pupil_y) const {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   if (pupil_.kind == Pupil::Kind::stop) {
@@ -207,6 +218,8 @@ std::optional<PupilTracer::Aim> PupilTracer::solve(const Eigen::Vector3d& point,
 /// The other rays of the bundle from the chief ray's Jacobian, by the chord method (Newton with a
 /// constant Jacobian): what is left of a target moves a sample within the pupil, by less than a
 /// micrometer, and is no error of any ray.
+/// The inverse Jacobian is that of the chief ray. A lane that is lost keeps its slope and is lost
+/// again when it is traced in earnest.
 void PupilTracer::refine(const Eigen::Vector3d& point, const Aim& aim, const double* target_x,
                          const double* target_y, double* slope_x, double* slope_y) const {
   const int steps = fills_stop() ? 5 : 2;  // a microscope's pupil is small
@@ -233,6 +246,8 @@ void PupilTracer::refine(const Eigen::Vector3d& point, const Aim& aim, const dou
   }
 }
 
+/// By Newton's method of its own, exact to rounding, where a bundle's rays stop after a few chord
+/// steps.
 std::optional<Ray> PupilTracer::aim(const Eigen::Vector3d& point,
                                     const Eigen::Vector2d& sample) const {
   if (!in_vitreous(point)) return std::nullopt;
@@ -243,6 +258,7 @@ std::optional<Ray> PupilTracer::aim(const Eigen::Vector3d& point,
 
 /// Behind the system in coordinates of the last vertex plane: a position and a slope describe the
 /// ray at every distance.
+/// Only the first `count` lanes; the others are repetitions.
 void PupilTracer::add(const RayBlock& rays, int count, Spot& spot) const {
   for (int i = 0; i < count; ++i) {
     if (rays.lost[i] != 0) {
@@ -258,6 +274,9 @@ void PupilTracer::add(const RayBlock& rays, int count, Spot& spot) const {
 
 /// The chief ray alone first, since it decides whether there is an image and gives the Jacobian for
 /// the others.
+/// Lost rays count in spot.lost and have no position. A microscope's bundle goes through the real
+/// system, so the eye's stop may cut it. Spare lanes of the last block repeat its first sample and
+/// are left out.
 bool PupilTracer::trace(const Eigen::Vector3d& point, const std::vector<Eigen::Vector2d>& samples,
                         Spot& spot) const {
   spot.position.clear();

@@ -12,12 +12,14 @@
 namespace vitreo::optics {
 
 /// sqrt(var x + 2 s cov(x, u) + s^2 var u), summed over both transverse directions.
+/// At `distance` behind the last vertex, m; no pass over the rays is needed.
 double SpotMoments::rms(double distance) const {
   const double square =
       position.trace() + distance * (2 * position_slope.trace() + distance * slope.trace());
   return std::sqrt(std::max(square, 0.0));  // rounding may leave less than nothing
 }
 
+/// A ray is straight behind the last surface.
 std::vector<Eigen::Vector2d> Spot::at(double distance) const {
   std::vector<Eigen::Vector2d> points(position.size());
   for (std::size_t i = 0; i < position.size(); ++i) points[i] = position[i] + distance * slope[i];
@@ -47,6 +49,7 @@ SpotMoments Spot::moments() const {
 }
 
 /// |mean of exp(-2 pi i f . p)|: the transform of a spread of points of equal weight.
+/// `frequency` in cycles per m; geometric, so without diffraction.
 double geometric_mtf(const Spot& spot, double distance, const Eigen::Vector2d& frequency) {
   if (spot.rays() == 0) return 0;
   // the phase stays small; its modulus does not care
@@ -59,6 +62,8 @@ double geometric_mtf(const Spot& spot, double distance, const Eigen::Vector2d& f
 }
 
 /// A histogram of the spot about its mean.
+/// Cells are counted from the lower edge, cells / 2 being the mean; the share in them may sum up to
+/// less than 1.
 Eigen::MatrixXd geometric_psf(const Spot& spot, double distance, double half_width, int cells) {
   detail::require_positive(half_width, "half_width");
   detail::require_at_least(cells, 1, "cells");

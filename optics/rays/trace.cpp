@@ -21,6 +21,8 @@ void check_ray(const Ray& ray) {
 
 /// Crosses surface `number` (vertex at z) outwards or inwards, in the frame of its vertex; on loss
 /// sets the status in `result` and returns false.
+/// `before` and `behind` are in the sense of travel: outwards the medium before a surface is the
+/// previous row's, inwards its own.
 bool step(const System& system, int number, double z, bool outwards, TraceResult& result) {
   const double before = system.surfaces[number - (outwards ? 2 : 1)].index;
   const double behind = system.surfaces[number - (outwards ? 1 : 2)].index;
@@ -37,6 +39,8 @@ bool step(const System& system, int number, double z, bool outwards, TraceResult
 }
 
 /// A ray that goes the other way meets no surface.
+/// Checks and turns back before the first surface, which the caller names as the one where it was
+/// lost.
 TraceResult start(const Ray& ray, bool outwards) {
   check_ray(ray);
   TraceResult result;
@@ -80,6 +84,7 @@ TraceResult trace_out(const System& system, const Ray& ray) {
   return result;
 }
 
+/// Light is reversible: the same crossings backwards, each with its ratio of indices inverted.
 TraceResult trace_in(const System& system, const Ray& ray) {
   TraceResult result = start(ray, false);
   if (result.status != TraceStatus::ok) {

@@ -12,6 +12,7 @@ namespace {
 /// A power (1/m) or an angular magnification below this is rounding.
 constexpr double kAfocal = 1e-9;
 
+/// Of the vitreous, n_v, and of what is behind the last surface, n_i.
 double front_index(const System& system) { return system.surfaces.front().index; }
 double back_index(const System& system) { return system.surfaces.back().index; }
 
@@ -37,12 +38,14 @@ Eigen::Matrix2d from_object(const System& system, double depth) {
 
 }  // namespace
 
+/// The power D = (n' - n) / r; a plane's is 0, its radius being infinite.
 Eigen::Matrix2d refraction_matrix(double index_before, double index_behind, double radius) {
   Eigen::Matrix2d matrix;
   matrix << 1, -(index_behind - index_before) / radius, 0, 1;  // (4.2), (4.3)
   return matrix;
 }
 
+/// The reduced thickness t / n, as angles are carried multiplied by the index.
 Eigen::Matrix2d transfer_matrix(double thickness, double index) {
   Eigen::Matrix2d matrix;
   matrix << 1, 0, thickness / index, 1;  // (4.4)
@@ -51,6 +54,8 @@ Eigen::Matrix2d transfer_matrix(double thickness, double index) {
 
 /// (4.9): the product of refractions (4.2), (4.3) and transfers (4.4), the first surface rightmost.
 /// Conic constants and aspheric terms do not enter first-order optics.
+/// From surface `from` to surface `to`, both refractions included; `to` 0 is the last. Throws
+/// std::invalid_argument for an unsound system.
 Eigen::Matrix2d system_matrix(const System& system, int from, int to) {
   system.check();
   if (to == 0) to = system.size();
@@ -90,6 +95,8 @@ std::optional<CardinalPoints> cardinal_points(const System& system) {
   return points;
 }
 
+/// Nothing where the image is at infinity: rays from the object leave parallel, b00 = 0. The rows
+/// of B are (n angle, height).
 std::optional<AxialImage> axial_image(const System& system, double depth) {
   const Eigen::Matrix2d b = from_object(system, depth);
   if (std::abs(b(0, 0)) < kAfocal) return std::nullopt;
@@ -104,6 +111,8 @@ std::optional<AxialImage> axial_image(const System& system, double depth) {
 }
 
 /// A change of the magnification's sign within the range means that the image passed infinity.
+/// Of the image's position over depth, both in m: the mean of the longitudinal magnification over
+/// the range.
 std::optional<double> secant_slope(const System& system, double depth) {
   detail::require(depth > 0, "depth: must be positive");
   const auto from = axial_image(system, 0);

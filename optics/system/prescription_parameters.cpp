@@ -17,6 +17,8 @@ constexpr const char* kAsphericUnit[] = {"m^-3", "m^-5", "m^-7", "m^-9"};
 
 /// Calls visit(name, alias, unit, value&) for every real parameter. The alias counts the surface:
 /// "surface_5.radius".
+/// Listing, reading and replacing all come through here, so a name that is listed can always be
+/// set. A thickness behind the last surface is no parameter, since nothing depends on it.
 template <class AnyPrescription, class Visitor>
 void visit_parameters(AnyPrescription& of, Visitor&& visit) {
   auto& surfaces = of.system.surfaces;
@@ -43,6 +45,7 @@ std::vector<std::string> names_of(const Prescription& prescription) {
   return names;
 }
 
+/// With the nearest names, as most unknown names are misspelled.
 [[noreturn]] void refuse_unknown(const Prescription& prescription, std::string_view name) {
   throw std::invalid_argument("parameter: " + prescription.name + " has no \"" + std::string(name) +
                               "\"" + detail::suggestions(name, names_of(prescription)));
@@ -63,6 +66,7 @@ void check_names(const std::vector<std::string>& names, const System& system, co
 }
 
 /// The only parameter that is an integer.
+/// Throws std::invalid_argument naming it; the surface must refract, so it is never the retina.
 void set_stop_surface(Prescription& prescription, double value) {
   if (!(std::floor(value) == value && value >= 2 && value <= prescription.system.size())) {
     throw std::invalid_argument("stop.surface: must be a whole number of 2.." +
@@ -71,6 +75,8 @@ void set_stop_surface(Prescription& prescription, double value) {
   prescription.system.stop->surface = static_cast<int>(value);
 }
 
+/// Only the name and NaN are refused here: values that are unsound alone may be sound with the next
+/// one.
 void set(Prescription& prescription, const std::string& name, double value) {
   if (std::isnan(value)) throw std::invalid_argument(name + ": is not a number");
   if (name == "stop.surface" && prescription.system.stop)
@@ -128,6 +134,7 @@ double parameter(const Prescription& prescription, std::string_view name) {
 
 /// All overrides at once, since some are sound only together. When the result is unsound, each is
 /// tried alone, so that the error names the parameter at fault.
+/// A Prescription is returned whole or an error is thrown; nothing is half changed.
 Prescription with_parameters(Prescription prescription, std::span<const Override> overrides) {
   prescription.check();
   Prescription changed = prescription;

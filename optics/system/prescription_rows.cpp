@@ -9,6 +9,7 @@ namespace {
 /// No lens has so many surfaces; a longer table is a mistake, and tracing it would take long.
 constexpr std::size_t kMostRows = 1000;
 
+/// So that each surface and medium has a name that parameters can be found by.
 std::string name_or(const std::string& name, const char* otherwise, std::size_t number) {
   return name.empty() ? otherwise + std::to_string(number) : name;
 }
@@ -32,6 +33,7 @@ PrescriptionTable to_rows(const Prescription& prescription) {
 }
 
 /// Names left out are numbered from 1, as the thesis counts surfaces.
+/// Rows may come from a script: they are bounded and checked before anything is traced.
 Prescription from_rows(const PrescriptionTable& table) {
   if (table.rows.size() > kMostRows) {
     throw std::invalid_argument("rows: " + std::to_string(table.rows.size()) + " are more than " +

@@ -40,6 +40,7 @@ Surface surface_from(const Row& row) {
   return surface;
 }
 
+/// The stop is counted as in the tables, from 1, the retina.
 struct About {
   const char* name;
   const char* title;
@@ -63,6 +64,7 @@ Prescription make(const About& about, const Rows& rows) {
   return made;
 }
 
+/// In the order of light: the eye first, then what is put before it.
 Rows operator+(Rows eye, const Rows& more) {
   eye.insert(eye.end(), more.begin(), more.end());
   return eye;
@@ -113,6 +115,8 @@ Rows two_lens_eye(double cornea_anterior_mm) {
 }
 
 /// One plano-convex lens in air, its flat side to the retina, the retina in its focus.
+/// It stands in for the undisclosed eye of chapter 4, so that its experiments can be repeated with
+/// some eye of that kind.
 Rows one_lens_eye(double retina_mm, double radius_mm) {
   return Rows{{"retina", "vitreous", 12.00, -0.175, retina_mm, 1.000},
               {"lens.posterior", "lens", kPlane, 0.00, 3.00, 1.492},
@@ -178,6 +182,7 @@ std::vector<Prescription> all_of_other_eyes() {
   };
 }
 
+/// Built anew at each call, so that there is no global state.
 std::vector<Prescription> all() {
   std::vector<Prescription> list = all_of_navarro();
   std::vector<Prescription> others = all_of_other_eyes();
@@ -203,6 +208,8 @@ Prescription prescription(std::string_view name) {
                               detail::suggestions(name, prescription_names()));
 }
 
+/// Of Navarro's lens; the vitreous keeps its length, so that the retina's image comes to 1 / A
+/// before the eye. Throws std::invalid_argument naming a parameter that the eye does not have.
 Prescription accommodate(Prescription relaxed, double accommodation) {
   detail::require(accommodation >= 0 && accommodation <= 10,
                   "accommodation: must lie within 0 and 10 dioptres");

@@ -15,6 +15,8 @@ namespace {
 }
 
 /// Refuses values that no real surface or medium has; the limits are far beyond any eye or lens.
+/// `number` counts from 1, as the thesis does; the last surface's thickness is of no consequence
+/// and not checked.
 void check_surface(const Surface& surface, int number, bool last) {
   if (std::isnan(surface.radius) || surface.radius == 0)
     refuse(number, "radius must not be zero or NaN");
@@ -33,6 +35,7 @@ void check_surface(const Surface& surface, int number, bool last) {
 
 /// Where both surfaces have a rim, the medium between them must have a thickness up to the smaller
 /// rim. Surfaces without a rim may meet somewhere outside; rays that come there are lost as missed.
+/// Sampled at 16 heights, since two aspheres may meet between axis and rim.
 void check_gap(const Surface& front, const Surface& behind, int number) {
   constexpr int kSteps = 16;
   constexpr double kRounding = 1e-12;  // m: of surfaces in contact
@@ -51,6 +54,7 @@ void check_gap(const Surface& front, const Surface& behind, int number) {
 }  // namespace
 
 /// (3.1)
+/// NaN where the conic part does not reach out to r.
 double Surface::sag(double r) const {
   return detail::profile(1 / radius, conic, aspheric, r * r).sag;
 }
@@ -67,6 +71,7 @@ double System::vertex(int surface) const {
 }
 
 /// Surface 1 is the retina, which does not refract: only its thickness and index count in a trace.
+/// Called once by what keeps a system, so that a trace need not test its surfaces.
 void System::check() const {
   if (size() < 2)
     throw std::invalid_argument(

@@ -14,6 +14,8 @@ namespace {
 
 /// A standard normal number by Box & Muller (1958), the cosine branch alone.
 /// std::normal_distribution differs from library to library, and with it would the sampled eyes.
+/// A draw always takes two numbers of the generator, so the n-th draw of a seed is the same
+/// whatever came before.
 double normal(std::mt19937_64& random) {
   constexpr double kUnit = 0x1p-53;
   // The upper 53 bits of a draw: what a double holds. The half keeps u above 0, where the logarithm
@@ -23,6 +25,7 @@ double normal(std::mt19937_64& random) {
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
 }
 
+/// From a relative sigma of 1 on, a sixth of all draws or more would have the wrong sign.
 void check(const Uncertainty& one) {
   if (!(one.relative >= 0 && one.relative < 1)) {
     throw std::invalid_argument(one.parameter + ": its uncertainty must lie within 0 and 1");
@@ -57,6 +60,8 @@ std::vector<Uncertainty> table_5_1() {
   };
 }
 
+/// Leaves out what the prescription does not have, and what has no fraction: the index of air is
+/// exact, a plane has no radius.
 std::vector<Uncertainty> applicable(const std::vector<Uncertainty>& uncertainties,
                                     const Prescription& prescription) {
   const auto known = parameters(prescription);
@@ -73,6 +78,7 @@ std::vector<Uncertainty> applicable(const std::vector<Uncertainty>& uncertaintie
   return those;
 }
 
+/// Throws std::invalid_argument where the moved parameter leaves no sound system.
 Prescription perturbed(const Prescription& prescription, const Uncertainty& uncertainty,
                        double sigmas) {
   const Override change = off(prescription, uncertainty, sigmas);
@@ -81,6 +87,8 @@ Prescription perturbed(const Prescription& prescription, const Uncertainty& unce
 
 /// Independent Gaussian parameters; rejection sampling truncates them to systems that pass
 /// System::check.
+/// Throws std::invalid_argument naming the uncertainties when hardly any draw is sound. The sigmas
+/// drawn are kept with each eye, so that errors can be traced back to them.
 std::vector<PerturbedEye> monte_carlo(const Prescription& prescription,
                                       const std::vector<Uncertainty>& uncertainties, int count,
                                       std::mt19937_64& random) {

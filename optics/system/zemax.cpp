@@ -16,6 +16,7 @@ namespace {
 
 using detail::ZemaxLine;
 
+/// No lens has so many; a longer file is a mistake.
 constexpr std::size_t kMostSurfaces = 1000;
 
 /// Index at the d line of glasses that lenses for the eye are made of.
@@ -50,6 +51,7 @@ constexpr std::string_view kHarmless[] = {
     "OPTG", "HYPR", "CSLB", "FIMP", "ZEMX", "UDAT", "MCOP"};
 
 /// UNIT names the lens unit; all lengths of the file are in it, wavelengths excepted.
+/// An unknown unit is refused, as a guess would scale the whole lens.
 double meters_per_unit(const ZemaxLine& line) {
   const std::string unit = line.words.empty() ? "" : line.words[0];
   if (unit == "MM") return 1e-3;
@@ -60,6 +62,7 @@ double meters_per_unit(const ZemaxLine& line) {
 }
 
 /// GLAS: a glass of the table above, or a model glass with the index in the line.
+/// No dispersion: the index at the d line stands for all wavelengths.
 double index_of(const ZemaxLine& line) {
   if (line.words.empty()) line.refuse("the glass has no name");
   const std::string& name = line.words[0];
@@ -82,6 +85,8 @@ double index_of(const ZemaxLine& line) {
 
 /// One pass over the lines. A SURF line begins a surface, indented lines belong to it, all others
 /// to the header.
+/// The reader keeps the lens' unit, the shape and the rim of the surface that it is in; all else
+/// goes straight into the file's fields.
 class Reader {
  public:
   ZemaxFile read(std::string_view bytes);
@@ -111,6 +116,7 @@ bool is_harmless(const std::string& operand) {
 }
 
 /// Wavelengths, in um in the file. They are kept for the record; no dispersion is computed.
+/// False when the operand is none of them.
 bool Reader::header_wavelength(const ZemaxLine& line) {
   constexpr double kMicrometer = 1e-6;
   constexpr std::size_t kMost = 24;  // as Zemax has
@@ -133,6 +139,7 @@ bool Reader::header_wavelength(const ZemaxLine& line) {
 }
 
 /// Operands before the first surface, or between surfaces without indentation.
+/// An operand that is not known is refused rather than skipped: it might bend light.
 void Reader::header(const ZemaxLine& line) {
   const std::string& operand = line.operand;
   if (operand == "MODE") {
@@ -157,6 +164,7 @@ void Reader::header(const ZemaxLine& line) {
 }
 
 /// Surfaces are numbered from 0 without gaps: 0 is the object, the last the image.
+/// A file with gaps was cut or edited by hand, and every distance behind the gap would be wrong.
 void Reader::begin_surface(const ZemaxLine& line) {
   if (line.integer_at(0, "number") != number() + 1) {
     line.refuse("surface " + std::to_string(number() + 1) + " was expected");
@@ -170,6 +178,7 @@ void Reader::begin_surface(const ZemaxLine& line) {
 }
 
 /// PARM of even aspheres (EVENASPH).
+/// A value of zero is accepted on any surface, as it changes nothing.
 void Reader::parameter(const ZemaxLine& line) {
   const int which = line.integer_at(0, "number");
   const double value = line.number_at(1, "value");
@@ -254,6 +263,7 @@ void Reader::in_surface(const ZemaxLine& line) {
   }
 }
 
+/// Indentation alone tells a surface's operand from one of the header.
 ZemaxFile Reader::read(std::string_view bytes) {
   const auto lines = detail::zemax_lines(bytes);
   for (const ZemaxLine& line : lines) {

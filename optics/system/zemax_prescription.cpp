@@ -32,6 +32,8 @@ std::vector<Surface> reversed(const std::vector<Surface>& forward) {
 }
 
 /// Rays parallel to the axis at the entrance pupil's rim meet the rim of the stop, in first order.
+/// What the beam in the file is defined by. Infinite semi-diameters, as rims have no part in first
+/// order.
 double stop_radius_from_pupil(const ZemaxFile& file) {
   System before;  // object space to the stop's plane
   before.surfaces.assign(file.surfaces.begin(), file.surfaces.begin() + file.stop + 1);
@@ -44,6 +46,7 @@ double stop_radius_from_pupil(const ZemaxFile& file) {
   return std::abs(system_matrix(before)(1, 1)) * *file.entrance_pupil_diameter / 2;
 }
 
+/// m. Nothing without a stop, and with one whose size the file does not tell.
 std::optional<double> stop_radius(const ZemaxFile& file) {
   if (file.stop == 0) return std::nullopt;
   if (file.entrance_pupil_diameter)
@@ -53,6 +56,9 @@ std::optional<double> stop_radius(const ZemaxFile& file) {
 
 }  // namespace
 
+/// The file's surface 0, or turned round its image surface, becomes surface 1, the retina; so file
+/// surface i is number i + 1, or count - i. Throws std::invalid_argument naming the direction when
+/// the retina would lie at infinity.
 Prescription prescription_from_zemax(const ZemaxFile& file, ZemaxDirection direction) {
   const int count = static_cast<int>(file.surfaces.size());
   if (count < 3) throw std::invalid_argument("file: needs an object, a surface and an image");

@@ -14,6 +14,7 @@ namespace {
 constexpr std::size_t kMostBytes = 8u << 20;
 
 /// Of a code point of the basic plane: one to three bytes.
+/// Zemax writes UTF-16; everything behind this file is UTF-8.
 void append_utf8(std::string& text, std::uint32_t code) {
   const auto byte = [&](std::uint32_t value) { text.push_back(static_cast<char>(value)); };
   if (code < 0x80) return byte(code);
@@ -64,6 +65,7 @@ std::string decode(std::string_view bytes) {
 constexpr const char* kBlank = " \t\r\f\v";
 
 /// The operand, the rest as it stands (titles keep their blanks) and its words.
+/// `number` counts all lines of the file from 1, for messages.
 ZemaxLine line_from(std::string_view text, int number) {
   ZemaxLine line;
   line.number = number;
@@ -93,6 +95,8 @@ void ZemaxLine::refuse(const std::string& why) const {
                               ": " + why);
 }
 
+/// Throws naming line and operand for a word that is missing, no number, not finite or followed by
+/// anything.
 double ZemaxLine::number_at(std::size_t index, const char* what) const {
   if (index >= words.size()) refuse(std::string(what) + " is missing");
   std::string_view word = words[index];

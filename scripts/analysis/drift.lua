@@ -20,12 +20,14 @@ function drift.any_direction()
   return direction / direction:norm()
 end
 
+--- The place of a value in a list; nil where it is not in it.
 function drift.index(list, wanted)
   for i, one in ipairs(list) do
     if one == wanted then return i end
   end
 end
 
+--- The middle value, or the mean of the two in the middle.
 function drift.median(values)
   local sorted = table.move(values, 1, #values, 1, {})
   table.sort(sorted)
@@ -46,30 +48,28 @@ function drift.mean(values)
   return mean, #values > 1 and (squares / (#values - 1)) ^ 0.5 or 0
 end
 
---- found[kind][place] is a list.
+--- Puts a value into the list found[kind][place], which is made where it is missing.
 function drift.add(found, kind, place, value)
   found[kind] = found[kind] or {}
   found[kind][place] = found[kind][place] or {}
   table.insert(found[kind][place], value)
 end
 
--- Where a stream had the robot last, and when.
-local function latest(run, stream, since)
-  local x, times = run:samples(stream, "x", { from = since, to = run:now() })
-  local y = run:samples(stream, "y", { from = since, to = run:now() })
-  local z = run:samples(stream, "z", { from = since, to = run:now() })
-  for i = #times, 1, -1 do
-    if x[i] == x[i] then return vector(x[i], y[i], z[i]), times[i] end
+-- Where the robot was last, and when: by the simulator's truth where there is one, else as the top camera saw it.
+local function latest(run, since)
+  local channels, span = { "x", "y", "z" }, { from = since, to = run:now() }
+  local seen = run:samples("truth", channels, span) or run:samples("servo", channels, span)
+  for i = #seen.time, 1, -1 do
+    if seen.x[i] == seen.x[i] then return vector(seen.x[i], seen.y[i], seen.z[i]), seen.time[i] end
   end
   error("the robot was not seen lately", 0)
 end
 
 --- Mean velocity over `time`, in m/s: of the simulator's truth where there is one, else as the top camera sees it.
-function drift.velocity(run, servo, time)
-  local stream = run:has_stream("truth") and "truth" or "servo"
-  local from, started = latest(run, stream, run:now() - 0.5 * s)
+function drift.velocity(run, time)
+  local from, started = latest(run, run:now() - 0.5 * s)
   run:wait(time)
-  local to, ended = latest(run, stream, run:now() - 0.5 * s)
+  local to, ended = latest(run, run:now() - 0.5 * s)
   return (to - from) / (ended - started)
 end
 

@@ -20,8 +20,8 @@ local function judged(row)
   return "printed"
 end
 
-local function tolerance_text(run, row)
-  local function shown(value) return run:show(value, row.unit) end
+local function tolerance_text(row)
+  local function shown(value) return format_quantity(value, row.unit) end
   if row.within then return "± " .. shown(row.within) end
   if row.at_most then return "at most " .. shown(row.at_most) end
   if row.at_least then return "at least " .. shown(row.at_least) end
@@ -29,7 +29,7 @@ local function tolerance_text(run, row)
   return "none"
 end
 
---- `where` names the table or figure that the rows belong to, unless a row names its own.
+--- Opens a book. `where` names the table or figure that the rows belong to, unless a row names its own.
 function expect.book(run, where) return setmetatable({ run = run, where = where, rows = {}, known = {} }, book) end
 
 --- One number: { id =, what =, thesis = (may be left out), ours =, unit = "" (SI: m, rad, m/s), why = "" } and one of
@@ -58,7 +58,7 @@ function book:number(row)
     values = row.values,
   }
   made.verdict = judged(made)
-  made.tolerance = tolerance_text(self.run, made)
+  made.tolerance = tolerance_text(made)
   self.rows[#self.rows + 1] = made
   return made.verdict
 end
@@ -82,8 +82,8 @@ function book:close()
     cells[i] = {
       row.where,
       row.what,
-      row.thesis and self.run:show(row.thesis, row.unit) or "–",
-      self.run:show(row.ours, row.unit),
+      row.thesis and format_quantity(row.thesis, row.unit) or "–",
+      format_quantity(row.ours, row.unit),
       row.tolerance,
       row.verdict,
       why,
@@ -116,8 +116,8 @@ function book:close()
       self.run:note(
         ("%s: %s here, %s in the thesis, tolerance %s: %s"):format(
           row.what,
-          self.run:show(row.ours, row.unit),
-          row.thesis and self.run:show(row.thesis, row.unit) or "–",
+          format_quantity(row.ours, row.unit),
+          row.thesis and format_quantity(row.thesis, row.unit) or "–",
           row.tolerance,
           row.verdict
         )

@@ -25,14 +25,14 @@ end
 function one_look.left(rig, truth, places, axis)
   local model, believed, true_view = rig:model(), view_of(rig, rig:eye()), view_of(rig, truth)
   local rest = resting_place(model, axis)
-  local seen = true_view:ellipse(model.robot, { position = rest, axis = axis })
+  local seen = true_view:ellipse { body = model.robot, position = rest, axis = axis }
   if not seen then return nil end
-  local view = believed:calibrate(model.robot, seen, { axis = axis, known_z = rest.z }).localizer
+  local view = believed:calibrate({ body = model.robot, ellipse = seen, axis = axis, known_z = rest.z }).localizer
   local x, z = {}, {}
   for _, place in ipairs(places) do
     local at = place - model.eye_in_world
-    local outline = true_view:ellipse(model.robot, { position = at, axis = axis })
-    local found = outline and view:locate(model.robot, outline, { position = at, axis = axis })
+    local outline = true_view:ellipse { body = model.robot, position = at, axis = axis }
+    local found = outline and view:locate { body = model.robot, ellipse = outline, position = at, axis = axis }
     if found and found.position then
       x[#x + 1], z[#z + 1] = math.abs(found.position.x - at.x), math.abs(found.position.z - at.z)
     end

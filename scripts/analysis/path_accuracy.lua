@@ -13,12 +13,18 @@ local function in_um(value) return ("%.0f"):format(value / um) end
 
 local function mean_and_max(mean, deviation, max) return { in_um(mean) .. " ± " .. in_um(deviation), in_um(max) } end
 
+-- Whether the record has a stream; no sample of it is read.
+local function recorded(run, stream) return run:samples(stream, {}, { from = run:now() }) ~= nil end
+
 --- Which stream tells where the robot really was, and what to call it.
 function judge.reference(run)
-  if run:has_stream("truth") then return "truth", "simulator's truth" end
-  if run:has_stream("side_camera") then return "side_camera", "side camera" end
+  if recorded(run, "truth") then return "truth", "simulator's truth" end
+  if recorded(run, "side_camera") then return "side_camera", "side camera" end
   error("there is neither a truth nor a side camera to judge by", 2)
 end
+
+--- Whether there is a stream to judge by.
+function judge.has_reference(run) return recorded(run, "truth") or recorded(run, "side_camera") end
 
 --- How far the robot was from its path in a span {from, to}, and the localization from the robot, as run:errors tells.
 function judge.measure(run, span)
@@ -27,7 +33,7 @@ function judge.measure(run, span)
   return path, run:errors { of = "servo", against = reference, from = span.from, to = span.to }
 end
 
---- The same, as the run's results.
+--- States the errors of judge.measure as the run's results, and returns them.
 function judge.results(run, span)
   local path, localization = judge.measure(run, span)
   run:result("path_error_rms", path.rms, "m")
@@ -38,6 +44,7 @@ function judge.results(run, span)
   return path, localization
 end
 
+--- The table of the localization error, lateral and in depth, beside the thesis'; `found` as run:errors gives it.
 function judge.localization_table(run, found)
   local thesis = judge.thesis
   local function row(name, mean, deviation, max, printed)
@@ -57,14 +64,10 @@ function judge.localization_table(run, found)
   }
 end
 
--- What a stream holds of the path's time, as x and y of a series; nil where it has not got the channels.
+-- Two channels of a stream in the path's time, as x and y of a series.
 local function series(run, span, stream, x, y, label, mark)
-  return {
-    label = label,
-    mark = mark,
-    x = (run:samples(stream, x, span)),
-    y = (run:samples(stream, y, span)),
-  }
+  local seen = run:samples(stream, { x, y }, span)
+  return { label = label, mark = mark, x = seen[x], y = seen[y] }
 end
 
 local function trajectory(run, span, title, axis, shown)
@@ -78,12 +81,14 @@ end
 
 -- |reference - servo's channel| at the servo's times; the reference is taken at its nearest sample.
 local function distances(run, span, prefix, axes)
-  local reference = judge.reference(run)
-  local distance, times = {}, nil
+  local channels, distance = {}, {}
+  for i, axis in ipairs(axes) do
+    channels[i] = prefix .. axis
+  end
+  local reference, seen = run:samples(judge.reference(run), axes, span), run:samples("servo", channels, span)
+  local truth_times, servo_times = reference.time, seen.time
   for _, axis in ipairs(axes) do
-    local truth, truth_times = run:samples(reference, axis, span)
-    local servo, servo_times = run:samples("servo", prefix .. axis, span)
-    times = servo_times
+    local truth, servo = reference[axis], seen[prefix .. axis]
     local near = 1
     for i = 1, #servo do
       while near < #truth and math.abs(truth_times[near + 1] - servo_times[i]) <= math.abs(truth_times[near] - servo_times[i]) do
@@ -95,7 +100,7 @@ local function distances(run, span, prefix, axes)
   for i = 1, #distance do
     distance[i] = distance[i] ^ 0.5
   end
-  return { x = times, y = distance }
+  return { x = servo_times, y = distance }
 end
 
 --- Distances of the robot's place from the servo's ("") or from its target ("target_") in a span {from, to}: a series of
@@ -115,15 +120,15 @@ local function error_plot(run, span, which)
 end
 
 local function currents_plot(run, span, which)
-  local all = {}
+  local all, currents = {}, run:samples("currents", nil, span)
   for coil = 1, 8 do
-    local values, times = run:samples("currents", "i" .. coil, span)
-    all[coil] = { label = "coil " .. coil, x = times, y = values }
+    all[coil] = { label = "coil " .. coil, x = currents.time, y = currents["i" .. coil] }
   end
   run:plot { title = "Currents against time" .. which, x = { "time", "s" }, y = { "current", "A" }, series = all }
 end
 
---- `which`: of several rounds, for the titles, such as ", eye 3".
+--- The plots of a path in a span {from, to}: trajectories, errors and currents against time. `which`: of several rounds, for
+--- the titles, such as ", eye 3".
 function judge.plots(run, span, which)
   which = which or ""
   trajectory(run, span, "Trajectory from above" .. which, "y", { truth = true })
@@ -132,7 +137,7 @@ function judge.plots(run, span, which)
   currents_plot(run, span, which)
 end
 
---- Results, table and plots of the time from `from` to `to`.
+--- Results, table and plots of the time from options.from to options.to.
 function judge.path(run, options)
   local span = { from = options.from, to = options.to }
   local path, localization = judge.results(run, span)

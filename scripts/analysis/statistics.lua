@@ -7,6 +7,7 @@ local function some(values, what)
   return values
 end
 
+--- The arithmetic mean; an error for an empty list.
 function statistics.mean(values)
   local sum = 0
   for _, value in ipairs(some(values, "mean")) do
@@ -24,6 +25,7 @@ function statistics.deviation(values)
   return #values > 1 and math.sqrt(squares / (#values - 1)) or 0
 end
 
+--- The root of the mean square: about zero, not about the mean.
 function statistics.rms(values)
   local squares = 0
   for _, value in ipairs(some(values, "rms")) do
@@ -32,7 +34,10 @@ function statistics.rms(values)
   return math.sqrt(squares / #values)
 end
 
+--- The largest of a list.
 function statistics.max(values) return math.max(table.unpack(some(values, "max"))) end
+
+--- The smallest of a list.
 function statistics.min(values) return math.min(table.unpack(some(values, "min"))) end
 
 --- The value below which a part (0 to 1) of them lies, linear between neighbors.
@@ -46,6 +51,7 @@ function statistics.percentile(values, part)
   return sorted[below] + (at - below) * (sorted[above] - sorted[below])
 end
 
+--- The middle value, or the mean of the two in the middle.
 function statistics.median(values) return statistics.percentile(values, 0.5) end
 
 --- Independent uncertainties together (GUM 5.1.2): the root of the sum of squares.

@@ -10,8 +10,9 @@ function track_errors.along(run, axis, span, options)
   options = options or {}
   local stream, prefix = options.stream or "servo", options.prefix or ""
   local reference = options.reference or judge.reference(run)
-  local truth, truth_times = run:samples(reference, axis, { from = span.from - 1, to = span.to + 1 })
-  local values, times = run:samples(stream, prefix .. axis, { from = span.from, to = span.to })
+  local judged_by = run:samples(reference, { axis }, { from = math.max(span.from - 1, 0), to = span.to + 1 })
+  local seen = run:samples(stream, { prefix .. axis }, { from = span.from, to = span.to })
+  local truth, truth_times, values, times = judged_by[axis], judged_by.time, seen[prefix .. axis], seen.time
   local errors, at, near = {}, {}, 1
   for i = 1, #values do
     while near < #truth and math.abs(truth_times[near + 1] - times[i]) <= math.abs(truth_times[near] - times[i]) do

@@ -6,6 +6,7 @@ local json = require "json"
 local acceptance = {}
 acceptance.__index = acceptance
 
+--- An empty list of numbers to accept or refuse; `title` is that of its table in the report.
 function acceptance.new(run, title)
   return setmetatable({ run = run, title = title, rows = {}, values = {}, files = {}, parts = {}, refused = 0 }, acceptance)
 end
@@ -15,7 +16,7 @@ end
 --- it together or not at all. Returns whether it is accepted.
 function acceptance:check(row)
   local well = row.value == row.value and row.value >= (row.least or -math.huge) and row.value <= (row.most or math.huge)
-  local function shown(value) return value and self.run:show(value, row.unit or "", 4) or "–" end
+  local function shown(value) return value and format_quantity(value, row.unit or "", 4) or "–" end
   self.rows[#self.rows + 1] = {
     row.name,
     shown(row.believed),
@@ -35,7 +36,7 @@ end
 --- A file of the run's folder that a key of the rig file is to name, such as a field calibration.
 function acceptance:keep(key, name) self.files[key] = name end
 
--- The numbers by key, without those of a part of which something was refused.
+--- The numbers by key, without those of a part of which something was refused.
 function acceptance:accepted()
   local values = {}
   for key, found in pairs(self.values) do

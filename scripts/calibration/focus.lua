@@ -5,10 +5,13 @@ local statistics = require "analysis.statistics"
 local vision = require "vision"
 local focusing = {}
 
---- The stage's position for a distance d_ls, and back: the rig file's microscope.focus is where the stage's zero is.
+--- The stage's position for a distance d_ls: the rig file's microscope.focus is where the stage's zero is.
 function focusing.stage_position(rig, distance) return distance - rig:model().microscope.focus end
+
+--- The distance d_ls at which the stage stands now.
 function focusing.distance(rig) return rig:model().microscope.focus + rig.stage:position()[1] end
 
+--- Moves the sensor to a distance d_ls, and waits until it is there.
 function focusing.move(rig, distance) rig.stage:move_to({ focusing.stage_position(rig, distance) }) end
 
 -- A window's corner and size, cut to the image; an error when nothing of it is in there.
@@ -89,14 +92,14 @@ function focusing.autofocus(rig, options)
     repeats = options.repeats,
     coarse = math.max(11, math.ceil(2 * options.reach / (options.coarse_step or 250e-6)) + 1),
   }
-  local step = { move_to = search:start() }
+  local step = search:next()
   while step.move_to do
     focusing.move(rig, step.move_to)
     rig.top_camera:grab()
     local frame = rig.top_camera:grab()
     local window = cut(options.window, frame.width_px, frame.height_px)
     window.measure = options.measure
-    step = search:next(step.move_to, frame.image:focus(window).value)
+    step = search:next { position = step.move_to, value = frame.image:focus(window).value }
   end
   if step.park then focusing.move(rig, step.park) end
   return step
@@ -108,7 +111,7 @@ function focusing.pixel(rig, image)
   return model.center_px[1] - image.x / model.pixel, model.center_px[2] + image.y / model.pixel
 end
 
---- And back: the aerial image's {x, y} of a pixel.
+--- The aerial image's x and y, m, of a pixel: the inverse of focusing.pixel.
 function focusing.aerial(rig, u, v)
   local model = rig:model()
   return (model.center_px[1] - u) * model.pixel, (v - model.center_px[2]) * model.pixel

@@ -108,7 +108,7 @@ function by_focus.learn(model, angles, measure)
   return made
 end
 
---- The same with the instruments.
+--- The calibration of by_focus.learn, measured with the instruments.
 function by_focus.calibrate(rig, run, model, angles)
   local calibrated = false -- the first target, on the retina, is looked for in a wider range
   return by_focus.learn(model, angles, function(place, near)
@@ -214,9 +214,9 @@ function by_focus.many_eyes(run, book, believed, model, angles, surfaces, count,
     rows[i] = {
       one[2],
       #list,
-      run:show(statistics.median(list), "m"),
-      run:show(statistics.percentile(list, 0.9), "m"),
-      run:show(statistics.max(list), "m"),
+      format_quantity(statistics.median(list), "m"),
+      format_quantity(statistics.percentile(list, 0.9), "m"),
+      format_quantity(statistics.max(list), "m"),
     }
   end
   run:table {

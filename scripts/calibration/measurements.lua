@@ -140,15 +140,15 @@ function calibrations.field(rig, run, options)
     zero[k] = 0
   end
   rig.coils:set_currents(zero)
-  local fit = control.fit_dipoles { readings = readings }
+  local fit = control.fit_field_model { readings = readings, sources = "dipoles" }
   return fit.model, fit, readings
 end
 
---- Notes how each coil compares with another model: `coils` as control.fit_dipoles and use_calibration report them.
+--- Notes how each coil compares with another model: `coils` as control.fit_field_model and use_calibration report them.
 function calibrations.note_coils(run, against, coils)
   local lines, reversed = {}, {}
   for number, coil in ipairs(coils) do
-    lines[number] = ("coil %d: sign %s, gain %.3f, angle %.1f deg"):format(
+    lines[number] = ("coil %d: sign %s, gain %.3f, angle %.1f°"):format(
       number,
       coil.sign < 0 and "-" or "+",
       coil.gain or 0 / 0,

@@ -5,7 +5,7 @@
 local bring = require "session.preparation"
 local statistics = require "analysis.statistics"
 local units = require "units"
-local mm, s = units.mm, units.s
+local mm, um, s = units.mm, units.um, units.s
 local retina = {}
 
 --- Height over the retina's vertex of a body's middle that lies on a sphere, its thin side down, `aside` from the axis.
@@ -18,15 +18,11 @@ end
 -- The tracker's mean ellipse since `from`; nothing when it was not seen.
 local function ellipse_since(run, from)
   local seen = {}
-  for name, channel in pairs {
-    u = "u_px",
-    v = "v_px",
-    semi_major = "semi_major_px",
-    semi_minor = "semi_minor_px",
-    angle = "angle",
-  } do
+  local channels = { u = "u_px", v = "v_px", semi_major = "semi_major_px", semi_minor = "semi_minor_px", angle = "angle" }
+  local servo = run:samples("servo", nil, { from = from, to = run:now() })
+  for name, channel in pairs(channels) do
     local good = {}
-    for _, value in ipairs((run:samples("servo", channel, { from = from, to = run:now() }))) do
+    for _, value in ipairs(servo[channel]) do
       if value == value then good[#good + 1] = value end
     end
     if #good == 0 then return nil end
@@ -38,7 +34,7 @@ end
 -- What the tracker saw, with the length that goes with its width for a robot that lies straight at `place`: what a loop that
 -- takes the depth from the width alone believes.
 local function by_width(view, robot, seen, place, axis)
-  local straight = view:ellipse(robot, { position = place, axis = axis })
+  local straight = view:ellipse { body = robot, position = place, axis = axis }
   if not straight then error("the robot on the retina is outside of the view", 0) end
   local same = {}
   for name, value in pairs(seen) do
@@ -73,12 +69,18 @@ function retina.calibrate(rig, run, servo, options)
   lies.height = retina.resting_height(model.retina_radius, thin, math.min(aside, 0.5 * model.retina_radius))
     + (options.depth_error or 0)
   if options.by_width then seen = by_width(view, model.robot, seen, vector(x, y, lies.height), axis) end
-  local told = view:calibrate(model.robot, seen, { axis = axis, known_z = lies.height, correction = options.correction })
+  local told = view:calibrate {
+    body = model.robot,
+    ellipse = seen,
+    axis = axis,
+    known_z = lies.height,
+    correction = options.correction,
+  }
   run:note(
-    ("calibrated on the retina: image scale %.4f, offset %s, residual %.2f px"):format(
+    ("calibrated on the retina: image scale %.4f, offset %s, residual %.3f µm"):format(
       told.image_scale,
-      run:show(vector(told.offset):norm(), "m"),
-      told.residual
+      format_quantity(vector(told.offset):norm(), "m"),
+      told.residual / um
     )
   )
   return told.localizer, told, trim

@@ -1,4 +1,4 @@
--- Bar charts with a name at each bar, as an SVG document for run:drawing (run:plot has numbers on both axes).
+-- Bar charts with a name at each bar, as an SVG document for run:picture (run:plot has numbers on both axes).
 -- SPDX-License-Identifier: Apache-2.0
 local bars = {}
 
@@ -34,9 +34,9 @@ local function bar(out, x, y, width, color, shown)
   line_of_text(out, x + width + 4, y + 8.5, shown)
 end
 
---- `rows` is a list of { name =, values = { ... } } in SI, none negative; a value that is missing (false, or not finite)
---- is shown as a dash. `labels` says what the values are, `unit` and `divisor` (one unit in SI) how they are shown, `title`
---- what stands above.
+--- The chart as a text of SVG. `rows` is a list of { name =, values = { ... } } in SI, none negative; a value that is missing
+--- (false, or not finite) is shown as a dash. `labels` says what the values are, `unit` and `divisor` (one unit in SI) how
+--- they are shown, `title` what stands above.
 function bars.svg(options)
   local rows, labels, divisor = options.rows, options.labels, options.divisor or 1
   local left, across, tall = 190, 440, 10 * #labels + 8

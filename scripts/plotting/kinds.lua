@@ -181,7 +181,7 @@ function plots.heat_map(run, options)
   text(out, 14, top + tall / 2, "middle", titled(options.y), (' transform="rotate(-90 14 %d)"'):format(top + tall // 2))
   color_bar(out, left + across + 26, top + 12, tall - 12, low, high, options.value)
   out[#out + 1] = "</svg>"
-  run:drawing(options.title, table.concat(out, "\n"))
+  run:picture { title = options.title, svg = table.concat(out, "\n") }
 end
 
 --- Trajectories from above and from the side, at one scale. `paths` is a list of { label =, points = list of positions,
@@ -220,9 +220,9 @@ function plots.expected(run, options)
     all = all and good
     rows[i] = {
       name,
-      finite(measured) and run:show(measured, unit) or "–",
-      run:show(expected, unit),
-      "± " .. run:show(within, unit),
+      finite(measured) and format_quantity(measured, unit) or "–",
+      format_quantity(expected, unit),
+      "± " .. format_quantity(within, unit),
       good and "within" or "NOT within",
     }
   end

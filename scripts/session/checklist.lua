@@ -5,7 +5,7 @@ local vision = require "vision"
 local checklist = {}
 checklist.__index = checklist
 
---- `window` = { least, most } in s: how long there is; nothing for no end.
+--- An empty list. options.window = { least, most } in s: how long there is; nothing for no end.
 function checklist.new(run, rig, options)
   options = options or {}
   return setmetatable({ run = run, rig = rig, began = run:now(), window = options.window, rows = {}, missed = 0 }, checklist)
@@ -24,7 +24,7 @@ function checklist:left()
   return self.window[1] - gone, self.window[2] - gone
 end
 
---- "1:20 h left, 2:20 h at most"; a note, and a warning when it is over.
+--- Notes what is left, as "1:20 h left, 2:20 h at most", and warns when it is over.
 function checklist:tell_time()
   if not self.window then return end
   local least, most = self:left()
@@ -69,14 +69,14 @@ function checklist:photograph(caption, options)
     return nil
   end
   local image = path == "camera" and self.rig.top_camera:grab().image or vision.image { file = path }
-  self.run:picture(caption, image, caption .. (path == "camera" and ", by the top camera" or ": " .. path))
+  self.run:picture { title = caption, image = image, note = path == "camera" and "by the top camera" or path }
   local name = ("photograph_%02d.png"):format(#self.rows + 1)
   image:save(name)
   self.rows[#self.rows + 1] = { clock(self.run:now() - self.began), "photograph: " .. caption, name }
   return image
 end
 
---- A note in the operator's words; an empty one is none.
+--- Asks the operator for a note; an empty one is none.
 function checklist:note(about, options)
   local text = self.run:ask("notes on " .. about, { type = "text", default = "", name = options and options.name })
   if text ~= "" then
@@ -86,7 +86,7 @@ function checklist:note(about, options)
   return text
 end
 
---- The list as it was gone through, for the report.
+--- Puts the list as it was gone through into the report.
 function checklist:report(title)
   self.run:table { title = title, header = { "after", "what", "how" }, rows = self.rows }
   self.run:result("checklist_not_done", self.missed)

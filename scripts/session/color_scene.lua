@@ -9,17 +9,15 @@ local color_scene = {}
 
 -- The truth nearest to a time.
 local function truth_at(run, time)
-  local span, at = { from = time - 0.15 * s, to = time + 0.15 * s }, {}
-  local _, times = run:samples("truth", "x", span)
-  local best
+  local channels = { "x", "y", "z", "axis_x", "axis_y", "axis_z" }
+  local truth = run:samples("truth", channels, { from = time - 0.15 * s, to = time + 0.15 * s })
+  if not truth then error("this rig has no truth to judge by", 0) end
+  local times, best = truth.time, nil
   for i = 1, #times do
     if not best or math.abs(times[i] - time) < math.abs(times[best] - time) then best = i end
   end
   if not best then return nil end
-  for i, name in ipairs { "x", "y", "z", "axis_x", "axis_y", "axis_z" } do
-    at[i] = run:samples("truth", name, span)[best]
-  end
-  return vector(at[1], at[2], at[3]), vector(at[4], at[5], at[6])
+  return vector(truth.x[best], truth.y[best], truth.z[best]), vector(truth.axis_x[best], truth.axis_y[best], truth.axis_z[best])
 end
 
 --- The outline that the robot has in a frame: {x_px, y_px, major_px, minor_px, angle}, full axes; nothing when it is not there.
@@ -27,7 +25,7 @@ function color_scene.outline(rig, run, frame, view)
   local position, axis = truth_at(run, frame.time)
   if not position then return nil end
   local model = rig:model()
-  local seen = (view or rig:view()):ellipse(model.robot, { position = position - model.eye_in_world, axis = axis })
+  local seen = (view or rig:view()):ellipse { body = model.robot, position = position - model.eye_in_world, axis = axis }
   return seen
     and { x_px = seen.u, y_px = seen.v, major_px = 2 * seen.semi_major, minor_px = 2 * seen.semi_minor, angle = seen.angle }
 end
@@ -151,7 +149,7 @@ function color_scene.tell(run, title, trackers)
   local function px(value) return value == value and ("%.2f"):format(value) or "–" end
   run:table {
     title = title .. "; lost: said so, wrong: over 20 px off",
-    header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, deg", "tracked", "lost", "wrong" },
+    header = { "tracker", "x, px", "y, px", "A, px", "B, px", "angle, °", "tracked", "lost", "wrong" },
     rows = statistics.map(trackers, function(one)
       local e = one.errors
       local off = statistics.map({ e.x, e.y, e.major, e.minor, e.angle / deg }, px)

@@ -5,8 +5,9 @@ local mm = units.mm
 
 local eyes = {}
 
---- "nominal", or "perturbed": all of table 5.1 at once, Gaussian, one sigma each; `number` chooses among the run's draws.
---- Returns the true eye where it is known, for judging only. A laboratory rig has the eye that it has.
+--- Sets the eye of a simulated rig. `kind`: "nominal", or "perturbed": all of table 5.1 at once, Gaussian, one sigma each;
+--- `number` chooses among the run's draws. Returns the true eye where it is known, for judging only. A laboratory rig has
+--- the eye that it has.
 function eyes.set(rig, run, kind, number)
   if not rig.simulation then
     if kind ~= "nominal" then run:note "the eye is as it is: eye=perturbed is for simulated rigs" end
@@ -32,6 +33,7 @@ function eyes.differences(believed, eye)
   return rows
 end
 
+--- The table of what eyes.differences finds; nothing where no true eye is known or nothing differs.
 function eyes.report(run, believed, eye)
   if not eye then return end
   local rows = eyes.differences(believed, eye)

@@ -21,7 +21,7 @@ function bring.trim(servo, center, options)
   options = options or {}
   for _ = 1, options.rounds or 2 do
     servo:go_to(center, { within = options.within or 400 * um, settle = 2 * s })
-    servo:trim(vector(servo:trim()) + servo:mean_correction(options.listen or 3 * s))
+    servo:set_trim(servo:status().trim + servo:mean_correction(options.listen or 3 * s))
   end
 end
 
@@ -30,16 +30,16 @@ end
 function bring.sink(run, servo, above, options)
   options = options or {}
   servo:go_to(above, { within = 1 * mm, settle = 0, speed = 1 * mm / s })
-  local trim = vector(servo:trim())
-  servo:trim(trim + servo:force_for { 0, 0, -(options.speed or 0.6 * mm / s) })
+  local trim = servo:status().trim
+  servo:set_trim(trim + servo:force_for { 0, 0, -(options.speed or 0.6 * mm / s) })
   servo:release()
   run:wait(options.time or 6 * s)
   return trim
 end
 
---- Takes back what pressed it down, and holds a place again.
+--- Takes back what pressed the robot down (bring.sink), and holds a place again.
 function bring.lift(servo, trim, place)
-  servo:trim(trim)
+  servo:set_trim(trim)
   servo:go_to(place, { within = 1 * mm, settle = 0, speed = 1 * mm / s, timeout = 60 * s })
 end
 

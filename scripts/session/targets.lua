@@ -20,7 +20,7 @@ function targets.put(rig, run, place)
   )
 end
 
---- Takes it out of sight.
+--- Takes the target out of sight.
 function targets.remove(rig, run)
   if rig.simulation then return set(rig, away) end
   run:confirm "take the target out of sight; is it out?"

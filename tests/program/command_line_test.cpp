@@ -378,10 +378,10 @@ TEST(Prompt, AnErrorAboutMegabytesIsAFewLines) {
 
 TEST(Prompt, ItAnswersInAPipe) {
   const Workplace place;
-  const Spoken spoken =
-      place.vitreo("",
-                   "1 + 1\nfor i = 1, 2 do\n  print(i * 10)\nend\nrig.coils:limit()\nnonsense(\n)\n"
-                   "print('still here')\n");
+  const Spoken spoken = place.vitreo(
+      "",
+      "1 + 1\nfor i = 1, 2 do\n  print(i * 10)\nend\nrig.coils:info().limit\nnonsense(\n)\n"
+      "print('still here')\n");
   EXPECT_EQ(spoken.exit_code, 1) << spoken.err;  // a statement failed
   const std::string all = spoken.out + spoken.err;
   for (const char* word : {"2", "10", "20", "12", "nonsense", "still here"})

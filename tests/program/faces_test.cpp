@@ -224,7 +224,7 @@ return { title = "kinds", run = function(rig, p, run)
   plots.trajectory(run, { title = "Way", paths = { { label = "went", points = points } } })
   assert(not plots.expected(run, { title = "Against", rows = { { "a", 1, 1, 0.1 }, { "b", 2 * mm, 3 * mm, 0.1 * mm, "mm" } } }))
   assert(not pcall(plots.histogram, run, { title = "t" }) and not pcall(plots.heat_map, run, { rows = { { 1 }, { 1, 2 } } }))
-  run:image_plot { title = "Seen", image = rig.top_camera:grab().image, scale_bar_px = 80, scale_bar_label = "1 mm",
+  run:picture { title = "Seen", image = rig.top_camera:grab().image, scale_bar_px = 80, scale_bar_label = "1 mm",
     marks = { { label = "way", line = { { 0, 0 }, { 99, 40 } } }, { label = "goals", points = { { 5, 5 } } },
       { label = "robot", dashed = true, ellipse = { x_px = 50, y_px = 50, major_px = 20, minor_px = 9, angle = 1 } } } }
   run:table { title = "Small", header = { "what", "how much" }, rows = { { "umbra", "137 um" }, { "rate", "3.5 um/s" } } }

@@ -162,7 +162,7 @@ TEST(LiveView, QuestionsAreAnsweredByButtonsAndARunPausesAndGoesOn) {
               "local units = require 'units'\n"
               "return { title = 'Asks', run = function(rig, p, run)\n"
               "  run:note('fixed: ' .. tostring(run:confirm('Is the eye fixed?')))\n"
-              "  run:note('height: ' .. run:show(run:ask('How high?', { unit = 'mm', min = 0, max "
+              "  run:note('height: ' .. format_quantity(run:ask('How high?', { unit = 'mm', min = 0, max "
               "= 5 * units.mm }), 'm'))\n"
               "  run:note('eye: ' .. run:ask('Which eye?', { choices = { 'left', 'right' } }))\n"
               "  for step = 1, 30 do run:checkpoint('step') run:note('step ' .. step) "

@@ -84,7 +84,8 @@ TEST(TerminalPrompt, WhatIsPrintedTakesTheProgressAwayAndWatchingAServoIsALineAL
   EXPECT_NE(terminal.screen().find(" \rframe_period  66.7 ms"), std::string::npos)
       << terminal.screen();
   terminal.type("watch(rig:servo { feedback = 'pose_sensor' }, { count = 1 })\r");
-  EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") && terminal.prompts())
+  EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") &&
+              terminal.sees("target {0 mm") && terminal.prompts())
       << "nothing is seen yet: " << terminal.unseen();
   EXPECT_EQ(terminal.screen().find("headroom = "), std::string::npos) << terminal.screen();
 }

@@ -179,7 +179,7 @@ TEST(Calibration, AMeasuredMachineInThePlantIsHeldThoughItIsWeakerAndNumbersItsC
   for (const auto& entry : std::filesystem::directory_iterator(place.folder() / "runs"))
     report = place.read((entry.path() / "report.html").lexically_relative(place.folder()).string());
   EXPECT_NE(report.find("measured machine of machine.yaml (measured)"), std::string::npos);
-  EXPECT_NE(report.find("coil 8: sign +, gain 0.850, angle 0.0 deg"), std::string::npos);
+  EXPECT_NE(report.find("coil 8: sign +, gain 0.850, angle 0.0\u00b0"), std::string::npos);
   EXPECT_NE(report.find("wired to the channels 3, 4, 5, 6, 7, 8, 1, 2"), std::string::npos);
 }
 

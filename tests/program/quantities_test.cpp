@@ -32,16 +32,17 @@ return {
     run:result("depth_sigma", 12 * um, "m")
     run:result("error", 34 * um, "m")
     run:result("frames", 30)
+    run:result("tracked", 0.125, "%")
     run:table {
       title = "Errors (um)",
       header = { "where", "error", "time", "limit, um" },
       rows = {
-        { "near", run:show(34 * um, "m"), run:show(0.5, "s"), 5 },
-        { "far", run:show(1.25 * mm, "m"), run:show(62, "s"), 7 },
+        { "near", format_quantity(34 * um, "m"), format_quantity(0.5, "s"), 5 },
+        { "far", format_quantity(1.25 * mm, "m"), format_quantity(62, "s"), 7 },
         { "there", "12 um", "3 s", 9 },
       },
     }
-    run:note(("moved by %s"):format(run:show(80 * um, "m")))
+    run:note(("moved by %s"):format(format_quantity(80 * um, "m")))
   end,
 }
 )lua";
@@ -155,8 +156,8 @@ TEST_F(Quantities, ParametersHaveTheirUnits) {
 
 TEST_F(Quantities, ResultsShareAUnitAndHaveTheirUncertainty) {
   for (const std::string& text : {ran_.out, place_->vitreo("show last").out})
-    for (const char* line :
-         {"depth +1500 \u00b1 12 \u00b5m\n", "error +34 \u00b5m\n", "frames +30\n"})
+    for (const char* line : {"depth +1500 \u00b1 12 \u00b5m\n", "error +34 \u00b5m\n",
+                             "frames +30\n", "tracked +12\\.5 %\n"})
       EXPECT_TRUE(std::regex_search(text, std::regex(line))) << line << text;
 }
 
@@ -169,6 +170,9 @@ TEST_F(Quantities, ProgramsReadSiAndPlainNames) {
   EXPECT_EQ(json["parameters_text"]["near"], "100 um");
   EXPECT_EQ(json["parameters_text"]["angle"], "30 deg");
   EXPECT_EQ(json["results"]["depth_sigma"], 12e-6);
+  EXPECT_EQ(json["results"]["tracked"], 0.125);
+  EXPECT_EQ(json["result_units"]["tracked"], "") << "0.125 is a ratio and no percentage";
+  EXPECT_EQ(json["result_units"]["depth"], "m");
 }
 
 TEST_F(Quantities, TheReportHasOneUnitAColumn) {

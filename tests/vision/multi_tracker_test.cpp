@@ -37,6 +37,33 @@ TEST(MultiTracker, never_takes_one_for_another_while_the_robot_is_hidden) {
   EXPECT_LE(s.lost, 6);  // three frames each for the robot and the disc that the bar covers with it
 }
 
+TEST(MultiTracker, of_one_object_gives_the_tracks_of_a_color_tracker_to_the_bit) {
+  Sequence sequence({.seed = 34, .hidden_from = 5, .hidden_frames = 8});  // lost, and found again
+  const ObjectModel model = ObjectModel::train(sequence.training(8), {}, {});
+  ColorTracker alone(model, {});
+  MultiTracker one({{model, {}}});
+  int lost = 0, tracked = 0;
+  for (int k = 0; k < 18; ++k) {
+    const cv::Mat image = sequence.frame(k).image;
+    const Track a = alone.update(image), b = one.update(image).front();
+    ASSERT_EQ(a.state, b.state) << k;
+    ASSERT_EQ(a.measured.has_value(), b.measured.has_value()) << k;
+    ASSERT_EQ(a.expected.has_value(), b.expected.has_value()) << k;
+    lost += a.state == TrackState::lost;
+    if (a.expected) {
+      EXPECT_EQ(a.expected->center_px, b.expected->center_px) << k;
+    }
+    if (!a.measured) continue;
+    ++tracked;
+    EXPECT_EQ(a.measured->ellipse.center_px, b.measured->ellipse.center_px) << k;
+    EXPECT_EQ(a.measured->ellipse.angle, b.measured->ellipse.angle) << k;
+    EXPECT_EQ(a.measured->covariance, b.measured->covariance) << k;
+    EXPECT_EQ(a.support, b.support) << k;
+  }
+  EXPECT_GT(lost, 0);
+  EXPECT_GT(tracked, 8);
+}
+
 /// Two discs of one color on a plain ground, where the caller wants them.
 struct TwoDiscs {
   static Ellipse at(double u, double v) { return {{u, v}, 18, 17.5, 0.2}; }

@@ -21,6 +21,8 @@ class FootPedal final : public OperatorInput {
   std::string identity() const override {
     return "foot switch with " + std::to_string(settings_.layout.pedals.size()) + " pedals";
   }
+  // Reads whatever has come since the last call: the newest report counts, and older ones are only
+  // needed to empty the queue.
   OperatorState state() override {
     if (lost_)
       throw DeviceError(DeviceErrorKind::lost, settings_.name, "it was unplugged; open it again");
@@ -46,6 +48,7 @@ class FootPedal final : public OperatorInput {
 
 }  // namespace
 
+// Which bit is which pedal differs from maker to maker, so byte and mask come from the rig file.
 void Settings::check() const {
   if (name.empty()) throw std::invalid_argument("name: must not be empty");
   if (layout.size < 1 || layout.size > 64)

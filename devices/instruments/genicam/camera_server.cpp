@@ -15,6 +15,8 @@ namespace {
 /// answers a request to resend a packet, and now and then stalls for 100 ms.
 class FakeCameraServer final : public CameraServer {
  public:
+  // GigE Vision cameras are found at port 3956 of their address, so there is one server an
+  // interface.
   FakeCameraServer(const ServerSettings& settings, Draw draw)
       : draw_(std::move(draw)),
         camera_(arv_gv_fake_camera_new(settings.interface.c_str(), settings.serial.c_str())) {
@@ -39,6 +41,7 @@ class FakeCameraServer final : public CameraServer {
     static_cast<FakeCameraServer*>(self)->fill(buffer, exposure_us * 1e-6, format);
   }
   /// Called by the fake camera's thread, for each frame that it is about to send.
+  /// Draws straight into the buffer that Aravis sends; the exposure is what the client has set, s.
   void fill(ArvBuffer* buffer, double exposure, ArvPixelFormat format) {
     const int width = arv_buffer_get_image_width(buffer);
     const int height = arv_buffer_get_image_height(buffer);

@@ -30,6 +30,7 @@ constexpr int kWrap = 65535;
 /// full buffers, and the flag of a lost control.
 class GenicamCamera final : public Camera {
  public:
+  // Opening counts as hearing from it: the silence begins with the first frame that does not come.
   GenicamCamera(const Settings& settings, Clock& clock) : settings_(settings), clock_(clock) {
     clock_.outside([this] { start(); });
     heard_ = clock_.now();
@@ -75,6 +76,7 @@ class GenicamCamera final : public Camera {
 };
 
 /// Calls Aravis; its error is thrown under the name of the setting.
+/// Aravis reports by a GError that the caller owns; with one the returned value means nothing.
 template <class Call>
 auto GenicamCamera::ask(const std::string& what, Call call) {
   GError* error = nullptr;
@@ -103,6 +105,8 @@ void GenicamCamera::start() {
   open_stream();
 }
 
+// In the order in which they bound each other: the region limits the rate, and the rate the
+// exposure.
 void GenicamCamera::apply_settings() {
   ArvCamera* const c = camera_.get();
   // A camera that still streams, for a host that died, may refuse settings.
@@ -132,6 +136,7 @@ void GenicamCamera::apply_settings() {
 
 /// What the camera made of the settings: it may round or clip without an error. Rate and exposure
 /// may differ by a twentieth.
+/// Of the size nothing may differ: pixels would be taken for others.
 void GenicamCamera::read_back() {
   ArvCamera* const c = camera_.get();
   int x = 0;
@@ -163,6 +168,8 @@ void GenicamCamera::read_back() {
   info_.effective_pixel = settings_.effective_pixel;
 }
 
+// Buffers belong to the stream from here on and come back by popping; each holds one image of the
+// payload that the camera states.
 void GenicamCamera::open_stream() {
   ArvCamera* const c = camera_.get();
   stream_.reset(
@@ -210,6 +217,8 @@ void GenicamCamera::count(std::uint64_t id) {
 
 /// The frame in a buffer; nothing when packets of it are missing. The image is copied, for the
 /// buffer goes back to the stream.
+/// Torn frames are counted and heard as well: a network that loses packets is not a camera that is
+/// gone.
 std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
   heard_ = clock_.now();
   count(arv_buffer_get_frame_id(buffer));
@@ -261,6 +270,9 @@ std::optional<Frame> GenicamCamera::newest(ArvBuffer* first) {
   return count >= kBuffers ? std::nullopt : frame;
 }
 
+// The wait is cut into slices of kSlice outside the baton, after each of which a stop can come
+// through. Silence is measured on the clock, from the last buffer or from the call, whichever was
+// later.
 Frame GenicamCamera::grab(Time timeout) {
   const Time deadline = later(clock_.now(), timeout);
   const Time silence = std::max(kSilence, from_seconds(5 * info_.frame_period));
@@ -299,6 +311,7 @@ void Settings::check() const {
   in(exposure, 1e-6, 100, "exposure");
   in(gain, 0, 1e6, "gain");
   in(effective_pixel, 1e-9, 1, "effective_pixel");
+  // From the datagram that every IPv4 host takes (RFC 791) to the usual jumbo frame.
   in(packet_size, 576, 9000, "packet_size");
   in(socket_buffer, 1 << 12, 1 << 28, "socket_buffer");
 }
@@ -308,6 +321,7 @@ std::unique_ptr<Camera> open(const Settings& settings, Clock& clock) {
   return std::make_unique<GenicamCamera>(settings, clock);
 }
 
+// Asks every interface and waits for answers, which takes about a second.
 std::vector<Found> list_cameras() {
   arv_update_device_list();
   std::vector<Found> found;

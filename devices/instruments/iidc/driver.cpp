@@ -21,6 +21,8 @@
 
 namespace vitreo::iidc {
 
+// Bounds of sense, not of a camera: what the camera itself cannot do is refused by it when it is
+// opened.
 void Settings::check() const {
   if (name.empty()) throw std::invalid_argument("name: must not be empty");
   const auto hexadecimal = [](unsigned char digit) { return std::isxdigit(digit) != 0; };
@@ -83,6 +85,8 @@ class IidcCamera final : public Camera {
   const CameraInfo& info() const override { return info_; }
   CameraStatistics statistics() const override { return statistics_; }
 
+  // What waits in the ring is taken first, so a late caller gets a frame at once. A camera that was
+  // lost stays so until it is opened again.
   Frame grab(Time timeout) override {
     if (lost_) fail(DeviceErrorKind::lost, "it was lost; open it again");
     const Time deadline = later(clock_.now(), timeout);
@@ -109,6 +113,8 @@ class IidcCamera final : public Camera {
       fail(DeviceErrorKind::refused, std::string(setting) + ": " + dc1394_error_get_string(code));
   }
 
+  // The order is libdc1394's: bus speed, mode, region, features, then the ring, and transmission
+  // last.
   void start() {
     library_.reset(dc1394_new());
     if (!library_) fail(DeviceErrorKind::not_found, "there is no FireWire bus");
@@ -189,6 +195,7 @@ class IidcCamera final : public Camera {
   }
 
   /// Of the frames that wait in the ring, the last one that is whole.
+  /// At most once round the ring, so that a camera that is faster than this loop cannot hold it.
   std::optional<Frame> newest() {
     std::optional<Frame> latest;
     for (unsigned i = 0; i < kBuffers; ++i) {
@@ -204,6 +211,7 @@ class IidcCamera final : public Camera {
       if (dc1394_capture_is_frame_corrupt(camera_.get(), raw) == DC1394_TRUE)
         ++statistics_.torn;
       else
+        // The image is copied in there, for the ring's buffer goes back to the kernel.
         latest = frame_of(*raw);
       dc1394_capture_enqueue(camera_.get(), raw);
     }

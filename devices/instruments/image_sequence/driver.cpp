@@ -36,6 +36,8 @@ class ImageSequence final : public Camera {
   CameraStatistics statistics() const override { return statistics_; }
 
   /// With every_frame the next image, else the newest that was not yet grabbed; waits for it.
+  /// `arrived` counts from the opening, by the clock alone: the sequence goes on between two grabs,
+  /// as a camera does.
   Frame grab(Time timeout) override {
     const std::int64_t arrived = (clock_.now() - start_) / period_;
     const std::int64_t number = settings_.every_frame ? last_ + 1 : std::max(arrived, last_ + 1);
@@ -82,6 +84,7 @@ class ImageSequence final : public Camera {
   /// Loaded when it is grabbed: a long sequence may not fit into memory.
   cv::Mat load(std::size_t index) const {
     const std::string& file = files_[index];
+    // OpenCV reports a damaged file by an exception or by an empty image.
     cv::Mat image;
     try {
       image = cv::imread(file, cv::IMREAD_UNCHANGED);
@@ -112,6 +115,7 @@ class ImageSequence final : public Camera {
 bool is_digit(char letter) { return letter >= '0' && letter <= '9'; }
 
 /// The digits from `at`, without leading zeros; moves `at` past them.
+/// For names as people number them: frame2 before frame10.
 std::string number_at(const std::string& text, std::size_t& at) {
   const std::size_t begin = at;
   while (at < text.size() && is_digit(text[at])) ++at;

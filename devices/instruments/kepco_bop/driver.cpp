@@ -32,6 +32,8 @@ std::string in_short(double number) {
 
 /// One supply: one channel. Each line that is sent has one answer, so a late one is found by the
 /// line being unsure: then the input is cleared by ESC, and what still comes is discarded.
+/// lately_ always holds the set-point in force at the beginning of the settling time, so that the
+/// range of currents that may flow is known.
 class Supply {
  public:
   Supply(std::unique_ptr<ByteLink> link, int channel, const Settings& settings, Clock& clock)
@@ -44,6 +46,7 @@ class Supply {
   void send_current(double current);
   double take_measured();
   double measure();
+  // The set-point is asked back: what counts is that the supply has taken the zero.
   void zero() {
     expect_number("CURR 0;CURR?", 0);
     lately_.push_back({clock().now(), 0});
@@ -83,6 +86,8 @@ class Supply {
   std::deque<Set> lately_;
 };
 
+// The line is unsure from before the command until its answer was read, so an exception in between
+// leaves it so, and the next command clears it.
 void Supply::send(const std::string& line) {
   if (unsure_) {
     const char clear = kClearInput;
@@ -115,6 +120,8 @@ void Supply::expect(const std::string& line, const std::string& wanted) {
          "after \"" + line + "\" it says " + printable(said) + ", not " + wanted);
 }
 
+// The tolerance is relative, but never finer than that of 1 A or 1 V, so that zeros can be
+// compared.
 void Supply::expect_number(const std::string& line, double wanted) {
   const std::string said = ask(line);
   const auto number = scpi::number(said);
@@ -135,6 +142,8 @@ void Supply::fail_for(const scpi::Error& error) {
 
 /// Everything that a fresh link needs, at zero current: first of all the zero, for the supply may
 /// still hold what a host that died has asked for.
+/// The identity is kept from the first opening: after a lost link another supply at the same
+/// address is refused, with whatever it holds.
 void Supply::configure() {
   unsure_ = true;
   lately_.clear();
@@ -167,6 +176,7 @@ void Supply::configure() {
 }
 
 /// After a lost link.
+/// Half configured counts as lost, so that the next call begins anew.
 void Supply::be_open() {
   if (!dialogue_.lost()) return;
   dialogue_.reopen();
@@ -178,6 +188,7 @@ void Supply::be_open() {
   }
 }
 
+// Apart from take_measured(), so that all supplies have their set-point before any is asked.
 void Supply::send_current(double current) {
   send(set_and_measure(current));
   lately_.push_back({clock().now(), current});
@@ -216,6 +227,7 @@ void Supply::check_read_back(double measured) {
 }
 
 /// The dialogue of the first supply lends its Turn to all: an exchange with all supplies is one.
+/// The links are as many as the channels; each supply has an answer of its own to wait for.
 class Bops final : public Amplifier {
  public:
   Bops(std::vector<std::unique_ptr<ByteLink>> links, const Settings& settings, Clock& clock)
@@ -236,6 +248,7 @@ class Bops final : public Amplifier {
       } catch (...) {  // a destructor cannot report it; the other supplies still get their zero
       }
     };
+    // Lost supplies are not opened again here: what they still hold is the guardian's.
     quietly([this] { zero_all(false); });
     for (const auto& supply : supplies_) quietly([&] { supply->switch_off(); });
   }
@@ -270,6 +283,7 @@ class Bops final : public Amplifier {
 };
 
 /// Before anything is sent: a refused set-point changes no channel.
+/// Mistakes of the caller first, then the limit, each over all channels.
 void Bops::check(std::span<const double> currents) const {
   if (currents.size() != supplies_.size())
     throw std::invalid_argument("currents: " + settings_.name + " has " +
@@ -324,9 +338,11 @@ void Bops::set_currents(std::span<const double> currents) {
   for (int k = 1; k <= steps; ++k) {
     const Time begun = clock_.now();
     std::vector<double> wanted(currents.begin(), currents.end());
+    // The last step takes the wanted currents themselves, without the rounding of an interpolation.
     for (std::size_t i = 0; k < steps && i < wanted.size(); ++i)
       wanted[i] = from[i] + (currents[i] - from[i]) * k / steps;
     step(wanted);
+    // The dialogue stays taken for the whole ramp: nothing may come between its set-points.
     if (k < steps) clock_.sleep_until(later(begun, from_seconds(settings_.step_time)));
   }
 }
@@ -352,6 +368,7 @@ void Bops::zero_all(bool open_lost) {
 
 }  // namespace
 
+// Every number is a divisor, a limit or a time: zero has no meaning for any.
 void Settings::check() const {
   const auto positive = [](double value) { return std::isfinite(value) && value > 0; };
   if (name.empty()) throw std::invalid_argument("name: must not be empty");

@@ -19,11 +19,15 @@ constexpr std::size_t kQueueLength = 15;
 /// `gain` flows.
 class EmulatedBop final : public Emulator {
  public:
+  // A call-back for the currents, since the plant of the simulator must know of a change when it
+  // happens.
   EmulatedBop(EmulatorSettings settings, std::function<void(Time, double)> on_current)
       : settings_(std::move(settings)), on_current_(std::move(on_current)) {
     power_up();
   }
 
+  // CR or LF ends a line; of CR LF the second finds an empty line and is skipped. A line is kept
+  // beyond kMaxLine, so that obey_line() can refuse it.
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
     for (const std::uint8_t byte : bytes) {
       const char c = static_cast<char>(byte);
@@ -155,6 +159,7 @@ class EmulatedBop final : public Emulator {
     if (on_current_) on_current_(now, flows_);
   }
 
+  // 0x13 is XOFF and 0x11 XON.
   void speak(const std::string& answer, Time now) {
     std::string text = answer + "\r\n";
     if (settings_.flow_control) text = "\x13" + text + "\x11";

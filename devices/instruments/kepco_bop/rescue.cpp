@@ -27,6 +27,7 @@ void send_text(ByteLink& link, std::string_view text) {
 }
 
 /// The next line without its end; nothing when the link falls silent before that.
+/// Byte by byte: what stands behind the line's end belongs to the next answer.
 std::optional<std::string> line_of(ByteLink& link) {
   std::string line;
   while (line.size() < kMaxAnswer) {
@@ -40,6 +41,8 @@ std::optional<std::string> line_of(ByteLink& link) {
 
 /// Reads lines until one says that current and output are zero; lines of another form answer what
 /// was asked before.
+/// A silence sends the command once more, and at the last one it is given up: the first copy may
+/// have been spoiled by what the host had begun.
 void read_back(ByteLink& link) {
   int silences = 0;
   for (int i = 0; i < kMostLines; ++i) {
@@ -64,12 +67,15 @@ void read_back(ByteLink& link) {
 
 }  // namespace
 
+// A question, which sets nothing in whatever instrument hears it.
 bool answers(ByteLink& link) {
   send_text(link, "*IDN?\n");
   const auto line = line_of(link);
   return line && decode_identity(scpi::trimmed(*line));
 }
 
+// No driver object and no configuration: nothing here waits for an answer before the zeros are
+// sent.
 void rescue(const std::vector<std::unique_ptr<ByteLink>>& links) {
   std::exception_ptr failure;
   const auto each = [&](void (*work)(ByteLink&)) {

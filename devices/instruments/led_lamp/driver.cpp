@@ -13,6 +13,7 @@ namespace {
 /// The lamp owns the amplifier: its other outputs stay at zero.
 class LedLamp final : public Lamp {
  public:
+  // Dark at once: the outputs may hold what another program has left.
   LedLamp(std::unique_ptr<CoilAmplifier> outputs, const Settings& settings)
       : outputs_(std::move(outputs)), settings_(settings) {
     outputs_->make_safe();
@@ -52,6 +53,7 @@ void Settings::check() const {
     throw std::invalid_argument("full_current: must be positive");
 }
 
+// What the settings and the amplifier say together can be checked only here.
 std::unique_ptr<Lamp> open(std::unique_ptr<CoilAmplifier> outputs, const Settings& settings) {
   if (!outputs) throw std::invalid_argument("outputs: must not be null");
   settings.check();

@@ -26,6 +26,7 @@ constexpr double kFastest = 1e4;
 /// frames in between are estimated from the time that has passed.
 class OpencvCamera final : public Camera {
  public:
+  // What has a name below /dev is a camera, everything else a file.
   OpencvCamera(const Settings& settings, Clock& clock)
       : settings_(settings), clock_(clock), live_(settings.source.rfind("/dev/", 0) == 0) {
     if (!std::filesystem::exists(settings_.source))
@@ -49,6 +50,7 @@ class OpencvCamera final : public Camera {
 
   /// The back ends are named: left to itself OpenCV tries one after the other, GStreamer among
   /// them. Exceptions are off, so that each failure is an error of ours.
+  /// A header may state any rate: one that cannot be is replaced by kUnknownRate.
   void start() {
     capture_.setExceptionMode(false);
     if (!(live_ ? capture_.open(settings_.source, cv::CAP_V4L2)
@@ -68,6 +70,7 @@ class OpencvCamera final : public Camera {
 
   /// V4L2 takes the nearest setting in silence: each is read back.
   void configure() {
+    // A setting of 0 is left to the camera. A twentieth off is accepted: 30 Hz may be 29.97.
     const auto want = [this](int property, double value, const char* setting) {
       if (value == 0) return;
       capture_.set(property, value);
@@ -86,6 +89,7 @@ class OpencvCamera final : public Camera {
   }
 
   /// One image, or an empty one at the end or when none comes.
+  /// Outside the baton, for it blocks until a frame has come, or for the read timeout.
   cv::Mat read() {
     cv::Mat image;
     clock_.outside([&] {
@@ -132,6 +136,7 @@ class OpencvCamera final : public Camera {
     }
     // Periods since the last frame, rounded: the camera has no numbers of its own.
     const auto passed =
+        // A frame that is late by less than half a period is the next one, not the one after.
         last_ < 0 ? 1 : std::max<std::int64_t>(1, (now - heard_ + period_ / 2) / period_);
     statistics_.lost += static_cast<std::uint64_t>(passed - 1);
     heard_ = now;

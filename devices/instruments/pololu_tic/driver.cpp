@@ -37,6 +37,7 @@ std::string in_millimeters(double meters) {
 }
 
 /// The bits of error_status in words, from bit 0.
+/// The names are those of the user's guide, where a person looks them up.
 std::string names_of(std::uint16_t errors) {
   static constexpr const char* kNames[] = {"intentionally de-energized",
                                            "motor driver error",
@@ -53,6 +54,7 @@ std::string names_of(std::uint16_t errors) {
   return text.empty() ? "no error named" : text;
 }
 
+// By the USB product number; six models share the protocol.
 const char* model_of(std::uint16_t product) {
   switch (product) {
     case 0x00B3:
@@ -72,6 +74,7 @@ const char* model_of(std::uint16_t product) {
 
 class Tic final : public LensMover {
  public:
+  // From its first commands on the motor was told to stop, whatever of the rest fails.
   Tic(std::unique_ptr<UsbLink> link, const Settings& settings, Clock& clock)
       : link_(std::move(link)),
         settings_(settings),
@@ -104,6 +107,8 @@ class Tic final : public LensMover {
 
  private:
   /// The controller counts from its home switch.
+  /// m = home_position + usteps * ustep_, where ustep_ is negative for a lens that moves towards
+  /// the eye when the motor goes forward.
   double meters(std::int32_t usteps) const { return settings_.home_position + usteps * ustep_; }
   std::int32_t usteps(double meters) const {
     return static_cast<std::int32_t>(std::lround((meters - settings_.home_position) / ustep_));
@@ -111,6 +116,7 @@ class Tic final : public LensMover {
   std::int32_t speed_units() const {
     return static_cast<std::int32_t>(std::lround(settings_.speed / std::abs(ustep_) * kPerSpeed));
   }
+  // Units of the wire: usteps/s^2 times 100.
   std::int32_t acceleration_units() const {
     return static_cast<std::int32_t>(
         std::lround(settings_.acceleration / std::abs(ustep_) * kPerAcceleration));
@@ -152,6 +158,7 @@ class Tic final : public LensMover {
 };
 
 /// Errors of the link, under the device's name in the rig.
+/// The kind stays: a caller acts on that.
 template <class Work>
 auto Tic::on_link(Work work) const {
   try {
@@ -173,6 +180,7 @@ std::vector<std::uint8_t> Tic::read(const Read& what) const {
   return bytes;
 }
 
+// One transfer, so that position, velocity and state are of one moment.
 Variables Tic::read_variables() const {
   const auto variables = decode_variables(read({Code::get_variable, 0, kVariablesSize}));
   if (!variables) fail(DeviceErrorKind::protocol, "its variables make no sense");
@@ -207,6 +215,7 @@ std::vector<std::pair<std::uint16_t, std::uint8_t>> Tic::wanted_settings() const
           {kSoftErrorResponse, kDecelerateToHold}};
 }
 
+// The whole block is read, and only the bytes that matter here are compared.
 bool Tic::settings_are_as_wanted() {
   const auto settings = read({Code::get_setting, 0, kSettingsSize});
   const auto wanted = wanted_settings();
@@ -224,6 +233,8 @@ void Tic::apply_settings() {
 }
 
 /// What is not kept in the settings' memory: step mode, current limit, speed, acceleration.
+/// Read back as a whole at the end: a transfer that was acknowledged does not say that its value
+/// was taken.
 void Tic::configure() {
   const std::uint8_t current =
       code_from_current(link_->identity().product, settings_.current_limit);
@@ -255,6 +266,7 @@ void Tic::check_no_error(const Variables& now) const {
 
 /// From whatever state to the normal one. Only a call that moves does this: leaving the normal
 /// state sets the safe-start violation, which only an explicit command clears.
+/// Repeated at each poll, for the 200 ms may pass before the coils have settled.
 void Tic::energize(Time deadline) {
   const Time settled = std::min(deadline, clock_.now() + kEnergizing);
   for (;;) {
@@ -305,6 +317,7 @@ void Tic::drive(Time timeout, const std::string& what, const std::function<void(
   }
 }
 
+// The travel is checked first, then the reference: no command has gone to the motor by then.
 void Tic::move_to(double position, Time timeout) {
   if (!(position >= settings_.travel_min && position <= settings_.travel_max))
     fail(DeviceErrorKind::out_of_range, in_millimeters(position) + " is outside the travel from " +
@@ -318,6 +331,7 @@ void Tic::move_to(double position, Time timeout) {
       [&] {
         command({Code::set_target_position, target});
       },
+      // Both position and velocity: on its way past a target the counter shows it for a moment.
       [&](const Variables& now) {
         if (now.position_uncertain)
           fail(DeviceErrorKind::refused, "it lost its position on the way; home it again");
@@ -333,6 +347,8 @@ void Tic::home(Time timeout) {
     if (!homed()) fail(DeviceErrorKind::refused, "it does not take its position");
     return;
   }
+  // A controller without a limit switch in its settings may look for it for ever (guide, 5.6): then
+  // the timeout ends the motion.
   drive(
       timeout, "the home switch was not found",
       [&] {
@@ -343,6 +359,7 @@ void Tic::home(Time timeout) {
 
 /// Decelerates, then forbids motion until the next call that moves. Deceleration takes v / a; where
 /// it is not over after twice that, the halt is abrupt, which makes the position uncertain.
+/// Not broken off by a stop of the task: half a deceleration is no safe state.
 void Tic::make_safe() {
   const StopShield shield(clock_);
   command({Code::set_target_velocity, 0});
@@ -368,15 +385,18 @@ void Settings::check() const {
   };
   if (name.empty()) throw std::invalid_argument("name: must not be empty");
   positive(std::abs(step_length), 0.01, "step_length");
+  // A power of two: n & (n - 1) clears the lowest set bit.
   if (usteps_per_step < 1 || usteps_per_step > 32 || (usteps_per_step & (usteps_per_step - 1)) != 0)
     throw std::invalid_argument("usteps_per_step: must be 1, 2, 4, 8, 16 or 32");
   const double ustep = std::abs(step_length) / usteps_per_step;
+  // 5e8 is the largest number that the controller takes for a speed.
   positive(speed, 5e8 / kPerSpeed * ustep, "speed");
   positive(acceleration, 0x7FFFFFFF / kPerAcceleration * ustep, "acceleration");
   if (acceleration < ustep)
     throw std::invalid_argument("acceleration: is too little for the controller");
   if (!(std::isfinite(travel_min) && std::isfinite(travel_max) && travel_min < travel_max))
     throw std::invalid_argument("travel_min: must be less than travel_max");
+  // The position counter has 32 bits.
   const double reach =
       std::max(std::abs(travel_min - home_position), std::abs(travel_max - home_position));
   if (!(reach < std::numeric_limits<std::int32_t>::max() * ustep))

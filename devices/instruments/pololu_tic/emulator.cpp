@@ -30,6 +30,7 @@ enum class Homing { no, approaching, leaving };
 /// motor_, the truth, and the controller's counter, motor_ - zero_.
 class EmulatedTic final : public Emulator {
  public:
+  // The values of reported_ are those of a new controller, which a driver must not rely on.
   EmulatedTic(const EmulatorSettings& settings, const Clock& clock)
       : clock_(clock), given_(settings) {
     identity_ = {kVendor, settings.product, 0x0106, settings.serial, "Pololu Corporation",
@@ -51,6 +52,8 @@ class EmulatedTic final : public Emulator {
 
   const UsbIdentity& identity() const override { return identity_; }
 
+  // Brought up to the present first, so that a command acts on the state of its own moment.
+  // Nothing: a stall, as of a request that is not known.
   std::optional<std::vector<std::uint8_t>> control(const UsbSetup& setup,
                                                    std::span<const std::uint8_t>,
                                                    std::uint16_t length) override {
@@ -70,6 +73,7 @@ class EmulatedTic final : public Emulator {
   double motor_usteps() override { return advance(), motor_; }
   bool moving() override { return advance(), speed_ != 0; }
   bool energized() override { return advance(), is_energized(); }
+  // Motor and zero move alike, so the counter, their difference, does not show it.
   void slip(std::int64_t usteps) override {
     advance();
     motor_ += static_cast<double>(usteps);
@@ -99,6 +103,8 @@ class EmulatedTic final : public Emulator {
     if (from.size() > read.length) from.resize(read.length);
     return from;
   }
+  // The counter is what the controller believes; where the motor is, only the emulator's owner can
+  // ask.
   Variables variables() const {
     Variables v = reported_;
     v.state = state_;

@@ -17,6 +17,8 @@ constexpr Time kReplyTimeout = std::chrono::seconds(1);
 /// After which nothing more of an older answer comes.
 constexpr Time kSilence = std::chrono::milliseconds(30);
 
+// Commands beyond *IDN?, *CLS and SYST:ERR? come from the rig file, so one driver serves many
+// makers.
 class Probe final : public FieldProbe {
  public:
   Probe(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock)
@@ -90,6 +92,7 @@ void Probe::be_open() {
 }
 
 /// The reading is of the time of the question: the instrument measures after it was asked.
+/// Overload is told by a number of its own (kOverload), before the unit is applied to it.
 FieldReading Probe::measure(Time timeout) {
   const Dialogue::Turn turn(dialogue_);
   be_open();

@@ -25,6 +25,8 @@ class EmulatedProbe final : public BytePeer {
       }
     }
   }
+  // In the order of the questions: a measurement that takes its time holds up the answers behind
+  // it.
   std::vector<TimedBytes> say(Time now) override {
     std::vector<TimedBytes> said;
     while (!answers_.empty() && answers_.front().at <= now) {
@@ -37,6 +39,8 @@ class EmulatedProbe final : public BytePeer {
 
  private:
   /// Set commands have no answer; what is not known goes to the error queue.
+  /// A setup of the rig file that this emulator does not know is refused like one that an
+  /// instrument would not know.
   void obey(const std::string& line, Time now) {
     if (line == "*IDN?") return speak(settings_.identity, now);
     if (line == "*CLS") {

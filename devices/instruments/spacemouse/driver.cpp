@@ -25,6 +25,8 @@ class SpaceMouse final : public OperatorInput {
       : link_(std::move(link)), settings_(settings), clock_(clock) {}
   std::string identity() const override { return "3Dconnexion SpaceMouse"; }
 
+  // The watchdog ends deflections only, by which something moves; buttons stay as they were last
+  // reported.
   OperatorState state() override {
     if (lost_)
       throw DeviceError(DeviceErrorKind::lost, settings_.name, "it was unplugged; open it again");
@@ -66,6 +68,7 @@ class SpaceMouse final : public OperatorInput {
     return {scaled(counts[0]), -scaled(counts[1]), -scaled(counts[2])};
   }
   /// 0 within the dead zone, and continuous at its edge: (|d| - dead) / (1 - dead).
+  /// Clamped first, so that no count gives more than full deflection.
   double scaled(int counts) const {
     const double deflection = std::clamp(static_cast<double>(counts) / kFullScale_counts, -1., 1.);
     const double beyond = std::abs(deflection) - settings_.dead_zone;

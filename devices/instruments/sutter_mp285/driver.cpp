@@ -67,6 +67,7 @@ class Mp285 final : public SilentStageProtocol {
 
 /// Several bits may be set; the interrupted motion explains the others (a byte that came in the
 /// middle of it).
+/// Only an interrupted motion is a refusal; the others say that bytes were lost or not understood.
 void Mp285::fail_for(const Fault& fault) const {
   if (fault.interrupted) fail(DeviceErrorKind::refused, "its motion was interrupted");
   if (fault.bad_command) fail(DeviceErrorKind::protocol, "it did not understand the command");
@@ -88,6 +89,7 @@ void Mp285::send(const Command& command) {
 }
 
 /// The CR that acknowledges a command; an error comes in its place.
+/// An error is read to its end as well, so the line is sure again before it is thrown.
 void Mp285::expect_end(Time deadline) {
   const std::uint8_t first = dialogue.take(1, deadline).front();
   if (first == kEnd) {
@@ -125,6 +127,7 @@ ByteString Mp285::block(const Command& question, std::size_t size) {
   return reply;
 }
 
+// block() has checked size and end, so the decoding cannot fail.
 Usteps Mp285::where() { return *decode_position(block(GetPosition{}, kPositionSize)); }
 Status Mp285::status() { return *decode_status(block(GetStatus{}, kStatusSize)); }
 
@@ -197,6 +200,8 @@ void Mp285::set_off(std::span<const double> target, double speed) {
 
 }  // namespace
 
+// The travel is about the origin that was set at the panel, so a stage of 25 mm may lie on either
+// side of it.
 void Settings::check() const {
   const auto positive = [](double value) { return std::isfinite(value) && value > 0; };
   if (name.empty()) throw std::invalid_argument("name: must not be empty");

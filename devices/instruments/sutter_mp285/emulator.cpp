@@ -22,11 +22,13 @@ class EmulatedMp285 final : public Emulator {
     if (under_way_ && now >= arrival()) end_motion();
     return std::exchange(said_, {});
   }
+  // The end of a motion is something that it says by itself.
   Time next() const override {
     if (!said_.empty()) return said_.front().at;
     return under_way_ ? arrival() : kForever;
   }
 
+  // On a straight line; part 1 where there is no way at all.
   Usteps position(Time now) const override {
     const double gone =
         way() > 0 ? std::clamp(to_seconds(now - begun_) * speed() / way(), 0., 1.) : 1;
@@ -89,6 +91,7 @@ class EmulatedMp285 final : public Emulator {
   }
 
   void obey(const GetPosition&, Time now) { speak(encode_position(from_), now); }
+  // Without an answer now: that comes in end_motion().
   void obey(const Move& command, Time now) {
     begun_ = now;
     for (std::size_t i = 0; i < 3; ++i) {

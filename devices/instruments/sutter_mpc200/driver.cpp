@@ -31,6 +31,7 @@ constexpr Time kLongestHoming = 100s;
 constexpr int kFast = -1;
 
 /// The fastest that is not faster than `speed`; nothing when it cannot go so slowly.
+/// Rounding down keeps the speed at or below what was asked for.
 std::optional<int> code_for(double speed) {
   const double most = speed * (1 + 1e-3);  // so that a rounded table value means itself
   if (most >= kFastMotion) return kFast;
@@ -100,6 +101,7 @@ ByteString Mpc200::ask(const Command& question, std::size_t size) {
   return reply;
 }
 
+// 'I' and the number of the drive; answered by that number, or by 'E' where none is connected.
 void Mpc200::take_drive() {
   const ByteString reply = ask(SelectDrive{settings_.drive}, 1);
   if (reply.front() == kNoSuchDrive)
@@ -124,6 +126,7 @@ Usteps Mpc200::where() {
 }
 
 /// The interrupt ends whatever it does.
+/// The answer, and what may still come of an older one, is discarded together.
 void Mpc200::resynchronize() {
   unsure_ = false;
   moving_ = false;
@@ -164,6 +167,7 @@ void Mpc200::set_off(std::span<const double> target, double speed) {
   if (!code) fail(DeviceErrorKind::refused, "its slowest motion is 0.338 mm/s");
   from_ = where();
   const std::int32_t longest = aim(target);
+  // The stage stands within that of its target already, and check_arrival() allows so much.
   if (longest < kLeastMotion_usteps) return;  // it would not move, and not answer either
   speed_ = *code == kFast ? kFastMotion : speed_of(*code);
   if (*code == kFast)

@@ -64,6 +64,8 @@ class EmulatedMpc200 final : public Emulator {
   Usteps& active_position() { return positions_[static_cast<std::size_t>(active_ - 1)]; }
 
   /// Byte by byte: commands have no end mark, so each is complete when it has its length.
+  /// The second byte of a straight motion that comes too early crashes it, as it does the real one
+  /// (acq4): from then on it hears nothing.
   void hear(std::uint8_t byte, Time now) {
     if (crashed_) return;
     if (under_way_ && now >= arrival_) end_motion();
@@ -95,6 +97,7 @@ class EmulatedMpc200 final : public Emulator {
     active_position() = to_;
     speak({kEnd}, arrival_);
   }
+  // `part` below 1 ends the motion short of its target, for tests of what a driver makes of that.
   void set_off(const Usteps& target, double speed, double part, Time now) {
     double way = 0;
     for (std::size_t i = 0; i < 3; ++i) {

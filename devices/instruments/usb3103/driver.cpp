@@ -33,6 +33,8 @@ std::string in_short(double number) {
 
 class Usb3103 final : public CoilAmplifier {
  public:
+  // Outputs to 0 V and amplifiers off come first, whatever else fails; then what lets all coils
+  // step together and exactly.
   Usb3103(std::unique_ptr<HidLink> link, const Settings& settings, Clock& clock)
       : link_(std::move(link)), settings_(settings), clock_(clock) {
     check_identity();
@@ -98,6 +100,7 @@ void Usb3103::send(const Command& command) {
   }
 }
 
+// Nothing in time is no error here: ask() decides.
 std::optional<Report> Usb3103::read(Time timeout) {
   try {
     return link_->read(std::max(timeout, Time::zero()));
@@ -144,6 +147,7 @@ void Usb3103::check_identity() {
 
 /// AOutSync has no effect while the sync pin is an input, as it is in a slave
 /// (wjasper/Linux_Drivers, usb-3100).
+/// In a slave the latched values would never come out.
 void Usb3103::become_master() {
   send(SetSync{.master = true});
   if (!ask_status().master)
@@ -177,6 +181,7 @@ void Usb3103::check(std::span<const double> currents) const {
                                          in_short(settings_.current_limit) + " A");
 }
 
+// Without a line in the settings there is nothing to switch.
 void Usb3103::set_enabled(bool enabled) {
   if (!settings_.enable_line) return;
   enabled_ = enabled_ || enabled;  // from here on it may be
@@ -237,6 +242,8 @@ void Usb3103::make_safe() {
 
 }  // namespace
 
+// The current limit must be within what +-10 V can ask for, so that no set-point below it is out of
+// range.
 void Settings::check() const {
   const auto positive = [](double value) { return std::isfinite(value) && value > 0; };
   if (name.empty()) throw std::invalid_argument("name: must not be empty");

@@ -12,6 +12,7 @@
 namespace vitreo::usb3103 {
 namespace {
 
+// `latched`: counts that wait for the sync.
 struct Channel {
   Range range = Range::zero_to_10_v;
   Calibration calibration;
@@ -51,6 +52,7 @@ class EmulatedUsb3103 final : public Emulator {
   }
 
  private:
+  // Outputs change as a whole, so that the listener never sees half a step.
   std::vector<Report> handle(const AnalogOut& command) {
     Channel& channel = channels_[command.channel];
     if (command.latched) {
@@ -81,6 +83,7 @@ class EmulatedUsb3103 final : public Emulator {
     set(wanted);
     return {};
   }
+  // What is latched stays: the role decides only whether a sync takes it.
   std::vector<Report> handle(const SetSync& command) {
     master_ = command.master;
     return {};

@@ -24,6 +24,8 @@ bool answers_status(HidLink& link, Clock& clock) {
 
 }  // namespace
 
+// A report that fails does not keep the others from being sent; the last failure is thrown at the
+// end.
 void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock) {
   std::exception_ptr failure;
   const auto send = [&](const Command& command) {
@@ -33,6 +35,7 @@ void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock) {
       failure = std::current_exception();
     }
   };
+  // The level before the direction: as an output the line is low from its first moment.
   if (enable_line) send(DigitalOut{static_cast<std::uint8_t>(*enable_line), false});
   // To set a range sets the output to 0 V: no calibration is needed for that, and latched values
   // are forgotten.

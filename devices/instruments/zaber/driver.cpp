@@ -7,9 +7,7 @@
 #include "devices/time/error.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
 #include <utility>
 
@@ -28,12 +26,6 @@ constexpr int kIds = 100;
 /// How far an axis at rest may be from its target.
 constexpr double kSlack_usteps = 2;
 
-std::string in_short(double number) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%g", number);
-  return text.data();
-}
-
 /// Settings and state of one axis.
 struct Axis {
   AxisSettings settings;
@@ -42,6 +34,8 @@ struct Axis {
   double speed = 0;   // m/s or rad/s, as last set; 0: unknown
 };
 
+// Several devices on one line, each of which may have several axes; the stage's axes are any of
+// them.
 class Chain final : public StageProtocol {
  public:
   Chain(std::unique_ptr<ByteLink> link, const Settings& settings, Clock& clock, const char* unit)
@@ -106,9 +100,12 @@ std::optional<Message> Chain::answer(int device, int axis, int id, std::string& 
 }
 
 /// One exchange. Asking again is safe for all that is asked here: every target is absolute.
+/// A refusal by AGAIN means that the device is busy with something else for a moment.
 Message Chain::ask(int device, int axis, const std::string& data) {
   std::string garbage;
   for (int i = 1;; ++i) {
+    // A new id for each attempt, so that a late answer to the first is not taken for that of the
+    // second.
     id_ = (id_ + 1) % kIds;
     dialogue.send(encode(Command{device, axis, id_, data}));
     const auto reply = answer(device, axis, id_, garbage);
@@ -198,6 +195,7 @@ Identity Chain::identify(const AxisSettings& axis) {
 
 /// Limits are the narrower of the instrument's and the rig file's; its own are in microsteps, of
 /// which `resolution` are a full step.
+/// Microsteps become m or rad by the size of a full step, which only the data sheet has.
 StageAxis Chain::configure_axis(Axis& axis) {
   const AxisSettings& wanted = axis.settings;
   const double resolution = number(axis, "resolution");
@@ -227,6 +225,7 @@ void Chain::set_speed(Axis& axis, double speed) {
   axis.speed = speed;
 }
 
+// One question an axis: during a motion the numbers are of moments some milliseconds apart.
 std::vector<double> Chain::position() {
   std::vector<double> positions;
   for (const Axis& axis : axes_) positions.push_back(number(axis, "pos") * axis.unit);
@@ -265,6 +264,7 @@ void Chain::set_off(std::span<const double> target, double speed) {
   for (const Axis& axis : axes_) ask(axis, "move abs " + std::to_string(std::llround(axis.target)));
 }
 
+// Flags of an earlier motion are cleared first, or they would look like failures of this one.
 void Chain::set_off_home() {
   for (const Axis& axis : axes_) ask(axis, "warnings clear");
   for (const Axis& axis : axes_) ask(axis, "home");
@@ -290,13 +290,15 @@ void Chain::check_arrival(bool homing) {
     if (homing) continue;
     const double here = number(axis, "pos");
     if (std::abs(here - axis.target) > kSlack_usteps)
-      fail(DeviceErrorKind::refused, which(axis) + "it stands at " + in_short(here * axis.unit) +
-                                         " " + unit_ + ", not at its target of " +
-                                         in_short(axis.target * axis.unit) + " " + unit_);
+      fail(DeviceErrorKind::refused,
+           which(axis) + "it stands at " + position_text(here * axis.unit, unit_) +
+               ", not at its target of " + position_text(axis.target * axis.unit, unit_));
   }
 }
 
 /// Stops every axis, whatever the others answer, and waits until all stand still.
+/// The first pass does not wait for standstill, so that no axis goes on while another is waited
+/// for.
 void Chain::halt() {
   std::exception_ptr failure;
   for (const Axis& axis : axes_) {
@@ -328,6 +330,7 @@ void Chain::send_halt() {
   }
 }
 
+// Infinite travel is allowed: the instrument's own limits hold then.
 void check(const AxisSettings& axis) {
   const auto positive = [](double value) { return std::isfinite(value) && value > 0; };
   if (axis.name.empty()) throw std::invalid_argument("axes: an axis must have a name");

@@ -90,6 +90,7 @@ struct DeviceState {
 };
 
 /// Execution of one command by one device: one answer, with the values of all axes that it is for.
+/// Ends of motions are settled first: what has ended before the command is seen by it.
 class Execution {
  public:
   Execution(DeviceState& device, const Command& command, Time now)
@@ -282,6 +283,7 @@ class EmulatedChain final : public Emulator {
     }
   }
 
+  // A line that is too long is dropped by decode_command(), as by a device.
   void receive(std::span<const std::uint8_t> bytes, Time now) override {
     for (const std::uint8_t byte : bytes) {
       if (byte != '\r' && byte != '\n') {
@@ -316,6 +318,7 @@ class EmulatedChain final : public Emulator {
     }
   }
   /// Communication settings are kept in the device; the reference is lost.
+  /// That includes the checksums, so a driver must cope with a device that still sends them.
   void power_cycle(Time now) override {
     for (DeviceState& device : devices_) {
       for (AxisState& axis : device.axes) {

@@ -4,6 +4,7 @@
 #include <utility>
 
 namespace vitreo::lua {
+/// In the order of the reference; made once, when a state first opens the library.
 const std::vector<Binding>& control_functions() {
   static const std::vector<Binding> functions = [] {
     std::vector<Binding> all = trajectory_functions();

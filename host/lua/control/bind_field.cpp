@@ -22,22 +22,32 @@ using control::FieldModel;
 
 constexpr double kCurrentLimit = 12;  // A
 
+/// Each handle owns its model: a model is a value, and nothing changes it once it is made.
 int push_model(const Call& call, FieldModel model) {
   push_handle(call.L, field_model_class(), std::make_shared<FieldModel>(std::move(model)));
   return 1;
 }
 
+/// What a laboratory's file says; warnings, such as of a key that is not understood, go to whoever
+/// runs the script, since the model may not be the one that the file's author meant.
+FieldModel calibrated_model(const Call& call, const std::string& text) {
+  control::FieldCalibration read = parse_field_calibration(text);
+  if (const auto& show = call.context().print)
+    for (const std::string& warning : read.warnings) show("field_model: " + warning);
+  return std::move(read.field);
+}
+
+/// A machine known by its name, or a measured one; the background of either is given here and not
+/// set later, so that a model that a servo or a plot holds stays what it was.
 int field_model(Call& call) {
   const auto name = call.text_option("name"), calibration = call.text_option("calibration");
   if (name.has_value() == calibration.has_value())
     throw std::invalid_argument("options: wants either name or calibration");
-  if (calibration) {
-    control::FieldCalibration read = parse_field_calibration(*calibration);
-    if (const auto& show = call.context().print)
-      for (const std::string& warning : read.warnings) show("field_model: " + warning);
-    return push_model(call, std::move(read.field));
-  }
-  return push_model(call, control::CoilField::octomag());
+  FieldModel model = calibration ? calibrated_model(call, *calibration)
+                                 : FieldModel(control::CoilField::octomag());
+  if (const auto background = call.vector_option("background"))
+    model.set_uniform_background(*background);
+  return push_model(call, std::move(model));
 }
 
 int robots(Call& call) {
@@ -50,6 +60,8 @@ int robots(Call& call) {
   return 1;
 }
 
+/// Moment at that field, weight less buoyancy and drag in that fluid. Drag is the diagonal of the
+/// resistance matrix with the robot's axis along x.
 int robot(Call& call) {
   const control::Robot robot = control::robot_named(*call.text_option("name"));
   control::Medium medium;
@@ -70,33 +82,45 @@ int robot(Call& call) {
   return 1;
 }
 
-control::Currents currents_at(const Call& call, std::size_t argument, const FieldModel& model) {
-  const std::vector<double> given = call.numbers(argument);
+/// The option `currents`, one a coil: A.
+control::Currents currents_option(const Call& call, const FieldModel& model) {
+  const std::vector<double> given = *call.numbers_option("currents");
   if (static_cast<int>(given.size()) != model.coils())
     throw std::invalid_argument("currents: wants " + std::to_string(model.coils()) + " numbers");
   return Eigen::Map<const Eigen::VectorXd>(given.data(), model.coils());
 }
 
-int coils(Call& call) { return call.result(call.self<FieldModel>().coils()); }
-
-int valid_at(Call& call) { return call.flag(call.self<FieldModel>().valid_at(call.vector(0))); }
-
-int field(Call& call) {
-  const FieldModel& model = call.self<FieldModel>();
-  const Eigen::Vector3d place = call.vector(0);
-  const control::FieldGradient made =
-      model.matrix(place) * currents_at(call, 1, model) + model.background(place);
-  ResultTable(call)
-      .vector("field", made.head<3>(), "T")
-      .matrix("gradient", control::gradient_matrix(made), "T/m");
+/// Dipoles hold everywhere: no region. Multipoles diverge outside of the box they were fitted in.
+int model_info(Call& call) {
+  const auto& model = call.self<FieldModel>();
+  ResultTable table(call);
+  table.integer("coils", model.coils()).vector("background", model.uniform_background(), "T");
+  if (const auto* multipoles = model.multipoles())
+    table.table("region", [&region = multipoles->region()](ResultTable& box) {
+      box.vector("low", region.low, "m").vector("high", region.high, "m");
+    });
   return 1;
 }
 
-int set_background(Call& call) {
-  call.self<FieldModel>().set_uniform_background(call.vector(0));
-  return 0;
+/// With a robot also the growth rate of what runs away from there (Earnshaw 1842: no constant field
+/// holds it).
+int field(Call& call) {
+  const auto& model = call.self<FieldModel>();
+  const Eigen::Vector3d place = *call.vector_option("position");
+  const control::Currents currents = currents_option(call, model);
+  const control::FieldGradient made = model.matrix(place) * currents + model.background(place);
+  ResultTable table(call);
+  table.vector("field", made.head<3>(), "T")
+      .matrix("gradient", control::gradient_matrix(made), "T/m");
+  if (const auto robot = call.text_option("robot"))
+    table.number("instability",
+                 control::instability(model, control::robot_named(*robot), control::Medium{},
+                                      currents, place),
+                 "1/s");
+  return 1;
 }
 
+/// A dead coil has a limit of 0: the others take over its part.
 control::CurrentLimits limits_option(const Call& call, int coils) {
   control::CurrentLimits limits =
       control::CurrentLimits::Constant(coils, call.number_option("limit").value_or(kCurrentLimit));
@@ -108,6 +132,8 @@ control::CurrentLimits limits_option(const Call& call, int coils) {
   return limits;
 }
 
+/// Thesis 2.3: [B; F] = A I for the least currents, within limits (control::allocate_within). The
+/// vertical force, which carries the robot, is met first.
 int allocate(Call& call) {
   const FieldModel& model = call.self<FieldModel>();
   const Eigen::Vector3d place = *call.vector_option("position"),
@@ -115,10 +141,13 @@ int allocate(Call& call) {
                         force = call.vector_option("force").value_or(Eigen::Vector3d::Zero());
   if (!(field.norm() > 0)) throw std::invalid_argument("field: wants one that is not zero");
   const control::Robot robot = control::robot_named(call.text_option("robot").value_or("coni_2mm"));
+  // The robot turns until its moment lies along the field, so the field wanted gives the direction.
   const Eigen::Vector3d moment = robot.moment(field.norm()) * field.normalized();
   const control::CurrentLimits limits = limits_option(call, model.coils());
   const control::FieldMatrix matrix = model.matrix(place);
   const control::FieldGradient background = model.background(place);
+  // The background makes field and force without current: the coils have to make only the rest, and
+  // what is reported is what acts on the robot, both together, less the levitation.
   const Eigen::Vector3d pulled = control::force_from_field(moment) * background;
   const Eigen::Vector3d levitation(0, 0, robot.net_weight(control::Medium{}));
   const auto found = control::allocate_within(
@@ -133,14 +162,7 @@ int allocate(Call& call) {
   return 1;
 }
 
-int instability(Call& call) {
-  const FieldModel& model = call.self<FieldModel>();
-  const control::Robot robot = control::robot_named(call.text_option("robot").value_or("coni_2mm"));
-  return call.result(control::instability(model, robot, control::Medium{},
-                                          currents_at(call, 1, model), call.vector(0)),
-                     "1/s");
-}
-
+/// Over a grid, the worst direction of each place: what a protocol may ask for anywhere near it.
 int workspace_map(Call& call) {
   control::MapRequest request;
   request.low = call.vector_option("low").value_or(request.low);
@@ -158,6 +180,7 @@ int workspace_map(Call& call) {
   });
 }
 
+/// Of allocate and workspace_map alike, so that a map tells what an allocation can do.
 std::vector<Argument> limit_options() {
   return {{.name = "limit",
            .type = Type::number,
@@ -176,6 +199,7 @@ Argument vector_named(const char* name, const char* unit, bool optional, const c
   return {.name = name, .type = Type::vector, .unit = unit, .optional = optional, .help = help};
 }
 
+/// A robot by its name: the choices are those of control.robots.
 Argument robot_argument(const char* name, bool optional) {
   const auto& known = control::robot_names();
   return {.name = name,
@@ -198,27 +222,33 @@ Returned allocation_fields() {
 std::vector<Binding> model_rows() {
   const Argument place = vector_named("position", "m", false);
   const Argument currents{.name = "currents", .type = Type::numbers, .unit = "A"};
+  Argument runaway = robot_argument("robot", true);
+  runaway.help = "whose instability is asked for, in silicone oil";
   return {
-      {"coils", {}, "number", "of coils", coils, "field_model:coils()"},
-      {"valid_at",
-       {place},
-       "true or false",
-       "whether the model holds there",
-       valid_at,
-       "field_model:valid_at({ 0, 0, 5 * mm })"},
-      {"field",
-       {place, currents},
+      {"info",
+       {},
        {"table",
-        {{"field", "T", "the background included"}, {"gradient", "T/m", "list of its three rows"}}},
+        {{"coils", "", "how many"},
+         {"background", "T", "uniform field without current, besides a calibration's own"},
+         {.name = "region",
+          .help = "the box where the model holds; nil: everywhere",
+          .fields = {{"low", "m", "corner"}, {"high", "m", "corner"}},
+          .optional = true}}},
+       "coils, background and region",
+       model_info,
+       "field_model:info()"},
+      {"field",
+       {options_of({place, currents, runaway})},
+       {"table",
+        {{"field", "T", "the background included"},
+         {"gradient", "T/m", "list of its three rows"},
+         {.name = "instability",
+          .unit = "1/s",
+          .help = "how fast the robot runs away there in constant currents (Earnshaw)",
+          .optional = true}}},
        "field and gradient that currents make there",
        field,
-       "field_model:field({ 0, 0, 0 }, { 1, 0, 0, 0, 0, 0, 0, 0 })"},
-      {"set_background",
-       {vector_named("field", "T", false, "uniform: the earth and the neighbors")},
-       "",
-       "sets the field that is there without current, besides the model's own",
-       set_background,
-       "field_model:set_background({ 20e-6, 0, -45e-6 })"},
+       "field_model:field { position = { 0, 0, 0 }, currents = { 1, 0, 0, 0, 0, 0, 0, 0 } }"},
       {"allocate",
        {options_of(
            {place, vector_named("field", "T", false, "wanted; the robot's axis lies along it"),
@@ -229,12 +259,6 @@ std::vector<Binding> model_rows() {
        "the currents for a field and a force, the vertical force first (thesis 2.3)",
        allocate,
        "field_model:allocate { position = { 0, 0, 0 }, field = { 10 * mT, 0, 0 } }"},
-      {"instability",
-       {place, currents, options_of({robot_argument("robot", true)})},
-       {"number", "1/s"},
-       "how fast a robot runs away there in constant currents (Earnshaw)",
-       instability,
-       "field_model:instability({ 0, 0, 0 }, { 1, 1, 1, 1, 0, 0, 0, 0 })"},
       {"workspace_map",
        {options_of({vector_named("low", "m", true, "corner ({-10, -10, -10} mm)"),
                     vector_named("high", "m", true, "corner ({10, 10, 10} mm)"),
@@ -267,7 +291,10 @@ std::vector<Binding> field_functions() {
                     {.name = "calibration",
                      .type = Type::text,
                      .optional = true,
-                     .help = "a measured one: multipoles as YAML, as ETH's software writes it"}})},
+                     .help = "a measured one: multipoles as YAML, as ETH's software writes it"},
+                    vector_named("background", "T", true,
+                                 "uniform field without current: the earth's and the neighbors', "
+                                 "besides a calibration's own ({0, 0, 0})")})},
        "field_model",
        "the field of a set of coils, known by name or from a calibration",
        field_model,

@@ -60,6 +60,7 @@ FieldModel start_option(const Call& call) {
                : FieldModel(control::CoilField::octomag());
 }
 
+/// Result of either kind of fit, for one way of reporting it.
 struct Fitted {
   FieldModel model;
   Eigen::Vector3d background;
@@ -69,8 +70,8 @@ struct Fitted {
   std::vector<control::CoilComparison> coils;  // against the start
 };
 
-/// At the world's origin, or at the nearest position where both models hold; none where there is no
-/// such position.
+/// The fitted coils against the start, at the world's origin, or at the nearest position where both
+/// models hold; none where there is no such position.
 std::vector<control::CoilComparison> compared(const FieldModel& fitted, const FieldModel& start) {
   // Clamping to one box and then to the other ends in both of them where they overlap.
   const Eigen::Vector3d position =
@@ -79,6 +80,8 @@ std::vector<control::CoilComparison> compared(const FieldModel& fitted, const Fi
   return control::compare_coils(fitted, start, position);
 }
 
+/// The fitted background goes into the model, so that it predicts what the probe read. Readings
+/// count from 1 in scripts.
 int push_fitted(const Call& call, const Fitted& fitted) {
   FieldModel model = fitted.model;
   model.set_uniform_background(fitted.background);
@@ -96,49 +99,52 @@ int push_fitted(const Call& call, const Fitted& fitted) {
   return 1;
 }
 
-int fit_dipoles(Call& call) {
-  const FieldModel start = start_option(call);
-  if (start.dipoles() == nullptr)
-    throw std::invalid_argument(
-        "start: wants a model of dipoles, such as that of the name octomag");
-  return calculate(
-      call, "field fit",
-      [dipoles = *start.dipoles(),
-       readings = readings_option(call, start.coils())](const YieldPoint&) {
-        const control::DipoleFit fit = control::fit_dipoles(dipoles, readings);
-        return Fitted{
-            fit.field,
-            fit.background,
-            {fit.residual_rms, fit.residual_largest, fit.worst_reading, fit.residual_relative},
-            fit.converged,
-            readings.size(),
-            compared(fit.field, dipoles)};
-      },
-      push_fitted);
+/// From a model of dipoles: the moments and positions that the probe's readings ask for.
+Fitted fitted_dipoles(const control::CoilField& start, const std::vector<ProbeReading>& readings) {
+  const control::DipoleFit fit = control::fit_dipoles(start, readings);
+  return {fit.field,
+          fit.background,
+          {fit.residual_rms, fit.residual_largest, fit.worst_reading, fit.residual_relative},
+          fit.converged,
+          readings.size(),
+          compared(fit.field, start)};
 }
 
-int fit_multipoles(Call& call) {
+/// From a model of dipoles the fit of multipoles starts at dipoles fitted to the readings first:
+/// multipoles are sensitive to where they start.
+Fitted fitted_multipoles(const FieldModel& start, int order,
+                         const std::vector<ProbeReading>& readings, const YieldPoint& breath) {
+  const auto from = [&]() -> MultipoleField {
+    if (start.multipoles() != nullptr) return *start.multipoles();
+    const control::CoilField near = control::fit_dipoles(*start.dipoles(), readings).field;
+    constexpr double kAnywhere = 1;  // m: the fit's region is that of its readings
+    return control::multipoles_like(
+        near, order, {Eigen::Vector3d::Constant(-kAnywhere), Eigen::Vector3d::Constant(kAnywhere)});
+  }();
+  breath();
+  const control::MultipoleFit fit = control::fit_multipoles(from, readings);
+  return {fit.field,     fit.background,  fit.residual,
+          fit.converged, readings.size(), compared(fit.field, start)};
+}
+
+/// Bad options and readings are refused here, before the calculation; the fit itself refuses
+/// readings that determine too little, such as of a coil that never had a current.
+int fit_field_model(Call& call) {
   const FieldModel start = start_option(call);
-  const int order = static_cast<int>(call.number_option("order").value_or(2));
-  if (start.multipoles() != nullptr && call.number_option("order"))
+  const bool multipoles = *call.text_option("sources") == "multipoles";
+  const auto order = call.number_option("order");
+  if (!multipoles && start.dipoles() == nullptr)
+    throw std::invalid_argument(
+        "start: wants a model of dipoles, such as that of the name octomag");
+  if (order && !multipoles) throw std::invalid_argument("order: is for multipoles");
+  if (order && start.multipoles() != nullptr)
     throw std::invalid_argument("order: the start is of multipoles and has its own");
-  std::vector<ProbeReading> readings = readings_option(call, start.coils());
   return calculate(
       call, "field fit",
-      [start, order, readings = std::move(readings)](const YieldPoint& breath) {
-        const auto from = [&]() -> MultipoleField {
-          if (start.multipoles() != nullptr) return *start.multipoles();
-          // Dipoles alone first: multipoles are sensitive to where they start.
-          const control::CoilField near = control::fit_dipoles(*start.dipoles(), readings).field;
-          constexpr double kAnywhere = 1;  // m: the fit's region is that of its readings
-          return control::multipoles_like(
-              near, order,
-              {Eigen::Vector3d::Constant(-kAnywhere), Eigen::Vector3d::Constant(kAnywhere)});
-        }();
-        breath();
-        const control::MultipoleFit fit = control::fit_multipoles(from, readings);
-        return Fitted{fit.field,     fit.background,  fit.residual,
-                      fit.converged, readings.size(), compared(fit.field, start)};
+      [start, multipoles, order = static_cast<int>(order.value_or(2)),
+       readings = readings_option(call, start.coils())](const YieldPoint& breath) {
+        return multipoles ? fitted_multipoles(start, order, readings, breath)
+                          : fitted_dipoles(*start.dipoles(), readings);
       },
       push_fitted);
 }
@@ -161,7 +167,8 @@ int to_yaml(Call& call) {
   };
   const MultipoleField field = as_multipoles();
   if (!model.uniform_background().isZero(0)) {
-    // Psi = A_1 r P_1: uniform along the source's axis.
+    // A uniform background has no key of its own in the format, but is the field of a background
+    // source with the coefficient A_1 alone: Psi = A_1 r P_1, uniform along the source's axis.
     const double size = model.uniform_background().norm();
     MultipoleField::Sources background = field.background_sources();
     background.push_back({{0, 0, 0}, model.uniform_background() / size, {size}, {}});
@@ -174,12 +181,15 @@ int to_yaml(Call& call) {
 
 }  // namespace
 
+/// Shared with simulation:use_calibration, which compares a measured machine with the loop's model.
 std::vector<ResultField> comparison_fields() {
   return {{"sign", "", "-1 where the coil is wired the other way round"},
           {"gain", "", "of its field at 1 A"},
           {"angle", "rad", "between the axes"}};
 }
 
+/// A coil of sign -1 is wired, or counted, the other way round: a script shows it before currents
+/// flow.
 void add_comparison(ResultTable& report, const std::vector<control::CoilComparison>& coils) {
   report.list("coils", coils.size(), [&coils](ResultTable& entry, std::size_t i) {
     entry.number("sign", coils[i].sign).number("gain", coils[i].gain);
@@ -206,27 +216,26 @@ std::vector<Binding> field_fit_functions() {
                          {"background", "T", "uniform field without current"},
                          {"coils", "", "each as it compares with the start", comparison_fields()},
                          {"converged", "", "true or false"}}};
-  return {{"control.fit_dipoles",
-           {options_of({readings, start})},
-           fitted,
-           "calibrates one dipole a coil and a uniform background from a probe's readings, at "
-           "least 2 a coil and 1",
-           fit_dipoles,
-           "control.fit_dipoles { readings = readings }"},
-          {"control.fit_multipoles",
+  return {{"control.fit_field_model",
            {options_of({readings,
+                        {.name = "sources",
+                         .type = Type::text,
+                         .help = "of a coil: one dipole; or multipoles, from dipoles fitted first "
+                                 "or from an earlier calibration, which hold in the box that the "
+                                 "readings span",
+                         .choices = {"dipoles", "multipoles"}},
                         start,
                         {.name = "order",
                          .type = Type::integer,
                          .optional = true,
                          .min = 1,
                          .max = control::kMaxMultipoleOrder,
-                         .help = "of each coil's source, where the start is of dipoles (2)"}})},
+                         .help = "of multipoles, where the start is of dipoles (2)"}})},
            fitted,
-           "the same with multipoles: from dipoles fitted first, or from an earlier calibration; "
-           "it holds in the box that the readings span",
-           fit_multipoles,
-           "control.fit_multipoles { readings = readings, order = 1 }"}};
+           "calibrates coils and a uniform background from a probe's readings, for dipoles at "
+           "least 2 a coil and 1",
+           fit_field_model,
+           "control.fit_field_model { readings = readings, sources = \"dipoles\" }"}};
 }
 
 Binding field_text_row() {

@@ -10,15 +10,18 @@
 namespace vitreo::lua {
 namespace {
 
+/// Gains only: rig:servo makes the controller, so one law may serve several loops.
 int push_law(const Call& call, LawGains gains) {
   push_handle(call.L, control_law_class(), std::make_shared<LawGains>(std::move(gains)));
   return 1;
 }
 
+/// What the script gives takes the place of the default.
 void take(const Call& call, const char* name, double& value) {
   value = call.number_option(name).value_or(value);
 }
 
+/// The thesis' (6.2); gains are judged here, so that an error names this call and not rig:servo.
 int pd(Call& call) {
   control::PdGains gains;
   take(call, "proportional", gains.proportional);
@@ -30,11 +33,13 @@ int pd(Call& call) {
   return push_law(call, gains);
 }
 
+/// Absent gains stay absent: they are tuned to the rig's delay when the loop opens.
 int estimator(Call& call) {
   return push_law(
       call, EstimatorGains{call.number_option("proportional"), call.number_option("max_speed")});
 }
 
+/// For media that yield (7.3): the integral is a force per distance here, in N/m.
 int velocity(Call& call) {
   control::VelocityGains gains;
   take(call, "proportional", gains.proportional);
@@ -76,7 +81,7 @@ std::vector<Binding> law_functions() {
                     gain("integral", "N/m", 100, "force per distance stayed behind (0.01 N/m)"),
                     gain("velocity_time", "s", 10, "low-pass of the measured velocity (0.13 s)"),
                     gain("max_speed", "m/s", 0.1, "largest velocity wanted (0.2 mm/s)"),
-                    gain("max_force", "N", 1, "largest force asked for (200 uN)")})},
+                    gain("max_force", "N", 1, "largest force asked for (200 µN)")})},
        "control_law",
        "velocity control for gels: the force rises until the medium yields (thesis 7.3)",
        velocity,

@@ -13,13 +13,16 @@ namespace {
 
 using control::Trajectory;
 
+/// A value: following it does not use it up.
 int push_trajectory(const Call& call, Trajectory trajectory) {
   push_handle(call.L, trajectory_class(), std::make_shared<Trajectory>(std::move(trajectory)));
   return 1;
 }
 
+/// An option that the row requires, so that it is there.
 Eigen::Vector3d needed(const Call& call, const char* name) { return *call.vector_option(name); }
 
+/// World frame, m; at least one.
 std::vector<Eigen::Vector3d> points_option(const Call& call) {
   call.push_option("points");
   std::vector<Eigen::Vector3d> points = points_at(call.L, lua_gettop(call.L), "points");
@@ -27,9 +30,8 @@ std::vector<Eigen::Vector3d> points_option(const Call& call) {
   return points;
 }
 
-int point(Call& call) {
-  return push_trajectory(call, Trajectory::hold_at(needed(call, "position")));
-}
+/// Shapes below start and end at rest, in the least time that speed and acceleration allow; what is
+/// too short or not finite is refused by name (control::Trajectory).
 int line(Call& call) {
   return push_trajectory(
       call, Trajectory::line(needed(call, "from"), needed(call, "to"), motion_limits(call)));
@@ -38,12 +40,15 @@ int rectangle(Call& call) {
   return push_trajectory(call, Trajectory::rectangle(needed(call, "corner"), needed(call, "side"),
                                                      needed(call, "up"), motion_limits(call)));
 }
+/// Two radii say center, plane, sense and where it begins; they must be as long and at a right
+/// angle.
 int circle(Call& call) {
   return push_trajectory(
       call,
       Trajectory::circle(needed(call, "center"), needed(call, "first"), needed(call, "second"),
                          call.number_option("turns").value_or(1), motion_limits(call)));
 }
+/// Corners are corners: it stops in each, since no acceleration could turn there at speed.
 int waypoints(Call& call) {
   return push_trajectory(call, Trajectory::waypoints(points_option(call), motion_limits(call)));
 }
@@ -51,6 +56,7 @@ int spline(Call& call) {
   return push_trajectory(call, Trajectory::spline(points_option(call), motion_limits(call)));
 }
 
+/// Absent numbers keep those of the spiral of thesis 5.5 (control::Spiral).
 int spiral(Call& call) {
   control::Spiral shape;
   shape.bottom = call.vector_option("bottom").value_or(shape.bottom);
@@ -64,8 +70,12 @@ int spiral(Call& call) {
   return push_trajectory(call, Trajectory::spiral(shape, motion_limits(call)));
 }
 
-int duration(Call& call) { return call.result(call.self<Trajectory>().duration(), "s"); }
-int length(Call& call) { return call.result(call.self<Trajectory>().length(), "m"); }
+int info(Call& call) {
+  const auto& path = call.self<Trajectory>();
+  ResultTable(call).number("duration", path.duration(), "s").number("length", path.length(), "m");
+  return 1;
+}
+/// Clamped: before its begin and after its end it stands, with velocity 0.
 int at(Call& call) {
   const control::Reference reference = call.self<Trajectory>().at(call.number(0));
   ResultTable(call)
@@ -76,6 +86,7 @@ int at(Call& call) {
 
 }  // namespace
 
+/// Numbers of entries count from 1 in errors, as in the script.
 std::vector<Eigen::Vector3d> points_at(lua_State* L, int index, const char* name) {
   std::vector<Eigen::Vector3d> points;
   const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
@@ -98,6 +109,7 @@ std::vector<Argument> motion_options() {
           number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)")};
 }
 
+/// Also for servo:follow, which makes a path of a list of positions by the same rules.
 control::MotionLimits motion_limits(const Call& call) {
   control::MotionLimits limits;
   limits.speed = call.number_option("speed").value_or(limits.speed);
@@ -122,12 +134,6 @@ std::vector<Binding> trajectory_functions() {
       place("bottom", "lower end of its axis, which is the world's z ({0, 0, -3 mm})");
   bottom.optional = true;
   return {
-      {"control.point",
-       {options_of({place("position")})},
-       "trajectory",
-       "stays at a position",
-       point,
-       "control.point { position = vector(0, 0, 1 * mm) }"},
       {"control.line", moving({place("from"), place("to")}), "trajectory", "a straight line", line,
        "control.line { from = { 0, 0, 0 }, to = { 1 * mm, 0, 0 }, speed = 0.5 * mm / s }"},
       {"control.rectangle",
@@ -159,8 +165,12 @@ const Class& trajectory_class() {
       "trajectory",
       "positions as a function of time; make one with control.line and its like, go along it with "
       "servo:follow",
-      {{"duration", {}, {"number", "s"}, "how long it takes", duration, "path:duration()"},
-       {"length", {}, {"number", "m"}, "how long the way is", length, "path:length()"},
+      {{"info",
+        {},
+        {"table", {{"duration", "s", "from its begin to its end"}, {"length", "m", "of the way"}}},
+        "how long it takes, and how long the way is",
+        info,
+        "path:info()"},
        {"at",
         {{.name = "time", .type = Type::number, .unit = "s", .help = "since it began"}},
         {"table", {{"position", "m", "where it is then"}, {"velocity", "m/s", "how fast"}}},

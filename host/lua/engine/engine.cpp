@@ -36,6 +36,8 @@ class LuaEngine final : public ScriptEngine {
     return lua::read_recorded_rig(lua::library(), rig, bases);
   }
 
+  /// The first failure decides how the run ends. The clean-up follows in any case, with less time
+  /// after a failure; what fails in it then is an event of the record.
   void run(const ProtocolDescription& protocol,
            const std::map<std::string, ArgumentValue>& arguments, Session& session) override {
     lua::ScriptRun script(lua::library(), running_, session, folders_);
@@ -57,6 +59,8 @@ class LuaEngine final : public ScriptEngine {
     if (failure) std::rethrow_exception(failure);
   }
 
+  /// Statements that fail do not end the prompt. Where nobody reads the errors as they come (a
+  /// pipe) they fail the run at its end.
   void prompt(Session& session, LineEditor& in, std::ostream& out, std::ostream& err) override {
     lua::ScriptRun script(lua::library(), running_, session, folders_);
     script.context().protocol_folders = protocols_;
@@ -67,6 +71,8 @@ class LuaEngine final : public ScriptEngine {
                       " statement(s) failed, the first: " + end.first_error);
   }
 
+  /// May be called by a signal handler: lock-free atomics and a hook of the running state, nothing
+  /// else.
   void interrupt() noexcept override {
     lua::Context* const context = running_.context;
     if (!context) return;

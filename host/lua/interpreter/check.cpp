@@ -12,10 +12,12 @@
 namespace vitreo::lua {
 namespace {
 
+/// By the first letter, which is right for all the nouns of this interface.
 std::string a_or_an(const std::string& noun) {
   return (std::string("aeiou").find(noun[0]) != std::string::npos ? "an " : "a ") + noun;
 }
 
+/// For the end of a sentence; empty without a unit.
 std::string in_unit(const Argument& argument) {
   return argument.unit.empty() ? "" : " in " + argument.unit;
 }
@@ -28,6 +30,7 @@ std::string one_of(const std::vector<std::string>& words) {
   return text;
 }
 
+/// Bounds are SI in the rows; here they are told in the unit that people use.
 std::string range_text(const Argument& argument) {
   const std::string min = format_quantity(argument.min, argument.unit),
                     max = format_quantity(argument.max, argument.unit);
@@ -36,17 +39,21 @@ std::string range_text(const Argument& argument) {
   return min + " to " + max;
 }
 
+/// The argument's name, what is wanted, what came: enough to mend the call without the reference.
 [[noreturn]] void refuse(lua_State* L, const Argument& argument, int index) {
   throw std::invalid_argument(argument.name + ": wants " + wanted(argument) + ", got " +
                               kind_of(L, index));
 }
 
+/// Lua would take the text "5" for a number too; here it is refused, as it is mostly a mistake.
 void check_number(lua_State* L, const Argument& argument, int index) {
   if (lua_type(L, index) != LUA_TNUMBER) refuse(L, argument, index);
   const double value = lua_tonumber(L, index);
+  // 1e15: below it a double holds each whole number exactly.
   if (argument.type == Type::integer && !(std::floor(value) == value && std::abs(value) < 1e15))
     throw std::invalid_argument(argument.name + ": wants a whole number, got " +
                                 plain_text(L, index));
+  // Before the bounds, since a NaN passes every comparison with them.
   if (!std::isfinite(value))
     throw std::invalid_argument(argument.name + ": wants " + wanted(argument) + ", got " +
                                 plain_text(L, index));
@@ -56,6 +63,7 @@ void check_number(lua_State* L, const Argument& argument, int index) {
 }
 
 /// The first thing in a list that is no number, by its place.
+/// Throws in any case: where each entry is a number, the list itself is at fault, as by its length.
 void refuse_list(lua_State* L, const Argument& argument, int index) {
   const auto count = lua_istable(L, index) ? static_cast<lua_Integer>(lua_rawlen(L, index)) : 0;
   for (lua_Integer i = 1; i <= count; ++i)
@@ -67,6 +75,7 @@ void refuse_list(lua_State* L, const Argument& argument, int index) {
   refuse(L, argument, index);
 }
 
+/// A vector has exactly three entries; a direction may have any length but zero.
 void check_numbers(lua_State* L, const Argument& argument, int index) {
   const auto numbers = to_numbers(L, index);
   if (!numbers) refuse_list(L, argument, index);
@@ -89,6 +98,7 @@ const char* kind_of_vector(const std::string& unit) {
   return "vector";
 }
 
+/// Only what Lua's own types decide; true for those that have a check of their own below.
 bool lua_type_fits(lua_State* L, const Argument& argument, int index) {
   switch (argument.type) {
     case Type::flag:
@@ -109,6 +119,7 @@ bool lua_type_fits(lua_State* L, const Argument& argument, int index) {
 void check_choice(lua_State* L, const Argument& argument, int index);
 
 /// A handle with choices may be given by one of these words instead.
+/// To Lua all handles are userdata, so the class is asked.
 void check_handle(lua_State* L, const Argument& argument, int index) {
   if (!argument.choices.empty() && lua_type(L, index) == LUA_TSTRING)
     return check_choice(L, argument, index);
@@ -116,6 +127,7 @@ void check_handle(lua_State* L, const Argument& argument, int index) {
   if (!kind || kind->name != argument.handle) refuse(L, argument, index);
 }
 
+/// With the nearest choice, as most words that are not known are misspelled.
 void check_choice(lua_State* L, const Argument& argument, int index) {
   const std::string word = plain_text(L, index);
   if (std::find(argument.choices.begin(), argument.choices.end(), word) != argument.choices.end())
@@ -127,6 +139,19 @@ void check_choice(lua_State* L, const Argument& argument, int index) {
 
 void check_one(lua_State* L, const Argument& argument, int index);
 
+void check_options(lua_State* L, const Argument& argument, int index);
+
+/// Two tables of one call may have keys of one name: an error says in which.
+void check_table_among_options(lua_State* L, const Argument& option, int index) {
+  try {
+    check_options(L, option, index);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(option.name + ": " + error.what());
+  }
+}
+
+/// Unknown keys first: a misspelled option would else be left out without a word. Sorted, so that
+/// the same call fails with the same message in each run.
 void check_options(lua_State* L, const Argument& argument, int index) {
   std::vector<std::string> known;
   for (const Argument& option : argument.options) known.push_back(option.name);
@@ -142,13 +167,19 @@ void check_options(lua_State* L, const Argument& argument, int index) {
                                 (near.empty() ? "" : "; did you mean " + near + "?"));
   }
   lua_pop(L, 1);
+  // An option that is absent is still checked when it is needed: then it is reported as missing.
   for (const Argument& option : argument.options) {
     lua_getfield(L, index, option.name.c_str());
-    if (!lua_isnil(L, -1) || !option.optional) check_one(L, option, lua_gettop(L));
+    if (option.type == Type::options && lua_istable(L, -1))
+      check_table_among_options(L, option, lua_gettop(L));
+    else if (!lua_isnil(L, -1) || !option.optional)
+      check_one(L, option, lua_gettop(L));
     lua_pop(L, 1);
   }
 }
 
+/// `index` is absolute, as the checks push. An option may have options of its own, hence the room
+/// on the stack.
 void check_one(lua_State* L, const Argument& argument, int index) {
   luaL_checkstack(L, 10, "too many arguments");
   if (lua_isnoneornil(L, index))
@@ -165,12 +196,14 @@ void check_one(lua_State* L, const Argument& argument, int index) {
     check_choice(L, argument, index);
 }
 
+/// Such a call may leave its options table out.
 bool all_optional(const Argument& argument) {
   for (const Argument& option : argument.options)
     if (!option.optional) return false;
   return true;
 }
 
+/// As signatures show it: [name] may be left out, {a, b} is a table with these keys.
 std::string shown(const Argument& argument) {
   if (argument.type != Type::options)
     return argument.optional ? "[" + argument.name + "]" : argument.name;
@@ -182,6 +215,7 @@ std::string shown(const Argument& argument) {
 
 }  // namespace
 
+/// For messages and for the reference: one wording in both.
 std::string wanted(const Argument& argument) {
   switch (argument.type) {
     case Type::any:
@@ -215,6 +249,8 @@ std::string wanted(const Argument& argument) {
   return "a value";
 }
 
+/// Before the binding's own code, so that it may take what its row says without a test of its own.
+/// A last row named "..." takes any number of arguments, unchecked.
 void check_arguments(Call& call) {
   const std::vector<Argument>& rows = call.binding.arguments;
   const int given = lua_gettop(call.L) - call.index(0) + 1;
@@ -233,10 +269,12 @@ void check_arguments(Call& call) {
   }
 }
 
+/// As it is called in a script: class:method, or the function's own path.
 std::string full_name(const Class* owner, const Binding& binding) {
   return owner ? owner->name + ":" + binding.name : binding.name;
 }
 
+/// For the message of a wrong call, the help and the reference.
 std::string signature(const Class* owner, const Binding& binding) {
   std::string text = full_name(owner, binding) + "(";
   for (std::size_t i = 0; i < binding.arguments.size(); ++i)
@@ -244,6 +282,7 @@ std::string signature(const Class* owner, const Binding& binding) {
   return text + ")" + (binding.returns.type.empty() ? "" : " -> " + binding.returns.text());
 }
 
+/// On a copy, as rows share the definitions of their results.
 Returned Returned::or_nil(std::string when) const {
   Returned made = *this;
   made.optional = true;
@@ -251,6 +290,7 @@ Returned Returned::or_nil(std::string when) const {
   return made;
 }
 
+/// As the reference prints it: type, unit, and when it is nil.
 std::string Returned::text() const {
   return type + (unit.empty() ? "" : " in " + unit) + (optional ? ", or nil" : "") +
          (absent.empty() ? "" : " " + absent);

@@ -22,6 +22,7 @@ namespace vitreo::lua {
 class Scheduler;
 struct Binding;
 struct Library;
+struct StageMotions;
 
 /// One run:each that is being walked.
 struct Lap {
@@ -71,6 +72,8 @@ struct Context {
     std::vector<std::string> channels;
   };
   std::map<std::string, Script> script_streams;  // of run:record
+  /// Of each stage, by its address, that the script has set off (host/lua/rig/motion.h).
+  std::map<const void*, std::shared_ptr<StageMotions>> motions;
   struct Suspender {
     std::string reason;
     int condition = 0;  // reference of its function

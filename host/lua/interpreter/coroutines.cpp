@@ -19,12 +19,15 @@ int end_coroutine(lua_State* L, int status, lua_KContext) {
   return lua_gettop(L);
 }
 
+/// Upvalue 1 is the script's function. By lua_pcallk, so that a wait inside it may yield across the
+/// pcall.
 int coroutine_body(lua_State* L) {
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
   return end_coroutine(L, lua_pcallk(L, lua_gettop(L) - 1, LUA_MULTRET, 0, 0, end_coroutine), 0);
 }
 
+/// Before its first resume a coroutine holds coroutine_body alone.
 int create(lua_State* L) {
   luaL_checktype(L, 1, LUA_TFUNCTION);
   lua_State* const co = lua_newthread(L);
@@ -34,6 +37,8 @@ int create(lua_State* L) {
   return 1;
 }
 
+/// context.running is the state that an interrupt is armed on. Both sides are armed anew, since a
+/// stop may have come while the hook was on the other one.
 int lua_resume_tracked(lua_State* L, lua_State* co, int arguments, int* results) {
   Context& context = context_of(L);
   context.running = co;
@@ -44,6 +49,8 @@ int lua_resume_tracked(lua_State* L, lua_State* co, int arguments, int* results)
   return status;
 }
 
+/// Tells the two kinds of yield apart: a wait of the host has a task with a wait, a script's own
+/// coroutine.yield has none.
 LuaTask* waiting_task(lua_State* L) {
   Scheduler* const scheduler = context_of(L).scheduler;
   LuaTask* const task = scheduler ? scheduler->current() : nullptr;
@@ -55,6 +62,7 @@ LuaTask* waiting_task(lua_State* L) {
 constexpr int kError = -1, kHostWait = -2;
 int go_on(lua_State* L, lua_State* co, int arguments) {
   if (!lua_checkstack(co, arguments)) return luaL_error(L, "too many arguments to resume");
+  // Lua's own test of a dead coroutine: nothing to run, nothing suspended.
   if (lua_status(co) == LUA_OK && lua_gettop(co) == 0) {
     lua_pushliteral(L, "cannot resume dead coroutine");
     return kError;
@@ -62,6 +70,9 @@ int go_on(lua_State* L, lua_State* co, int arguments) {
   lua_xmove(L, co, arguments);
   int results = 0;
   int status = lua_resume_tracked(L, co, arguments, &results);
+  // A wait of the host is handed outward, level by level, until the scheduler has it. Where that is
+  // not possible, as within table.sort, the wait itself fails inside the coroutine, where the
+  // script can catch it.
   while (status == LUA_YIELD && waiting_task(L)) {
     lua_pop(co, results);
     if (lua_isyieldable(L)) return kHostWait;
@@ -75,10 +86,12 @@ int go_on(lua_State* L, lua_State* co, int arguments) {
     return results;
   }
   lua_xmove(co, L, 1);
+  // A stop is no error for the script to see: it goes on through resume.
   if (is_stop(L, -1)) return lua_error(L);
   return kError;
 }
 
+/// Lua's own message for an argument of another type.
 lua_State* coroutine_at(lua_State* L, int index) {
   lua_State* const co = lua_tothread(L, index);
   luaL_argexpected(L, co, index, "coroutine");
@@ -87,6 +100,8 @@ lua_State* coroutine_at(lua_State* L, int index) {
 
 int continue_resume(lua_State* L, int, lua_KContext);
 
+/// The coroutine stays at index 1 through all waits. As coroutine.resume: true and the results, or
+/// false and the error.
 int resume_with(lua_State* L, int arguments) {
   const int results = go_on(L, coroutine_at(L, 1), arguments);
   if (results == kHostWait) {
@@ -99,6 +114,7 @@ int resume_with(lua_State* L, int arguments) {
   return count + 1;
 }
 
+/// Entered anew after each wait of the host; what was passed to resume has been passed already.
 int continue_resume(lua_State* L, int, lua_KContext) { return resume_with(L, 0); }
 int resume(lua_State* L) {
   coroutine_at(L, 1);
@@ -107,6 +123,7 @@ int resume(lua_State* L) {
 
 int continue_wrapped(lua_State* L, int, lua_KContext);
 
+/// As resume_with, but errors go on. The coroutine is upvalue 1.
 int wrapped_with(lua_State* L, int arguments) {
   const int results = go_on(L, lua_tothread(L, lua_upvalueindex(1)), arguments);
   if (results == kHostWait) {
@@ -126,6 +143,8 @@ int wrap(lua_State* L) {
   return 1;
 }
 
+/// To Lua a task of the scheduler is a coroutine as well; a yield from its body would be taken for
+/// a wait.
 int yield(lua_State* L) {
   const Scheduler* const scheduler = context_of(L).scheduler;
   if (scheduler && scheduler->current() && scheduler->current()->thread == L)
@@ -133,6 +152,8 @@ int yield(lua_State* L) {
   return lua_yield(L, lua_gettop(L));
 }
 
+/// As Lua's own, but a stop that its <close> variables met goes on. They cannot wait here:
+/// lua_resetthread does not yield. (Debian's Lua 5.4.4 has no lua_closethread.)
 int close(lua_State* L) {
   lua_State* const co = coroutine_at(L, 1);
   lua_Debug frame;
@@ -150,6 +171,7 @@ int close(lua_State* L) {
 
 }  // namespace
 
+/// Over Lua's own library, of which isyieldable, running and status stay.
 void open_coroutines(lua_State* L) {
   luaL_requiref(L, LUA_COLIBNAME, luaopen_coroutine, 1);
   const luaL_Reg own[] = {{"create", create}, {"resume", resume}, {"wrap", wrap},

@@ -12,29 +12,31 @@
 namespace vitreo::lua {
 namespace {
 
+// Waits have the names of their calls. What is not here measures, follows a path, or waits because
+// the script asked for it.
 constexpr std::array kGettingReady{
-    "servo:go_to",          "servo:wait_until_tracked",
-    "stage:move_to",        "stage:home",
-    "stage:wait",           "rotation_stage:turn_to",
-    "rotation_stage:home",  "rotation_stage:wait",
-    "lens_mover:move_to",   "lens_mover:home",
-    "sample:insert_robot",  "sample:remove_robot",
-    "rig:learn_background", "resume",
+    "servo:go_to",     "servo:wait_until_tracked", "stage:move_to",       "stage:home",
+    "motion:wait",     "rotation_stage:move_to",   "rotation_stage:home", "lens_mover:move_to",
+    "lens_mover:home", "sample:insert_robot",      "sample:remove_robot", "rig:learn_background",
+    "resume",
 };
 
 }  // namespace
 
 bool is_dead_time(const std::string& what) {
+  // People: an answer to a question, and a pause that waits for its end.
   const bool people = what.starts_with("an answer to '") || what.ends_with("' to end");
   return people ||
          std::find(kGettingReady.begin(), kGettingReady.end(), what) != kGettingReady.end();
 }
 
+// To all that are being walked: an inner loop's wait is the outer ones' too.
 void add_wait(Context& context, const std::string& what, Time duration) {
   if (duration <= Time(0)) return;
   for (Lap& lap : context.laps) lap.waited[what] += to_seconds(duration);
 }
 
+// The longest waits first. Nothing for a loop without a turn.
 void tell_dead_time(Context& context, const Lap& lap) {
   if (context.session == nullptr) return;
   Session& session = *context.session;
@@ -55,6 +57,7 @@ void tell_dead_time(Context& context, const Lap& lap) {
     text += fmt::format("{}{} {:.1f} %", i == 0 ? ": " : ", ", parts[i].second,
                         100 * parts[i].first / whole);
   session.recorder.event(session.clock.now(), "loop", text);
+  // Only the outermost loop counts for the run, or what nested ones waited would count twice.
   if (context.laps.size() != 1) return;
   context.dead_time += dead;
   session.recorder.result({"dead_time", context.dead_time, "s"});

@@ -13,6 +13,8 @@ namespace vitreo::lua {
 namespace {
 
 /// The upvalue is the table's own name, "vision" or "vision.color_model".
+/// A name that is not there is an error with the nearest one: nil would fail later, with less to
+/// say.
 int unknown_function(lua_State* L) {
   const std::string table = lua_tostring(L, lua_upvalueindex(1));
   return guarded(L, table + ": ", [&]() -> int {
@@ -22,6 +24,7 @@ int unknown_function(lua_State* L) {
   });
 }
 
+/// With that __index; the table itself is a plain one that prompt completion can list.
 void push_table_of_functions(lua_State* L, const std::string& name) {
   lua_newtable(L);
   lua_createtable(L, 0, 1);
@@ -42,6 +45,7 @@ void add_function(lua_State* L, const std::string& module, const Binding& row) {
   }
   const std::string group = path.substr(0, dot);
   lua_pushstring(L, group.c_str());
+  // The group's table is made with its first function.
   if (lua_rawget(L, -2) != LUA_TTABLE) {
     lua_pop(L, 1);
     push_table_of_functions(L, module + "." + group);
@@ -55,6 +59,7 @@ void add_function(lua_State* L, const std::string& module, const Binding& row) {
 
 }  // namespace
 
+/// Both as a global and for require, under one name.
 void open_functions(lua_State* L, const std::string& name, const std::vector<Binding>& rows) {
   push_table_of_functions(L, name);
   for (const Binding& row : rows) add_function(L, name, row);

@@ -19,12 +19,15 @@ lua_KContext stops_felt(lua_State* L) {
                                            : 0;
 }
 
+/// Raises the stop anew where it was felt during the call, whatever the call returned.
 void let_stop_pass(lua_State* L, lua_KContext stops_before) {
   if (stops_felt(L) == stops_before) return;
   push_stop(L);
   lua_error(L);
 }
 
+/// Also entered after a wait inside the call. On success the true that was pushed first stands
+/// below the results. A stop is never an error that pcall returns.
 int end_protected(lua_State* L, int status, lua_KContext stops_before) {
   let_stop_pass(L, stops_before);
   if (status == LUA_OK || status == LUA_YIELD) return lua_gettop(L);
@@ -37,12 +40,14 @@ int end_protected(lua_State* L, int status, lua_KContext stops_before) {
   return 2;
 }
 
+/// The handler at index 1 is no result; on an error end_protected() returns its own two.
 int end_protected_with_handler(lua_State* L, int status, lua_KContext stops_before) {
   const int results = end_protected(L, status, stops_before);
   return status == LUA_OK || status == LUA_YIELD ? results - 1
                                                  : results;  // the handler stands below
 }
 
+/// As Lua's, but a wait may yield across it and a stop passes through.
 int protected_call(lua_State* L) {
   luaL_checkany(L, 1);
   lua_pushboolean(L, 1);
@@ -52,6 +57,7 @@ int protected_call(lua_State* L) {
                        stops);
 }
 
+/// The script's handler, upvalue 1, does not see a stop: what it returned would replace it.
 int handle_error(lua_State* L) {
   if (is_stop(L, 1)) return 1;
   lua_settop(L, 1);
@@ -96,6 +102,8 @@ int set_metatable(lua_State* L) {
   return 1;
 }
 
+/// Text only, since bytecode can crash the interpreter. No reader functions: the whole text is
+/// known before it is compiled.
 int load(lua_State* L) {
   if (lua_type(L, 1) != LUA_TSTRING)
     return luaL_error(L, "load: wants a string, got %s", luaL_typename(L, 1));
@@ -107,6 +115,7 @@ int load(lua_State* L) {
     lua_insert(L, -2);
     return 2;
   }
+  // The chunk's first upvalue is its environment; one that uses no global has none.
   if (has_environment) {
     lua_pushvalue(L, 4);
     if (!lua_setupvalue(L, -2, 1)) lua_pop(L, 1);
@@ -116,6 +125,7 @@ int load(lua_State* L) {
 
 }  // namespace
 
+/// Before any script runs, so none can hold the originals.
 void open_guards(lua_State* L) {
   const luaL_Reg own[] = {{"pcall", protected_call},
                           {"xpcall", protected_call_with_handler},

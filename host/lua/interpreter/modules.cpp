@@ -14,9 +14,12 @@
 namespace vitreo::lua {
 namespace {
 
+/// Key in Lua's registry: module by name, or kLoading while its file runs, by which a module that
+/// needs itself is found out.
 constexpr const char* kLoaded = "vitreo modules";
 constexpr const char* kLoading = "is being loaded";
 
+/// A misspelled unit is an error at once; as nil it would fail in the arithmetic after it.
 int unknown_unit(lua_State* L) {
   return guarded(L, "units: ", [L]() -> int {
     std::vector<std::string> names;
@@ -27,6 +30,7 @@ int unknown_unit(lua_State* L) {
   });
 }
 
+/// Dots stand between parts only, so no name leads out of the folders.
 bool well_formed(const std::string& name) {
   bool inside = false;
   for (const char c : name) {
@@ -47,6 +51,7 @@ void check_inside(const std::filesystem::path& folder, const std::filesystem::pa
                                 folder.string());
 }
 
+/// The first folder that has it counts; empty where none has.
 std::string find_module(const Context& context, const std::string& name) {
   std::string relative = name;
   for (char& c : relative) c = c == '.' ? '/' : c;
@@ -59,6 +64,7 @@ std::string find_module(const Context& context, const std::string& name) {
   return "";
 }
 
+/// Throws in any case; lists all modules to find the nearest name.
 [[noreturn]] void refuse_module(const Context& context, const std::string& name) {
   std::vector<std::string> known{"units"};
   for (const Module& module : context.library->modules) known.push_back(module.name);
@@ -77,6 +83,8 @@ std::string find_module(const Context& context, const std::string& name) {
                               (near.empty() ? "" : "; did you mean " + near + "?"));
 }
 
+/// The text goes into the record: what a run has used can be read there, whatever became of the
+/// file. Leaves the compiled chunk and its argument, the name, on the stack.
 void load_module(lua_State* L, const std::string& name) {
   const std::string file = find_module(context_of(L), name);
   if (file.empty()) refuse_module(context_of(L), name);
@@ -88,6 +96,8 @@ void load_module(lua_State* L, const std::string& name) {
   lua_pushstring(L, name.c_str());
 }
 
+/// A module runs once a run; its value, or true where it has none, is kept. One that fails is
+/// forgotten, so that it can be tried again.
 int require(lua_State* L) {
   const std::string name = luaL_checkstring(L, 1);
   luaL_getsubtable(L, LUA_REGISTRYINDEX, kLoaded);
@@ -117,6 +127,7 @@ int require(lua_State* L) {
   return 1;
 }
 
+/// A variable must be assigned before it is read, so a misspelled one is found where it stands.
 int undefined(lua_State* L) {
   return guarded(L, "", [L]() -> int {
     const std::string word = plain_text(L, 2);
@@ -128,6 +139,7 @@ int undefined(lua_State* L) {
 
 }  // namespace
 
+/// Pops the value.
 void set_module(lua_State* L, const std::string& name) {
   luaL_getsubtable(L, LUA_REGISTRYINDEX, kLoaded);
   lua_insert(L, -2);
@@ -135,6 +147,7 @@ void set_module(lua_State* L, const std::string& name) {
   lua_pop(L, 1);
 }
 
+/// Factors to SI: 5 * mm is 0.005.
 void push_units(lua_State* L) {
   lua_newtable(L);
   for (const Unit& unit : units()) {
@@ -156,6 +169,7 @@ void open_modules(lua_State* L) {
   lua_setglobal(L, "require");
 }
 
+/// Reading alone is strict; a new global may be assigned.
 void open_strictness(lua_State* L) {
   lua_pushglobaltable(L);
   lua_createtable(L, 0, 1);

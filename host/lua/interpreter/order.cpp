@@ -13,6 +13,8 @@ namespace vitreo::lua {
 namespace {
 
 /// Upvalues: the keys in their order, how many were given.
+/// The keys are those at the start of the loop: one that is added on the way is not visited, one
+/// that is taken out is skipped.
 int next_of_keys(lua_State* L) {
   lua_Integer at = lua_tointeger(L, lua_upvalueindex(2));
   const auto count = static_cast<lua_Integer>(lua_rawlen(L, lua_upvalueindex(1)));
@@ -28,8 +30,11 @@ int next_of_keys(lua_State* L) {
   return 1;
 }
 
+/// After a __pairs of the script that has waited: its three results are on top.
 int end_own_pairs(lua_State*, int, lua_KContext) { return 3; }
 
+/// In plain Lua the order follows hashes and addresses, so with it the order of currents, waits and
+/// rows of a record would differ from run to run. Sorting costs n log n for each loop.
 int ordered_pairs(lua_State* L) {
   luaL_checkany(L, 1);
   if (luaL_getmetafield(L, 1, "__pairs") != LUA_TNIL) {
@@ -48,6 +53,8 @@ int ordered_pairs(lua_State* L) {
   });
 }
 
+/// Sorts at each call, so a walk by next() is slow; it is meant for next(t) == nil. Of a key that
+/// is not in the table there is no next.
 int ordered_next(lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 2);
@@ -71,6 +78,7 @@ int ordered_next(lua_State* L) {
   return 1;
 }
 
+/// Without addresses, which differ from run to run.
 int to_text(lua_State* L) {
   luaL_checkany(L, 1);
   return guarded(L, "tostring: ", [L] {
@@ -80,6 +88,8 @@ int to_text(lua_State* L) {
   });
 }
 
+/// One line of the run's output; no output where nothing listens, as when a file is only being
+/// read.
 int print(lua_State* L) {
   return guarded(L, "print: ", [L] {
     std::string line;
@@ -97,6 +107,7 @@ void prepare_format(lua_State* L) {
     if (format[i] != '%') continue;
     ++i;
     if (format[i] == '%') continue;
+    // Flags, width and precision, up to the letter of the conversion.
     while (i + 1 < format.size() && !std::isalpha(static_cast<unsigned char>(format[i]))) ++i;
     ++argument;
     if (format[i] == 'p')
@@ -110,6 +121,7 @@ void prepare_format(lua_State* L) {
   }
 }
 
+/// Upvalue 1 is Lua's own string.format, which gets only what has no address.
 int format(lua_State* L) {
   guarded(L, "string.format: ", [L] {
     prepare_format(L);
@@ -123,6 +135,7 @@ int format(lua_State* L) {
 
 }  // namespace
 
+/// string.format is replaced in the library's table, so that ("%s"):format finds it too.
 void open_order(lua_State* L) {
   const luaL_Reg own[] = {{"pairs", ordered_pairs},
                           {"next", ordered_next},

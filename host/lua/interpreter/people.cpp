@@ -16,6 +16,8 @@ using Instant = std::chrono::steady_clock::time_point;
 constexpr std::chrono::milliseconds kLookOutside{
     10};  // of wall time, for what people do while the clock stands
 constexpr Time kLook = std::chrono::milliseconds(50);  // of the clock, where it goes on
+/// In real time the clock's wait is short, and taken again and again. On the virtual clock nothing
+/// may pass while people think: the thread sleeps by the wall, and the clock stands.
 Wait wait_until(const Call& call, const std::string& what, const std::function<bool()>& ready,
                 const std::function<int(Call&)>& then, double limit, Instant give_up) {
   Session& session = session_of(call.L);

@@ -13,11 +13,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// By parts of the path, so that /data2 does not lie below /data.
 bool below(const fs::path& folder, const fs::path& file) {
   return std::mismatch(folder.begin(), folder.end(), file.begin(), file.end()).first ==
          folder.end();
 }
 
+/// With links followed, as far as the path exists: what counts is the file that would be opened.
 fs::path plain_path(const fs::path& path) {
   fs::path made = fs::weakly_canonical(path);
   return made.has_filename() ? made : made.parent_path();  // "folder/" is the folder
@@ -35,6 +37,8 @@ std::vector<fs::path> given_by_people(const Context& context) {
 
 }  // namespace
 
+/// Found first and judged afterwards: a name may lead out of its folder by ".." or by a link. A
+/// file outside is reported as such only where none inside has the name.
 fs::path readable(const Context& context, const std::string& path) {
   if (path.empty()) throw std::invalid_argument("path: is empty");
   std::vector<fs::path> folders{fs::current_path()};
@@ -58,6 +62,7 @@ fs::path readable(const Context& context, const std::string& path) {
                : ": there is no such file or folder"));
 }
 
+/// Never an existing one: what a run has written stays as it was written.
 fs::path writable(const Context& context, const std::string& name) {
   if (!context.session) throw std::runtime_error("there is no run while a file is only being read");
   const auto letter = [](unsigned char c) {

@@ -13,6 +13,8 @@ namespace {
 constexpr Time kCleanUp = std::chrono::seconds(5), kShortCleanUp = std::chrono::seconds(1);
 const char kStop = 0;  // its address is the stop object: no script can make or compare one
 
+/// Armed on demand (arm_stop), as a hook that is always there would slow down each loop.
+/// raise_stop() disarms it, so that the clean-up can run.
 void stop_hook(lua_State* L, lua_Debug*) {
   Context& context = context_of(L);
   if (!context.interrupted) {  // inherited from the coroutine that made this one
@@ -23,6 +25,7 @@ void stop_hook(lua_State* L, lua_Debug*) {
   raise_stop(L);
 }
 
+/// For files that are read without a run, such as a rig's: an endless loop in one ends here.
 void limit_hook(lua_State* L, lua_Debug*) {
   push_stop(L);
   lua_error(L);
@@ -65,6 +68,8 @@ void limit_clean_up(Context& context) {
   context.waits_end = std::min(context.waits_end, later(context.session->clock.now(), budget));
 }
 
+/// Also from a signal handler on Lua's own thread, as lua.c does it. At calls, returns and each
+/// instruction: the stop is felt at once, in a tight loop too.
 void arm_stop(lua_State* L) noexcept {
   lua_sethook(L, stop_hook, LUA_MASKCALL | LUA_MASKRET | LUA_MASKCOUNT, 1);
 }

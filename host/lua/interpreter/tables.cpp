@@ -16,6 +16,7 @@ void push_numbers(lua_State* L, const std::vector<double>& numbers) {
   }
 }
 
+// The position is kept, since nested tables push over it.
 ResultTable::ResultTable(const Call& call, const std::vector<ResultField>& fields)
     : call_(call), fields_(fields) {
   luaL_checkstack(call.L, 8, "a result is too deep");
@@ -23,6 +24,8 @@ ResultTable::ResultTable(const Call& call, const std::vector<ResultField>& field
   index_ = lua_gettop(call.L);
 }
 
+// A name or unit that the row does not have is a mistake of ours and not the script's, hence
+// std::logic_error: a test finds it.
 const ResultField& ResultTable::field(const char* name, const char* unit) const {
   for (const ResultField& one : fields_) {
     if (one.name != name) continue;
@@ -34,12 +37,14 @@ const ResultField& ResultTable::field(const char* name, const char* unit) const 
   throw std::logic_error(std::string(name) + " is not in the row's result");
 }
 
+// For handles and tables, which have no unit.
 ResultTable& ResultTable::top(const char* name) {
   static_cast<void>(field(name, ""));
   lua_setfield(call_.L, index_, name);
   return *this;
 }
 
+// The row is checked even for what is left out, so that a wrong name does not hide behind a NaN.
 ResultTable& ResultTable::number(const char* name, double value, const char* unit) {
   static_cast<void>(field(name, unit));
   if (!std::isfinite(value)) return *this;
@@ -90,6 +95,7 @@ ResultTable& ResultTable::matrix(const char* name, const Eigen::MatrixXd& value,
   return *this;
 }
 
+// Of something that is no table nil, as of an option that was left out.
 int OptionTable::get(const char* name) const {
   if (lua_istable(L_, index_)) return lua_getfield(L_, index_, name);
   lua_pushnil(L_);
@@ -110,6 +116,7 @@ std::optional<std::string> OptionTable::text(const char* name) const {
   return value;
 }
 
+// Nothing for a list that holds something else.
 std::optional<std::vector<double>> OptionTable::numbers(const char* name) const {
   get(name);
   auto value = to_numbers(L_, -1);
@@ -124,6 +131,7 @@ std::optional<Eigen::Vector3d> OptionTable::vector(const char* name) const {
   return value;
 }
 
+// Absent is false.
 bool OptionTable::flag(const char* name) const {
   get(name);
   const bool value = lua_toboolean(L_, -1);
@@ -142,6 +150,7 @@ Argument number_option(const char* name, const char* unit, double min, double ma
           .help = help};
 }
 
+// Those of this call first, as the reference prints them in this order.
 Argument options_of(std::vector<Argument> keys, std::vector<Argument> shared) {
   for (Argument& one : shared) keys.push_back(std::move(one));
   return {.name = "options", .type = Type::options, .options = std::move(keys)};

@@ -9,8 +9,10 @@
 namespace vitreo::lua {
 namespace {
 
+/// Of the run's clock: simulated seconds in a simulated run.
 double seconds(lua_State* L) { return to_seconds(session_of(L).clock.now()); }
 
+/// Lua's own counts processor time, which differs from run to run.
 int clock(lua_State* L) {
   return guarded(L, "os.clock: ", [L] {
     lua_pushnumber(L, seconds(L));
@@ -44,6 +46,7 @@ int date(lua_State* L) {
     lua_replace(L, 2);
   }
   lua_pushvalue(L, lua_upvalueindex(1));
+  // "!" is Lua's sign for UTC; the machine's time zone has no part in a run.
   lua_pushstring(L, (format.starts_with("!") ? format : "!" + format).c_str());
   lua_pushvalue(L, 2);
   lua_call(L, 2, 1);
@@ -51,6 +54,7 @@ int date(lua_State* L) {
 }
 
 /// math.randomseed(): without arguments Lua would take an address and the wall clock.
+/// With numbers of its own a script gets its own sequence, the same in each run.
 int seed(lua_State* L) {
   if (lua_isnone(L, 1)) lua_pushinteger(L, static_cast<lua_Integer>(context_of(L).seed));
   lua_pushvalue(L, lua_upvalueindex(1));
@@ -59,6 +63,7 @@ int seed(lua_State* L) {
   return 0;
 }
 
+/// Copies one function from the old library into the new one; `own`, where given, wraps it.
 void keep(lua_State* L, const char* name, lua_CFunction own) {
   lua_getfield(L, -2, name);  // below: the old library, the new one
   if (own) lua_pushcclosure(L, own, 1);
@@ -67,6 +72,8 @@ void keep(lua_State* L, const char* name, lua_CFunction own) {
 
 }  // namespace
 
+/// Of os only what reads a clock is kept: no execute, remove, rename, exit or getenv. It is taken
+/// out of the loaded modules too, so that no require brings it back.
 void open_time(lua_State* L) {
   luaL_requiref(L, LUA_OSLIBNAME, luaopen_os, 0);
   lua_newtable(L);
@@ -84,6 +91,7 @@ void open_time(lua_State* L) {
   lua_pushcclosure(L, seed, 1);
   lua_pushvalue(L, -1);
   lua_setfield(L, -3, "randomseed");
+  // Seeded at once, so that a script that never seeds is repeatable too.
   lua_call(L, 0, 0);
   lua_pop(L, 1);
 }

@@ -2,7 +2,7 @@
 #include "host/lua/interpreter/values.h"
 
 #include "host/config/config.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <algorithm>
 #include <cmath>
@@ -86,10 +86,10 @@ std::optional<std::string> in_peoples_unit(lua_State* L, int index, const std::s
   constexpr std::size_t kLongest = 16;
   const auto numbers = to_numbers(L, index);
   if (!numbers || numbers->empty() || numbers->size() > kLongest) return std::nullopt;
+  const ShownColumn column = show_column(*numbers, unit, 4);
   std::string text;
-  for (const double number : *numbers)
-    text += (text.empty() ? "{" : ", ") + format_quantity(number, unit, 4);
-  return text + "}";
+  for (const std::string& number : column.numbers) text += (text.empty() ? "{" : ", ") + number;
+  return with_unit({text + "}", column.unit});
 }
 
 std::string plain_text(lua_State* L, int index) {

@@ -22,7 +22,8 @@ void open_vectors(lua_State* L);  // the global vector(x, y, z)
 
 /// tostring() without addresses: "table", "function".
 std::string plain_text(lua_State* L, int index);
-/// A number, or a list of a few, in a unit of people (`unit`: SI); nothing where it is neither.
+/// A number, or a list of a few, in a display unit (`unit`: SI); a list has one for all: "{1.00,
+/// 0.98} mm". Nothing where it is neither.
 std::optional<std::string> in_peoples_unit(lua_State* L, int index, const std::string& unit);
 /// Names in a table, and the SI units of what is under them; "": of all other names.
 using FieldUnits = std::map<std::string, std::string>;

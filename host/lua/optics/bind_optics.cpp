@@ -31,6 +31,8 @@ int prescriptions(Call& call) {
   return 1;
 }
 
+/// Whether a file lies in the folder or deeper. Both are absolute and free of links and of "..":
+/// else "folder/../secret" would count as below.
 bool below(const std::filesystem::path& folder, const std::filesystem::path& file) {
   return std::mismatch(folder.begin(), folder.end(), file.begin(), file.end()).first ==
          folder.end();
@@ -39,6 +41,8 @@ bool below(const std::filesystem::path& folder, const std::filesystem::path& fil
 /// A script reads no files: the host does, and only where the script's own world lies.
 std::string lens_file(const Context& context, const std::string& path) {
   namespace fs = std::filesystem;
+  // The first folder that has the file counts, as with modules: the current one, where a person
+  // works, before those of scripts.
   std::vector<fs::path> folders{fs::current_path()};
   for (const std::string& folder : context.folders) folders.emplace_back(folder);
   bool outside = false;
@@ -46,6 +50,8 @@ std::string lens_file(const Context& context, const std::string& path) {
     const fs::path folder = fs::weakly_canonical(given), file = fs::weakly_canonical(folder / path);
     if (!fs::is_regular_file(file)) continue;
     if (!below(folder, file)) {
+      // It is told apart from a missing file below: a person who sees it there would not
+      // understand.
       outside = true;
       continue;
     }
@@ -59,6 +65,8 @@ std::string lens_file(const Context& context, const std::string& path) {
                : ": there is no such file in the current folder or those of scripts"));
 }
 
+/// The text of a .zmx file as a prescription. A design may run its light out of the eye, as the
+/// chain here does, or into it, as eyes are usually modeled; nothing in the file says which.
 optics::Prescription zemax_prescription(const Call& call, const std::string& bytes) {
   const std::string direction = call.text_option("direction").value_or("object_is_retina");
   return optics::prescription_from_zemax(optics::parse_zemax(bytes),
@@ -67,6 +75,7 @@ optics::Prescription zemax_prescription(const Call& call, const std::string& byt
                                              : optics::ZemaxDirection::image_is_retina);
 }
 
+/// Throws std::invalid_argument with the nearest name that there is.
 optics::Prescription known_prescription(const std::string& name) {
   const std::vector<std::string> known = optics::prescription_names();
   if (std::find(known.begin(), known.end(), name) != known.end()) return optics::prescription(name);
@@ -88,6 +97,8 @@ void refuse_beside(const Call& call, const char* what, std::initializer_list<con
       throw std::invalid_argument(std::string(name) + ": is not for a system given by its " + what);
 }
 
+/// Exactly one of name, rows, zemax and file says what the system is. What cannot apply beside it
+/// is refused, not ignored: a stop beside a name would be believed to hold.
 int system(Call& call) {
   if (has_option(call, "rows")) {
     refuse_beside(call, "rows", {"zemax", "file", "direction"});
@@ -109,6 +120,8 @@ int system(Call& call) {
 
 }  // namespace
 
+/// Each system is a value of its own: optical_system:with and its like copy it, so that no script
+/// changes the eye that another part of it holds.
 void push_system(lua_State* L, optics::Prescription prescription) {
   push_handle(L, optical_system_class(),
               std::make_shared<optics::Prescription>(std::move(prescription)));
@@ -142,6 +155,8 @@ Argument microscope_argument() {
               pair("tilt", "rad", "about {x, y}")}};
 }
 
+/// Types and bounds are checked against the row already; here come the pairs' lengths and, by
+/// Microscope::check, what the numbers mean together.
 std::optional<optics::Microscope> microscope_option(const Call& call) {
   std::optional<optics::Microscope> made;
   if (call.push_option("microscope")) {
@@ -169,6 +184,8 @@ std::optional<optics::Microscope> microscope_option(const Call& call) {
   return made;
 }
 
+/// Names are offered for completion but others may be given: with rows the name is the new
+/// system's.
 const std::vector<Binding>& optics_functions() {
   const auto text = [](const char* name, const char* help) {
     return Argument{.name = name, .type = Type::text, .optional = true, .help = help};

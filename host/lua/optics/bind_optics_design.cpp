@@ -32,6 +32,7 @@ std::vector<optics::DesignVariable> variables_at(lua_State* L, int table) {
   return variables;
 }
 
+/// Throws std::invalid_argument naming the words.
 optics::DesignKeeps keeps_of(const std::string& text) {
   if (text == "focal_length") return optics::DesignKeeps::focal_length;
   if (text == "image_distance") return optics::DesignKeeps::image_distance;
@@ -39,6 +40,8 @@ optics::DesignKeeps keeps_of(const std::string& text) {
   throw std::invalid_argument("keeps: wants focal_length, image_distance or nothing, got " + text);
 }
 
+/// What is absent keeps its default in LensDesignOptions; LensDesignOptions::check() judges the
+/// rest.
 optics::LensDesignOptions options_at(const Call& call) {
   const OptionTable given(call, 0);
   optics::LensDesignOptions options;
@@ -60,8 +63,10 @@ optics::LensDesignOptions options_at(const Call& call) {
   return options;
 }
 
+/// Merit and image of one state of the lens. Lengths that are not finite, as of an afocal system,
+/// are left out by ResultTable::number.
 void set_image(ResultTable& table, const optics::LensImage& image) {
-  table.number("merit", image.merit)
+  table.number("merit", image.merit, "m")
       .number("span", image.span, "m")
       .number("max_spot", image.max_spot, "m")
       .number("focal_length", image.focal_length, "m")
@@ -69,6 +74,8 @@ void set_image(ResultTable& table, const optics::LensImage& image) {
       .number("lost_fields", image.lost_fields);
 }
 
+/// The status comes with its reason in words: a design that did not converge is a result too, and
+/// `before` and `after` say what it is worth.
 int push_design(const Call& call, const optics::LensDesign& made) {
   ResultTable table(call);
   push_system(call.L, made.prescription);
@@ -88,7 +95,7 @@ int push_design(const Call& call, const optics::LensDesign& made) {
 }
 
 Returned design_fields() {
-  const std::vector<ResultField> image = {{"merit", "", ""},
+  const std::vector<ResultField> image = {{"merit", "m", "what is made small"},
                                           {"span", "m", "of the best foci along the axis"},
                                           {"max_spot", "m", "largest rms radius"},
                                           {.name = "focal_length", .unit = "m", .optional = true},
@@ -110,6 +117,7 @@ Returned design_fields() {
              {"at_bound", "", "whether it lies on its bound"}}}}};
 }
 
+/// Options are judged before the calculation starts, so that their errors name the script's line.
 int optimize(Call& call) {
   const optics::LensDesignOptions options = options_at(call);
   options.check();

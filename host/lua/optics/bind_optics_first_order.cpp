@@ -12,6 +12,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// Field of the result, member of the struct: result and row are made from this one list.
 constexpr std::pair<const char*, double optics::CardinalPoints::*> kCardinalPoints[] = {
     {"focal_length", &optics::CardinalPoints::focal_length},
     {"front_focal_length", &optics::CardinalPoints::front_focal_length},
@@ -23,6 +24,7 @@ constexpr std::pair<const char*, double optics::CardinalPoints::*> kCardinalPoin
     {"first_nodal_point", &optics::CardinalPoints::first_nodal_point},
     {"second_nodal_point", &optics::CardinalPoints::second_nodal_point}};
 
+/// Nothing for an afocal system, which has none of these points.
 int first_order(Call& call) {
   const auto points = optics::cardinal_points(eye_of(call).system);
   if (!points) return 0;
@@ -31,6 +33,7 @@ int first_order(Call& call) {
   return 1;
 }
 
+/// First order: where rays near the axis meet. Nothing for an image at infinity.
 int axial_image(Call& call) {
   const auto image = optics::axial_image(eye_of(call).system, call.has(0) ? call.number(0) : 0);
   if (!image) return 0;
@@ -56,6 +59,8 @@ std::optional<optics::FieldOfView> field_of_view(const Call& call, const optics:
       system, static_cast<int>(surface.value_or(system.size() - 1)), *radius);
 }
 
+/// What the optics let a viewer see. Several readings of one quantity stand side by side, because
+/// the thesis mixes them (docs/optics.md).
 int viewing(Call& call) {
   const optics::System& system = eye_of(call).system;
   const double confusion = call.number_option("confusion").value_or(6.4e-6);
@@ -92,6 +97,7 @@ int viewing(Call& call) {
   return 1;
 }
 
+/// S_I to S_V, as lengths.
 void set_sums(ResultTable& table, const optics::SeidelSums& sums) {
   table.number("spherical", sums.spherical, "m")
       .number("coma", sums.coma, "m")
@@ -100,6 +106,7 @@ void set_sums(ResultTable& table, const optics::SeidelSums& sums) {
       .number("distortion", sums.distortion, "m");
 }
 
+/// Third order: the sums of each surface, and what their total means at the paraxial image.
 int seidel(Call& call) {
   const auto made = optics::third_order_aberrations(
       eye_of(call).system, call.number_option("object_height").value_or(5e-3),
@@ -115,6 +122,7 @@ int seidel(Call& call) {
       .table("total", [&made](ResultTable& total) { set_sums(total, made.total); })
       .list("surfaces", made.surfaces.size(), [&made](ResultTable& surface, std::size_t i) {
         set_sums(surface, made.surfaces[i]);
+        // The retina is the object and has no sum: the first entry is that of surface 2.
         surface.integer("surface", static_cast<lua_Integer>(i + 2));
       });
   return 1;
@@ -152,7 +160,7 @@ Binding viewing_row() {
   return {
       "viewing",
       {options_of(
-          {length_option("confusion", 1e-9, 1e-2, "circle of confusion (6.4 um)"),
+          {length_option("confusion", 1e-9, 1e-2, "circle of confusion (6.4 µm)"),
            length_option("range", 1e-6, 1, "of the thesis' secant for the depth of field (5 mm)"),
            length_option("observer_distance", 1e-6, 10,
                          "for the field of view: observer's pupil before the eye"),

@@ -16,6 +16,7 @@ namespace {
 
 using optics::WideAngleMap;
 
+/// Some hundred traced bundles, so on a task of its own; the map copies the system.
 int make_map(Call& call) {
   optics::WideAngleSettings settings;
   settings.microscope = microscope_option(call);
@@ -35,21 +36,13 @@ int make_map(Call& call) {
 
 const WideAngleMap& map_of(const Call& call) { return call.self<WideAngleMap>(); }
 
-int push_aerial(Call& call, const std::optional<optics::AerialPoint>& aerial) {
+/// By the table, or by the bundle itself where the table's own error is asked about.
+int image(Call& call) {
+  const Eigen::Vector3d point = call.vector(0);
+  const auto aerial =
+      call.flag_option("traced") ? map_of(call).traced_image(point) : map_of(call).image(point);
   if (!aerial) return 0;
   return call.result(Eigen::Vector3d(aerial->m.x(), aerial->m.y(), aerial->focus), "m");
-}
-
-int image(Call& call) { return push_aerial(call, map_of(call).image(call.vector(0))); }
-int traced_image(Call& call) {
-  return push_aerial(call, map_of(call).traced_image(call.vector(0)));
-}
-
-int point(Call& call) {
-  const Eigen::Vector3d aerial = call.vector(0);
-  const auto found = map_of(call).point({aerial.head<2>(), aerial.z()});
-  if (!found) return 0;
-  return call.result(*found, "m");
 }
 
 /// Localization by focus (figure 4.1): the isopixel curve meets the isofocus surface. Its
@@ -60,6 +53,7 @@ int locate_in_map(Call& call) {
   const double sideways = call.number_option("image_sigma").value_or(10e-6);
   const Eigen::Vector3d sigmas(sideways, sideways,
                                call.number_option("focus_sigma").value_or(50e-6));
+  // {x, y, d_ls}, as scripts have it, back into the eye.
   const auto at = [&](const Eigen::Vector3d& place) {
     return map.point({place.head<2>(), place.z()});
   };
@@ -68,8 +62,11 @@ int locate_in_map(Call& call) {
   Eigen::Matrix3d root;
   for (int i = 0; i < 3; ++i) {
     constexpr double kStep = 1e-6;  // m
+    // A column of the derivative of the point by the image place, times that coordinate's sigma:
+    // the covariance G S S G^T is the product of these columns, its root, with its transpose.
     const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(i);
     const auto more = at(aerial + step), less = at(aerial - step);
+    // Neither neighbor lies in the map: no derivative, so no covariance, so no answer.
     if (!more && !less) return 0;
     const double width = (more ? kStep : 0) + (less ? kStep : 0);  // one-sided on the map's edge
     root.col(i) = (more.value_or(*found) - less.value_or(*found)) * (sigmas[i] / width);
@@ -82,6 +79,7 @@ int locate_in_map(Call& call) {
   return 1;
 }
 
+/// How far the map reaches, which may be less than was asked: it ends where bundles are vignetted.
 int map_info(Call& call) {
   const WideAngleMap& map = map_of(call);
   ResultTable(call)
@@ -104,6 +102,7 @@ int push_curve(Call& call, const std::vector<std::optional<WideAngleMap::FieldPo
   return 1;
 }
 
+/// Points of a curve, the second argument.
 std::size_t count_of(const Call& call) {
   return call.has(1) ? static_cast<std::size_t>(call.number(1)) : 41;
 }
@@ -122,7 +121,9 @@ int isofocus(Call& call) {
       return there ? there->focus - focus : std::nan("");
     };
     double near = 0, far = map.max_depth();
+    // Along this angle nothing is in focus there; NaN, outside of the map, fails too.
     if (!(excess(near) <= 0 && excess(far) >= 0)) continue;
+    // Halved 50 times, 8 mm become 7e-18 m: rounding.
     for (int step = 0; step < 50; ++step) {
       const double middle = (near + far) / 2;
       (excess(middle) < 0 ? near : far) = middle;
@@ -132,12 +133,15 @@ int isofocus(Call& call) {
   return push_curve(call, places);
 }
 
+/// What is imaged at one distance from the axis: for each focus from the nearest to the farthest
+/// the place is found by the map's inverse. A map that folds or ends gives fewer points.
 int isopixel(Call& call) {
   const WideAngleMap& map = map_of(call);
   const auto nearest = map.at({0, 0}), farthest = map.at({0, map.max_depth()}),
              edge = map.at({map.max_angle(), 0});
   std::vector<std::optional<WideAngleMap::FieldPosition>> places;
   if (!nearest || !farthest || !edge) return push_curve(call, places);
+  // Scripts give |d_op|; the map's heights are negative where the image is inverted.
   const double height = std::copysign(call.number(0), edge->height);
   const double from = std::min(nearest->focus, edge->focus), step = farthest->focus - from;
   const std::size_t count = count_of(call);
@@ -155,6 +159,8 @@ void push_cubic(lua_State* L, const optics::Cubic& cubic) {
   set_number(L, "max_residual", cubic.max_residual);
 }
 
+/// Figure 3.6: spheres fitted to isofocus surfaces, lines to isopixel curves, and cubics to how
+/// their parameters change with d_ls and |d_op|. With their ranges: a cubic says nothing beyond.
 int thesis_curves(Call& call) {
   const optics::ThesisCurves curves = optics::fit_thesis_curves(map_of(call));
   ResultTable table(call);
@@ -183,6 +189,40 @@ int thesis_curves(Call& call) {
             .number("max_residual", curve.max_residual, "m");
       });
   return 1;
+}
+
+std::vector<Binding> imaging_rows() {
+  return {{"image",
+           {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"},
+            options_of({{.name = "traced",
+                         .type = Type::flag,
+                         .optional = true,
+                         .help = "by tracing the bundle instead of the table (false)"}})},
+           Returned("position", "m").or_nil("outside"),
+           "where a point is imaged sharply",
+           image,
+           "map:image({ 0, 0, 2 * mm })"},
+          {"locate",
+           {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
+            options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 µm)"),
+                        length_option("focus_sigma", 1e-12, 1, "of d_ls (50 µm)")})},
+           Returned("table", std::vector<ResultField>{{"position", "m", "the point imaged there"},
+                                                      {"sigma", "m", "of x, y and z"},
+                                                      {"covariance", "m^2", "list of its rows"}})
+               .or_nil("outside"),
+           "localizes by focus: the point that is imaged at a place, with its covariance",
+           locate_in_map,
+           "map:locate(map:image({ 0, 0, 2 * mm }))"},
+          {"info",
+           {},
+           {"table",
+            {{"max_angle", "rad", "of the field"},
+             {"max_depth", "m", "before the retina"},
+             {"tail", "m", "the table's error"},
+             {"symmetric", "", "whether the system is, about its axis"}}},
+           "how far the map reaches",
+           map_info,
+           "map:info()"}};
 }
 
 std::vector<Binding> curve_rows() {
@@ -259,52 +299,11 @@ std::vector<Binding> system_map_rows() {
 
 const Class& wide_angle_map_class() {
   static const Class kind = [] {
-    const Argument inside{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"};
-    Class made{
-        "wide_angle_map",
-        "image formation (3.2); make one with optical_system:wide_angle_map. An image place "
-        "is {x, y, d_ls}: x, "
-        "y of the eye frame, d_ls from the last vertex",
-        {{"image",
-          {inside},
-          Returned("position", "m").or_nil("outside"),
-          "where a point is imaged sharply",
-          image,
-          "map:image({ 0, 0, 2 * mm })"},
-         {"point",
-          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"}},
-          Returned("position", "m").or_nil("outside"),
-          "the point that is imaged there",
-          point,
-          "map:point(map:image({ 0, 0, 2 * mm }))"},
-         {"locate",
-          {{.name = "image", .type = Type::vector, .unit = "m", .help = "{x, y, d_ls}"},
-           options_of({length_option("image_sigma", 1e-12, 1, "of x and y (10 um)"),
-                       length_option("focus_sigma", 1e-12, 1, "of d_ls (50 um)")})},
-          Returned("table", std::vector<ResultField>{{"position", "m", ""},
-                                                     {"sigma", "m", "of x, y and z"},
-                                                     {"covariance", "m^2", "list of its rows"}})
-              .or_nil("outside"),
-          "localizes by focus: as point, with its covariance",
-          locate_in_map,
-          "map:locate(map:image({ 0, 0, 2 * mm }))"},
-         {"traced_image",
-          {inside},
-          Returned("position", "m").or_nil("outside"),
-          "as image, by tracing the bundle instead of the table",
-          traced_image,
-          "map:traced_image({ 0, 0, 2 * mm })"},
-         {"info",
-          {},
-          {"table",
-           {{"max_angle", "rad", "of the field"},
-            {"max_depth", "m", "before the retina"},
-            {"tail", "m", "the table's error"},
-            {"symmetric", "", "whether the system is, about its axis"}}},
-          "how far the map reaches",
-          map_info,
-          "map:info()"}},
-        {}};
+    Class made{"wide_angle_map",
+               "image formation (3.2); make one with optical_system:wide_angle_map. An image place "
+               "is {x, y, d_ls}: x, y of the eye frame, d_ls from the last vertex",
+               imaging_rows(),
+               {}};
     for (Binding& row : curve_rows()) made.methods.push_back(std::move(row));
     return made;
   }();

@@ -9,6 +9,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace vitreo::lua {
@@ -18,12 +19,14 @@ using namespace localizer_calls;
 
 Localizer& localizer_of(const Call& call) { return call.self<Localizer>(); }
 
-int locate(Call& call) {
+/// Thesis 5.3: the pose whose silhouette shows this ellipse. All is copied into the calculation,
+/// which may last longer than the script's handles.
+int locate_by_ellipse(const Call& call) {
   const Localizer& localizer = localizer_of(call);
-  const OptionTable how(call, 2);
+  const OptionTable how(call, 0);
   auto settings = settings_at(how, localizer);
-  settings.object = body_at(OptionTable(call, 0));
-  const SeenEllipse seen = seen_at(OptionTable(call, 1));
+  settings.object = body_option(call);
+  const SeenEllipse seen = ellipse_option(call);
   const optics::PoseStart start = start_at(how, localizer);
   return calculate(
       call, "locate",
@@ -35,11 +38,12 @@ int locate(Call& call) {
       });
 }
 
-int locate_points(Call& call) {
+/// The same by points known on the body, which show its orientation too.
+int locate_by_points(const Call& call) {
   const Localizer& localizer = localizer_of(call);
-  const OptionTable how(call, 1);
+  const OptionTable how(call, 0);
   const auto settings = settings_at(how, localizer);
-  const auto points = points_at(call, 0);
+  const auto points = points_option(call);
   const optics::PoseStart start = start_at(how, localizer);
   return calculate(
       call, "locate points",
@@ -51,11 +55,28 @@ int locate_points(Call& call) {
       });
 }
 
+/// By what is given: points with positions on the body need no body's shape, an ellipse does.
+int locate(Call& call) {
+  const auto given = [&call](const char* name) {
+    const bool is_given = call.push_option(name);
+    lua_pop(call.L, 1);
+    return is_given;
+  };
+  // An empty list counts as given: the solver refuses it by name.
+  const bool points = given("points");
+  if (points == given("ellipse"))
+    throw std::invalid_argument("options: wants either ellipse or points");
+  if (points && given("body")) throw std::invalid_argument("body: goes with ellipse, not points");
+  return points ? locate_by_points(call) : locate_by_ellipse(call);
+}
+
+/// The forward way: what a tracker would measure of a body in that pose, by the projection that
+/// locate inverts.
 int ellipse(Call& call) {
   const Localizer& localizer = localizer_of(call);
   optics::ObjectPoseSettings settings = localizer.settings;
-  settings.object = body_at(OptionTable(call, 0));
-  const OptionTable how(call, 1);
+  settings.object = body_option(call);
+  const OptionTable how(call, 0);
   const optics::PoseStart start = start_at(how, localizer);
   if (!start.orientation)
     throw std::invalid_argument("axis: is missing; wants axis or orientation");
@@ -71,6 +92,7 @@ int ellipse(Call& call) {
   return 1;
 }
 
+/// Positions that a calibration has moved are moved back first: the projection knows only its own.
 int pixel(Call& call) {
   const Localizer& localizer = localizer_of(call);
   const Eigen::Vector3d point = call.vector(0) - localizer.offset;
@@ -82,6 +104,7 @@ int pixel(Call& call) {
   return 1;
 }
 
+/// The exact projection states its residual, the single viewpoint its place.
 int info(Call& call) {
   const optics::ObjectPoseSettings& settings = localizer_of(call).settings;
   ResultTable table(call);
@@ -97,11 +120,12 @@ int info(Call& call) {
   return 1;
 }
 
-/// One ellipse of a spheroid whose height is known: on the retina.
+/// One ellipse of a spheroid whose height is known: on the retina. A localizer that was calibrated
+/// before adds its offset to what it finds, so its own projection has to find the height less that.
 int calibrate(Call& call) {
   const Localizer before = localizer_of(call);
-  const optics::ObjectModel body = body_at(OptionTable(call, 0));
-  const OptionTable how(call, 2);
+  const optics::ObjectModel body = body_option(call);
+  const OptionTable how(call, 0);
   if (!(body.ellipsoid() && body.round_about_z()))
     throw std::invalid_argument("shape: wants a spheroid");
   optics::PoseSettings settings;
@@ -110,10 +134,11 @@ int calibrate(Call& call) {
   settings.exact = before.settings.exact;
   settings.robot = {body.semi_axes.z(), body.semi_axes.x()};
   const std::string correction = how.text("correction").value_or("image_scale");
-  const auto made = optics::calibrate_pose(
-      settings, seen_at(OptionTable(call, 1)).ellipse, *how.vector("axis"), *how.number("known_z"),
-      correction == "image_scale" ? optics::PoseCorrection::image_scale
-                                  : optics::PoseCorrection::additive_offset);
+  const auto made =
+      optics::calibrate_pose(settings, ellipse_option(call).ellipse, *how.vector("axis"),
+                             *how.number("known_z") - before.offset.z(),
+                             correction == "image_scale" ? optics::PoseCorrection::image_scale
+                                                         : optics::PoseCorrection::additive_offset);
   auto after = std::make_shared<Localizer>(before);
   after->settings.image.pixel *= made.image_scale;
   after->offset += made.offset;
@@ -121,11 +146,14 @@ int calibrate(Call& call) {
   push_handle(call.L, localizer_class(), after);
   table.top("localizer")
       .number("image_scale", made.image_scale)
-      .number("residual", made.residual)
+      .number("residual", made.residual, "m")
       .vector("offset", made.offset, "m");
   return 1;
 }
 
+/// The projection is traced and fitted once, here; locating then only evaluates it. The thesis'
+/// single viewpoint, (5.2) to (5.11), is fitted over a smaller image unless the script says
+/// otherwise: far aside the lines do not meet in one point.
 int make_localizer(Call& call) {
   const auto microscope = microscope_option(call).value_or(optics::Microscope{});
   const bool single = call.flag_option("single_viewpoint");
@@ -168,11 +196,14 @@ Argument number_of(const char* name, const char* unit, bool optional, const char
           .help = help};
 }
 
-Argument seen_argument() {
+/// As localizer:ellipse and the servo's record have it: semi-axes, where vision's tracks have full
+/// axes.
+Argument ellipse_argument(bool optional) {
   constexpr double kLargest = 1e6;
-  return {.name = "seen",
+  return {.name = "ellipse",
           .type = Type::options,
-          .help = "the tracker's ellipse",
+          .optional = optional,
+          .help = "that a tracker saw, as localizer:ellipse has it",
           .options = {number_of("u", "", false, "center, px", -kLargest, kLargest),
                       number_of("v", "", false, "center, px", -kLargest, kLargest),
                       number_of("semi_major", "", false, "px", 1e-6, kLargest),
@@ -185,71 +216,89 @@ Argument seen_argument() {
                        .help = "25 numbers, row by row, instead of sigma"}}};
 }
 
-Argument how_argument(bool position_needed) {
+/// Where a body is, and how it lies: by the direction of its z, which says all of a round body, or
+/// by a whole orientation.
+std::vector<Argument> pose_options(bool position_needed, const char* position_help) {
+  return {{.name = "position",
+           .type = Type::vector,
+           .unit = "m",
+           .optional = !position_needed,
+           .help = position_help},
+          {.name = "axis", .type = Type::direction, .optional = true, .help = "the body's z"},
+          {.name = "orientation",
+           .type = Type::numbers,
+           .optional = true,
+           .help = "nine numbers, eye from body"}};
+}
+
+Binding ellipse_row() {
+  std::vector<Argument> options = pose_options(true, "of its center, eye frame");
+  options.insert(options.begin(), body_argument());
+  options.push_back(number_of("scale", "", true, "of the body's size (1)", 1e-3, 1e3));
+  return {"ellipse",
+          {options_of(options)},
+          Returned("table", std::vector<ResultField>{{"u", "", "center, px"},
+                                                     {"v", "", "center, px"},
+                                                     {"semi_major", "", "px"},
+                                                     {"semi_minor", "", "px"},
+                                                     {"angle", "rad", "from +u towards +v"}})
+              .or_nil("outside"),
+          "what a tracker would fit to the body's silhouette",
+          ellipse,
+          "view:ellipse { body = robot, position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } }"};
+}
+
+Binding locate_row() {
   const auto flag = [](const char* name, const char* help) {
     return Argument{.name = name, .type = Type::flag, .optional = true, .help = help};
   };
   std::vector<Argument> options = {
-      {.name = "position",
-       .type = Type::vector,
-       .unit = "m",
-       .optional = !position_needed,
-       .help = "where to start"},
-      {.name = "axis", .type = Type::direction, .optional = true, .help = "the body's z"},
-      {.name = "orientation",
-       .type = Type::numbers,
+      body_argument(true),
+      ellipse_argument(true),
+      {.name = "points",
+       .type = Type::list,
        .optional = true,
-       .help = "nine numbers, eye from body"}};
-  if (position_needed) {
-    options.push_back(number_of("scale", "", true, "of the body's size (1)", 1e-3, 1e3));
-  } else {
-    options.insert(
-        options.end(),
-        {flag("rotate", "six degrees of freedom (false)"),
-         number_of("orientation_sigma", "rad", true, "how well the orientation is known before",
-                   1e-9, 10),
-         number_of("scale_sigma", "", true, "how well the size is known, relative (0)", 0, 10),
-         flag("unknown_size", "it is not known at all (false)"),
-         number_of("max_residual_px", "", true, "above it: misfit (8)", 1e-9, 1e6)});
-  }
-  return options_of(options);
+       .help = "instead of these: known on the body, {{body = {x, y, z}, u = , v = , sigma = 0.2}, "
+               "...}, px"}};
+  for (Argument& one : pose_options(false, "where to start, eye frame"))
+    options.push_back(std::move(one));
+  options.insert(
+      options.end(),
+      {flag("rotate", "six degrees of freedom (false)"),
+       number_of("orientation_sigma", "rad", true, "how well the orientation is known before", 1e-9,
+                 10),
+       number_of("scale_sigma", "", true, "how well the size is known, relative (0)", 0, 10),
+       flag("unknown_size", "it is not known at all (false)"),
+       number_of("max_residual_px", "", true, "above it: misfit (8)", 1e-9, 1e6)});
+  return {"locate",
+          {options_of(options)},
+          pose_fields(),
+          "pose from the ellipse that a tracker sees, weighted by its covariance, or from points "
+          "known on the body",
+          locate,
+          "view:locate { body = robot, ellipse = seen, axis = { 1, 0, 0 } }"};
 }
 
-std::vector<Binding> locating_rows() {
-  const Returned pose = localizer_calls::pose_fields();
-  return {{"locate",
-           {body_argument(), seen_argument(), how_argument(false)},
-           pose,
-           "pose from the ellipse that a tracker sees, weighted by its covariance",
-           locate,
-           "view:locate(robot, seen, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })"},
-          {"locate_points",
-           {{.name = "points",
-             .type = Type::list,
-             .help = "{{body = {x, y, z}, u = , v = , sigma = 0.2}, ...}, px"},
-            how_argument(false)},
-           pose,
-           "the same from points known on the body",
-           locate_points,
-           "view:locate_points(points, { rotate = true })"},
-          {"calibrate",
-           {body_argument(), seen_argument(),
-            options_of({{.name = "axis", .type = Type::direction, .help = "the body's z"},
-                        number_of("known_z", "m", false,
-                                  "height of its center over the retina's vertex", -1, 1),
-                        {.name = "correction",
-                         .type = Type::text,
-                         .optional = true,
-                         .help = "what is put right (image_scale)",
-                         .choices = {"image_scale", "additive_offset"}}})},
-           {"table",
-            {{"localizer", "", "the corrected one"},
-             {"image_scale", "", "factor of the pixel"},
-             {"offset", "m", "added to positions"},
-             {"residual", "", ""}}},
-           "calibrates by one ellipse of a spheroid on the known retina",
-           calibrate,
-           "view:calibrate(robot, seen, { axis = { 1, 0, 0 }, known_z = 2 * mm })"}};
+Binding calibrate_row() {
+  return {"calibrate",
+          {options_of({body_argument(),
+                       ellipse_argument(false),
+                       {.name = "axis", .type = Type::direction, .help = "the body's z"},
+                       number_of("known_z", "m", false,
+                                 "height of its center over the retina's vertex", -1, 1),
+                       {.name = "correction",
+                        .type = Type::text,
+                        .optional = true,
+                        .help = "what is put right (image_scale)",
+                        .choices = {"image_scale", "additive_offset"}}})},
+          {"table",
+           {{"localizer", "", "the corrected one"},
+            {"image_scale", "", "factor of the pixel"},
+            {"offset", "m", "added to positions"},
+            {"residual", "m", "left along z at the known height"}}},
+          "calibrates by one ellipse of a spheroid on the known retina",
+          calibrate,
+          "view:calibrate { body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z = 2 * mm }"};
 }
 
 }  // namespace
@@ -263,7 +312,7 @@ std::vector<Binding> system_pose_rows() {
                          .help = "the thesis' projection (5.2) to (5.11) instead of the exact one"},
                         length_option("max_m", 1e-4, 1,
                                       "of the aerial image (8 mm; 7 mm by a single viewpoint)"),
-                        length_option("pixel", 1e-9, 1e-3, "of aerial image (14.3 um)"),
+                        length_option("pixel", 1e-9, 1e-3, "of aerial image (14.3 µm)"),
                         {.name = "center",
                          .type = Type::numbers,
                          .optional = true,
@@ -275,46 +324,34 @@ std::vector<Binding> system_pose_rows() {
 }
 
 const Class& localizer_class() {
-  static const Class kind = [] {
-    Class made{
-        "localizer",
-        "pose through the eye's optics (5.3); make one with optical_system:localizer",
-        {{"pixel",
-          {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"}},
-          Returned("table", std::vector<ResultField>{{"u", "", "px"}, {"v", "", "px"}})
-              .or_nil("outside"),
-          "where the chain's chief ray shows a point",
-          pixel,
-          "view:pixel({ 0, 0, 2 * mm })"},
-         {"ellipse",
-          {body_argument(), how_argument(true)},
-          Returned("table", std::vector<ResultField>{{"u", "", "center, px"},
-                                                     {"v", "", "center, px"},
-                                                     {"semi_major", "", "px"},
-                                                     {"semi_minor", "", "px"},
-                                                     {"angle", "rad", "from +u towards +v"}})
-              .or_nil("outside"),
-          "what a tracker would fit to the body's silhouette",
-          ellipse,
-          "view:ellipse(robot, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })"},
-         {"info",
-          {},
-          {"table",
-           {{"pixel", "m", "of aerial image"},
-            {"max_m", "m", "of the aerial image"},
-            {"max_z", "m", "before the retina"},
-            {.name = "max_residual",
-             .unit = "m",
-             .help = "of the exact projection",
-             .optional = true},
-            {.name = "viewpoint", .unit = "m", .help = "of the single one", .optional = true}}},
-          "scale and reach of the projection",
-          info,
-          "view:info()"}},
-        {}};
-    for (Binding& row : locating_rows()) made.methods.push_back(std::move(row));
-    return made;
-  }();
+  static const Class kind{
+      "localizer",
+      "pose through the eye's optics (5.3); make one with optical_system:localizer",
+      {{"pixel",
+        {{.name = "point", .type = Type::vector, .unit = "m", .help = "eye frame"}},
+        Returned("table", std::vector<ResultField>{{"u", "", "px"}, {"v", "", "px"}})
+            .or_nil("outside"),
+        "where the chain's chief ray shows a point",
+        pixel,
+        "view:pixel({ 0, 0, 2 * mm })"},
+       ellipse_row(),
+       {"info",
+        {},
+        {"table",
+         {{"pixel", "m", "of aerial image"},
+          {"max_m", "m", "of the aerial image"},
+          {"max_z", "m", "before the retina"},
+          {.name = "max_residual",
+           .unit = "m",
+           .help = "of the exact projection",
+           .optional = true},
+          {.name = "viewpoint", .unit = "m", .help = "of the single one", .optional = true}}},
+        "scale and reach of the projection",
+        info,
+        "view:info()"},
+       locate_row(),
+       calibrate_row()},
+      {}};
   return kind;
 }
 

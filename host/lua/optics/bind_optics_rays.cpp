@@ -15,10 +15,13 @@
 namespace vitreo::lua {
 namespace {
 
+/// A point of the ray and its unit direction, eye frame.
 ResultTable& set_ray(ResultTable& table, const optics::Ray& ray) {
   return table.vector("origin", ray.origin, "m").vector("direction", ray.direction, "");
 }
 
+/// The way follows from the direction: rays towards +z start in the vitreous and leave the eye,
+/// rays towards -z come from outside. A lost ray is a result: where, and why.
 int trace(Call& call) {
   const Eigen::Vector3d direction = call.direction(1);
   const optics::Ray ray{call.vector(0), direction};
@@ -31,17 +34,7 @@ int trace(Call& call) {
   return 1;
 }
 
-int isopixel_line(Call& call) {
-  const std::vector<double> m = call.numbers(0);
-  if (m.size() != 2) throw std::invalid_argument("m: wants two numbers {x, y}");
-  const auto line = optics::isopixel_line(
-      eye_of(call).system, microscope_option(call).value_or(optics::Microscope{}), {m[0], m[1]});
-  if (!line) return 0;
-  ResultTable table(call);
-  set_ray(table, *line);
-  return 1;
-}
-
+/// The field angle counts at the pupil's center. Nothing where the chief ray is lost on its way.
 int point_at_field(Call& call) {
   const auto point =
       optics::point_at_field(eye_of(call).system, call.number(0), call.has(1) ? call.number(1) : 0);
@@ -49,6 +42,8 @@ int point_at_field(Call& call) {
   return call.result(*point, "m");
 }
 
+/// Best foci are in closed form from the moments of the bundle; points, radius and MTF belong to
+/// the distance asked for, or to the best focus.
 void push_spot(Call& call, const optics::Spot& spot) {
   const optics::SpotMoments moments = spot.moments();
   const double distance = call.number_option("distance").value_or(moments.best_focus());
@@ -70,6 +65,7 @@ void push_spot(Call& call, const optics::Spot& spot) {
         .number("mtf_sagittal", optics::geometric_mtf(spot, distance, {0, *frequency}));
 }
 
+/// Fewer than three rays have no spread to speak of: as no light.
 int spot(Call& call) {
   const optics::System& system = eye_of(call).system;
   const optics::PupilTracer tracer(system, optics::Pupil::of_stop(system));
@@ -81,6 +77,8 @@ int spot(Call& call) {
   return 1;
 }
 
+/// Where no light comes through, an angle keeps its entry, so that the list stays parallel to the
+/// angles that were asked for, but has no numbers.
 int field_curvature(Call& call) {
   const optics::System& system = eye_of(call).system;
   const optics::PupilTracer tracer(system, optics::Pupil::of_stop(system));
@@ -109,10 +107,12 @@ double end_of_drawing(const optics::System& system, double depth, optics::Layout
   const double last = system.vertex(system.size());
   const auto image = optics::axial_image(system, depth);
   if (!image || image->distance <= 0 || image->distance > kFarthest) return last + kRoom;
+  // Distance from the last vertex; the mark's half length makes it visible beside the rays.
   options.marks.push_back({last + image->distance, 4e-3, "aerial image"});
   return last + 1.25 * image->distance;
 }
 
+/// The drawing as SVG text: the script decides where it goes.
 int layout(Call& call) {
   const optics::Prescription& eye = eye_of(call);
   optics::LayoutOptions options;
@@ -211,7 +211,7 @@ std::vector<Binding> field_rows() {
                     depth,
                     {.name = "title", .type = Type::text, .optional = true}})},
        "string",
-       "draws surfaces and rays as SVG; put it into the report with run:drawing",
+       "draws surfaces and rays as SVG, for run:picture",
        layout,
        "eye:layout { angles = { 0, 20 * deg } }"}};
 }
@@ -237,15 +237,7 @@ std::vector<Binding> system_ray_rows() {
          {.name = "surface", .help = "where it was lost", .optional = true}}},
        "follows a ray exactly",
        trace,
-       "eye:trace({ 0, 0, 0 }, { 0, 0, 1 })"},
-      {"isopixel_line",
-       {{.name = "m", .type = Type::numbers, .unit = "m", .help = "{x, y} in the plane in focus"},
-        options_of({microscope_argument()})},
-       Returned("table", std::vector<ResultField>{origin, direction})
-           .or_nil("when the ray is lost"),
-       "the line in the vitreous whose points a microscope sees at m",
-       isopixel_line,
-       "eye:isopixel_line({ 1 * mm, 0 })"}};
+       "eye:trace({ 0, 0, 0 }, { 0, 0, 1 })"}};
   for (Binding& row : field_rows()) rows.push_back(std::move(row));
   return rows;
 }

@@ -6,12 +6,14 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace vitreo::lua {
 namespace {
 
 using optics::PrescriptionRow;
 
+/// Numbers of a row, by their names in scripts.
 struct Column {
   const char* name;
   double PrescriptionRow::*value;
@@ -34,6 +36,7 @@ void set_row(ResultTable& table, const PrescriptionRow& row) {
     if (row.aspheric[i] != 0) table.number(kAspheric[i], row.aspheric[i]);
 }
 
+/// An optional number of a table; `where` names the table in the error.
 double number_field(lua_State* L, int index, const char* name, double usual,
                     const std::string& where) {
   const int type = lua_getfield(L, index, name);
@@ -44,6 +47,8 @@ double number_field(lua_State* L, int index, const char* name, double usual,
   return value;
 }
 
+/// A row that a script wrote down; a misspelt key is an error, since it would leave a default in
+/// its place and the eye would be another one.
 PrescriptionRow row_at(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + "wants a table, got " + kind_of(L, index));
@@ -61,6 +66,8 @@ PrescriptionRow row_at(lua_State* L, int index, const std::string& where) {
   return row;
 }
 
+/// A stop that is no surface of its own: in the vertex plane of that surface. Whole numbers only,
+/// as Lua's 2.0 and 2 are one.
 void read_stop(lua_State* L, int index, optics::PrescriptionTable& table) {
   if (lua_getfield(L, index, "stop") != LUA_TNIL) {
     if (!lua_istable(L, -1))
@@ -76,6 +83,7 @@ void read_stop(lua_State* L, int index, optics::PrescriptionTable& table) {
   lua_pop(L, 1);
 }
 
+/// Parameters by the names that optical_system:with takes.
 int system_info(Call& call) {
   const optics::Prescription& eye = eye_of(call);
   const optics::PrescriptionTable rows = optics::to_rows(eye);
@@ -88,28 +96,34 @@ int system_info(Call& call) {
   return 1;
 }
 
+/// First the eye accommodates, then parameters are replaced: a value that is given stands, whatever
+/// accommodation would have made of it.
 int with(Call& call) {
   const int table = call.index(0);
+  double accommodation = 0;
   std::vector<optics::Override> overrides;
   for (const std::string& key : text_keys(call.L, table)) {
     if (lua_getfield(call.L, table, key.c_str()) != LUA_TNUMBER)
       throw std::invalid_argument(key + ": wants a number, got " + kind_of(call.L, -1));
-    overrides.emplace_back(key, lua_tonumber(call.L, -1));
+    const double value = lua_tonumber(call.L, -1);
+    if (key == "accommodation")
+      accommodation = value;
+    else
+      overrides.emplace_back(key, value);
     lua_pop(call.L, 1);
   }
-  push_system(call.L, optics::with_parameters(eye_of(call), overrides));
+  optics::Prescription eye = eye_of(call);
+  if (accommodation != 0) eye = optics::accommodate(std::move(eye), accommodation);
+  push_system(call.L, optics::with_parameters(std::move(eye), overrides));
   return 1;
 }
 
-int accommodate(Call& call) {
-  push_system(call.L, optics::accommodate(eye_of(call), call.number(0)));
-  return 1;
-}
-
+/// Every bit comes back by optics.system: numbers are copied, never printed.
 int prescription(Call& call) {
   const optics::PrescriptionTable rows = optics::to_rows(eye_of(call));
   ResultTable table(call);
   table.text("name", rows.name).text("title", rows.title).text("source", rows.source);
+  // 0: there is no stop.
   if (rows.stop_surface > 0)
     table.table("stop", [&rows](ResultTable& stop) {
       stop.integer("surface", rows.stop_surface).number("radius", rows.stop_radius, "m");
@@ -121,6 +135,7 @@ int prescription(Call& call) {
 
 }  // namespace
 
+/// from_rows judges the whole: surfaces that cross, an index below 1.
 optics::Prescription prescription_table_at(lua_State* L, int index) {
   optics::PrescriptionTable table;
   table.name = text_field(L, index, "name", "", false);
@@ -183,22 +198,13 @@ std::vector<Binding> system_table_rows() {
            prescription,
            "eye:prescription()"},
           {"with",
-           {{.name = "values", .type = Type::table, .help = "SI, by names of parameters"}},
+           {{.name = "values",
+             .type = Type::table,
+             .help = "SI, by names of parameters; accommodation: in 1/m, 0 to 10 (0)"}},
            "optical_system",
-           "a personal eye: the same with some parameters replaced",
+           "a personal eye: the same with some parameters replaced, or as it accommodates",
            with,
-           "eye:with { [\"cornea.anterior.radius\"] = 7.8 * mm }"},
-          {"accommodate",
-           {{.name = "accommodation",
-             .type = Type::number,
-             .unit = "1/m",
-             .min = 0,
-             .max = 10,
-             .help = "dioptres"}},
-           "optical_system",
-           "the eye when it accommodates",
-           accommodate,
-           "optics.system({ name = \"navarro\" }):accommodate(4)"}};
+           "eye:with { [\"cornea.anterior.radius\"] = 7.8 * mm, accommodation = 4 }"}};
 }
 
 }  // namespace vitreo::lua

@@ -14,6 +14,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// A stop is noticed at chunks while eyes are drawn, and before each eye while they are judged.
 constexpr int kChunk = 200;  // eyes drawn between two breaths
 
 /// Others get their turn before each eye, and a stop its way.
@@ -50,6 +51,7 @@ std::vector<optics::Uncertainty> uncertainties_of(const Call& call,
   return uncertainties;
 }
 
+/// A side without an answer, such as an eye that images nothing, is left out and not 0.
 int push_sensitivity(const Call& call, const std::vector<optics::Sensitivity>& found) {
   ResultTable(call).list("parameters", found.size(), [&found](ResultTable& one, std::size_t i) {
     one.text("parameter", found[i].parameter);
@@ -59,6 +61,7 @@ int push_sensitivity(const Call& call, const std::vector<optics::Sensitivity>& f
   return 1;
 }
 
+/// Each parameter off by one sigma, either way, all others as prescribed: which costs most.
 int one_at_a_time(const Call& call) {
   const optics::Prescription eye = eye_of(call);
   return calculate(
@@ -83,6 +86,7 @@ int localization_error(Call& call) {
       });
 }
 
+/// `failed` counts eyes without an answer: the mean of the others alone would be too good.
 ResultTable& set_statistics(ResultTable& table, const optics::ErrorStatistics& s) {
   return table.number("count", s.count)
       .number("failed", s.failed)
@@ -93,6 +97,7 @@ ResultTable& set_statistics(ResultTable& table, const optics::ErrorStatistics& s
       .number("max", s.max, "m");
 }
 
+/// All parameters off at once, Gaussian. The run's seed draws, so that a run repeats.
 int monte_carlo(const Call& call) {
   const optics::Prescription eye = eye_of(call);
   const int count = static_cast<int>(call.number_option("count").value_or(200));
@@ -121,7 +126,9 @@ int monte_carlo(const Call& call) {
 /// One of the eyes that the run's seed draws; each number has a stream of its own.
 int sample(Call& call) {
   const optics::Prescription eye = eye_of(call);
+  // Fibonacci hashing's multiplier: neighboring numbers get seeds that have nothing in common.
   constexpr std::uint64_t kFar = 0x9E3779B97F4A7C15U;
+  // By value of `number` alone: eye 3 is the same whether or not eye 2 was drawn before.
   std::mt19937_64 random(call.context().seed +
                          static_cast<std::uint64_t>(*call.number_option("number")) * kFar);
   const auto one = optics::monte_carlo(eye, uncertainties_of(call, eye), 1, random);
@@ -129,6 +136,7 @@ int sample(Call& call) {
   return 1;
 }
 
+/// The best measurement first: by how much the rms falls when this one is known.
 int push_values(const Call& call, const std::vector<optics::MeasurementValue>& found) {
   ResultTable(call).list("parameters", found.size(), [&found](ResultTable& one, std::size_t i) {
     set_statistics(one, found[i].known)
@@ -138,6 +146,7 @@ int push_values(const Call& call, const std::vector<optics::MeasurementValue>& f
   return 1;
 }
 
+/// The same eyes for each parameter, so that differences are the parameter's and not the draw's.
 int variance_attribution(const Call& call) {
   const optics::Prescription eye = eye_of(call);
   const int count = static_cast<int>(call.number_option("count").value_or(200));
@@ -155,6 +164,7 @@ int variance_attribution(const Call& call) {
       push_values);
 }
 
+/// The method chooses the calculation; the result has the fields that belong to it.
 int error_analysis(Call& call) {
   const std::string method = *call.text_option("method");
   if (method == "one_at_a_time") {
@@ -165,6 +175,7 @@ int error_analysis(Call& call) {
   return method == "monte_carlo" ? monte_carlo(call) : variance_attribution(call);
 }
 
+/// All optional: monte_carlo alone has them in the result itself.
 std::vector<ResultField> statistics_fields() {
   const auto field = [](const char* name, const char* unit, const char* help) {
     return ResultField{.name = name, .unit = unit, .help = help, .optional = true};
@@ -175,6 +186,7 @@ std::vector<ResultField> statistics_fields() {
           field("max", "m", "")};
 }
 
+/// One row for three methods: of each only its own fields are there, and the help says which.
 Returned analysis_fields() {
   std::vector<ResultField> of_parameter = statistics_fields();
   of_parameter.insert(

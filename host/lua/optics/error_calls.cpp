@@ -37,6 +37,7 @@ const std::vector<std::pair<std::string, BiometricMethod>> kBiometric = {
 const std::vector<std::pair<std::string, ErrorMeasure>> kMeasures = {{"max", ErrorMeasure::max},
                                                                      {"mean", ErrorMeasure::mean}};
 
+/// What the script gives takes the place of the default.
 void take(const Call& call, const char* name, double& value) {
   value = call.number_option(name).value_or(value);
 }
@@ -44,6 +45,7 @@ void take(const Call& call, const char* name, int& value) {
   if (const auto given = call.number_option(name)) value = static_cast<int>(*given);
 }
 
+/// Chapter 4's error on the axis: depth by the law (4.10) to (4.12) from traced foci.
 MakeError axis_error_of(const Call& call) {
   optics::AxisErrorOptions options;
   options.calibrated = call.flag_option("calibrated");
@@ -57,6 +59,7 @@ MakeError axis_error_of(const Call& call) {
   };
 }
 
+/// The same over the field, by the thesis' isofocus and isopixel curves.
 MakeError field_error_of(const Call& call) {
   optics::FieldErrorOptions options;
   options.calibrated = call.flag_option("calibrated");
@@ -74,6 +77,7 @@ MakeError field_error_of(const Call& call) {
   };
 }
 
+/// The pose error knows outlines of spheroids only.
 optics::Spheroid robot_option(const Call& call, const optics::Spheroid& usual) {
   optics::Spheroid robot = usual;
   if (call.push_option("robot")) {
@@ -87,6 +91,7 @@ optics::Spheroid robot_option(const Call& call, const optics::Spheroid& usual) {
   return robot;
 }
 
+/// Table 5.2: by pose, over the field.
 MakeError pose_error_of(const Call& call) {
   optics::PoseErrorOptions options;
   options.microscope = microscope_option(call).value_or(options.microscope);
@@ -111,6 +116,7 @@ Argument flag_option(const char* name, const char* help) {
   return {.name = name, .type = Type::flag, .optional = true, .help = help};
 }
 
+/// Three at least: a mean over the field needs its middle and its ends.
 Argument grid_option(const char* name, const char* help) {
   return {
       .name = name, .type = Type::integer, .optional = true, .min = 3, .max = 1000, .help = help};
@@ -132,10 +138,13 @@ std::vector<Argument> field_options() {
           text_option("measure", "max or mean over the field (max by focus, mean by pose)")};
 }
 
+/// The word that scripts say for it.
 const char* word_of(Method method) {
   return method == Method::axis ? "axis" : method == Method::field ? "field" : "pose";
 }
 
+/// Which options each error knows. One list, read twice: for the row, where they stand together,
+/// and by error_of, which refuses those of another method.
 std::vector<Argument> options_of_method(Method method) {
   std::vector<Argument> options = {
       flag_option("calibrated", "on the eye's own retina (false)"),
@@ -166,6 +175,7 @@ std::vector<Argument> options_of_method(Method method) {
 
 }  // namespace
 
+/// Without repeats: a name that several methods know has one meaning.
 std::vector<Argument> options_of_all() {
   std::vector<Argument> all = {text_option(
       "error", "axis: depth by focus on the axis (default); field: by focus; pose: by pose")};
@@ -177,6 +187,7 @@ std::vector<Argument> options_of_all() {
   return all;
 }
 
+/// An option of another method is refused: to ignore it would let a script believe that it counts.
 MakeError error_of(const Call& call) {
   const Method method =
       word_option<Method>(

@@ -11,13 +11,18 @@
 namespace vitreo::lua::localizer_calls {
 namespace {
 
+constexpr double kUsualSigma = 0.2;  // px, of a tracker's center and axes, and of a point
+
+/// One sigma of position (m), rotations about the body's axes (rad), logarithm of the size.
 std::vector<double> sigmas_of(const optics::PoseCandidate& one) {
   const Eigen::VectorXd sigma = one.covariance.diagonal().cwiseSqrt();
   return {sigma.begin(), sigma.end()};
 }
 
+/// A pose as scripts have it: orientation row by row, eye from body, though Eigen keeps columns.
 void set_candidate(ResultTable& table, const optics::PoseCandidate& one,
                    const Eigen::Vector3d& offset) {
+  // One row a direction that is not observed; 0 x 7, so an empty list, where all are observed.
   Eigen::MatrixXd open(static_cast<Eigen::Index>(one.unobservable.size()), 7);
   for (Eigen::Index i = 0; i < open.rows(); ++i)
     open.row(i) = one.unobservable[static_cast<std::size_t>(i)];
@@ -35,13 +40,16 @@ void set_candidate(ResultTable& table, const optics::PoseCandidate& one,
 
 }  // namespace
 
-Argument body_argument() {
+/// Exponents as of a superquadric: 0 is a flat end or a square section, 1 an ellipsoid's, up
+/// to 1.9; towards 2 the body becomes an octahedron, whose points have no normal.
+Argument body_argument(bool optional) {
   const auto exponent = [](const char* name, const char* help) {
     return Argument{
         .name = name, .type = Type::number, .optional = true, .min = 0, .max = 1.9, .help = help};
   };
   return {.name = "body",
           .type = Type::options,
+          .optional = optional,
           .help = "its shape and size, z along its axis",
           .options = {
               {.name = "shape",
@@ -58,6 +66,7 @@ Argument body_argument() {
               exponent("exponent_across", "of its section: 0 square, 1 round")}};
 }
 
+/// A shape takes its own fields and must have them all: each has another meaning elsewhere.
 optics::ObjectModel body_at(const OptionTable& table) {
   const std::string shape = *table.text("shape");
   const auto needed = [&](const char* name) {
@@ -87,6 +96,8 @@ optics::ObjectModel body_at(const OptionTable& table) {
   return body;
 }
 
+/// The angle of a nearly round ellipse is noise: with semi-axes a, b known to s, its variance is
+/// about s^2 / 2 / (a - b)^2, bounded where they are equal.
 SeenEllipse seen_at(const OptionTable& table) {
   SeenEllipse seen;
   seen.ellipse << *table.number("u"), *table.number("v"), *table.number("semi_major"),
@@ -97,13 +108,29 @@ SeenEllipse seen_at(const OptionTable& table) {
     seen.covariance = Eigen::Map<const optics::EllipseCovariance>(numbers->data()).transpose();
     return seen;
   }
-  const double sigma = table.number("sigma").value_or(0.2);
+  const double sigma = table.number("sigma").value_or(kUsualSigma);
   const double difference = seen.ellipse[2] - seen.ellipse[3];
   seen.covariance = sigma * sigma * optics::EllipseCovariance::Identity();
   seen.covariance(4, 4) = sigma * sigma / 2 / std::max(difference * difference, 1e-6);
   return seen;
 }
 
+/// Where the row lets it be absent, the need for it follows from the other options.
+optics::ObjectModel body_option(const Call& call) {
+  if (!call.push_option("body")) throw std::invalid_argument("body: is missing");
+  optics::ObjectModel body = body_at(OptionTable(call.L, lua_gettop(call.L)));
+  lua_pop(call.L, 1);
+  return body;
+}
+
+SeenEllipse ellipse_option(const Call& call) {
+  if (!call.push_option("ellipse")) throw std::invalid_argument("ellipse: is missing");
+  const SeenEllipse seen = seen_at(OptionTable(call.L, lua_gettop(call.L)));
+  lua_pop(call.L, 1);
+  return seen;
+}
+
+/// Scripts see positions with the calibration's offset; the solver works without it.
 optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer) {
   optics::PoseStart start;
   if (const auto position = how.vector("position"))
@@ -119,6 +146,7 @@ optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer) {
   return start;
 }
 
+/// An infinite sigma of the size means that it is fitted without any prior.
 optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& localizer) {
   optics::ObjectPoseSettings settings = localizer.settings;
   settings.rotate = how.flag("rotate");
@@ -129,12 +157,14 @@ optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& 
   return settings;
 }
 
-std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument) {
+std::vector<optics::SeenPoint> points_option(const Call& call) {
   std::vector<optics::SeenPoint> points;
-  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(argument)));
+  call.push_option("points");
+  const int list = lua_gettop(call.L);
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, list));
   for (lua_Integer i = 1; i <= count; ++i) {
     const std::string where = "points: " + std::to_string(i) + ": ";
-    if (lua_rawgeti(call.L, call.index(argument), i) != LUA_TTABLE)
+    if (lua_rawgeti(call.L, list, i) != LUA_TTABLE)
       throw std::invalid_argument(where + "wants a table");
     const OptionTable point(call.L, lua_gettop(call.L));
     refuse_unknown(call.L, lua_gettop(call.L), where, {"body", "u", "v", "sigma"});
@@ -142,13 +172,16 @@ std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument)
     const auto u = point.number("u"), v = point.number("v");
     if (!body || !u || !v)
       throw std::invalid_argument(where + "wants {body = {x, y, z}, u = , v = }");
-    const double sigma = point.number("sigma").value_or(0.2);
+    const double sigma = point.number("sigma").value_or(kUsualSigma);
     points.push_back({*body, {*u, *v}, sigma * sigma * Eigen::Matrix2d::Identity()});
     lua_pop(call.L, 1);
   }
+  lua_pop(call.L, 1);
   return points;
 }
 
+/// Only a pose that was found is the position: of two that fit equally, scripts must choose among
+/// the candidates, best first.
 int push_pose(const Call& call, const optics::ObjectPose& pose, const Eigen::Vector3d& offset) {
   ResultTable table(call);
   table.text("status", optics::to_string(pose.status))
@@ -161,6 +194,8 @@ int push_pose(const Call& call, const optics::ObjectPose& pose, const Eigen::Vec
   return 1;
 }
 
+/// Seven numbers a covariance: position, rotation, logarithm of the size. What was held is 0 in it,
+/// what cannot be told infinite.
 Returned pose_fields() {
   const char* const seven = "position in m, rotations about the body's axes in rad, log of size";
   return {"table",

@@ -19,15 +19,18 @@ struct SeenEllipse {
 
 /// A body's fields, and what they say. Throws std::invalid_argument naming the one that is missing
 /// or wrong.
-Argument body_argument();
+Argument body_argument(bool optional = false);
 optics::ObjectModel body_at(const OptionTable& table);
 /// Without a covariance 0.2 px, or `sigma`, in center and axes, and the angle that goes with it.
 SeenEllipse seen_at(const OptionTable& table);
+/// The options `body` and `ellipse`. Throws std::invalid_argument as above, or when there is none.
+optics::ObjectModel body_option(const Call& call);
+SeenEllipse ellipse_option(const Call& call);
 /// What is known beforehand; the orientation by nine numbers or by the direction of z.
 optics::PoseStart start_at(const OptionTable& how, const Localizer& localizer);
 optics::ObjectPoseSettings settings_at(const OptionTable& how, const Localizer& localizer);
-/// A list of {body, u, v, sigma}.
-std::vector<optics::SeenPoint> points_at(const Call& call, std::size_t argument);
+/// The option `points`, a list of {body, u, v, sigma}.
+std::vector<optics::SeenPoint> points_option(const Call& call);
 
 /// `position` and `sigma` stand in the result itself only when it was found, so that one
 /// of two is not taken for it.

@@ -136,6 +136,8 @@ const Argument* options_of(const Binding& row) {
   return nullptr;
 }
 
+/// Of run("name", { and check("name", {: parameters of the protocol that the line names; after `key
+/// =` the values that are allowed. The file is read for it, and not run.
 Words parameter_words(lua_State* L, const std::string& line, const OpenCall& call) {
   const std::size_t open = line.find('"'), close = line.find('"', open + 1);
   if (open == std::string::npos || close == std::string::npos) return {};
@@ -198,6 +200,7 @@ Words global_words(lua_State* L) {
 
 }  // namespace
 
+// Raw access all the way: a metamethod could do anything, and a name that is completed must not.
 void push_path(lua_State* L, const std::string& path) {
   luaL_checkstack(L, 10, "too much on the stack");
   lua_pushglobaltable(L);
@@ -222,6 +225,8 @@ Bound bound_path(lua_State* L, const std::string& path) {
   return bound;
 }
 
+// What the open call takes first; a name with a dot or a colon is completed from its value instead;
+// where neither says anything, globals and keywords.
 std::vector<std::string> completions(lua_State* L, const std::string& line, std::size_t cursor) {
   const int top = lua_gettop(L);
   cursor = std::min(cursor, line.size());

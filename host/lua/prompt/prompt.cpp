@@ -9,7 +9,7 @@
 #include "host/lua/prompt/prompt_show.h"
 #include "host/lua/reference/reference.h"
 #include "host/lua/script/running.h"
-#include "host/text/units.h"
+#include "host/runs/results_text.h"
 
 #include <algorithm>
 #include <cctype>
@@ -37,6 +37,7 @@ class Prompt {
   std::string source() const;
   void execute();
   void end_nested();
+  std::vector<StatedResult> stated_results();
   void show_results(int count);
   void refuse(const std::string& message, const std::string& trace = "");
   void expand_help();
@@ -83,11 +84,13 @@ Loaded Prompt::load() {
   return open_expression || open_statement ? Loaded::incomplete : Loaded::no;
 }
 
+/// The first error is kept: where nobody watches it is what the run fails with.
 void Prompt::refuse(const std::string& message, const std::string& trace) {
   err_ << show_error(message, trace, typed_, chunk_line_ == line_ ? line_ : 0) << std::flush;
   if (end_.failed++ == 0) end_.first_error = message;
 }
 
+/// Only the first value has the unit of the call that gave it, and is kept as `_`.
 void Prompt::show_results(int count) {
   std::string line;
   in_lua(L_, count, [&] {
@@ -99,6 +102,23 @@ void Prompt::show_results(int count) {
     lua_settop(L_, 0);
   });
   if (count > 0) out_ << line << '\n';
+}
+
+/// The recorder has the results of the whole session: those that the protocol of this statement
+/// stated, and the time that it stood idle.
+std::vector<StatedResult> Prompt::stated_results() {
+  Context& context = script_.context();
+  std::vector<StatedResult> stated;
+  for (const StatedResult& one : context.session->recorder.results()) {
+    bool by_this = one.name == "dead_time" && context.dead_time > 0;
+    in_lua(L_, 0, [&] {
+      lua_getfield(L_, LUA_REGISTRYINDEX, kStatedResults);
+      by_this = by_this || lua_getfield(L_, -1, one.name.c_str()) == LUA_TBOOLEAN;
+      lua_settop(L_, 0);
+    });
+    if (by_this) stated.push_back(one);
+  }
+  return stated;
 }
 
 /// What a protocol that ran inside of the statement deferred and left open ends here, and its
@@ -115,18 +135,11 @@ void Prompt::end_nested() {
   } catch (const std::exception& error) {
     refuse(std::string("clean-up: ") + error.what());
   }
-  for (const StatedResult& one :
-       context.session->recorder.results()) {  // the session's; those of this run are shown
-    bool stated = one.name == "dead_time" && context.dead_time > 0;
-    in_lua(L_, 0, [&] {
-      lua_getfield(L_, LUA_REGISTRYINDEX, kStatedResults);
-      stated = stated || lua_getfield(L_, -1, one.name.c_str()) == LUA_TBOOLEAN;
-      lua_settop(L_, 0);
-    });
-    if (stated) out_ << one.name << "  " << format_quantity(one.value, one.unit) << '\n';
-  }
+  out_ << results_text(stated_results());
 }
 
+/// Runs the function on the stack. Whatever ends it, the session goes on: what the statement left
+/// behind (laps, a trace, an interrupt that came late) is forgotten before the next one.
 void Prompt::execute() {
   Context& context = script_.context();
   RunControl& control = context.session->control;
@@ -176,6 +189,7 @@ void Prompt::expand_help() {
   });
 }
 
+/// The next line begins a statement.
 void Prompt::forget() {
   chunk_.clear();
   read_ = 0;
@@ -236,6 +250,8 @@ bool Prompt::read_line(std::string& line) {
   }
 }
 
+/// At a terminal print() goes through the listener, which knows of the line that is being edited;
+/// into a pipe it goes at once, in the order of the results.
 PromptEnd Prompt::run() {
   Context& context = script_.context();
   if (in_.interactive())

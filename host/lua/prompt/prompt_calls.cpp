@@ -12,7 +12,7 @@
 #include "host/lua/script/protocol_files.h"
 #include "host/lua/script/reading.h"
 #include "host/lua/script/running.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <algorithm>
 #include <cmath>
@@ -24,8 +24,7 @@ namespace {
 std::string range_text(const Parameter& parameter, const std::string& dimension) {
   if (std::isinf(parameter.min)) return "at most " + format_quantity(parameter.max, dimension);
   if (std::isinf(parameter.max)) return "at least " + format_quantity(parameter.min, dimension);
-  return format_quantity(parameter.min, dimension) + " to " +
-         format_quantity(parameter.max, dimension);
+  return format_range(parameter.min, parameter.max, dimension);
 }
 
 /// A value as the script has it: numbers are SI. Texts may be written with a unit, as on the
@@ -54,12 +53,16 @@ ArgumentValue parameter_value(lua_State* L, int index, const Parameter& paramete
   return value;
 }
 
+// A protocol waits, and so yields through these calls: each goes on in a continuation, of which
+// Lua keeps only a number. That number is the address of a Prepared on the stack, which the
+// userdata there keeps alive.
 int end_protocol(lua_State* L, int, lua_KContext) {
   lua_settop(L, 0);
   return 0;
 }
 
-/// The table that the file returned is on top: [.., table].
+/// The table that the file returned is on top: [.., table] -> [.., table, run, rig, p, run's
+/// handle], ready for a call with three arguments.
 int begin_protocol(lua_State* L, int, lua_KContext at) {
   const auto& [protocol, arguments] =
       *reinterpret_cast<std::pair<ProtocolDescription, std::map<std::string, ArgumentValue>>*>(at);
@@ -80,6 +83,7 @@ int collect_prepared(lua_State* L) {
   return 0;
 }
 
+/// After the file's own statements: calls the function `run` of the table that it returned.
 int run_loaded(lua_State* L, int status, lua_KContext at) {
   begin_protocol(L, status, at);
   lua_callk(L, 3, 0, 0, end_protocol);
@@ -87,6 +91,8 @@ int run_loaded(lua_State* L, int status, lua_KContext at) {
 }
 
 /// run("drift_test", {hold = 5 * s}): here and now, on this rig, into this record.
+/// What is prepared must outlive a yield of the protocol, which leaves this function by an
+/// exception and takes its locals along: it lies in a userdata on the stack.
 int run_by_name(lua_State* L) {
   Prepared* prepared = nullptr;
   guarded(L, "run: ", [&]() -> int {
@@ -98,6 +104,7 @@ int run_by_name(lua_State* L) {
     ProtocolDescription protocol = named_protocol(context, plain_text(L, 2));
     check_roles(protocol, context.session->rig);
     auto values = given_parameters(L, 3, protocol);
+    // What is deferred and opened from here on ends with the protocol, not with the session.
     context.nested = {context.deferred.size(), context.closers.size()};
     context.dead_time = 0;  // this run's, as every result that is shown at its end
     lua_newtable(L);
@@ -120,6 +127,7 @@ int run_by_name(lua_State* L) {
 }
 
 /// The methods of a handle that only tell something: no arguments, a result, and they do not wait.
+/// info and prescription tell what never changes, and would fill the line.
 int getters(lua_State* L) {
   return guarded(L, "watch: ", [L]() -> int {
     const Class* const kind = handle_class(L, 1);
@@ -172,8 +180,16 @@ return function(object, options)
         local told, value = pcall(object[name], object)
         local text = told and shown(value) or "–"
         if told then heard = true else problem = problem or value end
-        -- what fills several lines is asked for by its name; here each look is one
-        if not text:find("\n", 1, true) then line[#line + 1] = name .. " " .. text end
+        -- what fills several lines is asked for by its name; here each look is one, and has of a
+        -- status what it does and where to
+        if name == "status" and told then
+          for _, field in ipairs { "state", "target" } do
+            local said = text:match("\n  " .. field .. " = ([^\n]+),\n")
+            if said then line[#line + 1] = field .. " " .. said end
+          end
+        elseif not text:find("\n", 1, true) then
+          line[#line + 1] = name .. " " .. text
+        end
       end
       if not heard then error(problem, 0) end
     else
@@ -195,6 +211,8 @@ int unit_or_undefined(lua_State* L) {
   return 1;
 }
 
+/// The globals' own metatable is changed, not replaced: what is neither a unit nor defined has
+/// still the error with a suggestion.
 void open_units(lua_State* L) {
   push_units(L);
   lua_pushvalue(L, -1);
@@ -219,6 +237,8 @@ ProtocolDescription named_protocol(const Context& context, const std::string& na
                               (near.empty() ? "" : "; did you mean " + near + "?"));
 }
 
+// All keys are looked at before any value: a misspelt name is told as such, not as one that is
+// missing.
 std::map<std::string, ArgumentValue> given_parameters(lua_State* L, int table,
                                                       const ProtocolDescription& protocol) {
   std::map<std::string, ArgumentValue> values;
@@ -250,6 +270,8 @@ void check_roles(const ProtocolDescription& protocol, const Rig& rig) {
           (protocol.rig.empty() ? "" : "; the rig " + protocol.rig + " has it"));
 }
 
+// run is a handle with methods and a function: __call stands in the metatable of its class, which
+// this state has for itself.
 void open_prompt_calls(lua_State* L) {
   push_rig(L, context_of(L).session->rig);
   lua_setglobal(L, "rig");

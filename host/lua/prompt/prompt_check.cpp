@@ -38,6 +38,8 @@ std::string argument_word(const Parameter& parameter, const ArgumentValue& value
                      unit ? unit->dimension : "");
 }
 
+/// The same seed, rig and folder as the session's, so that the dry run is of this laboratory. What
+/// follows "--" cannot be taken for an option.
 std::vector<std::string> command(const Call& call, const ProtocolDescription& protocol) {
   const Session& session = session_of(call.L);
   const Recorder& recorder = session.recorder;
@@ -72,6 +74,8 @@ Checked run_check(const std::vector<std::string>& words, Clock& clock, bool real
   return checked;
 }
 
+/// A preflight that did not pass is an answer, false; any other end of the program is an error,
+/// with what it said.
 int show(Call& call, const Checked& checked) {
   const bool passed = checked.status == static_cast<int>(ExitCode::completed);
   if (!passed && checked.status != static_cast<int>(ExitCode::preflight_failed)) {

@@ -6,7 +6,6 @@
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/rig/classes.h"
 #include "host/session/session.h"
-#include "host/text/columns.h"
 
 #include <fstream>
 #include <sstream>
@@ -35,6 +34,7 @@ Place place_of(const std::string& text) {
   return {text.substr(0, colon), std::stoi(number)};
 }
 
+/// "" for a file that is gone or shorter by now.
 std::string source_line(const Place& place, const std::vector<std::string>& typed) {
   std::string line;
   if (place.file == "prompt") {
@@ -83,18 +83,6 @@ std::string long_table(lua_State* L, int index, const FieldUnits& units) {
   return text + "\n}";
 }
 
-/// A number or a list of a few in a display unit; a list has one for all: "{1.00, 0.98} mm".
-std::optional<std::string> quantity_of(lua_State* L, int index, const std::string& unit) {
-  constexpr std::size_t kLongest = 16;
-  const auto numbers = to_numbers(L, index);
-  if (!numbers) return in_peoples_unit(L, index, unit);
-  if (numbers->empty() || numbers->size() > kLongest) return std::nullopt;
-  const ShownColumn column = show_column(*numbers, unit, 4);
-  std::string text;
-  for (const std::string& number : column.numbers) text += (text.empty() ? "{" : ", ") + number;
-  return with_unit({text + "}", column.unit});
-}
-
 /// A handle: what it is, and what can be asked of it.
 std::string handle_text(lua_State* L, const Class& kind) {
   std::vector<std::string> names;
@@ -110,6 +98,8 @@ std::string handle_text(lua_State* L, const Class& kind) {
 
 }  // namespace
 
+// The value is that of the last call only if it is the very same: the same table, or the same
+// number. After `x + 1` the call that gave x must not lend its unit.
 std::string show_value(lua_State* L, int index, const Context::Result& from) {
   index = lua_absindex(L, index);
   if (lua_type(L, index) == LUA_TUSERDATA && luaL_getmetafield(L, index, "__name") == LUA_TSTRING) {
@@ -121,7 +111,7 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
       from.call != nullptr && (lua_istable(L, index) ? lua_topointer(L, index) == from.pointer
                                                      : lua_tonumber(L, index) == from.number);
   const std::string unit = called ? unit_of_result(*from.call) : "";
-  if (const auto text = unit.empty() ? std::nullopt : quantity_of(L, index, unit)) return *text;
+  if (const auto text = unit.empty() ? std::nullopt : in_peoples_unit(L, index, unit)) return *text;
   const FieldUnits units = called ? units_of_fields(*from.call) : FieldUnits();
   const std::string text = pretty(L, index, 3, units);
   const bool plain_table =
@@ -132,6 +122,8 @@ std::string show_value(lua_State* L, int index, const Context::Result& from) {
              : text;
 }
 
+// Lines of the prompt's own helpers ("watch") are left out, and the line that was typed last, which
+// stands right above; a place that the message names already is not repeated.
 std::string show_error(const std::string& message, const std::string& trace,
                        const std::vector<std::string>& typed, int plain) {
   const auto is_plain = [plain](const Place& place) {

@@ -74,6 +74,8 @@ bool is_vector(const std::string& type) {
   return std::find(std::begin(kinds), std::end(kinds), type) != std::end(kinds);
 }
 
+/// A row's word for what it returns as a type of the language server; "any" for what it says in
+/// other words.
 std::string plain_type(const Library& library, const std::string& type) {
   if (find_class(library, type) != nullptr) return "vitreo." + type;
   if (type == "number" || type == "string") return type;
@@ -92,6 +94,7 @@ std::string return_type(const Library& library, const Returned& returns) {
   return plain_type(library, returns.type) + (returns.optional ? "?" : "");
 }
 
+/// Options of which none is needed may be left out as a whole, though their row does not say so.
 bool may_be_left_out(const Argument& argument) {
   return argument.optional || (argument.type == Type::options &&
                                std::all_of(argument.options.begin(), argument.options.end(),
@@ -119,13 +122,15 @@ std::string returned_fields(const std::vector<ResultField>& fields, const std::s
   return text;
 }
 
+/// An annotated function without a body. The server has no units: they stand behind the # of each
+/// parameter, and the fields of a result in the lines below @return.
 std::string stub_of(const Library& library, const std::string& owner, char separator,
                     const std::string& name, const Entry& entry) {
   std::string text =
       "---" + entry.row->doc + "\n---\n---```lua\n---" + example(entry) + "\n---```\n";
   for (const Argument& argument : entry.row->arguments) {
     if (argument.type == Type::options)
-      for (const Argument& option : argument.options)
+      for (const Argument& option : options_by_name(argument))
         if (const std::string about = with_unit(option); !about.empty())
           text += "---- `" + option.name + "`:" + about.substr(2) + "\n";
     if (argument.name == "...")
@@ -141,6 +146,7 @@ std::string stub_of(const Library& library, const std::string& owner, char separ
          ") end\n\n";
 }
 
+/// A method is declared with a colon, so that the server counts arguments as scripts write them.
 std::string class_stub(const Library& library, const Class& kind) {
   std::string text = "---" + kind.doc + "\n---@class vitreo." + kind.name + "\n";
   for (const std::string& field : kind.fields) {
@@ -231,53 +237,9 @@ void write_fields(lua_State* L, int table, const std::string& indent, std::strin
   }
 }
 
-std::string cell(std::string text) {
-  for (std::size_t at = 0; (at = text.find('|', at)) != std::string::npos; at += 2)
-    text.insert(at, "\\");
-  return text;
-}
-
-void reference_arguments(const std::vector<Argument>& arguments, std::string& text) {
-  for (const Argument& argument : arguments) {
-    if (argument.type == Type::options) {
-      reference_arguments(argument.options, text);
-      continue;
-    }
-    std::string bounds;
-    const auto shown = [&](double value) { return format_quantity(value, argument.unit); };
-    if (std::isfinite(argument.min)) bounds += "from " + shown(argument.min);
-    if (std::isfinite(argument.max))
-      bounds += (bounds.empty() ? "to " : " to ") + shown(argument.max);
-    text += fmt::format("| `{}`{} | {} | {} | {} |\n", argument.name,
-                        argument.optional ? "" : " (needed)", cell(wanted(argument)), bounds,
-                        cell(argument.help));
-  }
-}
-
-void reference_fields(const std::vector<ResultField>& fields, const std::string& before,
-                      std::string& text) {
-  for (const ResultField& field : fields) {
-    text += fmt::format("| `{}{}`{} | {} | {} |\n", before, field.name,
-                        field.optional ? " (or nil)" : "", field.unit, cell(field.help));
-    reference_fields(field.fields, before + field.name + ".", text);
-  }
-}
-
-std::string reference_of(const Entry& entry) {
-  std::string text = "### `" + full_name(entry.owner, *entry.row) + "`\n\n`" +
-                     signature(entry.owner, *entry.row) + "`\n\n" + entry.row->doc +
-                     ".\n\n```lua\n" + example(entry) + "\n```\n\n";
-  std::string rows;
-  reference_arguments(entry.row->arguments, rows);
-  if (!rows.empty()) text += "| argument | takes | bounds | |\n|---|---|---|---|\n" + rows + "\n";
-  std::string fields;
-  reference_fields(entry.row->returns.fields, "", fields);
-  if (!fields.empty()) text += "| field of the result | in | |\n|---|---|---|\n" + fields + "\n";
-  return text;
-}
-
 }  // namespace
 
+// A module is a global of vitreo.lua; the file of its name only returns that, for require.
 std::map<std::string, std::string> lua_stubs(const Library& library) {
   std::map<std::string, std::string> files{{"vitreo.lua", vitreo_stub(library)},
                                            {"units.lua", units_stub()}};
@@ -287,6 +249,8 @@ std::map<std::string, std::string> lua_stubs(const Library& library) {
   return files;
 }
 
+// Read from a live state, not from the rows: Lua's own names are among them, less those that the
+// sandbox takes away.
 std::string luacheck_standard(const Library& library) {
   std::string text =
       "-- For luacheck, printed by the program from what its scripts can see (vitreo docs "
@@ -301,40 +265,6 @@ std::string luacheck_standard(const Library& library) {
     lua_settop(L, 0);
   });
   return text + "} }\n";
-}
-
-std::string api_reference(const Library& library) {
-  std::string text =
-      "# What scripts can call\n\nPrinted by the program from its own tables: `vitreo docs api`. "
-      "Numbers are SI; "
-      "`local units = require \"units\"`\ngives the factors. At the prompt `help(\"servo:go_to\")` "
-      "or `servo:go_to?` "
-      "says the same.\n\nWhat is absent is nil: a robot that is not seen, a ray that misses. What "
-      "fails raises an error that\nnames the call and the argument. A call returns one value; "
-      "several are the fields of a table.\n"
-      "\nA test runs every example in a simulated rig. Handles are called by their class there, an "
-      "optical_system `eye`,\na wide_angle_map `map`, a localizer `view`, an axis_law `law`, a "
-      "trajectory `path`, an autofocus `search`; units by\n\n```lua\n" +
-      std::string(kExampleNames) + "```\n";
-  for (const Class* kind : library.classes) {
-    text += "\n## " + kind->name + "\n\n" + kind->doc + ".\n\n";
-    for (const Binding& row : kind->methods) text += reference_of({kind, &row});
-  }
-  std::string module = "?";
-  for (const Binding* row : all_functions(library)) {
-    const std::size_t dot = row->name.find('.');
-    const std::string name = dot == std::string::npos ? "" : row->name.substr(0, dot);
-    if (name != module)
-      text += "\n## " + (name.empty() ? std::string("Everywhere") : "module " + name) + "\n\n";
-    module = name;
-    text += reference_of({nullptr, row});
-  }
-  text += "\n## units\n\n| name | unit | measures | SI |\n|---|---|---|---|\n";
-  for (const Unit& unit : units())
-    if (const std::string name = unit_name(unit.symbol); !name.empty())
-      text += fmt::format("| `units.{}` | {} | {} | {:g} {} |\n", name, unit.symbol, unit.quantity,
-                          unit.factor, unit.dimension);
-  return text;
 }
 
 }  // namespace vitreo::lua

@@ -1,5 +1,5 @@
-// Files printed from the rows of the bindings: stubs for the Lua language server, luacheck's
-// standard, the API reference.
+// Files for editors, printed from the rows of the bindings: stubs for the Lua language server, and
+// luacheck's standard. The functions of scripts/ need none: the server reads their comments there.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -15,7 +15,5 @@ struct Library;
 std::map<std::string, std::string> lua_stubs(const Library& library);
 /// A .luacheckrc: what a script may read, so that a name that nobody knows is an error.
 std::string luacheck_standard(const Library& library);
-/// The reference of everything scripts can call: Markdown.
-std::string api_reference(const Library& library);
 
 }  // namespace vitreo::lua

@@ -1,4 +1,4 @@
-// Binding of help(): about a name, a handle, a function, a module, a protocol, or any value.
+// Global functions; help() about a name, a handle, a function, a module, a protocol, or any value.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/context.h"
@@ -34,6 +34,7 @@ std::string lua_function_help(lua_State* L, const std::string& word) {
          "\n";
 }
 
+/// A bound function has its row; of one written in Lua only its place is known.
 std::string function_help(lua_State* L, int index) {
   if (const Bound bound = bound_function(L, index); bound.row)
     return entry_help({bound.owner, bound.row});
@@ -54,6 +55,8 @@ std::string value_help(lua_State* L, int index) {
   return kind_of(L, index) + ": " + pretty(L, index) + "\n";
 }
 
+/// First the names that have no row, then Lua's own functions, of which its manual tells, then
+/// protocols; the rows last.
 std::string words_help(lua_State* L, const std::string& word) {
   if (word == "vector")
     return "vector(x, y, z)\n  a vector with arithmetic; v.x, v:norm(), v:dot(w)\n"
@@ -95,7 +98,8 @@ const std::vector<Binding>& global_functions() {
        "",
        "tells what there is",
        help,
-       "help(\"servo:go_to\")"}};
+       "help(\"servo:go_to\")"},
+      format_quantity_row()};
   return functions;
 }
 

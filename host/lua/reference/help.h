@@ -1,4 +1,4 @@
-// The global function help() of scripts and of the prompt.
+// Global functions of scripts and of the prompt.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace vitreo::lua {
 
-/// help(): rows without an object.
+/// help() and format_quantity(): rows without an object.
 const std::vector<Binding>& global_functions();
 
 }  // namespace vitreo::lua

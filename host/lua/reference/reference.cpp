@@ -3,7 +3,7 @@
 
 #include "host/config/config.h"
 #include "host/lua/rig/classes.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <fmt/format.h>
 
@@ -26,6 +26,8 @@ constexpr Usual kUsual[] = {{"m", "mm", 1},   {"s", "s", 5},       {"m/s", "mm_p
                             {"N", "uN", 1},   {"m/s^2", "", 2e-3}, {"kg/m^3", "", 1e3},
                             {"Hz", "Hz", 10}, {"m^2/s", "", 1e-6}};
 
+/// The usual value of the dimension where it is within the bounds, else 0.5 or 2, else a bound: an
+/// example must run.
 std::string quantity_example(const Argument& argument) {
   for (const Usual& usual : kUsual) {
     if (usual.dimension != argument.unit) continue;
@@ -44,6 +46,7 @@ std::string quantity_example(const Argument& argument) {
   return fmt::format("{:g}", value);
 }
 
+/// By the argument's name, since a text has no unit that would say what is wanted.
 std::string text_example(const Argument& argument) {
   if (!argument.choices.empty()) return '"' + argument.choices.front() + '"';
   if (argument.name == "path") return "\"folder/file.png\"";
@@ -57,6 +60,7 @@ std::string text_example(const Argument& argument) {
 
 std::string value_example(const Argument& argument);
 
+/// What is needed, and the first of what may be left out: enough to show how options are written.
 std::string options_example(const Argument& argument) {
   std::string text;
   bool optional_shown = false;
@@ -100,25 +104,19 @@ std::string value_example(const Argument& argument) {
   return "nil";
 }
 
-std::string bounds_text(const Argument& argument) {
-  if (argument.type != Type::number && argument.type != Type::integer) return "";
-  const bool below = std::isfinite(argument.min), above = std::isfinite(argument.max);
-  const auto shown = [&](double value) { return format_quantity(value, argument.unit); };
-  if (below && above) return ", " + shown(argument.min) + " to " + shown(argument.max);
-  if (below) return ", at least " + shown(argument.min);
-  return above ? ", at most " + shown(argument.max) : "";
-}
-
+/// Options are listed as if they were arguments: their table has a name that nobody writes.
 void show_argument(std::string& text, const Argument& argument, const std::string& indent) {
   if (argument.type == Type::options) {
-    for (const Argument& option : argument.options) show_argument(text, option, indent);
+    for (const Argument& option : options_by_name(argument)) show_argument(text, option, indent);
     return;
   }
-  text += indent + argument.name + ": " + wanted(argument) + bounds_text(argument) +
+  const std::string bounds = bounds_text(argument);
+  text += indent + argument.name + ": " + wanted(argument) + (bounds.empty() ? "" : ", " + bounds) +
           (argument.optional ? ", may be left out" : "") +
           (argument.help.empty() ? "" : "; " + argument.help) + "\n";
 }
 
+/// "" where nothing begins with that name.
 std::string module_help(const Library& library, const std::string& name) {
   std::string text;
   for (const Binding* row : all_functions(library))
@@ -136,6 +134,7 @@ std::string units_help() {
   return text + "\n";
 }
 
+/// Of "mm" and of "units.mm"; "" where it is none.
 std::string unit_help(const std::string& word) {
   const std::string name = word.starts_with("units.") ? word.substr(6) : word;
   for (const Unit& unit : units())
@@ -183,6 +182,27 @@ const Class* find_class(const Library& library, const std::string& name) {
   return nullptr;
 }
 
+std::vector<Argument> options_by_name(const Argument& argument) {
+  std::vector<Argument> named;
+  for (const Argument& option : argument.options) {
+    if (option.type != Type::options) {
+      named.push_back(option);
+      continue;
+    }
+    named.push_back({.name = option.name,
+                     .type = Type::table,
+                     .optional = option.optional,
+                     .help = option.help});
+    for (Argument& inner : options_by_name(option)) {
+      inner.name = option.name + "." + inner.name;
+      named.push_back(std::move(inner));
+    }
+  }
+  return named;
+}
+
+// Full names come first: "check" is the prompt's function, whatever class has a method of that
+// name.
 std::optional<Entry> find_entry(const Library& library, const std::string& name) {
   const std::vector<Entry> entries = all_entries(library);
   for (const Entry& entry : entries)
@@ -194,6 +214,8 @@ std::optional<Entry> find_entry(const Library& library, const std::string& name)
   return std::nullopt;
 }
 
+// Roles are fields of the rig under the name of their class; the exceptions stand in the table. Any
+// other class is called by its own name, as tests/host/lua/reference/examples_test.cpp declares it.
 std::string handle_name(const std::string& kind) {
   constexpr std::pair<std::string_view, const char*> kNames[] = {
       {"camera", "rig.top_camera"}, {"optical_system", "eye"}, {"wide_angle_map", "map"},
@@ -205,6 +227,8 @@ std::string handle_name(const std::string& kind) {
   return std::find(roles.begin(), roles.end(), kind) != roles.end() ? "rig." + kind : kind;
 }
 
+// f { a = 1 } instead of f({ a = 1 }) where a table is all that the call takes, as scripts write
+// it.
 std::string example(const Entry& entry) {
   if (!entry.row->example.empty()) return entry.row->example;
   std::string arguments;
@@ -222,6 +246,8 @@ std::string example(const Entry& entry) {
 
 namespace {
 
+/// By name alone, through all levels: the prompt meets a field without the way to it. Of two with
+/// one name the unit of the one that the row has first holds.
 void collect_units(const std::vector<ResultField>& fields,
                    std::map<std::string, std::string>& units) {
   for (const ResultField& field : fields) {
@@ -241,6 +267,14 @@ void show_fields(std::string& text, const std::vector<ResultField>& fields,
 }
 
 }  // namespace
+
+std::string bounds_text(const Argument& argument) {
+  if (argument.type != Type::number && argument.type != Type::integer) return "";
+  const bool below = std::isfinite(argument.min), above = std::isfinite(argument.max);
+  if (below && above) return format_range(argument.min, argument.max, argument.unit);
+  if (below) return "at least " + format_quantity(argument.min, argument.unit);
+  return above ? "at most " + format_quantity(argument.max, argument.unit) : "";
+}
 
 std::string unit_of_result(const Binding& row) { return row.returns.unit; }
 
@@ -280,6 +314,8 @@ std::string overview(const Library& library) {
          "  vector(x, y, z): a vector with arithmetic; v.x, v:norm()\n";
 }
 
+// From the certain to the doubtful: a class, a call by its full name, a module, the units, a method
+// by its name alone, a unit. "servo" is the class, and rig:servo has to be named in full.
 std::string help_about(const Library& library, const std::string& word) {
   if (const Class* const kind = find_class(library, word)) return class_help(*kind);
   std::vector<std::string> known;

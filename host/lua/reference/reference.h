@@ -38,6 +38,11 @@ std::string handle_name(const std::string& kind);
 /// A call that could stand in a script: the row's own, or one made from its arguments' types, units
 /// and bounds.
 std::string example(const Entry& entry);
+/// What an options table takes, for a list of arguments: its keys; of a table among options, the
+/// table itself and then its keys by both names, "microscope.focus".
+std::vector<Argument> options_by_name(const Argument& argument);
+/// Of a number: "0.5 to 60 s", "at least 1", "" where it has no bounds.
+std::string bounds_text(const Argument& argument);
 /// The SI unit of a number, a vector or a list of numbers that the call returns; "" else.
 std::string unit_of_result(const Binding& row);
 /// Of a call that returns tables: the SI units of their fields, those of tables in them too.

@@ -18,6 +18,8 @@ namespace {
 
 constexpr unsigned kButtons = 32;
 
+// `pressed` has an entry for each button that is down and none for the others, so that pressed[n]
+// reads as a condition. Bit 0 of the mask is button 1.
 int push_state(const Call& call, const OperatorState& state) {
   ResultTable table(call);
   table.vector("translation", state.translation, "").vector("rotation", state.rotation, "");
@@ -39,6 +41,8 @@ int input_state(Call& call) {
       [state](Call& done) { return push_state(done, *state); }));
 }
 
+// Not a field of state(): of an input that is gone state() is an error, and this is false, because
+// the loop of a dead-man has to end by itself when its pedal is unplugged, and not to fail.
 int input_held(Call& call) {
   OperatorInput* const input = &call.self<OperatorInput>();
   const auto mask = 1U << (static_cast<unsigned>(call.number(0)) - 1);
@@ -48,6 +52,8 @@ int input_held(Call& call) {
       [held](Call& done) { return done.flag(*held); }));
 }
 
+// A part of the full current, which is a setting of the rig; no reading back: `level` is what was
+// set last.
 int lamp_set(Call& call) {
   Lamp* const lamp = &call.self<Lamp>();
   return call.wait(work(
@@ -69,13 +75,13 @@ const Class& operator_input_class() {
          {{"translation", "", "{x, y, z} of full deflection"},
           {"rotation", "", "{x, y, z} of full deflection"},
           {"pressed", "", "[n] is true while button n is down"}}},
-        "what the operator does now; an input that was unplugged is an error, for ever",
+        "what the operator does now; an error when the input is gone",
         input_state,
         "rig.joystick:state()"},
        {"held",
         {{.name = "button", .type = Type::integer, .min = 1, .max = kButtons, .help = "from 1"}},
         "true or false",
-        "whether button or pedal n is down; an input that is gone is a released one",
+        "whether button or pedal n is down, for a dead-man: false too when the input is gone",
         input_held,
         "rig.pedal:held(2)"}}};
   return kind;

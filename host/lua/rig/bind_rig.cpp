@@ -30,6 +30,8 @@ int camera_info(Call& call) {
   return 1;
 }
 
+// A frame's time is the middle of its exposure, `received` its arrival at the host, both of the
+// run's clock.
 int push_frame(const Call& call, const Frame& frame) {
   ResultTable table(call);
   push_image(call.L, frame.image.clone());  // the camera may use its buffer again
@@ -42,6 +44,8 @@ int push_frame(const Call& call, const Frame& frame) {
   return 1;
 }
 
+// The number of the last frame goes into the error of a camera that falls silent, so that one that
+// never sent anything is told from one that stopped.
 int camera_grab(Call& call) {
   auto frame = std::make_shared<Frame>();
   Camera* const camera = &call.self<Camera>();
@@ -58,6 +62,7 @@ int camera_grab(Call& call) {
        [last] { return last == 0 ? "no frame yet" : "frame " + std::to_string(last); }}));
 }
 
+/// For the error of a wait: what was asked for beside what is set, "1, 0.25, 0 A".
 std::string currents_text(const std::vector<double>& currents) {
   std::string text;
   for (const double current : currents)
@@ -65,23 +70,38 @@ std::string currents_text(const std::vector<double>& currents) {
   return text + " A";
 }
 
+// Goes through the interlock as every command does; on a task of its own, because a device may take
+// its time and the script's other tasks go on meanwhile.
 int coils_set(Call& call) {
-  CoilAmplifier* const coils = &call.self<CoilAmplifier>();
+  Interlock* const coils = &call.self<Interlock>();
   return call.wait(work(
       call, "coils", [coils, currents = call.numbers(0)] { coils->set_currents(currents); },
       from_seconds(5), [](Call&) { return 0; },
       {currents_text(call.numbers(0)), [coils] { return currents_text(coils->currents()); }}));
 }
 
-int coils_currents(Call& call) { return call.result(call.self<CoilAmplifier>().currents(), "A"); }
+int coils_currents(Call& call) { return call.result(call.self<Interlock>().currents(), "A"); }
 
-int coils_limit(Call& call) { return call.result(call.self<CoilAmplifier>().current_limit(), "A"); }
+// The interlock's limits, which are the narrower ones: the amplifier's own may be wider.
+int coils_info(Call& call) {
+  const Interlock& coils = call.self<Interlock>();
+  ResultTable(call)
+      .text("identity", coils.identity())
+      .integer("channels", coils.channels())
+      .number("limit", coils.current_limit(), "A")
+      .number("total_limit", coils.total_limit(), "A");
+  return 1;
+}
+
 int lens_position(Call& call) { return call.result(call.self<LensMover>().position(), "m"); }
 
+/// For the error of a motion that took too long; the place is asked for only then.
 WaitInfo about_lens(const LensMover* mover, const std::string& target) {
   return {target, [mover] { return format_quantity(mover->position(), "m"); }};
 }
 
+// The mover keeps the deadline itself, and stands when it throws; twice of it is for one that
+// hangs.
 int lens_move(Call& call) {
   LensMover* const mover = &call.self<LensMover>();
   const Time timeout = from_seconds(call.number_option("timeout").value_or(30));
@@ -91,7 +111,16 @@ int lens_move(Call& call) {
       about_lens(mover, format_quantity(call.number(0), "m"))));
 }
 
-int lens_homed(Call& call) { return call.flag(call.self<LensMover>().homed()); }
+// Whether it is homed is asked of the motor each time: it forgets its steps with its power.
+int lens_info(Call& call) {
+  const LensMover& mover = call.self<LensMover>();
+  ResultTable(call)
+      .text("identity", mover.identity())
+      .number("travel_min", mover.travel_min(), "m")
+      .number("travel_max", mover.travel_max(), "m")
+      .flag("homed", mover.homed());
+  return 1;
+}
 
 int lens_home(Call& call) {
   LensMover* const mover = &call.self<LensMover>();
@@ -101,6 +130,8 @@ int lens_home(Call& call) {
       about_lens(mover, "its switch")));
 }
 
+// The frames are grabbed on the job's task; the model becomes the script's only when all are in, so
+// that one that is broken off half-way leaves no half-learnt background.
 int learn(Call& call) {
   Session* const session = &session_of(call.L);
   const int frames = static_cast<int>(call.number_option("frames").value_or(15));
@@ -115,8 +146,13 @@ int learn(Call& call) {
       {std::to_string(frames) + " frames", {}}));
 }
 
-int background_count(Call& call) { return call.result(call.self<vision::Background>().count()); }
+int background_info(Call& call) {
+  ResultTable(call).integer("count", call.self<vision::Background>().count());
+  return 1;
+}
 
+/// The option `timeout` of a call that waits for hands or a device; `fallback` is what the page
+/// says stands for it.
 Argument timeout(const std::string& fallback) {
   return {.name = "timeout",
           .type = Type::number,
@@ -127,6 +163,7 @@ Argument timeout(const std::string& fallback) {
           .help = "how long it may take (" + fallback + ")"};
 }
 
+/// Those of the loop; a law's gains are in the law itself (module control).
 std::vector<Argument> servo_options() {
   const auto number = number_option;
   const auto text = [](const char* name, const char* help, std::vector<std::string> choices) {
@@ -174,20 +211,40 @@ std::vector<Argument> servo_options() {
                  "how long the robot may be unseen before the coils go to zero (1 s)")};
 }
 
+/// The rig's rows are in two files: those of the instruments here, those of the model beside.
 Class with_rows(Class made, std::vector<Binding> rows) {
   for (Binding& row : rows) made.methods.push_back(std::move(row));
   return made;
 }
 
+/// Gives the rig's handle on top of the stack the field `name`; none where the rig has no such
+/// role, so a script asks `if rig.lamp`. The rig outlives the state: the handle does not own the
+/// device.
 template <class T>
 void add_role(lua_State* L, const Class& kind, T* device, const char* name) {
   if (!device) return;
-  push_handle(L, kind, std::shared_ptr<void>(device, [](void*) {}));  // the rig owns it
+  push_handle(L, kind, std::shared_ptr<void>(device, [](void*) {}));
   lua_insert(L, -2);
   set_field_below(L, name);
 }
 
 }  // namespace
+
+void set_identity(ResultTable& table, const Identity& identity) {
+  table.text("identity", to_string(identity))
+      .text("name", identity.name)
+      .text("serial", identity.serial)
+      .text("firmware", identity.firmware);
+}
+
+std::vector<ResultField> identity_fields(std::vector<ResultField> more) {
+  std::vector<ResultField> fields = {{"identity", "", "all of it"},
+                                     {"name", "", "maker and model"},
+                                     {"serial", "", "empty where it reports none"},
+                                     {"firmware", "", "empty where it reports none"}};
+  for (ResultField& one : more) fields.push_back(std::move(one));
+  return fields;
+}
 
 const Class& rig_class() {
   static const Class kind = with_rows(
@@ -251,6 +308,8 @@ const Class& camera_class() {
   return kind;
 }
 
+// For scripts that drive the coils themselves, without a loop. The interlock's dead-man holds for
+// them too: an output that is not set anew in time goes to zero.
 const Class& coils_class() {
   static const Class kind{"coils",
                           "the coil amplifiers",
@@ -266,12 +325,16 @@ const Class& coils_class() {
                             "as last set",
                             coils_currents,
                             "rig.coils:currents()"},
-                           {"limit",
+                           {"info",
                             {},
-                            {"number", "A"},
-                            "largest current of a channel, either sign",
-                            coils_limit,
-                            "rig.coils:limit()"}}};
+                            {"table",
+                             {{"identity", "", "of the amplifiers"},
+                              {"channels", "", "how many"},
+                              {"limit", "A", "largest current of a channel, either sign"},
+                              {"total_limit", "A", "largest sum of magnitudes"}}},
+                            "what amplifiers they are, and the interlock's limits",
+                            coils_info,
+                            "rig.coils:info()"}}};
   return kind;
 }
 
@@ -292,12 +355,16 @@ const Class& lens_mover_class() {
         "from the lens' nominal place, away from the eye",
         lens_position,
         "rig.lens_mover:position()"},
-       {"homed",
+       {"info",
         {},
-        "true or false",
-        "whether its position can be believed",
-        lens_homed,
-        "rig.lens_mover:homed()"},
+        {"table",
+         {{"identity", "", ""},
+          {"travel_min", "m", "as position counts"},
+          {"travel_max", "m", ""},
+          {"homed", "", "whether its position can be believed"}}},
+        "what motor it is, and how it stands",
+        lens_info,
+        "rig.lens_mover:info()"},
        {"home",
         {options_of({timeout("60 s")})},
         "",
@@ -307,23 +374,25 @@ const Class& lens_mover_class() {
   return kind;
 }
 
+// A handle for rig:servo; the images themselves stay inside, for nothing in a script works on them.
 const Class& background_class() {
   static const Class kind{"background",
                           "what the empty scene looks like",
-                          {{"count",
+                          {{"info",
                             {},
-                            "number",
-                            "of images it was learnt from",
-                            background_count,
-                            "background:count()"}}};
+                            {"table", {{"count", "", "of images it was learnt from"}}},
+                            "what it was made of",
+                            background_info,
+                            "background:info()"}}};
   return kind;
 }
 
+// One handle a state and role; the fields are of that handle, so another rig has its own.
 void push_rig(lua_State* L, Rig& rig) {
   push_handle(L, rig_class(), std::shared_ptr<void>(&rig, [](void*) {}));
   add_role(L, camera_class(), rig.top_camera, "top_camera");
   add_role(L, camera_class(), rig.side_camera, "side_camera");
-  add_role<CoilAmplifier>(L, coils_class(), rig.coils, "coils");
+  add_role(L, coils_class(), rig.coils, "coils");
   add_role(L, lens_mover_class(), rig.lens_mover, "lens_mover");
   add_role(L, sample_class(), rig.sample, "sample");
   add_role(L, stage_class(), rig.stage, "stage");

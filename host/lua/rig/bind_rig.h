@@ -2,8 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/time/identity.h"
 #include "host/lua/interpreter/binding.h"
+#include "host/lua/interpreter/tables.h"
 #include "host/rig/rig.h"
+
+#include <vector>
 
 namespace vitreo::lua {
 
@@ -15,5 +19,9 @@ void push_run(lua_State* L);
 int open_servo(Call& call);
 /// What the rig believes: its eye, its view, its numbers.
 std::vector<Binding> rig_model_rows();
+/// The fields identity, name, serial and firmware of an instrument's info().
+void set_identity(ResultTable& table, const Identity& identity);
+/// Their rows, and `more` behind them.
+std::vector<ResultField> identity_fields(std::vector<ResultField> more);
 
 }  // namespace vitreo::lua

@@ -12,11 +12,15 @@
 namespace vitreo::lua {
 namespace {
 
+// The prescription that the rig file names: the believed eye. The true one of a simulated rig
+// cannot be asked for.
 int rig_eye(Call& call) {
   push_system(call.L, optics::prescription(call.self<Rig>().model.eye_name));
   return 1;
 }
 
+// A copy of the loop's projection and image, as a localizer of its own: to calibrate it changes
+// nothing of the loop until it is given to rig:servo.
 int rig_view(Call& call) {
   const RigModel& model = call.self<Rig>().model;
   auto view = std::make_shared<localizer_calls::Localizer>();
@@ -27,6 +31,8 @@ int rig_view(Call& call) {
   return 1;
 }
 
+// The believed numbers alone, in the terms that optics and vision take; nothing here reads the
+// plant of a simulated rig.
 int rig_model(Call& call) {
   const RigModel& model = call.self<Rig>().model;
   ResultTable(call)
@@ -55,6 +61,7 @@ int rig_model(Call& call) {
   return 1;
 }
 
+/// `robot` has the fields of a body, to be given to localizer and optical_system as it is.
 Returned model_fields() {
   return {"table",
           {{"eye_in_world", "m", "the retina's vertex"},

@@ -7,6 +7,9 @@
 #include "host/lua/rig/classes.h"
 #include "host/lua/rig/servo_calls.h"
 #include "host/servo/servo.h"
+#include "host/text/units.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,15 +22,17 @@ namespace {
 
 using namespace servo_calls;
 
+/// Of go_to. Speed and acceleration are limits, not what is reached on a short way.
 std::vector<Argument> travel_options() {
   const auto number = number_option;
   return {number("speed", "m/s", 1e-6, 10e-3, "along the way (0.5 mm/s)"),
           number("acceleration", "m/s^2", 1e-5, 1, "along and across the way (2 mm/s^2)"),
-          number("within", "m", 1e-6, 10e-3, "how near is there (100 um)"),
+          number("within", "m", 1e-6, 10e-3, "how near is there (100 µm)"),
           number("settle", "s", 0, 600, "how long it must stay there (0.5 s)"),
           number("timeout", "s", 0, 3600, "how long it may take (twice the way's time and 20 s)")};
 }
 
+/// Of follow: a path ends when its time is over, so there is nothing to settle.
 std::vector<Argument> follow_options() {
   std::vector<Argument> keys = travel_options();
   std::erase_if(keys,
@@ -51,13 +56,16 @@ std::vector<Argument> follow_options() {
   return keys;
 }
 
+/// A coil's channel, from 1. That the rig has as many is checked by the loop.
 int channel_of(double number) {
   if (!(number >= 1 && number <= control::kMaxCoils && number == std::floor(number)))
-    throw std::invalid_argument("dead_coils: wants numbers of coils, from 1");
+    throw std::invalid_argument(fmt::format("dead_coils: wants numbers of coils, 1 to {}, got {}",
+                                            control::kMaxCoils, format_number(number)));
   return static_cast<int>(number);
 }
 
-/// Puts a law and its gains into the settings.
+/// Puts a law and its gains into the settings. Of the estimator's gains those that were left out
+/// stay empty: the loop tunes them by latency, drag and instability.
 struct TakeLaw {
   ServoSettings& settings;
   void operator()(const control::PdGains& gains) const {
@@ -75,7 +83,7 @@ struct TakeLaw {
   }
 };
 
-/// The option `law`: a control_law, or the name of one for its gains by default.
+/// The option `law`: a control_law, or the name of one for its gains by default. Left out: pd.
 void take_law(const Call& call, ServoSettings& settings) {
   const bool given = call.push_option("law");
   const bool by_name = lua_type(call.L, -1) == LUA_TSTRING;
@@ -86,6 +94,7 @@ void take_law(const Call& call, ServoSettings& settings) {
     std::visit(TakeLaw{settings}, call.handle_option<LawGains>("law"));
 }
 
+/// The rig file has no settings of the loop: what the script leaves out is ServoSettings' own.
 ServoSettings settings_of(const Call& call) {
   ServoSettings settings;
   take_law(call, settings);
@@ -101,9 +110,10 @@ ServoSettings settings_of(const Call& call) {
   return settings;
 }
 
+/// Optional fields are nil where there is nothing to say: a table with zeros would be a position.
 Returned status_fields() {
   return {"table",
-          {{"state", "", "as servo:state"},
+          {{"state", "", "searching, holding, following, released, lost, failed or closed"},
            {"time", "s", "exposure of the frame behind it"},
            {.name = "position", .unit = "m", .help = "nil while unseen", .optional = true},
            {.name = "disturbance",
@@ -111,12 +121,16 @@ Returned status_fields() {
             .help = "what pushes the robot beyond the model; of the law estimator",
             .optional = true},
            {"target", "m", "where it should be then"},
+           {"trim", "N", "constant force added to the weight compensation"},
+           {"offset", "m", "added to each place that the top camera finds"},
            {"progress", "", "of the path, 0 to 1"},
            {"headroom", "", "1 - largest current over its limit"},
            {"limited", "", "whether a current's limit cost something of field or force"},
            {.name = "failure", .help = "why, in the state failed", .optional = true}}};
 }
 
+/// What the loop is asked, and what it is waited for. 30 s of corrections are what it keeps, which
+/// bounds the duration of their mean.
 std::vector<Binding> listening_rows() {
   const Argument duration{
       .name = "duration", .type = Type::number, .unit = "s", .min = 0.01, .max = 30};
@@ -126,17 +140,10 @@ std::vector<Binding> listening_rows() {
            "where the robot is, as the loop sees it; an error when it is not seen",
            position,
            "servo:position()"},
-          {"target", {}, {"position", "m"}, "where it should be now", target, "servo:target()"},
-          {"state",
-           {},
-           "string",
-           "searching, holding, following, released, lost, failed or closed",
-           state,
-           "servo:state()"},
           {"status",
            {},
            status_fields(),
-           "what the loop does and sees, of one moment",
+           "what the loop does and sees, of one moment, and what it was set to",
            status,
            "servo:status()"},
           {"wait_until_tracked",
@@ -171,11 +178,12 @@ std::vector<Binding> listening_rows() {
            "servo:snapshot(\"before the path\")"}};
 }
 
+/// What the loop is told. A position out of reach is refused, and the loop goes on as before.
 std::vector<Binding> steering_rows() {
   const Argument path{.name = "path",
                       .help = "a trajectory, or a list of positions {x, y, z} in m"};
   const Argument place{.name = "position", .type = Type::vector, .unit = "m"};
-  const Argument force{.name = "force", .type = Type::vector, .unit = "N", .optional = true};
+  const Argument force{.name = "force", .type = Type::vector, .unit = "N"};
   return {{"go_to",
            {place, options_of(travel_options())},
            "",
@@ -204,19 +212,19 @@ std::vector<Binding> steering_rows() {
            "keeps field and weight compensation, leaves the place alone",
            release,
            "servo:release()"},
-          {"trim",
+          {"set_trim",
            {force},
-           {"force", "N"},
-           "sets the constant force added to the weight compensation, returns it",
-           trim,
-           "servo:trim()"},
-          {"offset",
-           {{.name = "offset", .type = Type::vector, .unit = "m", .optional = true}},
-           {"position", "m"},
-           "sets what is added to each place that the top camera finds (its bias at a known "
-           "place), returns it",
-           offset,
-           "servo:offset()"},
+           "",
+           "sets the constant force added to the weight compensation (status().trim)",
+           set_trim,
+           "servo:set_trim(servo:status().trim + servo:force_for { 0, 0, 10 * um / s })"},
+          {"set_offset",
+           {{.name = "offset", .type = Type::vector, .unit = "m", .help = "at most 1 mm long"}},
+           "",
+           "sets what is added to each place that the top camera finds (status().offset): its bias "
+           "at a known place",
+           set_offset,
+           "servo:set_offset({ 0, 0, 50 * um })"},
           {.name = "close",
            .doc = "ends the loop; the coils are at zero",
            .function = close,
@@ -230,11 +238,8 @@ std::vector<Binding> servo_rows() {
   return rows;
 }
 
-}  // namespace
-
-namespace {
-
 /// In a dry run poses stand in for images; a rig that has no sample handler gets its robot now.
+/// What the run itself would refuse is refused here too: that is what the dry run is for.
 void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras& eyes) {
   if (settings.feedback == Feedback::pose_sensor && !rehearsal.pose_sensor)
     throw std::invalid_argument("feedback: pose_sensor needs that role, and this rig has none");
@@ -249,6 +254,8 @@ void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras&
 
 }  // namespace
 
+// Cameras, settings, view: each may throw, and only then the loop is started. A calibrated view is
+// handed on as what it changes of the rig's own: the scale of its image and its offset.
 int open_servo(Call& call) {
   Session& session = session_of(call.L);
   ServoCameras eyes{{}, session.side_observations()};

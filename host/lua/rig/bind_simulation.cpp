@@ -14,11 +14,15 @@
 namespace vitreo::lua {
 namespace {
 
+// Machines are told apart by a number, not by a seed, so that a script can go through them in order
+// and the same run has the same ones.
 int sample_machine(Call& call) {
   call.self<Simulation>().sample_machine(static_cast<std::uint64_t>(call.number(0)));
   return 0;
 }
 
+// The file is looked for where scripts may read. What is returned compares it with what the loop
+// believes, which is no secret of the plant: the file was given by the script.
 int use_calibration(Call& call) {
   Session& session = session_of(call.L);
   const MeasuredField measured =
@@ -37,16 +41,21 @@ int use_calibration(Call& call) {
   return 1;
 }
 
+// Not an option of change(): there the rig believes in the new robot too, here what it believes
+// stays, and the difference is what a calibration has to find.
 int set_eye(Call& call) {
   call.self<Simulation>().set_eye(call.handle<optics::Prescription>(0).system);
   return 0;
 }
 
+// At once: the way of the stage that carries the body is not simulated.
 int move_body(Call& call) {
   call.self<Simulation>().move_body(call.text(0), call.vector(1));
   return 0;
 }
 
+// Times count from now. Refused where the rig has not the role, or its kind of device not the
+// fault.
 int inject_fault(Call& call) {
   Fault fault{call.text(0), call.text(1)};
   fault.after = call.number_option("after").value_or(0);
@@ -58,6 +67,7 @@ int inject_fault(Call& call) {
   return 0;
 }
 
+/// A time from now, or a duration.
 Argument seconds(const char* name, const char* help) {
   return {.name = name,
           .type = Type::number,
@@ -68,7 +78,7 @@ Argument seconds(const char* name, const char* help) {
           .help = help};
 }
 
-/// "silent, late, short".
+/// "silent, late, short": for the page, from the one list that there is.
 std::string kinds_of_faults() {
   std::string text;
   for (const FaultKind& kind : fault_kinds()) text += (text.empty() ? "" : ", ") + kind.name;

@@ -13,6 +13,7 @@ const Class& lens_mover_class();
 const Class& sample_class();
 const Class& stage_class();
 const Class& rotation_stage_class();
+const Class& motion_class();
 const Class& field_probe_class();
 const Class& operator_input_class();
 const Class& lamp_class();

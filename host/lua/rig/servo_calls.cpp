@@ -24,6 +24,7 @@ namespace {
 constexpr double kWithin = 100e-6;  // m
 constexpr double kSettle = 0.5;     // s
 
+/// For errors: "(1.00, 0.00, -0.25) mm".
 std::string place_text(const Eigen::Vector3d& p) {
   return fmt::format("({:.2f}, {:.2f}, {:.2f}) mm", p.x() * 1e3, p.y() * 1e3, p.z() * 1e3);
 }
@@ -47,18 +48,21 @@ std::string trouble(const ServoStatus& status) {
   }
 }
 
+/// For calls that make no sense of a loop that has ended. A device's failure is thrown as it was.
 void throw_if_troubled(const Servo& servo) {
   const ServoStatus status = servo.status();
   if (status.error)
-    std::rethrow_exception(status.error);  // a device's failure stays one: the run is aborted by it
+    std::rethrow_exception(status.error);  // it stays a DeviceError: the run is aborted by it
   const std::string why = trouble(status);
   if (!why.empty()) throw std::runtime_error(why);
 }
 
+/// Shared, because a wait outlives the call, and the script may close its handle meanwhile.
 std::shared_ptr<Servo> servo_of(const Call& call) {
   return std::static_pointer_cast<Servo>(call.self_pointer());
 }
 
+/// m, world: of the last frame. Throws std::runtime_error where the robot was not seen in it.
 Eigen::Vector3d tracked_position(const Servo& servo) {
   throw_if_troubled(servo);
   const auto position = servo.status().position;
@@ -66,7 +70,8 @@ Eigen::Vector3d tracked_position(const Servo& servo) {
   return *position;
 }
 
-/// Waits, tick by tick, until `ready` says so or the servo is in trouble.
+/// Waits, tick by tick, until `ready` says so or the servo is in trouble: it ends in time then, and
+/// `finish` has to ask which of both it was.
 Wait servo_wait(const std::shared_ptr<Servo>& servo,
                 std::function<bool(const ServoStatus&)> ready) {
   Wait wait;
@@ -78,7 +83,8 @@ Wait servo_wait(const std::shared_ptr<Servo>& servo,
   return wait;
 }
 
-/// At the end of the path and within `within` of its goal for `settle`.
+/// At the end of the path and within `within` (m) of its goal for `settle` (s), counted in times of
+/// frames without a gap: one frame outside, or without the robot, starts it anew.
 struct Arrival {
   Eigen::Vector3d goal;
   double within, settle;
@@ -92,6 +98,7 @@ struct Arrival {
   }
 };
 
+/// The error of go_to: what was wanted, and how far away it is now.
 std::string not_there(const ServoStatus& now, const Arrival& arrival, double timeout) {
   const std::string last =
       now.position ? "it is " + format_quantity((*now.position - arrival.goal).norm(), "m") +
@@ -102,7 +109,9 @@ std::string not_there(const ServoStatus& now, const Arrival& arrival, double tim
          format_quantity(timeout, "s") + ": " + last;
 }
 
-/// A trajectory of the script's own, or straight lines through its points.
+/// A trajectory of the script's own, or straight lines through its points. Speed and acceleration
+/// are those of the lines: beside a trajectory, which has its own, they would be ignored, so they
+/// are refused.
 control::Trajectory way_of(Call& call) {
   const int at = call.index(0);
   if (handle_class(call.L, at) == &trajectory_class()) {
@@ -123,43 +132,43 @@ int servo_calls::position(Call& call) {
   return call.result(tracked_position(call.self<Servo>()), "m");
 }
 
-int servo_calls::target(Call& call) { return call.result(call.self<Servo>().status().target, "m"); }
-
-int servo_calls::state(Call& call) {
-  return call.result(std::string(to_string(call.self<Servo>().status().state)));
+// Replaces the trim, it does not add to it; what mean_correction() has gathered so far was for the
+// old one and is dropped.
+int servo_calls::set_trim(Call& call) {
+  call.self<Servo>().set_trim(call.vector(0));
+  return 0;
 }
 
-int servo_calls::trim(Call& call) {
-  Servo& servo = call.self<Servo>();
-  if (call.has(0)) servo.set_trim(call.vector(0));
-  return call.result(servo.trim(), "N");
-}
-
-int servo_calls::offset(Call& call) {
-  Servo& servo = call.self<Servo>();
-  if (call.has(0)) servo.set_offset(call.vector(0));
-  return call.result(servo.offset(), "m");
+int servo_calls::set_offset(Call& call) {
+  call.self<Servo>().set_offset(call.vector(0));
+  return 0;
 }
 
 int servo_calls::force_for(Call& call) {
   return call.result(call.self<Servo>().force_for(call.vector(0)), "N");
 }
 
+// All fields are of one moment, since nothing runs between the reads: the loop is another task of
+// the clock. The two settings are as last set, not as of the frame behind the rest.
 int servo_calls::status(Call& call) {
-  const ServoStatus now = call.self<Servo>().status();
+  const Servo& servo = call.self<Servo>();
+  const ServoStatus now = servo.status();
   ResultTable table(call);
   table.text("state", to_string(now.state))
       .number("time", to_seconds(now.time), "s")
       .number("progress", now.progress)
       .number("headroom", now.headroom)
       .flag("limited", now.limited)
-      .vector("target", now.target, "m");
+      .vector("target", now.target, "m")
+      .vector("trim", servo.trim(), "N")
+      .vector("offset", servo.offset(), "m");
   if (now.position) table.vector("position", *now.position, "m");
   if (now.disturbance) table.vector("disturbance", *now.disturbance, "m/s");
   if (!now.failure.empty()) table.text("failure", now.failure);
   return 1;
 }
 
+// The loop's own state is in the error, for `lost` and `searching` ask for different remedies.
 int servo_calls::wait_until_tracked(Call& call) {
   const auto servo = servo_of(call);
   const double timeout = call.number_option("timeout").value_or(10);
@@ -176,6 +185,9 @@ int servo_calls::wait_until_tracked(Call& call) {
   return call.wait(std::move(wait));
 }
 
+// From where the robot is, not from where it should be: the path then starts without a step of the
+// error. The usual timeout is twice the way's time, and 20 s to settle. Whether the call may wait
+// is checked before the loop is told anything: an error must not leave the robot on its way.
 int servo_calls::go_to(Call& call) {
   const auto servo = servo_of(call);
   const Arrival arrival{call.vector(0), call.number_option("within").value_or(kWithin),
@@ -195,6 +207,9 @@ int servo_calls::go_to(Call& call) {
   return call.wait(std::move(wait));
 }
 
+// Progress is of the run: from what was told last to `progress_to`, in proportion to the path's
+// own. The time that is returned is that of frames, so it does not depend on when the script woke
+// up.
 int servo_calls::follow(Call& call) {
   const auto servo = servo_of(call);
   throw_if_troubled(*servo);
@@ -241,7 +256,9 @@ int servo_calls::snapshot(Call& call) {
   return 0;
 }
 
-/// Waits as long as the mean needs, counted from now.
+// The mean is over what was gathered since now alone; the loop throws where a new
+// goal or trim came meanwhile, for these drop it. Twice the duration and 5 s without enough ticks:
+// no frames come.
 int servo_calls::mean_correction(Call& call) {
   const auto servo = servo_of(call);
   const double duration = call.number(0);
@@ -260,6 +277,8 @@ int servo_calls::mean_correction(Call& call) {
   return call.wait(std::move(wait));
 }
 
+// Closing again does nothing, so that <close> may follow servo:close(). The handle is emptied, and
+// every other call on it is an error from here on.
 int servo_calls::close(Call& call) {
   if (!call.self_pointer()) return 0;
   call.self<Servo>().close();

@@ -7,10 +7,8 @@
 namespace vitreo::lua::servo_calls {
 
 int position(Call& call);
-int target(Call& call);
-int state(Call& call);
-int trim(Call& call);
-int offset(Call& call);
+int set_trim(Call& call);
+int set_offset(Call& call);
 int force_for(Call& call);
 int status(Call& call);
 int wait_until_tracked(Call& call);

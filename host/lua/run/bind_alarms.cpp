@@ -5,23 +5,31 @@
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/run/classes.h"
 
+#include <memory>
 #include <stdexcept>
 
 namespace vitreo::lua {
 namespace {
 
+/// What a handle `alarm` holds. There is no call that clears an alarm by its name: that the cause
+/// of one of the host's (a tripped interlock, a full disk) is gone is not for a script to say.
+struct RaisedAlarm {
+  std::string name;
+};
+
 int raise(Call& call) {
-  const auto priority = alarm_priority_named(call.text(1));
-  if (!priority)
-    throw std::invalid_argument("priority: wants low, medium or high, got " + call.text(1));
-  if (call.text(0).empty()) throw std::invalid_argument("name: wants a name, got an empty one");
-  session_of(call.L).raise(call.text(0), *priority, call.text(2));
-  return 0;
+  const std::string name = *call.text_option("name");
+  if (name.empty()) throw std::invalid_argument("name: wants a name, got an empty one");
+  session_of(call.L).raise(name, *alarm_priority_named(*call.text_option("priority")),
+                           *call.text_option("text"));
+  push_handle(call.L, alarm_class(), std::make_shared<RaisedAlarm>(RaisedAlarm{name}));
+  return 1;
 }
 
+/// Again for one that is cleared: nothing.
 int clear(Call& call) {
   Session& session = session_of(call.L);
-  session.alarms.clear(call.text(0));
+  session.alarms.clear(call.self<RaisedAlarm>().name);
   session.note_alarms();
   return 0;
 }
@@ -48,29 +56,25 @@ int list(Call& call) {
 }  // namespace
 
 std::vector<Binding> run_alarm_rows() {
-  const Argument name{
-      .name = "name", .type = Type::text, .help = "what raises it again raises the same one"};
-  Argument any = name;
-  any.optional = true;
-  any.help = "without it: all";
   return {{"alarm",
-           {name,
-            {.name = "priority",
-             .type = Type::text,
-             .help = "high: act at once; medium: promptly; low: look at it"},
-            {.name = "text", .type = Type::text}},
-           "",
+           {options_of(
+               {{.name = "name",
+                 .type = Type::text,
+                 .help = "what raises it again raises the same one"},
+                {.name = "priority",
+                 .type = Type::text,
+                 .help = "high: act at once; medium: promptly; low: look at it",
+                 .choices = {"low", "medium", "high"}},
+                {.name = "text", .type = Type::text, .help = "what is wrong, for the operator"}})},
+           "alarm",
            "raises an alarm: it is shown, recorded, and stays until it is cleared and acknowledged",
            raise,
-           "run:alarm(\"gel\", \"low\", \"the gel is warm\")"},
-          {"clear_alarm",
-           {name},
-           "",
-           "the cause of an alarm is gone",
-           clear,
-           "run:clear_alarm(\"gel\")"},
+           "run:alarm { name = \"gel\", priority = \"low\", text = \"the gel is warm\" }"},
           {"acknowledge",
-           {any},
+           {{.name = "name",
+             .type = Type::text,
+             .optional = true,
+             .help = "of an alarm of the script or of the host; without it: all"}},
            "number",
            "acknowledges the alarms; returns how many they were",
            acknowledge,
@@ -83,9 +87,20 @@ std::vector<Binding> run_alarm_rows() {
              {"text", "", ""},
              {"active", "", "whether its cause is still there"},
              {"acknowledged_by", "", "\"\" as long as it is not"}}},
-           "those that stand",
+           "those that stand, the most urgent first",
            list,
            "run:alarms()"}};
+}
+
+const Class& alarm_class() {
+  static const Class kind{"alarm",
+                          "an alarm that the script has raised",
+                          {{.name = "clear",
+                            .doc = "its cause is gone; it stays until it is acknowledged, too",
+                            .function = clear,
+                            .example = "alarm:clear()"}},
+                          {}};
+  return kind;
 }
 
 }  // namespace vitreo::lua

@@ -22,6 +22,8 @@ namespace {
 
 constexpr std::uintmax_t kLargestTable = 64'000'000;  // bytes
 
+/// Without blanks, the end of a line from Windows, and quotes. A separator within quotes is not
+/// known: tables of numbers have none.
 std::string trimmed(std::string text) {
   const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '"'; };
   while (!text.empty() && blank(text.back())) text.pop_back();
@@ -30,6 +32,8 @@ std::string trimmed(std::string text) {
   return text.substr(first);
 }
 
+/// getline gives nothing for the cell behind a last separator: it is added, so that a row with an
+/// empty last cell has as many cells as its header.
 std::vector<std::string> cells_of(const std::string& line, char separator) {
   std::vector<std::string> cells;
   std::istringstream in(line);
@@ -50,6 +54,9 @@ void push_cell(lua_State* L, const std::string& cell) {
     lua_pushlstring(L, cell.data(), cell.size());
 }
 
+/// Commas, or semicolons where the header has no comma: spreadsheets of countries with a decimal
+/// comma write these. Short rows have absent cells; long ones are refused, since a cell without a
+/// column has no name.
 int read_csv(Call& call) {
   const std::filesystem::path file = readable(call.context(), call.text(0));
   if (!std::filesystem::is_regular_file(file))
@@ -115,6 +122,7 @@ void each_named(const Call& call, const char* option, const Take& take) {
   lua_pop(call.L, 1);
 }
 
+/// For the next start of the rig: the one that runs keeps what it was opened with.
 int install_calibration(Call& call) {
   const Session& session = session_of(call.L);
   AcceptedCalibration accepted;

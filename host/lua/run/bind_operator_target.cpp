@@ -8,6 +8,8 @@
 namespace vitreo::lua {
 namespace {
 
+/// Takes what was pointed at: each click is given once. That a script has asked at all is what
+/// makes the view offer the pointing (OperatorTargets).
 int operator_target(Call& call) {
   const auto places = session_of(call.L).targets.take();
   if (!places) return 0;

@@ -64,6 +64,7 @@ std::vector<std::string> choices_of(const Call& call) {
   return choices;
 }
 
+/// A number, unless choices or a type say something else.
 ParameterKind kind_of_question(const Call& call, bool has_choices) {
   const std::string type = call.text_option("type").value_or(has_choices ? "choice" : "number");
   const std::pair<const char*, ParameterKind> kinds[] = {{"number", ParameterKind::number},
@@ -102,6 +103,9 @@ void check_fitting(const Call& call, ParameterKind kind) {
   }
 }
 
+/// A question is checked like a protocol's parameter, and its answer read like an argument of the
+/// command line. Without a default the fallback is a value within the bounds: the dry run goes on
+/// with it.
 int ask(Call& call) {
   Question question;
   question.text = call.text(0);
@@ -132,6 +136,8 @@ struct Reminder {
   std::unique_ptr<Task> task;
 };
 
+/// A task of the clock of its own. The list of closers has it weakly: a handle that was closed, or
+/// collected, ends the reminder before the run ends.
 int remind(Call& call) {
   Session& session = session_of(call.L);
   const Time every = from_seconds(call.number_option("every").value_or(300));

@@ -1,6 +1,5 @@
 // Bindings of run: samples and frames into the record, and samples out of it again.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/config/config.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/tables.h"
@@ -15,6 +14,9 @@
 
 namespace vitreo::lua {
 namespace {
+
+constexpr double kEnd = 1e9;            // s: after the end of every run
+constexpr const char* kTimes = "time";  // of the lists that run:samples gives: no channel's name
 
 /// {speed = 1, place = {x, y, z}} as channels place_x, place_y, place_z, speed.
 struct Sample {
@@ -32,6 +34,8 @@ Sample sample_of(const Call& call, int index) {
     sample.values.push_back(value);
   };
   for (const std::string& key : text_keys(L, index)) {
+    if (key == kTimes)
+      throw std::invalid_argument("values: time: is kept for every sample; give this another name");
     lua_getfield(L, index, key.c_str());
     const auto vector = to_vector(L, -1);
     if (vector) {
@@ -49,6 +53,7 @@ Sample sample_of(const Call& call, int index) {
   return sample;
 }
 
+/// The SI unit of a channel: values are SI, so `units` says what they measure, and "mm" is m.
 std::string unit_of(const Call& call, const std::string& key) {
   if (!call.has(2)) return "";
   lua_getfield(call.L, call.index(2), key.c_str());
@@ -59,6 +64,8 @@ std::string unit_of(const Call& call, const std::string& key) {
   return std::string(unit->dimension);
 }
 
+/// The stream of that name, made by its first sample. A stream of the host is refused: a script
+/// could forge what the loop has measured.
 Context::Script& script_stream(const Call& call, const std::string& name, const Sample& sample) {
   Context& context = call.context();
   const auto found = context.script_streams.find(name);
@@ -72,6 +79,8 @@ Context::Script& script_stream(const Call& call, const std::string& name, const 
   return context.script_streams[name] = {recorder.add_stream(info), sample.names};
 }
 
+/// A row has a value for every channel, since the table of the record has fixed columns. What is
+/// not known is told before what is missing: of a misspelt name both are true.
 void check_channels(const std::string& stream, const std::vector<std::string>& known,
                     const std::vector<std::string>& given) {
   for (const std::string& name : given)
@@ -93,6 +102,7 @@ int record(Call& call) {
   return 0;
 }
 
+/// Checked in a dry run, too; there the policy is only noted, for the space that it would need.
 int record_frames(Call& call) {
   const int every = static_cast<int>(call.number_option("every").value_or(1));
   Session& session = session_of(call.L);
@@ -107,54 +117,80 @@ int record_frames(Call& call) {
   return 0;
 }
 
+/// The recording of frames looks at the kinds of events, and "keep" is one that it keeps frames
+/// for.
 int keep_frames(Call& call) {
   Session& session = session_of(call.L);
   session.recorder.event(session.clock.now(), "keep", call.text(0));
   return 0;
 }
 
-int has_stream(Call& call) {
-  return call.flag(session_of(call.L).recorder.stream(call.text(0)) != nullptr);
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
 }
 
-const Stream& stream_named(const Recorder& recorder, const std::string& name) {
-  if (const Stream* const stream = recorder.stream(name)) return *stream;
-  std::vector<std::string> known;
-  for (const Stream& stream : recorder.streams()) known.push_back(stream.info.name);
-  const std::string near = nearest(name, known);
-  throw std::invalid_argument("there is no stream " + name +
-                              (near.empty() ? "" : "; did you mean " + near + "?"));
-}
-
+/// Throws std::invalid_argument with the channels that there are: a misspelt one would be nil, as
+/// the stream itself is where the record has none of that name.
 std::size_t channel_named(const Stream& stream, const std::string& name) {
   std::vector<std::string> known;
   for (std::size_t i = 0; i < stream.info.channels.size(); ++i) {
     if (stream.info.channels[i].name == name) return i;
     known.push_back(stream.info.channels[i].name);
   }
-  const std::string near = nearest(name, known);
-  throw std::invalid_argument("the stream " + stream.info.name + " has no channel " + name +
-                              (near.empty() ? "" : "; did you mean " + near + "?"));
+  throw std::invalid_argument("channels: the stream " + stream.info.name + " has no " + name +
+                              "; it has " + joined(known));
 }
 
-int samples(Call& call) {
-  lua_State* const L = call.L;
-  const Stream& stream = stream_named(session_of(L).recorder, call.text(0));
-  const std::size_t channel = channel_named(stream, call.text(1));
-  const double from = call.number_option("from").value_or(0),
-               to = call.number_option("to").value_or(1e9);
-  lua_newtable(L);
-  lua_newtable(L);
-  lua_Integer count = 0;
+/// The names at `channels`; without them all of the stream's.
+std::vector<std::string> wanted_channels(const Call& call, const Stream& stream) {
+  std::vector<std::string> names;
+  if (!call.has(1)) {
+    for (const Channel& channel : stream.info.channels) names.push_back(channel.name);
+    return names;
+  }
+  const auto count = static_cast<lua_Integer>(lua_rawlen(call.L, call.index(1)));
+  for (lua_Integer i = 1; i <= count; ++i) {
+    if (lua_rawgeti(call.L, call.index(1), i) != LUA_TSTRING)
+      throw std::invalid_argument("channels: entry " + std::to_string(i) + ": wants a name, got " +
+                                  kind_of(call.L, -1));
+    names.emplace_back(lua_tostring(call.L, -1));
+    lua_pop(call.L, 1);
+  }
+  return names;
+}
+
+/// The rows of a stream whose times, in s, lie from `from` to `to`, both among them.
+std::vector<std::size_t> rows_within(const Stream& stream, double from, double to) {
+  std::vector<std::size_t> rows;
   for (std::size_t row = 0; row < stream.times.size(); ++row) {
     const double time = to_seconds(stream.times[row]);
-    if (time < from || time > to) continue;
-    lua_pushnumber(L, stream.at(row, channel));
-    lua_rawseti(L, -3, ++count);
-    lua_pushnumber(L, time);
-    lua_rawseti(L, -2, count);
+    if (time >= from && time <= to) rows.push_back(row);
   }
-  return 2;
+  return rows;
+}
+
+/// One table of lists that are equally long. Every list has a value for every time: a NaN of the
+/// record (an unseen robot) stays one, since a nil would shift what follows it.
+int samples(Call& call) {
+  const Stream* const stream = session_of(call.L).recorder.stream(call.text(0));
+  if (stream == nullptr) return 0;
+  const std::vector<std::string> names = wanted_channels(call, *stream);
+  const std::vector<std::size_t> rows = rows_within(*stream, call.number_option("from").value_or(0),
+                                                    call.number_option("to").value_or(kEnd));
+  std::vector<double> values(rows.size());
+  ResultTable table(call);
+  const int at = lua_gettop(call.L);
+  for (const std::string& name : names) {
+    const std::size_t channel = channel_named(*stream, name);
+    for (std::size_t i = 0; i < rows.size(); ++i) values[i] = stream->at(rows[i], channel);
+    push_numbers(call.L, values);
+    lua_setfield(call.L, at, name.c_str());
+  }
+  for (std::size_t i = 0; i < rows.size(); ++i) values[i] = to_seconds(stream->times[rows[i]]);
+  table.numbers(kTimes, values, "s");
+  return 1;
 }
 
 /// An error of nothing would be a perfect one. A dry run has other streams than the run, and
@@ -210,7 +246,7 @@ Argument time_option(const char* name, const char* help) {
           .unit = "s",
           .optional = true,
           .min = 0,
-          .max = 1e9,
+          .max = kEnd,
           .help = help};
 }
 
@@ -271,18 +307,21 @@ std::vector<Binding> run_record_rows() {
        "keeps the frames around this moment, where they are recorded around events only",
        keep_frames,
        "run:keep_frames(\"it jumped\")"},
-      {"has_stream",
-       {stream},
-       "true or false",
-       "whether the record has a stream",
-       has_stream,
-       "run:has_stream(\"truth\")"},
       {"samples",
-       {stream, text("channel", false, "its name"), span},
-       "list of numbers, list of times in s",
-       "what was recorded: values, and their times",
+       {stream,
+        {.name = "channels",
+         .type = Type::list,
+         .optional = true,
+         .help = "their names; without them all"},
+        span},
+       Returned("table", {{kTimes, "s", "of each sample"},
+                          {"...", "",
+                           "under a channel's name the list of its values, in the channel's SI "
+                           "unit; NaN where nothing was measured"}})
+           .or_nil("where the record has no such stream"),
+       "what was recorded, in lists that are equally long",
        samples,
-       "run:samples(\"servo\", \"x\", { from = 1 * s })"},
+       "run:samples(\"servo\", { \"x\", \"y\" }, { from = 1 * s })"},
       {"errors",
        {{.name = "options",
          .type = Type::options,

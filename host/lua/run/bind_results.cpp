@@ -1,11 +1,10 @@
-// Bindings of run: results, plots, tables, pictures.
+// Bindings of run: results, plots, tables; and format_quantity.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/config/config.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/values.h"
-#include "host/lua/run/bind_image_plot.h"
+#include "host/lua/run/bind_picture.h"
 #include "host/lua/run/classes.h"
-#include "host/lua/vision/bind_vision.h"
 #include "host/text/units.h"
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// Throws std::invalid_argument with what was perhaps meant.
 Unit known_unit(const std::string& symbol) {
   if (const auto unit = find_unit(symbol)) return *unit;
   std::vector<std::string> symbols;
@@ -23,9 +23,18 @@ Unit known_unit(const std::string& symbol) {
                               (near.empty() ? "" : "; did you mean " + near + "?"));
 }
 
+/// What a value is shown in: its dimension, so that its size chooses the display unit; "%" stays,
+/// since a ratio has no dimension that would say that it is meant in percent.
+std::string shown_unit(const std::string& symbol) {
+  const Unit unit = known_unit(symbol);
+  return std::string(unit.dimension.empty() ? unit.symbol : unit.dimension);
+}
+
+/// At the prompt the name is noted too: of all results of the session only those of the protocol
+/// that has just run are shown (end_nested in host/lua/prompt/prompt.cpp).
 int result(Call& call) {
-  const Unit unit = known_unit(call.has(2) ? call.text(2) : "");
-  session_of(call.L).recorder.result({call.text(0), call.number(1), std::string(unit.dimension)});
+  const std::string unit = shown_unit(call.has(2) ? call.text(2) : "");
+  session_of(call.L).recorder.result({call.text(0), call.number(1), unit});
   if (lua_getfield(call.L, LUA_REGISTRYINDEX, kStatedResults) == LUA_TTABLE) {
     lua_pushboolean(call.L, 1);
     lua_setfield(call.L, -2, call.text(0).c_str());
@@ -65,6 +74,8 @@ Mark mark_of(const std::string& name, const std::string& where) {
   throw std::invalid_argument(where + "mark: wants line, dashed or points, got " + name);
 }
 
+/// `where`: "series 2: ", with which every error begins. Lists of unequal lengths are refused here,
+/// where the script's line is known.
 Series series_of(lua_State* L, int index, const std::string& where) {
   if (!lua_istable(L, index))
     throw std::invalid_argument(where + " wants a table, got " + kind_of(L, index));
@@ -137,22 +148,10 @@ int table(Call& call) {
   return 0;
 }
 
-int drawing(Call& call) {
-  session_of(call.L).recorder.drawing(call.text(0), call.text(1));
-  return 0;
-}
-
-int picture(Call& call) {
-  session_of(call.L).recorder.picture(call.text(0), call.has(2) ? call.text(2) : "",
-                                      call.handle<Image>(1).pixels);
-  return 0;
-}
-
-/// A number as people read it, for notes and tables.
-int show(Call& call) {
+int format_quantity(Call& call) {
   const int digits = call.has(2) ? static_cast<int>(call.number(2)) : 3;
-  return call.result(format_quantity(
-      call.number(0), known_unit(call.has(1) ? call.text(1) : "").dimension, digits));
+  return call.result(
+      vitreo::format_quantity(call.number(0), shown_unit(call.has(1) ? call.text(1) : ""), digits));
 }
 
 Argument plot_options() {
@@ -184,10 +183,13 @@ std::vector<Binding> run_result_rows() {
   const Argument title = text("title");
   return {
       {"result",
-       {text("name"), {.name = "value", .type = Type::number, .help = "SI"}, text("unit", true)},
+       {text("name"),
+        {.name = "value", .type = Type::number, .help = "SI"},
+        text("unit", true, "what it measures, such as \"m\"; of \"%\" the value is the ratio")},
        "",
        "states a key result",
-       result},
+       result,
+       "run:result(\"wobble\", 12 * um, \"m\")"},
       {"plot",
        {plot_options()},
        "",
@@ -195,21 +197,7 @@ std::vector<Binding> run_result_rows() {
        plot,
        "run:plot { title = \"drift\", x = { \"time\", \"s\" }, y = { \"x\", \"um\" }, series = { { "
        "label = \"x\", x = { 0, 1 }, y = { 0, 1e-6 } } } }"},
-      {"drawing",
-       {title, text("svg", false, "a whole SVG document")},
-       "",
-       "puts a drawing into the report, such as optical_system:layout makes",
-       drawing,
-       "run:drawing(\"layout\", eye:layout())"},
-      {"picture",
-       {text("name"),
-        {.name = "image", .type = Type::handle, .handle = "image"},
-        text("caption", true)},
-       "",
-       "puts an image into the report",
-       picture,
-       "run:picture(\"scene\", image, \"before the path\")"},
-      image_plot_row(),
+      picture_row(),
       {"table",
        {{.name = "options",
          .type = Type::options,
@@ -218,16 +206,27 @@ std::vector<Binding> run_result_rows() {
        "",
        "puts a table into the report",
        table,
-       "run:table { title = \"drift\", header = { \"place\", \"um/s\" }, rows = { { \"A\", \"1.2\" "
-       "} } }"},
-      {"show",
-       {{.name = "value", .type = Type::number, .help = "SI"},
-        text("unit", true),
-        {.name = "digits", .type = Type::integer, .optional = true, .min = 1, .max = 17}},
-       "string",
-       "a number in the unit that people would choose",
-       show,
-       "run:show(0.5 * mm, \"m\")"}};
+       "run:table { title = \"drift\", header = { \"place\", \"µm/s\" }, rows = { { \"A\", \"1.2\" "
+       "} } }"}};
+}
+
+Binding format_quantity_row() {
+  return {"format_quantity",
+          {{.name = "value", .type = Type::number, .help = "SI"},
+           {.name = "unit",
+            .type = Type::text,
+            .optional = true,
+            .help = "what it measures, such as \"m\"; of \"%\" the value is the ratio"},
+           {.name = "digits",
+            .type = Type::integer,
+            .optional = true,
+            .min = 1,
+            .max = 17,
+            .help = "significant ones (3)"}},
+          "string",
+          "a number in the unit that people would choose: \"500 µm\"",
+          format_quantity,
+          "format_quantity(0.5 * mm, \"m\")"};
 }
 
 }  // namespace vitreo::lua

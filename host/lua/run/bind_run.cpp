@@ -40,6 +40,7 @@ int progress(Call& call) {
   return 0;
 }
 
+/// The registry keeps the function; ScriptRun::clean_up() calls it and lets it go.
 int defer(Call& call) {
   lua_pushvalue(call.L, call.index(0));
   call.context().deferred.push_back(luaL_ref(call.L, LUA_REGISTRYINDEX));
@@ -59,6 +60,8 @@ int close_lap(lua_State* L) {
   return 0;
 }
 
+/// Laps inside of this one that are still open (an iterator that was called by hand is closed by no
+/// loop) end with the next turn of the outer one.
 void begin_turn(Context& context, std::size_t id, lua_Integer turn) {
   for (Lap& lap : context.laps) {
     if (lap.id != id) continue;
@@ -137,6 +140,8 @@ LuaTask* failed_child(const std::vector<LuaTask*>& children) {
   return stopped;
 }
 
+/// Every child is removed before an error is thrown on: a child that is left would run on without
+/// its parent. A stop is thrown as a stop, which no pcall of the script may swallow.
 int end_together(Call& call, const std::vector<LuaTask*>& children) {
   Scheduler& scheduler = *call.context().scheduler;
   bool stopped = false, failed = false;
@@ -150,6 +155,8 @@ int end_together(Call& call, const std::vector<LuaTask*>& children) {
   return failed ? lua_error(call.L) : 0;
 }
 
+/// Children are tasks of the scheduler. As soon as one fails the others are stopped, and the parent
+/// waits until their clean-up has ended, too.
 int together(Call& call) {
   call.check_can_wait();
   lua_State* const L = call.L;
@@ -176,6 +183,8 @@ int together(Call& call) {
 
 }  // namespace
 
+// From the innermost lap outwards: what is done of a turn is that part of 1/count of the lap around
+// it, after the turns before.
 void tell_progress(Context& context, double fraction, const std::string& label) {
   context.fraction = fraction;
   double whole = std::clamp(fraction, 0.0, 1.0);

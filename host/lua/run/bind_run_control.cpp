@@ -37,6 +37,8 @@ const Context::Suspender* suspender_of(const Context& context, const std::string
   return found == context.suspenders.end() ? nullptr : &*found;
 }
 
+/// The coils first: what follows may command them. `kind` is the event: resumed by people, or by
+/// the end of a condition.
 int go_on(Call& call, const std::string& kind) {
   Session& session = session_of(call.L);
   if (session.rig.coils != nullptr) session.rig.coils->resume();
@@ -54,6 +56,8 @@ int rehearse_pause(const Session& session, const std::string& why) {
   return 0;
 }
 
+/// The phase is set before the message, so that who reads it finds the run paused; the coils go to
+/// what the rig says for a pause.
 int pause_here(Call& call, const std::string& name) {
   Session& session = session_of(call.L);
   if (session.rehearsal != nullptr) {
@@ -80,6 +84,7 @@ Wait suspended_wait(const Call& call, const std::string& reason) {
   return wait;
 }
 
+/// Any condition holds the run up, not only the one that began it; the time-out is that one's.
 int look_again(Call& call, const std::string& reason) {
   const std::string holds = holding_condition(call);
   if (holds.empty()) return go_on(call, "condition ended");
@@ -130,6 +135,8 @@ bool begin_timeouts(Context& context, const std::string& reason, Time now) {
   return resumes;
 }
 
+/// Two ways on: by itself, when the condition has ended and its suspender says `resume`; else
+/// people must say that it is mended. A dry run takes neither, and remarks it.
 int suspend_here(Call& call, const std::string& reason) {
   Session& session = session_of(call.L);
   session.recorder.event(session.clock.now(), "suspended", reason);
@@ -177,6 +184,7 @@ int pause(Call& call) {
   return 0;
 }
 
+/// Stopped is thrown here already, so that no statement after the call runs.
 int end(Call& call, StopTier tier) {
   Session& session = session_of(call.L);
   const std::string reason = call.has(0) ? call.text(0) : "";

@@ -10,6 +10,7 @@ namespace vitreo::lua {
 
 const Class& run_class();
 const Class& reminder_class();
+const Class& alarm_class();
 /// The module `files`.
 const std::vector<Binding>& files_functions();
 
@@ -23,5 +24,7 @@ std::vector<Binding> run_record_rows();
 std::vector<Binding> run_result_rows();
 /// The row run:install_calibration.
 Binding install_calibration_row();
+/// The row of the global function format_quantity.
+Binding format_quantity_row();
 
 }  // namespace vitreo::lua

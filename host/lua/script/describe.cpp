@@ -9,7 +9,7 @@
 #include "host/lua/interpreter/values.h"
 #include "host/lua/rig/classes.h"
 #include "host/lua/script/reading.h"
-#include "host/text/units.h"
+#include "host/text/columns.h"
 
 #include <algorithm>
 #include <cmath>
@@ -32,6 +32,7 @@ class Reader {
                       name + " " + problem);
   }
 
+  /// Fails for a key that is none of these: what is misspelt would be left out silently.
   void known(const std::vector<std::string>& keys) const {
     push_sorted_keys(L, index_);
     for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, -1)); ++i) {
@@ -53,6 +54,7 @@ class Reader {
     return there;
   }
 
+  /// "" where it is absent and not needed.
   std::string text(const std::string& key, bool needed) const {
     const int type = push(key);
     if (type == LUA_TNIL && !needed) {
@@ -66,6 +68,7 @@ class Reader {
     return value;
   }
 
+  /// Infinite limits pass; a NaN would be within every limit, and is refused.
   double number(const std::string& key, double fallback) const {
     const int type = push(key);
     const double value = type == LUA_TNIL ? fallback : lua_tonumber(L, -1);
@@ -106,6 +109,7 @@ class Reader {
   const std::string path_;
 };
 
+/// `dimension`: limits and default are in SI by now, as `5 * um` leaves no trace of its unit.
 void check_limits(const Reader& reader, const Parameter& parameter, const std::string& dimension) {
   if (parameter.min > parameter.max)
     reader.fail("min", "(" + format_quantity(parameter.min, dimension) + ") is above max (" +
@@ -115,8 +119,7 @@ void check_limits(const Reader& reader, const Parameter& parameter, const std::s
   if (value < parameter.min || value > parameter.max)
     reader.fail("default", "(" + format_quantity(value, dimension) +
                                ") is outside of its own range, " +
-                               format_quantity(parameter.min, dimension) + " to " +
-                               format_quantity(parameter.max, dimension));
+                               format_range(parameter.min, parameter.max, dimension));
   if (parameter.kind == ParameterKind::integer && value != std::floor(value))
     reader.fail("default", "wants a whole number, since integer = true");
 }
@@ -149,6 +152,7 @@ void read_choice(const Reader& reader, Parameter& parameter) {
     reader.fail("default", "'" + fallback + "' is not among its choices");
 }
 
+/// The kind follows from what is given: required, choices, else the type of the default.
 Parameter read_parameter(const Reader& reader, const std::string& name) {
   reader.known({"default", "min", "max", "unit", "choices", "integer", "help", "required"});
   Parameter parameter;
@@ -184,6 +188,7 @@ Parameter read_parameter(const Reader& reader, const std::string& name) {
   return parameter;
 }
 
+/// A name is written in Lua (p.hold) and on the command line (hold=5s): ASCII, in any locale.
 bool is_name(const std::string& name) {
   constexpr const char* kLetters =
       "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
@@ -191,6 +196,7 @@ bool is_name(const std::string& name) {
          name.find_first_not_of(kLetters) == std::string::npos;
 }
 
+/// In the order of their names: a table has no order of its own.
 void read_parameters(const Reader& root, ProtocolDescription& protocol) {
   lua_State* const L = root.L;
   const int type = root.push("parameters");
@@ -225,6 +231,7 @@ void read_test_results(const Reader& test, ProtocolTest& made) {
   lua_settop(test.L, table - 1);
 }
 
+/// An entry as scripts/testing.lua makes it, which refuses misspelt keys with the line of the call.
 ProtocolTest read_test(const Reader& test) {
   ProtocolTest made;
   const std::string kind = test.text("test", true);
@@ -287,6 +294,8 @@ std::string head_comment(const std::string& text) {
 
 }  // namespace
 
+// The file's own statements run, in a state without a session: what needs instruments fails there,
+// and a hook ends what does not come to its end. The function `run` is looked at, and not called.
 ProtocolDescription describe_protocol(const Library& library, const std::string& file,
                                       const std::vector<std::string>& folders) {
   ProtocolDescription protocol;

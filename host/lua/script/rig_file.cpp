@@ -17,8 +17,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMaxDepth = 16;
+constexpr int kMaxDepth = 16;  // of tables in tables; one that holds itself has no end
 
+/// Lua values as plain data. A table is a list or has names: an empty one has names.
 class Converter {
  public:
   Converter(lua_State* state, const RigDescription& rig) : L(state), rig_(rig) {}
@@ -87,7 +88,8 @@ class Converter {
   const RigDescription& rig_;
 };
 
-/// units, math without random numbers, and `require "units"`: nothing else.
+/// The environment of a rig file: units, math without random numbers, and `require "units"`,
+/// nothing else. Two readings must give the same rig, so there is neither clock nor chance.
 void push_constants_only(lua_State* L) {
   lua_newtable(L);
   push_units(L);
@@ -106,6 +108,7 @@ void push_constants_only(lua_State* L) {
   lua_pop(L, 1);
 }
 
+/// One file, without what it builds on. Throws ScriptError with file and line.
 RigDescription read_alone(const Library& library, const RigSource& source) {
   RigDescription rig;
   rig.file = source.file, rig.text = source.text;
@@ -132,6 +135,7 @@ RigDescription read_alone(const Library& library, const RigSource& source) {
   return rig;
 }
 
+/// With the line of the key `base`, where it is found.
 [[noreturn]] void refuse_base(const RigDescription& rig, const std::string& problem) {
   const int line = find_line(rig.text, "base");
   throw ScriptError(rig.file + ":" + (line > 0 ? std::to_string(line) + ":" : "") + " base " +
@@ -198,6 +202,8 @@ RigDescription read_rig_file(const Library& library, const std::string& file,
   return read_with_bases(library, file, folders, chain);
 }
 
+// From the undermost base upwards: each file overrides what it builds on. The texts are those of
+// the record; files of today may say something else.
 RigDescription read_recorded_rig(const Library& library, const RigSource& rig,
                                  const std::vector<RigSource>& bases) {
   RigDescription whole = read_alone(library, bases.empty() ? rig : bases.back());

@@ -21,6 +21,7 @@ void push_argument(lua_State* L, const ArgumentValue& value, bool integer) {
     lua_pushstring(L, std::get<std::string>(value).c_str());
 }
 
+/// __index of p: a misspelt parameter is no nil that a script takes for "not given".
 int unknown_parameter(lua_State* L) {
   return guarded(L, "", [L]() -> int {
     const std::string word = plain_text(L, 2), near = nearest(word, text_keys(L, 1));
@@ -46,6 +47,8 @@ void push_parameters(lua_State* L, const ProtocolDescription& protocol,
   lua_setmetatable(L, -2);
 }
 
+// The thread is known before the context: a signal handler that finds the context must find whose
+// Lua it is.
 ScriptRun::ScriptRun(const Library& library, Running& running, Session& session,
                      const std::vector<std::string>& folders)
     : running_(running), state_(library, &session, folders), scheduler_(state_.context()) {
@@ -55,8 +58,12 @@ ScriptRun::ScriptRun(const Library& library, Running& running, Session& session,
   running_.context = &context();
 }
 
+// First of all: from here on a signal finds nothing to stop.
 ScriptRun::~ScriptRun() { running_.context = nullptr; }
 
+// After an emergency stop no script is trusted: its functions are left out, and that is recorded.
+// Handles are closed even so. A function is taken from the list before it runs, so that one that
+// fails is not called again.
 void ScriptRun::clean_up(std::size_t keep_deferred, std::size_t keep_closers) {
   std::exception_ptr first;
   const auto attempt = [&first](const std::function<void()>& step) {
@@ -90,6 +97,7 @@ void ScriptRun::clean_up(std::size_t keep_deferred, std::size_t keep_closers) {
   if (first) std::rethrow_exception(first);
 }
 
+// Both the file's statements and its function run as tasks of the scheduler, so that both can wait.
 void run_protocol(ScriptRun& script, const ProtocolDescription& protocol,
                   const std::map<std::string, ArgumentValue>& arguments) {
   lua_State* const L = script.main();

@@ -15,6 +15,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// A finite number of a table that a script wrote down.
 double field(lua_State* L, int index, const char* key, const std::string& name) {
   lua_getfield(L, index, key);
   if (lua_type(L, -1) != LUA_TNUMBER || !std::isfinite(lua_tonumber(L, -1)))
@@ -24,9 +25,12 @@ double field(lua_State* L, int index, const char* key, const std::string& name) 
   return value;
 }
 
+/// Its address is the registry's key of the counter below; the value means nothing.
 const char kImageBytes = 0;
 
 template <class Read>
+/// Calls read(index, where) for each entry of a list that must not be empty, the entry on top of
+/// the stack; what read leaves there is popped.
 void each_of_list(const Call& call, const char* option, Read read) {
   if (!call.push_option(option)) throw std::invalid_argument(std::string(option) + ": is missing");
   const int list = lua_gettop(call.L);
@@ -42,6 +46,8 @@ void each_of_list(const Call& call, const char* option, Read read) {
 
 /// What the handle of that class at `index` holds.
 template <class T>
+/// Throws std::invalid_argument naming `where` for another value or another class of handle. A
+/// list's entries are checked here: their row says only that it is a list.
 const T& object_at(lua_State* L, int index, const Class& kind, const std::string& where) {
   if (handle_class(L, index) != &kind)
     throw std::invalid_argument(where + ": wants " +
@@ -61,9 +67,12 @@ void push_image(lua_State* L, const cv::Mat& pixels) {
   struct Counter {
     std::size_t living = 0, since_collection = 0;
   };
+  // A reader that failed would show here first: no handle without pixels.
   if (pixels.empty()) throw std::invalid_argument("the image is empty");
   if (lua_rawgetp(L, LUA_REGISTRYINDEX, &kImageBytes) != LUA_TUSERDATA) {
     lua_pop(L, 1);
+    // One counter a state, kept by the registry. Images share it, since they may be collected after
+    // it when the state closes.
     new (lua_newuserdatauv(L, sizeof(std::shared_ptr<Counter>), 0))
         std::shared_ptr<Counter>(std::make_shared<Counter>());
     lua_createtable(L, 0, 1);
@@ -80,6 +89,8 @@ void push_image(lua_State* L, const cv::Mat& pixels) {
       *static_cast<std::shared_ptr<Counter>*>(lua_touserdata(L, -1));
   lua_pop(L, 1);
   const std::size_t bytes = pixels.total() * pixels.elemSize();
+  // Lua's collector paces itself by its own memory, where an image is a handle of some bytes: so
+  // after every 64 MB of new images it is told to run, and before an error for the limit as well.
   counter->since_collection += bytes;
   if (counter->since_collection > kCollectEvery || counter->living + bytes > kMost) {
     lua_gc(L, LUA_GCCOLLECT);
@@ -95,6 +106,7 @@ void push_image(lua_State* L, const cv::Mat& pixels) {
               }));
 }
 
+/// Full axes, as outlines are drawn and as the thesis' tables have them; semi-axes inside C++.
 std::vector<ResultField> ellipse_fields(bool optional) {
   std::vector<ResultField> fields{{"x_px", "", "center"},
                                   {"y_px", "", "center"},
@@ -105,6 +117,7 @@ std::vector<ResultField> ellipse_fields(bool optional) {
   return fields;
 }
 
+/// C++ has semi-axes, scripts have full axes.
 void set_ellipse(ResultTable& table, const vision::Ellipse& e) {
   table.number("x_px", e.center_px.x())
       .number("y_px", e.center_px.y())
@@ -121,6 +134,7 @@ void push_names(lua_State* L, const std::vector<std::string>& names) {
   }
 }
 
+/// Throws for axes that are swapped, too: the angle is that of the longer one.
 vision::Ellipse ellipse_at(lua_State* L, int index, const std::string& name) {
   vision::Ellipse e;
   e.center_px = {field(L, index, "x_px", name), field(L, index, "y_px", name)};
@@ -132,6 +146,7 @@ vision::Ellipse ellipse_at(lua_State* L, int index, const std::string& name) {
   return e;
 }
 
+/// The ellipse and its certainty are there only while the object is measured; the state always is.
 std::vector<ResultField> track_fields() {
   std::vector<ResultField> fields = ellipse_fields(true);
   fields.insert(fields.begin(), {"state", "", "searching, tracking, coasting or lost"});
@@ -145,6 +160,8 @@ std::vector<ResultField> track_fields() {
   return fields;
 }
 
+/// Only a track that was measured in this frame has an ellipse: the predicted one stands apart as
+/// `expected`, so that it is not taken for a measurement.
 void set_track(ResultTable& table, const vision::Track& track) {
   if (track.measured) {
     set_ellipse(table, track.measured->ellipse);
@@ -169,6 +186,7 @@ Argument labeled_argument() {
           .help = "{{image = image, mask = image}, ...}, as vision.training gives"};
 }
 
+/// The pixels are shared, not copied: nothing changes an image once it is made.
 std::vector<vision::LabeledImage> labeled_option(const Call& call) {
   std::vector<vision::LabeledImage> images;
   each_of_list(call, "images", [&](int index, const std::string& where) {
@@ -191,12 +209,20 @@ std::vector<cv::Mat> images_option(const Call& call) {
   return images;
 }
 
+/// Pointers hold as long as the call: its arguments keep the handles alive.
 std::vector<const TrainedModel*> models_option(const Call& call) {
   std::vector<const TrainedModel*> models;
   each_of_list(call, "models", [&](int index, const std::string& where) {
     models.push_back(&object_at<TrainedModel>(call.L, index, color_model_class(), where));
   });
   return models;
+}
+
+/// Whether it stands in the options, be it false.
+bool option_given(const Call& call, const std::string& name) {
+  const bool given = call.push_option(name);
+  lua_pop(call.L, 1);
+  return given;
 }
 
 Argument flag_option_row(const char* name, const char* help) {

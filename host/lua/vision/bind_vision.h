@@ -30,7 +30,7 @@ struct TrainedModel {
   vision::ColorModelSettings color;
 };
 
-/// A track's fields: of tracker:update, and of each track of multi_tracker:update.
+/// The fields of each track of tracker:update.
 std::vector<ResultField> track_fields();
 void set_track(ResultTable& table, const vision::Track& track);
 /// {x_px, y_px, major_px, minor_px, angle}, full axes. Throws std::invalid_argument naming `name`
@@ -56,6 +56,8 @@ std::vector<Argument> with_color_options(std::vector<Argument> options);
 vision::ObjectViewSettings view_settings(const Call& call);
 std::vector<Argument> view_options();
 
+/// Whether the call has the option, whatever it says.
+bool option_given(const Call& call, const std::string& name);
 Argument flag_option_row(const char* name, const char* help);
 Argument number_option_row(const char* name, double min, double max, const char* help,
                            Type type = Type::number);

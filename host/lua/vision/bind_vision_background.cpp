@@ -8,6 +8,7 @@
 namespace vitreo::lua {
 namespace {
 
+/// Absent options keep the defaults of BackgroundTrackerSettings, whose check() names a bad one.
 int make(Call& call) {
   vision::BackgroundTrackerSettings settings;
   if (const auto kind = call.text_option("kind")) settings.kind = vision::background_kind(*kind);
@@ -20,11 +21,14 @@ int make(Call& call) {
   return 1;
 }
 
+/// An image without the object, of the first one's size and type.
 int learn(Call& call) {
   call.self<vision::BackgroundTracker>().learn(call.handle<Image>(0).pixels);
   return 0;
 }
 
+/// Nothing where nothing differs: absence of the object is a result. Before anything was learnt it
+/// is an error.
 int update_background(Call& call) {
   const auto found = call.self<vision::BackgroundTracker>().update(call.handle<Image>(0).pixels);
   if (!found) return 0;

@@ -8,12 +8,14 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include <stdexcept>
 #include <string>
 #include <utility>
 
 namespace vitreo::lua {
 namespace {
 
+/// Focus is measured on gray levels; a gray image is shared, not copied.
 cv::Mat gray_of(const cv::Mat& image) {
   if (image.channels() == 1) return image;
   cv::Mat gray;
@@ -21,6 +23,7 @@ cv::Mat gray_of(const cv::Mat& image) {
   return gray;
 }
 
+/// In the library's order, for the row's choices and the call that lists them.
 std::vector<std::string> measure_names() {
   std::vector<std::string> names;
   for (const vision::FocusMeasure measure : vision::focus_measures())
@@ -44,6 +47,7 @@ cv::Rect window_option(const Call& call, const cv::Size& whole) {
           static_cast<int>(*height)};
 }
 
+/// `saturated` comes with the value: a clipped window has less contrast than its focus deserves.
 int focus(Call& call) {
   const cv::Mat gray = gray_of(call.self<Image>().pixels);
   cv::Rect window({0, 0}, gray.size());
@@ -61,6 +65,7 @@ int focus(Call& call) {
   return 1;
 }
 
+/// The peak's fields are there exactly when the answer is "found".
 void set_fit(ResultTable& table, const vision::FocusPeakFit& fit) {
   table.number("noise", fit.noise).text("answer", std::string(vision::name_of(fit.answer)));
   if (fit.peak)
@@ -69,6 +74,7 @@ void set_fit(ResultTable& table, const vision::FocusPeakFit& fit) {
         .number("value", fit.peak->value);
 }
 
+/// `optional`: whether even the answer may be absent, as in the steps of a search.
 std::vector<ResultField> fit_fields(bool optional) {
   const auto field = [](const char* name, const char* help, bool may_be_nil) {
     return ResultField{.name = name, .help = help, .optional = may_be_nil};
@@ -78,6 +84,7 @@ std::vector<ResultField> fit_fields(bool optional) {
           field("sigma", "of the position", true), field("value", "at the peak", true)};
 }
 
+/// Unit and direction of positions are the caller's: the peak comes back in the same.
 int focus_peak(Call& call) {
   const std::vector<double> positions = *call.numbers_option("positions"),
                             values = *call.numbers_option("values");
@@ -91,6 +98,7 @@ int focus_peak(Call& call) {
   return 1;
 }
 
+/// The search moves nothing and measures nothing: the script does both, between its steps.
 int make_autofocus(Call& call) {
   vision::AutofocusSettings settings;
   settings.low = *call.number_option("low");
@@ -107,14 +115,20 @@ int make_autofocus(Call& call) {
   return 1;
 }
 
-int start(Call& call) { return call.result(call.self<vision::Autofocus>().start()); }
-
+/// Without a reading the search begins: where to measure first. With one it goes on.
 int next(Call& call) {
-  const vision::AutofocusStep step =
-      call.self<vision::Autofocus>().next(call.number(0), call.number(1));
+  auto& search = call.self<vision::Autofocus>();
+  const auto position = call.number_option("position"), value = call.number_option("value");
+  if (position.has_value() != value.has_value())
+    throw std::invalid_argument("position, value: one is missing; they come together");
   ResultTable table(call);
-  if (const double* position = std::get_if<double>(&step)) {
-    table.number("move_to", *position);
+  if (!position) {
+    table.number("move_to", search.start());
+    return 1;
+  }
+  const vision::AutofocusStep step = search.next(*position, *value);
+  if (const double* target = std::get_if<double>(&step)) {
+    table.number("move_to", *target);
     return 1;
   }
   const auto& done = std::get<vision::AutofocusResult>(step);
@@ -124,6 +138,8 @@ int next(Call& call) {
   return 1;
 }
 
+/// Positions and values have no unit of their own: a stage's or a lens mover's, in whatever it
+/// counts.
 Argument needed(const char* name, const char* help) {
   return {.name = name, .type = Type::number, .help = help};
 }
@@ -202,16 +218,22 @@ const Class& autofocus_class() {
   step.insert(step.begin(), field("move_to", "where to measure next; nil at the end"));
   step.push_back(field("readings", "how many it took"));
   step.push_back(field("park", "where to leave the stage"));
+  const auto reading = [](const char* name, const char* help) {
+    Argument made = needed(name, help);
+    made.optional = true;
+    return made;
+  };
   static const Class kind{
       "autofocus",
       "one search; it moves nothing: make one with vision.autofocus",
-      {{"start", {}, "number", "the first position", start, "search:start()"},
-       {"next",
-        {needed("position", "where the stage is"), needed("value", "of the measure there")},
+      {{"next",
+        {options_of(
+            {reading("position", "where the stage is"), reading("value", "of the measure there")})},
         {"table", step},
-        "the next step; at the end the peak, as vision.focus_peak has it",
+        "the next step by what was measured, the first one by nothing; at the end the peak, as "
+        "vision.focus_peak has it",
         next,
-        "search:next(0.1 * mm, 3.5)"}}};
+        "search:next { position = 0.1 * mm, value = 3.5 }"}}};
   return kind;
 }
 

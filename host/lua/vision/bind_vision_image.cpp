@@ -20,12 +20,14 @@ namespace {
 
 const cv::Mat& pixels_of(const Call& call) { return call.self<Image>().pixels; }
 
+/// A mask is binarized while it is read, so masks of 0 and 1 do as well as those of 0 and 255.
 int read_image(Call& call) {
   const auto file = readable(call.context(), *call.text_option("file"));
   push_image(call.L, call.flag_option("mask") ? read_mask(file) : read_color_image(file));
   return 1;
 }
 
+/// Files only, not their pixels: a long sequence would not fit into memory.
 int list_images(Call& call) {
   const auto files = image_files(readable(call.context(), *call.text_option("folder")));
   return push_result_list(call, files.size(), [&files](ResultTable& entry, std::size_t i) {
@@ -34,6 +36,7 @@ int list_images(Call& call) {
   });
 }
 
+/// Images with their masks, all at once: a model is trained from all of them.
 int training(Call& call) {
   const auto files = labeled_files(readable(call.context(), *call.text_option("folder")));
   return push_result_list(call, files.size(), [&](ResultTable& entry, std::size_t i) {
@@ -44,12 +47,14 @@ int training(Call& call) {
   });
 }
 
+/// The file stays open between frames: a handle, and not a list of images.
 int open_video(Call& call) {
   push_handle(call.L, video_class(),
               std::make_shared<VideoFile>(readable(call.context(), *call.text_option("file"))));
   return 1;
 }
 
+/// Nothing at the end, so that `while` loops end there.
 int video_read(Call& call) {
   const cv::Mat frame = call.self<VideoFile>().read();
   if (frame.empty()) return 0;
@@ -57,8 +62,14 @@ int video_read(Call& call) {
   return 1;
 }
 
-int video_count(Call& call) { return call.result(call.self<VideoFile>().count()); }
+int video_info(Call& call) {
+  const int frames = call.self<VideoFile>().count();
+  ResultTable table(call);
+  if (frames > 0) table.integer("frames", frames);  // 0: the file does not say
+  return 1;
+}
 
+/// The handle is empty from here on: its file is closed now and not when Lua collects it.
 int video_close(Call& call) {
   close_handle(call);
   return 0;
@@ -72,48 +83,38 @@ int image_info(Call& call) {
   return 1;
 }
 
-/// One value of a gray image, three of a color image, of which OpenCV keeps blue first.
-int push_color(const Call& call, const cv::Scalar& bgr) {
-  ResultTable table(call);
-  if (pixels_of(call).channels() == 1)
-    table.number("gray", bgr[0]);
-  else
-    table.number("red", bgr[2]).number("green", bgr[1]).number("blue", bgr[0]);
-  return 1;
-}
-
-int pixel(Call& call) {
-  const cv::Mat& image = pixels_of(call);
-  const double u = call.number(0), v = call.number(1);
-  if (u >= image.cols || v >= image.rows)
-    throw std::invalid_argument("the pixel lies outside of the image, which is " +
-                                std::to_string(image.cols) + " x " + std::to_string(image.rows));
-  const cv::Point at(static_cast<int>(u), static_cast<int>(v));
-  if (image.channels() == 1) return push_color(call, cv::Scalar(image.at<unsigned char>(at)));
-  const auto& bgr = image.at<cv::Vec3b>(at);
-  return push_color(call, cv::Scalar(bgr[0], bgr[1], bgr[2]));
-}
-
-int mean(Call& call) { return push_color(call, cv::mean(pixels_of(call))); }
-
-int gray(Call& call) {
-  cv::Mat made = pixels_of(call);
-  if (made.channels() == 3) cv::cvtColor(pixels_of(call), made, cv::COLOR_BGR2GRAY);
-  push_image(call.L, made);
-  return 1;
-}
-
-int crop(Call& call) {
+/// A part of the image by the options x, y, width and height, all of them needed. Throws
+/// std::invalid_argument when it sticks out: a part that is cut off would be another one than
+/// asked.
+cv::Mat part_of(const Call& call) {
   const auto whole = [&](const char* name) { return static_cast<int>(*call.number_option(name)); };
   const cv::Rect asked(whole("x"), whole("y"), whole("width"), whole("height"));
   const cv::Rect all(0, 0, pixels_of(call).cols, pixels_of(call).rows);
   if ((asked & all) != asked)
     throw std::invalid_argument("sticks out of the image, which is " + std::to_string(all.width) +
                                 " x " + std::to_string(all.height));
-  push_image(call.L, pixels_of(call)(asked).clone());
+  return pixels_of(call)(asked);
+}
+
+/// One value of a gray image, three of a color image, of which OpenCV keeps blue first.
+int mean(Call& call) {
+  const cv::Mat part = call.has(0) ? part_of(call) : pixels_of(call);
+  const cv::Scalar bgr = cv::mean(part);
+  ResultTable table(call);
+  if (part.channels() == 1)
+    table.number("gray", bgr[0]);
+  else
+    table.number("red", bgr[2]).number("green", bgr[1]).number("blue", bgr[0]);
   return 1;
 }
 
+/// A copy: a part that shared its pixels would keep the whole image alive.
+int crop(Call& call) {
+  push_image(call.L, part_of(call).clone());
+  return 1;
+}
+
+/// PNG alone, which loses nothing: what was saved is what was measured.
 int save(Call& call) {
   const std::string name = call.text(0);
   if (!name.ends_with(".png"))
@@ -123,6 +124,7 @@ int save(Call& call) {
   return call.result(file.string());
 }
 
+/// An option that may be a track: the fields beside the ellipse are not looked at.
 std::optional<vision::Ellipse> ellipse_option(const Call& call, const char* name) {
   std::optional<vision::Ellipse> ellipse;
   if (call.push_option(name)) {
@@ -135,6 +137,7 @@ std::optional<vision::Ellipse> ellipse_option(const Call& call, const char* name
   return ellipse;
 }
 
+/// The center's 2 x 2 block of the track's 5 x 5 covariance, which stands there row by row.
 std::optional<Eigen::Matrix2d> covariance_of_track(const Call& call) {
   std::optional<Eigen::Matrix2d> made;
   if (call.push_option("track")) {
@@ -148,6 +151,7 @@ std::optional<Eigen::Matrix2d> covariance_of_track(const Call& call) {
   return made;
 }
 
+/// Past centers, px.
 std::vector<Eigen::Vector2d> trail_option(const Call& call) {
   std::vector<Eigen::Vector2d> trail;
   if (call.push_option("trail")) {
@@ -165,6 +169,7 @@ std::vector<Eigen::Vector2d> trail_option(const Call& call) {
   return trail;
 }
 
+/// A new image: the frame itself stays as it was measured.
 int overlay(Call& call) {
   vision::Overlay what;
   what.tracked = ellipse_option(call, "track");
@@ -180,6 +185,7 @@ int overlay(Call& call) {
 int ellipse_mask(Call& call) {
   const vision::Ellipse e = ellipse_at(call.L, call.index(0), "ellipse");
   cv::Mat mask = cv::Mat::zeros(pixels_of(call).size(), CV_8U);
+  // cv::ellipse takes fixed-point coordinates: 8 bits are 1/256 px.
   constexpr int kBits = 8;
   constexpr double kOne = 1 << kBits;
   const auto fixed = [](double px) { return static_cast<int>(std::lround(px * kOne)); };
@@ -233,6 +239,10 @@ const Class& image_class() {
   const auto level = [](const char* name) {
     return ResultField{.name = name, .help = "0 to 255", .optional = true};
   };
+  const Argument corners =
+      options_of({whole("x", 0), whole("y", 0), whole("width", 1), whole("height", 1)});
+  Argument part = corners;
+  part.optional = true;
   const Returned color{"table", {level("gray"), level("red"), level("green"), level("blue")}};
   static const Class kind{
       "image",
@@ -244,16 +254,14 @@ const Class& image_class() {
         "size and channels",
         image_info,
         "image:info()"},
-       {"pixel",
-        {whole("u", 0), whole("v", 0)},
+       {"mean",
+        {part},
         color,
-        "gray, or red, green and blue, of a pixel",
-        pixel,
-        "image:pixel(0, 0)"},
-       {"mean", {}, color, "the same, the mean over the image", mean, "image:gray():mean()"},
-       {"gray", {}, "image", "the same in gray", gray, "image:gray()"},
+        "mean gray, or red, green and blue, of the image or of a part, such as a pixel",
+        mean,
+        "image:mean { x = 10, y = 20, width = 1, height = 1 }"},
        {"crop",
-        {options_of({whole("x", 0), whole("y", 0), whole("width", 1), whole("height", 1)})},
+        {corners},
         "image",
         "a part of it",
         crop,
@@ -304,12 +312,15 @@ const Class& video_class() {
                             "the next frame",
                             video_read,
                             "video:read()"},
-                           {"count",
+                           {"info",
                             {},
-                            "number",
-                            "of frames, as the file claims; 0 when it does not say",
-                            video_count,
-                            "video:count()"},
+                            {"table",
+                             {{.name = "frames",
+                               .help = "how many the file claims to have, when it says",
+                               .optional = true}}},
+                            "number of frames",
+                            video_info,
+                            "video:info()"},
                            {.name = "close",
                             .doc = "closes the file",
                             .function = video_close,

@@ -23,6 +23,8 @@ constexpr std::uintmax_t kLargestModel = 64'000'000;  // bytes; one has half a m
 
 const vision::ObjectModel& model_of(const Call& call) { return call.self<TrainedModel>().model; }
 
+/// Some seconds of work on a task of its own, on copies of the images' headers: their pixels are
+/// shared, and nothing changes them.
 int train(const Call& call) {
   auto images = std::make_shared<std::vector<vision::LabeledImage>>(labeled_option(call));
   auto made = std::make_shared<TrainedModel>();
@@ -38,6 +40,8 @@ int train(const Call& call) {
       }));
 }
 
+/// What color_model:save wrote, and nothing else (ObjectModel::load). Of the training's settings
+/// the file has the channels alone, from which its table was compiled.
 int load(const Call& call, const std::string& name) {
   const std::filesystem::path file = readable(call.context(), name);
   if (!std::filesystem::is_regular_file(file))
@@ -57,19 +61,19 @@ int load(const Call& call, const std::string& name) {
   return 1;
 }
 
+/// A model from a file has its training behind it: options of training beside it are refused.
 int color_model(Call& call) {
   const auto file = call.text_option("file");
   if (!file) return train(call);
   for (const Argument& option : with_color_options({labeled_argument()})) {
-    const bool given = call.push_option(option.name);
-    lua_pop(call.L, 1);
-    if (given)
+    if (option_given(call, option.name))
       throw std::invalid_argument(option.name +
                                   ": is for training; a model from a file has its own");
   }
   return load(call, *file);
 }
 
+/// In the order of table 8.2, not by quality: the script compares or sorts.
 int push_ranks(const Call& call, const std::vector<vision::ChannelRank>& ranks) {
   return push_result_list(call, ranks.size(), [&ranks](ResultTable& entry, std::size_t i) {
     entry.text("channels", vision::name_of(ranks[i].channels))
@@ -78,6 +82,7 @@ int push_ranks(const Call& call, const std::vector<vision::ChannelRank>& ranks) 
   });
 }
 
+/// All eighteen pairs of channels on the same images, as table 8.2.
 int rank_channels(Call& call) {
   auto images = std::make_shared<std::vector<vision::LabeledImage>>(labeled_option(call));
   auto ranks = std::make_shared<std::vector<vision::ChannelRank>>();
@@ -87,18 +92,21 @@ int rank_channels(Call& call) {
       from_seconds(kMaxTraining), [ranks](Call& done) { return push_ranks(done, *ranks); }));
 }
 
+/// Into the run's folder only, under a new name: a model is part of the run's record.
 int save_model(Call& call) {
   const auto file = writable(call.context(), call.text(0));
   write_file(file, model_of(call).save());
   return call.result(file.string());
 }
 
+/// Of each image too: one bad mask shows as one bad number.
 void set_quality(ResultTable& table, const vision::Quality& quality) {
   table.number("mean", quality.mean)
       .number("deviation", quality.deviation)
       .numbers("of_images", quality.of_image);
 }
 
+/// Two readings of (8.2): weighted, which trackers use, and as it stands (vision/color_model.h).
 void set_thresholds(ResultTable& table, const vision::ColorModel& color) {
   table.number("low", color.weighted_thresholds().low)
       .number("high", color.weighted_thresholds().high)
@@ -106,6 +114,7 @@ void set_thresholds(ResultTable& table, const vision::ColorModel& color) {
       .number("flat_high", color.flat_thresholds().high);
 }
 
+/// Full axes; eigenvalues only of the modes that are kept.
 void set_shape(ResultTable& table, const vision::ObjectModel& model) {
   const auto& eigenvalues = model.shape.eigenvalues();
   table.number("major_px", 2 * model.semi_axes_px.x())
@@ -115,6 +124,8 @@ void set_shape(ResultTable& table, const vision::ObjectModel& model) {
       .numbers("eigenvalues", {eigenvalues.begin(), eigenvalues.begin() + model.shape.modes()});
 }
 
+/// The bias that trackers take off: measured less true full axes, over the training images; and
+/// what remains for the rim as a whole, of which x, y and angle are entries 0, 1 and 4.
 void set_calibration(ResultTable& table, const vision::Calibration& rim) {
   table.number("major_px", 2 * rim.semi_axes_px.x())
       .number("minor_px", 2 * rim.semi_axes_px.y())
@@ -123,6 +134,8 @@ void set_calibration(ResultTable& table, const vision::Calibration& rim) {
       .number("sigma_angle", std::sqrt(rim.covariance(4, 4)), "rad");
 }
 
+/// What a person looks at before believing a model: how well its colors part object and ground,
+/// where it decides, what shapes it saw, what bias it takes off.
 int model_info(Call& call) {
   const vision::ObjectModel& model = model_of(call);
   ResultTable(call)
@@ -134,13 +147,6 @@ int model_info(Call& call) {
       .table("shape", [&](ResultTable& made) { set_shape(made, model); })
       .table("calibration", [&](ResultTable& made) { set_calibration(made, model.rim); });
   return 1;
-}
-
-int likelihood(Call& call) {
-  const double red = call.number(0), green = call.number(1), blue = call.number(2);
-  const std::size_t cell = vision::ColorModel::cell_of(
-      static_cast<unsigned>(blue), static_cast<unsigned>(green), static_cast<unsigned>(red));
-  return call.result(model_of(call).color.table()[cell] / vision::ColorModel::kScale);
 }
 
 Returned model_fields() {
@@ -179,6 +185,7 @@ Returned model_fields() {
 
 }  // namespace
 
+/// check() judges them here, before a long training begins.
 vision::ColorModelSettings color_settings(const Call& call) {
   vision::ColorModelSettings settings;
   if (const auto name = call.text_option("channels"))
@@ -191,6 +198,7 @@ vision::ColorModelSettings color_settings(const Call& call) {
   return settings;
 }
 
+/// Of training and of ranking alike.
 std::vector<Argument> with_color_options(std::vector<Argument> options) {
   options.push_back(
       {.name = "channels",
@@ -232,32 +240,22 @@ std::vector<Binding> vision_model_rows() {
 }
 
 const Class& color_model_class() {
-  const auto level = [](const char* name) {
-    return Argument{.name = name, .type = Type::integer, .min = 0, .max = 255};
-  };
-  static const Class kind{
-      "color_model",
-      "what an object looks like; make one with vision.color_model",
-      {{"save",
-        {{.name = "name",
-          .type = Type::text,
-          .help = "a new file of the run's folder, such as \"robot.model\""}},
-        "path",
-        "keeps it in the run's folder",
-        save_model,
-        "color_model:save(\"robot.model\")"},
-       {"info",
-        {},
-        model_fields(),
-        "channels, quality, thresholds, shape and calibration",
-        model_info,
-        "color_model:info()"},
-       {"likelihood",
-        {level("red"), level("green"), level("blue")},
-        "number",
-        "F: the logarithm of how much rather a color is the object's than the ground's",
-        likelihood,
-        "color_model:likelihood(75, 77, 80)"}}};
+  static const Class kind{"color_model",
+                          "what an object looks like; make one with vision.color_model",
+                          {{"save",
+                            {{.name = "name",
+                              .type = Type::text,
+                              .help = "a new file of the run's folder, such as \"robot.model\""}},
+                            "path",
+                            "keeps it in the run's folder",
+                            save_model,
+                            "color_model:save(\"robot.model\")"},
+                           {"info",
+                            {},
+                            model_fields(),
+                            "channels, quality, thresholds, shape and calibration",
+                            model_info,
+                            "color_model:info()"}}};
   return kind;
 }
 

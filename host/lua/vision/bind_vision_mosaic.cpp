@@ -9,8 +9,10 @@
 namespace vitreo::lua {
 namespace {
 
+/// A registration of many large views takes minutes; one that takes more is taken for hung.
 constexpr double kMaxTime = 600;  // s
 
+/// What the task works on and fills: it lives until both it and the call are done.
 struct Made {
   std::vector<cv::Mat> views;
   vision::MosaicSettings settings;
@@ -26,6 +28,7 @@ void push_place(lua_State* L, const Eigen::Affine2d& place) {
   push_numbers(L, numbers);
 }
 
+/// A view that could not be joined keeps its entry, false: places are parallel to the views.
 int push_made(const Call& call, const Made& made) {
   lua_State* const L = call.L;
   ResultTable table(call);
@@ -51,6 +54,7 @@ int push_made(const Call& call, const Made& made) {
   return 1;
 }
 
+/// Registration, then blending, on one task: the script waits, others go on.
 int mosaic(Call& call) {
   auto made = std::make_shared<Made>();
   made->views = images_option(call);
@@ -80,7 +84,7 @@ std::vector<Binding> vision_mosaic_rows() {
             turn})},
        {"table",
         {{"image", "", "the mosaic"},
-         {"cover", "", "image: how many views each pixel comes from"},
+         {"cover", "", "image: 255 where any view covers it, else 0"},
          {"rms_px", "", "of the registration"},
          {"worst_px", "", ""},
          {"sigma_px", "", ""},

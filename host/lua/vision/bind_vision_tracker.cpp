@@ -1,18 +1,27 @@
-// Bindings of tracker and multi_tracker: objects followed by color and shape, frame by frame.
+// Bindings of tracker: objects followed by color and shape, frame by frame.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/lua/interpreter/tables.h"
 #include "host/lua/vision/bind_vision.h"
 #include "host/lua/vision/classes.h"
-#include "vision/color_tracker.h"
 #include "vision/multi_tracker.h"
 
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
+#include <string>
 #include <time.h>
+#include <vector>
 
 namespace vitreo::lua {
 namespace {
+
+/// What a handle `tracker` holds.
+struct Tracker {
+  explicit Tracker(const std::vector<vision::TrackedObject>& each)
+      : tracker(each), objects(each.size()) {}
+  vision::MultiTracker tracker;
+  std::size_t objects;
+};
 
 /// CPU time of this thread: what the tracker costs, without the other threads.
 double cpu_seconds() {
@@ -21,6 +30,7 @@ double cpu_seconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
+/// One set for all objects of a tracker.
 vision::ColorTrackerSettings tracker_settings(const Call& call) {
   vision::ColorTrackerSettings settings;
   settings.view = view_settings(call);
@@ -31,88 +41,79 @@ vision::ColorTrackerSettings tracker_settings(const Call& call) {
   return settings;
 }
 
+/// One object is the case of a list of one: vision::MultiTracker gives it the track that a
+/// vision::ColorTracker of its own would.
 int make_tracker(Call& call) {
-  const auto& trained = call.handle_option<TrainedModel>("model");
-  push_handle(call.L, tracker_class(),
-              std::make_shared<vision::ColorTracker>(trained.model, tracker_settings(call)));
+  const bool one = option_given(call, "model");
+  if (one == option_given(call, "models"))
+    throw std::invalid_argument("options: wants either model or models");
+  const vision::ColorTrackerSettings settings = tracker_settings(call);
+  std::vector<vision::TrackedObject> objects;
+  if (one)
+    objects.push_back({call.handle_option<TrainedModel>("model").model, settings});
+  else
+    for (const TrainedModel* trained : models_option(call))
+      objects.push_back({trained->model, settings});
+  push_handle(call.L, tracker_class(), std::make_shared<Tracker>(objects));
   return 1;
 }
 
+/// The time is the tracker's alone: CPU time of this thread, measured round the call, so that
+/// neither other threads nor the map's copy count.
 int update(Call& call) {
-  const cv::Mat& image = call.handle<Image>(0).pixels;
-  vision::Owned owned;
-  if (call.has(1)) {
-    owned.map = call.handle<Image>(1).pixels;
-    owned.self = 255;
-  }
+  auto& [tracker, objects] = call.self<Tracker>();
   const double start = cpu_seconds();
-  const vision::Track track = call.self<vision::ColorTracker>().update(image, owned);
+  const std::vector<vision::Track>& tracks = tracker.update(call.handle<Image>(0).pixels);
   const double took = cpu_seconds() - start;
   ResultTable table(call);
-  set_track(table, track);
-  table.number("cpu_time", took, "s");
-  return 1;
-}
-
-int make_multi_tracker(Call& call) {
-  std::vector<vision::TrackedObject> objects;
-  const vision::ColorTrackerSettings settings = tracker_settings(call);
-  for (const TrainedModel* trained : models_option(call))
-    objects.push_back({trained->model, settings});
-  push_handle(call.L, multi_tracker_class(), std::make_shared<vision::MultiTracker>(objects));
-  return 1;
-}
-
-int update_all(Call& call) {
-  const double start = cpu_seconds();
-  const std::vector<vision::Track>& tracks =
-      call.self<vision::MultiTracker>().update(call.handle<Image>(0).pixels);
-  const double took = cpu_seconds() - start;
-  ResultTable(call)
+  table
       .list("tracks", tracks.size(),
-            [&tracks](ResultTable& table, std::size_t i) { set_track(table, tracks[i]); })
+            [&tracks](ResultTable& track, std::size_t i) { set_track(track, tracks[i]); })
       .number("cpu_time", took, "s");
+  if (call.flag_option("owners")) {
+    push_image(call.L, tracker.owners().clone());  // the next frame is mapped into the same pixels
+    table.top("owners");
+  }
   return 1;
 }
 
-int owners(Call& call) {
-  const cv::Mat& map = call.self<vision::MultiTracker>().owners();
-  if (map.empty()) throw std::runtime_error("no image was looked at yet");
-  push_image(call.L, map.clone());
-  return 1;
+/// Which object is meant, from 0. Only where there is one may it be left out: an ellipse for the
+/// wrong object would make the tracker take one for the other.
+std::size_t object_option(const Call& call, std::size_t objects) {
+  const auto number = call.number_option("object");
+  if (!number && objects > 1)
+    throw std::invalid_argument("object: is missing; the tracker follows " +
+                                std::to_string(objects));
+  if (number && *number > static_cast<double>(objects))
+    throw std::invalid_argument("object: wants 1 to " + std::to_string(objects) + ", got " +
+                                std::to_string(static_cast<int>(*number)));
+  return number ? static_cast<std::size_t>(*number) - 1 : 0;
 }
 
-vision::Ellipse ellipse_argument(const Call& call, std::size_t argument) {
-  vision::Ellipse at = ellipse_at(call.L, call.index(argument), "ellipse");
-  at.angle = std::remainder(at.angle, std::numbers::pi);
-  return at;
-}
-
-int set_ellipse_of(Call& call) {
-  call.self<vision::MultiTracker>().place(static_cast<std::size_t>(call.number(0)) - 1,
-                                          ellipse_argument(call, 1));
+/// As an operator points at it: the object is tracked from there in the next frame. An ellipse
+/// outside of the image is refused by the tracker.
+int place_object(Call& call) {
+  auto& [tracker, objects] = call.self<Tracker>();
+  vision::Ellipse at = ellipse_at(call.L, call.index(0), "ellipse");
+  at.angle =
+      std::remainder(at.angle, std::numbers::pi);  // an ellipse is the same after half a turn
+  tracker.place(object_option(call, objects), at);
   return 0;
 }
 
-int reset_all(Call& call) {
-  call.self<vision::MultiTracker>().reset();
-  return 0;
-}
-
-int set_ellipse(Call& call) {
-  call.self<vision::ColorTracker>().place(ellipse_argument(call, 0));
-  return 0;
-}
-
+/// Back to searching in the whole image, as after a cut in the film.
 int reset(Call& call) {
-  call.self<vision::ColorTracker>().reset();
+  call.self<Tracker>().tracker.reset();
   return 0;
 }
 
 }  // namespace
 
+/// Thresholds come in pairs: F below the lower is ground, above the higher object, and between them
+/// undecided (8.2).
 vision::ObjectViewSettings view_settings(const Call& call) {
   vision::ObjectViewSettings settings;
+  // An absent flag is not false here: both are on unless the script says otherwise.
   const auto flag = [&call](const char* name, bool fallback) {
     call.push_option(name);
     const bool value = lua_isnil(call.L, -1) ? fallback : lua_toboolean(call.L, -1);
@@ -144,86 +145,59 @@ std::vector<Argument> view_options() {
 
 std::vector<Binding> vision_tracker_rows() {
   std::vector<Argument> options = view_options();
-  options.insert(options.begin(), handle_row("model", "color_model", "what it looks like"));
+  options.insert(options.begin(),
+                 {handle_row("model", "color_model", "what the object looks like", true),
+                  {.name = "models",
+                   .type = Type::list,
+                   .optional = true,
+                   .help = "instead, of several: a color_model an object; equal ones may be the "
+                           "same"}});
   options.push_back(
       number_option_row("jump_px", 1, 1000, "from where it is expected, in one frame (14)"));
   options.push_back(number_option_row(
       "coast_frames", 0, 1000, "unseen, before the whole image is searched (3)", Type::integer));
-  std::vector<Argument> several = options;
-  several[0] = {.name = "models",
-                .type = Type::list,
-                .help = "a color_model an object; equal ones may be the same"};
-  return {{"vision.multi_tracker",
-           {options_of(several)},
-           "multi_tracker",
-           "follows several objects, of different colors or alike, touching or not (8.3.1)",
-           make_multi_tracker,
-           "vision.multi_tracker { models = { color_model } }"},
-          {"vision.tracker",
+  return {{"vision.tracker",
            {options_of(options)},
            "tracker",
-           "follows one object through images of the size trained",
+           "follows objects through images of the size trained: one, or several of different "
+           "colors or alike, touching or not (8.3.1)",
            make_tracker,
            "vision.tracker { model = color_model }"}};
 }
 
 const Class& tracker_class() {
-  std::vector<ResultField> fields = track_fields();
-  fields.push_back({"cpu_time", "s", "that the frame took"});
+  const Argument object{.name = "object",
+                        .type = Type::integer,
+                        .optional = true,
+                        .min = 1,
+                        .max = vision::MultiTracker::kMostObjects,
+                        .help = "which of several, in the order of models"};
   static const Class kind{
       "tracker",
-      "follows one object; make one with vision.tracker",
+      "follows objects by color and shape; make one with vision.tracker",
       {{"update",
         {handle_row("frame", "image", "the next one, in color"),
-         handle_row("owned", "image", "gray: not 0 where another object is", true)},
-        {"table", fields},
-        "the track in the next frame; the ellipse when tracking",
+         options_of({flag_option_row("owners", "whose each pixel is, too (false)")})},
+        {"table",
+         {{"tracks", "", "one an object, in the order of models; the ellipse when tracking",
+           track_fields()},
+          {"cpu_time", "s", "that the frame took"},
+          {.name = "owners",
+           .help = "image, gray: 0, or the number of the object that has the pixel",
+           .optional = true}}},
+        "the tracks in the next frame",
         update,
         "tracker:update(image)"},
        {"set_ellipse",
         {{.name = "ellipse",
           .type = Type::table,
-          .help = "{x_px, y_px, major_px, minor_px, angle}"}},
-        "",
-        "starts the tracking at an ellipse",
-        set_ellipse,
-        "tracker:set_ellipse { x_px = 50, y_px = 40, major_px = 60, minor_px = 30, angle = 0 }"},
-       {"reset", {}, "", "forgets where it was", reset, "tracker:reset()"}}};
-  return kind;
-}
-
-const Class& multi_tracker_class() {
-  static const Class kind{
-      "multi_tracker",
-      "follows several objects; make one with vision.multi_tracker",
-      {{"update",
-        {handle_row("frame", "image", "the next one, in color")},
-        {"table",
-         {{"tracks", "", "one an object, as tracker:update has it", track_fields()},
-          {"cpu_time", "s", "that the frame took"}}},
-        "the tracks in the next frame",
-        update_all,
-        "multi_tracker:update(image)"},
-       {"owners",
-        {},
-        "image",
-        "gray: 0, or the number of the object that has the pixel",
-        owners,
-        "multi_tracker:owners()"},
-       {"set_ellipse",
-        {{.name = "object",
-          .type = Type::integer,
-          .min = 1,
-          .max = vision::MultiTracker::kMostObjects},
-         {.name = "ellipse",
-          .type = Type::table,
-          .help = "{x_px, y_px, major_px, minor_px, angle}"}},
+          .help = "{x_px, y_px, major_px, minor_px, angle}, as a track has them"},
+         options_of({object})},
         "",
         "starts the tracking of an object at an ellipse",
-        set_ellipse_of,
-        "multi_tracker:set_ellipse(1, { x_px = 50, y_px = 40, major_px = 60, minor_px = 30, angle "
-        "= 0 })"},
-       {"reset", {}, "", "forgets where they were", reset_all, "multi_tracker:reset()"}}};
+        place_object,
+        "tracker:set_ellipse { x_px = 50, y_px = 40, major_px = 60, minor_px = 30, angle = 0 }"},
+       {"reset", {}, "", "forgets where the objects were", reset, "tracker:reset()"}}};
   return kind;
 }
 

@@ -12,7 +12,6 @@ const Class& image_class();
 const Class& video_class();
 const Class& color_model_class();
 const Class& tracker_class();
-const Class& multi_tracker_class();
 const Class& background_tracker_class();
 const Class& autofocus_class();
 /// The module `vision`.

@@ -19,12 +19,16 @@ std::string address_of(const InstrumentReader& instrument, const std::string& sc
   return instrument.address.substr(head.size());
 }
 
+// The same key and bounds as the model's pixel in rig_settings.cpp, which reads it first: camera
+// and model agree on the scale.
 double read_pixel(ConfigReader& reader, double fallback) {
   return reader.number("effective_pixel", fallback, {0.5e-6, 200e-6, "m"});
 }
 
 }  // namespace
 
+// A packet is a UDP datagram: 576 bytes pass everywhere, 9000 are a jumbo frame. A socket's buffer
+// must hold what arrives while the thread is not running.
 Opener<Camera> read_genicam(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   genicam::Settings settings;
@@ -64,6 +68,9 @@ Opener<Camera> read_iidc(const InstrumentReader& instrument) {
   });
 }
 
+// `timing`: "camera" drops what is not grabbed in time, as a real camera does; "every_frame" waits
+// for the program, for evaluations that must see each image. Not reopened: a folder that ends has
+// ended.
 Opener<Camera> read_image_sequence(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   image_sequence::Settings settings;

@@ -17,6 +17,9 @@ struct EmulatedSupplies {
   std::vector<std::unique_ptr<kepco_bop::Emulator>> supplies;
 };
 
+// One supply a channel; each tells its own current, and the laboratory wants them all. `currents`
+// lives as long as the supplies that write into it, for both are in one object. Without a
+// laboratory the currents go nowhere.
 std::shared_ptr<EmulatedSupplies> emulate(const RigContext& where,
                                           const kepco_bop::Settings& settings, int channels) {
   auto all = std::make_shared<EmulatedSupplies>();
@@ -36,6 +39,9 @@ std::shared_ptr<EmulatedSupplies> emulate(const RigContext& where,
 
 }  // namespace
 
+// All channels are emulated or none: a rig half of real and half of simulated coils would drive a
+// field that no model has. {.xon_xoff = true} is the supplies' own flow control on RS-232. The far
+// end is shared by all links and dies after the driver that talks to it.
 Opener<CoilAmplifier> read_kepco_bop(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   kepco_bop::Settings settings;

@@ -10,6 +10,8 @@
 
 namespace vitreo {
 
+// An LED on an analog output of a USB-3103 of its own. The current limit of the outputs is the
+// lamp's full current: level 1 is the most that the device gives at all.
 Opener<Lamp> read_led_lamp(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   usb3103::Settings outputs;

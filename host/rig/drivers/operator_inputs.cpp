@@ -13,6 +13,7 @@ namespace vitreo {
 namespace {
 
 /// What is done to an emulated SpaceMouse: nothing, or a push, once or again and again.
+/// For trials of what a hand does, at times that are the same in every run of a seed.
 struct Push {
   Eigen::Vector3d deflection{0, 0, 0};  // of full
   double from = 0;                      // s
@@ -25,12 +26,15 @@ class Pushed final : public OperatorInput {
  public:
   Pushed(const spacemouse::Settings& settings, Clock& clock, const Push& push)
       : mouse_(spacemouse::open(memory_hid_link(emulator_, clock, Time(0)), settings, clock)) {
+    // The task's name decides its turn among tasks that are due at the same time.
     if (push.lasting > 0) hand_ = clock.spawn("hand", [this, &clock, push] { act(clock, push); });
   }
   std::string identity() const override { return mouse_->identity(); }
   OperatorState state() override { return mouse_->state(); }
 
  private:
+  // Reports come as long as the handle is deflected, and one of zeros at the end: without them the
+  // driver's watchdog would take the push for over.
   void act(Clock& clock, const Push& push) {
     constexpr Time kReport = std::chrono::milliseconds(16);  // as often as the device reports
     const auto counts = [&push](int axis) {
@@ -68,6 +72,7 @@ Push read_push(ConfigReader& reader) {
 
 }  // namespace
 
+// An emulated one is not reopened: it has no cable to be pulled.
 Opener<OperatorInput> read_spacemouse(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   spacemouse::Settings settings;

@@ -22,6 +22,7 @@ pololu_tic::Settings read_settings(const InstrumentReader& instrument) {
   lens.step_length = reader.number("step_length", lens.step_length, {-1 * kMilli, 1 * kMilli, "m"});
   lens.usteps_per_step = reader.integer("usteps_per_step", lens.usteps_per_step, 1, 32);
   lens.travel_max = reader.number("travel", lens.travel_max, {0, 50 * kMilli, "m"});  // either way
+  // Positions count from the nominal one in the middle.
   lens.travel_min = -lens.travel_max;
   lens.speed = reader.number("speed", lens.speed, {1e-6, 1, "m/s"});
   lens.acceleration = reader.number("acceleration", lens.acceleration, {1 * kMilli, 10, "m/s^2"});
@@ -35,6 +36,7 @@ pololu_tic::Settings read_settings(const InstrumentReader& instrument) {
   try {
     lens.check();
   } catch (const std::invalid_argument& problem) {
+    // "speed: is too high" names the setting: the error then leads to its line in the rig file.
     const std::string what = problem.what();
     const std::size_t colon = what.find(": ");
     reader.fail(what.substr(0, colon), what.substr(colon == std::string::npos ? 0 : colon + 2));
@@ -53,6 +55,8 @@ Opener<LensMover> read_pololu_tic(const InstrumentReader& instrument) {
         [settings, address = read_usb_address(instrument, "usb")](const RigContext& where) {
           return pololu_tic::open(open_usb_link(address, where.clock), settings, where.clock);
         });
+  // The laboratory must know how far a step moves the lens: the motor's steps alone are on the
+  // wire.
   instrument.laboratory.lens = settings;
   return reopened<LensMover>(instrument.role, [settings, latency](const RigContext& where) {
     auto link =

@@ -24,6 +24,7 @@ Opener<FieldProbe> read_scpi_probe(const InstrumentReader& instrument) {
   const Eigen::Vector3d origin = reader.vector3("place", {0, 0, 0}, {-0.2, 0.2, "m"});
   const bool carried = reader.flag("on_stage", false);
   return [=](const RigContext& where) {
+    // In the numbers of the instrument, whose unit is `unit` tesla; the driver multiplies again.
     const auto field = [settings, origin, carried, places = where.places,
                         laboratory = where.laboratory](Time now) {
       Eigen::Vector3d at = origin;

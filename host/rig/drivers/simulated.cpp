@@ -15,10 +15,12 @@ namespace {
 
 constexpr int kUsteps = zaber::EmulatedAxis{}.resolution;  // of a full step
 
+// An address would be read and then ignored: better an error.
 void only_emulated(const InstrumentReader& instrument) {
   if (!instrument.emulated()) instrument.reader.fail("address", "must be \"emulated\"");
 }
 
+// The laboratory owns the probe; an opener must give something that may be destroyed.
 class BorrowedProbe : public FieldProbe {
  public:
   explicit BorrowedProbe(FieldProbe& probe) : probe_(probe) {}
@@ -40,6 +42,7 @@ constexpr Usual kSensor{15e-3, 20e-3, 5e-3, 1e-6};
 constexpr Usual kProbe{20e-3, 20e-3, 10e-3, 5e-6};
 constexpr Usual kTurn{1e3, 3, 1, 1e-4};
 
+// `resolution` is a microstep; Zaber's settings count full steps of kUsteps microsteps.
 zaber::AxisSettings read_axis(ConfigReader& reader, const Usual& usual, double travel) {
   zaber::AxisSettings axis;
   axis.travel_min = -travel;
@@ -82,6 +85,7 @@ Opener<Stage> read_simulated_stage(const InstrumentReader& instrument) {
   settings.name = instrument.role;
   settings.axes.clear();
   const zaber::AxisSettings each = read_axis(reader, usual, travel);
+  // A sensor moves along the light alone; a probe is scanned through the workspace.
   for (const char* const name : {"x", "y", "z"}) {
     if (load != "probe" && std::string(name) != "z") continue;
     settings.axes.push_back(each);

@@ -13,6 +13,8 @@
 
 namespace vitreo {
 
+// Positions count from the origin that a user has set on the controller, hence both signs. The
+// emulator is made for a real port too, where it stays idle: open_on() takes one in any case.
 Opener<Stage> read_sutter_mp285(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   const Bounds travel{-50e-3, 50e-3, "m"}, speed{1e-6, 3e-3, "m/s"};

@@ -28,6 +28,9 @@ sutter_mpc200::EmulatorSettings middle_of(const sutter_mpc200::Settings& setting
 
 }  // namespace
 
+// 0.338 mm/s is the slowest of the controller's speeds: below it no motion could be made. On a
+// polled wire (`offer`) the emulator cannot measure the pause that the device wants before a
+// straight motion, and so does not ask for it.
 Opener<Stage> read_sutter_mpc200(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   const Bounds travel{0, 25e-3, "m"}, speed{0.338e-3, 5e-3, "m/s"};

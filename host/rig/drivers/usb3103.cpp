@@ -7,6 +7,9 @@
 
 namespace vitreo {
 
+// `amperes_per_volt` is the amplifier's behind the output; the laboratory is given the same, since
+// the wire carries volts. An emulated unit is reopened too, so that faults of its link end as with
+// a real one.
 Opener<CoilAmplifier> read_usb3103(const InstrumentReader& instrument) {
   ConfigReader& reader = instrument.reader;
   usb3103::Settings settings;

@@ -26,6 +26,8 @@ struct Limits {
 constexpr Limits kLinear{{-2, 2, "m"}, {1e-6, 1, "m/s"}, {1e-9, 1e-3, "m"}};
 constexpr Limits kRotary{{-1e4, 1e4, "rad"}, {1e-4, 100, "rad/s"}, {1e-8, 0.1, "rad"}};
 
+// A travel that is not given stays infinite: the instrument's own limits, read when it is opened,
+// hold.
 zaber::AxisSettings read_axis(ConfigReader& reader, zaber::AxisSettings axis,
                               const Limits& limits) {
   axis.device = reader.integer("device", axis.device, 1, 99);
@@ -39,7 +41,7 @@ zaber::AxisSettings read_axis(ConfigReader& reader, zaber::AxisSettings axis,
   return axis;
 }
 
-/// A chain that has the devices and axes of `settings`, each half a turn or 50 mm long.
+/// A chain that has the devices and axes of `settings`, each `travel` long (m or rad).
 std::unique_ptr<zaber::Emulator> emulator_of(const zaber::Settings& settings, double travel) {
   std::vector<zaber::EmulatedDevice> chain;
   for (const zaber::AxisSettings& axis : settings.axes) {
@@ -74,6 +76,7 @@ double axis_position(const zaber::Settings& settings, std::size_t index,
 
 }  // namespace
 
+// Axes are devices 1, 2, ... of the chain in the order x, y, z unless the file numbers them.
 Opener<Stage> read_zaber(const InstrumentReader& instrument) {
   zaber::Settings settings;
   settings.name = instrument.role;

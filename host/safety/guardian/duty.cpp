@@ -11,8 +11,10 @@
 namespace vitreo::guardian {
 namespace {
 
+// Of the Kepco BOP, where the rig file states none.
 constexpr int kUsualBaudRate = 9600;
 
+// A setting of the output, rounded towards zero; the host's drivers have checked its range.
 int integer(const Output& output, const char* name, int fallback) {
   const auto found = output.settings.find(name);
   return found == output.settings.end() ? fallback : static_cast<int>(found->second);
@@ -30,6 +32,8 @@ std::vector<std::string> addresses_of(const Output& output) {
 }
 
 /// None on another bus than the serial one, and where there is no such terminal.
+/// The time of the last change tells apart terminals that were given the same numbers one after the
+/// other, as pseudo-terminals are.
 std::optional<Terminal> terminal_at(const std::string& place) {
   const Address address = parse_address(place);
   struct stat found {};
@@ -37,6 +41,7 @@ std::optional<Terminal> terminal_at(const std::string& place) {
   return Terminal{found.st_dev, found.st_ino, found.st_ctim};
 }
 
+// XON/XOFF is what a BOP has enabled from the factory.
 std::unique_ptr<ByteLink> open(const std::string& place, const Output& output, Clock& clock) {
   return open_byte_link(
       place, {.baud_rate = integer(output, "baud_rate", kUsualBaudRate), .xon_xoff = true}, clock);
@@ -44,6 +49,7 @@ std::unique_ptr<ByteLink> open(const std::string& place, const Output& output, C
 
 }  // namespace
 
+// The place of each unit is noted now, while the host still vouches for it; nothing is opened.
 Duty::Duty(const Output& output) : output_(output) {
   if (output.driver == "usb3103") {
     parse_usb_address("hid", output.address);
@@ -57,6 +63,8 @@ Duty::Duty(const Output& output) : output_(output) {
   }
 }
 
+// Without an enable line in the settings no line of the USB-3103 is touched: it may drive something
+// else.
 void Duty::bring_to_zero(Clock& clock) {
   if (output_.driver == "kepco_bop") return bring_bops_to_zero(clock);
   std::optional<int> line;
@@ -70,6 +78,8 @@ void Duty::bring_bops_to_zero(Clock& clock) {
   std::vector<std::unique_ptr<ByteLink>> links;
   std::exception_ptr failure;
   for (Place& place : places_) {
+    // Every unit is recognized anew at each attempt: a cable may have been pulled and plugged in
+    // elsewhere since.
     try {
       recognize(place, clock);
       links.push_back(open(place.address, output_, clock));
@@ -77,6 +87,8 @@ void Duty::bring_bops_to_zero(Clock& clock) {
       failure = std::current_exception();
     }
   }
+  // Those that answered are zeroed first; only then the failure of the others is reported, and the
+  // caller tries all again, which does no harm to a unit at zero.
   kepco_bop::rescue(links);
   if (failure) std::rethrow_exception(failure);
 }
@@ -90,6 +102,7 @@ void Duty::recognize(Place& place, Clock& clock) {
     return DeviceError(DeviceErrorKind::not_found, place.address,
                        "by now this name leads to something else");
   };
+  // Asked once and no more: an attempt comes every 2 ms, and the stranger must be left alone.
   if (now == place.foreign) throw stranger();
   if (kepco_bop::answers(*open(place.address, output_, clock))) {
     place.own = now;

@@ -30,6 +30,8 @@ constexpr auto kKeenly = 10s;     // for so long it tries again each 2 ms,
 constexpr auto kForLong = 10min;  // and for so long each second
 constexpr int kUrgent = 5;        // SCHED_RR priority, where it is permitted; above the host's 4
 
+// One packet; empty where there is none yet. `closed`: the host's end is gone, for a SEQPACKET
+// socket gives 0 bytes then.
 std::string receive(int flags, bool& closed) {
   std::string bytes(kLongest, '\0');
   const ssize_t size = recv(kSocket, bytes.data(), bytes.size(), flags);
@@ -42,6 +44,8 @@ enum class Verdict { leave, leave_unsure, host_died, host_hangs };
 
 /// Waits for a message, for the end of the host (its pidfd becomes readable, its socket closes) or,
 /// while armed, for silence. A pidfd and not a pid, which another process may have by then.
+/// Messages are read before the pidfd is judged: a host that said that it leaves, and then died, is
+/// one that left.
 Verdict watch(int host) {
   bool armed = false;
   Steady::time_point heard = Steady::now();
@@ -68,6 +72,8 @@ Verdict watch(int host) {
 
 /// Kills the host, so that no command of its reaches the outputs after their zero: a device has one
 /// owner.
+/// By the pidfd, so that no process that has the number by now is killed. Waits for its end: until
+/// then it holds the device.
 void end_host(int host) {
   syscall(SYS_pidfd_send_signal, host, SIGKILL, nullptr, 0);
   pollfd end{host, POLLIN, 0};
@@ -75,6 +81,8 @@ void end_host(int host) {
 }
 
 /// Tries every output until each was brought to zero once. 0 when all were, else 1.
+/// Each output is tried on its own in turn, so one that does not open holds up the others for one
+/// attempt only.
 int bring_all_to_zero(std::vector<Duty>& duties) {
   const auto clock = wall_clock();
   const auto began = Steady::now();
@@ -105,6 +113,8 @@ int bring_all_to_zero(std::vector<Duty>& duties) {
 }
 
 /// The whole life of the process; its exit code.
+/// The parent's number is compared after the pidfd was opened: where the host had died before that,
+/// the process has another parent by now and the pidfd may be a stranger's.
 int guard(pid_t host_pid) {
   const int host = static_cast<int>(syscall(SYS_pidfd_open, host_pid, 0));
   bool closed = false;
@@ -113,6 +123,7 @@ int guard(pid_t host_pid) {
     return 1;  // it died before anything was energized
   std::vector<Duty> duties;
   try {
+    // The first character is the message's 'O'.
     for (const Output& output : decode(asked.substr(1))) duties.emplace_back(output);
   } catch (const std::exception& problem) {
     const std::string said = problem.what();
@@ -140,6 +151,8 @@ int guard(pid_t host_pid) {
 }  // namespace
 }  // namespace vitreo::guardian
 
+// The host's terminal signals are for the host: were the guardian ended by the same Ctrl-C, nothing
+// would guard the clean-up. SIGPIPE too: its answers may find the socket closed.
 int main(int count, char** words) {
   if (count != 2) {
     std::fprintf(stderr, "vitreo_guardian is started by vitreo, with its process id\n");

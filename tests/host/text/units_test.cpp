@@ -108,6 +108,9 @@ TEST(Units, ADeclaredUnitIsKept) {
   EXPECT_EQ(format_quantity(0.125, "%"), "12.5 %");
   EXPECT_EQ(format_quantity(5e-3, "um"), "5000 \u00b5m");
   EXPECT_EQ(plain_quantity(0.125, "%"), "12.5 %");
+  EXPECT_EQ(si_unit("%"), "");
+  EXPECT_EQ(si_unit("um"), "m");
+  EXPECT_EQ(si_unit("apples"), "apples");
   EXPECT_EQ(parse_quantity("12.5 %")->value, 0.125);
 }
 

@@ -161,7 +161,8 @@ TEST_F(PreflightTest, AnOperatorsEyeIsRehearsedByPosesTooAndLetsGoAsItWill) {
       "for i, current in ipairs(rig.coils:currents()) do assert(current == before[i], 'released: "
       "constant currents') "
       "end\n"
-      "local u, x = run:samples('servo', 'u_px'), run:samples('servo', 'x')\n"
+      "local seen = run:samples('servo', { 'u_px', 'x' })\n"
+      "local u, x = seen.u_px, seen.x\n"
       "assert(u[#u] ~= u[#u] and x[#x] == x[#x], 'a place without a picture')");
   EXPECT_TRUE(report.passed()) << all(report.problems);
   EXPECT_TRUE(report.simulated);

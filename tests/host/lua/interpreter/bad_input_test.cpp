@@ -179,7 +179,7 @@ class EndlessTurn : public RotationStage {
     info_.axis = {"turn", -10, 10, 1, 0.1, 1e-6};
   }
   const RotationStageInfo& info() const override { return info_; }
-  double angle() override { throw DeviceError(DeviceErrorKind::lost, "rotation_stage", "gone"); }
+  double position() override { throw DeviceError(DeviceErrorKind::lost, "rotation_stage", "gone"); }
   void start(double, double) override {}
   bool moving() override { return true; }
   void wait(Time timeout) override {
@@ -217,12 +217,11 @@ TEST_F(BadInput, AStageThatNeverArrivesIsNamedWithItsTargetAndItsPlace) {
   expect_all(
       run("rig.stage:move_to({ 5e-3 }, { timeout = 3 })").error,
       {"stage", "it still moves", "wanted 5 mm", "last reading 2 mm", "after 3 s", "p.lua:2"});
-  expect_all(
-      run("rig.stage:start({ 5e-3 })\nrig.stage:wait()").error,
-      {"it still moves", "wanted its end", "last reading 2 mm", "after 1 min 00 s", "p.lua:3"});
+  expect_all(run("local motion = rig.stage:start({ 5e-3 })\nmotion:wait()").error,
+             {"it still moves", "wanted 5 mm", "last reading 2 mm", "after 1 min 00 s", "p.lua:3"});
   expect_all(run("rig.stage:home()").error,
              {"wanted its reference", "after 2 min 00 s", "p.lua:2"});
-  expect_all(run("rig.rotation_stage:turn_to(1)").error,
+  expect_all(run("rig.rotation_stage:move_to(1)").error,
              {"rotation_stage", "it still turns", "last reading none (rotation_stage: gone",
               "after 1 min 00 s", "p.lua:2"});
 }
@@ -254,8 +253,8 @@ TEST_F(BadInput, DeadTimeOfALoopIsWhatOnlyGotThingsReady) {
 
 TEST_F(BadInput, AlarmsOfAScriptAreLatchedShownRecordedAndAcknowledged) {
   EXPECT_EQ(
-      run("run:alarm('coil', 'high', 'too "
-          "hot')\nassert(run:alarms()[1].active)\nrun:clear_alarm('coil')\n"
+      run("local alarm = run:alarm { name = 'coil', priority = 'high', text = 'too hot' }\n"
+          "assert(run:alarms()[1].active)\nalarm:clear() alarm:clear()\n"
           "assert(#run:alarms() == 1)\nassert(run:acknowledge('coil') == 1 and #run:alarms() == 0)")
           .error,
       "");
@@ -263,8 +262,8 @@ TEST_F(BadInput, AlarmsOfAScriptAreLatchedShownRecordedAndAcknowledged) {
   ASSERT_EQ(recorder.events().size(), 3u);
   EXPECT_EQ(recorder.events()[0].text, "high: coil: too hot");
   EXPECT_EQ(recorder.events()[2].kind, "alarm acknowledged");
-  expect_all(run("run:alarm('coil', 'urgent', 'x')").error,
-             {"priority: wants low, medium or high, got urgent"});
+  expect_all(run("run:alarm { name = 'coil', priority = 'urgent', text = 'x' }").error,
+             {"priority: wants low, medium or high, got 'urgent'"});
   expect_all(run("run:acknowledge('nothing')").error, {"no alarm 'nothing' stands"});
 }
 

@@ -1,5 +1,6 @@
 // Errors and results of host calls from Lua, made wrongly and rightly.
 // SPDX-License-Identifier: Apache-2.0
+#include "host/runs/results_text.h"
 #include "tests/host/lua/interpreter/lua_bench.h"
 
 namespace vitreo {
@@ -65,11 +66,12 @@ TEST_F(Bindings, SamplesGoIntoAStreamAndComeBack) {
   ASSERT_EQ(run("for i = 1, 3 do run:record('drift', { speed = i, place = vector(i, 0, -i) }, { "
                 "speed = 'm/s', place = "
                 "'mm' }) run:wait(1) end\n"
-                "local v, t = run:samples('drift', 'place_z')\nassert(#v == 3 and v[2] == -2 and "
-                "t[3] == 2)\n"
-                "local w = run:samples('drift', 'speed', { from = 1, to = 1.5 })\nassert(#w == 1 "
-                "and w[1] == 2)\n"
-                "assert(run:has_stream('drift') and not run:has_stream('truth'))")
+                "local all = run:samples('drift')\nassert(#all.place_z == 3 and all.place_z[2] == "
+                "-2 and all.time[3] == 2 and all.speed[1] == 1)\n"
+                "local part = run:samples('drift', { 'speed' }, { from = 1, to = 1.5 })\n"
+                "assert(#part.speed == 1 and part.speed[1] == 2 and part.time[1] == 1 and "
+                "part.place_x == nil)\n"
+                "assert(#run:samples('drift', {}).time == 3 and run:samples('truth') == nil)")
                 .error,
             "");
   const Stream& stream = *recorder.stream("drift");
@@ -77,10 +79,13 @@ TEST_F(Bindings, SamplesGoIntoAStreamAndComeBack) {
   EXPECT_EQ(stream.info.channels[0].name, "place_x");
   EXPECT_EQ(stream.info.channels[0].unit, "m");
   EXPECT_EQ(stream.info.channels[3].unit, "m/s");
-  expect_all(run("run:samples('drft', 'x')").error,
-             {"run:samples: there is no stream drft; did you mean drift?"});
-  expect_all(run("run:samples('drift', 'sped')").error,
-             {"the stream drift has no channel sped; did you mean speed?"});
+  expect_all(run("run:samples('drift', { 'sped' })").error,
+             {"run:samples: channels: the stream drift has no sped; it has place_x, place_y, "
+              "place_z, speed"});
+  expect_all(run("run:samples('drift', { 1 })").error,
+             {"run:samples: channels: entry 1: wants a name, got a number"});
+  expect_all(run("run:record('e', { time = 1 })").error,
+             {"values: time: is kept for every sample"});
   expect_all(run("run:record('drift', { speed = 1 })").error, {"drift is recorded by the host"});
   expect_all(run("run:record('a', { x = 1 }) run:record('a', { y = 1 })").error,
              {"run:record: values: y was not in the first sample of a"});
@@ -110,6 +115,16 @@ TEST_F(Bindings, ErrorsOfOneStreamAgainstAnother) {
   expect_all(run("run:errors { off = 'a' }").error, {"off is not known; did you mean of"});
 }
 
+TEST_F(Bindings, AResultInPercentKeepsItsUnit) {
+  ASSERT_EQ(run("run:result('tracked', 0.125, '%') run:result('gain', 2)").error, "");
+  const std::vector<StatedResult>& results = recorder.results();
+  EXPECT_DOUBLE_EQ(results.at(0).value, 0.125) << "the ratio itself";
+  EXPECT_EQ(results.at(0).unit, "%");
+  EXPECT_EQ(results.at(1).unit, "");
+  EXPECT_EQ(results_text(results).substr(0, results_text(results).find('\n')),
+            "tracked                      12.5 %");
+}
+
 TEST_F(Bindings, ResultsGoIntoTheRecord) {
   ASSERT_EQ(
       run("run:result('error', 0.00012, 'um')\n"
@@ -118,7 +133,7 @@ TEST_F(Bindings, ResultsGoIntoTheRecord) {
           "  series = { { label = 'a', x = { 1, 2 }, y = { 3, 4 }, mark = 'dashed' }, { x = {}, y "
           "= {} } } }\n"
           "run:table { title = 'T', header = { 'a', 'b' }, rows = { { 'x', 1 }, { 'y', 2.5 } } }\n"
-          "run:note('seen') run:checkpoint('here')\nassert(run:show(0.00012, 'm') == '120 "
+          "run:note('seen') run:checkpoint('here')\nassert(format_quantity(0.00012, 'm') == '120 "
           "\u00b5m')")
           .error,
       "");

@@ -76,7 +76,7 @@ TEST_F(Waiting, BlockingCallsRunAsideOfTheScript) {
                 "rig.lens_mover:move_to(1e-3) assert(rig.lens_mover:position() == 1e-3)\n"
                 "rig.coils:set_currents({1, 2, 3, 4, 5, 6, 7, 8}) assert(rig.coils:currents()[8] "
                 "== 8 and "
-                "rig.coils:limit() == 12)")
+                "rig.coils:info().limit == 12)")
                 .error,
             "");
   EXPECT_EQ(coils.currents()[2], 3);

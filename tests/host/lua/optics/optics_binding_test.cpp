@@ -96,8 +96,14 @@ TEST_F(OpticsBinding, PersonalEyesAreMadeByReplacingParameters) {
       "assert(mine:axial_image().distance ~= eye:axial_image().distance)");
   expect_fine(
       "local relaxed = optics.system { name = 'navarro' } "
-      "near(relaxed:accommodate(4):axial_image().distance, 0.26, 0.005)");  // 0.26 m in
-                                                                            // docs/optics.md
+      "near(relaxed:with({ accommodation = 4 }):axial_image().distance, 0.26, 0.005)\n"  // as
+                                                                                         // docs/optics.md
+      "local mine = relaxed:with { accommodation = 4, ['lens.index'] = 1.43 }\n"
+      "assert(mine:info().parameters['lens.index'] == 1.43)\n"  // what is given stands
+      "assert(mine:info().parameters['lens.thickness'] > "
+      "relaxed:info().parameters['lens.thickness'])");
+  expect_refused("eye:with { accommodation = 11 }",
+                 {"optical_system:with: accommodation", "0 and 10"});
   expect_refused("eye:with { ['lens.indx'] = 1.4 }",
                  {"optical_system:with: ", "lens.indx", "lens.index"});
   expect_refused("eye:with { ['lens.index'] = 'glass' }",
@@ -170,15 +176,9 @@ TEST_F(OpticsBinding, RaysGoOutAndComeBack) {
   expect_fine(
       "local lost = eye:trace({ 0, 0, 0 }, { 0.9, 0, 1 }) assert(lost.status ~= 'ok' and "
       "lost.surface >= 2)");
-  expect_fine(
-      "local line = eye:isopixel_line({ 1*mm, 0 }, { microscope = { focus = 8*mm } }) "
-      "assert(line.direction.z > 0)");
-  expect_fine("assert(eye:isopixel_line({ 0.5, 0 }) == nil)");
   expect_refused("eye:trace({ 0, 0, 0 }, { 0, 0, 0 })",
                  {"optical_system:trace: direction: wants a direction"});
-  expect_refused("eye:isopixel_line({ 1 })",
-                 {"optical_system:isopixel_line: m: wants two numbers"});
-  expect_refused("eye:isopixel_line({ 0, 0 }, { microscope = { fokus = 1 } })",
+  expect_refused("eye:localizer { microscope = { fokus = 1 } }",
                  {"fokus is not known; did you mean focus?"});
 }
 
@@ -201,13 +201,14 @@ TEST_F(OpticsBinding, TheWideAngleMapGoesThereAndBackAndSaysNothingOutside) {
       "local map = eye:wide_angle_map {} local worst = 0\n"
       "for angle = 0, 30, 5 do for depth = 0.1, 7.9, 1.3 do\n"
       "  local point = eye:point_at_field(angle*deg, depth*mm)\n"
-      "  worst = math.max(worst, (map:point(map:traced_image(point)) - point):norm()) end end\n"
+      "  worst = math.max(worst, (map:locate(map:image(point, { traced = true })).position - "
+      "point):norm()) end end\n"
       "near(worst, 0, 5*um)");  // the goal of the thesis' volume
   expect_fine(
       "local map = eye:wide_angle_map {} near(map:image({ 0, 0, 3*mm }).z, 9.722*mm, 1*um)\n"  // facts
                                                                                                // 2
       "assert(map:image({ 0, 0, -1*mm }) == nil and map:image({ 0, 0, 18*mm }) == nil)\n"
-      "assert(map:point({ 0, 0, 100*mm }) == nil and map:info().max_angle >= 30*deg)");
+      "assert(map:locate({ 0, 0, 100*mm }) == nil and map:info().max_angle >= 30*deg)");
   expect_fine(
       "local map = eye:wide_angle_map { microscope = { focus = 9*mm }, max_angle = 30*deg }\n"
       "assert(map:image(eye:point_at_field(10*deg, 2*mm)))");
@@ -216,7 +217,7 @@ TEST_F(OpticsBinding, TheWideAngleMapGoesThereAndBackAndSaysNothingOutside) {
   expect_fine(
       "local map = eye:wide_angle_map { microscope = { focus = 9*mm, decenter = { 1*mm, 0 } }, "
       "max_angle = 25*deg }\n"
-      "assert(map:point(map:image(eye:point_at_field(10*deg, 2*mm))))");
+      "assert(map:locate(map:image(eye:point_at_field(10*deg, 2*mm))))");
   expect_refused("eye:wide_angle_map { microscope = { tilt = { 0.6, 0 } } }",
                  {"wide_angle_map: ", "tilt"});
   expect_refused("eye:wide_angle_map({}):image('x')",
@@ -242,7 +243,7 @@ TEST_F(OpticsBinding, DepthFromFocusIsCalibratedOnTheRetina) {
       "local patient = eye:with { ['lens.index'] = 1.42*1.03 }\n"  // docs/optics.md: 2.96 mm
                                                                    // before, 0.11 after
       "local seen, retina = patient:axial_image(4*mm).distance, patient:axial_image().distance\n"
-      "near(eye:axis_law():on_retina(retina):depth(seen), 4*mm, 0.12*mm)");
+      "near(eye:axis_law():calibrate({ retina = retina }).law:depth(seen), 4*mm, 0.12*mm)");
   expect_fine("assert(eye:axis_law():depth(1*mm) == nil)");
 }
 
@@ -259,16 +260,24 @@ TEST_F(OpticsBinding, ToleranceRanksTheIndexOfTheLensFirst) {
 }
 
 TEST_F(OpticsBinding, TheLayoutGoesIntoTheRecordAsADrawing) {
-  expect_fine("run:drawing('Layout', eye:layout { angles = { 0, 20*deg }, title = 'An eye' })");
+  expect_fine(
+      "run:picture { title = 'Layout', svg = eye:layout { angles = { 0, 20*deg }, title = 'An eye' "
+      "} }");
   ASSERT_EQ(recorder.drawings().size(), 1u);
   expect_all(recorder.drawings().at(0).svg, {"<svg xmlns=", "An eye", "aerial image", "</svg>"});
-  expect_refused("run:drawing('x', 'text')", {"run:drawing: svg: wants a whole SVG document"});
+  expect_refused("run:picture { title = 'x', svg = 'text' }",
+                 {"run:picture: svg: wants a whole SVG document"});
+  expect_refused("run:picture { title = 'x', svg = eye:layout(), note = 'n' }",
+                 {"run:picture: note: does not go with svg"});
+  expect_refused("run:picture { title = 'x' }", {"run:picture: image: is missing"});
   expect_refused("eye:layout { angles = { 2 } }", {"optical_system:layout: "});
 }
 
 TEST_F(OpticsBinding, HelpTellsOfTheModuleAndItsObjects) {
   expect_all(prompt("help()\n"), {"optical_system", "wide_angle_map", "optics.prescriptions()"});
   expect_all(prompt("help('optics')\n"), {"optics.fit_retina({points, conic, on_axis})"});
+  expect_all(prompt("help('localizer:locate')\n"),
+             {"body: a table, may be left out", "body.shape: a string", "ellipse.u: a number"});
   expect_all(prompt("help('optics.system')\n"), {"one's own by rows"});
   expect_all(prompt("help(optics.system { name = 'navarro' })\n"),
              {"optical_system:wide_angle_map(", "optical_system:spot("});

@@ -11,8 +11,9 @@ class OpticsLocalizer : public LuaBench {
   /// near(a, b, within).
   Ended with_eye(const std::string& body) {
     return run(
-        "local optics, units = require 'optics', require 'units' local mm, um, deg = units.mm, "
-        "units.um, units.deg local eye = optics.system { name = 'model_eye_5_3' } local view = "
+        "local optics, units = require 'optics', require 'units' local mm, um, nm, deg = units.mm, "
+        "units.um, units.nm, units.deg local eye = optics.system { name = 'model_eye_5_3' } local "
+        "view = "
         "eye:localizer { center = { 691.5, 517.5 } } local robot = { shape = 'spheroid', "
         "half_length = 1*mm, radius = 0.5*mm } local place = vector(2*mm, 1*mm, 5*mm) local "
         "function near(a, b, within) if not (math.abs(a - b) <= within) then error(('%.9g is not "
@@ -27,8 +28,8 @@ class OpticsLocalizer : public LuaBench {
 
 TEST_F(OpticsLocalizer, ABodyIsFoundWhereItWasShown) {
   expect_fine(
-      "local seen = view:ellipse(robot, { position = place, axis = { 1, 0.2, 0.3 } })\n"
-      "local pose = view:locate(robot, seen, { axis = { 1, 0.2, 0.3 } })\n"
+      "local seen = view:ellipse({ body = robot, position = place, axis = { 1, 0.2, 0.3 } })\n"
+      "local pose = view:locate({ body = robot, ellipse = seen, axis = { 1, 0.2, 0.3 } })\n"
       "assert(pose.status == 'found' and (pose.position - place):norm() < 0.1*um and "
       "#pose.candidates == 1)\n"
       "assert(pose.sigma[3] > 10*um and pose.sigma[3] < 100*um and pose.sigma[4] == 0)\n"
@@ -36,29 +37,34 @@ TEST_F(OpticsLocalizer, ABodyIsFoundWhereItWasShown) {
   expect_fine(
       "for _, body in ipairs { { shape = 'cylinder', half_length = 1*mm, radius = 0.3*mm }, { "
       "shape = 'ellipsoid', semi_axes = { 0.4*mm, 0.6*mm, 1*mm } } } do\n"
-      "  local seen = view:ellipse(body, { position = place, axis = { 0, 1, 0 } })\n"
-      "  local pose = view:locate(body, seen, { position = place, axis = { 0, 1, 0 } })\n"
+      "  local seen = view:ellipse({ body = body, position = place, axis = { 0, 1, 0 } })\n"
+      "  local pose = view:locate({ body = body, ellipse = seen, position = place, axis = { 0, 1, "
+      "0 } })\n"
       "  assert(pose.status == 'found' and (pose.position - place):norm() < 0.1*um, body.shape) "
       "end");
   expect_fine(
-      "assert(view:ellipse(robot, { position = { 0, 0, -1*mm }, axis = { 1, 0, 0 } }) == nil)");
+      "assert(view:ellipse({ body = robot, position = { 0, 0, -1*mm }, axis = { 1, 0, 0 } }) == "
+      "nil)");
   expect_fine("assert(view:info().max_residual < 1*um and view:info().pixel == 14.3*um)");
 }
 
 TEST_F(OpticsLocalizer, ATiltHasTwoAnswersAndTheTurnAboutTheAxisNone) {
   expect_fine(
-      "local seen = view:ellipse(robot, { position = place, axis = { 0.5, 0.7, 0.4 } })\n"
-      "local pose = view:locate(robot, seen, { rotate = true })\n"
+      "local seen = view:ellipse({ body = robot, position = place, axis = { 0.5, 0.7, 0.4 } })\n"
+      "local pose = view:locate({ body = robot, ellipse = seen, rotate = true })\n"
       "assert(pose.status == 'ambiguous' and pose.position == nil and #pose.candidates == 2)\n"
       "local one = pose.candidates[1] assert(#one.unobservable == 1 and one.sigma[6] == math.huge "
       "and #one.orientation == 9)\n"
-      "local again = view:locate(robot, seen, { orientation = one.orientation, orientation_sigma = "
+      "local again = view:locate({ body = robot, ellipse = seen, orientation = one.orientation, "
+      "orientation_sigma = "
       "3*deg })\n"
       "assert(again.status == 'found' and (again.position - one.position):norm() < 5*um)");
   expect_fine(
-      "local seen = view:ellipse(robot, { position = place, axis = { 1, 0, 0 } }) seen.semi_major "
+      "local seen = view:ellipse({ body = robot, position = place, axis = { 1, 0, 0 } }) "
+      "seen.semi_major "
       "= 3*seen.semi_major\n"
-      "assert(view:locate(robot, seen, { axis = { 1, 0, 0 } }).status == 'misfit')");
+      "assert(view:locate({ body = robot, ellipse = seen, axis = { 1, 0, 0 } }).status == "
+      "'misfit')");
 }
 
 TEST_F(OpticsLocalizer, PointsGiveSixDegreesOfFreedom) {
@@ -67,48 +73,67 @@ TEST_F(OpticsLocalizer, PointsGiveSixDegreesOfFreedom) {
       "0.2*mm }, { 0, 0.3*mm, 1*mm }, { -0.4*mm, -0.6*mm, -0.8*mm } } do local at = "
       "view:pixel(place + vector(b[1], b[2], b[3]))\n"
       "points[i] = { body = b, u = at.u, v = at.v } end\n"
-      "local pose = view:locate_points(points, { rotate = true })\n"
+      "local pose = view:locate({ points = points, rotate = true })\n"
       "assert(pose.status == 'found' and (pose.position - place):norm() < 0.1*um) "
       "near(pose.candidates[1].axis.z, 1, 1e-6)");
-  expect_refused("view:locate_points({ { u = 1, v = 2 } }, { rotate = true })",
+  expect_refused("view:locate({ points = { { u = 1, v = 2 } }, rotate = true })",
                  {"points: 1: wants {body"});
-  expect_refused("view:locate_points({}, { rotate = true })",
-                 {"localizer:locate_points: points: wants at least one"});
+  expect_refused("view:locate({ points = {}, rotate = true })",
+                 {"localizer:locate: points: wants at least one"});
 }
 
 TEST_F(OpticsLocalizer, OneLookAtTheKnownRetinaMendsTheImageScale) {
   expect_fine(
       "local wrong = eye:localizer { center = { 691.5, 517.5 }, pixel = 14.3*um * 1.02 }\n"
-      "local low = vector(0, 0, 1.5*mm) local seen = view:ellipse(robot, { position = low, axis = "
+      "local low = vector(0, 0, 1.5*mm) local seen = view:ellipse({ body = robot, position = low, "
+      "axis = "
       "{ 1, 0, 0 } })\n"
-      "local told = wrong:calibrate(robot, seen, { axis = { 1, 0, 0 }, known_z = low.z })\n"
+      "local told = wrong:calibrate({ body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z = "
+      "low.z })\n"
       "near(told.image_scale, 1/1.02, 1e-5) near(told.localizer:info().pixel, 14.3*um, 1e-10)\n"
-      "local offset = wrong:calibrate(robot, seen, { axis = { 1, 0, 0 }, known_z = low.z, "
+      "local offset = wrong:calibrate({ body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z "
+      "= low.z, "
       "correction = 'additive_offset' }).localizer\n"
-      "local pose = offset:locate(robot, seen, { axis = { 1, 0, 0 } }) near(pose.position.z, "
-      "low.z, 1*um)");
+      "local pose = offset:locate({ body = robot, ellipse = seen, axis = { 1, 0, 0 } }) "
+      "near(pose.position.z, "
+      "low.z, 1*um)\n"
+      "local again = offset:calibrate({ body = robot, ellipse = seen, axis = { 1, 0, 0 }, known_z "
+      "= "
+      "low.z, correction = 'additive_offset' })\n"
+      "near(again.offset:norm(), 0, 1*nm) near(again.localizer:locate({ body = robot, ellipse = "
+      "seen, axis = { 1, 0, 0 } }).position.z, low.z, 1*um)");
   expect_refused(
-      "view:calibrate(robot, { u = 1, v = 1, semi_major = 2, semi_minor = 1, angle = 0 }, { axis = "
+      "view:calibrate({ body = robot, ellipse = { u = 1, v = 1, semi_major = 2, semi_minor = 1, "
+      "angle = 0 }, axis = "
       "{ 1, 0, 0 }, known_z = 1*mm })",
       {"localizer:calibrate: observed"});
 }
 
 TEST_F(OpticsLocalizer, WrongCallsNameTheField) {
   const std::string seen = "{ u = 700, v = 500, semi_major = 50, semi_minor = 30, angle = 0 }";
-  expect_refused("view:locate({ shape = 'sphere' }, " + seen + ", { axis = { 0, 0, 1 } })",
-                 {"shape: wants spheroid"});
   expect_refused(
-      "view:locate({ shape = 'spheroid', radius = 1*mm }, " + seen + ", { axis = { 0, 0, 1 } })",
-      {"half_length: is missing"});
-  expect_refused("view:locate(robot, { u = 1 }, { axis = { 0, 0, 1 } })", {"v: is missing"});
-  expect_refused("view:locate(robot, " + seen + ", {})", {"orientation: is needed"});
-  expect_refused("view:locate(robot, " + seen + ", { axis = { 0, 0, 0 } })",
+      "view:locate({ body = { shape = 'sphere' }, ellipse = " + seen + ", axis = { 0, 0, 1 } })",
+      {"shape: wants spheroid"});
+  expect_refused("view:locate({ body = { shape = 'spheroid', radius = 1*mm }, ellipse = " + seen +
+                     ", axis = { 0, 0, 1 } })",
+                 {"half_length: is missing"});
+  expect_refused("view:locate({ body = robot, ellipse = { u = 1 }, axis = { 0, 0, 1 } })",
+                 {"localizer:locate: ellipse: v: is missing"});
+  expect_refused("view:locate { body = robot, ellipse = " + seen + " }",
+                 {"orientation: is needed"});
+  expect_refused("view:locate({ body = robot, ellipse = " + seen + ", axis = { 0, 0, 0 } })",
                  {"axis: wants a direction"});
-  expect_refused("view:locate(robot, " + seen + ", { axes = { 0, 0, 1 } })",
+  expect_refused("view:locate({ body = robot, ellipse = " + seen + ", axes = { 0, 0, 1 } })",
                  {"axes is not known; did you mean axis?"});
-  expect_refused("local s = " + seen +
-                     " s.covariance = { 1, 2 } view:locate(robot, s, { axis = { 0, 0, 1 } })",
-                 {"covariance: wants 25 numbers"});
+  expect_refused(
+      "local s = " + seen +
+          " s.covariance = { 1, 2 } view:locate({ body = robot, ellipse = s, axis = { 0, 0, 1 } })",
+      {"covariance: wants 25 numbers"});
+  expect_refused("view:locate { body = robot, axis = { 0, 0, 1 } }",
+                 {"localizer:locate: options: wants either ellipse or points"});
+  expect_refused("view:locate { ellipse = " + seen + ", axis = { 0, 0, 1 } }",
+                 {"localizer:locate: body: is missing"});
+  expect_refused("view:locate { body = robot, points = {} }", {"body: goes with ellipse"});
   expect_refused("eye:localizer { center = { 1 } }", {"center: wants two numbers"});
 }
 
@@ -117,7 +142,10 @@ TEST_F(OpticsLocalizer, CamerasAndRetinasAreCalibratedFromPoints) {
       "local points = {} for i = 1, 9 do local x, y = (i % 3)*mm, (i // 3)*mm points[i] = { m = { "
       "x, y }, pixel = { 100 - x / (14*um), 200 + y / (14*um) } } end\n"
       "local camera = optics.fit_camera { points = points } near(camera.pixel, 14*um, 1e-12) "
-      "near(camera.center[1], 100, 1e-6) near(camera.rotation, 0, 1e-9)");
+      "near(camera.center[1], 100, 1e-6) near(camera.rotation, 0, 1e-9)\n"
+      "assert(camera.pixel_sigma) local two = optics.fit_camera { points = { points[1], points[2] "
+      "} }\n"
+      "near(two.pixel, 14*um, 1e-12) assert(two.pixel_sigma == nil, 'nothing left to judge by')");
   expect_refused("optics.fit_camera { points = { { m = { 1 } } } }",
                  {"points: 1: m: wants two numbers"});
   expect_refused("optics.fit_camera { points = { { m = { 1, 2 }, px = { 1, 2 } } } }",
@@ -127,8 +155,9 @@ TEST_F(OpticsLocalizer, CamerasAndRetinasAreCalibratedFromPoints) {
       "r*math.cos(a), r*math.sin(a), r*r / (12*mm + math.sqrt(144*mm*mm - r*r)) } end\n"
       "local retina = optics.fit_retina { points = points } near(retina.radius, 12*mm, 1e-9) "
       "near(retina.conic, 0, 1e-6)\n"
-      "near(optics.fit_retina({ points = points, conic = 0, on_axis = true }).radius, 12*mm, "
-      "1e-9)");
+      "local held = optics.fit_retina { points = points, conic = 0, on_axis = true }\n"
+      "near(held.radius, 12*mm, 1e-9) assert(held.sigma.z and held.sigma.x == nil and "
+      "held.sigma.conic == nil, 'what is held has no sigma')");
   expect_refused("optics.fit_retina { points = { { 0, 0 } } }", {"points: 1: wants a position"});
 }
 
@@ -139,16 +168,22 @@ TEST_F(OpticsLocalizer, DepthOnTheAxisIsCalibratedOnTheRetinaOrByPoints) {
       "local soft = eye:with { ['lens.index'] = eye:info().parameters['lens.index'] * 1.01 }\n"
       "local sharp = soft:axis_law():distance(0) assert(math.abs((law:depth(sharp) or 1)) > "
       "0.1*mm)\n"
-      "near(law:on_retina(sharp):depth(sharp + 1e-9), 0, 1*um)\n"
+      "near(law:calibrate({ retina = sharp }).law:depth(sharp + 1e-9), 0, 1*um)\n"
       "local points = {} for i = 0, 4 do points[i + 1] = { depth = i*2*mm, distance = "
       "soft:axis_law():distance(i*2*mm) } end\n"
-      "local told = law:fit { points = points } local fitted = told.law "
+      "local told = law:calibrate { points = points } local fitted = told.law "
       "near(fitted:depth(points[3].distance), 4*mm, 1e-9) assert(told.rms_residual < 1e-9 and "
-      "fitted:info().focal_length ~= law:info().focal_length)");
-  expect_refused("eye:axis_law():on_retina(9*mm, { method = 'best' })",
+      "fitted:info().focal_length ~= law:info().focal_length)\n"
+      "assert(told.focal_length_sigma > 0 and told.focal_length_sigma < 1*um)\n"
+      "points[5], points[4] = nil, nil local three = law:calibrate { points = points }\n"
+      "assert(three.focal_length_sigma == nil, 'three points leave nothing to judge by')");
+  expect_refused("eye:axis_law():calibrate { retina = 9*mm, method = 'best' }",
                  {"method: wants sensor_shift"});
-  expect_refused("eye:axis_law():fit { points = { { depth = 1*mm } } }",
+  expect_refused("eye:axis_law():calibrate { points = { { depth = 1*mm } } }",
                  {"points: 1: wants {depth"});
+  expect_refused("eye:axis_law():calibrate {}", {"wants either retina or points"});
+  expect_refused("eye:axis_law():calibrate { points = {}, method = 'minimum_norm' }",
+                 {"method: is for the calibration on the retina"});
 }
 
 TEST_F(OpticsLocalizer, AnEyeIsEstimatedFromItsFoci) {

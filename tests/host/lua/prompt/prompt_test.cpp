@@ -58,17 +58,19 @@ TEST_F(Prompt, HelpComesFromTheBindings) {
 }
 
 TEST_F(Prompt, AQuestionMarkIsShortForHelp) {
-  expect_all(prompt("rig.coils:limit?\n"),
-             {"coils:limit() -> number in A", "for instance: rig.coils:limit()"});
+  expect_all(prompt("rig.lens_mover:position?\n"),
+             {"lens_mover:position() -> number in m", "for instance: rig.lens_mover:position()"});
   expect_all(prompt("rig.coils?\ncontrol?\nunits.um?\nx = 5\nx?\n"),
              {"coils: the coil amplifiers", "control: a module", "a number: 1e-06", "a number: 5"});
-  expect_all(prompt("string.format?\nwatch?\nrig.coils:limt?\n"),
-             {"a function of Lua", "watch(object, {every, count})", "did you mean coils:limit?"});
+  expect_all(
+      prompt("string.format?\nwatch?\nrig.coils:curents?\n"),
+      {"a function of Lua", "watch(object, {every, count})", "did you mean coils:currents?"});
 }
 
 TEST_F(Prompt, ResultsAreShownInTheUnitOfTheCallTheyComeFrom) {
-  EXPECT_EQ(prompt("rig.coils:limit()\nrig.coils:limit() * 2\nx = rig.coils:limit()\nx\n_\n"),
-            "12 A\n24.0\n12.0\n12.0\n");
+  EXPECT_EQ(prompt("rig.lens_mover:move_to(2 * mm)\nrig.lens_mover:position()\n"
+                   "rig.lens_mover:position() * 2\nx = rig.lens_mover:position()\nx\n_\n"),
+            "2 mm\n0.004\n0.002\n0.002\n");
   EXPECT_EQ(prompt("rig.coils:set_currents { 1, 0.25, 0, 0, 0, 0, 0, 0 }\nrig.coils:currents()\n"),
             "{1.00, 0.25, 0.00, 0.00, 0.00, 0.00, 0.00, 0.00} A\n");
   EXPECT_EQ(prompt("5 * um\n3 * mm_per_s\ns = 'mine'\ns\n"), "5e-06\n0.003\n\"mine\"\n");
@@ -89,7 +91,7 @@ TEST_F(Prompt, ErrorsShowTheUsersLinesTheInnermostFirst) {
 }
 
 TEST_F(Prompt, WatchShowsWhatAnObjectTells) {
-  EXPECT_EQ(prompt("watch(rig.lens_mover)\n"), "position 0 mm  homed true\n");
+  EXPECT_EQ(prompt("watch(rig.lens_mover)\n"), "position 0 mm\n");
   EXPECT_EQ(prompt("watch(function() return 1 + 1 end, { count = 2, every = 3 })\nrun:now()\n"),
             "2\n2\n3 s\n");
   expect_all(prompt("watch(5)\nwatch(rig.lens_mover, { evry = 1 })\n"),

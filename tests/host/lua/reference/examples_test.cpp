@@ -38,7 +38,7 @@ local eye = optics.system { name = "navarro_condensing" }
 local map, law = eye:wide_angle_map {}, eye:axis_law()
 local view = optics.system({ name = "model_eye_5_3" }):localizer { center = { 691.5, 517.5 } }
 local robot = { shape = "spheroid", half_length = 1 * mm, radius = 0.5 * mm }
-local seen = view:ellipse(robot, { position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } })
+local seen = view:ellipse { body = robot, position = { 0, 0, 2 * mm }, axis = { 1, 0, 0 } }
 local points, pixels, on_retina, foci = {}, {}, {}, {}
 for i, b in ipairs { { mm, 0, 0 }, { -mm, 0.5 * mm, 0 }, { 0, -mm, 0.2 * mm }, { 0, 0.3 * mm, mm }, { -0.4 * mm, -0.6 * mm, -0.8 * mm } } do
   local at = view:pixel(vector(b) + vector(0, 0, 3 * mm))
@@ -59,20 +59,18 @@ local field_model, readings = control.field_model { name = "octomag" }, {}
 for n = 1, 60 do
   local at, currents = vector(math.random() - 0.5, math.random() - 0.5, math.random() - 0.5) * 0.02, {}
   for k = 1, 8 do currents[k] = 8 * math.random() - 4 end
-  readings[n] = { position = at, currents = currents, field = field_model:field(at, currents).field }
+  readings[n] = { position = at, currents = currents, field = field_model:field({ position = at, currents = currents }).field }
 end
 )";
 
 constexpr const char* kVision = R"(
 local image, training = vision.image { file = "frame.png" }, vision.training { folder = "training" }
 local color_model = vision.color_model { images = training }
-local tracker, multi_tracker = vision.tracker { model = color_model }, vision.multi_tracker { models = { color_model } }
-multi_tracker:update(image)
-local background_tracker, search = vision.background_tracker {}, vision.autofocus { low = 0, high = mm, step = 50 * um }
+local tracker, background_tracker, search = vision.tracker { model = color_model }, vision.background_tracker {}, vision.autofocus { low = 0, high = mm, step = 50 * um }
 local video, views = vision.video { file = "recorded.avi" }, {}
 for i = 1, 3 do views[i] = image:crop { x = 30 * i, y = 10 * i, width = 200, height = 180 } end
-search:start()
-local track = tracker:update(image)
+search:next()
+local track = tracker:update(image).tracks[1]
 )";
 
 constexpr const char* kServo = R"(
@@ -87,7 +85,7 @@ servo:wait_until_tracked()
 constexpr const char* kRun = R"(
 local eye, image = rig:eye(), rig.top_camera:grab().image
 local track, reminder = { x_px = 50, y_px = 40, major_px = 30, minor_px = 20, angle = 0 }, run:remind("wet the eye")
-run:alarm("gel", "low", "it is warm")
+local alarm = run:alarm { name = "gel", priority = "low", text = "it is warm" }
 )";
 
 /// Runs one example, and compares what it returns with its row; what is wrong goes into `failures`.
@@ -112,11 +110,11 @@ local function compare_table(value, fields, where)
   if type(value) ~= "table" then return { where .. " is no table" } end
   local wrong = {}
   for name in pairs(value) do
-    if not fields[name] then wrong[#wrong + 1] = where .. "." .. tostring(name) .. " is not in the row" end
+    if not fields[name] and not fields["..."] then wrong[#wrong + 1] = where .. "." .. tostring(name) .. " is not in the row" end
   end
   for name, field in pairs(fields) do
     if value[name] == nil then
-      if not field.optional then wrong[#wrong + 1] = where .. "." .. name .. " is nil" end
+      if not field.optional and name ~= "..." then wrong[#wrong + 1] = where .. "." .. name .. " is nil" end
     elseif field.fields then
       for _, one in ipairs(compare(value[name], field.fields, where .. "." .. name)) do wrong[#wrong + 1] = one end
     end
@@ -153,14 +151,13 @@ using Names = std::set<std::string>;
 /// Classes and modules whose examples run in one script.
 const Names kOfOptics{"optics", "optical_system", "wide_angle_map", "localizer", "axis_law"};
 const Names kOfControl{"control", "trajectory", "field_model"};
-const Names kOfVision{
-    "vision",   "image", "video", "color_model", "tracker", "multi_tracker", "background_tracker",
-    "autofocus"};
+const Names kOfVision{"vision",   "image", "video", "color_model", "tracker", "background_tracker",
+                      "autofocus"};
 const Names kOfServo{"servo", "background"};
-const Names kOfRig{"rig",       "camera",         "coils",       "lens_mover",     "sample",
-                   "stage",     "rotation_stage", "field_probe", "operator_input", "lamp",
-                   "simulation"};
-const Names kOfRun{"run", "files", "reminder"};
+const Names kOfRig{"rig",         "camera",         "coils",          "lens_mover",
+                   "sample",      "stage",          "rotation_stage", "motion",
+                   "field_probe", "operator_input", "lamp",           "simulation"};
+const Names kOfRun{"run", "files", "reminder", "alarm", "format_quantity"};
 
 /// "servo" of servo:go_to, "control" of control.line.
 std::string group_of(const Entry& entry) {
@@ -259,7 +256,8 @@ TEST_F(Examples, OfTheRigsInstrumentsRun) {
       "files.write('machine.yaml', control.field_model({ name = 'octomag' }):to_yaml { low = { "
       "-cm, "
       "-cm, -cm }, high = { cm, cm, cm } })\nlocal eye = rig:eye():sample { number = 1 }\n"
-      "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n";
+      "rig.sample:remove_robot() local background = rig:learn_background { frames = 4 }\n"
+      "local motion = rig.stage:start { 0.05 * mm } motion:wait()\n";
   expect_run(machine, kOfRig);
 }
 

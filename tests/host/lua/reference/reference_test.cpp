@@ -7,7 +7,10 @@
 #include "host/lua/interpreter/errors.h"
 #include "host/lua/interpreter/state.h"
 #include "host/lua/prompt/completion.h"
+#include "host/lua/reference/api_reference.h"
 #include "host/lua/reference/editor_files.h"
+#include "host/lua/reference/everyday_calls.h"
+#include "host/lua/reference/script_library.h"
 #include "host/text/units.h"
 
 #include <gtest/gtest.h>
@@ -70,7 +73,7 @@ TEST(Reference, EveryCallHasTextUnitsThatExistAndAnExampleThatIsLua) {
 
 TEST(Reference, TheUnitOfAResultIsReadFromTheRow) {
   EXPECT_EQ(unit_of_result(*find_entry(library(), "stage:position")->row), "m");
-  EXPECT_EQ(unit_of_result(*find_entry(library(), "coils:limit")->row), "A");
+  EXPECT_EQ(unit_of_result(*find_entry(library(), "coils:currents")->row), "A");
   EXPECT_EQ(unit_of_result(*find_entry(library(), "trajectory:at")->row), "")
       << "a position and a velocity have not one unit";
   EXPECT_EQ(unit_of_result(*find_entry(library(), "stage:info")->row), "");
@@ -257,10 +260,111 @@ TEST(Scripts, CallOnlyMethodsThatThereAre) {
   }
 }
 
+constexpr const char* kScripts = VITREO_SOURCE_DIR "/scripts";
+
+/// Whether a protocol has the call: its name alone, since a handle has many names.
+bool in_protocols(const std::string& call) {
+  const std::size_t colon = call.find(':');
+  const std::regex used((colon == std::string::npos ? "\\b" + call : call.substr(colon)) + "\\b");
+  for (const auto& file : shipped_scripts())
+    if (file.string().find("/protocols/") != std::string::npos &&
+        std::regex_search(read_text(file), used))
+      return true;
+  return false;
+}
+
+TEST(Card, NamesCallsThatThereAreAndThatProtocolsUse) {
+  EXPECT_EQ(std::size(kEverydayCalls), 25U);
+  std::set<std::string> known, named;
+  for (const Entry& entry : all_entries(library()))
+    known.insert(full_name(entry.owner, *entry.row));
+  for (const char* const call : kEverydayCalls) {
+    EXPECT_TRUE(known.contains(call)) << call;
+    EXPECT_TRUE(in_protocols(call)) << call;
+    EXPECT_TRUE(named.insert(call).second) << call << " stands there twice";
+  }
+}
+
+TEST(ScriptLibrary, ReadsTheCommentRightAboveAFunction) {
+  const ScriptModule module = read_script_module("a.b", R"(-- Purpose over
+-- two lines.
+-- SPDX-License-Identifier: Apache-2.0
+local made = {}
+
+--- First line
+--- and second.
+function made.one(a, b) return a + b end
+
+--- About nothing.
+
+function made.two(
+  long,
+  list
+)
+  --- inside of it
+end
+
+-- no text for users
+function made:three() end
+
+local function hidden() end
+return made
+)");
+  EXPECT_EQ(module.purpose, "Purpose over two lines.");
+  EXPECT_EQ(module.table, "made");
+  ASSERT_EQ(module.functions.size(), 3U);
+  EXPECT_EQ(module.functions[0].name, "made.one");
+  EXPECT_EQ(module.functions[0].arguments, "a, b");
+  EXPECT_EQ(module.functions[0].text, "First line and second.");
+  EXPECT_EQ(module.functions[1].arguments, "long, list");
+  EXPECT_EQ(module.functions[1].text, "");
+  EXPECT_EQ(module.functions[2].name, "made:three");
+  EXPECT_EQ(module.functions[2].text, "");
+}
+
+/// The functions in the table that require(name) gives, as Lua has them.
+std::set<std::string> exported(const std::string& name) {
+  const State state(library(), nullptr, {kScripts});
+  lua_State* const L = state.main();
+  std::set<std::string> names;
+  in_lua(L, 0, [&] {
+    lua_getglobal(L, "require");
+    lua_pushstring(L, name.c_str());
+    lua_call(L, 1, 1);
+    if (lua_istable(L, -1))
+      for (lua_pushnil(L); lua_next(L, -2) != 0; lua_pop(L, 1))
+        if (lua_isfunction(L, -1) && lua_type(L, -2) == LUA_TSTRING)
+          names.insert(lua_tostring(L, -2));
+    lua_settop(L, 0);
+  });
+  return names;
+}
+
+TEST(ScriptLibrary, HasEveryExportedFunctionWithItsText) {
+  const std::vector<ScriptModule> modules = script_modules(kScripts);
+  EXPECT_GE(modules.size(), 25U);
+  std::size_t functions = 0;
+  for (const ScriptModule& module : modules) {
+    EXPECT_FALSE(module.purpose.empty()) << module.name;
+    std::set<std::string> read;
+    for (const ScriptFunction& function : module.functions) {
+      EXPECT_FALSE(function.text.empty())
+          << module.name << ": " << function.name << " wants a line with --- above it";
+      if (function.name.starts_with(module.table + ".") ||
+          function.name.starts_with(module.table + ":"))
+        read.insert(function.name.substr(module.table.size() + 1));
+    }
+    EXPECT_EQ(read, exported(module.name)) << module.name;
+    functions += read.size();
+  }
+  EXPECT_GE(functions, 90U);
+}
+
 TEST(ApiReference, HoldsEveryCallAndTheOneInDocsIsIt) {
-  const std::string text = api_reference(library());
+  const std::string text = api_reference(library(), script_modules(kScripts));
   for (const Entry& entry : all_entries(library()))
     EXPECT_NE(text.find("### `" + full_name(entry.owner, *entry.row) + "`"), std::string::npos);
+  EXPECT_NE(text.find("| `statistics.mean(values)` |"), std::string::npos);
   EXPECT_EQ(read_text(VITREO_SOURCE_DIR "/docs/reference/api.md"), text)
       << "make reference prints it anew";
 }

@@ -39,16 +39,19 @@ TEST_F(ServoBinding, GoesToAPlaceFollowsAPathAndEndsAtZero) {
       "rig.sample:insert_robot({0, 0, 0})\nlocal at = servo:wait_until_tracked()\nassert(at:norm() "
       "< 2e-3)\n"
       "servo:go_to({1e-3, 0, 0}, { within = 500e-6, timeout = 30 })\n"
-      "assert((servo:position() - {1e-3, 0, 0}):norm() < 1e-3 and servo:state() == 'holding' and "
-      "servo:target().x == "
-      "1e-3)\n"
+      "local now = servo:status()\n"
+      "assert((servo:position() - {1e-3, 0, 0}):norm() < 1e-3 and now.state == 'holding' and "
+      "now.target.x == 1e-3)\n"
       "local took = servo:follow({ {1e-3, 0, 0}, {0, 0, 0} }, { speed = 1e-3 })\nassert(took > 1 "
       "and took < 2, "
       "took)\n"
-      "servo:trim(servo:trim() + servo:mean_correction(1))\nassert(servo:trim():norm() < 1e-4)\n"
+      "assert(now.trim:norm() == 0 and now.offset:norm() == 0)\n"
+      "local correction = servo:mean_correction(1) servo:set_trim(now.trim + correction)\n"
+      "assert(servo:status().trim == correction and correction:norm() < 1e-4)\n"
+      "servo:set_offset({0, 0, 50e-6}) assert(servo:status().offset.z == 50e-6)\n"
       "local s = servo:status() assert(s.state == 'holding' and s.progress == 1 and s.position and "
       "s.headroom > 0)\n"
-      "servo:release() run:wait(0.2) assert(servo:state() == 'released')\n"
+      "servo:release() run:wait(0.2) assert(servo:status().state == 'released')\n"
       "servo:close() servo:close()\nassert(tostring(servo) == 'closed servo')\nservo:position()");
   expect_all(end.error, {"servo:position: the servo is closed"});
   EXPECT_TRUE(coils_are_at_zero());
@@ -77,6 +80,12 @@ TEST_F(ServoBinding, RefusesWrongArguments) {
   expect_all(run("servo:follow({ 1, 2 })").error,
              {"servo:follow: points: number 1 is not a position"});
   expect_all(run("servo:position()").error, {"servo:position: the robot is not seen"});
+  expect_all(run("servo:set_trim()").error,
+             {"servo:set_trim: force: is missing; wants a force {x, y, z} in N"});
+  expect_all(run("servo:set_offset({0, 0, 2e-3})").error,
+             {"servo:set_offset: offset: wants at most 1 mm, got 2 mm"});
+  expect_all(run("servo:close() rig:servo { background = background, dead_coils = { 1.5 } }").error,
+             {"rig:servo: dead_coils: wants numbers of coils, 1 to ", "got 1.5"});
 }
 
 TEST_F(ServoBinding, AServoLeftOpenIsClosedWithTheRun) {

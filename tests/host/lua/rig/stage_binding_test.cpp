@@ -48,9 +48,10 @@ TEST_F(StageBinding, MovesInMetersAtTheSpeedThatIsAsked) {
 }
 
 TEST_F(StageBinding, GoesOnWithTheScriptWhileItMoves) {
-  EXPECT_EQ(run("rig.stage:start({2e-3}) assert(rig.stage:moving())\n"
-                "run:wait(0.2) assert(rig.stage:moving() and rig.stage:position()[1] > 0.2e-3)\n"
-                "rig.stage:wait() assert(not rig.stage:moving())\n"
+  EXPECT_EQ(run("local motion = rig.stage:start({2e-3}) assert(not motion:done())\n"
+                "run:wait(0.2) assert(not motion:done() and rig.stage:position()[1] > 0.2e-3)\n"
+                "motion:wait() assert(motion:done()) motion:wait()\n"
+                "assert(math.abs(rig.stage:position()[1] - 2e-3) < 1e-7)\n"
                 "local order = ''\n"
                 "run:together(function() rig.stage:move_to({0}) order = order .. 'stage' end,\n"
                 "             function() run:wait(0.1) order = order .. 'script ' end)\n"
@@ -60,12 +61,69 @@ TEST_F(StageBinding, GoesOnWithTheScriptWhileItMoves) {
 }
 
 TEST_F(StageBinding, StopsAndSaysSoToWhoeverWaits) {
-  EXPECT_EQ(run("rig.stage:start({2e-3}) run:wait(0.1) rig.stage:stop()\n"
-                "local ok, why = pcall(rig.stage.wait, rig.stage)\n"
-                "assert(not ok and why.kind == 'refused' and why.message:find('stopped on its "
-                "way'), why)")
+  EXPECT_EQ(run("local motion = rig.stage:start({2e-3}) run:wait(0.1) rig.stage:stop()\n"
+                "assert(motion:done())\n"
+                "for i = 1, 2 do\n"
+                "  local ok, why = pcall(motion.wait, motion)\n"
+                "  assert(not ok and why.kind == 'refused' and why.message:find('stopped on its "
+                "way'), why)\n"
+                "end\n"
+                // each of two tasks that wait, though the stage tells one only
+                "local ended = 0\n"
+                "local other = rig.stage:start({4e-3})\n"
+                "local function waits()\n"
+                "  if not pcall(other.wait, other) then ended = ended + 1 end\n"
+                "end\n"
+                "run:together(waits, waits, function() run:wait(0.1) rig.stage:stop() end)\n"
+                "assert(ended == 2, ended)")
                 .error,
             "");
+}
+
+TEST_F(StageBinding, AMotionKeepsHowItEndedPastTheNextOne) {
+  EXPECT_EQ(run("local arrived = rig.stage:start({0.1e-3}) run:wait(1)\n"
+                "local stopped = rig.stage:start({5e-3}) run:wait(0.1) rig.stage:stop()\n"
+                "local last = rig.stage:start({20e-3})\n"
+                "local before = run:now()\n"
+                "assert(arrived:done() and stopped:done() and not last:done())\n"
+                "arrived:wait()\n"
+                "local ok, why = pcall(stopped.wait, stopped)\n"
+                "assert(not ok and why.message:find('stopped on its way'), why)\n"
+                "assert(not last:done() and run:now() - before < 0.5)\n"
+                "last:wait()\n"
+                // a move and a homing begin anew, too
+                "stopped = rig.stage:start({0}) rig.stage:stop() rig.stage:move_to({1e-3})\n"
+                "assert(not pcall(stopped.wait, stopped))\n"
+                "stopped = rig.stage:start({0}) rig.stage:stop() rig.stage:home()\n"
+                "assert(not pcall(stopped.wait, stopped))")
+                .error,
+            "");
+}
+
+TEST_F(StageBinding, RefusesANewMotionWhileItMovesAndTheOldOneGoesOn) {
+  EXPECT_EQ(run("local motion = rig.stage:start({2e-3})\n"
+                "local ok, why = pcall(rig.stage.start, rig.stage, {0})\n"
+                "assert(not ok and why.kind == 'refused' and why.message:find('still moving'))\n"
+                "assert(not motion:done()) motion:wait()\n"
+                "assert(math.abs(rig.stage:position()[1] - 2e-3) < 1e-7)")
+                .error,
+            "");
+}
+
+TEST_F(StageBinding, AMotionThatIsNotThereInTimeIsStoppedAndNamesItsTarget) {
+  EXPECT_EQ(run("local motion = rig.stage:start({20e-3}, { speed = 1e-3 })\n"
+                "local ok, why = pcall(motion.wait, motion, { timeout = 0.5 })\n"
+                "assert(not ok and why.kind == 'timeout' and why.device == 'stage')\n"
+                "for _, part in ipairs { 'wanted 20 mm', 'last reading', 'after 5' } do\n"
+                "  assert(why.message:find(part), why)\n"
+                "end\n"
+                "ok, why = pcall(motion.wait, motion) assert(not ok and why.kind == 'timeout')\n"
+                "assert(motion:done())")
+                .error,
+            "");
+  EXPECT_FALSE(chain->moving(0, 0, clock->now()));
+  expect_all(run("rig.stage:start({1e-3}):wait { timeout = -1 }").error,
+             {"motion:wait: timeout: wants", "got -1 s"});
 }
 
 TEST_F(StageBinding, RefusesWhatIsBeyondItsLimitsAndWhatIsNoTarget) {
@@ -77,7 +135,7 @@ TEST_F(StageBinding, RefusesWhatIsBeyondItsLimitsAndWhatIsNoTarget) {
                 "ok, why = pcall(rig.stage.move_to, rig.stage, {1e-3, 1e-3})\n"
                 "assert(not ok and tostring(why):find('has 1 axes'))\n"
                 "assert(not pcall(rig.stage.move_to, rig.stage, 1e-3))\n"
-                "assert(not rig.stage:moving() and rig.stage:position()[1] == 0)")
+                "assert(rig.stage:position()[1] == 0)")
                 .error,
             "");
 }
@@ -104,11 +162,13 @@ TEST_F(StageBinding, ShowsWhoItIsAndItsLimits) {
 }
 
 TEST_F(StageBinding, TurnsInRadians) {
-  EXPECT_EQ(run("rig.rotation_stage:turn_to(1, { speed = 0.5 }) "
-                "assert(math.abs(rig.rotation_stage:angle() - 1) < 1e-4)\n"
-                "rig.rotation_stage:start(2) assert(rig.rotation_stage:moving()) "
+  EXPECT_EQ(run("rig.rotation_stage:move_to(1, { speed = 0.5 }) "
+                "assert(math.abs(rig.rotation_stage:position() - 1) < 1e-4)\n"
+                "local motion = rig.rotation_stage:start(2)\n"
+                "assert(tostring(motion) == 'motion' and not motion:done()) "
                 "rig.rotation_stage:stop()\n"
-                "local ok, why = pcall(rig.rotation_stage.turn_to, rig.rotation_stage, 7)\n"
+                "local ok, why = pcall(rig.rotation_stage.move_to, rig.rotation_stage, 7)\n"
+                "assert(why.message:find('deg'), why)\n"
                 "assert(not ok and why.device == 'rotation_stage')")
                 .error,
             "");

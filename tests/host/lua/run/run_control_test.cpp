@@ -100,7 +100,7 @@ TEST_F(RunControlTest, AnAlarmIsAcknowledgedThroughTheControlSocketAndThatIsReco
     });
   };
   const RunResult result =
-      run("run:alarm('coil', 'high', 'too hot') run:clear_alarm('coil')\n"
+      run("run:alarm({ name = 'coil', priority = 'high', text = 'too hot' }):clear()\n"
           "while #run:alarms() > 0 do run:wait(0.1*s) end");
   other.join();
   EXPECT_EQ(result.outcome, Outcome::completed) << result.reason;

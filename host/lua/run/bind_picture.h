@@ -1,4 +1,4 @@
-// run:image_plot: an image with an overlay, for the report.
+// run:picture: an image, an image under an overlay, or a drawing, for the report.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -6,6 +6,6 @@
 
 namespace vitreo::lua {
 
-Binding image_plot_row();
+Binding picture_row();
 
 }  // namespace vitreo::lua

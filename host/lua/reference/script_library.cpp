@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "host/lua/reference/script_library.h"
+
+#include "host/lua/interpreter/state.h"
+
+#include <algorithm>
+#include <sstream>
+#include <string_view>
+
+namespace vitreo::lua {
+namespace {
+
+constexpr std::string_view kFunction = "function ";
+constexpr std::string_view kReturn = "return ";
+
+/// What a line of a comment says after its dashes ("--" or "---"), joined to what the lines before
+/// it said.
+void add_comment(std::string& text, std::string_view line, std::string_view dashes) {
+  line.remove_prefix(dashes.size());
+  if (line.starts_with(' ')) line.remove_prefix(1);
+  text += (text.empty() || line.empty() ? "" : " ") + std::string(line);
+}
+
+/// The head of a function may go over several lines: to its closing bracket. Arguments are names,
+/// so the first bracket that closes is the list's.
+ScriptFunction read_function(std::string head, std::istream& in) {
+  for (std::string line; head.find(')') == std::string::npos && std::getline(in, line);)
+    head += " " + line.substr(std::min(line.find_first_not_of(' '), line.size()));
+  const std::size_t open = head.find('(');
+  const std::size_t close = head.find(')', open);
+  ScriptFunction function;
+  function.name = head.substr(kFunction.size(), open - kFunction.size());
+  function.arguments = head.substr(open + 1, close - open - 1);
+  while (function.arguments.starts_with(' ')) function.arguments.erase(0, 1);
+  while (function.arguments.ends_with(' ')) function.arguments.pop_back();
+  return function;
+}
+
+bool is_name(std::string_view word) {
+  return !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_';
+  });
+}
+
+/// "analysis/statistics.lua" is the module analysis.statistics.
+std::string module_name(const std::filesystem::path& relative) {
+  std::string name = std::filesystem::path(relative).replace_extension().string();
+  std::replace(name.begin(), name.end(), '/', '.');
+  return name;
+}
+
+}  // namespace
+
+// The comment of a function ends at the function, or at any line that is no comment with three
+// dashes: what stands further up is about something else.
+ScriptModule read_script_module(const std::string& name, const std::string& source) {
+  ScriptModule module{name, "", "", {}};
+  std::istringstream in(source);
+  std::string comment;
+  bool head = true;
+  for (std::string line; std::getline(in, line);) {
+    head = head && line.starts_with("--") && line.find("SPDX") == std::string::npos;
+    if (head) add_comment(module.purpose, line, "--");
+    if (line.starts_with("---")) {
+      add_comment(comment, line, "---");
+      continue;
+    }
+    if (line.starts_with(kFunction)) {
+      module.functions.push_back(read_function(line, in));
+      module.functions.back().text = comment;
+    }
+    if (line.starts_with(kReturn) && is_name(std::string_view(line).substr(kReturn.size())))
+      module.table = line.substr(kReturn.size());
+    comment.clear();
+  }
+  return module;
+}
+
+std::vector<ScriptModule> script_modules(const std::filesystem::path& folder) {
+  std::vector<ScriptModule> modules;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    const std::filesystem::path relative = entry.path().lexically_relative(folder);
+    if (entry.path().extension() != ".lua" || *relative.begin() == "rigs") continue;
+    modules.push_back(read_script_module(module_name(relative), read_text_file(entry.path())));
+  }
+  std::sort(modules.begin(), modules.end(),
+            [](const ScriptModule& a, const ScriptModule& b) { return a.name < b.name; });
+  return modules;
+}
+
+}  // namespace vitreo::lua
