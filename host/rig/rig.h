@@ -45,6 +45,7 @@ struct RigModel {
   std::vector<int> dead_coils;    // channels from 1 that must stay without current
   control::Robot robot;
   control::Medium medium;
+  std::string focus_axis = "z";  // of the stage that carries the sensor, along the light
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };
 

@@ -203,6 +203,13 @@ void read_pedal(ConfigReader reader, RigSettings& settings) {
 }
 
 // The one role that gives the truth to a script; check_rig() refuses it beside real instruments.
+/// Which axis is focus is the rig's matter, not the driver's: it follows from how it is mounted.
+void read_stage(ConfigReader reader, RigSettings& settings) {
+  settings.stage = read_instrument<Stage>(reader, "stage", settings.laboratory);
+  settings.model.focus_axis = reader.choice("focus_axis", settings.model.focus_axis, {"x", "y", "z"});
+  reader.finish();
+}
+
 void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   reader.choice("driver", "simulated", {"simulated"});
   sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
@@ -278,7 +285,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("pedal")) read_pedal(reader.table("pedal"), settings);
   read_role(reader, "lamp", settings, settings.lamp);
   read_role(reader, "lens_mover", settings, settings.lens_mover);
-  read_role(reader, "stage", settings, settings.stage);
+  if (reader.has("stage")) read_stage(reader.table("stage"), settings);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);
   read_role(reader, "field_probe", settings, settings.field_probe);
   share_with_laboratory(settings);

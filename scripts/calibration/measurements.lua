@@ -27,14 +27,14 @@ end
 function calibrations.camera(rig, run, role, options)
   local camera, points, believed = rig[role], {}, rig:model()
   local world = believed.eye_in_world
-  targets.remove(rig, run)
+  targets.remove(rig)
   local tracker = vision.background_tracker { threshold = options.threshold or 20, min_area_px = 30 }
   camera:grab()
   for _ = 1, 4 do
     tracker:learn(camera:grab().image)
   end
   for _, place in ipairs(grid(role == "side_camera", options.count, options.half)) do
-    targets.put(rig, run, place - world)
+    targets.put(rig, place - world)
     camera:grab()
     camera:grab()
     local seen = tracker:update(camera:grab().image)
@@ -42,7 +42,7 @@ function calibrations.camera(rig, run, role, options)
     local up = role == "side_camera" and place.z or place.y
     if seen then points[#points + 1] = { m = { -place.x, -up }, pixel = { seen.x_px, seen.y_px } } end
   end
-  targets.remove(rig, run)
+  targets.remove(rig)
   if #points < 4 then error(role .. ": the target was seen at " .. #points .. " places; wants four or more", 0) end
   local fit = optics.fit_camera { points = points }
   local cubic, power = 0, 0

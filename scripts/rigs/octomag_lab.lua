@@ -1,5 +1,5 @@
 -- A laboratory: an OctoMag behind a USB-3103, the BIOM on a Pololu Tic, a GigE Vision camera on the microscope, an MP-285
--- under the sample, a Zaber turntable, a teslameter, a ring of LEDs, a SpaceMouse in the operator's hand and a pedal under
+-- under the camera, a Zaber turntable, a teslameter, a ring of LEDs, a SpaceMouse in the operator's hand and a pedal under
 -- the foot. Copy it, and put in what `vitreo devices` prints. docs/instruments.md tells the wiring and all settings.
 --
 -- Without the hardware it opens unchanged among emulated instruments:
@@ -81,13 +81,16 @@ return {
     full_current = 0.35 * A,
   },
 
-  -- Carries the sample. Any byte during a motion would end it, so Vitreo is silent then; leave its rotary control alone.
-  -- An MPC-200 in its place: driver = "sutter_mpc200", drive = 1; Zaber's: driver = "zaber", z = { device = 1 }.
+  -- Carries the camera with the microscope along the light: its axis z focuses. Any byte during a motion would end it, so
+  -- Vitreo is silent then; leave its rotary control alone. An MPC-200 in its place: driver = "sutter_mpc200", drive = 1; Zaber's:
+  -- driver = "zaber", z = { device = 1 }.
   stage = {
     driver = "sutter_mp285",
     address = "serial:/dev/ttyUSB0",
-    travel_min = { -5 * mm, -5 * mm, -5 * mm },
-    travel_max = { 5 * mm, 5 * mm, 5 * mm },
+    carries = "sensor",
+    focus_axis = "z",
+    travel_min = { -12 * mm, -12 * mm, -12 * mm },
+    travel_max = { 12 * mm, 12 * mm, 12 * mm },
     speed = 1 * mm / s,
   },
 
