@@ -158,7 +158,7 @@ MultipoleField::MultipoleField(std::vector<Sources> coils, Sources background, c
                                 std::to_string(kMaxCoils) + " allowed");
   }
   for (std::size_t k = 0; k < coils_.size(); ++k)
-    check_sources(coils_[k], "coil " + std::to_string(k));
+    check_sources(coils_[k], "coil " + std::to_string(k + 1));
   check_sources(background_, "background");
   if (!region_.low.allFinite() || !region_.high.allFinite() ||
       !(region_.low.array() < region_.high.array()).all()) {

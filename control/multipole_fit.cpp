@@ -94,6 +94,7 @@ class MultipoleResiduals final : public ceres::CostFunction {
     const bool derive = jacobians && jacobians[0];
     Eigen::Map<Jacobian> jacobian(derive ? jacobians[0] : nullptr, derive ? num_residuals() : 0,
                                   unknowns_);
+    jacobian.setZero();  // a coil without a current in a reading leaves its entries
     const Eigen::Map<const Eigen::Vector3d> background(x + unknowns_ - 3);
     for (std::size_t n = 0; n < readings_.size(); ++n) {
       Eigen::Map<Eigen::Vector3d>(residuals + 3 * n) =
@@ -196,7 +197,8 @@ std::vector<SourceUnknowns> slots_of(const MultipoleField& start, const Eigen::V
       SourceUnknowns slot{k, source, std::max((source.position - middle).norm(), kLengthUnit),
                           unknowns};
       if (slot.size() == 5)
-        throw std::invalid_argument("start: coil " + std::to_string(k) + " has an empty source");
+        throw std::invalid_argument("start: coil " + std::to_string(k + 1) +
+                                    " has an empty source");
       unknowns += slot.size();
       slots.push_back(std::move(slot));
     }

@@ -16,7 +16,7 @@ void check_readings(const std::vector<ProbeReading>& readings, int coils, std::s
   Eigen::MatrixXd currents(static_cast<Eigen::Index>(readings.size()), coils + 1);
   for (std::size_t n = 0; n < readings.size(); ++n) {
     const ProbeReading& reading = readings[n];
-    const std::string name = "reading " + std::to_string(n);
+    const std::string name = "reading " + std::to_string(n + 1);
     if (!reading.position.allFinite())
       throw std::invalid_argument(name + ": position is not finite");
     if (!reading.field.allFinite()) throw std::invalid_argument(name + ": field is not finite");

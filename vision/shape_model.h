@@ -37,7 +37,7 @@ struct ShapeFit {
   std::array<double, kMaxModes> weights{};
   double inlier_fraction = 0;  ///< inliers: share of the points within the robust norm
   /// Of (8.5), up to a constant: the robust (8.6), (8.8), and the motion prior in place of (8.9).
-  /// As in_line, of the pose and weights before the last step.
+  /// As inlier_fraction, of the pose and weights before the last step.
   double log_posterior = 0;
 };
 

@@ -39,7 +39,8 @@ struct Examiner : Examination<Examiner> {
   /// before now.
   void examine(const Frame& frame) {
     const CameraInfo& info = camera.info();
-    expect(frame.image.type() == CV_8UC1, "a frame is not 8-bit gray");
+    expect(frame.image.type() == CV_8UC1 || frame.image.type() == CV_8UC3,
+           "a frame is neither 8-bit gray nor 8-bit color");
     expect(frame.image.cols == info.width_px && frame.image.rows == info.height_px,
            "a frame has another size");
     expect(frame.exposed <= frame.received, "a frame was received before it was exposed");
@@ -63,7 +64,9 @@ struct Examiner : Examination<Examiner> {
         // A frame belongs to its receiver: the driver may not reuse its memory.
         expect(frame.image.data != last.image.data,
                "a frame that was delivered is written to again");
-        if (!how.may_repeat && frame.image.size() == last.image.size())
+        const bool alike = frame.image.type() == last.image.type();
+        expect(alike, "some frames are gray and some are color");
+        if (!how.may_repeat && alike && frame.image.size() == last.image.size())
           expect(cv::norm(frame.image, last.image, cv::NORM_INF) > 0, "the image is frozen");
       }
       last = std::move(frame);

@@ -39,20 +39,8 @@ void measure(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how,
   }
 }
 
-}  // namespace
-
-std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how) {
-  std::vector<std::string> findings = describe(probe.info());
-  try {
-    for (int i = 0; i < 3 && findings.empty(); ++i) measure(probe, clock, how, findings);
-  } catch (const std::exception& error) {
-    // A stop of the task is no finding.
-    if (dynamic_cast<const Stopped*>(&error) != nullptr) throw;
-    findings.push_back(std::string("measure: threw ") + error.what());
-  }
-  if (!findings.empty()) return findings;
-  // No instrument measures in no time; and an answer that comes late must not be taken for that of
-  // the next question.
+/// No instrument measures in no time.
+void miss_the_deadline(FieldProbe& probe, std::vector<std::string>& findings) {
   try {
     probe.measure(Time::zero());
     findings.emplace_back("measure() does not notice its deadline");
@@ -60,8 +48,23 @@ std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbe
     if (error.kind != DeviceErrorKind::timeout)
       findings.emplace_back("at the deadline, measure() fails with another kind of error");
   }
-  // The next question after one that was given up.
-  measure(probe, clock, how, findings);
+}
+
+}  // namespace
+
+std::vector<std::string> check(FieldProbe& probe, Clock& clock, const FieldProbeCheck& how) {
+  std::vector<std::string> findings = describe(probe.info());
+  try {
+    for (int i = 0; i < 3 && findings.empty(); ++i) measure(probe, clock, how, findings);
+    if (!findings.empty()) return findings;
+    miss_the_deadline(probe, findings);
+    // An answer that comes late must not be taken for that of the next question.
+    measure(probe, clock, how, findings);
+  } catch (const Stopped&) {
+    throw;  // a stop of the task is no finding
+  } catch (const std::exception& error) {
+    findings.push_back(std::string("measure: threw ") + error.what());
+  }
   return findings;
 }
 

@@ -144,10 +144,11 @@ class LibusbLink final : public UsbLink {
   }
 
   int transfer(const UsbSetup& setup, std::vector<std::uint8_t>& data, Time timeout) {
-    // libusb counts whole milliseconds, and takes 0 for no deadline at all.
-    const auto milliseconds = std::clamp<std::int64_t>(
-        std::chrono::duration_cast<std::chrono::milliseconds>(timeout).count(), 1,
-        std::numeric_limits<int>::max());
+    // Rounded up, as for hidapi: a deadline that is a fraction of a millisecond away has not
+    // passed. libusb takes 0 for no deadline at all.
+    const auto milliseconds =
+        std::clamp<std::int64_t>(std::chrono::ceil<std::chrono::milliseconds>(timeout).count(), 1,
+                                 std::numeric_limits<int>::max());
     int code = 0;
     clock_.outside([&] {
       code = libusb_control_transfer(

@@ -1,4 +1,4 @@
-// Conversion of images to the 8-bit gray that a Frame holds.
+// Conversion of images to 8-bit gray, for the frames of a camera without color.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 

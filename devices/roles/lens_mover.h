@@ -14,8 +14,8 @@ class LensMover {
   virtual std::string identity() const = 0;
   /// m from the nominal position of the condensing lens, away from the eye.
   virtual double position() const = 0;
-  /// Moves and waits until it is there. Throws DeviceError{refused} outside the travel or before
-  /// home(), {timeout}; Stopped. However it ends, the motor stands.
+  /// Moves and waits until it is there. Throws DeviceError{out_of_range} outside the travel,
+  /// {refused} before home(), {timeout}; Stopped. However it ends, the motor stands.
   virtual void move_to(double position, Time timeout) = 0;
   virtual double travel_min() const = 0;
   virtual double travel_max() const = 0;

@@ -27,8 +27,8 @@ class Stage {
   /// cannot be asked.
   virtual std::vector<double> position() = 0;
   /// Sets off for `target`, m, one per axis, at `speed`, m/s, of the axis with the longest way, and
-  /// returns. Checks as check_motion() does; then nothing moves. DeviceError{refused} also while it
-  /// moves, and where it wants home() first.
+  /// returns. Throws as check_motion() does, and DeviceError{refused} while it moves and where it
+  /// wants home() first; then nothing is sent.
   virtual void start(std::span<const double> target, double speed) = 0;
   /// Whether the motion that was started goes on. How it ended, wait() reports.
   virtual bool moving() = 0;

@@ -22,9 +22,9 @@ struct StageAxis {
 std::string position_text(double position, const std::string& unit);
 
 /// The check of every stage before it moves. Throws std::invalid_argument for a wrong count, a
-/// number that is not finite or a speed that is not positive; DeviceError{refused} under the name
-/// `device` for a target outside the travel or a speed above the limit of an axis. `unit` is that
-/// of positions, for messages.
+/// number that is not finite or a speed that is not positive; DeviceError{out_of_range} under the
+/// name `device` for a target outside the travel or a speed above the limit of an axis. `unit` is
+/// that of positions, for messages.
 void check_motion(const std::vector<StageAxis>& axes, std::span<const double> target, double speed,
                   const std::string& device, const char* unit);
 

@@ -388,7 +388,7 @@ void Laboratory::change(const control::Robot& robot, const std::optional<control
   state.settings.world.gel = gel;
   state.top_renderer.reset();
   state.side_renderer.reset();
-  redraw(state.seed);
+  redraw(state.machine_seed);
 }
 
 void Laboratory::move_body(const std::string& name, const Eigen::Vector3d& position) {

@@ -111,8 +111,8 @@ class Laboratory {
   /// Another eye stands there from now on, with the same retina: the same lenses, other numbers.
   /// Throws std::invalid_argument when it is unsound or has not as many surfaces.
   void set_eye(const optics::System& eye);
-  /// Another robot, and another medium, from now on; without a robot in it. `gel`: nothing for the
-  /// fluid.
+  /// Another robot, and another medium, from now on, in the machine of the last seed; without a
+  /// robot in it. `gel`: nothing for the fluid.
   void change(const control::Robot& robot, const std::optional<control::Gel>& gel);
   /// Puts one of the settings' bodies elsewhere (m, world). Throws std::invalid_argument naming it,
   /// or when no body has that name.

@@ -72,7 +72,8 @@ class VirtualClock final : public Clock {
   VirtualEntry& running();
   void come_back();
   void throw_if_stopped(VirtualEntry& self);
-  void hand_over(VirtualEntry& self, Time due);
+  void hand_over(VirtualEntry& self, Time due, const Signal* signal = nullptr);
+  bool gives_up_displaced(const VirtualEntry& self);
   void pass_baton();
   void moved() noexcept;
   VirtualEntry* choose();
@@ -196,31 +197,35 @@ bool VirtualClock::wait(Signal& signal, const std::function<bool()>& ready, Time
   // meanwhile.
   while (!ready()) {
     if (now() >= deadline) return false;
-    self.signal = &signal;
-    hand_over(self, deadline);
+    hand_over(self, deadline, &signal);
   }
   return true;
 }
 
 void VirtualClock::notify(Signal& signal) {
   running();
+  const std::lock_guard lock(mutex_);
   for (VirtualEntry* entry : entries_)
     if (entry->signal == &signal) entry->due = now();
 }
 
 void VirtualClock::request_stop(VirtualEntry& entry) {
   const VirtualEntry& self = running();
+  const std::lock_guard lock(mutex_);
   entry.stop = true;
   if (&entry != &self && !entry.deaf) entry.due = now();
 }
 
-/// The caller waits until `due`, or until a notify() or a stop moves its due time forward, and has
-/// the baton again on return.
-void VirtualClock::hand_over(VirtualEntry& self, Time due) {
-  self.due = std::max(due, now());  // the time never goes back
+/// The caller waits until `due`, or until a notify() of `signal` or a stop moves its due time
+/// forward, and has the baton again on return. A caller that was displaced since its last look at
+/// the clock has no baton to pass on: it waits like any other task from here on, and leave() need
+/// not give it back what it lost.
+void VirtualClock::hand_over(VirtualEntry& self, Time due, const Signal* signal) {
   {
     const std::lock_guard lock(mutex_);
-    pass_baton();
+    self.due = std::max(due, now());  // the time never goes back
+    self.signal = signal;
+    if (!gives_up_displaced(self)) pass_baton();
   }
   for (int i = 0; i < kYields && current_ != &self; ++i) std::this_thread::yield();
   if (current_ != &self) {
@@ -231,6 +236,14 @@ void VirtualClock::hand_over(VirtualEntry& self, Time due) {
   const std::string deadlock = &self == &main_ ? std::exchange(deadlock_, {}) : std::string();
   throw_if_stopped(self);
   if (!deadlock.empty()) throw std::logic_error(deadlock);
+}
+
+/// Under the lock. Whether break_in() has taken the baton from `self`, which is not away any more
+/// then: it waits for its turn, or has ended.
+bool VirtualClock::gives_up_displaced(const VirtualEntry& self) {
+  if (current_ == &self) return false;
+  if (displaced_ == &self) displaced_ = nullptr;
+  return true;
 }
 
 /// Under the lock; every task that has not ended waits, and one always goes on.
@@ -292,6 +305,7 @@ std::unique_ptr<Task> VirtualClock::spawn(std::string name, std::function<void()
 }
 
 void VirtualClock::start(VirtualEntry& entry, std::thread& thread, std::function<void()> body) {
+  const std::lock_guard lock(mutex_);  // the new thread waits for it before its first turn
   entry.number = ++births_;
   entry.due = now();
   entries_.reserve(entries_.size() + 1);  // nothing may throw once the thread runs
@@ -310,7 +324,7 @@ void VirtualClock::run(VirtualEntry& entry, std::function<void()>& body) {
   notify(entry.ended);
   const std::lock_guard lock(mutex_);
   std::erase(entries_, &entry);
-  pass_baton();
+  if (!gives_up_displaced(entry)) pass_baton();
 }
 
 }  // namespace

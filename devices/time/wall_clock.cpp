@@ -115,11 +115,15 @@ class WallClock final : public Clock {
 /// thread that does not hold it and was not displaced.
 WallEntry& WallClock::running() {
   WallEntry* entry = current_;
-  if (WallEntry* const stuck = displaced_;
-      stuck && stuck != entry && stuck->thread == std::this_thread::get_id()) {
-    baton_.lock();  // its own lock believes that it never lost it
-    current_ = entry = stuck;
-    displaced_ = nullptr;
+  WallEntry* const stuck = displaced_;
+  if (stuck && stuck != entry && stuck->thread == std::this_thread::get_id()) {
+    // It waits in line from here on, or leave() has just given it back what it lost: one of the two
+    // clears displaced_.
+    if (WallEntry* expected = stuck; displaced_.compare_exchange_strong(expected, nullptr)) {
+      baton_.lock();  // its own lock believes that it never lost it
+      current_ = stuck;
+    }
+    entry = current_;
   }
   if (entry == nullptr || entry->thread != std::this_thread::get_id())
     throw std::logic_error("wall clock: called by a thread that does not hold the baton");
@@ -146,10 +150,12 @@ void WallClock::leave() {
   std::erase(entries_, &intruder_);
   // A displaced task that has not called the clock meanwhile gets the baton back and never knows:
   // its own lock was not released.
-  if (WallEntry* const stuck = displaced_.exchange(nullptr)) {
-    intruder_.baton.release();
-    current_ = stuck;
-    return;
+  if (WallEntry* stuck = displaced_) {
+    current_ = stuck;  // first: from the exchange on it may call the clock as the holder
+    if (displaced_.compare_exchange_strong(stuck, nullptr)) {
+      intruder_.baton.release();
+      return;
+    }
   }
   current_ = nullptr;
   intruder_.baton.unlock();
@@ -166,6 +172,7 @@ void WallClock::throw_if_stopped(WallEntry& self) {
 /// kWallSlice for interrupt(), which, called by a signal handler, may not touch a condition
 /// variable.
 void WallClock::rest(WallEntry& self, Time due) {
+  running();  // displaced while its predicate computed: it has no baton to put down
   const Time until = &self == &main_ ? std::min(due, later(now(), kWallSlice)) : due;
   current_ = nullptr;
   // kForever would overflow the time point: a day, and then another.

@@ -13,11 +13,13 @@
 namespace vitreo {
 namespace {
 
-/// A background learnt during the run: from which exposure on, from how many frames.
+/// A background learnt during the run: from which exposure on, until when, from how many frames.
 /// As Session::learn_background() records it (event "background", JSON): every frame exposed at
-/// `from` or later was learnt until there were `count`.
+/// `from` or later was learnt until there were `count`; `until` is the event's own time. Where not
+/// every frame was recorded, the record holds fewer than `count` of them.
 struct Learning {
   Time from{};
+  Time until{};
   int count = 0;
 };
 
@@ -29,7 +31,8 @@ std::vector<Learning> learnings_of(const RunData& data) {
     if (event.kind != "background") continue;
     const nlohmann::json json = nlohmann::json::parse(event.text, nullptr, false);
     if (!json.is_object() || json.value("camera", "") != "top_camera") continue;
-    learnings.push_back({Time(json.value("from_ns", std::int64_t{0})), json.value("count", 0)});
+    learnings.push_back(
+        {Time(json.value("from_ns", std::int64_t{0})), event.time, json.value("count", 0)});
   }
   return learnings;
 }
@@ -101,21 +104,29 @@ class Player {
   // While a learning is due its frames are learnt and not localized, as in the run. A frame without
   // a row in the servo's stream was not used by the loop: there is nothing to compare it with.
   void take(const FrameRow& row) {
-    if (next_ < learnings_.size() && row.exposed >= learnings_[next_].from) return learn(row);
+    while (next_ < learnings_.size() && row.exposed > learnings_[next_].until) use_background();
     const auto then = seen_.find(row.exposed);
+    if (next_ < learnings_.size() && row.exposed >= learnings_[next_].from && then == seen_.end())
+      return learn(row);
     if (!localizer_ || then == seen_.end()) return;
     const Observation observation = localizer_->look(read_frame(data_, row));
     result_.frames.push_back({row.number, row.exposed, then->second, observation.position});
   }
 
-  // The background that was learnt is handed over whole and the next one starts empty, as
-  // Session::learn_background() makes a new one each time.
   void learn(const FrameRow& row) {
     background_.learn(read_frame(data_, row));
     ++result_.background_frames;
-    if (background_.count() < learnings_[next_].count) return;
+    if (background_.count() >= learnings_[next_].count) use_background();
+  }
+
+  // The background that was learnt is handed over whole and the next one starts empty, as
+  // Session::learn_background() makes a new one each time. Of fewer than two frames none is made:
+  // there is nothing to localize with until the next.
+  void use_background() {
     ++next_;
-    localizer_.emplace(model_, std::exchange(background_, {}), result_.axis);
+    vision::Background learnt = std::exchange(background_, {});
+    localizer_.reset();
+    if (learnt.count() >= 2) localizer_.emplace(model_, std::move(learnt), result_.axis);
   }
 
   const RunData& data_;

@@ -2,6 +2,7 @@
 #include "host/config/config.h"
 
 #include "host/config/config_lines.h"
+#include "host/text/terminal_text.h"
 #include "host/text/units.h"
 
 #include <fmt/format.h>
@@ -22,9 +23,16 @@ const ConfigTable& empty_table() {
 /// A script's text inside a one-line message.
 /// At most 40 bytes and no line end: an error is one line of the terminal.
 std::string in_quotes(const std::string& text) {
-  std::string shown;
-  for (char c : text.substr(0, 40)) shown += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  std::string shown = whole_characters(text, 40);
+  for (char& c : shown) c = static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
   return "\"" + shown + (text.size() > 40 ? "...\"" : "\"");
+}
+
+/// Null where the value is no list. An empty table of Lua is neither list nor table: it is both.
+const ConfigList* list_in(const ConfigValue& value) {
+  static const ConfigList empty;
+  const auto* const table = std::get_if<ConfigTable>(&value.value);
+  return table != nullptr && table->empty() ? &empty : std::get_if<ConfigList>(&value.value);
 }
 
 std::string describe(const ConfigValue& value) {
@@ -257,14 +265,10 @@ std::vector<double> ConfigReader::read_numbers(const std::string& key,
   if (found) {
     const std::string kind =
         wanted > 0 ? fmt::format("a list of {} numbers", wanted) : "a list of numbers";
-    const ConfigList* list = std::get_if<ConfigList>(&found->value);
-    // An empty Lua table is neither list nor table.
-    const bool empty = std::holds_alternative<ConfigTable>(found->value) &&
-                       std::get<ConfigTable>(found->value).empty();
-    if ((!list && !empty) || (wanted > 0 && (empty || list->size() != wanted)))
-      wrong_type(key, kind, *found);
+    const ConfigList* list = list_in(*found);
+    if (!list || (wanted > 0 && list->size() != wanted)) wrong_type(key, kind, *found);
     values.clear();
-    for (std::size_t i = 0; list && i < list->size(); ++i) {
+    for (std::size_t i = 0; i < list->size(); ++i) {
       const double* number = std::get_if<double>(&(*list)[i].value);
       if (!number)
         fail(key,
@@ -286,7 +290,7 @@ std::vector<double> ConfigReader::numbers(const std::string& key,
 std::vector<std::string> ConfigReader::texts(const std::string& key) {
   const ConfigValue* found = find(key);
   std::vector<std::string> values;
-  const ConfigList* list = found ? std::get_if<ConfigList>(&found->value) : nullptr;
+  const ConfigList* list = found ? list_in(*found) : nullptr;
   if (found && !list) wrong_type(key, "a list of texts", *found);
   for (std::size_t i = 0; list && i < list->size(); ++i) {
     const std::string* text = std::get_if<std::string>(&(*list)[i].value);

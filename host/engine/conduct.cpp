@@ -5,6 +5,7 @@
 #include "host/engine/interrupts.h"
 #include "host/engine/watchdog.h"
 #include "host/files/log.h"
+#include "host/record/disk_alarm.h"
 #include "host/servo/observers.h"
 #include "host/text/terminal_text.h"
 
@@ -185,7 +186,7 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
     // Part of what is judged: a camera that cannot be recorded is an outcome of the run.
     const std::string disk =
         disk_warning(request.where.out, frame_bytes_per_second(run.policies(), session.rig));
-    if (!disk.empty()) session.raise("disk", AlarmPriority::medium, disk);
+    if (!disk.empty()) session.raise(kDiskAlarm, AlarmPriority::medium, disk);
     for (const FramePolicy& policy : run.policies()) session.frames.start(policy);
     // Throws for every end that is not the script's own; judge() says what that means for the run.
     body(session);

@@ -50,11 +50,13 @@ double free_bytes_for(const std::filesystem::path& out) {
   return static_cast<double>(std::filesystem::space(folder).available);
 }
 
-// The reserve is asked for on top, because the recorder sets it aside before the first sample.
-std::string disk_problem(const std::filesystem::path& out, double need) {
+// On top come the reserve, which the recorder sets aside before the first sample, and what must be
+// left then: with less a run is not begun (DiskWatch::check_start) or is ended (DiskWatch::look).
+std::string disk_problem(const std::filesystem::path& out, double need, bool frames) {
   const DiskLimits limits;
   const double room = free_bytes_for(out);
-  const double wanted = need * kMargin + static_cast<double>(limits.reserve_bytes);
+  const std::uint64_t left = frames ? limits.stop_bytes_with_frames : limits.stop_bytes;
+  const double wanted = need * kMargin + static_cast<double>(limits.reserve_bytes + left);
   if (room >= wanted) return "";
   return fmt::format("{}: the run would need {} of disk, with a margin, and {} are free",
                      out.string(), size_text(static_cast<std::uint64_t>(wanted)),

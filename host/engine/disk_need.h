@@ -19,9 +19,9 @@ double sample_bytes(const Recorder& recorder);
 
 /// Bytes that are free where a run's folder would be made, also when `out` is not there yet.
 double free_bytes_for(const std::filesystem::path& out);
-/// Empty where there is room for 1.2 times `need`, and for what no run begins without (DiskLimits);
-/// else one line.
-std::string disk_problem(const std::filesystem::path& out, double need);
+/// Empty where there is room for 1.2 times `need` beside what must be left for a run to begin and
+/// to go on, with or without `frames` (DiskLimits); else one line.
+std::string disk_problem(const std::filesystem::path& out, double need, bool frames);
 /// Empty where frames of that many bytes a second can be recorded for 10 minutes; else one line
 /// that says for how long.
 std::string disk_warning(const std::filesystem::path& out, double bytes_per_second);

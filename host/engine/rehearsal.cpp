@@ -284,7 +284,8 @@ PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
   }
   // Without a twin the run is not refused; the warning says that it was not simulated.
   if (dry_run) dry_run->run();
-  const std::string disk = disk_problem(request.where.out, report.disk_bytes);
+  const std::string disk =
+      disk_problem(request.where.out, report.disk_bytes, report.frame_bytes_per_second > 0);
   if (!disk.empty()) report.problems.push_back(disk);
   report.wall_time = wall_seconds() - began;
   return report;

@@ -13,7 +13,7 @@ struct PreflightLimits {
   double wall = 10;  // s, then it is "not fully simulated"
   /// What to do when the script sits in a call that nothing can interrupt, so that the dry run
   /// cannot be left; must not return. The default says so on the standard error and ends the
-  /// process with ExitCode::not_responding.
+  /// process with ExitCode::preflight_failed: nothing was opened.
   std::function<void(const PreflightReport&)> stuck;
 };
 

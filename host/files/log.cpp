@@ -3,6 +3,7 @@
 
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
+#include "host/files/state_folder.h"
 
 #include <cstdlib>
 #include <fcntl.h>
@@ -88,10 +89,12 @@ std::string one_line(const std::string& text) {
 
 }  // namespace
 
-void open_log(const fs::path& file, const LogLimits& limits) {
+// The whole path, so that the log stays where it is when the program changes its folder.
+void open_log(const fs::path& given, const LogLimits& limits) {
   Log& log = the_log();
   const std::lock_guard guard(log.mutex);
   log.file.clear();  // stays so where the new one cannot be opened
+  const fs::path file = fs::absolute(given);
   fs::create_directories(file.parent_path());
   // Taken and given back: a folder that cannot be written is an error now, to the one who asked,
   // and not a lost line later.
@@ -106,23 +109,19 @@ void close_log() noexcept {
   the_log().file.clear();
 }
 
-// The XDG base directory specification: logs are state. An empty variable counts as unset there
-// too.
 fs::path default_log() {
   if (const char* const given = std::getenv("VITREO_LOG"); given != nullptr && *given) return given;
-  const char* const state = std::getenv("XDG_STATE_HOME");
-  if (state != nullptr && *state) return fs::path(state) / "vitreo" / "host.log";
-  const char* const home = std::getenv("HOME");
-  return home != nullptr && *home ? fs::path(home) / ".local/state/vitreo/host.log" : fs::path();
+  const fs::path folder = state_folder();
+  return folder.empty() ? folder : folder / "host.log";
 }
 
 // Nothing escapes: a run must not end because the disk of the log is full. One complaint, not one a
 // line.
 void write_log(const std::string& text) noexcept {
   Log& log = the_log();
+  const std::lock_guard guard(log.mutex);
+  if (log.file.empty()) return;
   try {
-    const std::lock_guard guard(log.mutex);
-    if (log.file.empty()) return;
     append(log, one_line(text));
   } catch (const std::exception& error) {
     if (!log.complained) std::cerr << "vitreo: log: " << error.what() << "\n";

@@ -16,8 +16,7 @@ struct LogLimits {
 /// From now on write_log() writes there. Throws std::runtime_error naming the file when it cannot.
 void open_log(const std::filesystem::path& file, const LogLimits& limits = {});
 void close_log() noexcept;
-/// Where it is by default: VITREO_LOG, else vitreo/host.log in XDG_STATE_HOME or ~/.local/state;
-/// empty without a home.
+/// Where it is by default: VITREO_LOG, else host.log in state_folder(); empty where there is none.
 std::filesystem::path default_log();
 
 /// "2026-11-21T14:30:00+0100 [1234] text", on one line whatever is in the text. Several programs

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstring>
@@ -17,11 +18,14 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "the files are written as this machine has its numbers");
 
-constexpr int kEntries = 13;             // tags a page
+constexpr int kEntries = 13;              // tags a page
+constexpr std::uint64_t kHeadLink = 4;    // where a file's head has the first page's offset
+constexpr std::uint64_t kHeadBytes = 28;  // in front of the summary, the last 4 are its length
+constexpr const char* kStackName = "_NDTiffStack";
 constexpr std::uint32_t kLinkBytes = 4;  // the next page's offset, in front of the small values
 // Head of the file, directory of a page (count, tags, link) and two resolutions: no pixels begin
 // before.
-constexpr std::uint64_t kSmallestHead = 28 + 2 + kEntries * 12 + kLinkBytes + 16;
+constexpr std::uint64_t kSmallestHead = kHeadBytes + 2 + kEntries * 12 + kLinkBytes + 16;
 // Marks of NDTiff in the file's head (NDStorage, "NDTiff file format").
 constexpr std::uint32_t kMagic = 483729;
 constexpr std::uint32_t kSummary = 2355492;
@@ -164,23 +168,30 @@ NdtiffWriter::~NdtiffWriter() {
 
 // The head: byte order "II", 42, offset of the first page (0 until there is one), NDTiff's marks
 // and the summary.
-// Files are NAME_NDTiffStack.tif, NAME_NDTiffStack_1.tif and so on. The new one is made before the
-// old one is closed: where the disk refuses it, the writer is as it was.
+// Files are NAME_NDTiffStack.tif, NAME_NDTiffStack_1.tif and so on. The new one is made, with
+// its head, before the old one is closed: where the disk refuses it, the writer is as it was.
 void NdtiffWriter::begin_file() {
   const std::string next =
-      name_ + "_NDTiffStack" + (files_ == 0 ? "" : "_" + std::to_string(files_)) + ".tif";
-  const int made = create_new_file(folder_ / next);
-  close_file(stack_);
-  stack_ = made;
-  file_ = next;
-  ++files_;
+      name_ + kStackName + (files_ == 0 ? "" : "_" + std::to_string(files_)) + ".tif";
   Bytes head;
   head.u16(0x4949).u16(42).u32(0).u32(kMagic).u32(kMajor).u32(kMinor).u32(kSummary).text(summary_);
   // TIFF wants directories on even offsets; the space is outside of the summary's stated length.
   if (head.str().size() % 2 == 1) head.str() += ' ';
-  write_at(stack_, 0, head.str(), folder_ / file_);
+  int made = create_new_file(folder_ / next);
+  try {
+    write_at(made, 0, head.str(), folder_ / next);
+  } catch (const std::exception&) {
+    close_file(made);
+    std::error_code ignored;
+    std::filesystem::remove(folder_ / next, ignored);
+    throw;
+  }
+  close_file(stack_);
+  stack_ = made;
+  file_ = next;
+  ++files_;
   end_ = head.str().size();
-  link_at_ = 4;
+  link_at_ = kHeadLink;
 }
 
 // `end_` and `link_at_` move only when all is written: after an error the next page takes the same
@@ -203,7 +214,8 @@ NdtiffEntry NdtiffWriter::write(const nlohmann::json& axes, const cv::Mat& image
   constexpr std::uint64_t kRoom = 4096;  // bytes for the directory, more than it has
   // Never a new file behind an empty one (link_at_ is still in the head): a frame that fits into no
   // file would make files without end.
-  if (end_ + entry.pixel_bytes() + words.size() + kRoom > largest_ && link_at_ != 4) begin_file();
+  if (end_ + entry.pixel_bytes() + words.size() + kRoom > largest_ && link_at_ != kHeadLink)
+    begin_file();
   const Page page(end_, entry.pixel_type, entry.pixel_bytes());
   entry.file = file_;
   entry.pixels_at = page.pixels_at;
@@ -332,8 +344,38 @@ nlohmann::json read_ndtiff_metadata(const std::filesystem::path& folder, const N
   return json.is_object() ? json : nlohmann::json::object();
 }
 
-// Keeps the longest run of entries from the beginning whose pages are all there, and cuts index and
-// last file behind it; the last page's link becomes 0, the end of TIFF's chain.
+namespace {
+
+/// Where a file without pages ends: behind the summary, on an even offset. 0 where half the head is
+/// missing.
+std::uint64_t head_end(const std::filesystem::path& stack) {
+  const std::uint64_t size = file_size_or_zero(stack);
+  std::uint32_t summary = 0;
+  if (size < kHeadBytes) return 0;
+  read_at(stack, kHeadBytes - sizeof summary, &summary, sizeof summary);
+  const std::uint64_t end = kHeadBytes + summary + summary % 2;
+  return end <= size ? end : 0;
+}
+
+/// Cuts a file of a stack behind the last of its pages that an entry names; TIFF's chain ends there
+/// too, by a link of 0.
+void cut_stack(const std::filesystem::path& stack, const std::vector<NdtiffEntry>& entries) {
+  const auto last = std::find_if(entries.rbegin(), entries.rend(), [&](const NdtiffEntry& entry) {
+    return entry.file == stack.filename();
+  });
+  const bool named = last != entries.rend();
+  const std::uint64_t end = named ? last->metadata_at + last->metadata_bytes : head_end(stack);
+  if (end > file_size_or_zero(stack)) return;  // a page is missing: there is nothing to cut
+  std::filesystem::resize_file(stack, end);
+  if (end == 0) return;
+  const Descriptor file(open_existing_file(stack));
+  write_at(file.number(), named ? link_of(*last) : kHeadLink, std::string(4, '\0'), stack);
+}
+
+}  // namespace
+
+// Keeps the longest run of entries from the beginning whose pages are all there. Every file is cut:
+// a page may have come without its entry into the last one of the index, or into one behind it.
 std::vector<NdtiffEntry> mend_ndtiff(const std::filesystem::path& folder) {
   std::uint64_t whole = 0;
   std::vector<NdtiffEntry> entries = read_ndtiff_index(folder, &whole);
@@ -345,15 +387,11 @@ std::vector<NdtiffEntry> mend_ndtiff(const std::filesystem::path& folder) {
     whole = entries.empty() ? 0 : entries.back().index_end;
   }
   std::filesystem::resize_file(folder / "NDTiff.index", whole);
-  if (entries.empty()) return entries;
-  // Only the file of the last entry can end with a page too many: each earlier one was complete
-  // when the next began.
-  const NdtiffEntry& last = entries.back();
-  const std::filesystem::path stack = folder / last.file;
-  const int file = open_existing_file(stack);
-  write_at(file, link_of(last), std::string(4, '\0'), stack);
-  close_file(file);
-  std::filesystem::resize_file(stack, last.metadata_at + last.metadata_bytes);
+  for (const auto& file : std::filesystem::directory_iterator(folder)) {
+    const std::string name = file.path().filename().string();
+    if (name.ends_with(".tif") && name.find(kStackName) != std::string::npos)
+      cut_stack(file.path(), entries);
+  }
   return entries;
 }
 

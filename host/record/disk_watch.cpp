@@ -93,8 +93,8 @@ DiskWatch::Verdict DiskWatch::look(std::uint64_t written, bool frames, Instant n
                                   seconds, size_text(static_cast<std::uint64_t>(bytes_per_second)))
                     : size_text(left) + " are left on the disk";
   if (left < least || seconds < limits_.stop_seconds) {
-    // Begins with the folder, the warning below with "the disk": by that the recorder gives it its
-    // priority (Recorder::State::drain_alarms).
+    // Begins with the folder, the warning below with "the disk": by that the alarm gets its name
+    // and priority (DiskAlarm).
     verdict.stop = folder_.string() + ": the disk is nearly full: " + state;
   } else if (seconds < limits_.warn_seconds && !warned_) {
     warned_ = true;

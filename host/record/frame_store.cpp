@@ -78,7 +78,13 @@ void FrameStore::write(std::size_t camera, const Frame& frame, std::uint64_t dro
   bytes_ += row.bytes;
   // The first row that waits starts the clock of write_rows().
   if (named_ == rows_.size()) waiting_since_ = std::chrono::steady_clock::now();
+  const std::lock_guard lock(mutex_);
   rows_.push_back(std::move(row));
+}
+
+std::vector<FrameRow> FrameStore::rows() const {
+  const std::lock_guard lock(mutex_);
+  return rows_;
 }
 
 /// Pixels first, rows second: after a crash a row never names pixels that are not there.

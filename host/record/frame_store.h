@@ -12,11 +12,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 namespace vitreo {
 
-/// Belongs to the recorder's thread. Errors of the disk throw std::runtime_error naming the file.
+/// Belongs to the recorder's thread, but for rows(). Errors of the disk throw std::runtime_error
+/// naming the file.
 class FrameStore {
  public:
   FrameStore(std::filesystem::path folder, std::uint64_t largest_stack);
@@ -26,7 +28,8 @@ class FrameStore {
   /// Once a second, or `now`: waits until the pixels are on the disk, then commits the rows that
   /// name them.
   void write_rows(RecordFile& file, bool now);
-  const std::vector<FrameRow>& rows() const { return rows_; }
+  /// Of the frames that are written; from any thread, also while the recorder's writes.
+  std::vector<FrameRow> rows() const;
   std::uint64_t bytes() const { return bytes_; }
 
  private:
@@ -41,8 +44,9 @@ class FrameStore {
   std::uint64_t largest_stack_;  // bytes
   std::uint64_t bytes_ = 0;
   std::vector<Stack> stacks_;
-  std::vector<FrameRow> rows_;
-  std::size_t named_ = 0;  // rows that are in run.sqlite
+  mutable std::mutex mutex_;
+  std::vector<FrameRow> rows_;  // changed by the recorder's thread alone, with the lock
+  std::size_t named_ = 0;       // rows that are in run.sqlite
   std::chrono::steady_clock::time_point waiting_since_;
 };
 

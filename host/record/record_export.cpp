@@ -2,6 +2,7 @@
 // programs.
 // SPDX-License-Identifier: Apache-2.0
 #include "host/files/digest.h"
+#include "host/record/disk_alarm.h"
 #include "host/record/parameter_text.h"
 #include "host/record/recorder.h"
 #include "host/text/units.h"
@@ -92,8 +93,7 @@ std::string canonical_export(const RunData& data) {
         "result " + one_line(one.name) + " " + exact(one.value) + " " + one_line(one.unit) + "\n";
   }
   for (const Event& event : data.events) {
-    if (event.kind == "alarm" && event.text.find("back pressure:") != std::string::npos)
-      continue;  // of the disk's own time: other in every run
+    if (is_disk_alarm(event)) continue;
     out += fmt::format("event {} {} {}\n", event.time.count(), one_line(event.kind),
                        one_line(event.text));
   }

@@ -56,7 +56,8 @@ class RecordWriter {
   std::vector<std::string> drain_alarms();
   double held() const;                         // s for which callers had to wait
   std::vector<std::uint64_t> dropped() const;  // frames, a camera
-  std::vector<FrameRow> frames() const;        // waits until all that was given is written
+  /// Waits until all that was given is written, or the disk has failed; then those that are.
+  std::vector<FrameRow> frames() const;
   /// Writes what is left and ends the thread. What follows is called after it, and writes at once.
   void stop();
   /// What the disk refuses is left out.

@@ -5,7 +5,8 @@
 #include "host/files/posix_file.h"
 #include "host/files/run_folder.h"
 #include "host/plot/plot_layout.h"
-#include "host/plot/plot_svg.h"
+#include "host/record/disk_alarm.h"
+#include "host/record/figures.h"
 #include "host/record/run_lock.h"
 
 #include <fmt/format.h>
@@ -208,11 +209,9 @@ void Recorder::State::add_event(const Event& event) {
 
 /// What the writer has to say becomes part of the record.
 void Recorder::State::drain_alarms(Time time) {
-  for (const std::string& alarm : writer.drain_alarms()) {
-    // DiskWatch's warning needs an answer by the operator; back pressure and drops do not.
-    const bool disk = alarm.starts_with("the disk");
-    raise(time, disk ? "disk" : "recording", disk ? AlarmPriority::medium : AlarmPriority::low,
-          alarm);
+  for (const std::string& said : writer.drain_alarms()) {
+    const DiskAlarm alarm(said);
+    raise(time, alarm.name, alarm.priority, alarm.text);
   }
 }
 
@@ -358,18 +357,12 @@ void Recorder::State::try_to(const char* what, Action action) {
   }
 }
 
-/// Drawings come first, as in the report.
 void Recorder::State::write_outputs() {
-  std::size_t number = 0;
-  const auto write = [&](const std::string& title, const auto& svg) {
+  for (const Figure& one : figures_of(data))
     try_to("plot", [&] {
       std::filesystem::create_directory(data.folder / "plots");
-      const std::string name = fmt::format("{:02}_{}.svg", ++number, slug(title, "plot"));
-      write_file(data.folder / "plots" / name, svg());
+      write_file(data.folder / "plots" / (one.name + ".svg"), one.svg());
     });
-  };
-  for (const SvgDrawing& one : data.drawings) write(one.title, [&] { return one.svg; });
-  for (const Plot& one : data.plots) write(one.title, [&] { return to_svg(one); });
   for (const Picture& one : data.pictures) {
     // A picture that a full disk had no room for is written now.
     if (std::filesystem::exists(data.folder / one.file)) continue;
@@ -402,8 +395,9 @@ void Recorder::finish(const RunEnd& end) {
   // The clock is not known here: what the writer still has to say gets the last event's time.
   const Time last = data.events.empty() ? Time{} : data.events.back().time;
   guarded([&] { state_->writer.stop(); });
-  for (const std::string& alarm : state_->writer.drain_alarms()) {
-    data.events.push_back({last, "alarm", alarm});
+  for (const std::string& said : state_->writer.drain_alarms()) {
+    const DiskAlarm alarm(said);
+    data.events.push_back({last, "alarm", alarm_text(alarm.priority, alarm.name, alarm.text)});
     state_->writer.late_event(data.events.size() - 1, data.events.back());
   }
   // From here on every call of the run throws; the rows of frames become the record's own.

@@ -15,22 +15,11 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <map>
 
 namespace vitreo {
 namespace {
 
 using Json = nlohmann::json;
-
-// Of the description and not of the resolved rig: the row must be there also for an instrument that
-// cannot be opened.
-Json text_of(const ConfigValue& table, const char* key, const char* fallback) {
-  const auto& keys = std::get<ConfigTable>(table.value);
-  const auto found = keys.find(key);
-  const auto* const text =
-      found == keys.end() ? nullptr : std::get_if<std::string>(&found->second.value);
-  return text == nullptr ? fallback : *text;
-}
 
 void describe(Json& row, Camera& camera) {
   const CameraInfo& info = camera.info();
@@ -112,6 +101,8 @@ class Opening {
       laboratory_ = std::make_unique<sim::Laboratory>(settings_.laboratory, *clock_, 1);
   }
   Clock& clock() { return *clock_; }
+  /// The rig as read, with the drivers and addresses that it does not name.
+  const Json& resolved() const { return reader_.resolved(); }
 
   /// Calls `visit(device)` with the opened role; throws DeviceError, ConfigError for a role that is
   /// not in the rig.
@@ -188,29 +179,15 @@ struct Tester {
 
 }  // namespace
 
-// The second column is shown where the rig file names no driver. One instrument that is missing
-// does not hide the others.
+// The roles are what has a driver. One instrument that is missing does not hide the others.
 Json examine_rig(const RigDescription& description) {
   Opening opening(description);
   Json rows = Json::array();
-  static const std::map<std::string, const char*> kRoles{{"top_camera", "simulated"},
-                                                         {"side_camera", "simulated"},
-                                                         {"coils", "usb3103"},
-                                                         {"lens_mover", "pololu_tic"},
-                                                         {"joystick", "spacemouse"},
-                                                         {"pedal", "foot_pedal"},
-                                                         {"stage", "zaber"},
-                                                         {"rotation_stage", "zaber"},
-                                                         {"field_probe", "scpi_probe"},
-                                                         {"lamp", "led"},
-                                                         {"pose_sensor", "simulated"},
-                                                         {"sample", "simulated"}};
-  for (const auto& [role, value] : description.table) {
-    const auto known = kRoles.find(role);
-    if (known == kRoles.end()) continue;
+  for (const auto& [role, settings] : opening.resolved().items()) {
+    if (!settings.is_object() || !settings.contains("driver")) continue;
     Json row = {{"role", role},
-                {"driver", text_of(value, "driver", known->second)},
-                {"link", text_of(value, "address", "emulated")},
+                {"driver", settings["driver"]},
+                {"link", settings.value("address", "emulated")},
                 {"present", false}};
     try {
       opening.with(role, [&row](auto& device) { describe(row, device); });

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/registry.h"
 
+#include "devices/instruments/opencv_camera/driver.h"
 #include "devices/links/address.h"
 #include "host/rig/drivers/drivers.h"
 
@@ -19,11 +20,7 @@ const std::vector<DriverEntry<CoilAmplifier>>& drivers() {
 
 template <>
 const std::vector<DriverEntry<LensMover>>& drivers() {
-  // "simulated" is the name of older rig files for the same emulated motor.
-  static const std::vector<DriverEntry<LensMover>> entries{
-      {"pololu_tic", read_pololu_tic},
-      {"simulated", read_pololu_tic},
-  };
+  static const std::vector<DriverEntry<LensMover>> entries{{"pololu_tic", read_pololu_tic}};
   return entries;
 }
 
@@ -92,6 +89,12 @@ std::string read_address(ConfigReader& reader) {
     reader.fail("address", problem.what());
   }
   return address;
+}
+
+bool is_recording(const std::string& address) {
+  const std::string video = "video:";
+  return address.starts_with("images:") ||
+         (address.starts_with(video) && !opencv_camera::is_node(address.substr(video.size())));
 }
 
 UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme) {

@@ -72,7 +72,8 @@ struct DriverEntry {
   Opener<Role> (*read)(const InstrumentReader&);
 };
 
-/// All that can play the role; the first one is taken when a rig file names none.
+/// All that can play the role; the first one is taken when a rig file names none, but for a pedal
+/// (rig_settings.cpp).
 template <class Role>
 const std::vector<DriverEntry<Role>>& drivers();
 template <>
@@ -96,16 +97,21 @@ const std::vector<DriverEntry<Lamp>>& drivers();
 /// `address` of a role's table, checked; "emulated" when it is not there.
 std::string read_address(ConfigReader& reader);
 
+/// Whether the address names images or a video in files, which are no instrument.
+bool is_recording(const std::string& address);
+
 /// The address of a USB or HID instrument; `scheme` is "usb" or "hid". Throws ConfigError.
 UsbAddress read_usb_address(const InstrumentReader& instrument, const std::string& scheme);
 
-/// Reads `driver`, `address` and what that driver wants. The caller finishes the reader.
+/// Reads `driver`, `address` and what that driver wants; `usual` is the driver where the rig file
+/// names none. The caller finishes the reader.
 template <class Role>
 Opener<Role> read_instrument(ConfigReader& reader, const std::string& role,
-                             sim::LaboratorySettings& laboratory) {
+                             sim::LaboratorySettings& laboratory,
+                             const std::string& usual = drivers<Role>().front().name) {
   std::vector<std::string> names;
   for (const auto& entry : drivers<Role>()) names.emplace_back(entry.name);
-  const std::string wanted = reader.choice("driver", names.front(), names);
+  const std::string wanted = reader.choice("driver", usual, names);
   const InstrumentReader instrument{reader, role, read_address(reader), laboratory};
   for (const auto& entry : drivers<Role>())
     if (entry.name == wanted) return entry.read(instrument);

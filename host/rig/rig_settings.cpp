@@ -191,7 +191,8 @@ void read_role(ConfigReader& rig, const char* role, RigSettings& settings, Opene
 
 /// dead_man = { 1, 3 }: these pedals, counted from 1, must be held while the coils are energized.
 void read_pedal(ConfigReader reader, RigSettings& settings) {
-  settings.pedal = read_instrument<OperatorInput>(reader, "pedal", settings.laboratory);
+  settings.pedal =
+      read_instrument<OperatorInput>(reader, "pedal", settings.laboratory, "foot_pedal");
   for (const double pedal : reader.numbers("dead_man", {}, {1, 32, ""})) {
     if (pedal != std::floor(pedal)) reader.fail("dead_man", "wants the numbers of pedals, from 1");
     settings.dead_man_pedals |= 1U << (static_cast<unsigned>(pedal) - 1);
@@ -304,9 +305,7 @@ void check_addresses(const RigDescription& rig) {
     const auto* const table = std::get_if<ConfigTable>(&value.value);
     if (table == nullptr || !table->contains("address")) continue;
     const auto* const address = std::get_if<std::string>(&table->at("address").value);
-    if (address == nullptr || *address == "emulated" || address->starts_with("images:") ||
-        address->starts_with("video:"))
-      continue;
+    if (address == nullptr || *address == "emulated" || is_recording(*address)) continue;
     const auto [first, is_new] = taken.emplace(*address, role);
     if (!is_new)
       throw ConfigError(rig.file + ": " + role + ".address is that of " + first->second +

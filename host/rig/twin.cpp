@@ -30,17 +30,13 @@ std::string text_in(const ConfigTable& table, const std::string& key) {
 }
 
 /// Whether the address leads to an instrument. Images and videos in files do nothing, and a twin
-/// reads them too; "video:/dev/video0" and "video:0" are cameras.
+/// reads them too.
 /// By the address alone: an emulated instrument has the same driver as a real one.
 bool is_real(const ConfigTable& role) {
   const auto address = role.find("address");
   const auto* text =
       address == role.end() ? nullptr : std::get_if<std::string>(&address->second.value);
-  if (text == nullptr || *text == "emulated" || text->starts_with("images:")) return false;
-  const std::string film = text->starts_with("video:") ? text->substr(6) : "";
-  const bool camera =
-      film.starts_with("/dev/") || film.find_first_not_of("0123456789") == std::string::npos;
-  return film.empty() || camera;
+  return text != nullptr && *text != "emulated" && !is_recording(*text);
 }
 
 /// A real camera may be outside of what a simulated one can be.

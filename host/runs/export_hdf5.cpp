@@ -94,17 +94,18 @@ void texts(hid_t in, const std::string& name, const std::vector<std::string>& va
 
 /// A column of integers, one for each element.
 template <class List, class Each>
-void times(hid_t in, const std::string& name, const List& list, Each each) {
+void integers(hid_t in, const std::string& name, const std::string& unit, const List& list,
+              Each each) {
   std::vector<std::int64_t> values;
   for (const auto& one : list) values.push_back(each(one));
-  numbers(in, name, H5T_NATIVE_INT64, values.data(), values.size(), "ns");
+  numbers(in, name, H5T_NATIVE_INT64, values.data(), values.size(), unit);
 }
 
 // Column by column, as h5py and MATLAB read them; the record in memory is by rows.
 void write_stream(hid_t streams, const Stream& stream) {
   const Handle here = group(streams, stream.info.name);
   attribute(here, "source", stream.info.source);
-  times(here, "t_ns", stream.times, [](Time time) { return std::int64_t{time.count()}; });
+  integers(here, "t_ns", "ns", stream.times, [](Time time) { return std::int64_t{time.count()}; });
   std::vector<double> column(stream.times.size());
   for (std::size_t i = 0; i < stream.info.channels.size(); ++i) {
     for (std::size_t row = 0; row < column.size(); ++row) column[row] = stream.at(row, i);
@@ -148,20 +149,20 @@ void write_frames(hid_t file, const RunData& data) {
     if (rows.empty()) continue;
     const Handle here = group(frames, camera.camera);
     attribute(here, "identity", camera.identity);
-    times(here, "t_ns", rows,
-          [](const FrameRow* row) { return std::int64_t{row->exposed.count()}; });
-    times(here, "received_ns", rows,
-          [](const FrameRow* row) { return std::int64_t{row->received.count()}; });
-    times(here, "number", rows,
-          [](const FrameRow* row) { return static_cast<std::int64_t>(row->number); });
+    integers(here, "t_ns", "ns", rows,
+             [](const FrameRow* row) { return std::int64_t{row->exposed.count()}; });
+    integers(here, "received_ns", "ns", rows,
+             [](const FrameRow* row) { return std::int64_t{row->received.count()}; });
+    integers(here, "number", "", rows,
+             [](const FrameRow* row) { return static_cast<std::int64_t>(row->number); });
     write_images(here, data, rows);
   }
 }
 
 void write_events(hid_t file, const RunData& data) {
   const Handle here = group(file, "events");
-  times(here, "t_ns", data.events,
-        [](const Event& event) { return std::int64_t{event.time.count()}; });
+  integers(here, "t_ns", "ns", data.events,
+           [](const Event& event) { return std::int64_t{event.time.count()}; });
   std::vector<std::string> kinds;
   std::vector<std::string> words;
   for (const Event& event : data.events) {

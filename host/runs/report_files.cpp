@@ -2,16 +2,15 @@
 #include "host/runs/report_files.h"
 
 #include "host/files/child_process.h"
+#include "host/files/run_folder.h"
 #include "host/plot/plot_axes.h"
-#include "host/plot/plot_svg.h"
+#include "host/record/figures.h"
 #include "host/text/columns.h"
 #include "host/text/markup.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
-#include <fstream>
 #include <stdexcept>
 #include <vector>
 
@@ -25,22 +24,6 @@ bool is_bad(const Event& event) {
   for (const char* kind : {"error", "alarm", "interlock", "unsafe"})
     if (event.kind == kind) return true;
   return false;
-}
-
-/// "01_path_in_depth.svg": of the title only ASCII letters and digits, in lower case.
-/// Two titles may give one name, the number in front tells them apart. `title` may be cut within a
-/// UTF-8 character, whose bytes become an underscore all the same.
-std::string file_name(std::size_t number, const std::string& title, const char* ending) {
-  std::string name = fmt::format("{:02}_", number);
-  for (const char c : title.substr(0, 60)) {
-    const auto letter = static_cast<unsigned char>(c);
-    if (letter < 128 && std::isalnum(letter) != 0)
-      name += static_cast<char>(std::tolower(letter));
-    else if (!name.ends_with('_'))
-      name += '_';
-  }
-  while (name.ends_with('_')) name.pop_back();
-  return name + ending;
 }
 
 /// JSON without its quotes and braces.
@@ -162,16 +145,14 @@ void write_png_of_svg(const std::string& svg, const fs::path& file) {
 std::vector<fs::path> write_plots(const RunData& data, const fs::path& folder, PlotFiles kind) {
   fs::create_directories(folder);
   std::vector<fs::path> files;
-  const auto write = [&](const std::string& title, const std::string& svg) {
-    files.push_back(folder /
-                    file_name(files.size() + 1, title, kind == PlotFiles::png ? ".png" : ".svg"));
-    if (kind == PlotFiles::png) return write_png_of_svg(svg, files.back());
-    std::ofstream out(files.back());
-    out << svg;
-    if (!out.flush()) throw std::runtime_error(files.back().string() + ": cannot be written");
-  };
-  for (const Plot& plot : data.plots) write(plot.title, to_svg(plot));
-  for (const SvgDrawing& drawing : data.drawings) write(drawing.title, drawing.svg);
+  for (const Figure& figure : figures_of(data)) {
+    const bool png = kind == PlotFiles::png;
+    files.push_back(folder / (figure.name + (png ? ".png" : ".svg")));
+    if (png)
+      write_png_of_svg(figure.svg(), files.back());
+    else
+      write_file(files.back(), figure.svg());
+  }
   return files;
 }
 

@@ -22,8 +22,9 @@ std::string event_text(const std::string& text);
 
 enum class PlotFiles { svg, png };
 
-/// Each plot and drawing as a file in `folder`, which is made: 01_path_in_depth.svg ... Returns the
-/// files. Throws std::runtime_error naming the file that cannot be written.
+/// Each drawing and plot as a file in `folder`, which is made, under the name that it has in the
+/// run's folder (figures.h): 01_Path_in_depth.svg ... Returns the files. Throws std::runtime_error
+/// naming the file that cannot be written.
 std::vector<std::filesystem::path> write_plots(const RunData& data,
                                                const std::filesystem::path& folder,
                                                PlotFiles kind = PlotFiles::svg);

@@ -71,21 +71,22 @@ void read_start(Database& database, RunData& data) {
 /// The end record, where there is one yet. After read_frames(): drops are listed by camera.
 void read_end(Database& database, RunData& data) {
   Statement row = database.prepare(
-      "SELECT exit_status, reason, experiment_time, wall_time, dropped, held FROM stop LIMIT 1");
+      "SELECT exit_status, reason, experiment_time, wall_time, script_line, dropped, held "
+      "FROM stop LIMIT 1");
   if (!row.step()) return;
   const auto outcome = outcome_named(row.text(0));
   if (!outcome)
     throw RecordError(data.folder.string() + ": its end record names no outcome that is known");
   // Drops belong to cameras by name in the file and by number in memory: hence the order of
   // read_run().
-  data.end = RunEnd{*outcome, row.text(1), row.real(2), row.real(3)};
-  const nlohmann::json dropped = object_of(row.text(4));
+  data.end = RunEnd{*outcome, row.text(1), row.real(2), row.real(3), row.text(4)};
+  const nlohmann::json dropped = object_of(row.text(5));
   for (const RecordedCameraInfo& camera : data.cameras)
     data.dropped.push_back(dropped.is_object() && dropped.contains(camera.camera) &&
                                    dropped[camera.camera].is_number_unsigned()
                                ? dropped[camera.camera].get<std::uint64_t>()
                                : 0);
-  data.held = row.real(5);
+  data.held = row.real(6);
 }
 
 /// NULL is NaN: SQLite has no NaN and stores one as NULL.

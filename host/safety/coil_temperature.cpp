@@ -21,7 +21,6 @@ void CoilHeat::check() const {
     throw std::invalid_argument("coil temperature limit must be above ambient");
 }
 
-// Coils are taken to be at ambient when a run begins: nothing is known of the run before.
 CoilTemperature::CoilTemperature(const CoilHeat& heat, int coils)
     : heat_(heat), temperatures_(static_cast<std::size_t>(coils), heat.ambient) {
   heat_.check();

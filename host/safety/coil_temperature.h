@@ -22,6 +22,7 @@ struct CoilHeat {
 
 class CoilTemperature {
  public:
+  /// At ambient: what an earlier run or another program has heated is not known.
   CoilTemperature(const CoilHeat& heat, int coils);
   /// `seconds` at constant `currents`, A; one a coil. Exact for constant resistance over at most 1
   /// s; longer spans are cut into such.

@@ -16,8 +16,8 @@ constexpr Time kOldest = std::chrono::milliseconds(600);
 constexpr Time kAhead = std::chrono::milliseconds(20);
 // With nothing but frames that cannot be believed; then the device has failed.
 constexpr Time kPatience = std::chrono::seconds(1);
-// Images or positions in a row that are the same to the bit.
-constexpr int kMostUnchanged = 3;
+// Images or positions in a row that are the same to the bit; the last of them throws.
+constexpr int kEqual = 3;
 
 /// Row by row, for a picture may be a part of a larger one.
 bool same_picture(const cv::Mat& a, const cv::Mat& b) {
@@ -78,10 +78,9 @@ void FrameValidator::must_change(const std::optional<Eigen::Vector3d>& position)
   last_position_ = position;
 }
 
-/// The count is of repetitions: the fourth equal one throws.
 void FrameValidator::count(bool same, const char* what) {
-  unchanged_ = same ? unchanged_ + 1 : 0;
-  if (unchanged_ >= kMostUnchanged)
+  equal_ = same ? equal_ + 1 : 1;
+  if (equal_ >= kEqual)
     throw DeviceError(DeviceErrorKind::protocol, role_,
                       fmt::format("its {} stands still, to the bit", what));
 }

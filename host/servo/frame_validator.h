@@ -30,7 +30,7 @@ class FrameValidator {
   /// Nothing for a position (m, world) that is not finite; the first is an event.
   std::optional<Eigen::Vector3d> finite(const std::optional<Eigen::Vector3d>& position);
   /// No sensor is without noise: what is the same to the bit three times running is not what is
-  /// there now. Both throw DeviceError{protocol}.
+  /// there now. Both throw DeviceError{protocol} at the third.
   void must_change(const cv::Mat& picture);
   void must_change(const std::optional<Eigen::Vector3d>& position);
   /// An event with the number of frames passed over, at the end.
@@ -46,7 +46,7 @@ class FrameValidator {
   Time believed_at_;                                           // when a frame was last plausible
   cv::Mat last_picture_;
   std::optional<Eigen::Vector3d> last_position_;
-  int unchanged_ = 0;
+  int equal_ = 0;  // pictures or positions in a row, the last one included
   int passed_over_ = 0;
   bool reported_not_finite_ = false;
 };

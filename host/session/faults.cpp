@@ -174,12 +174,11 @@ SimulatedRoles simulated_roles(const nlohmann::json& resolved_rig) {
     const std::string driver = table["driver"];
     // Files and webcams have no simulator behind them.
     if (driver == "image_sequence" || driver == "opencv_camera") continue;
-    // A lens mover that is called simulated is the emulated Tic, and simulated stages are emulated
-    // Zabers.
+    // Simulated stages are emulated Zabers.
     const bool stage = role == "stage" || role == "rotation_stage";
     // {wire, sticks}: only "simulated" devices of other roles are called directly, without bytes
     // between.
-    roles[role] = {driver != "simulated" || stage || role == "lens_mover",
+    roles[role] = {driver != "simulated" || stage,
                    role == "lens_mover" || (stage && (driver == "simulated" || driver == "zaber"))};
   }
   return roles;

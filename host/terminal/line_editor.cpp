@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/terminal/line_editor.h"
 
-#include <cstdlib>
+#include "host/files/state_folder.h"
+
 #include <istream>
 #include <ostream>
 #include <poll.h>
@@ -44,13 +45,9 @@ std::unique_ptr<LineEditor> stream_lines(std::istream& in, std::ostream& out, bo
   return std::make_unique<StreamLines>(in, out, interactive);
 }
 
-// XDG base directory specification: a relative path is to be ignored.
 std::filesystem::path history_file() {
-  if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/')
-    return std::filesystem::path(state) / "vitreo" / "history";
-  if (const char* home = std::getenv("HOME"); home != nullptr && *home == '/')
-    return std::filesystem::path(home) / ".local" / "state" / "vitreo" / "history";
-  return {};
+  const std::filesystem::path folder = state_folder();
+  return folder.empty() ? folder : folder / "history";
 }
 
 // Dots and colons belong to a word: "rig.coils:set" is completed as one.

@@ -39,25 +39,6 @@ std::size_t columns() {
   return std::max<std::size_t>(window.ws_col, kLeast);
 }
 
-/// The beginning of `text` that fills no more than `width` columns, as far as a character of UTF-8
-/// is one column wide.
-std::string cut(const std::string& text, std::size_t width) {
-  std::size_t shown = 0;
-  std::size_t end = 0;
-  for (; end < text.size(); ++end) {
-    // Bytes 10xxxxxx continue a character.
-    const bool begins = (static_cast<unsigned char>(text[end]) & 0xC0) != 0x80;
-    if (begins && shown++ == width) break;
-  }
-  return text.substr(0, end);
-}
-
-std::size_t width_of(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned char>(c) & 0xC0) != 0x80;
-  }));
-}
-
 }  // namespace
 
 ProgressLine::ProgressLine(std::ostream& out, bool animate)
@@ -75,7 +56,9 @@ std::string ProgressLine::text(double fraction, const std::string& label) const 
                                ? duration_text(elapsed * (1 - fraction) / fraction) + " left"
                                : "";
   std::string words = harmless(label);
-  std::replace(words.begin(), words.end(), '\n', ' ');
+  // A tab has the width of what stands before it.
+  std::replace_if(
+      words.begin(), words.end(), [](char c) { return c == '\n' || c == '\t'; }, ' ');
   const std::string rest = fmt::format("{:3.0f} %  {}{}{}", 100 * fraction, words,
                                        label.empty() || left.empty() ? "" : ", ", left);
   return animate_ ? "[" + bar + "] " + rest : rest;
@@ -99,10 +82,11 @@ void ProgressLine::progress(double fraction, const std::string& label) {
   // A line that wraps could not be drawn over; in the last column some terminals wrap at once.
   const std::size_t room = columns() - 1;
   std::string line = text(fraction, label);
-  if (width_of(line) > room) line.erase(0, line.find(']') + 2);  // the words say more than the bar
-  line = cut(line, room);
+  if (columns_of(line) > room)
+    line.erase(0, line.find(']') + 2);  // the words say more than the bar
+  line = first_columns(line, room);
   // What the line before had more is overwritten by blanks.
-  const std::size_t width = width_of(line);
+  const std::size_t width = columns_of(line);
   out_ << '\r' << line << std::string(width_ > width ? width_ - width : 0, ' ') << std::flush;
   width_ = width;
 }

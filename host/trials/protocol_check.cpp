@@ -77,13 +77,15 @@ std::string titled(const std::string& what, const std::string& how) {
   return how.empty() ? what : what + " " + how;
 }
 
-// An outcome other than completed is reported even when something was unsafe: it is what led there.
+// What was unsafe comes first; an outcome other than completed is reported beside it: it is what
+// led there.
 void try_run(ScriptEngine& engine, const RunRequest& base, const ProtocolTest& test,
              const std::function<void(const ProtocolTrial&)>& report) {
   const Ended ended = run_and_look(engine, request_of(base, test));
   std::string problem = ended.unsafe;
   if (ended.result.outcome != Outcome::completed)
-    problem = fmt::format("{}: {}", to_string(ended.result.outcome), ended.result.reason);
+    problem += fmt::format("{}{}: {}", problem.empty() ? "" : "; ", to_string(ended.result.outcome),
+                           ended.result.reason);
   else if (problem.empty())
     problem = fault_of_results(ended.result, test);
   report({titled("run", test.arguments), problem});

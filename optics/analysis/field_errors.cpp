@@ -149,25 +149,26 @@ std::optional<double> error_of(const Believed& believed, const ImagedField& imag
   return errors.summary(measure);
 }
 
-/// The worse of both signs of the sensor's misplacement (figure 4.2e) and, calibrated, of the
-/// retinal depth error (figure 4.6).
-/// `retina_object`: d_o of the true eye's retina, m from surface 2, negative. The two errors change
-/// their signs together, so two of the four combinations are tried.
+/// The worst of the signs of the sensor's misplacement (figure 4.2e) and, calibrated, of the
+/// retinal depth error (figure 4.6). The two have independent causes, so all four combinations
+/// count. `retina_object`: d_o of the true eye's retina, m from surface 2, negative.
 std::optional<double> error_of(const Believed& believed, const ImagedField& imaged,
                                double retina_object, const FieldErrorOptions& options) {
-  const auto with = [&](double sign) -> std::optional<double> {
-    const double shift = sign * options.focus_error;
-    if (!options.calibrated) return error_of(believed, imaged, nullptr, shift, options.measure);
-    const OnAxisPoint retina{imaged.retina_focus,
-                             retina_object + sign * options.retinal_depth_error};
+  const auto either_focus = [&](const OnAxisLaw* calibrated) {
+    return worse(error_of(believed, imaged, calibrated, options.focus_error, options.measure),
+                 error_of(believed, imaged, calibrated, -options.focus_error, options.measure));
+  };
+  if (!options.calibrated) return either_focus(nullptr);
+  const auto with = [&](double depth_error) -> std::optional<double> {
+    const OnAxisPoint retina{imaged.retina_focus, retina_object + depth_error};
     try {
       const OnAxisLaw law = calibrate_biometric(believed.law, retina, options.method).law;
-      return error_of(believed, imaged, &law, shift, options.measure);
+      return either_focus(&law);
     } catch (const std::invalid_argument&) {
       return std::nullopt;  // this eye's retina cannot be reached by the law
     }
   };
-  return worse(with(1), with(-1));
+  return worse(with(options.retinal_depth_error), with(-options.retinal_depth_error));
 }
 
 }  // namespace

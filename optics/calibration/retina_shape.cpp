@@ -150,7 +150,7 @@ void check(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& opti
 /// on the far cap or the fit turns convex, as a retina is concave towards the lens.
 RetinaFit fit_retina(std::span<const Eigen::Vector3d> points, const RetinaFitOptions& options) {
   constexpr int kSteps = 50;
-  constexpr double kSmall = 1e-13;
+  constexpr double kSmall = 1e-12;  // of the conic constant, and of lengths in units of `scale`
   const std::vector<int> free = free_parameters(options);
   check(points, options, free.size());
   double scale = 0;
@@ -161,10 +161,11 @@ RetinaFit fit_retina(std::span<const Eigen::Vector3d> points, const RetinaFitOpt
   for (int i = 0; i < kSteps; ++i) {
     const State state = linearize(p, points, scale);
     Parameters step = inverse_of(state.matrix, free) * state.vector;
-    step[4] /= scale;
     if (!step.allFinite()) refuse("they do not determine the surface");
+    const bool converged = step.norm() < kSmall * scale;  // here k still counts in `scale`
+    step[4] /= scale;
     p += step;
-    if (step.norm() < kSmall) break;
+    if (converged) break;
   }
   // A sphere also passes through points on its far cap, where it is concave the other way.
   const auto on_sheet = [&](const Eigen::Vector3d& point) {

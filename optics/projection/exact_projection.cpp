@@ -59,18 +59,22 @@ ExactProjection::ExactProjection(const System& system, const Microscope& microsc
 /// The largest z at which neighboring lines keep apart: x = a(m) + z s(m) has the derivative A + z
 /// S by m, which is singular where an eigenvalue of A^-1 S is -1 / z. Beyond, one point has several
 /// images.
-/// Sampled along the x axis of m, which for a tilted microscope is one meridian of many.
+/// Sampled over the whole table of a microscope without symmetry; one meridian stands for all of a
+/// symmetric one.
 void ExactProjection::find_max_z(const System& system) {
   constexpr int kSteps = 64;
+  const int across = symmetric_ ? 0 : kSteps;
   constexpr double kNearViewpoint = 0.95;  // beyond, the image of a point grows without bound
   double crossing = system.vertex(2) / kNearViewpoint;
   for (int i = -kSteps; i <= kSteps; ++i) {
-    const Eigen::Vector2d m(max_m() * i / kSteps, 0);
-    if (symmetric_ ? !radial_.covers(m) : !grid_.covers(m)) continue;
-    const detail::IsopixelLine line = symmetric_ ? radial_.line(m) : grid_.line(m);
-    const Eigen::Matrix2d per_z = line.at_retina_per_m.inverse() * line.slope_per_m;
-    for (const std::complex<double>& power : per_z.eigenvalues()) {
-      if (power.real() < 0) crossing = std::min(crossing, -1 / power.real());
+    for (int j = -across; j <= across; ++j) {
+      const Eigen::Vector2d m = max_m() / kSteps * Eigen::Vector2d(i, j);
+      if (symmetric_ ? !radial_.covers(m) : !grid_.covers(m)) continue;
+      const detail::IsopixelLine line = symmetric_ ? radial_.line(m) : grid_.line(m);
+      const Eigen::Matrix2d per_z = line.at_retina_per_m.inverse() * line.slope_per_m;
+      for (const std::complex<double>& power : per_z.eigenvalues()) {
+        if (power.real() < 0) crossing = std::min(crossing, -1 / power.real());
+      }
     }
   }
   max_z_ = kNearViewpoint * crossing;

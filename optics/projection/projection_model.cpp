@@ -23,8 +23,7 @@ std::optional<Eigen::Vector3d> ProjectionModel::viewpoint(const Eigen::Vector3d&
   return from;
 }
 
-/// Nothing outside the projection. The direction leads away from the retina and is used by its
-/// slopes, so its length does not count.
+/// The direction leads away from the retina.
 std::optional<Ray> ProjectionModel::line_of_sight(const Eigen::Vector2d& pixel_px) const {
   const Eigen::Vector2d m = image_.m_from_pixel(pixel_px);
   if (exact_) return exact_->line(m);
@@ -34,7 +33,7 @@ std::optional<Ray> ProjectionModel::line_of_sight(const Eigen::Vector2d& pixel_p
   // The inverse of (5.10), (5.11): the azimuth of m, turned by pi, and the slope (5.2) of |m|.
   Eigen::Vector2d across(0, 0);
   if (height > 0) across = from_axis * (slope_at(view_, height) / height);
-  return Ray{{0, 0, view_.viewpoint}, {across.x(), across.y(), 1}};
+  return Ray{{0, 0, view_.viewpoint}, Eigen::Vector3d(across.x(), across.y(), 1).normalized()};
 }
 
 /// By an attempt: both projections know their own limits.

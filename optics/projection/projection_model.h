@@ -22,8 +22,7 @@ class ProjectionModel {
   std::optional<Eigen::Vector2d> pixel(const Eigen::Vector3d& point) const;
   /// The viewpoint for a body near the point: where the lines of sight past it meet.
   std::optional<Eigen::Vector3d> viewpoint(const Eigen::Vector3d& point) const;
-  /// The line of the points that a pixel shows; the direction need not be of unit length. Nothing
-  /// outside the projection.
+  /// The line of the points that a pixel shows. Nothing outside the projection.
   std::optional<Ray> line_of_sight(const Eigen::Vector2d& pixel_px) const;
   /// Whether the point is in the vitreous and has an image.
   bool inside(const Eigen::Vector3d& point) const;

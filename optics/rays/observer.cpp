@@ -55,8 +55,8 @@ Ray chief_ray_in_air(const System& system, const Microscope& microscope, const E
 /// is straight in the vitreous.
 std::optional<Ray> isopixel_line(const System& system, const Microscope& microscope,
                                  const Eigen::Vector2d& m) {
-  // The plane in focus may lie before the last vertex (a virtual aerial image), so start well
-  // outside. m
+  // m. The plane in focus may lie before the last vertex (a virtual aerial image), so start well
+  // outside.
   constexpr double kOutside = 0.1;
   const Ray chief = chief_ray_in_air(system, microscope, m);
   if (!(chief.direction.z() > 0)) return std::nullopt;

@@ -36,7 +36,7 @@ GOALS = {  # measure: the most that is allowed
 }
 LEAST = {"comment lines in sources, %": 10.0}
 # Goals that are not reached yet: what is allowed until then. Lower these, never raise them.
-STILL = {"comment lines in sources, %": 6.5}
+STILL = {}
 
 
 def sources(root):

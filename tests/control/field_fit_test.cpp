@@ -88,7 +88,7 @@ TEST(FitDipoles, names_what_is_wrong_with_the_readings) {
   };
   auto bad = good;
   bad[3].field.y() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(complaint(bad), "reading 3: field is not finite");
+  EXPECT_EQ(complaint(bad), "reading 4: field is not finite");
   bad = good;
   for (ProbeReading& reading : bad) reading.currents[5] = 0;
   EXPECT_EQ(complaint(bad), "readings: coil 6 never had a current");
@@ -96,7 +96,7 @@ TEST(FitDipoles, names_what_is_wrong_with_the_readings) {
   EXPECT_EQ(complaint(bad), "readings: the currents never vary independently");
   bad = good;
   bad[0].currents.resize(7);
-  EXPECT_EQ(complaint(bad), "reading 0: one current a coil is needed");
+  EXPECT_EQ(complaint(bad), "reading 1: one current a coil is needed");
   EXPECT_EQ(complaint({good.begin(), good.begin() + 10}), "readings: 10 given, at least 17 needed");
 }
 

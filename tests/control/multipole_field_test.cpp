@@ -179,6 +179,12 @@ TEST(MultipoleField, refuses_what_is_no_field) {
   refuse(good, {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()});
   const MultipoleField inside({{{{0, 0, 0}, {0, 0, 1}, {}, {1e-11}}}}, {}, kCube);
   EXPECT_THROW(inside.matrix({0, 0, 0}), std::invalid_argument);
+  try {  // coils count from 1, as on the machine
+    MultipoleField({{good}, {{{0, 0, 0.1}, {0, 0, 2}, {}, {1e-7}}}}, {}, kCube);
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "coil 2: source direction is not a unit vector");
+  }
 }
 
 TEST(FieldModel, takes_either_kind_and_adds_the_background) {

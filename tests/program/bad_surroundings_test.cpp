@@ -119,7 +119,7 @@ TEST_F(Surroundings, AnErrorOfMegabytesOrForTheTerminalIsShownShortAndHarmless) 
   EXPECT_EQ(spoken.exit_code, 1);
   EXPECT_LT(spoken.out.size() + spoken.err.size(), 5000U);
   EXPECT_NE(spoken.out.find("failed: \\x1b[31mredxxx"), std::string::npos) << spoken.out;
-  EXPECT_NE(spoken.out.find("(3000008 characters)"), std::string::npos) << spoken.out;
+  EXPECT_NE(spoken.out.find("(3000008 bytes)"), std::string::npos) << spoken.out;
   EXPECT_LT(place.vitreo("runs").out.size() + place.vitreo("show last").out.size(), 5000U);
 }
 

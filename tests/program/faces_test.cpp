@@ -237,15 +237,15 @@ end }
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const Spoken files = place.vitreo("report last --plots figures");
   EXPECT_EQ(files.out,
-            "figures/01_histogram.svg\nfigures/02_bars.svg\nfigures/03_way_from_above.svg\n"
-            "figures/04_way_from_the_side.svg\nfigures/05_counted.svg\nfigures/"
-            "06_heat_more.svg\nfigures/07_seen.svg\n")
+            "figures/01_Heat_more.svg\nfigures/02_Seen.svg\nfigures/03_Histogram.svg\n"
+            "figures/04_Bars.svg\nfigures/05_Way_from_above.svg\n"
+            "figures/06_Way_from_the_side.svg\nfigures/07_Counted.svg\n")
       << files.err;
-  EXPECT_TRUE(contains(place.read("figures/06_heat_more.svg"), "Heat &amp; more"));
-  EXPECT_TRUE(contains(place.read("figures/07_seen.svg"), ">goals</text>"));
+  EXPECT_TRUE(contains(place.read("figures/01_Heat_more.svg"), "Heat &amp; more"));
+  EXPECT_TRUE(contains(place.read("figures/02_Seen.svg"), ">goals</text>"));
   EXPECT_EQ(place.vitreo("report last --png").exit_code, 2);
   EXPECT_EQ(place.vitreo("report last --plots figures --png").exit_code, 0);
-  for (const char* name : {"01_histogram", "06_heat_more", "07_seen"}) {
+  for (const char* name : {"03_Histogram", "01_Heat_more", "02_Seen"}) {
     const cv::Mat drawn =
         cv::imread((place.folder() / "figures" / (name + std::string(".png"))).string());
     ASSERT_GT(drawn.cols, 700) << name;

@@ -83,6 +83,28 @@ TEST(TestCommand, AProtocolThatLeavesItsTestsIsToldWhere) {
   EXPECT_NE(spoken.out.find("3 of 5 runs passed"), std::string::npos) << spoken.out;
 }
 
+// The host cannot reach the amplifier, so it holds its currents: that must be told beside the
+// outcome.
+TEST(TestCommand, CoilsThatStayEnergizedAreToldOfARunThatFailsToo) {
+  const Workplace place;
+  place.write("pose.lua",
+              "return { title = 'by the pose sensor', coils = {}, pose_sensor = {}, sample = {} }");
+  place.write("held.lua",
+              "return { title = 'Held', needs = { 'coils' }, rig = 'pose.lua',\n"
+              "  tests = { { test = 'run', fault = 'coils:unplugged:after=1s' } },\n"
+              "  run = function(rig, p, run)\n"
+              "    local servo <close> = rig:servo { feedback = 'pose_sensor' }\n"
+              "    servo:hold { 0, 0, 0 }\n"
+              "    rig.sample:insert_robot { 0, 0, 0 }\n"
+              "    run:wait(2)\n"
+              "  end }");
+  const Spoken spoken = place.vitreo("test held.lua");
+  EXPECT_EQ(spoken.exit_code, 1) << spoken.out << spoken.err;
+  EXPECT_NE(spoken.out.find("FAILED run: the coils are energized after the end; aborted: "),
+            std::string::npos)
+      << spoken.out << spoken.err;
+}
+
 TEST(TestCommand, WithoutTestsItIsRunAndStoppedAndWrongTestsAreRefused) {
   const Workplace place;
   const Spoken usual = place.vitreo("test hello_rig --stops 4");

@@ -158,15 +158,16 @@ TEST(LiveView, SupervisedServoingVisitsWhatIsClickedAndEndsWhenItIsEnough) {
 TEST(LiveView, QuestionsAreAnsweredByButtonsAndARunPausesAndGoesOn) {
   if (!browser_there()) GTEST_SKIP() << "wants node, chromium, and npm when this was built";
   const Workplace place;
-  place.write("asks.lua",
-              "local units = require 'units'\n"
-              "return { title = 'Asks', run = function(rig, p, run)\n"
-              "  run:note('fixed: ' .. tostring(run:confirm('Is the eye fixed?')))\n"
-              "  run:note('height: ' .. format_quantity(run:ask('How high?', { unit = 'mm', min = 0, max "
-              "= 5 * units.mm }), 'm'))\n"
-              "  run:note('eye: ' .. run:ask('Which eye?', { choices = { 'left', 'right' } }))\n"
-              "  for step = 1, 30 do run:checkpoint('step') run:note('step ' .. step) "
-              "run:wait(0.1) end\nend }\n");
+  place.write(
+      "asks.lua",
+      "local units = require 'units'\n"
+      "return { title = 'Asks', run = function(rig, p, run)\n"
+      "  run:note('fixed: ' .. tostring(run:confirm('Is the eye fixed?')))\n"
+      "  run:note('height: ' .. format_quantity(run:ask('How high?', { unit = 'mm', min = 0, max "
+      "= 5 * units.mm }), 'm'))\n"
+      "  run:note('eye: ' .. run:ask('Which eye?', { choices = { 'left', 'right' } }))\n"
+      "  for step = 1, 30 do run:checkpoint('step') run:note('step ' .. step) "
+      "run:wait(0.1) end\nend }\n");
   auto seen = watched(place, "view asks.lua", "answer");
   EXPECT_EQ(seen["lookingOn"], true) << "who looks on answers nothing";
   EXPECT_NE(seen["wrong"].get<std::string>().find("refused: "), std::string::npos) << seen["wrong"];

@@ -81,11 +81,11 @@ TEST(TerminalPrompt, WhatIsPrintedTakesTheProgressAwayAndWatchingAServoIsALineAL
   ASSERT_TRUE(terminal.prompts());
   terminal.type("run('hello_rig')\r");
   EXPECT_TRUE(terminal.sees("100 %") && terminal.prompts()) << terminal.unseen();
-  EXPECT_NE(terminal.screen().find(" \rframe_period  66.7 ms"), std::string::npos)
+  EXPECT_NE(terminal.screen().find(" \rframe_period                 66.7 ms"), std::string::npos)
       << terminal.screen();
   terminal.type("watch(rig:servo { feedback = 'pose_sensor' }, { count = 1 })\r");
   EXPECT_TRUE(terminal.sees("position \u2013  ") && terminal.sees("state \"") &&
-              terminal.sees("target {0 mm") && terminal.prompts())
+              terminal.sees("target {0, 0, 0} mm") && terminal.prompts())
       << "nothing is seen yet: " << terminal.unseen();
   EXPECT_EQ(terminal.screen().find("headroom = "), std::string::npos) << terminal.screen();
 }
@@ -144,7 +144,9 @@ TEST(PipedPrompt, AProtocolRunsByNameWithItsParametersAndEndsWithTheStatement) {
       "run('push', {current = 2*A})\nrig.coils:currents()[1]\nrun('push', {current = 9*A})\n"
       "run('push', {curent = 1})\nrun('pusch')\nrun('push', {kind = 'b'})\n"
       "rig.coils:currents()[1]\nrun('push', {current = '3um'})\n");
-  EXPECT_EQ(spoken.out, "current  2 A\n0.0\ncurrent  1 A\n0.0\n") << spoken.err;
+  EXPECT_EQ(spoken.out,
+            "current                      2 A\n0.0\ncurrent                      1 A\n0.0\n")
+      << spoken.err;
   for (const char* words :
        {"current: wants at most 5 A, got 9 A", "curent is not known; did you mean current?",
         "there is no protocol 'pusch'; did you mean push?", "push.lua:7: on purpose",
@@ -163,7 +165,8 @@ TEST(PipedPrompt, EachProtocolShowsItsOwnResults) {
                                                   "', run = function(rig, p, run) run:result('" +
                                                   name + "', 1) end }");
   EXPECT_EQ(place.vitreo("", "run('one')\nrun('two')\nrun('one')\n").out,
-            "one  1\ntwo  1\none  1\n");
+            "one                          1\ntwo                          1\none                   "
+            "       1\n");
 }
 
 TEST(PipedPrompt, CheckDriesAProtocolAndTouchesNothing) {
@@ -225,7 +228,7 @@ TEST(PipedPrompt, TablesAreShownInPeoplesUnits) {
       place.vitreo("", "rig.top_camera:info()\nrig:model()\nrig.top_camera:info().frame_period\n")
           .out;
   for (const char* part : {"effective_pixel = 14.3 \u00b5m,", "frame_period = 66.6667 ms,",
-                           "width_px = 1384,", "eye_in_world = {0 mm, 0 mm, -5 mm},",
+                           "width_px = 1384,", "eye_in_world = {0, 0, -5} mm,",
                            "microscope = {focus = 12.3 mm, numerical_aperture = 0.01},"})
     EXPECT_NE(said.find(part), std::string::npos) << part << " in " << said;
 }

@@ -160,6 +160,11 @@ TEST_F(Records, AreExportedAsHdf5) {
       << head;
   const std::string unit = ask("h5dump -a /streams/servo/x/unit out_h5/run.h5");
   EXPECT_NE(unit.find("\"m\""), std::string::npos) << unit;
+  const auto unit_of = [](const std::string& column) {
+    return ask("h5dump -a /frames/top_camera/" + column + "/unit out_h5/run.h5");
+  };
+  EXPECT_NE(unit_of("t_ns").find("\"ns\""), std::string::npos) << unit_of("t_ns");
+  EXPECT_NE(unit_of("number").find("(0): \"\""), std::string::npos) << unit_of("number");
 }
 
 TEST_F(Records, AreReplayedToTheBitByTheSameProgram) {
@@ -172,6 +177,22 @@ TEST_F(Records, AreReplayedToTheBitByTheSameProgram) {
   EXPECT_EQ(replayed["only_recorded"], 0);
   EXPECT_EQ(replayed["only_replayed"], 0);
   EXPECT_NE(place_->read("replay.csv").find("distance (m)"), std::string::npos);
+}
+
+// One frame in three: of the nine that were learnt three stand in the record, and the loop's
+// frames, which show the robot, are no background.
+TEST_F(Records, AreReplayedWithWhatWasRecordedOfTheBackground) {
+  std::string text = place_->read("small.lua");
+  text.replace(text.find("frames = 4"), 10, "frames = 9");
+  place_->write("sparse.lua", text);
+  ASSERT_EQ(place_->vitreo("run ./sparse.lua --frames top_camera/3 --out sparse").exit_code, 0);
+  const fs::path run = fs::directory_iterator(place_->folder() / "sparse")->path();
+  const Spoken spoken = place_->vitreo("replay '" + run.string() + "' --json");
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.err;
+  const json replayed = json::parse(spoken.out);
+  EXPECT_EQ(replayed["background_frames"], 3) << replayed;
+  EXPECT_GT(replayed["compared"], 5) << replayed;
+  EXPECT_EQ(replayed["only_recorded"], 0) << replayed;
 }
 
 TEST_F(Records, AreTheSameBytesForTheSameSeedWithFrames) {

@@ -28,7 +28,7 @@ class OpencvCamera final : public Camera {
  public:
   // What has a name below /dev is a camera, everything else a file.
   OpencvCamera(const Settings& settings, Clock& clock)
-      : settings_(settings), clock_(clock), live_(settings.source.rfind("/dev/", 0) == 0) {
+      : settings_(settings), clock_(clock), live_(is_node(settings.source)) {
     if (!std::filesystem::exists(settings_.source))
       fail(DeviceErrorKind::not_found, "no such file or device");
     clock_.outside([this] { start(); });
@@ -169,6 +169,8 @@ void Settings::check() const {
   if (!(effective_pixel > 0 && effective_pixel < 1))
     throw std::invalid_argument("effective_pixel: must be in (0, 1) m");
 }
+
+bool is_node(const std::string& source) { return source.starts_with("/dev/"); }
 
 std::unique_ptr<Camera> open(const Settings& settings, Clock& clock) {
   settings.check();

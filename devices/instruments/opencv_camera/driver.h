@@ -20,6 +20,9 @@ struct Settings {
   void check() const;              ///< throws std::invalid_argument naming the setting
 };
 
+/// Whether `source` is the node of a camera and not a file.
+bool is_node(const std::string& source);
+
 /// A file plays every frame, at its rate; grab() throws {lost} at its end. Throws
 /// DeviceError{not_found}, {refused} when a camera does not take size or rate. A camera that stops
 /// sending is noticed after 0.45 s or five frames; its frames carry no time of their own, so

@@ -6,6 +6,7 @@
 #include "host/lua/rig/bind_rig.h"
 #include "host/lua/rig/classes.h"
 #include "host/session/session.h"
+#include "host/text/terminal_text.h"
 
 #include <fstream>
 #include <sstream>
@@ -47,7 +48,7 @@ std::string source_line(const Place& place, const std::vector<std::string>& type
     if (!file) return "";
   }
   line.erase(0, std::min(line.find_first_not_of(" \t"), line.size()));
-  return line.size() > kLineWidth ? line.substr(0, kLineWidth) + "..." : line;
+  return line.size() > kLineWidth ? whole_characters(line, kLineWidth) + "..." : line;
 }
 
 /// A message may quote megabytes that were typed: its two ends tell what is wrong.

@@ -43,6 +43,7 @@ Opener<Camera> read_genicam(const InstrumentReader& instrument) {
   settings.socket_buffer =
       reader.integer("socket_buffer", settings.socket_buffer, 1 << 12, 1 << 28);
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  check_settings(instrument, settings);
   return reopened<Camera>(instrument.role, [settings](const RigContext& where) {
     return genicam::open(settings, where.clock);
   });
@@ -81,6 +82,7 @@ Opener<Camera> read_image_sequence(const InstrumentReader& instrument) {
   settings.every_frame = timing == "every_frame";
   settings.repeat = reader.choice("at_the_end", "stop", {"stop", "repeat"}) == "repeat";
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  check_settings(instrument, settings);
   return [settings](const RigContext& where) {
     return Opened<Camera>{nullptr, image_sequence::open(settings, where.clock)};
   };
@@ -95,10 +97,11 @@ Opener<Camera> read_opencv_camera(const InstrumentReader& instrument) {
   settings.height_px = reader.integer("height_px", 0, 0, 1 << 16);
   settings.frame_rate = reader.number("frame_rate", 0, {0, 1e4, "Hz"});
   settings.effective_pixel = read_pixel(reader, settings.effective_pixel);
+  check_settings(instrument, settings);
   const auto open = [settings](const RigContext& where) {
     return opencv_camera::open(settings, where.clock);
   };
-  if (settings.source.rfind("/dev/", 0) == 0) return reopened<Camera>(instrument.role, open);
+  if (opencv_camera::is_node(settings.source)) return reopened<Camera>(instrument.role, open);
   return [open](const RigContext& where) {  // a video that is over does not begin again
     return Opened<Camera>{nullptr, open(where)};
   };

@@ -255,8 +255,10 @@ TEST_F(Kepco, RecoversAfterALateShortOrGarbledAnswer) {
 
 TEST_F(Kepco, EndsAtZeroWithItsOutputsOff) {
   auto coils = open_all();
-  coils->set_currents(Currents(8, 2.));
+  coils->set_currents(Currents(8, 10.));
+  changes.clear();
   coils.reset();
+  EXPECT_EQ(changes.size(), 8U);  // at once: a ramp would take five set-points a supply
   EXPECT_EQ(flowing(), Currents(8));
   EXPECT_FALSE(emulators[0]->output());
 }

@@ -116,6 +116,22 @@ TEST(Laboratory, TheSeedDrawsTheMachine) {
   EXPECT_NE(fall(1), fall(2));
 }
 
+TEST(Laboratory, AnotherRobotAndMediumComeIntoTheMachineThatWasDrawnLast) {
+  const auto clock = virtual_clock();
+  Laboratory laboratory(small(), *clock, 1);
+  const auto made = [&] {
+    laboratory.drive_coils(clock->now(), std::vector<double>(8, 1.0));
+    clock->sleep_for(500 * kMs);
+    return laboratory.field({1e-3, 0, 0}, clock->now());
+  };
+  const Eigen::Vector3d first = made();
+  laboratory.redraw(7);
+  const Eigen::Vector3d seventh = made();
+  EXPECT_GT((seventh - first).norm(), 1e-3 * first.norm());
+  laboratory.change(small().world.robot, std::nullopt);
+  EXPECT_LT((made() - seventh).norm(), 1e-6 * seventh.norm());
+}
+
 TEST(Laboratory, AMeasuredFieldStaysAsItIsWhateverMachineIsDrawn) {
   const auto clock = virtual_clock();
   Laboratory laboratory(small(), *clock, 1);

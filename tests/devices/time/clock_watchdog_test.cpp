@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace vitreo {
@@ -72,6 +73,42 @@ TEST(Watchdog, WorksWithOtherTasksWhileTheStuckOneIsAway) {
   clock->sleep_for(1ms);
   watchdog.join();
   EXPECT_GE(ticks, 99);
+}
+
+// Between two looks at the clock, inside of a wait's own predicate: the task that lost the baton
+// there must not pass on what it no longer holds.
+void lose_the_turn_inside_of_a_predicate(std::unique_ptr<Clock> clock) {
+  std::atomic<bool> taken{false}, out_of_turn{false}, inside{false};
+  const auto other = clock->spawn("other", [&] {
+    while (true) {
+      if (inside) out_of_turn = true;
+      clock->sleep_for(1ms);
+    }
+  });
+  std::thread watchdog([&] {
+    clock->break_in(0ms);
+    inside = true;
+    taken = true;
+    std::this_thread::sleep_for(30ms);
+    inside = false;
+    clock->leave();
+  });
+  Signal signal;
+  bool first = true;
+  const auto ready = [&] {
+    while (first && !taken) std::this_thread::yield();
+    return !std::exchange(first, false);
+  };
+  EXPECT_TRUE(clock->wait(signal, ready, clock->now() + 10ms));
+  clock->outside([&] { watchdog.join(); });
+  EXPECT_FALSE(out_of_turn);
+  EXPECT_FALSE(clock->displaced());
+  EXPECT_NO_THROW(clock->sleep_for(5ms));
+}
+
+TEST(Watchdog, ATaskThatLosesTheTurnInsideOfItsPredicateDoesNotPassItOn) {
+  lose_the_turn_inside_of_a_predicate(virtual_clock());
+  lose_the_turn_inside_of_a_predicate(wall_clock());
 }
 
 TEST(Watchdog, BreaksIntoTheWallClockTooAndGivesTheBatonBack) {

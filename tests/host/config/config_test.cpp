@@ -132,6 +132,15 @@ TEST(Config, TheWrongTypeIsNamed) {
             "scripts/rigs/x.lua:7: top_camera.focus must be a table, not the text \"near by\"");
 }
 
+TEST(Config, ALongTextIsCutBetweenItsCharacters) {
+  const RigDescription rig = rig_with({{"bits", {std::string(39, 'x') + "\u00b5m"}}});
+  ConfigReader root(rig);
+  ConfigReader camera = root.table("top_camera");
+  EXPECT_EQ(error_of([&] { camera.integer("bits", 8, 1, 16); }),
+            "scripts/rigs/x.lua:5: top_camera.bits must be a whole number, not the text \"" +
+                std::string(39, 'x') + "...\"");
+}
+
 TEST(Config, HugeNumbersAreNoIntegers) {
   const RigDescription rig = rig_with({{"bits", {1e300}}});
   ConfigReader root(rig);
@@ -144,6 +153,7 @@ TEST(Config, AnEmptyLuaTableIsATableAndAList) {
   ConfigReader root(rig);
   ConfigReader camera = root.table("top_camera");
   EXPECT_TRUE(camera.numbers("list", {1}, {0, 9, ""}).empty());
+  EXPECT_TRUE(camera.texts("list").empty());
   EXPECT_FALSE(camera.table("table").has("x"));
   EXPECT_NE(error_of([&] { camera.vector2("list", {0, 0}, {0, 9, ""}); }), "no error");
 }

@@ -17,7 +17,11 @@
 
 #include <array>
 #include <atomic>
+#include <csignal>
 #include <cstdlib>
+#include <future>
+#include <iterator>
+#include <sys/resource.h>
 #include <unistd.h>
 
 namespace vitreo {
@@ -79,6 +83,55 @@ TEST(RecordWriter, HoldsUpTheSamplesWhenTheQueueIsFullAndSaysSoAndDropsNone) {
                 "SELECT count(*) FROM event WHERE kind='alarm' AND text LIKE '%back pressure%'"),
       0);
   EXPECT_EQ(number_in(recorder.folder(), "SELECT held > 0 FROM stop"), 1);
+}
+
+TEST(RecordWriter, GivesItsLastAlarmsNameAndPriorityToo) {
+  TemporaryFolder parent;
+  RecordLimits few;
+  few.queued_rows = 1;
+  test::ReportedRecorder recorder(parent.path(), servo_start(), few);
+  // Results take no alarms out of the writer: finish() finds them there.
+  for (int i = 0; i < 20; ++i) recorder.result({"result " + std::to_string(i), 1.0, "m"});
+  recorder.finish({Outcome::completed, "", 1, 1});
+  EXPECT_GT(
+      number_in(recorder.folder(),
+                "SELECT count(*) FROM event WHERE text LIKE 'low: recording: back pressure%'"),
+      0);
+  EXPECT_EQ(
+      number_in(recorder.folder(), "SELECT count(*) FROM event WHERE text LIKE 'back pressure%'"),
+      0);
+}
+
+TEST(RecordWriter, GivesItsRowsWhileADiskThatWasGivenUpStillWrites) {
+  TemporaryFolder parent;
+  RecordLimits limits;
+  limits.queued_rows = 8;
+  limits.patience = std::chrono::milliseconds(200);
+  RecordWriter writer(parent.path(), servo_start(), limits);
+  const std::size_t count = 4000;
+  std::promise<void> taken, first, second;
+  const auto wait_for = [](std::promise<void>& gate) {
+    return [open = gate.get_future().share()](RecordFile&) { open.wait(); };
+  };
+  writer.add_camera({"top_camera", "test", 1, 0.01, 1e-6});
+  writer.post([&](RecordFile&) { taken.set_value(); }, true);
+  writer.post(wait_for(first), true);
+  taken.get_future().wait();
+  // All in the writer's next turn, which begins with a disk that does not answer.
+  writer.post(wait_for(second), true);
+  const cv::Mat image = noise(8, 8, CV_8UC1, 1);
+  for (std::uint64_t i = 0; i < count; ++i) writer.frame(0, frame_of(image, i));
+  first.set_value();
+  while (writer.fault().empty()) writer.post([](RecordFile&) {}, false);
+  EXPECT_NE(writer.fault().find("has not answered"), std::string::npos) << writer.fault();
+  EXPECT_TRUE(writer.frames().empty());
+  second.set_value();  // it answers after all
+  for (std::size_t seen = 0; seen < count;) {
+    const std::vector<FrameRow> rows = writer.frames();
+    ASSERT_GE(rows.size(), seen);
+    seen = rows.size();
+    for (std::size_t i = 0; i < seen; ++i) ASSERT_EQ(rows[i].number, i);
+  }
 }
 
 TEST(RecordWriter, DropsFramesInRealTimeCountsThemAndRaisesAnAlarm) {
@@ -289,6 +342,106 @@ TEST(Ndtiff, IsMendedAfterACrashAtAnyByte) {
     for (std::size_t i = 0; i < kept.size(); ++i)
       EXPECT_EQ(cv::norm(pages[i], noise(9, 7, CV_8UC1, static_cast<int>(i)), cv::NORM_L1), 0);
   }
+}
+
+TEST(Ndtiff, MendedHasOnlyThePagesOfItsIndexInEveryFile) {
+  TemporaryFolder parent;
+  const auto whole = parent.path() / "whole";
+  const nlohmann::json summary = {{"Camera", "camera"}};
+  {
+    NdtiffWriter writer(whole, "cam", summary, 20000);
+    for (int i = 0; i < 12; ++i) writer.write({{"time", i}}, noise(48, 64, CV_8UC1, i), {});
+  }
+  NdtiffWriter(parent.path() / "empty", "cam", summary);
+  const std::string head = test::read_file(parent.path() / "empty/cam_NDTiffStack.tif");
+  const auto entries = read_ndtiff_index(whole);
+  std::uint64_t kept_bytes = 0;
+  for (std::size_t kept = 0; kept < entries.size(); ++kept) {
+    const auto folder = parent.path() / ("kept" + std::to_string(kept));
+    std::filesystem::copy(whole, folder);
+    std::filesystem::resize_file(folder / "NDTiff.index", kept_bytes + 3);  // and half an entry
+    kept_bytes = entries[kept].index_end;
+    ASSERT_EQ(mend_ndtiff(folder).size(), kept);
+    for (const char* file :
+         {"cam_NDTiffStack.tif", "cam_NDTiffStack_1.tif", "cam_NDTiffStack_2.tif"}) {
+      const auto named =
+          std::count_if(entries.begin(), entries.begin() + kept,
+                        [&](const NdtiffEntry& entry) { return entry.file == file; });
+      std::vector<cv::Mat> pages;
+      cv::imreadmulti((folder / file).string(), pages, cv::IMREAD_UNCHANGED);
+      EXPECT_EQ(pages.size(), static_cast<std::size_t>(named)) << kept << " " << file;
+      if (named == 0) {
+        EXPECT_TRUE(test::read_file(folder / file) == head) << kept << " " << file;
+      }
+    }
+  }
+}
+
+/// No file grows beyond `bytes` meanwhile: a full disk.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t bytes) : signal_(std::signal(SIGXFSZ, SIG_IGN)) {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit now{bytes, before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &now);
+  }
+  ~FullDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, signal_);
+  }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+ private:
+  void (*signal_)(int);
+  rlimit before_{};
+};
+
+const nlohmann::json kLongSummary = {{"Note", std::string(3000, 'x')}};
+
+TEST(Ndtiff, GoesOnInTheOldFileWhereTheDiskHasNoRoomForANewOnesHead) {
+  TemporaryFolder parent;
+  const auto folder = parent.path() / "stack";
+  NdtiffWriter writer(folder, "cam", kLongSummary, 12000);
+  std::vector<cv::Mat> images;
+  for (int i = 0; i < 12; ++i) {
+    // Each second one is small: it fits into a file that is too full for the one before.
+    const cv::Mat image = i % 2 == 0 ? noise(48, 64, CV_8UC1, i) : noise(9, 7, CV_8UC1, i);
+    {
+      const FullDisk full(100);
+      EXPECT_THROW(writer.write({{"time", i}}, image, {}), std::runtime_error);
+    }
+    if (i % 4 == 2) continue;  // given up
+    writer.write({{"time", i}}, image, {});
+    images.push_back(image);
+  }
+  const auto entries = read_ndtiff_index(folder);
+  ASSERT_EQ(entries.size(), images.size());
+  EXPECT_NE(entries.back().file, entries.front().file);
+  std::vector<cv::Mat> pages;
+  for (const NdtiffEntry& entry : entries)
+    if (pages.empty() || entry.file != entries[pages.size() - 1].file) {
+      std::vector<cv::Mat> more;
+      ASSERT_TRUE(cv::imreadmulti((folder / entry.file).string(), more, cv::IMREAD_UNCHANGED))
+          << entry.file;
+      pages.insert(pages.end(), more.begin(), more.end());
+    }
+  ASSERT_EQ(pages.size(), images.size());
+  for (std::size_t i = 0; i < images.size(); ++i)
+    EXPECT_EQ(cv::norm(pages[i], images[i], cv::NORM_L1), 0) << i;
+}
+
+TEST(Ndtiff, KeepsNothingOpenWhereItsFirstHeadCannotBeWritten) {
+  TemporaryFolder parent;
+  const auto open_files = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+  };
+  const auto before = open_files();
+  {
+    const FullDisk full(100);
+    EXPECT_THROW(NdtiffWriter(parent.path() / "stack", "cam", kLongSummary), std::runtime_error);
+  }
+  EXPECT_EQ(open_files(), before);
 }
 
 TEST(Crc32, AgreesWithThePublishedCheckValue) {

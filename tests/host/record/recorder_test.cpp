@@ -287,6 +287,19 @@ TEST(Recorder, TheCanonicalExportKnowsNeitherRunNorWallClock) {
   EXPECT_NE(canonical_export(first), canonical_export(second));
 }
 
+TEST(Recorder, TheCanonicalExportLeavesOutTheAlarmsOfTheDiskAndNoOthers) {
+  TemporaryFolder parent;
+  Recorder first(parent.path(), servo_start()), second(parent.path(), servo_start());
+  second.alarm(Time{1}, "disk", AlarmPriority::medium, "the disk fills: 2 GB are left on the disk");
+  second.alarm(Time{2}, "recording", AlarmPriority::low,
+               "top_camera: frame 12 is not recorded: the disk is behind");
+  second.alarm(Time{3}, "recording", AlarmPriority::low,
+               "back pressure: the disk is behind and held up the run for 0.100 s");
+  EXPECT_EQ(canonical_export(first), canonical_export(second));
+  second.alarm(Time{4}, "robot lost", AlarmPriority::medium, "recording: back pressure: and so on");
+  EXPECT_NE(canonical_export(first), canonical_export(second));
+}
+
 TEST(Sha256, AgreesWithThePublishedVectors) {
   EXPECT_EQ(sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
   EXPECT_EQ(sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");

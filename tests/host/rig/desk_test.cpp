@@ -7,15 +7,20 @@
 #include "host/rig/calibrations.h"
 #include "host/session/alarms.h"
 #include "host/session/clock_map.h"
+#include "host/terminal/line_editor.h"
 #include "host/terminal/progress_line.h"
 #include "host/text/terminal_text.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <latch>
+#include <optional>
 #include <sstream>
 #include <stdlib.h>
+#include <thread>
 
 namespace vitreo {
 namespace {
@@ -189,6 +194,27 @@ TEST(ProgressLineTest, AScriptCannotSteerTheTerminal) {
       << "a control sequence of one character";
 }
 
+TEST(ProgressLineTest, IsNoLongerThanTheTerminalWhateverTheWidthOfItsCharacters) {
+  const auto drawn = [](const std::string& each) {
+    std::string label;
+    for (int i = 0; i < 100; ++i) label += each;
+    std::ostringstream out;
+    ProgressLine line(out, true);
+    line.progress(0.005, label);  // so early no time is estimated
+    return (out.str().size() - std::string("\r  0 %  ").size()) / each.size();
+  };
+  // 80 columns where there is no terminal: one stays free, and 7 are those of "  0 %  ".
+  EXPECT_EQ(drawn("x"), 72u);
+  EXPECT_EQ(drawn("\u00b5"), 72u);
+  EXPECT_EQ(drawn("\u773c"), 36u) << "the eye of a Chinese label is two columns wide";
+  EXPECT_EQ(drawn("e\u0301"), 72u) << "an accent has no column of its own";
+}
+
+TEST(TerminalTextTest, IsCutBetweenCharactersAndSaysHowManyBytesThereWere) {
+  EXPECT_EQ(for_terminal("\u00b5\u00b5\u00b5", 6), "\u00b5\u00b5\u00b5");
+  EXPECT_EQ(for_terminal("\u00b5\u00b5\u00b5", 3), "\u00b5 ... (6 bytes)");
+}
+
 TEST(ClockMapTest, FindsOffsetAndDriftThroughDelaysThatAreNeverNegative) {
   ClockMap map;
   EXPECT_FALSE(map.now());
@@ -237,6 +263,68 @@ TEST_F(LogTest, IsTurnedOverWhenItIsFullAndTheOldestFileGoes) {
       << "one line each";
 }
 
+TEST_F(LogTest, MayBeNamedWithoutAFolderAndStaysThere) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder);
+  EXPECT_NO_THROW(open_log("host.log"));
+  std::filesystem::current_path(before);
+  write_log("from another folder");
+  EXPECT_NE(read("host.log").find("from another folder"), std::string::npos);
+}
+
+TEST_F(LogTest, ComplainsOnceHoweverManyThreadsCannotWrite) {
+  for (int round = 0; round < 200; ++round) {
+    open_log(folder / "sub" / "host.log");
+    std::filesystem::remove_all(folder / "sub");
+    testing::internal::CaptureStderr();
+    {
+      std::latch start(8);
+      std::vector<std::jthread> threads;
+      for (int i = 0; i < 8; ++i)
+        threads.emplace_back([&start] {
+          start.arrive_and_wait();
+          write_log("lost");
+        });
+    }
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  }
+}
+
+/// A variable of the environment, as it was when this goes.
+class Variable {
+ public:
+  Variable(const char* name, const char* value) : name_(name) {
+    if (const char* const before = std::getenv(name)) before_ = before;
+    value ? setenv(name, value, 1) : unsetenv(name);
+  }
+  ~Variable() { before_ ? setenv(name_, before_->c_str(), 1) : unsetenv(name_); }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+
+ private:
+  const char* name_;
+  std::optional<std::string> before_;
+};
+
+TEST_F(LogTest, IsBelowTheFolderOfStateWhichARelativePathIsNot) {
+  const Variable log("VITREO_LOG", nullptr), home("HOME", "/home/anna");
+  const std::filesystem::path usual = "/home/anna/.local/state/vitreo";
+  {
+    const Variable state("XDG_STATE_HOME", "/var/anna");
+    EXPECT_EQ(default_log(), "/var/anna/vitreo/host.log");
+    EXPECT_EQ(history_file(), "/var/anna/vitreo/history");
+  }
+  for (const char* none : {"state", "", static_cast<const char*>(nullptr)}) {
+    const Variable state("XDG_STATE_HOME", none);
+    EXPECT_EQ(default_log(), usual / "host.log");
+    EXPECT_EQ(history_file(), usual / "history");
+    const Variable nowhere("HOME", "home");
+    EXPECT_EQ(default_log(), "");
+    EXPECT_EQ(history_file(), "");
+  }
+}
+
 TEST_F(LogTest, IsNotMissedWhereThereIsNone) {
   write_log("nobody hears this");
   EXPECT_THROW(open_log("/proc/nowhere/host.log"), std::exception);
@@ -255,10 +343,24 @@ TEST(FramePolicyTest, IsReadFromOneWordAndWhatIsNoneIsNamed) {
 }
 
 TEST(DiskNeed, RefusesWhatTheDiskWouldNotHoldAndNamesBoth) {
-  EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3), "");
-  const std::string problem = disk_problem("runs", 1e18);
+  EXPECT_EQ(disk_problem("runs/that/are/not/there", 1e3, false), "");
+  const std::string problem = disk_problem("runs", 1e18, false);
   EXPECT_NE(problem.find("would need"), std::string::npos) << problem;
   EXPECT_NE(problem.find("free"), std::string::npos) << problem;
+}
+
+// 256 MB and 64 MB (DiskLimits): half of what no run begins without is in doubt here, so that what
+// others write meanwhile does not matter.
+TEST(DiskNeed, RefusesWhatTheRecorderWouldNotBeginWith) {
+  const DiskLimits limits;
+  const double room = free_bytes_for("runs") - static_cast<double>(limits.reserve_bytes);
+  const double stop = static_cast<double>(limits.stop_bytes);
+  const double with_frames = static_cast<double>(limits.stop_bytes_with_frames);
+  ASSERT_GT(room, 2 * with_frames);
+  EXPECT_EQ(disk_problem("runs", (room - 1.5 * stop) / 1.2, false), "");
+  EXPECT_NE(disk_problem("runs", (room - 0.5 * stop) / 1.2, false), "");
+  EXPECT_EQ(disk_problem("runs", (room - 1.5 * with_frames) / 1.2, true), "");
+  EXPECT_NE(disk_problem("runs", (room - 0.5 * with_frames) / 1.2, true), "");
 }
 
 TEST(DiskNeed, WarnsOfFramesThatFillTheDiskWithinTenMinutes) {

@@ -8,6 +8,7 @@
 #include "host/rig/open_rig.h"
 #include "host/rig/plugged_in.h"
 #include "host/rig/rig_settings.h"
+#include "host/rig/twin.h"
 
 #include <gtest/gtest.h>
 
@@ -44,6 +45,58 @@ TEST(Registry, TakesTheFirstDriverAndAnEmulatorWhenTheRigFileNamesNone) {
   EXPECT_FALSE(settings.stage);
   EXPECT_EQ(reader.resolved()["coils"]["driver"], "usb3103");
   EXPECT_EQ(reader.resolved()["coils"]["address"], "emulated");
+}
+
+TEST(Registry, TakesAFootPedalForAPedalAndASpaceMouseForAJoystick) {
+  RigDescription description = rig_with("pedal", {});
+  description.table["joystick"] = ConfigValue{ConfigTable{}};
+  ConfigReader reader(description);
+  read_rig_settings(reader);
+  EXPECT_EQ(reader.resolved()["pedal"]["driver"], "foot_pedal");
+  EXPECT_EQ(reader.resolved()["joystick"]["driver"], "spacemouse");
+}
+
+TEST(Registry, ShowsTheDriversThatItTakes) {
+  RigDescription description = rig_with("pedal", {});
+  for (const char* role : {"joystick", "coils", "lens_mover", "rotation_stage", "field_probe",
+                           "lamp", "top_camera", "side_camera", "pose_sensor", "sample"})
+    description.table[role] = ConfigValue{ConfigTable{}};
+  ConfigReader reader(description);
+  read_rig_settings(reader);
+  const nlohmann::json rows = examine_rig(description);
+  EXPECT_EQ(rows.size(), description.table.size());
+  for (const auto& row : rows) {
+    EXPECT_EQ(row["driver"], reader.resolved()[row["role"]]["driver"]) << row;
+    EXPECT_EQ(row["link"], "emulated") << row;
+    EXPECT_TRUE(row["present"]) << row;
+  }
+}
+
+TEST(Registry, KnowsTheLensMoverByItsDriverAlone) {
+  expect_error(rig_with("lens_mover", {{"driver", text("simulated")}}), "lens_mover.driver");
+}
+
+ConfigTable camera_at(const char* address) {
+  return {{"driver", text("opencv_camera")},
+          {"address", text(address)},
+          {"width_px", {640.0}},
+          {"height_px", {480.0}},
+          {"effective_pixel", {20e-6}}};
+}
+
+TEST(Registry, TellsACameraFromAVideoByItsNode) {
+  EXPECT_TRUE(is_laboratory(rig_with("top_camera", camera_at("video:/dev/video0"))));
+  EXPECT_FALSE(is_laboratory(rig_with("top_camera", camera_at("video:eye.avi"))));
+  EXPECT_FALSE(is_laboratory(rig_with("top_camera", camera_at("video:0"))));  // a file so named
+}
+
+TEST(Registry, LetsTwoRolesShareAVideoAndNoCamera) {
+  RigDescription description = rig_with("top_camera", camera_at("video:eye.avi"));
+  description.table["side_camera"] = ConfigValue{camera_at("video:eye.avi")};
+  EXPECT_NO_THROW(check_rig(description));
+  for (const char* role : {"top_camera", "side_camera"})
+    description.table[role] = ConfigValue{camera_at("video:/dev/video0")};
+  EXPECT_THROW(check_rig(description), ConfigError);
 }
 
 TEST(Registry, NamesADriverThatItDoesNotKnowAndTheNearestOne) {

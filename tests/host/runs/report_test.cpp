@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/runs/report.h"
 
+#include "host/runs/report_files.h"
 #include "tests/host/record/run_fixture.h"
 
 #include <gtest/gtest.h>
@@ -139,6 +140,9 @@ TEST_F(Report, ShowsDrawingsBeforeThePlotsAsImagesThatCannotRun) {
   recorder.finish({Outcome::completed, "", 1, 1});
   EXPECT_EQ(test::read_file(recorder.folder() / "plots/01_The_lens.svg"), svg);
   EXPECT_TRUE(std::filesystem::exists(recorder.folder() / "plots/02_Error.svg"));
+  for (const auto& file : write_plots(recorder.data(), parent_.path() / "again"))
+    EXPECT_EQ(test::read_file(file), test::read_file(recorder.folder() / "plots" / file.filename()))
+        << file << ": one figure has one number and one name";
   const std::string page = test::read_file(recorder.folder() / "report.html");
   std::string what;
   EXPECT_TRUE(test::well_formed(page, &what)) << what;

@@ -101,6 +101,17 @@ TEST(RunReader, KnowsTheScriptsLineOfAFailure) {
   EXPECT_TRUE(module.step());
 }
 
+TEST(RunReader, KnowsWhereTheScriptWasWhenTheReasonDoesNotSay) {
+  TemporaryFolder parent;
+  test::ReportedRecorder recorder(parent.path(), servo_start());
+  const std::string location = "protocols/servo_square.lua:40";
+  recorder.finish({Outcome::aborted, "the camera was lost", 60.4, 8.3, location});
+  EXPECT_EQ(read_run(recorder.folder()).end->location, location);
+  const std::string written = test::read_file(recorder.folder() / "summary.json");
+  report_run(recorder.folder());
+  EXPECT_EQ(test::read_file(recorder.folder() / "summary.json"), written);
+}
+
 TEST(RunReader, FindsARunByFolderNameBeginningAndLast) {
   TemporaryFolder parent;
   const fs::path folder = whole_run(parent.path());

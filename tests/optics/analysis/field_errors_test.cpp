@@ -66,6 +66,21 @@ TEST(FieldErrors, CalibrationOnTheRetinaTakesMostOfItAwayAndAWrongRetinaGivesSom
   }
 }
 
+// In this eye the sensor's and the retina's errors are worst with opposite signs: 0.65 mm at the
+// field's worst point, and 0.53 mm with equal ones.
+TEST(FieldErrors, TheSignsOfTheSensorsAndOfTheRetinasErrorAreIndependent) {
+  const Prescription eye = prescription("model_eye_5_3");
+  FieldErrorOptions options;
+  options.max_angle = 15 * kDegree;
+  options.angles = options.depths = 6;
+  options.rings = 3, options.arms = 8;
+  options.calibrated = true;
+  options.focus_error = 0.1 * kMm;
+  options.retinal_depth_error = 0.3 * kMm;
+  const Prescription truth = perturbed(eye, {"lens.anterior.radius", 0.04, ""}, 1);
+  EXPECT_NEAR(field_error(eye, options)(truth).value(), 0.65 * kMm, 0.03 * kMm);
+}
+
 struct Row {
   const char* parameter;
   double thesis;  // um, mu_max of table 5.2, its rows put right as facts 5 has them

@@ -45,6 +45,20 @@ TEST(RetinaShape, PointsOfASurfaceGiveItBack) {
   }
 }
 
+// A power of two changes no digit, so the same steps must be taken at any size.
+TEST(RetinaShape, TheSizeOfTheEyeDoesNotMatter) {
+  const double size = std::ldexp(1.0, -16);
+  RetinaFitOptions options;
+  options.fit_conic = false;  // a number without unit, whose steps would outweigh small lengths
+  std::vector<Eigen::Vector3d> points =
+      points_on(make_surface(12 * kMm, -0.175, 0, 1), {0, 0, 0}, 20 * kUm);
+  const RetinaFit fit = fit_retina(points, options);
+  for (Eigen::Vector3d& point : points) point *= size;
+  const RetinaFit small = fit_retina(points, options);
+  EXPECT_EQ(small.vertex, size * fit.vertex);
+  EXPECT_EQ(small.radius, size * fit.radius);
+}
+
 TEST(RetinaShape, HeldParametersStay) {
   RetinaFitOptions options;
   options.fit_conic = options.fit_center = false;

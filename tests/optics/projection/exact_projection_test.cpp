@@ -136,6 +136,20 @@ TEST(ExactProjection, OutsideItsValidityItSaysNothing) {
   EXPECT_TRUE(exact.project(Eigen::Vector3d(0, 0, 0)));
 }
 
+// The eye is the same all round, so turning the microscope by 90 degrees turns the lines, and they
+// cross at the same depth, whichever meridian of m that is in.
+TEST(ExactProjection, TheDepthAtWhichLinesCrossIsSoughtInEveryMeridian) {
+  Microscope one;
+  one.pupil_distance = 0.02;
+  one.tilt = {0.03, 0};
+  Microscope turned = one;
+  turned.tilt = {0, 0.03};
+  const ExactProjection exact(model_eye_5_3(), one, 7 * kMm);
+  EXPECT_LT(exact.max_z(), 13 * kMm);  // before the lens
+  // the tables' cubics, at nodes that are turned into one another
+  EXPECT_NEAR(ExactProjection(model_eye_5_3(), turned, 7 * kMm).max_z(), exact.max_z(), 1e-9);
+}
+
 TEST(ExactProjection, TheIrisEndsTheTable) {
   System system = model_eye_5_3();
   Microscope microscope;

@@ -1,0 +1,52 @@
+// Frame validation: what stands still to the bit ends the loop at its third occurrence.
+// SPDX-License-Identifier: Apache-2.0
+#include "host/servo/frame_validator.h"
+
+#include "devices/time/error.h"
+#include "tests/host/record/run_fixture.h"
+
+#include <gtest/gtest.h>
+
+namespace vitreo {
+namespace {
+
+class FrameValidatorTest : public testing::Test {
+ protected:
+  /// Whether it is taken for a device that stands still.
+  template <class What>
+  bool refused(const What& what) {
+    try {
+      validator_.must_change(what);
+    } catch (const DeviceError& error) {
+      EXPECT_EQ(error.kind, DeviceErrorKind::protocol);
+      EXPECT_EQ(error.device, "top_camera");
+      return true;
+    }
+    return false;
+  }
+  test::TemporaryFolder parent_;
+  Recorder recorder_{parent_.path(), test::servo_start()};
+  const std::unique_ptr<Clock> clock_ = virtual_clock();
+  FrameValidator validator_{*clock_, recorder_, "top_camera"};
+};
+
+TEST_F(FrameValidatorTest, TheThirdEqualPictureEndsTheLoop) {
+  const cv::Mat one(4, 6, CV_8UC1, cv::Scalar(7));
+  const cv::Mat other(4, 6, CV_8UC1, cv::Scalar(8));
+  for (const cv::Mat& picture : {one, one, other, other, one, one})
+    EXPECT_FALSE(refused(picture.clone()));
+  EXPECT_TRUE(refused(one.clone()));
+}
+
+TEST_F(FrameValidatorTest, TheThirdEqualPositionEndsTheLoopAndNoneIsNone) {
+  using Position = std::optional<Eigen::Vector3d>;
+  const Position one(Eigen::Vector3d(1e-3, 0, 0));
+  const Position other(Eigen::Vector3d(1e-3, 0, 1e-9));
+  const Position none;
+  for (const Position& position : {one, one, other, other, none, none, none, one, one})
+    EXPECT_FALSE(refused(position));
+  EXPECT_TRUE(refused(one));
+}
+
+}  // namespace
+}  // namespace vitreo
