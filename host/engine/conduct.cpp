@@ -189,6 +189,7 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
     if (!disk.empty()) session.raise(kDiskAlarm, AlarmPriority::medium, disk);
     for (const FramePolicy& policy : run.policies()) session.frames.start(policy);
     // Throws for every end that is not the script's own; judge() says what that means for the run.
+    switch_light_on(session.rig);
     body(session);
   };
   return judge(script, session.control);

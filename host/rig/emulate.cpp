@@ -196,7 +196,7 @@ class Emulation::State {
     if (driver == "usb3103")
       testbed().plug(laboratory_.coil_outputs(), identity);
     else if (driver == "led")
-      testbed().plug(*lamp_, identity);
+      plug_lamp(identity);
     else if (driver == "pololu_tic")
       testbed().plug(laboratory_.lens_motor());
     else if (driver == "spacemouse")
@@ -205,6 +205,19 @@ class Emulation::State {
       testbed().plug(pedal_, identity);
     else
       throw ConfigError(role + ": there is no emulator for the driver '" + driver + "' on USB");
+  }
+
+  /// The light in the simulated eye is what the output puts out, as in host/rig/drivers/led_lamp.
+  void plug_lamp(const UsbIdentity& identity) {
+    const nlohmann::json& lamp = reader_.resolved().at("lamp");
+    const auto output = lamp.at("output").get<std::size_t>();
+    const double level_per_volt =
+        lamp.at("amperes_per_volt").get<double>() / lamp.at("full_current").get<double>();
+    lamp_ = usb3103::make_emulator({}, [this, output, level_per_volt](const auto& volts) {
+      laboratory_.set_light(volts[output] * level_per_volt);
+    });
+    laboratory_.set_light(0);
+    testbed().plug(*lamp_, identity);
   }
 
   /// A GigE Vision camera that streams what the role sees of the simulated world. The server calls
@@ -269,7 +282,7 @@ class Emulation::State {
   std::shared_ptr<SimulatedPlaces> places_ = std::make_shared<SimulatedPlaces>();
   spacemouse::Emulator mouse_;
   foot_pedal::Emulator pedal_;
-  std::unique_ptr<usb3103::Emulator> lamp_ = usb3103::make_emulator({}, nullptr);
+  std::unique_ptr<usb3103::Emulator> lamp_;
   std::vector<End> ends_;
   std::mutex mutex_;
   std::unique_ptr<UsbTestbed> testbed_;

@@ -147,6 +147,7 @@ class ComposedRig final : public OpenRig {
           "the pedal is released, or gone",
           [this, held = settings.dead_man_pedals] { return is_held(rig_.pedal, held); });
     if (settings.lamp) rig_.lamp = (lamp_ = settings.lamp(where)).device.get();
+    rig_.lamp_level = settings.lamp_level;
     if (settings.lens_mover)
       rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
     // Stages before the probe: what stands on a stage asks where it is (RigContext::places).
@@ -235,6 +236,10 @@ std::vector<std::string> Rig::roles() const {
 // check_rig() first, so that nothing is opened of a rig with any error. Then in this order: files
 // of the model, files of the truth, and instruments last. An std::invalid_argument of whatever is
 // built is an error of the rig file.
+void switch_light_on(Rig& rig) {
+  if (rig.lamp != nullptr && rig.lamp_level > 0) rig.lamp->set_level(rig.lamp_level);
+}
+
 std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock,
                                   std::uint64_t seed, const SimulationShifts& shifts) {
   check_rig(description);

@@ -45,7 +45,7 @@ struct RigModel {
   std::vector<int> dead_coils;    // channels from 1 that must stay without current
   control::Robot robot;
   control::Medium medium;
-  std::string focus_axis = "z";  // of the stage that carries the sensor, along the light
+  std::string focus_axis = "z";            // of the stage that carries the sensor, along the light
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };
 
@@ -86,9 +86,14 @@ struct Rig {
   Simulation* simulation = nullptr;   // null as soon as one role is real
   RigModel model;
   Lamp* lamp = nullptr;
+  double lamp_level = 0;  // of the full current, from the begin of a run on; every end is dark
   std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
   /// The names of the roles that are there, sorted.
   std::vector<std::string> roles() const;
 };
+
+/// Gives a run the light that the rig file says; opening a rig leaves the lamp dark. Throws
+/// DeviceError.
+void switch_light_on(Rig& rig);
 
 }  // namespace vitreo

@@ -207,7 +207,14 @@ void read_pedal(ConfigReader reader, RigSettings& settings) {
 /// Which axis is focus is the rig's matter, not the driver's: it follows from how it is mounted.
 void read_stage(ConfigReader reader, RigSettings& settings) {
   settings.stage = read_instrument<Stage>(reader, "stage", settings.laboratory);
-  settings.model.focus_axis = reader.choice("focus_axis", settings.model.focus_axis, {"x", "y", "z"});
+  settings.model.focus_axis =
+      reader.choice("focus_axis", settings.model.focus_axis, {"x", "y", "z"});
+  reader.finish();
+}
+
+void read_lamp(ConfigReader reader, RigSettings& settings) {
+  settings.lamp = read_instrument<Lamp>(reader, "lamp", settings.laboratory);
+  settings.lamp_level = reader.number("level", settings.lamp_level, {0, 1, ""});
   reader.finish();
 }
 
@@ -284,7 +291,7 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
   read_role(reader, "joystick", settings, settings.joystick);
   if (reader.has("pedal")) read_pedal(reader.table("pedal"), settings);
-  read_role(reader, "lamp", settings, settings.lamp);
+  if (reader.has("lamp")) read_lamp(reader.table("lamp"), settings);
   read_role(reader, "lens_mover", settings, settings.lens_mover);
   if (reader.has("stage")) read_stage(reader.table("stage"), settings);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);

@@ -79,6 +79,7 @@ return {
     output = 0,
     amperes_per_volt = 0.1,
     full_current = 0.35 * A,
+    level = 1, -- during a run; rig.lamp:set_level() changes it
   },
 
   -- Carries the camera with the microscope along the light: its axis z focuses. Any byte during a motion would end it, so

@@ -1,5 +1,6 @@
 -- The laboratory of octomag_lab as it is calibrated: without the eye, the camera straight on the workspace ("calibrated before
 -- introducing the eye model", thesis 5.5), and the teslameter on the stage in the camera's place.
+-- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local um = units.um
 
