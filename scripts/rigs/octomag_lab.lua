@@ -22,11 +22,11 @@ return {
   top_camera = {
     driver = "genicam",
     address = "genicam:127.0.0.1",
-    width_px = 640,
-    height_px = 480,
-    frame_rate = 30 * Hz,
+    width_px = 1384,
+    height_px = 1036,
+    frame_rate = 15 * Hz,
     exposure = 5 * ms,
-    effective_pixel = 15 * um, -- of the aerial image, measured with a ruled slide in its place
+    effective_pixel = 14.3 * um, -- of the aerial image, measured with a ruled slide in its place
   },
 
   -- Looks along +y at the robot, past the eye: for judging, and for calibrations with a target.

@@ -18,7 +18,6 @@
 namespace vitreo::lua {
 namespace {
 
-
 int camera_info(Call& call) {
   const CameraInfo& info = call.self<Camera>().info();
   ResultTable(call)
