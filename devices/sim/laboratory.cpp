@@ -30,7 +30,7 @@ class SimulatedSampleHandler : public SampleHandler {
   void place_target(const Eigen::Vector3d& position) override {
     laboratory_.move_body("target", position);
   }
-  void remove_target() override { place_target({0, 0, kOutOfSight}); }
+  void remove_target() override { place_target({kOutOfSight, kOutOfSight, kOutOfSight}); }
   void change_vial(const std::string& robot, const std::string& gel) override {
     const auto medium = gel.empty() ? std::nullopt : std::optional(control::gel_named(gel));
     laboratory_.change(control::robot_named(robot), medium);
@@ -38,7 +38,7 @@ class SimulatedSampleHandler : public SampleHandler {
   }
 
  private:
-  static constexpr double kOutOfSight = 0.5;  // m above: beyond every focus and every field of view
+  static constexpr double kOutOfSight = 0.5;  // m: beyond every field of view
   Laboratory& laboratory_;
   World& world_;
   Clock& clock_;

@@ -17,6 +17,7 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <condition_variable>
 #include <cstring>
 #include <filesystem>
 #include <iostream>
@@ -42,6 +43,27 @@ std::string text_at(const ConfigTable& table, const std::string& key) {
 }
 
 bool begins(const std::string& text, const std::string& with) { return text.rfind(with, 0) == 0; }
+
+/// A mutex that is given to those who wait for it in the order in which they came.
+class Turns {
+ public:
+  void lock() {
+    std::unique_lock lock(mutex_);
+    const std::uint64_t mine = next_++;
+    changed_.wait(lock, [&] { return serving_ == mine; });
+  }
+  void unlock() {
+    const std::lock_guard lock(mutex_);
+    ++serving_;
+    changed_.notify_all();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::uint64_t next_ = 0;
+  std::uint64_t serving_ = 0;
+};
 
 /// The address of a camera on the loopback, "" for any other.
 std::string loopback_camera(const std::string& address) {
@@ -244,11 +266,12 @@ class Emulation::State {
     cameras_.push_back(genicam::serve_camera(settings, draw));
   }
 
-  /// One thread at a time: the camera's, the testbed's, the wires'.
-  /// The laboratory and the emulators know nothing of threads. This lock is taken before the
-  /// testbed's, and the testbed's own thread holds that one alone: no two wait for each other.
+  /// One thread at a time, in the order in which they come: the cameras', the testbed's, the
+  /// wires'. An unfair lock lets two cameras pass it to each other, and the wires fall silent. The
+  /// laboratory and the emulators know nothing of threads. This lock is taken before the testbed's,
+  /// and the testbed's own thread holds that one alone: no two wait for each other.
   void with_world(const std::function<void()>& work) {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(turns_);
     if (testbed_)
       testbed_->with_emulators(work);
     else
@@ -284,7 +307,7 @@ class Emulation::State {
   foot_pedal::Emulator pedal_;
   std::unique_ptr<usb3103::Emulator> lamp_;
   std::vector<End> ends_;
-  std::mutex mutex_;
+  Turns turns_;
   std::unique_ptr<UsbTestbed> testbed_;
   std::vector<std::unique_ptr<genicam::CameraServer>> cameras_;
   std::atomic<bool> ended_{false};

@@ -249,7 +249,7 @@ void add_target(RigSettings& settings) {
   ball.name = "target";
   ball.shape = sim::Shape::spheroid;
   ball.semi_axis = ball.semi_radius = 0.4 * kMilli;
-  ball.position = {0, 0, 0.5};
+  ball.position = {0.5, 0.5, 0.5};
   ball.axis = {0, 0, 1};
   ball.fixed = true;
   bodies.push_back(ball);

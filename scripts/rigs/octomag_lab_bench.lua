@@ -10,8 +10,11 @@ return {
 
   top_camera = {
     view = "plain",
+    width_px = 656,
+    height_px = 490,
     effective_pixel = 20.7 * um, -- of the scene
   },
 
   stage = { carries = "probe" },
+  field_probe = { on_stage = true },
 }

@@ -15,6 +15,8 @@
 
 namespace vitreo::lua {
 
+struct Context;
+
 /// One coroutine of the script, by way of run:together or as the root.
 struct LuaTask {
   lua_State* thread = nullptr;

@@ -36,7 +36,7 @@ nlohmann::json numbers_of(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z(
 
 /// What the top camera sees after a person's hands were there goes into the record, beside the
 /// answer. Without a camera, or when none comes, there is no photograph: the answer counts.
-int photograph(Call& call, const std::string& caption) {
+int photograph(Call& call, const Handling& done) {
   Session& session = session_of(call.L);
   Camera* const camera = session.rig.top_camera;
   if (camera == nullptr || session.rehearsal != nullptr) return 0;
@@ -50,9 +50,9 @@ int photograph(Call& call, const std::string& caption) {
         }
       },
       2 * kPhotograph,
-      [frame, caption, &session](Call&) {
+      [frame, name = done.name, request = done.request, &session](Call&) {
         if (!frame->image.empty())
-          session.recorder.picture(caption, "after it was done", frame->image);
+          session.recorder.picture(name, "photograph: " + request, frame->image);
         return 0;
       }));
 }
@@ -75,7 +75,7 @@ int handle(Call& call, const Handling& wanted) {
     if (!std::get<bool>(answer))
       throw std::runtime_error("it was not done, says the operator: " + wanted.request);
     wanted.act(*sample);
-    return photograph(done, wanted.request);
+    return photograph(done, wanted);
   });
 }
 
