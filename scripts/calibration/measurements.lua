@@ -66,7 +66,7 @@ local function hold_current(rig, run, coil, current, time)
   end
   repeat
     rig.coils:set_currents(currents)
-    run:wait(math.min(0.04 * s, began + time - run:now()))
+    run:wait(math.max(0, math.min(0.04 * s, began + time - run:now())))
   until run:now() >= began + time - 1e-9
 end
 

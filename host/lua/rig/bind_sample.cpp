@@ -15,8 +15,8 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr double kHandling = 3600;               // s of wall time: a person may be long at it
-constexpr Time kCall = std::chrono::minutes(2);  // of a handler that is a program
+constexpr double kHandling = 3600;                // s of wall time: a person may be long at it
+constexpr Time kCall = std::chrono::minutes(10);  // of a handler that is a program
 constexpr Time kPhotograph = std::chrono::seconds(5);
 
 /// One thing to do: its words for a person, its task for a program in the person's place, and the
