@@ -2,6 +2,7 @@
 # program prints about itself (man page, completion, stubs for editors), so that none of these can differ from it.
 include(GNUInstallDirs)
 install(TARGETS vitreo vitreo_guardian RUNTIME)
+install(TARGETS vitreo_loopback LIBRARY DESTINATION lib/vitreo)
 foreach(folder protocols scripts templates docs)
   install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_DATADIR}/vitreo)
 endforeach()

@@ -11,7 +11,7 @@ local mm, um = units.mm, units.um
 
 return {
   title = "Autofocus sweep",
-  needs = { "top_camera", "stage" },
+  needs = { "top_camera", "stage", "sample" },
   rig = "bare_sensor",
   parameters = {
     depth = {
@@ -35,8 +35,8 @@ return {
     local eye = rig:eye()
     local map = eye:wide_angle_map()
     local expected = map:image { 0, 0, p.depth }
-    targets.put(rig, run, vector(0, 0, p.depth))
-    run:defer(function() targets.remove(rig, run) end)
+    targets.put(rig, vector(0, 0, p.depth))
+    run:defer(function() targets.remove(rig) end)
     local u, v = focusing.pixel(rig, expected)
     local window = { u = u, v = v, size = p.window }
     local peaks, distances, values = focusing.sweep(rig, {

@@ -14,7 +14,7 @@ local mm, um = units.mm, units.um
 
 -- d_ls where a target on the axis, `depth` before the retina, is sharp.
 local function sharp_at(rig, run, law, depth, p)
-  targets.put(rig, run, vector(0, 0, depth))
+  targets.put(rig, vector(0, 0, depth))
   local model = rig:model()
   local told = focusing.autofocus(rig, {
     near = law:distance(depth),
@@ -101,7 +101,7 @@ end
 
 return {
   title = "Biometric calibration",
-  needs = { "top_camera", "stage" },
+  needs = { "top_camera", "stage", "sample" },
   rig = "bare_sensor",
   parameters = {
     eye = {
@@ -117,7 +117,7 @@ return {
   run = function(rig, p, run)
     local eye = rig:eye()
     local truth = eyes.set(rig, run, p.eye, p.draw)
-    run:defer(function() targets.remove(rig, run) end)
+    run:defer(function() targets.remove(rig) end)
     local believed = eye:axis_law()
     local points = {}
     for i, depth in ipairs(statistics.range(0.05 * mm, p.deepest, p.points)) do

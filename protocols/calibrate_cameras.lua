@@ -9,7 +9,7 @@ local mm = units.mm
 
 return {
   title = "Calibration of the cameras",
-  needs = { "top_camera" },
+  needs = { "top_camera", "sample" },
   rig = "calibration",
   parameters = {
     count = { default = 5, min = 2, max = 31, integer = true, help = "places along each side of the grid" },

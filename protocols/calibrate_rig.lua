@@ -34,7 +34,7 @@ end
 
 return {
   title = "Calibration of the whole rig",
-  needs = { "top_camera", "coils", "stage", "field_probe" },
+  needs = { "top_camera", "coils", "stage", "field_probe", "sample" },
   rig = "calibration",
   parameters = {
     count = { default = 3, min = 2, max = 31, integer = true, help = "places of the target along each side of the grid" },

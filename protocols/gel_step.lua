@@ -70,6 +70,7 @@ end
 
 return {
   title = "A step through gel",
+  simulated_only = true,
   needs = { "coils", "sample" },
   rig = "gel",
   parameters = {

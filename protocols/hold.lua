@@ -1,6 +1,6 @@
--- Deviation of the robot held at a place, and its path error round a square, by the simulator's truth: the results of the
--- controller, with the thesis' PD beside it. With feedback = "pose_sensor" of control alone, without optics (a simulated
--- sensor of the truth, late and noisy); else through camera, eye and tracker.
+-- Deviation of the robot held at a place, and its path error round a square, by the simulator's truth or, in a laboratory, by
+-- the side camera: the results of the controller, with the thesis' PD beside it. With feedback = "pose_sensor" of control
+-- alone, without optics (a simulated sensor of the truth, late and noisy); else through camera, eye and tracker.
 -- SPDX-License-Identifier: Apache-2.0
 local units = require "units"
 local paths = require "paths"

@@ -60,7 +60,7 @@ end
 
 return {
   title = "Localization by focus",
-  needs = { "top_camera", "stage" },
+  needs = { "top_camera", "stage", "sample" },
   rig = "bare_sensor",
   parameters = {
     eye = {
@@ -86,7 +86,7 @@ return {
   run = function(rig, p, run)
     local believed = rig:eye()
     local truth = eyes.set(rig, run, p.eye, p.draw)
-    run:defer(function() targets.remove(rig, run) end)
+    run:defer(function() targets.remove(rig) end)
     local angles, surfaces = statistics.range(0, p.field, p.angles), statistics.range(0.3 * mm, p.deepest, p.surfaces)
     local model = by_focus.model(believed)
     run:progress(0, "calibrating")

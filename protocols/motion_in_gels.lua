@@ -12,16 +12,6 @@ local robots =
   { coni = { name = "coni_2mm", title = "CoNi, 2 mm" }, ndfeb = { name = "ndfeb_cylinder_1mm", title = "NdFeB, 1 mm" } }
 local ways = { "pull", "tumble" }
 
--- On a simulated rig the next vial is there at once; in the laboratory the operator puts it in and says so.
-local function next_vial(rig, run, gel, robot)
-  if rig.simulation then
-    rig.simulation:change { robot = robot.name, gel = "gel_" .. gel }
-    rig.sample:insert_robot { 0, 0, 0 }
-    return
-  end
-  run:confirm(("gel %d with the robot %s in the middle of the workspace: ready?"):format(gel, robot.title))
-end
-
 -- Where the robot is: of the simulator's truth where there is one, else as the side camera sees it.
 local function place(run)
   run:wait(0.3 * s)
@@ -63,7 +53,7 @@ end
 local function along_x() return vector(1, 0, 0) end
 
 local function attempt(rig, run, model, robot, p, gel, way)
-  next_vial(rig, run, gel, robot)
+  rig.sample:change_vial { robot = robot.name, gel = "gel_" .. gel }
   push(rig, run, model, robot, p, 1 * s, along_x, 0) -- lies along the field, held up
   local from = place(run)
   local function turning(time)

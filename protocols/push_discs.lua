@@ -29,6 +29,7 @@ local away = vector(0, 0, 0.5)
 
 return {
   title = "Pushing a disc",
+  simulated_only = true,
   needs = { "top_camera", "coils", "sample" },
   rig = "push_discs",
   parameters = {
@@ -38,12 +39,6 @@ return {
     height = { unit = "mm", default = -4.2 * mm, min = -4.5 * mm, max = 2 * mm, help = "at which the robot goes, world" },
   },
   run = function(rig, p, run)
-    if not rig.simulation then
-      error(
-        "push_discs: on a laboratory rig the operator steers; this needs the page with the joystick, which a later release adds",
-        0
-      )
-    end
     local disc_at = vector(0.4 * mm, 0, -4.65 * mm)
     rig.sample:remove_robot()
     rig.simulation:move_body("disc", away)

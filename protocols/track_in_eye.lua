@@ -46,6 +46,7 @@ end
 
 return {
   title = "Tracking in the eye by color",
+  simulated_only = true,
   needs = { "top_camera" },
   rig = "color_eye",
   parameters = {

@@ -20,6 +20,7 @@ end
 
 return {
   title = "Tracking behind an occlusion",
+  simulated_only = true,
   needs = { "top_camera" },
   rig = "color_occluded",
   parameters = {

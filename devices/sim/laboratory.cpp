@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "devices/sim/laboratory.h"
 
+#include "control/robots.h"
+#include "control/vitreous.h"
 #include "devices/sim/checks.h"
 #include "devices/sim/hardware_sample.h"
 #include "devices/time/error.h"
@@ -15,16 +17,29 @@
 namespace vitreo::sim {
 namespace {
 
+/// Hands that need no time. What they place is a body of the rig file.
 class SimulatedSampleHandler : public SampleHandler {
  public:
-  SimulatedSampleHandler(World& world, Clock& clock) : world_(world), clock_(clock) {}
+  SimulatedSampleHandler(Laboratory& laboratory, World& world, Clock& clock)
+      : laboratory_(laboratory), world_(world), clock_(clock) {}
   std::string identity() const override { return "simulated operator's hands"; }
   void insert_robot(const Eigen::Vector3d& near) override {
     world_.insert_robot(clock_.now(), near);
   }
   void remove_robot() override { world_.remove_robot(clock_.now()); }
+  void place_target(const Eigen::Vector3d& position) override {
+    laboratory_.move_body("target", position);
+  }
+  void remove_target() override { place_target({kOutOfSight, kOutOfSight, kOutOfSight}); }
+  void change_vial(const std::string& robot, const std::string& gel) override {
+    const auto medium = gel.empty() ? std::nullopt : std::optional(control::gel_named(gel));
+    laboratory_.change(control::robot_named(robot), medium);
+    insert_robot({0, 0, 0});
+  }
 
  private:
+  static constexpr double kOutOfSight = 0.5;  // m: beyond every field of view
+  Laboratory& laboratory_;
   World& world_;
   Clock& clock_;
 };
@@ -110,13 +125,14 @@ cv::Mat side_ground(int width, int height) {
 }  // namespace
 
 struct Laboratory::State {
-  State(const LaboratorySettings& given, Clock& the_clock, std::uint64_t the_seed)
+  State(Laboratory& owner, const LaboratorySettings& given, Clock& the_clock,
+        std::uint64_t the_seed)
       : settings(given),
         clock(the_clock),
         seed(the_seed),
         world(sampled_world(given, the_seed), seed_for(the_seed, Purpose::world)),
         lens(pololu_tic::make_emulator(homed_motor(given.lens), the_clock)),
-        hands(world, the_clock),
+        hands(owner, world, the_clock),
         probe(
             given.probe, world,
             [this] {
@@ -273,7 +289,7 @@ Laboratory::Laboratory(const LaboratorySettings& settings, Clock& clock, std::ui
   settings.lens.check();
   require(settings.eye.size() > State::kBeforeCondensingLens,
           "eye: a system with a condensing lens before surface 6 is wanted");
-  state_ = std::make_unique<State>(settings, clock, seed);
+  state_ = std::make_unique<State>(*this, settings, clock, seed);
   State& state = *state_;
   const auto& top = settings.top;
   const auto& side = settings.side;
@@ -391,6 +407,10 @@ void Laboratory::move_body(const std::string& name, const Eigen::Vector3d& posit
 
 cv::Mat Laboratory::top_image(Time exposed, std::uint64_t number) {
   return state_->draw_top(exposed, number);
+}
+
+cv::Mat Laboratory::side_image(Time exposed, std::uint64_t number) {
+  return state_->draw_side(exposed, number);
 }
 
 std::optional<Truth> Laboratory::truth(Time time) {

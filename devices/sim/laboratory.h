@@ -121,6 +121,8 @@ class Laboratory {
   /// asks the clock for the time only, so a camera server may draw from a thread of its own, if it
   /// is the only one here meanwhile.
   cv::Mat top_image(Time exposed, std::uint64_t number);
+  /// The same of the side camera.
+  cv::Mat side_image(Time exposed, std::uint64_t number);
   /// Nothing while no robot is in the eye. `time` may lie up to a second back.
   std::optional<Truth> truth(Time time);
 

@@ -45,8 +45,13 @@ nlohmann::json describe_json(const ProtocolDescription& protocol) {
     if (!p.choices.empty()) row["choices"] = p.choices;
     parameters.push_back(row);
   }
-  return {{"name", protocol.name},   {"file", protocol.file},   {"title", protocol.title},
-          {"about", protocol.about}, {"needs", protocol.needs}, {"rig", protocol.rig},
+  return {{"name", protocol.name},
+          {"file", protocol.file},
+          {"title", protocol.title},
+          {"about", protocol.about},
+          {"needs", protocol.needs},
+          {"rig", protocol.rig},
+          {"simulated_only", protocol.simulated_only},
           {"parameters", parameters}};
 }
 
@@ -73,7 +78,9 @@ void list(ScriptEngine& engine, bool json) {
   for (const std::string& file : Program::protocol_files()) {
     nlohmann::json row{{"name", std::filesystem::path(file).stem().string()}, {"file", file}};
     try {
-      row["title"] = engine.describe(file).title;
+      const ProtocolDescription protocol = engine.describe(file);
+      row["title"] = protocol.title;
+      row["simulated_only"] = protocol.simulated_only;
     } catch (const ScriptError& error) {
       row["error"] = error.what();
     }
@@ -84,10 +91,12 @@ void list(ScriptEngine& engine, bool json) {
     std::cout << dumped(rows) << "\n";
     return;
   }
-  for (const auto& row : rows)
-    fmt::print("{:<{}}  {}\n", row["name"].get<std::string>(), widest,
-               row.contains("error") ? "does not load: " + row["error"].get<std::string>()
-                                     : row["title"].get<std::string>());
+  for (const auto& row : rows) {
+    std::string said = row.contains("error") ? "does not load: " + row["error"].get<std::string>()
+                                             : row["title"].get<std::string>();
+    if (row.value("simulated_only", false)) said += " (simulated rigs only)";
+    fmt::print("{:<{}}  {}\n", row["name"].get<std::string>(), widest, said);
+  }
 }
 
 }  // namespace

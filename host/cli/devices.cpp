@@ -6,6 +6,7 @@
 #include "host/rig/emulate.h"
 #include "host/rig/instruments.h"
 #include "host/rig/plugged_in.h"
+#include "host/view/technician.h"
 
 #include <fmt/format.h>
 
@@ -17,6 +18,7 @@ struct DeviceWords {
   std::string test;
   std::vector<std::string> command;
   bool json = false;
+  std::uint64_t seed = 1;
 };
 
 // The contract suite of the role (devices/contract) against the instrument as it is connected. It
@@ -34,6 +36,20 @@ int test_role(Program& program, const DeviceWords& wanted) {
     if (findings.empty()) fmt::print("{}: keeps its contract\n", wanted.test);
   }
   return findings.empty() ? 0 : static_cast<int>(ExitCode::aborted);
+}
+
+/// The emulated laboratory, for a command, whose runs find a technician there, or until Ctrl-C.
+int emulate(const RigDescription& rig, const DeviceWords& wanted) {
+  if (wanted.command.empty()) {
+    const EndingSignals ending;
+    const Emulation emulation(rig, {.seed = wanted.seed});
+    fmt::print(stderr, "press Ctrl-C to end\n");
+    ending.wait();
+    return 0;
+  }
+  Emulation emulation(rig, {.seed = wanted.seed, .in_place = true});
+  const Technician technician([&emulation](const nlohmann::json& task) { emulation.handle(task); });
+  return run_among(wanted.command);
 }
 
 // Without a rig the buses are listed, and no port is asked anything: a question could move
@@ -70,11 +86,12 @@ void add_devices(CommandLine& line, Program& program) {
   // inside the testbed.
   const auto emulation = [&program, &line, wanted] {
     if (!wanted->command.empty()) restart_in_testbed(line.words());
-    return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), wanted->command);
+    return emulate(program.engine().load_rig(Program::rig_file(wanted->rig)), *wanted);
   };
   Command emulated = line.command(
       "emulate", "offer a rig's emulated instruments, or run a command among them", emulation);
   emulated.option("rig", wanted->rig, "a rig's file or name").required();
+  emulated.option("--seed", wanted->seed, "of the machine and its noise, as a run's (default: 1)");
   emulated.option("command", wanted->command, "after --: the command and its arguments");
   emulated.examples({"vitreo emulate octomag_lab -- vitreo devices"});
 }

@@ -82,8 +82,8 @@ class RunSession {
       : session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
         recording_(*stage.recorder, session_.control),
         policies_(frame_policies(request, stage.rig->rig())),
-        faults_({*stage.clock, *stage.rig->laboratory(), *stage.recorder, session_.control,
-                 *stage.disk, simulated_roles(stage.rig->resolved())}) {
+        faults_({*stage.clock, stage.rig->laboratory(), *stage.recorder, session_.control,
+                 *stage.disk, stage.breakable}) {
     session_.real_time = stage.pace == Pace::real_time;
     session_.questions.prepare(request.what.answers);
     session_.desk.set_rights(stage.rights);
@@ -189,6 +189,7 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
     if (!disk.empty()) session.raise(kDiskAlarm, AlarmPriority::medium, disk);
     for (const FramePolicy& policy : run.policies()) session.frames.start(policy);
     // Throws for every end that is not the script's own; judge() says what that means for the run.
+    switch_light_on(session.rig);
     body(session);
   };
   return judge(script, session.control);

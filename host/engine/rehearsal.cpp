@@ -217,6 +217,7 @@ class DryRun {
                             {stuck, [] { return false; }, [](const std::string&) {}});
     TimeLimit limit(session.control, limits_.wall);
     try {
+      switch_light_on(session.rig);
       engine_.run(checked_.protocol, checked_.arguments, session);
       report_.simulated = true;
     } catch (const Stopped&) {

@@ -3,6 +3,7 @@
 
 #include "host/config/rights.h"
 #include "host/engine/installed_calibration.h"
+#include "host/rig/registry.h"
 #include "host/rig/rig_settings.h"
 
 #include <fmt/format.h>
@@ -20,6 +21,16 @@ void check_needs(const ProtocolDescription& protocol, const std::vector<std::str
     throw ConfigError(fmt::format("{}: {} needs the role '{}', and this rig has only {}", rig_file,
                                   protocol.name, role, fmt::join(there, ", ")));
   }
+}
+
+/// A protocol for simulated rigs is not tried on a laboratory. Throws ConfigError.
+void check_simulated(const ProtocolDescription& protocol, const RigDescription& rig,
+                     const std::string& rig_file) {
+  const std::vector<std::string> real = real_roles(rig);
+  if (!protocol.simulated_only || real.empty()) return;
+  throw ConfigError(fmt::format("{}: {} is for simulated rigs only, and here {} {} real", rig_file,
+                                protocol.name, fmt::join(real, ", "),
+                                real.size() == 1 ? "is" : "are"));
 }
 
 /// Every word names a camera of the rig. Throws ConfigError.
@@ -48,6 +59,7 @@ CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
   // Before the bounds are checked: the values in force are those that must be within them.
   take_installed_calibration(checked.rig, request.where.out);
   const std::vector<std::string> roles = check_rig(checked.rig);
+  check_simulated(checked.protocol, checked.rig, request.where.rig_file);
   check_needs(checked.protocol, roles, request.where.rig_file);
   check_frames(request.what.frames, roles);
   return checked;

@@ -6,21 +6,33 @@
 #include "host/rig/registry.h"
 #include "host/runs/report.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <chrono>
 #include <thread>
 
 namespace vitreo {
 namespace {
 
-/// Faults of the request fit the rig; checked before there is a folder. Throws ConfigError.
-void check_faults(const RunRequest& request, const OpenRig& rig) {
-  for (const std::string& word : request.how.faults) {
-    try {
-      check(parse_fault(word), simulated_roles(rig.resolved()));
-    } catch (const std::invalid_argument& problem) {
-      throw ConfigError("fault " + word + ": " + problem.what());
-    }
+/// The fault of a word of the request. Throws ConfigError.
+void check_fault(const std::string& word, const SimulatedRoles& breakable) {
+  try {
+    check(parse_fault(word), breakable);
+  } catch (const std::invalid_argument& problem) {
+    throw ConfigError("fault " + word + ": " + problem.what());
   }
+}
+
+/// Before anything opens: a real laboratory has no simulated faults, but for the disk's. Throws
+/// ConfigError.
+void refuse_faults_of(const std::vector<std::string>& real, const RunRequest& request) {
+  for (const std::string& word : request.how.faults)
+    if (!real.empty() && parse_fault(word).role != "disk")
+      throw ConfigError(fmt::format(
+          "fault {}: this rig's {} is real, and only a rig that is simulated throughout can be "
+          "broken on purpose",
+          word, fmt::join(real, ", ")));
 }
 
 /// Everything that a later reader needs to repeat the run: protocol and rig as texts, the resolved
@@ -69,12 +81,15 @@ RecordLimits record_limits(const RunRequest& request, const RigDescription& desc
 RunStage open_stage(const RunRequest& request, const RigDescription& description) {
   RunStage stage;
   stage.rights = Rights::of(description);
-  const bool real = has_real_instruments(description);
+  const std::vector<std::string> real_ones = real_roles(description);
+  refuse_faults_of(real_ones, request);
+  const bool real = !real_ones.empty();
   // Instruments keep the wall clock's pace, whatever was asked for.
   stage.pace = real ? Pace::real_time : request.how.pace;
   stage.clock = real ? wall_clock() : virtual_clock(stage.pace);
   stage.rig = open_rig(description, *stage.clock, request.how.seed, request.how.shifts);
-  check_faults(request, *stage.rig);
+  if (!real) stage.breakable = simulated_roles(stage.rig->resolved());
+  for (const std::string& word : request.how.faults) check_fault(word, stage.breakable);
   return stage;
 }
 

@@ -17,7 +17,9 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <condition_variable>
 #include <cstring>
+#include <filesystem>
 #include <iostream>
 #include <mutex>
 #include <signal.h>
@@ -42,27 +44,83 @@ std::string text_at(const ConfigTable& table, const std::string& key) {
 
 bool begins(const std::string& text, const std::string& with) { return text.rfind(with, 0) == 0; }
 
-/// The rig's instruments: its simulated world and, on real wires, what stands at their far ends.
-class Emulation {
+/// A mutex that is given to those who wait for it in the order in which they came.
+class Turns {
  public:
-  /// `places`: as the rig file has them (USB, nodes of serial ports), for a command; else new ones,
-  /// that any program can open.
-  Emulation(const RigDescription& description, bool places)
-      : in_place_(places),
+  void lock() {
+    std::unique_lock lock(mutex_);
+    const std::uint64_t mine = next_++;
+    changed_.wait(lock, [&] { return serving_ == mine; });
+  }
+  void unlock() {
+    const std::lock_guard lock(mutex_);
+    ++serving_;
+    changed_.notify_all();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::uint64_t next_ = 0;
+  std::uint64_t serving_ = 0;
+};
+
+/// The address of a camera on the loopback, "" for any other.
+std::string loopback_camera(const std::string& address) {
+  return begins(address, "genicam:127.") ? address.substr(std::strlen("genicam:")) : "";
+}
+
+}  // namespace
+
+/// The rig's instruments: its simulated world and, on real wires, what stands at their far ends.
+class Emulation::State {
+ public:
+  State(const RigDescription& description, const EmulationSettings& given)
+      : in_place_(given.in_place),
         reader_(description),
         settings_(read_rig_settings(reader_)),
-        laboratory_(settings_.laboratory, *clock_, 1) {
+        laboratory_(settings_.laboratory, *clock_, given.seed) {
     for (const auto& [role, value] : description.table)
       if (const auto* const table = std::get_if<ConfigTable>(&value.value))
         offer(role, text_at(*table, "driver"), text_at(*table, "address"));
     thread_ = quiet_thread([this] { pump(); });
   }
-  Emulation(const Emulation&) = delete;
-  Emulation& operator=(const Emulation&) = delete;
-  ~Emulation() {
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+  ~State() {
     ended_ = true;
     thread_.join();
-    camera_.reset();
+    cameras_.clear();
+  }
+
+  void handle(const nlohmann::json& task) {
+    const std::string what = task.value("do", "");
+    const auto position = [&task] {
+      const auto numbers = task.at("position").get<std::vector<double>>();
+      if (numbers.size() != 3) throw std::invalid_argument("position: wants three numbers");
+      return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
+    };
+    with_world([&] {
+      SampleHandler& sample = laboratory_.sample();
+      if (what == "insert_robot")
+        sample.insert_robot(position());
+      else if (what == "remove_robot")
+        sample.remove_robot();
+      else if (what == "place_target")
+        sample.place_target(position());
+      else if (what == "remove_target")
+        sample.remove_target();
+      else if (what == "change_vial")
+        sample.change_vial(task.at("robot").get<std::string>(), task.at("gel").get<std::string>());
+      else
+        throw std::invalid_argument("task: '" + what + "' is not known");
+    });
+  }
+
+  std::optional<sim::Truth> truth() {
+    std::optional<sim::Truth> found;
+    with_world([&] { found = laboratory_.truth(clock_->now()); });
+    return found;
   }
 
  private:
@@ -75,11 +133,9 @@ class Emulation {
       plug(role, driver, parse_usb_address(hid ? "hid" : "usb", address));
       return say(role, address);
     }
-    if (role == "top_camera" &&
-        (address == "genicam:127.0.0.1" ||
-         (!in_place_ && !begins(address, "video:") && !begins(address, "images:")))) {
-      serve();
-      return say(role, "genicam:127.0.0.1");
+    if (role == "top_camera" || role == "side_camera") {
+      const std::string interface = camera_interface(role, address);
+      if (!interface.empty()) return offer_camera(role, interface);
     }
     const bool talks = begins(address, "serial:") || begins(address, "tcp:");
     if (!talks && (in_place_ || !(address.empty() || address == "emulated"))) {
@@ -87,6 +143,26 @@ class Emulation {
       return;
     }
     offer_bytes(role, driver);
+  }
+
+  /// In place every address of the rig must be there; else a camera that finds no interface of its
+  /// own is left out.
+  void offer_camera(const std::string& role, const std::string& interface) {
+    try {
+      serve(role, interface);
+      say(role, "genicam:" + interface);
+    } catch (const DeviceError& error) {
+      if (in_place_) throw;
+      say(role, std::string("not offered: ") + error.what());
+    }
+  }
+
+  /// Where a camera is served; "" where it is not: recorded images, or another camera's address.
+  std::string camera_interface(const std::string& role, const std::string& address) const {
+    const std::string given = loopback_camera(address);
+    if (!given.empty() || in_place_ || begins(address, "video:") || begins(address, "images:"))
+      return given;
+    return role == "top_camera" ? "127.0.0.1" : "127.0.0.2";
   }
 
   /// The far ends that the role's driver asks for, if it is one that talks bytes.
@@ -142,7 +218,7 @@ class Emulation {
     if (driver == "usb3103")
       testbed().plug(laboratory_.coil_outputs(), identity);
     else if (driver == "led")
-      testbed().plug(*lamp_, identity);
+      plug_lamp(identity);
     else if (driver == "pololu_tic")
       testbed().plug(laboratory_.lens_motor());
     else if (driver == "spacemouse")
@@ -153,27 +229,49 @@ class Emulation {
       throw ConfigError(role + ": there is no emulator for the driver '" + driver + "' on USB");
   }
 
-  // The server calls `draw` in a thread of its own: nothing may be drawn there without
-  // with_world().
-  void serve() {
-    genicam::ServerSettings settings;
-    settings.width_px = settings_.laboratory.top.size.width;
-    settings.height_px = settings_.laboratory.top.size.height;
-    const auto draw = [this](const genicam::Exposure& exposure, cv::Mat& image) {
-      cv::Mat eye;
-      with_world([&] { eye = laboratory_.top_image(clock_->now(), exposure.number); });
-      cv::resize(eye, image, image.size());  // where the client asked for another size
-    };
-    // The first image takes long: a client would take that for silence.
-    laboratory_.top_image(clock_->now(), 0);
-    camera_ = genicam::serve_camera(settings, draw);
+  /// The light in the simulated eye is what the output puts out, as in host/rig/drivers/led_lamp.
+  void plug_lamp(const UsbIdentity& identity) {
+    const nlohmann::json& lamp = reader_.resolved().at("lamp");
+    const auto output = lamp.at("output").get<std::size_t>();
+    const double level_per_volt =
+        lamp.at("amperes_per_volt").get<double>() / lamp.at("full_current").get<double>();
+    lamp_ = usb3103::make_emulator({}, [this, output, level_per_volt](const auto& volts) {
+      laboratory_.set_light(volts[output] * level_per_volt);
+    });
+    laboratory_.set_light(0);
+    testbed().plug(*lamp_, identity);
   }
 
-  /// One thread at a time: the camera's, the testbed's, the wires'.
-  /// The laboratory and the emulators know nothing of threads. This lock is taken before the
-  /// testbed's, and the testbed's own thread holds that one alone: no two wait for each other.
+  /// A GigE Vision camera that streams what the role sees of the simulated world. The server calls
+  /// `draw` in a thread of its own: nothing may be drawn there without with_world().
+  void serve(const std::string& role, const std::string& interface) {
+    const bool top = role == "top_camera";
+    const sim::CameraSettings& camera = top ? settings_.laboratory.top : settings_.laboratory.side;
+    genicam::ServerSettings settings;
+    settings.interface = interface;
+    settings.serial = top ? "VITREO01" : "VITREO02";
+    settings.width_px = camera.size.width;
+    settings.height_px = camera.size.height;
+    const auto view = [this, top](std::uint64_t number) {
+      const Time now = clock_->now();
+      return top ? laboratory_.top_image(now, number) : laboratory_.side_image(now, number);
+    };
+    const auto draw = [this, view](const genicam::Exposure& exposure, cv::Mat& image) {
+      cv::Mat seen;
+      with_world([&] { seen = view(exposure.number); });
+      cv::resize(seen, image, image.size());  // where the client asked for another size
+    };
+    // The first image takes long: a client would take that for silence.
+    view(0);
+    cameras_.push_back(genicam::serve_camera(settings, draw));
+  }
+
+  /// One thread at a time, in the order in which they come: the cameras', the testbed's, the
+  /// wires'. An unfair lock lets two cameras pass it to each other, and the wires fall silent. The
+  /// laboratory and the emulators know nothing of threads. This lock is taken before the testbed's,
+  /// and the testbed's own thread holds that one alone: no two wait for each other.
   void with_world(const std::function<void()>& work) {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(turns_);
     if (testbed_)
       testbed_->with_emulators(work);
     else
@@ -207,17 +305,23 @@ class Emulation {
   std::shared_ptr<SimulatedPlaces> places_ = std::make_shared<SimulatedPlaces>();
   spacemouse::Emulator mouse_;
   foot_pedal::Emulator pedal_;
-  std::unique_ptr<usb3103::Emulator> lamp_ = usb3103::make_emulator({}, nullptr);
+  std::unique_ptr<usb3103::Emulator> lamp_;
   std::vector<End> ends_;
-  std::mutex mutex_;
+  Turns turns_;
   std::unique_ptr<UsbTestbed> testbed_;
-  std::unique_ptr<genicam::CameraServer> camera_;
+  std::vector<std::unique_ptr<genicam::CameraServer>> cameras_;
   std::atomic<bool> ended_{false};
   std::thread thread_;
 };
 
+Emulation::Emulation(const RigDescription& description, const EmulationSettings& settings)
+    : state_(std::make_unique<State>(description, settings)) {}
+Emulation::~Emulation() = default;
+void Emulation::handle(const nlohmann::json& task) { state_->handle(task); }
+std::optional<sim::Truth> Emulation::truth() { return state_->truth(); }
+
 // The exit code as a shell gives it.
-int run(const std::vector<std::string>& command) {
+int run_among(const std::vector<std::string>& command) {
   std::vector<char*> words;
   for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
   words.push_back(nullptr);
@@ -238,53 +342,49 @@ int run(const std::vector<std::string>& command) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-/// Blocks Ctrl-C and its kin in this thread and those that it makes from now on, until it is waited
-/// for.
-/// Made before any thread, which inherits the mask: the signal then waits for sigwait() and
-/// interrupts no system call of the emulators.
-class EndingSignals {
- public:
-  EndingSignals() {
-    sigemptyset(&set_);
-    for (const int one : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&set_, one);
-    pthread_sigmask(SIG_BLOCK, &set_, &before_);
-  }
-  ~EndingSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  EndingSignals(const EndingSignals&) = delete;
-  EndingSignals& operator=(const EndingSignals&) = delete;
-  void wait() const {
-    int one = 0;
-    sigwait(&set_, &one);
-  }
-
- private:
-  sigset_t set_{}, before_{};
+struct EndingSignals::Sets {
+  sigset_t ending{}, before{};
 };
+
+// Made before any thread, which inherits the mask: the signal then waits for sigwait() and
+// interrupts no system call of the emulators.
+EndingSignals::EndingSignals() : sets_(std::make_unique<Sets>()) {
+  sigemptyset(&sets_->ending);
+  for (const int one : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&sets_->ending, one);
+  pthread_sigmask(SIG_BLOCK, &sets_->ending, &sets_->before);
+}
+EndingSignals::~EndingSignals() { pthread_sigmask(SIG_SETMASK, &sets_->before, nullptr); }
+void EndingSignals::wait() const {
+  int one = 0;
+  sigwait(&sets_->ending, &one);
+}
+
+namespace {
+
+/// The preloaded library of the testbed: beside the program in a build folder, or as installed; ""
+/// where it is not.
+std::string loopback_library(const std::filesystem::path& program) {
+  const std::filesystem::path name = "libvitreo_loopback.so";
+  for (const auto& folder : {program.parent_path(), program.parent_path() / "../lib/vitreo"})
+    if (std::filesystem::exists(folder / name)) return (folder / name).lexically_normal().string();
+  return "";
+}
 
 }  // namespace
 
-int emulate(const RigDescription& description, const std::vector<std::string>& command) {
-  if (!command.empty()) {
-    const Emulation emulation(description, true);
-    return run(command);
-  }
-  const EndingSignals ending;
-  const Emulation emulation(description, false);
-  std::cerr << "press Ctrl-C to end\n";
-  ending.wait();
-  return 0;
-}
-
 void restart_in_testbed(char** words) {
-  if (why_no_usb_testbed().empty()) return;
-  // Against a circle: the wrapper is there, and the testbed still is not.
-  if (std::getenv("VITREO_IN_TESTBED") != nullptr) return;  // it did not help
+  // A second start in the testbed would not help where the first did not.
+  if (std::getenv("VITREO_IN_TESTBED") != nullptr) return;
   setenv("VITREO_IN_TESTBED", "1", 1);
-  char self[4096];
-  const ssize_t length = readlink("/proc/self/exe", self, sizeof self - 1);
-  if (length <= 0) return;
-  self[length] = '\0';
-  std::vector<char*> all{const_cast<char*>("umockdev-wrapper"), self};
+  std::error_code gone;
+  const std::string self = std::filesystem::read_symlink("/proc/self/exe", gone).string();
+  if (gone) return;
+  const char* const before = std::getenv("LD_PRELOAD");
+  const std::string library = loopback_library(self);
+  if (!library.empty())
+    setenv("LD_PRELOAD", (library + (before == nullptr ? "" : ":" + std::string(before))).c_str(),
+           1);
+  std::vector<char*> all{const_cast<char*>("umockdev-wrapper"), const_cast<char*>(self.c_str())};
   for (char** word = words + 1; *word != nullptr; ++word) all.push_back(*word);
   all.push_back(nullptr);
   // It returns only where umockdev-wrapper is not installed: then the caller goes on, and says what

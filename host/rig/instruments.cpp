@@ -10,6 +10,7 @@
 #include "devices/contract/stage.h"
 #include "devices/time/error.h"
 #include "host/rig/rig_settings.h"
+#include "host/rig/sample.h"
 
 #include <fmt/format.h>
 
@@ -95,8 +96,10 @@ class Opening {
   explicit Opening(const RigDescription& description)
       : clock_(has_real_instruments(description) ? wall_clock() : virtual_clock()),
         reader_(description),
-        settings_(read_rig_settings(reader_)),
-        laboratory_(settings_.laboratory, *clock_, 1) {}
+        settings_(read_rig_settings(reader_)) {
+    if (simulates_something(description))
+      laboratory_ = std::make_unique<sim::Laboratory>(settings_.laboratory, *clock_, 1);
+  }
   Clock& clock() { return *clock_; }
   /// The rig as read, with the drivers and addresses that it does not name.
   const Json& resolved() const { return reader_.resolved(); }
@@ -107,19 +110,23 @@ class Opening {
   void with(const std::string& role, Visit visit) {
     // Simulated roles are the laboratory's own and need no opening; they are taken where the rig
     // names no driver of another.
-    const RigContext where{*clock_, &laboratory_};
+    const RigContext where{*clock_, laboratory_.get()};
     if (role == "top_camera" && settings_.top_camera && !settings_.top)
-      return visit(laboratory_.top_camera());
-    if (role == "sample" && settings_.sample) return visit(laboratory_.sample());
+      return visit(laboratory_->top_camera());
+    if (role == "sample" && settings_.sample) {
+      RigSample sample(laboratory_ ? &laboratory_->sample() : nullptr, settings_.model,
+                       settings_.sample_by_hand);
+      return visit(static_cast<SampleHandler&>(sample));
+    }
     if (role == "pose_sensor" && settings_.pose_sensor) {
       const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
-        const auto known = laboratory_.truth(time);
+        const auto known = laboratory_->truth(time);
         return known ? std::optional(known->position) : std::nullopt;
       };
       return visit(*sim::make_pose_sensor(*settings_.pose_sensor, truth, *clock_, 1));
     }
     if (role == "side_camera" && settings_.side_camera && !settings_.side)
-      return visit(laboratory_.side_camera());
+      return visit(laboratory_->side_camera());
     const bool found = open(role, "top_camera", settings_.top, where, visit) ||
                        open(role, "side_camera", settings_.side, where, visit) ||
                        open(role, "coils", settings_.coils, where, visit) ||
@@ -148,7 +155,7 @@ class Opening {
   std::unique_ptr<Clock> clock_;
   ConfigReader reader_;
   RigSettings settings_;
-  sim::Laboratory laboratory_;
+  std::unique_ptr<sim::Laboratory> laboratory_;  // null: nothing is simulated
 };
 
 // One suite a role, by overload; the template takes those that have none. Findings go out by

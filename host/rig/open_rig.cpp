@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/open_rig.h"
 
-#include "control/robots.h"
-#include "control/vitreous.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/field_calibration_yaml.h"
 #include "host/rig/plant_settings.h"
 #include "host/rig/rig_settings.h"
+#include "host/rig/sample.h"
 #include "host/safety/guardian.h"
 
 #include <filesystem>
@@ -19,47 +18,11 @@ namespace {
 /// Longer than the interlock's dead-man time (0.25 s), which acts first.
 constexpr Time kStuck = std::chrono::milliseconds(400);
 
-/// Members in the order of their birth: the laboratory first, the interlock last, so that they die
-/// the other way round.
-class SimulatedRig : public OpenRig, public Simulation {
+/// Commands of a script to the simulated laboratory.
+class SimulationCommands final : public Simulation {
  public:
-  SimulatedRig(const RigSettings& settings, nlohmann::json resolved, Clock& clock,
-               std::uint64_t seed)
-      : resolved_(std::move(resolved)),
-        clock_(clock),
-        seed_(seed),
-        laboratory_(settings.laboratory, clock, seed) {
-    // Order of this constructor: model, then optics that depend on it, then instruments, of which
-    // each may borrow the laboratory.
-    rig_.simulation = this;
-    rig_.title = settings.title;
-    rig_.model = settings.model;
-    rig_.model.plain_view = settings.laboratory.top_view == sim::TopView::plain;
-    if (settings.laboratory.top_view == sim::TopView::bare_sensor)
-      rig_.model.microscope = sim::bare_sensor(settings.model.eye, settings.model.microscope.focus,
-                                               settings.laboratory.sensor_aperture);
-    rig_.model.projection = optics::fit_single_viewpoint(rig_.model.eye, rig_.model.microscope,
-                                                         settings.projection_reach);
-    if (settings.exact_projection)
-      rig_.model.exact.emplace(rig_.model.eye, rig_.model.microscope, settings.projection_reach);
-    if (settings.top_camera) rig_.top_camera = &laboratory_.top_camera();
-    if (settings.side_camera) rig_.side_camera = &laboratory_.side_camera();
-    if (settings.sample) rig_.sample = &laboratory_.sample();
-    if (settings.pose_sensor) {
-      // The pose sensor is given a function and not the laboratory: positions are all that it can
-      // learn.
-      const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
-        const auto known = laboratory_.truth(time);
-        return known ? std::optional(known->position) : std::nullopt;
-      };
-      pose_sensor_ = sim::make_pose_sensor(*settings.pose_sensor, truth, clock, seed,
-                                           &laboratory_.faults().looks["pose_sensor"]);
-      rig_.pose_sensor = pose_sensor_.get();
-    }
-    open_instruments(settings, {clock, &laboratory_});
-  }
-  // While every member is still alive; what fails here has no caller to hear of it.
-  ~SimulatedRig() override { make_safe(); }
+  SimulationCommands(sim::Laboratory& laboratory, std::uint64_t seed)
+      : laboratory_(laboratory), seed_(seed) {}
   void sample_machine(std::uint64_t number) override {
     constexpr std::uint64_t kFar =
         0x9E3779B97F4A7C15U;  // so that the machines of neighboring seeds are others
@@ -69,20 +32,44 @@ class SimulatedRig : public OpenRig, public Simulation {
     laboratory_.use_field(measured);
   }
   void set_eye(const optics::System& eye) override { laboratory_.set_eye(eye); }
-  // Both names are looked up before anything changes. The rig believes in the new robot too, for a
-  // laboratory knows which one it has put in; the gel stays unknown to it.
-  void change(const std::string& robot, const std::string& gel) override {
-    const auto medium = gel.empty() ? std::nullopt : std::optional(control::gel_named(gel));
-    const control::Robot other = control::robot_named(robot);
-    laboratory_.change(other, medium);
-    rig_.model.robot = other;
-  }
   void move_body(const std::string& name, const Eigen::Vector3d& position) override {
     laboratory_.move_body(name, position);
   }
+
+ private:
+  sim::Laboratory& laboratory_;
+  const std::uint64_t seed_;
+};
+
+/// Whose roles are simulated: decides what there is beside the instruments.
+enum class Share { none, some, all };
+
+/// A rig of its parts. Members in the order of their birth: the laboratory first, the interlock
+/// last, so that they die the other way round.
+class ComposedRig final : public OpenRig {
+ public:
+  ComposedRig(const RigSettings& settings, nlohmann::json resolved, Clock& clock,
+              std::uint64_t seed, Share simulated)
+      : resolved_(std::move(resolved)), clock_(clock) {
+    rig_.title = settings.title;
+    rig_.model = settings.model;
+    complete_model(settings);
+    if (simulated != Share::none)
+      world_ = std::make_unique<sim::Laboratory>(settings.laboratory, clock, seed);
+    // Only where all is simulated may a script change the world, and is there a truth: an eye that
+    // is drawn beside a real camera judges nothing.
+    if (simulated == Share::all) rig_.simulation = &simulation_.emplace(*world_, seed);
+    if (world_) open_simulated(settings, seed);
+    if (settings.sample)
+      rig_.sample = &sample_.emplace(world_ ? &world_->sample() : nullptr, rig_.model,
+                                     settings.sample_by_hand);
+    open_instruments(settings, {clock, world_.get()});
+  }
+  // While every member is still alive; what fails here has no caller to hear of it.
+  ~ComposedRig() override { make_safe(); }
   Rig& rig() override { return rig_; }
   const nlohmann::json& resolved() const override { return resolved_; }
-  sim::Laboratory* laboratory() override { return &laboratory_; }
+  sim::Laboratory* laboratory() override { return simulation_ ? world_.get() : nullptr; }
 
   // Each device on its own: one that fails does not keep the others from their safe state. A stop
   // that arrives meanwhile waits.
@@ -106,6 +93,34 @@ class SimulatedRig : public OpenRig, public Simulation {
   }
 
  private:
+  /// What the model has beyond the rig file's numbers: how this view projects.
+  void complete_model(const RigSettings& settings) {
+    rig_.model.plain_view = settings.laboratory.top_view == sim::TopView::plain;
+    if (settings.laboratory.top_view == sim::TopView::bare_sensor)
+      rig_.model.microscope = sim::bare_sensor(settings.model.eye, settings.model.microscope.focus,
+                                               settings.laboratory.sensor_aperture);
+    rig_.model.projection = optics::fit_single_viewpoint(rig_.model.eye, rig_.model.microscope,
+                                                         settings.projection_reach);
+    if (settings.exact_projection)
+      rig_.model.exact.emplace(rig_.model.eye, rig_.model.microscope, settings.projection_reach);
+  }
+
+  /// The roles that the simulated laboratory itself plays.
+  void open_simulated(const RigSettings& settings, std::uint64_t seed) {
+    if (settings.top_camera && !settings.top) rig_.top_camera = &world_->top_camera();
+    if (settings.side_camera && !settings.side) rig_.side_camera = &world_->side_camera();
+    if (!settings.pose_sensor) return;
+    // The pose sensor is given a function and not the laboratory: positions are all that it can
+    // learn.
+    const auto truth = [this](Time time) -> std::optional<Eigen::Vector3d> {
+      const auto known = world_->truth(time);
+      return known ? std::optional(known->position) : std::nullopt;
+    };
+    pose_sensor_ = sim::make_pose_sensor(*settings.pose_sensor, truth, clock_, seed,
+                                         &world_->faults().looks["pose_sensor"]);
+    rig_.pose_sensor = pose_sensor_.get();
+  }
+
   // The chain of the coils: amplifier <- guarded (arms the guardian) <- interlock <- all others.
   void open_instruments(const RigSettings& settings, const RigContext& where) {
     if (settings.coils) {
@@ -132,6 +147,7 @@ class SimulatedRig : public OpenRig, public Simulation {
           "the pedal is released, or gone",
           [this, held = settings.dead_man_pedals] { return is_held(rig_.pedal, held); });
     if (settings.lamp) rig_.lamp = (lamp_ = settings.lamp(where)).device.get();
+    rig_.lamp_level = settings.lamp_level;
     if (settings.lens_mover)
       rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
     // Stages before the probe: what stands on a stage asks where it is (RigContext::places).
@@ -144,9 +160,10 @@ class SimulatedRig : public OpenRig, public Simulation {
 
   nlohmann::json resolved_;
   Clock& clock_;
-  std::uint64_t seed_;
-  sim::Laboratory laboratory_;
+  std::unique_ptr<sim::Laboratory> world_;  // null: nothing is simulated
+  std::optional<SimulationCommands> simulation_;
   std::unique_ptr<PoseSensor> pose_sensor_;
+  std::optional<RigSample> sample_;
   Opened<Camera> top_, side_;
   Opened<OperatorInput> joystick_, pedal_;  // before the interlock, which asks the pedal
   Opened<Lamp> lamp_;
@@ -219,6 +236,10 @@ std::vector<std::string> Rig::roles() const {
 // check_rig() first, so that nothing is opened of a rig with any error. Then in this order: files
 // of the model, files of the truth, and instruments last. An std::invalid_argument of whatever is
 // built is an error of the rig file.
+void switch_light_on(Rig& rig) {
+  if (rig.lamp != nullptr && rig.lamp_level > 0) rig.lamp->set_level(rig.lamp_level);
+}
+
 std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& clock,
                                   std::uint64_t seed, const SimulationShifts& shifts) {
   check_rig(description);
@@ -245,7 +266,11 @@ std::unique_ptr<OpenRig> open_rig(const RigDescription& description, Clock& cloc
         throw std::invalid_argument(std::string("truth.calibration: ") + problem.what());
       }
     }
-    auto opened = std::make_unique<SimulatedRig>(settings, reader.resolved(), clock, seed);
+    const Share simulated = !has_real_instruments(description) ? Share::all
+                            : simulates_something(description) ? Share::some
+                                                               : Share::none;
+    auto opened =
+        std::make_unique<ComposedRig>(settings, reader.resolved(), clock, seed, simulated);
     opened->rig().warnings = std::move(warnings);
     return opened;
   } catch (const std::invalid_argument& problem) {

@@ -1,5 +1,5 @@
-// Opening of a rig file: instruments for the roles, the nominal model and, when it simulates, the
-// laboratory behind them.
+// Opening of a rig file: instruments for the roles, the nominal model and, where something is
+// simulated, the laboratory behind it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -26,8 +26,8 @@ class OpenRig {
   virtual const nlohmann::json& resolved() const = 0;
   /// Every device's safe action, each on its own; returns what failed. Idempotent.
   virtual std::vector<std::string> make_safe() = 0;
-  /// The simulator's truth, for the record and for tests; null on a laboratory rig. Nothing of the
-  /// loop is given it.
+  /// The simulator, for its truth, its faults and for tests; null as soon as one role is real.
+  /// Nothing of the loop is given it.
   virtual sim::Laboratory* laboratory() = 0;
 };
 

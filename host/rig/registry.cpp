@@ -105,15 +105,53 @@ UsbAddress read_usb_address(const InstrumentReader& instrument, const std::strin
   }
 }
 
-// Unlike is_laboratory(), recorded images count: with them not everything is simulated.
-bool has_real_instruments(const RigDescription& description) {
-  for (const auto& [role, value] : description.table) {
-    const auto* const table = std::get_if<ConfigTable>(&value.value);
-    if (table == nullptr || !table->contains("address")) continue;
-    const auto* const address = std::get_if<std::string>(&table->at("address").value);
-    if (address != nullptr && *address != "emulated") return true;
+namespace {
+
+/// A text of a role's table, "" where there is none.
+std::string text_of_role(const ConfigTable& table, const std::string& key) {
+  const auto found = table.find(key);
+  const auto* const text =
+      found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
+  return text == nullptr ? "" : *text;
+}
+
+/// A person is as real as an instrument with an address. Unlike for is_laboratory(), recorded
+/// images count: with them not everything is simulated.
+bool is_simulated(const ConfigTable& role) {
+  const std::string address = text_of_role(role, "address");
+  return (address.empty() || address == "emulated") && text_of_role(role, "driver") != "operator";
+}
+
+std::vector<std::string> roles_that_are(bool simulated, const RigDescription& description) {
+  std::vector<std::string> roles;
+  for (const std::string& role : role_names()) {
+    const auto found = description.table.find(role);
+    const auto* const table =
+        found == description.table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
+    if (table != nullptr && is_simulated(*table) == simulated) roles.push_back(role);
   }
-  return false;
+  return roles;
+}
+
+}  // namespace
+
+const std::vector<std::string>& role_names() {
+  static const std::vector<std::string> names{
+      "coils",       "field_probe",    "joystick", "lamp",        "lens_mover", "pedal",
+      "pose_sensor", "rotation_stage", "sample",   "side_camera", "stage",      "top_camera"};
+  return names;
+}
+
+std::vector<std::string> real_roles(const RigDescription& description) {
+  return roles_that_are(false, description);
+}
+
+bool simulates_something(const RigDescription& description) {
+  return !roles_that_are(true, description).empty();
+}
+
+bool has_real_instruments(const RigDescription& description) {
+  return !real_roles(description).empty();
 }
 
 }  // namespace vitreo

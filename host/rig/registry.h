@@ -118,8 +118,14 @@ Opener<Role> read_instrument(ConfigReader& reader, const std::string& role,
   reader.fail("driver", "is not known");
 }
 
-/// Whether any role's address leads out of this program: such a rig runs at the pace of the wall
-/// clock.
+/// Every role that a rig file can have, sorted.
+const std::vector<std::string>& role_names();
+/// The roles of a rig that are instruments with an address, recorded images, or a person; sorted.
+std::vector<std::string> real_roles(const RigDescription& description);
+/// Whether any other role is there: one that acts on, or looks at, a simulated laboratory.
+bool simulates_something(const RigDescription& description);
+/// Whether there are real roles: such a rig runs at the pace of the wall clock, and nothing of it
+/// can be redrawn, broken on purpose or judged by a simulator's truth.
 bool has_real_instruments(const RigDescription& description);
 
 }  // namespace vitreo

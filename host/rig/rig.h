@@ -45,6 +45,7 @@ struct RigModel {
   std::vector<int> dead_coils;    // channels from 1 that must stay without current
   control::Robot robot;
   control::Medium medium;
+  std::string focus_axis = "z";            // of the stage that carries the sensor, along the light
   std::string eye_name = "model_eye_5_3";  // of the prescription that `eye` is
 };
 
@@ -62,9 +63,6 @@ class Simulation {
   /// The true eye becomes this one; what the rig believes stays. Throws std::invalid_argument for
   /// another kind of eye.
   virtual void set_eye(const optics::System& eye) = 0;
-  /// Another robot, which the rig believes in too, and a gel of docs/simulated_laboratory.md, or ""
-  /// for the fluid. The robot is taken out. Throws std::invalid_argument naming what is not known.
-  virtual void change(const std::string& robot, const std::string& gel) = 0;
   /// Puts a body of the rig file elsewhere, m, world. Throws std::invalid_argument when there is
   /// none of that name.
   virtual void move_body(const std::string& name, const Eigen::Vector3d& position) = 0;
@@ -85,12 +83,17 @@ struct Rig {
   RotationStage* rotation_stage = nullptr;
   FieldProbe* field_probe = nullptr;
   PoseSensor* pose_sensor = nullptr;  // simulated rigs only: the one role that gives the truth
-  Simulation* simulation = nullptr;   // null on a laboratory rig
+  Simulation* simulation = nullptr;   // null as soon as one role is real
   RigModel model;
   Lamp* lamp = nullptr;
+  double lamp_level = 0;  // of the full current, from the begin of a run on; every end is dark
   std::vector<std::string> warnings;  ///< of the calibration files it was made from, a line each
   /// The names of the roles that are there, sorted.
   std::vector<std::string> roles() const;
 };
+
+/// Gives a run the light that the rig file says; opening a rig leaves the lamp dark. Throws
+/// DeviceError.
+void switch_light_on(Rig& rig);
 
 }  // namespace vitreo

@@ -204,6 +204,20 @@ void read_pedal(ConfigReader reader, RigSettings& settings) {
 }
 
 // The one role that gives the truth to a script; check_rig() refuses it beside real instruments.
+/// Which axis is focus is the rig's matter, not the driver's: it follows from how it is mounted.
+void read_stage(ConfigReader reader, RigSettings& settings) {
+  settings.stage = read_instrument<Stage>(reader, "stage", settings.laboratory);
+  settings.model.focus_axis =
+      reader.choice("focus_axis", settings.model.focus_axis, {"x", "y", "z"});
+  reader.finish();
+}
+
+void read_lamp(ConfigReader reader, RigSettings& settings) {
+  settings.lamp = read_instrument<Lamp>(reader, "lamp", settings.laboratory);
+  settings.lamp_level = reader.number("level", settings.lamp_level, {0, 1, ""});
+  reader.finish();
+}
+
 void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
   reader.choice("driver", "simulated", {"simulated"});
   sim::PoseSensorSettings& sensor = settings.pose_sensor.emplace();
@@ -215,10 +229,30 @@ void read_pose_sensor(ConfigReader reader, RigSettings& settings) {
 
 void read_sample(ConfigReader reader, RigSettings& settings) {
   settings.sample = true;
-  reader.choice("driver", "simulated", {"simulated"});
+  const bool person = reader.choice("driver", "simulated", {"simulated", "operator"}) == "operator";
+  // Of the simulated one: asks all the same, as in a dry run of a laboratory's rig.
+  settings.sample_by_hand = person || reader.flag("by_hand", false);
+  // Of a person, in the twin and in the emulated laboratory.
   settings.laboratory.world.placement_scatter = reader.number(
       "placement_scatter", settings.laboratory.world.placement_scatter, {0, 2 * kMilli, "m"});
   reader.finish();
+}
+
+/// A person has the calibration's target in a drawer: where `truth` does not say what it is like,
+/// the twin's and the emulated one is a ball, out of sight until it is placed.
+void add_target(RigSettings& settings) {
+  std::vector<sim::BodySettings>& bodies = settings.laboratory.world.bodies;
+  const bool there = std::any_of(bodies.begin(), bodies.end(),
+                                 [](const auto& body) { return body.name == "target"; });
+  if (!settings.sample_by_hand || there) return;
+  sim::BodySettings ball;
+  ball.name = "target";
+  ball.shape = sim::Shape::spheroid;
+  ball.semi_axis = ball.semi_radius = 0.4 * kMilli;
+  ball.position = {0.5, 0.5, 0.5};
+  ball.axis = {0, 0, 1};
+  ball.fixed = true;
+  bodies.push_back(ball);
 }
 
 /// The laboratory is built as the model says, and then differs by what `truth` says.
@@ -257,13 +291,14 @@ RigSettings read_rig_settings(ConfigReader& reader) {
   if (reader.has("sample")) read_sample(reader.table("sample"), settings);
   read_role(reader, "joystick", settings, settings.joystick);
   if (reader.has("pedal")) read_pedal(reader.table("pedal"), settings);
-  read_role(reader, "lamp", settings, settings.lamp);
+  if (reader.has("lamp")) read_lamp(reader.table("lamp"), settings);
   read_role(reader, "lens_mover", settings, settings.lens_mover);
-  read_role(reader, "stage", settings, settings.stage);
+  if (reader.has("stage")) read_stage(reader.table("stage"), settings);
   read_role(reader, "rotation_stage", settings, settings.rotation_stage);
   read_role(reader, "field_probe", settings, settings.field_probe);
   share_with_laboratory(settings);
   read_plant(reader.table("truth"), settings.laboratory, settings.calibration);
+  add_target(settings);
   reader.finish();
   return settings;
 }
@@ -305,10 +340,8 @@ std::vector<std::string> check_rig(const RigDescription& rig) {
     throw ConfigError(rig.file + ": " + problem.what());
   }
   std::vector<std::string> roles;
-  for (const char* role :
-       {"coils", "field_probe", "joystick", "lamp", "lens_mover", "pedal", "pose_sensor",
-        "rotation_stage", "sample", "side_camera", "stage", "top_camera"})
-    if (reader.has(role)) roles.emplace_back(role);
+  for (const std::string& role : role_names())
+    if (reader.has(role)) roles.push_back(role);
   return roles;
 }
 

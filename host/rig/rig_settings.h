@@ -30,6 +30,7 @@ struct RigSettings {
   bool top_camera = false;
   bool side_camera = false;
   bool sample = false;
+  bool sample_by_hand = false;
   // Empty where the rig has none, or, for cameras, the simulated one.
   Opener<Camera> top, side;
   Opener<OperatorInput> joystick, pedal;
@@ -39,6 +40,7 @@ struct RigSettings {
   Opener<RotationStage> rotation_stage;
   Opener<FieldProbe> field_probe;
   Opener<Lamp> lamp;
+  double lamp_level = 0;  // from the begin of a run on
   std::uint32_t dead_man_pedals =
       0;                  // a bit a pedal that must be held while the coils are energized; 0: none
   bool guardian = false;  // a process that watches the host

@@ -22,6 +22,13 @@ ConfigTable* table_in(ConfigTable& table, const std::string& key) {
   return found == table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
 }
 
+std::string text_in(const ConfigTable& table, const std::string& key) {
+  const auto found = table.find(key);
+  const auto* const text =
+      found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
+  return text == nullptr ? "" : *text;
+}
+
 /// Whether the address leads to an instrument. Images and videos in files do nothing, and a twin
 /// reads them too.
 /// By the address alone: an emulated instrument has the same driver as a real one.
@@ -151,6 +158,12 @@ RigDescription twin_of(const RigDescription& rig) {
   for (auto& [name, value] : twin.table) {
     auto* const role = std::get_if<ConfigTable>(&value.value);
     if (role != nullptr && is_real(*role)) (*role)["address"].value = std::string("emulated");
+  }
+  // The questions stay, and what they ask for happens in the twin's world.
+  if (ConfigTable* const sample = table_in(twin.table, "sample");
+      sample && text_in(*sample, "driver") == "operator") {
+    (*sample)["driver"].value = std::string("simulated");
+    (*sample)["by_hand"].value = true;
   }
   // An emulated pedal is never pressed.
   if (ConfigTable* const pedal = table_in(twin.table, "pedal")) pedal->erase("dead_man");

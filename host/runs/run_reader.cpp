@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <limits>
+#include <string_view>
 
 namespace vitreo {
 namespace {
@@ -230,6 +231,25 @@ std::string state_of(Database& database, const fs::path& folder, RunHead& head) 
   return stop.text(0);
 }
 
+/// Names begin with the time to the second; among runs of one second the folder whose scripts were
+/// stored last, which is the first that a run does.
+fs::path newest(const std::vector<fs::path>& sorted) {
+  constexpr std::size_t kSecond = std::string_view("2026-11-23T104601").size();
+  const auto second = [](const fs::path& folder) {
+    return folder.filename().string().substr(0, kSecond);
+  };
+  const auto stored = [](const fs::path& folder) {
+    std::error_code error;
+    return fs::last_write_time(folder / "script", error);
+  };
+  fs::path found = sorted.back();
+  for (auto folder = sorted.rbegin(); folder != sorted.rend(); ++folder) {
+    if (second(*folder) != second(sorted.back())) break;
+    if (stored(*folder) > stored(found)) found = *folder;
+  }
+  return found;
+}
+
 }  // namespace
 
 // No record is opened: a list of thousands is quick, and has those that cannot be read too.
@@ -250,7 +270,7 @@ fs::path find_run(const std::string& word, const fs::path& parent) {
   const std::vector<fs::path> folders = run_folders(parent);
   if (word == "last") {
     if (folders.empty()) throw RecordError("there are no runs in " + parent.string());
-    return folders.back();
+    return newest(folders);
   }
   std::vector<std::string> matching;
   for (const fs::path& folder : folders) {

@@ -27,6 +27,11 @@ bool is_zero(std::span<const double> currents) {
   return std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
 }
 
+/// Any rate towards zero is safe; a change of sign is not towards it.
+bool towards_zero(double from, double to) {
+  return from * to >= 0 && std::abs(to) <= std::abs(from);
+}
+
 }  // namespace
 
 // A dead-man shorter than the period of the watch, 50 ms, would promise what cannot be noticed;
@@ -87,19 +92,33 @@ void Interlock::check(std::span<const double> currents) {
                        limits_.total_current));
 }
 
-// |I - I_before| / dt of each channel, dt the time since the last set-point.
+/// A: the slew limit times the time since the last set-point.
+double Interlock::largest_step() const {
+  return limits_.slew * std::max(to_seconds(clock_->now() - sent_at_), kShortest);
+}
+
+// |I - I_before| of each channel is at most the slew limit times dt, the time since the last
+// set-point.
 void Interlock::check_slew(std::span<const double> currents) {
-  const double since = std::max(to_seconds(clock_->now() - sent_at_), kShortest);
+  const double most = largest_step();
   for (std::size_t channel = 0; channel < currents.size(); ++channel) {
-    const double slew = std::abs(currents[channel] - sent_[channel]) / since;
-    // Any rate towards zero is safe; a change of sign is not towards it.
-    const bool towards_zero = currents[channel] * sent_[channel] >= 0 &&
-                              std::abs(currents[channel]) <= std::abs(sent_[channel]);
-    if (slew > limits_.slew && !towards_zero)
+    const double from = sent_[channel], to = currents[channel];
+    if (std::abs(to - from) > most && !towards_zero(from, to))
       refuse(fmt::format(
           "coil {}: from {:.3g} A to {:.3g} A within {:.3g} ms is beyond the limit of {:.3g} A/s",
-          channel + 1, sent_[channel], currents[channel], since * 1e3, limits_.slew));
+          channel + 1, from, to, most / limits_.slew * 1e3, limits_.slew));
   }
+}
+
+std::vector<double> Interlock::reachable(std::span<const double> currents) const {
+  std::vector<double> near(currents.begin(), currents.end());
+  if (clock_ == nullptr || sent_.size() != currents.size()) return near;
+  // Off the limit by more than rounding.
+  const double most = largest_step() * (1 - 1e-9);
+  for (std::size_t channel = 0; channel < near.size(); ++channel)
+    if (!towards_zero(sent_[channel], near[channel]))
+      near[channel] = std::clamp(near[channel], sent_[channel] - most, sent_[channel] + most);
+  return near;
 }
 
 // In this order: open, limits, paused, slew, conditions. A set-point beyond a limit trips even

@@ -48,6 +48,10 @@ class Interlock : public CoilAmplifier {
   double current_limit() const override;
   double total_limit() const { return limits_.total_current; }  // A, sum of magnitudes
   void set_currents(std::span<const double> currents) override;
+  /// The nearest set-point to these that the slew limit lets through now. Two frames that come in
+  /// one burst make two set-points at once; a loop sends what is reachable, and the rest with its
+  /// next step.
+  std::vector<double> reachable(std::span<const double> currents) const;
   std::vector<double> currents() const override { return amplifier_.currents(); }
   void make_safe() override;
   bool enabled() const { return enabled_; }
@@ -97,6 +101,7 @@ class Interlock : public CoilAmplifier {
  private:
   void check(std::span<const double> currents);
   void check_slew(std::span<const double> currents);
+  double largest_step() const;
   [[noreturn]] void refuse(const std::string& why);
   void send(std::span<const double> currents);
   void count(std::span<const double> currents);

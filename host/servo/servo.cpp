@@ -227,7 +227,8 @@ struct Servo::Loop {
   }
 
   void send(const control::Currents& wanted) {
-    rig.coils->set_currents({wanted.data(), static_cast<std::size_t>(wanted.size())});
+    rig.coils->set_currents(
+        rig.coils->reachable({wanted.data(), static_cast<std::size_t>(wanted.size())}));
   }
 
   void switch_off() {
@@ -270,7 +271,7 @@ struct Servo::Loop {
   /// Checked before anything is changed, so a path that is refused leaves the loop as it was.
   void set_goal(Mode wanted, const control::Trajectory& path, int wanted_pictures) {
     check_reach(rig.model, path);
-    if (settings.feedback == Feedback::one_camera || settings.feedback == Feedback::two_cameras)
+    if (looks(settings.feedback) || settings.stays_in_sight)
       check_visible(rig.model, rig.top_camera->info(), settings.view.image_scale, path);
     reference = {path, reference.begin};
     starting = true;

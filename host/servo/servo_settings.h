@@ -24,6 +24,10 @@ class SideObservationBuffer;
 /// simulated rig has one.
 enum class Feedback { none, one_camera, two_cameras, pose_sensor };
 const char* to_string(Feedback feedback);
+/// Whether the loop sees the robot by the top camera.
+constexpr bool looks(Feedback feedback) {
+  return feedback == Feedback::one_camera || feedback == Feedback::two_cameras;
+}
 /// Throws std::invalid_argument with the names there are.
 Feedback feedback_named(const std::string& name);
 
@@ -51,6 +55,8 @@ struct ServoSettings {
   bool wall_drag = false;  // ControllerSettings
   /// A dry run: the pose sensor in the camera's place, whatever the feedback.
   bool by_pose = false;
+  /// A dry run of feedback by cameras: a path must stay in the top camera's sight all the same.
+  bool stays_in_sight = false;
   double axis_uncertainty() const;  // rad, as chosen or as the law has it
   void check() const;               // throws std::invalid_argument naming the setting
   ViewCorrection view;              // of the rig's own view

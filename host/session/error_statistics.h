@@ -27,11 +27,12 @@ struct ErrorStatistics {
   double depth_std = 0;  // of a sample (n - 1)
 };
 
-/// Statistics of one recorded stream against another, both holding x, y, z in m, over the times in
-/// [from, to] that both have. Where one has no y (a side view), y is not compared; rows that are
-/// not finite (the robot was lost) are left out.
-/// `stream` and `reference` such as "truth" and "servo", each with the prefix of its three
-/// channels' names: "" for x, y, z or "target_" for target_x ... Throws std::invalid_argument
+/// Statistics of one recorded stream against another, both holding x, y, z in m, over the times of
+/// the first in [from, to] at which the other has a row. Where they share no moment at all, as of
+/// two cameras that run freely, the other is interpolated between rows at most 150 ms apart. Where
+/// one has no y (a side view), y is not compared; rows that are not finite (the robot was lost) are
+/// left out. `stream` and `reference` such as "truth" and "servo", each with the prefix of its
+/// three channels' names: "" for x, y, z or "target_" for target_x ... Throws std::invalid_argument
 /// naming what is missing.
 ErrorStatistics error_statistics(const Recorder& recorder, const std::string& stream,
                                  const std::string& prefix, const std::string& reference,

@@ -238,23 +238,27 @@ void FaultInjector::run(const Fault& fault, const FaultKind& kind) {
   context_.recorder.event(context_.clock.now(), "fault over", fault.role + " " + fault.kind);
 }
 
-/// Switches one fault on or off, in whichever part of the simulator it is read.
-/// Under the clock's baton, as everything that reads sim::Faults; only the disk's faults are read
-/// by another thread, and are atomics.
-void FaultInjector::set(const Fault& fault, double by, bool on) {
-  sim::Faults& faults = context_.laboratory.faults();
+/// Read by the recorder's thread, so both are atomics.
+void FaultInjector::set_disk(const Fault& fault, double by, bool on) {
   if (fault.kind == "full") {
     context_.disk.full = on;
     if (on) fill_disk();
-  } else if (fault.kind == "slow") {
-    if (on) context_.disk.stall_ms = static_cast<int>(std::lround(by * 1e3));
-  } else if (fault.kind == "saturated") {
+  } else if (on) {
+    context_.disk.stall_ms = static_cast<int>(std::lround(by * 1e3));
+  }
+}
+
+/// Switches one fault on or off, in whichever part of the simulator it is read.
+void FaultInjector::set(const Fault& fault, double by, bool on) {
+  if (fault.role == "disk") return set_disk(fault, by, on);
+  sim::Faults& faults = context_.laboratory->faults();
+  if (fault.kind == "saturated") {
     faults.saturation = on ? by : std::numeric_limits<double>::infinity();
   } else if (fault.kind == "stuck" || fault.kind == "limit") {
     // Stages registered a function that holds them; the lens mover reads its motor's faults.
     if (fault.role != "lens_mover") return faults.sticks.at(fault.role)(on, context_.clock.now());
     (fault.kind == "stuck" ? faults.lens.stuck : faults.lens.limit) = on;
-    context_.laboratory.apply_lens_faults();
+    context_.laboratory->apply_lens_faults();
   } else if (is_in(kSensors, fault.role)) {
     set_imaging(faults.looks[fault.role], fault, by, on);
   } else {

@@ -68,7 +68,7 @@ class FaultInjector {
  public:
   struct Context {
     Clock& clock;
-    sim::Laboratory& laboratory;
+    sim::Laboratory* laboratory;  // null on a rig with real instruments: only the disk can fail
     Recorder& recorder;
     RunControl& control;
     DiskFaults& disk;
@@ -85,6 +85,7 @@ class FaultInjector {
  private:
   void run(const Fault& fault, const FaultKind& kind);
   void set(const Fault& fault, double by, bool on);
+  void set_disk(const Fault& fault, double by, bool on);
   void set_link(LinkFaults& link, const Fault& fault, double by, bool on);
   void set_imaging(sim::ImagingFaults& imaging, const Fault& fault, double by, bool on);
   void fill_disk();

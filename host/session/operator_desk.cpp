@@ -103,7 +103,8 @@ nlohmann::json OperatorDesk::status() const {
     json["question"] = {{"number", question->number},
                         {"name", question->answer.name},
                         {"text", shown(*question)},
-                        {"choices", choices_of(question->answer)}};
+                        {"choices", choices_of(question->answer)},
+                        {"task", question->task}};
   return json;
 }
 

@@ -165,7 +165,8 @@ void Questions::assume(const Question& question) {
   taken.fallback = assumed.value;
   assumed.text = default_text(taken);
   const std::lock_guard lock(mutex_);
-  assumed_.push_back(shown(question) + ": " + assumed.text);
+  // What a person is to do is done in the twin: there, nothing is taken on trust.
+  if (question.task.is_null()) assumed_.push_back(shown(question) + ": " + assumed.text);
   answer_ = std::move(assumed);
 }
 

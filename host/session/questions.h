@@ -5,6 +5,8 @@
 
 #include "host/session/script_engine.h"
 
+#include <nlohmann/json.hpp>
+
 #include <deque>
 #include <mutex>
 #include <optional>
@@ -19,6 +21,9 @@ struct Question {
   std::string text;          // "Is the eye fixed?"
   Parameter answer;          // name, kind, unit, range, choices; a flag is yes or no
   bool has_default = false;  // answer.fallback is taken for an empty line
+  /// What is to be done before it is answered, for a program that does it in a person's place:
+  /// {"do": "insert_robot", "position": [x, y, z] in m, world}. Null: only an answer is wanted.
+  nlohmann::json task{};
 };
 
 /// As a person reads it: "Is the eye fixed? (yes or no)".

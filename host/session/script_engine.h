@@ -58,6 +58,7 @@ struct ProtocolDescription {
   std::string about;               // the comment at the file's head
   std::vector<std::string> needs;  // roles
   std::string rig;  // on which it runs unless another is named; a name in scripts/rigs/, or empty
+  bool simulated_only = false;  // a laboratory cannot do it: it redraws the machine, or wants truth
   std::vector<Parameter> parameters;  // in the order of their names
   std::vector<ProtocolTest> tests;    // as the file lists them
 };

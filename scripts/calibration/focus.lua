@@ -5,14 +5,27 @@ local statistics = require "analysis.statistics"
 local vision = require "vision"
 local focusing = {}
 
+-- Which of the stage's axes focuses, as the rig file says.
+local function focus_axis(rig)
+  local wanted = rig:model().focus_axis
+  for i, axis in ipairs(rig.stage:info().axes) do
+    if axis.name == wanted then return i end
+  end
+  error(("the stage has no axis %s, which the rig file calls its focus_axis"):format(wanted), 0)
+end
+
 --- The stage's position for a distance d_ls: the rig file's microscope.focus is where the stage's zero is.
 function focusing.stage_position(rig, distance) return distance - rig:model().microscope.focus end
 
 --- The distance d_ls at which the stage stands now.
-function focusing.distance(rig) return rig:model().microscope.focus + rig.stage:position()[1] end
+function focusing.distance(rig) return rig:model().microscope.focus + rig.stage:position()[focus_axis(rig)] end
 
 --- Moves the sensor to a distance d_ls, and waits until it is there.
-function focusing.move(rig, distance) rig.stage:move_to({ focusing.stage_position(rig, distance) }) end
+function focusing.move(rig, distance)
+  local target = rig.stage:position()
+  target[focus_axis(rig)] = focusing.stage_position(rig, distance)
+  rig.stage:move_to(target)
+end
 
 -- A window's corner and size, cut to the image; an error when nothing of it is in there.
 local function cut(window, width, height)

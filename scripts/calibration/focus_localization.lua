@@ -30,20 +30,20 @@ end
 
 -- Center of the target, px: what differs from the same view without it.
 local function center(rig, run, place)
-  targets.remove(rig, run)
+  targets.remove(rig)
   local tracker = vision.background_tracker { threshold = 12, max_area_px = 1e6 }
   rig.top_camera:grab()
   for _ = 1, 3 do
     tracker:learn(rig.top_camera:grab().image)
   end
-  targets.put(rig, run, place)
+  targets.put(rig, place)
   rig.top_camera:grab()
   return tracker:update(rig.top_camera:grab().image)
 end
 
 -- Where the target at `place` was sharp and seen: {x, y, distance, deviation of one sweep, sigma of the mean}, or nothing.
 local function see(rig, run, place, near, u, v, reach, steps, frames)
-  targets.put(rig, run, place)
+  targets.put(rig, place)
   local coarse = focusing.coarse(rig, {
     from = near - reach,
     to = near + reach,

@@ -27,14 +27,14 @@ end
 function calibrations.camera(rig, run, role, options)
   local camera, points, believed = rig[role], {}, rig:model()
   local world = believed.eye_in_world
-  targets.remove(rig, run)
+  targets.remove(rig)
   local tracker = vision.background_tracker { threshold = options.threshold or 20, min_area_px = 30 }
   camera:grab()
   for _ = 1, 4 do
     tracker:learn(camera:grab().image)
   end
   for _, place in ipairs(grid(role == "side_camera", options.count, options.half)) do
-    targets.put(rig, run, place - world)
+    targets.put(rig, place - world)
     camera:grab()
     camera:grab()
     local seen = tracker:update(camera:grab().image)
@@ -42,7 +42,7 @@ function calibrations.camera(rig, run, role, options)
     local up = role == "side_camera" and place.z or place.y
     if seen then points[#points + 1] = { m = { -place.x, -up }, pixel = { seen.x_px, seen.y_px } } end
   end
-  targets.remove(rig, run)
+  targets.remove(rig)
   if #points < 4 then error(role .. ": the target was seen at " .. #points .. " places; wants four or more", 0) end
   local fit = optics.fit_camera { points = points }
   local cubic, power = 0, 0
@@ -66,30 +66,43 @@ local function hold_current(rig, run, coil, current, time)
   end
   repeat
     rig.coils:set_currents(currents)
-    run:wait(math.min(0.04 * s, began + time - run:now()))
+    run:wait(math.max(0, math.min(0.04 * s, began + time - run:now())))
   until run:now() >= began + time - 1e-9
 end
 
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
 --- field probe, the straight line of log(1 - B/B_end) fitted. A teslameter is slower than the coils: the step is repeated, each
---- time asked a little later. A reading counts at its end. Returns delay, time constant (s), and the points.
+--- time asked a little later, over as long as one reading takes. A reading counts in the middle between question and answer, but
+--- 10 ms after the question at most, for the rest is the way of the answer. Returns
+--- delay, time constant (s), and the points.
 function calibrations.coil_latency(rig, run, options)
-  local coil, current, repeats = options.coil or 1, options.current or 2 * A, options.repeats or 8
-  local function field() return vector(rig.field_probe:measure()) end
+  local coil, current, repeats = options.coil or 1, options.current or 2 * A, options.repeats
+  local function field()
+    local reading = rig.field_probe:measure()
+    return vector(reading), reading.time + math.min(10 * ms, (run:now() - reading.time) / 2)
+  end
+  local took = {}
+  for k = 1, 3 do
+    local asked = run:now()
+    field()
+    took[k] = run:now() - asked
+  end
+  local spread = math.max(20 * ms, statistics.median(took))
+  repeats = repeats or math.max(8, math.ceil(spread / (2.5 * ms))) -- three and more on the slope of a step
   local times, values, zero, final = {}, {}, nil, nil
   for k = 1, repeats do
     hold_current(rig, run, coil, 0, 0.5 * s)
-    zero = zero or field()
+    zero = zero or (field())
     local began = run:now()
-    hold_current(rig, run, coil, current, 1 * ms + 20 * ms * (k - 1) / repeats)
+    hold_current(rig, run, coil, current, 1 * ms + spread * (k - 1) / repeats)
     repeat
-      local value = (field() - zero):norm()
-      times[#times + 1], values[#values + 1] = run:now() - began, value
+      local value, at = field()
+      times[#times + 1], values[#values + 1] = at - began, (value - zero):norm()
       hold_current(rig, run, coil, current, 1 * ms)
     until run:now() - began > 0.15 * s
     if not final then
       hold_current(rig, run, coil, current, 0.4 * s)
-      final = (field() - zero):norm()
+      final = ((field()) - zero):norm()
     end
   end
   hold_current(rig, run, coil, 0, 1 * ms)

@@ -1,5 +1,5 @@
 -- A laboratory: an OctoMag behind a USB-3103, the BIOM on a Pololu Tic, a GigE Vision camera on the microscope, an MP-285
--- under the sample, a Zaber turntable, a teslameter, a ring of LEDs, a SpaceMouse in the operator's hand and a pedal under
+-- under the camera, a Zaber turntable, a teslameter, a ring of LEDs, a SpaceMouse in the operator's hand and a pedal under
 -- the foot. Copy it, and put in what `vitreo devices` prints. docs/instruments.md tells the wiring and all settings.
 --
 -- Without the hardware it opens unchanged among emulated instruments:
@@ -22,12 +22,26 @@ return {
   top_camera = {
     driver = "genicam",
     address = "genicam:127.0.0.1",
-    width_px = 640,
-    height_px = 480,
-    frame_rate = 60 * Hz,
+    width_px = 1384,
+    height_px = 1036,
+    frame_rate = 15 * Hz,
     exposure = 5 * ms,
-    effective_pixel = 15 * um, -- of the aerial image, measured with a ruled slide in its place
+    effective_pixel = 14.3 * um, -- of the aerial image, measured with a ruled slide in its place
   },
+
+  -- Looks along +y at the robot, past the eye: for judging, and for calibrations with a target.
+  side_camera = {
+    driver = "genicam",
+    address = "genicam:127.0.0.2",
+    width_px = 656,
+    height_px = 490,
+    frame_rate = 15 * Hz,
+    exposure = 5 * ms,
+    effective_pixel = 20.4 * um, -- of the scene
+  },
+
+  -- The operator's hands: protocols ask for the robot, the target and the vials by questions with names.
+  sample = { driver = "operator" },
 
   -- A FireWire camera in its place: driver = "iidc", address = "iidc:00b09d0100a8f3d1" (its GUID). A camera of the
   -- system, or a video: driver = "opencv_camera", address = "video:/dev/video0".
@@ -65,15 +79,19 @@ return {
     output = 0,
     amperes_per_volt = 0.1,
     full_current = 0.35 * A,
+    level = 1, -- during a run; rig.lamp:set_level() changes it
   },
 
-  -- Carries the sample. Any byte during a motion would end it, so Vitreo is silent then; leave its rotary control alone.
-  -- An MPC-200 in its place: driver = "sutter_mpc200", drive = 1; Zaber's: driver = "zaber", z = { device = 1 }.
+  -- Carries the camera with the microscope along the light: its axis z focuses. Any byte during a motion would end it, so
+  -- Vitreo is silent then; leave its rotary control alone. An MPC-200 in its place: driver = "sutter_mpc200", drive = 1; Zaber's:
+  -- driver = "zaber", z = { device = 1 }.
   stage = {
     driver = "sutter_mp285",
     address = "serial:/dev/ttyUSB0",
-    travel_min = { -5 * mm, -5 * mm, -5 * mm },
-    travel_max = { 5 * mm, 5 * mm, 5 * mm },
+    carries = "sensor",
+    focus_axis = "z",
+    travel_min = { -12 * mm, -12 * mm, -12 * mm },
+    travel_max = { 12 * mm, 12 * mm, 12 * mm },
     speed = 1 * mm / s,
   },
 

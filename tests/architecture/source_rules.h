@@ -138,7 +138,7 @@ inline const std::vector<Row> kTable{
     {"devices/testbed/",
      {"devices/testbed/", "devices/links/", "devices/time/"},
      {},
-     {"umockdev.h"},
+     {"umockdev.h", "ifaddrs.h", "net/if.h"},
      true},
     // Each instrument's library in one place.
     {"devices/instruments/genicam/",

@@ -18,8 +18,6 @@
 namespace vitreo::lua {
 namespace {
 
-constexpr double kLongestHandling = 600;  // s: of hands, and the most that a timeout may be
-
 int camera_info(Call& call) {
   const CameraInfo& info = call.self<Camera>().info();
   ResultTable(call)
@@ -131,21 +129,6 @@ int lens_home(Call& call) {
       about_lens(mover, "its switch")));
 }
 
-// The role is one of hands, simulated or not, and they may take minutes.
-int insert_robot(Call& call) {
-  SampleHandler* const sample = &call.self<SampleHandler>();
-  return call.wait(work(
-      call, "sample", [sample, position = call.vector(0)] { sample->insert_robot(position); },
-      from_seconds(kLongestHandling), [](Call&) { return 0; }));
-}
-
-int remove_robot(Call& call) {
-  SampleHandler* const sample = &call.self<SampleHandler>();
-  return call.wait(work(
-      call, "sample", [sample] { sample->remove_robot(); }, from_seconds(kLongestHandling),
-      [](Call&) { return 0; }));
-}
-
 // The frames are grabbed on the job's task; the model becomes the script's only when all are in, so
 // that one that is broken off half-way leaves no half-learnt background.
 int learn(Call& call) {
@@ -175,7 +158,7 @@ Argument timeout(const std::string& fallback) {
           .unit = "s",
           .optional = true,
           .min = 0,
-          .max = kLongestHandling,
+          .max = 600,
           .help = "how long it may take (" + fallback + ")"};
 }
 
@@ -387,21 +370,6 @@ const Class& lens_mover_class() {
         "finds its place by its switch, and waits for it",
         lens_home,
         "rig.lens_mover:home()"}}};
-  return kind;
-}
-
-// Where the robot ends up is not returned: it is measured by the cameras, as in a laboratory.
-const Class& sample_class() {
-  static const Class kind{
-      "sample",
-      "whoever brings the robot into the eye",
-      {{"insert_robot",
-        {{.name = "position", .type = Type::vector, .unit = "m"}},
-        "",
-        "releases the robot near a place",
-        insert_robot,
-        "rig.sample:insert_robot({ 0, 0, 0 })"},
-       {"remove_robot", {}, "", "takes the robot out", remove_robot, "rig.sample:remove_robot()"}}};
   return kind;
 }
 

@@ -56,6 +56,7 @@ int rig_model(Call& call) {
                    .number("radius", model.robot.semi_radius, "m");
              })
       .text("robot_name", model.robot.name)
+      .text("focus_axis", model.focus_axis)
       .number("command_delay", model.command_delay, "s")
       .number("command_bandwidth", model.command_bandwidth, "Hz");
   return 1;
@@ -81,6 +82,7 @@ Returned model_fields() {
             "a body, as the localizer takes it",
             {{"shape", "", ""}, {"half_length", "m", ""}, {"radius", "m", ""}}},
            {"robot_name", "", ""},
+           {"focus_axis", "", "name of the stage's axis that moves the sensor along the light"},
            {"command_delay", "s", "of the coils"},
            {"command_bandwidth", "Hz", "of the coils"}}};
 }

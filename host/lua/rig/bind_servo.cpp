@@ -247,6 +247,7 @@ void rehearse(Rehearsal& rehearsal, ServoSettings& settings, const ServoCameras&
     throw std::invalid_argument(std::string("feedback \"") + to_string(settings.feedback) +
                                 "\" needs a background of the empty scene");
   settings.by_pose = true;
+  settings.stays_in_sight = looks(settings.feedback);
   if (settings.feedback != Feedback::none)
     settings.feedback = Feedback::pose_sensor;  // else it is let go as it was
   if (rehearsal.bring_robot) rehearsal.bring_robot();

@@ -48,12 +48,6 @@ int set_eye(Call& call) {
   return 0;
 }
 
-// Robot and medium in one call: either change takes the robot out and makes the plant anew.
-int change(Call& call) {
-  call.self<Simulation>().change(*call.text_option("robot"), call.text_option("gel").value_or(""));
-  return 0;
-}
-
 // At once: the way of the stage that carries the body is not simulated.
 int move_body(Call& call) {
   call.self<Simulation>().move_body(call.text(0), call.vector(1));
@@ -124,17 +118,6 @@ const Class& simulation_class() {
         "makes this the true eye; what the rig believes stays, and has to be calibrated",
         set_eye,
         "rig.simulation:set_eye(eye)"},
-       {"change",
-        {options_of(
-            {{.name = "robot", .type = Type::text, .help = "coni_2mm, ndfeb_cylinder_1mm, ..."},
-             {.name = "gel",
-              .type = Type::text,
-              .optional = true,
-              .help = "gel_1 to gel_11 (the fluid)"}})},
-        "",
-        "another robot and another medium; the robot is taken out",
-        change,
-        "rig.simulation:change { robot = \"coni_2mm\", gel = \"gel_1\" }"},
        {"move_body",
         {{.name = "name", .type = Type::text, .help = "of a body in the rig file's truth.bodies"},
          {.name = "position", .type = Type::vector, .unit = "m", .help = "world"}},

@@ -16,37 +16,6 @@
 namespace vitreo::lua {
 namespace {
 
-using Instant = std::chrono::steady_clock::time_point;
-
-constexpr std::chrono::milliseconds kLookOutside{
-    10};  // of wall time, for what people do while the clock stands
-constexpr Time kLook = std::chrono::milliseconds(50);  // of the clock, where it goes on
-constexpr double kQuestionLimit = 3600;  // s of wall time, unless the script says another
-
-/// In real time the clock's wait is short, and taken again and again. On the virtual clock nothing
-/// may pass while people think: the thread sleeps by the wall, and the clock stands.
-Wait wait_until(const Call& call, const std::string& what, const std::function<bool()>& ready,
-                const std::function<int(Call&)>& then, double limit, Instant give_up) {
-  Session& session = session_of(call.L);
-  const auto late = [give_up] { return std::chrono::steady_clock::now() >= give_up; };
-  Wait wait;
-  wait.what = what;
-  session.control.set_waiting_for(what);
-  if (!session.real_time)
-    while (!ready() && !late() && session.control.tier() == StopTier::none)
-      std::this_thread::sleep_for(kLookOutside);
-  // Not yet answered: the clock's wait is what a stop breaks off.
-  wait.deadline = ready() || late() ? session.clock.now() : later(session.clock.now(), kLook);
-  wait.finish = [=](Call& done, bool) {
-    if (ready()) return then(done);
-    if (late())
-      throw std::runtime_error("waited for " + what + " for " + format_quantity(limit, "s") +
-                               " in vain");
-    return done.wait(wait_until(done, what, ready, then, limit, give_up));
-  };
-  return wait;
-}
-
 int push_answer(Call& call, const Parameter& parameter, const ArgumentValue& value) {
   if (const bool* flag = std::get_if<bool>(&value)) {
     lua_pushboolean(call.L, *flag);
@@ -60,63 +29,13 @@ int push_answer(Call& call, const Parameter& parameter, const ArgumentValue& val
   return call.result(std::get<std::string>(value));
 }
 
-/// What the operator typed, if anything: an answer that does not do is said why, and the question
-/// stays open. What was typed ahead is the next question's.
-bool answered(Session& session) {
-  if (session.questions.answered()) return true;
-  if (const auto line = session.listener.typed()) {
-    try {
-      session.questions.answer(*line, "operator at the terminal");
-    } catch (const ConfigError& problem) {
-      session.listener.message(problem.what());
-    }
-  }
-  return session.questions.answered();
-}
-
-/// Closes a question that nobody waits for any more: its task was stopped, or lost its patience.
-struct Asked {
-  Questions& questions;
-  const int number;
-  Asked(Questions& all, int this_one) : questions(all), number(this_one) {}
-  Asked(const Asked&) = delete;
-  Asked& operator=(const Asked&) = delete;
-  ~Asked() { questions.withdraw(number); }
-};
-
-int put_question(Call& call, const Question& question);
-
-/// Tasks side by side ask one after the other: one answer must not be taken for another question's.
-Wait wait_for_turn(const Call& call, const Question& question) {
-  Session& session = session_of(call.L);
-  Wait wait;
-  wait.what = "its turn to ask '" + question.text + "'";
-  wait.deadline = later(session.clock.now(), kLook);
-  wait.finish = [question](Call& done, bool) { return put_question(done, question); };
-  return wait;
-}
+constexpr double kQuestionLimit = 3600;  // s of wall time, unless the script says another
 
 int put_question(Call& call, const Question& question) {
-  Session& session = session_of(call.L);
-  call.check_can_wait();
-  if (session.questions.open()) return call.wait(wait_for_turn(call, question));
-  session.recorder.event(session.clock.now(), "question", shown(question));
-  // Shared by the functions of a wait, which are copied; the last of them to go closes the
-  // question.
-  const auto asked = std::make_shared<Asked>(session.questions, session.questions.ask(question));
-  if (session.questions.answered())
-    session.listener.message(shown(question) + ": answered in advance");
-  else
-    session.listener.question(question);
-  return call.wait(wait_for_people(
-      call, "an answer to '" + question.text + "'", [&session, asked] { return answered(session); },
-      [&session, parameter = question.answer](Call& done) {
-        const auto answer = session.questions.take();
-        session.recorder.event(session.clock.now(), "answer",
-                               answer->text + " (" + answer->by + ")");
-        return push_answer(done, parameter, answer->value);
-      },
-      call.number_option("timeout").value_or(kQuestionLimit)));
+  return ask_people(call, question, call.number_option("timeout").value_or(kQuestionLimit),
+                    [parameter = question.answer](Call& done, const ArgumentValue& value) {
+                      return push_answer(done, parameter, value);
+                    });
 }
 
 std::string question_name(const Call& call) { return call.text_option("name").value_or("answer"); }
@@ -244,13 +163,6 @@ int close_reminder(Call& call) {
 }
 
 }  // namespace
-
-Wait wait_for_people(const Call& call, const std::string& what, const std::function<bool()>& ready,
-                     const std::function<int(Call&)>& then, double limit) {
-  const auto patience = std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(limit));
-  return wait_until(call, what, ready, then, limit, std::chrono::steady_clock::now() + patience);
-}
 
 std::vector<Binding> run_question_rows() {
   const Argument name{.name = "name",

@@ -317,13 +317,14 @@ ProtocolDescription describe_protocol(const Library& library, const std::string&
                           "this one returns " +
                           kind_of(L, -1));
       const Reader root(L, -1, protocol, "");
-      root.known({"title", "needs", "rig", "parameters", "run", "tests"});
+      root.known({"title", "needs", "rig", "simulated_only", "parameters", "run", "tests"});
       protocol.title = root.text("title", true);
       if (root.push("run") != LUA_TFUNCTION)
         root.fail("run", "wants a function(rig, p, run), got " + kind_of(L, -1));
       lua_pop(L, 1);
       read_needs(root, protocol);
       protocol.rig = root.text("rig", false);
+      protocol.simulated_only = root.flag("simulated_only");
       read_parameters(root, protocol);
       read_tests(root, protocol);
       lua_settop(L, 0);

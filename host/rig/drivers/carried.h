@@ -12,10 +12,9 @@
 
 namespace vitreo {
 
-/// `carries` of an emulated stage's table: "sensor" (the microscope, or the bare sensor), "probe"
-/// or "nothing"; of a real one "nothing", without being asked.
+/// `carries` of a stage's table: "sensor" (the microscope, or the bare sensor), "probe" or
+/// "nothing". Of a real stage it is what its twin and its emulator carry.
 inline std::string read_load(const InstrumentReader& instrument, const std::string& usual) {
-  if (!instrument.emulated()) return "nothing";
   return instrument.reader.choice("carries", usual, {"nothing", "sensor", "probe"});
 }
 

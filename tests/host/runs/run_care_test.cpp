@@ -128,6 +128,20 @@ TEST(RunReader, FindsARunByFolderNameBeginningAndLast) {
   }
 }
 
+// Names tell times to the second only, and go on with the protocol's name.
+TEST(RunReader, TheLastOfRunsOfOneSecondIsTheOneThatBeganLast) {
+  TemporaryFolder parent;
+  const fs::path folder = whole_run(parent.path());
+  const std::string second = folder.filename().string().substr(0, 17);
+  for (const char* const rest : {"_zeta_0001", "_alpha_0002"}) {  // in this order
+    fs::copy(folder, parent.path() / (second + rest), fs::copy_options::recursive);
+    fs::last_write_time(parent.path() / (second + rest) / "script",
+                        fs::last_write_time(folder / "script") +
+                            (rest[1] == 'a' ? std::chrono::seconds(2) : std::chrono::seconds(1)));
+  }
+  EXPECT_EQ(find_run("last", parent.path()).filename(), second + "_alpha_0002");
+}
+
 TEST(RunCare, FindsAWholeRunWholeAndNamesEachDamage) {
   TemporaryFolder parent;
   const fs::path folder = whole_run(parent.path());

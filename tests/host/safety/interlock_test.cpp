@@ -104,6 +104,21 @@ TEST_F(TimedInterlockTest, AChangeThatIsTooFastMeansZeroButTowardsZeroNoneIs) {
   EXPECT_EQ(told, "coil 2: from 0.9 A to 3 A within 10 ms is beyond the limit of 100 A/s;");
 }
 
+// As two frames in one burst ask for it: the rest comes with the next step.
+TEST_F(TimedInterlockTest, WhatIsReachableNowPassesAndTheRestLater) {
+  interlock.set_currents(std::vector<double>{5, 1, -1});
+  clock->sleep_for(from_seconds(0.01));
+  const std::vector<double> wanted{-4, 3, 0};
+  const std::vector<double> first = interlock.reachable(wanted);
+  EXPECT_NEAR(first[0], 4, 1e-6) << "100 A/s for 10 ms";
+  EXPECT_NEAR(first[1], 2, 1e-6);
+  EXPECT_EQ(first[2], 0) << "towards zero at any rate";
+  EXPECT_NO_THROW(interlock.set_currents(first));
+  clock->sleep_for(from_seconds(0.1));
+  EXPECT_EQ(interlock.reachable(wanted), wanted);
+  EXPECT_NO_THROW(interlock.set_currents(wanted));
+}
+
 TEST_F(TimedInterlockTest, ThroughZeroIsNotTowardsZero) {
   interlock.set_currents(std::vector<double>{5, 0, 0});
   clock->sleep_for(from_seconds(0.01));

@@ -56,6 +56,22 @@ TEST_F(Statistics, AgreeWithTheHand) {
   EXPECT_DOUBLE_EQ(result.depth_std, std::sqrt(72.0));
 }
 
+// Two cameras that run freely share no moment: straight lines between rows that are near enough.
+TEST_F(Statistics, OfStreamsThatShareNoMomentAreInterpolated) {
+  const int slow = recorder_.add_stream({"slow", "", kPlace});
+  const int fast = recorder_.add_stream({"fast", "", kPlace});
+  const auto ms = [](int count) { return Time(std::chrono::milliseconds(count)); };
+  for (const int t : {0, 100, 200, 500})
+    recorder_.sample(slow, ms(t), std::array{t * 1e-3, 0.0, 0.0});  // 1 m/s along x
+  for (const int t : {50, 175, 350})                                // the last in a gap
+    recorder_.sample(fast, ms(t), std::array{t * 1e-3, 0.0, t == 50 ? 2.0 : 4.0});
+  const ErrorStatistics result =
+      error_statistics(recorder_, "fast", "", "slow", "", Time{0}, ms(1000));
+  EXPECT_EQ(result.count, 2u);
+  EXPECT_NEAR(result.lateral_max, 0, 1e-12);
+  EXPECT_DOUBLE_EQ(result.depth_mean, 3);
+}
+
 TEST_F(Statistics, OfNothingAreZero) {
   const ErrorStatistics result =
       error_statistics(recorder_, "truth", "", "servo", "target_", Time{100}, Time{200});

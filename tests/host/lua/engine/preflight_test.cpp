@@ -138,6 +138,7 @@ TEST_F(PreflightTest, PosesStandInForImagesOnTheTwinOfALaboratory) {
   const PreflightReport report = check(
       "local background = rig:learn_background { frames = 3 }\n"
       "local servo <close> = rig:servo { background = background }\nservo:hold({ 0, 0, 0 })\n"
+      "rig.sample:insert_robot { 0, 0, 0 }\n"
       "servo:wait_until_tracked()\nservo:go_to({ 1*mm, 0, 0 }, { within = 1*mm })\n"
       "assert(rig.simulation == nil, 'a laboratory cannot be redrawn')");
   EXPECT_TRUE(report.passed()) << all(report.problems);
@@ -156,6 +157,7 @@ TEST_F(PreflightTest, AnOperatorsEyeIsRehearsedByPosesTooAndLetsGoAsItWill) {
       "local background = rig:learn_background { frames = 2 }\n"
       "local servo <close> = rig:servo { background = background, feedback = 'none' "
       "}\nservo:hold({ 0, 0, 0 })\n"
+      "rig.sample:insert_robot { 0, 0, 0 }\n"
       "servo:wait_until_tracked()\nrun:wait(1*s)\nservo:release()\nrun:wait(0.5*s)\n"
       "local before = rig.coils:currents()\nrun:wait(1*s)\n"
       "for i, current in ipairs(rig.coils:currents()) do assert(current == before[i], 'released: "

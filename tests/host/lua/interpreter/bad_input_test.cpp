@@ -201,6 +201,9 @@ class AbsentHands : public SampleHandler {
   std::string identity() const override { return "nobody"; }
   void insert_robot(const Eigen::Vector3d&) override { remove_robot(); }
   void remove_robot() override { clock_.sleep_for(from_seconds(1e5)); }
+  void place_target(const Eigen::Vector3d&) override { remove_robot(); }
+  void remove_target() override { remove_robot(); }
+  void change_vial(const std::string&, const std::string&) override { remove_robot(); }
 
  private:
   Clock& clock_;

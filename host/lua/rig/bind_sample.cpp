@@ -1,0 +1,166 @@
+// Bindings of rig.sample: what is put in, taken out and changed, by a person or in the simulator.
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/time/error.h"
+#include "host/lua/interpreter/context.h"
+#include "host/lua/interpreter/people.h"
+#include "host/lua/interpreter/work.h"
+#include "host/lua/rig/classes.h"
+
+#include <fmt/format.h>
+
+#include <functional>
+#include <stdexcept>
+#include <string>
+
+namespace vitreo::lua {
+namespace {
+
+constexpr double kHandling = 3600;                // s of wall time: a person may be long at it
+constexpr Time kCall = std::chrono::minutes(10);  // of a handler that is a program
+constexpr Time kPhotograph = std::chrono::seconds(5);
+
+/// One thing to do: its words for a person, its task for a program in the person's place, and the
+/// call of the handler.
+struct Handling {
+  std::string name;  // of the question: --answer insert_robot=yes
+  std::string request;
+  nlohmann::json task;
+  std::function<void(SampleHandler&)> act;
+};
+
+std::string place_words(const Eigen::Vector3d& p) {
+  return fmt::format("x {:.2f}, y {:.2f}, z {:.2f} mm", p.x() * 1e3, p.y() * 1e3, p.z() * 1e3);
+}
+
+nlohmann::json numbers_of(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
+
+/// What the top camera sees after a person's hands were there goes into the record, beside the
+/// answer. Without a camera, or when none comes, there is no photograph: the answer counts.
+int photograph(Call& call, const Handling& done) {
+  Session& session = session_of(call.L);
+  Camera* const camera = session.rig.top_camera;
+  if (camera == nullptr || session.rehearsal != nullptr) return 0;
+  auto frame = std::make_shared<Frame>();
+  return call.wait(work(
+      call, camera->info().identity,
+      [=] {
+        try {
+          *frame = camera->grab(kPhotograph);
+        } catch (const DeviceError&) {
+        }
+      },
+      2 * kPhotograph,
+      [frame, name = done.name, request = done.request, &session](Call&) {
+        if (!frame->image.empty())
+          session.recorder.picture(name, "photograph: " + request, frame->image);
+        return 0;
+      }));
+}
+
+/// A person is asked and waited for, then the handler is told; a program is told at once.
+int handle(Call& call, const Handling& wanted) {
+  SampleHandler* const sample = &call.self<SampleHandler>();
+  if (!sample->by_hand())
+    return call.wait(work(
+        call, "sample", [sample, act = wanted.act] { act(*sample); }, kCall,
+        [](Call&) { return 0; }));
+  Question question;
+  question.text = wanted.request + ": is it done?";
+  question.answer.name = wanted.name;
+  question.answer.kind = ParameterKind::flag;
+  question.answer.fallback = false;
+  question.task = wanted.task;
+  question.task["do"] = wanted.name;
+  return ask_people(call, question, kHandling, [=](Call& done, const ArgumentValue& answer) {
+    if (!std::get<bool>(answer))
+      throw std::runtime_error("it was not done, says the operator: " + wanted.request);
+    wanted.act(*sample);
+    return photograph(done, wanted);
+  });
+}
+
+int insert_robot(Call& call) {
+  const Eigen::Vector3d position = call.vector(0);
+  return handle(call, {"insert_robot",
+                       "put the robot in near " + place_words(position) + " of the workspace",
+                       {{"position", numbers_of(position)}},
+                       [position](SampleHandler& sample) { sample.insert_robot(position); }});
+}
+
+int remove_robot(Call& call) {
+  return handle(call,
+                {"remove_robot", "take the robot out, if one is there", nlohmann::json::object(),
+                 [](SampleHandler& sample) { sample.remove_robot(); }});
+}
+
+int place_target(Call& call) {
+  const Eigen::Vector3d position = call.vector(0);
+  return handle(call,
+                {"place_target",
+                 "put the target with its middle at " + place_words(position) + " of the workspace",
+                 {{"position", numbers_of(position)}},
+                 [position](SampleHandler& sample) { sample.place_target(position); }});
+}
+
+int remove_target(Call& call) {
+  return handle(call, {"remove_target", "take the target out of sight", nlohmann::json::object(),
+                       [](SampleHandler& sample) { sample.remove_target(); }});
+}
+
+int change_vial(Call& call) {
+  const std::string robot = *call.text_option("robot");
+  const std::string gel = call.text_option("gel").value_or("");
+  return handle(call, {"change_vial",
+                       fmt::format("put the vial of {} with the robot {} in the workspace's middle",
+                                   gel.empty() ? "the fluid" : gel, robot),
+                       {{"robot", robot}, {"gel", gel}},
+                       [robot, gel](SampleHandler& sample) { sample.change_vial(robot, gel); }});
+}
+
+Argument position_argument(const char* help) {
+  return {.name = "position", .type = Type::vector, .unit = "m", .help = help};
+}
+
+}  // namespace
+
+const Class& sample_class() {
+  static const Class kind{
+      "sample",
+      "the sample: on a laboratory rig each call asks the operator, by a question of the call's "
+      "name (--answer insert_robot=yes), waits, and keeps a photograph",
+      {{"insert_robot",
+        {position_argument("near which it is released, world")},
+        "",
+        "puts the robot in",
+        insert_robot,
+        "rig.sample:insert_robot({ 0, 0, 0 })"},
+       {"remove_robot", {}, "", "takes the robot out", remove_robot, "rig.sample:remove_robot()"},
+       {"place_target",
+        {position_argument("of its middle, world")},
+        "",
+        "puts the calibration's target at a place",
+        place_target,
+        "rig.sample:place_target({ 0, 0, 0 })"},
+       {"remove_target",
+        {},
+        "",
+        "takes the target out of sight",
+        remove_target,
+        "rig.sample:remove_target()"},
+       {"change_vial",
+        {{.name = "options",
+          .type = Type::options,
+          .options = {{.name = "robot", .type = Type::text, .help = "as control.robots names it"},
+                      {.name = "gel",
+                       .type = Type::text,
+                       .optional = true,
+                       .help = "gel_1 to gel_11 (the fluid)"}}}},
+        "",
+        "puts in another vial, with the robot at rest in the middle; the loop believes in that "
+        "robot from now on",
+        change_vial,
+        "rig.sample:change_vial { robot = \"coni_2mm\", gel = \"gel_1\" }"}}};
+  return kind;
+}
+
+}  // namespace vitreo::lua
