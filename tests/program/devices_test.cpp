@@ -201,6 +201,33 @@ TEST(Devices, RunsTheContractSuiteOfEachSimulatedRole) {
 }
 
 #ifndef __SANITIZE_ADDRESS__  // umockdev refuses to run beside it
+// The whole way of a person's work: question, hands in the emulated world, answer, photograph.
+TEST(Laboratory, TheEmulatedTechnicianDoesWhatARunAsksForAndTheRunKnowsNoSimulator) {
+  const GigePort port;
+  const Workplace place;
+  place.write("asks.lua", R"(
+return { title = "asks", needs = { "top_camera", "side_camera", "sample" }, run = function(rig, p, run)
+  assert(rig.simulation == nil, "a simulator in reach")
+  rig.sample:remove_robot()
+  run:wait(0.5)
+  local empty = rig.top_camera:grab().image
+  rig.sample:insert_robot { 0, 0, 0 }
+  run:wait(0.5)
+  rig.side_camera:grab()
+  local seen = rig.top_camera:grab().image
+  local middle = { x = 592, y = 418, width = 200, height = 200 }
+  run:result("darker", empty:mean(middle).gray - seen:mean(middle).gray)
+  assert(run:samples("truth") == nil, "a truth in the record")
+end })");
+  const Spoken spoken = place.vitreo(kAmongEmulators + "run asks.lua --json --rig " + kLaboratory);
+  ASSERT_EQ(spoken.exit_code, 0) << spoken.out << spoken.err;
+  const auto told = nlohmann::json::parse(spoken.out);
+  EXPECT_GT(told["results"]["darker"], 1) << "the robot is there";
+  const std::string report = place.read(told["run"].get<std::string>() + "/report.html");
+  EXPECT_NE(report.find("yes (the emulated technician)"), std::string::npos);
+  EXPECT_NE(report.find("photograph: put the robot in"), std::string::npos);
+}
+
 TEST(Laboratory, OpensUnchangedAmongEmulatedInstruments) {
   const GigePort port;
   const Workplace place;
