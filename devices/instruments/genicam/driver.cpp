@@ -222,13 +222,16 @@ void GenicamCamera::count(std::uint64_t id) {
 std::optional<Frame> GenicamCamera::take(ArvBuffer* buffer) {
   heard_ = clock_.now();
   count(arv_buffer_get_frame_id(buffer));
-  if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) {
+  const bool whole = arv_buffer_get_status(buffer) == ARV_BUFFER_STATUS_SUCCESS;
+  const int width = whole ? arv_buffer_get_image_width(buffer) : 0;
+  const int height = whole ? arv_buffer_get_image_height(buffer) : 0;
+  // The leader, the first packet of an image, bears its size: without it Aravis may call an image
+  // whole that has none.
+  if (width == 0 && height == 0) {
     ++statistics_.torn;
     return std::nullopt;
   }
   ++statistics_.delivered;
-  const int width = arv_buffer_get_image_width(buffer);
-  const int height = arv_buffer_get_image_height(buffer);
   std::size_t size = 0;
   const void* const pixels = arv_buffer_get_data(buffer, &size);
   if (width != info_.width_px || height != info_.height_px ||
