@@ -252,14 +252,14 @@ return {
     local asked = sphere and { "sphere" } or p.orientation == "both" and { "x", "z" } or { p.orientation }
     local count = rig.simulation and p.eye == "perturbed" and p.eyes or 1
     for orientation in run:each(asked, "orientation") do
-      local found, failed, numbers = {}, 0, {}
+      local found, failed, numbers, problem = {}, 0, {}, nil
       for number in run:each(count, "eye") do
         local truth = eyes.set(rig, run, p.eye, p.first + number - 1)
         if rig.simulation then rig.simulation:sample_machine(p.first + number - 2) end
         local went, span = pcall(one_spiral, rig, run, p, orientation)
         if not went then
-          failed = failed + 1
-          run:note(("eye %d: no answer: %s"):format(p.first + number - 1, tostring(span)))
+          failed, problem = failed + 1, tostring(span)
+          run:note(("eye %d: no answer: %s"):format(p.first + number - 1, problem))
           goto next_eye
         end
         found[#found + 1], numbers[#numbers + 1] = span, p.first + number - 1
@@ -278,7 +278,7 @@ return {
         end
         ::next_eye::
       end
-      if #found == 0 then error("in no eye the robot was localized along its spiral", 0) end
+      if #found == 0 then error("in no eye the robot was localized along its spiral: " .. problem, 0) end
       rows(run, book, found, experiments[orientation], p)
       goals(run, book, found, failed, count, orientation)
       if rig.simulation and p.eye == "perturbed" then eyes_part(rig, p, book, numbers, orientation) end
