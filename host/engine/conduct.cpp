@@ -96,7 +96,7 @@ class RunSession {
     // A face reports its own failure in the record and does not throw (host/session/face.h).
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
     session_.faults = &faults_;
-    for (const std::string& word : request.how.faults) faults_.add(parse_fault(word));
+    for (const Fault& fault : stage.faults) faults_.add(fault);
     if (request.how.companion) request.how.companion(session_);
     const double period = truth_period(session_.rig);
     if (sim::Laboratory* const world = stage.rig->laboratory(); world != nullptr && period > 0)

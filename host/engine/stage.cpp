@@ -15,24 +15,30 @@
 namespace vitreo {
 namespace {
 
-/// The fault of a word of the request. Throws ConfigError.
-void check_fault(const std::string& word, const SimulatedRoles& breakable) {
-  try {
-    check(parse_fault(word), breakable);
-  } catch (const std::invalid_argument& problem) {
-    throw ConfigError("fault " + word + ": " + problem.what());
-  }
-}
-
-/// Before anything opens: a real laboratory has no simulated faults, but for the disk's. Throws
-/// ConfigError.
-void refuse_faults_of(const std::vector<std::string>& real, const RunRequest& request) {
-  for (const std::string& word : request.how.faults)
-    if (!real.empty() && parse_fault(word).role != "disk")
+/// The request's faults, before anything opens: a real laboratory has no simulated ones, but for
+/// the disk's. Throws ConfigError.
+std::vector<Fault> faults_of(const RunRequest& request, const std::vector<std::string>& real) {
+  std::vector<Fault> faults;
+  for (const std::string& word : request.how.faults) {
+    faults.push_back(parse_fault(word));
+    if (!real.empty() && faults.back().role != "disk")
       throw ConfigError(fmt::format(
           "fault {}: this rig's {} is real, and only a rig that is simulated throughout can be "
           "broken on purpose",
           word, fmt::join(real, ", ")));
+  }
+  return faults;
+}
+
+/// Each fits an instrument of the rig that is open. Throws ConfigError.
+void check_faults(const std::vector<Fault>& faults, const SimulatedRoles& breakable) {
+  for (const Fault& fault : faults) {
+    try {
+      check(fault, breakable);
+    } catch (const std::invalid_argument& problem) {
+      throw ConfigError("fault " + to_string(fault) + ": " + problem.what());
+    }
+  }
 }
 
 /// Everything that a later reader needs to repeat the run: protocol and rig as texts, the resolved
@@ -82,14 +88,14 @@ RunStage open_stage(const RunRequest& request, const RigDescription& description
   RunStage stage;
   stage.rights = Rights::of(description);
   const std::vector<std::string> real_ones = real_roles(description);
-  refuse_faults_of(real_ones, request);
+  stage.faults = faults_of(request, real_ones);
   const bool real = !real_ones.empty();
   // Instruments keep the wall clock's pace, whatever was asked for.
   stage.pace = real ? Pace::real_time : request.how.pace;
   stage.clock = real ? wall_clock() : virtual_clock(stage.pace);
   stage.rig = open_rig(description, *stage.clock, request.how.seed, request.how.shifts);
   if (!real) stage.breakable = simulated_roles(stage.rig->resolved());
-  for (const std::string& word : request.how.faults) check_fault(word, stage.breakable);
+  check_faults(stage.faults, stage.breakable);
   return stage;
 }
 

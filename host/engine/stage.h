@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include <memory>
+#include <vector>
 
 namespace vitreo {
 
@@ -21,7 +22,8 @@ struct RunStage {
   Pace pace = Pace::as_fast_as_possible;
   std::unique_ptr<Clock> clock;
   std::unique_ptr<OpenRig> rig;
-  SimulatedRoles breakable;  // what can be broken on purpose; nothing as soon as one role is real
+  std::vector<Fault> faults;  // of the request
+  SimulatedRoles breakable;   // what can be broken on purpose; nothing as soon as one role is real
   // Shared with the recorder's thread.
   std::shared_ptr<DiskFaults> disk = std::make_shared<DiskFaults>();
   std::unique_ptr<Recorder> recorder;  // null until open_record()
