@@ -13,7 +13,7 @@ local units = require "units"
 local mm, um = units.mm, units.um
 
 -- d_ls where a target on the axis, `depth` before the retina, is sharp.
-local function sharp_at(rig, run, law, depth, p)
+local function sharp_at(rig, law, depth, p)
   targets.put(rig, vector(0, 0, depth))
   local model = rig:model()
   local told = focusing.autofocus(rig, {
@@ -123,7 +123,7 @@ return {
     for i, depth in ipairs(statistics.range(0.05 * mm, p.deepest, p.points)) do
       run:progress((i - 1) / p.points, ("target %d of %d"):format(i, p.points))
       run:checkpoint("before target " .. i)
-      local distance, sigma = sharp_at(rig, run, believed, depth, p)
+      local distance, sigma = sharp_at(rig, believed, depth, p)
       points[i] = { depth = depth, distance = distance }
       run:record("focus", { depth = depth, distance = distance, sigma = sigma }, {
         depth = "m",

@@ -27,7 +27,7 @@ return {
     local believed = { top_camera = model.pixel, side_camera = model.side_pixel }
     for _, role in ipairs { "top_camera", "side_camera" } do
       if rig[role] then
-        local fit, points = calibrations.camera(rig, run, role, { count = p.count, half = p.half })
+        local fit, points = calibrations.camera(rig, role, { count = p.count, half = p.half })
         run:note(
           ("%s: %d places, residual %.2f px rms, %.2f at most"):format(role, points, fit.rms_residual_px, fit.max_residual_px)
         )

@@ -13,7 +13,7 @@ local function cameras(rig, run, p, book)
   local model = rig:model()
   for role, pixel in pairs { top_camera = model.pixel, side_camera = model.side_pixel } do
     if rig[role] then
-      local fit = calibrations.camera(rig, run, role, { count = p.count, half = limits.grid })
+      local fit = calibrations.camera(rig, role, { count = p.count, half = limits.grid })
       limits.camera(book, role, fit, pixel)
     end
   end

@@ -90,7 +90,7 @@ return {
     local angles, surfaces = statistics.range(0, p.field, p.angles), statistics.range(0.3 * mm, p.deepest, p.surfaces)
     local model = by_focus.model(believed)
     run:progress(0, "calibrating")
-    local calibration = by_focus.calibrate(rig, run, model, angles)
+    local calibration = by_focus.calibrate(rig, model, angles)
     local retina_only, full = {}, {}
     local deviations = {}
     for i, angle in ipairs(angles) do
@@ -102,7 +102,7 @@ return {
         )
         run:checkpoint(("before %.0f degrees, surface %d"):format(angle / deg, k))
         local place = believed:point_at_field(angle, depth)
-        local seen = by_focus.look(rig, run, model, calibration, place, p)
+        local seen = by_focus.look(rig, model, calibration, place, p)
         if seen then
           deviations[#deviations + 1] = seen.deviation
           retina_only[i][k] = by_focus.locate(model, calibration, seen, place, "retina")

@@ -39,6 +39,8 @@ class Dialogue {
   void send(std::string_view text);
   /// The next byte, or nothing when none came by `deadline`.
   std::optional<std::uint8_t> next(Time deadline);
+  /// Whether a byte has come by `deadline`; it stays for the next call.
+  bool await(Time deadline) { return fill(deadline); }
   /// Exactly `count` bytes by `deadline`. DeviceError{timeout} says how many came.
   ByteString take(std::size_t count, Time deadline);
   /// What comes before `terminator`, by `deadline`; DeviceError{protocol} when there are more than

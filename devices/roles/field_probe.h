@@ -17,7 +17,8 @@ struct FieldProbeInfo {
 
 struct FieldReading {
   std::vector<double> field;  ///< T, one per axis, along the probe's own axes
-  Time measured{};            ///< when it was requested
+  Time measured{};            ///< the moment of whose field it is
+  Time within{};              ///< half the width of what is known of that moment
 };
 
 /// It has no outputs: there is nothing to make safe.

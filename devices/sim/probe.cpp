@@ -28,9 +28,8 @@ SimulatedProbe::SimulatedProbe(const ProbeSettings& settings, World& world,
 
 // The field at the end of the integration time, with white Gaussian noise on each axis. Beyond the
 // range of one axis there is no reading, as a saturated teslameter shows none.
-// The reading bears the time of the question (FieldReading::measured).
+// That end is its moment, and nothing about it is uncertain.
 FieldReading SimulatedProbe::measure(Time timeout) {
-  const Time asked = clock_.now();
   const Time needed = from_seconds(settings_.integration);
   if (needed > timeout) {
     clock_.sleep_for(timeout);
@@ -38,7 +37,7 @@ FieldReading SimulatedProbe::measure(Time timeout) {
   }
   clock_.sleep_for(needed);
   const Eigen::Vector3d field = world_.field(clock_.now(), position_()).head<3>();
-  FieldReading reading{{}, asked};
+  FieldReading reading{{}, clock_.now()};
   for (int axis = 0; axis < 3; ++axis)
     reading.field.push_back(field[axis] + settings_.noise * normal_(random_));
   for (const double part : reading.field)

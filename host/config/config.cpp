@@ -96,6 +96,13 @@ std::string lower(std::string text) {
 
 }  // namespace
 
+std::string text_of(const ConfigTable& table, const std::string& key) {
+  const auto found = table.find(key);
+  const auto* const text =
+      found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
+  return text == nullptr ? "" : *text;
+}
+
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {
   constexpr std::size_t kTooLong = 64;  // no slip of the hand; bounds the cost of a hostile file
   if (word.empty() || word.size() > kTooLong) return "";

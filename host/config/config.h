@@ -105,6 +105,9 @@ class ConfigReader {
   nlohmann::json* resolved_;  // where this table's values go
 };
 
+/// The text of a key, "" where there is none: before a reader, or beside one.
+std::string text_of(const ConfigTable& table, const std::string& key);
+
 /// The candidate nearest to `word`, or "" when none is near: for "did you mean".
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates);
 

@@ -35,13 +35,6 @@ namespace {
 constexpr std::chrono::microseconds kPump{500};
 constexpr const char* kLocal = "tcp:127.0.0.1:";
 
-std::string text_at(const ConfigTable& table, const std::string& key) {
-  const auto found = table.find(key);
-  const auto* const text =
-      found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
-  return text == nullptr ? "" : *text;
-}
-
 bool begins(const std::string& text, const std::string& with) { return text.rfind(with, 0) == 0; }
 
 /// A mutex that is given to those who wait for it in the order in which they came.
@@ -82,7 +75,7 @@ class Emulation::State {
         laboratory_(settings_.laboratory, *clock_, given.seed) {
     for (const auto& [role, value] : description.table)
       if (const auto* const table = std::get_if<ConfigTable>(&value.value))
-        offer(role, text_at(*table, "driver"), text_at(*table, "address"));
+        offer(role, text_of(*table, "driver"), text_of(*table, "address"));
     thread_ = quiet_thread([this] { pump(); });
   }
   State(const State&) = delete;

@@ -107,19 +107,11 @@ UsbAddress read_usb_address(const InstrumentReader& instrument, const std::strin
 
 namespace {
 
-/// A text of a role's table, "" where there is none.
-std::string text_of_role(const ConfigTable& table, const std::string& key) {
-  const auto found = table.find(key);
-  const auto* const text =
-      found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
-  return text == nullptr ? "" : *text;
-}
-
 /// A person is as real as an instrument with an address. Unlike for is_laboratory(), recorded
 /// images count: with them not everything is simulated.
 bool is_simulated(const ConfigTable& role) {
-  const std::string address = text_of_role(role, "address");
-  return (address.empty() || address == "emulated") && text_of_role(role, "driver") != "operator";
+  const std::string address = text_of(role, "address");
+  return (address.empty() || address == "emulated") && text_of(role, "driver") != "operator";
 }
 
 std::vector<std::string> roles_that_are(bool simulated, const RigDescription& description) {

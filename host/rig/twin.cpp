@@ -22,21 +22,12 @@ ConfigTable* table_in(ConfigTable& table, const std::string& key) {
   return found == table.end() ? nullptr : std::get_if<ConfigTable>(&found->second.value);
 }
 
-std::string text_in(const ConfigTable& table, const std::string& key) {
-  const auto found = table.find(key);
-  const auto* const text =
-      found == table.end() ? nullptr : std::get_if<std::string>(&found->second.value);
-  return text == nullptr ? "" : *text;
-}
-
 /// Whether the address leads to an instrument. Images and videos in files do nothing, and a twin
 /// reads them too.
 /// By the address alone: an emulated instrument has the same driver as a real one.
 bool is_real(const ConfigTable& role) {
-  const auto address = role.find("address");
-  const auto* text =
-      address == role.end() ? nullptr : std::get_if<std::string>(&address->second.value);
-  return text != nullptr && *text != "emulated" && !is_recording(*text);
+  const std::string address = text_of(role, "address");
+  return !address.empty() && address != "emulated" && !is_recording(address);
 }
 
 /// A real camera may be outside of what a simulated one can be.
@@ -161,7 +152,7 @@ RigDescription twin_of(const RigDescription& rig) {
   }
   // The questions stay, and what they ask for happens in the twin's world.
   if (ConfigTable* const sample = table_in(twin.table, "sample");
-      sample && text_in(*sample, "driver") == "operator") {
+      sample && text_of(*sample, "driver") == "operator") {
     (*sample)["driver"].value = std::string("simulated");
     (*sample)["by_hand"].value = true;
   }

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <chrono>
 #include <fstream>
+#include <iostream>
 #include <map>
 #include <poll.h>
 #include <string>
@@ -17,7 +18,9 @@
 namespace vitreo {
 namespace {
 
-constexpr auto kLookRound = std::chrono::milliseconds(50);
+constexpr auto kListen = std::chrono::milliseconds(50);
+/// Listens between two looks for new runs, which ask every run on the machine who it is.
+constexpr int kListensALook = 10;
 
 /// The parent of a process; 0 when it is gone. In /proc/PID/stat it is the second word after the
 /// name, which stands in parentheses and may hold anything.
@@ -64,10 +67,10 @@ struct Technician::State {
   }
 
   void work() {
-    while (!ended) {
-      find_runs();
+    for (int listened = 0; !ended; ++listened) {
+      if (listened % kListensALook == 0) find_runs();
       std::erase_if(runs, [this](auto& entry) { return !follow(*entry.second); });
-      std::this_thread::sleep_for(kLookRound);
+      std::this_thread::sleep_for(kListen);
     }
   }
 
@@ -108,7 +111,8 @@ struct Technician::State {
     std::string answer = "yes";
     try {
       hands(question->at("task"));
-    } catch (const std::exception&) {
+    } catch (const std::exception& error) {
+      std::cerr << "vitreo: the emulated technician cannot: " << error.what() << std::endl;
       answer = "no";
     }
     run.connection.send({{"do", "answer"}, {"text", answer}, {"by", "the emulated technician"}});

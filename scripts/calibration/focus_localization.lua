@@ -29,7 +29,7 @@ local function sweep(rig, near, u, v, reach, steps, frames)
 end
 
 -- Center of the target, px: what differs from the same view without it.
-local function center(rig, run, place)
+local function center(rig, place)
   targets.remove(rig)
   local tracker = vision.background_tracker { threshold = 12, max_area_px = 1e6 }
   rig.top_camera:grab()
@@ -42,7 +42,7 @@ local function center(rig, run, place)
 end
 
 -- Where the target at `place` was sharp and seen: {x, y, distance, deviation of one sweep, sigma of the mean}, or nothing.
-local function see(rig, run, place, near, u, v, reach, steps, frames)
+local function see(rig, place, near, u, v, reach, steps, frames)
   targets.put(rig, place)
   local coarse = focusing.coarse(rig, {
     from = near - reach,
@@ -53,19 +53,19 @@ local function see(rig, run, place, near, u, v, reach, steps, frames)
   local found = focusing.summary((sweep(rig, coarse, u, v, 0.45 * mm, steps, frames)))
   if not found then return end
   focusing.move(rig, found.mean)
-  local spot = center(rig, run, place)
+  local spot = center(rig, place)
   if not spot then return end
   local x, y = focusing.aerial(rig, spot.x_px, spot.y_px)
   return { x = x, y = y, distance = found.mean, deviation = math.max(found.deviation, found.claimed / math.sqrt(found.count)) }
 end
 
 --- Thirty looks at a target. `calibration` tells where to look for it.
-function by_focus.look(rig, run, model, calibration, place, p)
+function by_focus.look(rig, model, calibration, place, p)
   local image = model.map:image(place)
   if not image then return end
   local near = by_focus.raw_distance(calibration, model, image)
   local u, v = focusing.pixel(rig, image)
-  return see(rig, run, place, near, u, v, 1 * mm, p.steps, p.repetitions)
+  return see(rig, place, near, u, v, 1 * mm, p.steps, p.repetitions)
 end
 
 -- Linear between neighbors, flat beyond the ends.
@@ -109,11 +109,11 @@ function by_focus.learn(model, angles, measure)
 end
 
 --- The calibration of by_focus.learn, measured with the instruments.
-function by_focus.calibrate(rig, run, model, angles)
+function by_focus.calibrate(rig, model, angles)
   local calibrated = false -- the first target, on the retina, is looked for in a wider range
   return by_focus.learn(model, angles, function(place, near)
     local u, v = focusing.pixel(rig, near)
-    local seen = see(rig, run, place, near.z, u, v, calibrated and 1.2 * mm or 2.4 * mm, 9, 3)
+    local seen = see(rig, place, near.z, u, v, calibrated and 1.2 * mm or 2.4 * mm, 9, 3)
     calibrated = calibrated or seen ~= nil
     return seen
   end)

@@ -24,7 +24,7 @@ end
 --- Pixel size, rotation and center of one camera ("top_camera", "side_camera") from a target on a grid of places. `half`: half
 --- its width, m. Returns what optics.fit_camera says, and the largest part of the residual that grows with the cube of
 --- the distance from the center (distortion, relative at the grid's corner).
-function calibrations.camera(rig, run, role, options)
+function calibrations.camera(rig, role, options)
   local camera, points, believed = rig[role], {}, rig:model()
   local world = believed.eye_in_world
   targets.remove(rig)
@@ -72,14 +72,13 @@ end
 
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
 --- field probe, the straight line of log(1 - B/B_end) fitted. A teslameter is slower than the coils: the step is repeated, each
---- time asked a little later, over as long as one reading takes. A reading counts in the middle between question and answer, but
---- 10 ms after the question at most, for the rest is the way of the answer. Returns
+--- time asked a little later, over as long as one reading takes. A reading counts at the moment that the probe says. Returns
 --- delay, time constant (s), and the points.
 function calibrations.coil_latency(rig, run, options)
   local coil, current, repeats = options.coil or 1, options.current or 2 * A, options.repeats
   local function field()
     local reading = rig.field_probe:measure()
-    return vector(reading), reading.time + math.min(10 * ms, (run:now() - reading.time) / 2)
+    return vector(reading), reading.time
   end
   local took = {}
   for k = 1, 3 do

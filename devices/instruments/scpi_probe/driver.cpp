@@ -38,6 +38,8 @@ class Probe final : public FieldProbe {
   Dialogue dialogue_;
   FieldProbeInfo info_;
   bool unsure_ = true;  // an older answer may still come
+  Time asked_{};        // when the last question was with the kernel
+  Time answered_{};     // when the first byte of its answer came
 };
 
 /// One line, one answer. Where the last answer did not come in time it may come now, and would be
@@ -48,6 +50,9 @@ std::string Probe::ask(const std::string& question, Time timeout) {
   dialogue_.discard();
   unsure_ = true;
   dialogue_.send(question + "\n");
+  asked_ = dialogue_.clock().now();
+  dialogue_.await(deadline);
+  answered_ = dialogue_.clock().now();
   for (;;) {
     std::string line = scpi::trimmed(dialogue_.line('\n', kMaxAnswer, deadline));
     if (line.empty()) continue;
@@ -91,18 +96,18 @@ void Probe::be_open() {
   }
 }
 
-/// The reading is of the time of the question: the instrument measures after it was asked.
+/// The instrument measures between the question's end and the answer's first byte; when in between
+/// it does not say, so the reading is of the middle, within half of that.
 /// Overload is told by a number of its own (kOverload), before the unit is applied to it.
 FieldReading Probe::measure(Time timeout) {
   const Dialogue::Turn turn(dialogue_);
   be_open();
-  const Time asked = dialogue_.clock().now();
   const std::string said = ask(settings_.question, timeout);
   const auto field = decode_field(said, static_cast<std::size_t>(settings_.axes));
   if (!field)
     dialogue_.fail(DeviceErrorKind::protocol,
                    "not " + std::to_string(settings_.axes) + " numbers: " + printable(said));
-  FieldReading reading{{}, asked};
+  FieldReading reading{{}, asked_ + (answered_ - asked_) / 2, (answered_ - asked_) / 2};
   for (const double component : *field) {
     if (std::abs(component) >= kOverload || std::abs(component * settings_.unit) > settings_.range)
       dialogue_.fail(DeviceErrorKind::refused, "the field is beyond its range: " + printable(said));

@@ -3,6 +3,7 @@
 
 #include "devices/instruments/scpi_probe/wire.h"
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <utility>
@@ -10,7 +11,7 @@
 namespace vitreo::scpi_probe {
 namespace {
 
-/// The field is read when a measurement begins; its answer comes after the measurement's duration.
+/// A measurement is of its middle, as the mean over its duration is; its answer comes at its end.
 class EmulatedProbe final : public BytePeer {
  public:
   EmulatedProbe(EmulatorSettings settings, std::function<std::vector<double>(Time)> field)
@@ -28,14 +29,21 @@ class EmulatedProbe final : public BytePeer {
   // In the order of the questions: a measurement that takes its time holds up the answers behind
   // it.
   std::vector<TimedBytes> say(Time now) override {
+    for (Answer& answer : answers_)
+      if (answer.measures <= now) read(answer, now);
     std::vector<TimedBytes> said;
     while (!answers_.empty() && answers_.front().at <= now) {
-      said.push_back(std::move(answers_.front()));
+      said.push_back({answers_.front().at, std::move(answers_.front().bytes)});
       answers_.pop_front();
     }
     return said;
   }
-  Time next() const override { return answers_.empty() ? kForever : answers_.front().at; }
+  Time next() const override {
+    if (answers_.empty()) return kForever;
+    Time first = answers_.front().at;
+    for (const Answer& answer : answers_) first = std::min(first, answer.measures);
+    return first;
+  }
 
  private:
   /// Set commands have no answer; what is not known goes to the error queue.
@@ -48,24 +56,39 @@ class EmulatedProbe final : public BytePeer {
     } else if (line == "SYST:ERR?") {
       speak(complaint_.empty() ? "0,\"No error\"" : std::exchange(complaint_, {}), now);
     } else if (line == settings_.question) {
-      std::vector<double> field = field_(now);
-      for (double& component : field)
-        if (std::abs(component) > settings_.range) component = kOverload;
-      speak(encode_field(field), later(now, settings_.duration));
+      answers_.push_back(
+          {later(now, settings_.duration), later(now, settings_.duration / 2), {}});
     } else {
       complaint_ = "-113,\"Undefined header\"";
     }
   }
   void speak(const std::string& text, Time at) {
-    answers_.push_back({at, {text.begin(), text.end()}});
-    answers_.back().bytes.push_back('\n');
+    answers_.push_back({at, kForever, to_line(text)});
+  }
+
+  struct Answer {
+    Time at;
+    Time measures;  // when the field is to be read; never, or no more: kForever
+    ByteString bytes;
+  };
+  void read(Answer& answer, Time now) {
+    std::vector<double> field = field_(now);
+    for (double& component : field)
+      if (std::abs(component) > settings_.range) component = kOverload;
+    answer.bytes = to_line(encode_field(field));
+    answer.measures = kForever;
+  }
+  static ByteString to_line(const std::string& text) {
+    ByteString bytes(text.begin(), text.end());
+    bytes.push_back('\n');
+    return bytes;
   }
 
   const EmulatorSettings settings_;
   const std::function<std::vector<double>(Time)> field_;
   std::string line_;
   std::string complaint_;  // the error queue, of one entry
-  std::deque<TimedBytes> answers_;
+  std::deque<Answer> answers_;
 };
 
 }  // namespace

@@ -23,8 +23,8 @@ int probe_info(Call& call) {
   return 1;
 }
 
-// The components as a list, b[1] to b[3] along the probe's own axes, with the time at which the
-// reading was requested as a field of that list.
+// The components as a list, b[1] to b[3] along the probe's own axes, with the reading's moment and
+// half the width of its uncertainty as fields of that list.
 int probe_measure(Call& call) {
   FieldProbe* const probe = &call.self<FieldProbe>();
   const Time limit = from_seconds(call.number_option("timeout").value_or(kUsualReading));
@@ -34,6 +34,7 @@ int probe_measure(Call& call) {
       [reading](Call& done) {
         const int count = done.result(reading->field, "T");
         set_number(done.L, "time", to_seconds(reading->measured));
+        set_number(done.L, "within", to_seconds(reading->within));
         return count;
       }));
 }
@@ -59,7 +60,7 @@ const Class& field_probe_class() {
                       .max = kLongestReading,
                       .help = "how long it may take (5 s)"}})},
         {"list of numbers", "T"},
-        "one per axis; its field time, in s, says when it was asked",
+        "one per axis; its fields time and within, in s: of which moment it is, give or take",
         probe_measure,
         "rig.field_probe:measure()"}}};
   return kind;

@@ -35,24 +35,28 @@ std::string place_words(const Eigen::Vector3d& p) {
 nlohmann::json numbers_of(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
 
 /// What the top camera sees after a person's hands were there goes into the record, beside the
-/// answer. Without a camera, or when none comes, there is no photograph: the answer counts.
+/// answer; why it saw nothing, where it did not: the answer counts all the same.
 int photograph(Call& call, const Handling& done) {
   Session& session = session_of(call.L);
   Camera* const camera = session.rig.top_camera;
   if (camera == nullptr || session.rehearsal != nullptr) return 0;
   auto frame = std::make_shared<Frame>();
+  auto missing = std::make_shared<std::string>();
   return call.wait(work(
       call, camera->info().identity,
       [=] {
         try {
           *frame = camera->grab(kPhotograph);
-        } catch (const DeviceError&) {
+        } catch (const DeviceError& error) {
+          *missing = error.what();
         }
       },
       2 * kPhotograph,
-      [frame, name = done.name, request = done.request, &session](Call&) {
-        if (!frame->image.empty())
+      [frame, missing, name = done.name, request = done.request, &session](Call&) {
+        if (missing->empty())
           session.recorder.picture(name, "photograph: " + request, frame->image);
+        else
+          session.recorder.event(session.clock.now(), "no photograph", name + ": " + *missing);
         return 0;
       }));
 }

@@ -1,6 +1,5 @@
 // Bindings of run: questions to the operator, and reminders.
 // SPDX-License-Identifier: Apache-2.0
-#include "host/config/config.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/context.h"
 #include "host/lua/interpreter/people.h"
@@ -9,9 +8,7 @@
 #include "host/text/units.h"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
-#include <thread>
 
 namespace vitreo::lua {
 namespace {
