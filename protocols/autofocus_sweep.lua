@@ -37,9 +37,9 @@ return {
     local expected = map:image { 0, 0, p.depth }
     targets.put(rig, vector(0, 0, p.depth))
     run:defer(function() targets.remove(rig) end)
-    local u, v = focusing.pixel(rig, expected)
-    local window = { u = u, v = v, size = p.window }
-    local peaks, distances, values = focusing.sweep(rig, {
+    local pixel = focusing.pixel(rig, expected)
+    local window = { u = pixel.u, v = pixel.v, size = p.window }
+    local sweep = focusing.sweep(rig, {
       from = expected.z - p.reach,
       to = expected.z + p.reach,
       steps = p.steps,
@@ -47,13 +47,15 @@ return {
       window = window,
       measure = p.measure,
     })
-    local found, missed = focusing.summary(peaks)
-    if not found then error("the sweep found no peak: " .. peaks[1].answer .. "; is the target in the window?", 0) end
+    local found = focusing.summary(sweep.peaks)
+    if found.count == 0 then
+      error("the sweep found no peak: " .. sweep.peaks[1].answer .. "; is the target in the window?", 0)
+    end
     run:plot {
       title = "Focus against the sensor's place",
       x = { "d_ls", "mm" },
       y = { p.measure, "" },
-      series = { { label = "first sweep", x = distances, y = values, mark = "points" } },
+      series = { { label = "first sweep", x = sweep.distances, y = sweep.values, mark = "points" } },
     }
     local place = map:locate({ 0, 0, found.mean }, { image_sigma = 3 * um, focus_sigma = math.max(found.deviation, 1e-9) })
     if not place then error("where it was sharpest is no place in the eye: d_ls " .. format_quantity(found.mean, "m"), 0) end
@@ -68,7 +70,7 @@ return {
       ("sharpest at d_ls %s, %d sweeps of %d agree to %s; %s before the retina ± %s, uncalibrated"):format(
         format_quantity(found.mean, "m"),
         found.count,
-        found.count + missed,
+        found.count + found.failed,
         format_quantity(found.deviation, "m"),
         format_quantity(place.position.z, "m"),
         format_quantity(place.sigma.z, "m")
@@ -87,7 +89,7 @@ return {
     book:number {
       id = "4.4.sweeps_found",
       what = "part of the sweeps that found a peak",
-      ours = found.count / (found.count + missed),
+      ours = found.count / (found.count + found.failed),
       at_least = 0.9,
     }
     book:close()

@@ -104,12 +104,8 @@ return {
   needs = { "top_camera", "stage", "sample" },
   rig = "bare_sensor",
   parameters = {
-    eye = {
-      choices = { "nominal", "perturbed" },
-      default = "perturbed",
-      help = "on a simulated rig: off by table 5.1, or as believed",
-    },
-    draw = { default = 1, min = 1, max = 1000000, integer = true, help = "which of the seed's perturbed eyes" },
+    eye = eyes.parameter "perturbed",
+    draw = eyes.draw,
     points = { default = 6, min = 3, max = 50, integer = true, help = "targets on the axis" },
     deepest = { unit = "mm", default = 6 * mm, min = 1 * mm, max = 8 * mm, help = "of them, before the retina" },
     reach = { unit = "mm", default = 3 * mm, min = 0.5 * mm, max = 8 * mm, help = "of each search, either way" },

@@ -27,9 +27,9 @@ return {
     local believed = { top_camera = model.pixel, side_camera = model.side_pixel }
     for _, role in ipairs { "top_camera", "side_camera" } do
       if rig[role] then
-        local fit, points = calibrations.camera(rig, role, { count = p.count, half = p.half })
+        local fit = calibrations.camera(rig, role, { count = p.count, half = p.half })
         run:note(
-          ("%s: %d places, residual %.2f px rms, %.2f at most"):format(role, points, fit.rms_residual_px, fit.max_residual_px)
+          ("%s: %d places, residual %.2f px rms, %.2f at most"):format(role, fit.places, fit.rms_residual_px, fit.max_residual_px)
         )
         limits.camera(book, role, fit, believed[role], { pixel = p.limit, residual_px = p.residual })
         run:result(role .. "_pixel", fit.pixel, "m")

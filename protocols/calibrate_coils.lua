@@ -19,9 +19,9 @@ return {
     limit = { default = limits.field, min = 1e-4, max = 0.5, help = "that the fit may leave, relative to the field" },
   },
   run = function(rig, p, run)
-    local model, told, readings = calibrations.field(rig, run, { half = p.half, current = p.current })
+    local told = calibrations.field(rig, run, { half = p.half, current = p.current })
     local nominal, before, fields = control.field_model { name = "octomag" }, {}, {}
-    for i, reading in ipairs(readings) do
+    for i, reading in ipairs(told.readings) do
       before[i] = (nominal:field({ position = reading.position, currents = reading.currents }).field - reading.field):norm()
       fields[i] = reading.field:norm()
     end
@@ -33,7 +33,7 @@ return {
     }
     files.write(
       "octomag_calibrated.yaml",
-      model:to_yaml { name = "OctoMag", low = { -p.half, -p.half, -p.half }, high = { p.half, p.half, p.half } }
+      told.model:to_yaml { name = "OctoMag", low = { -p.half, -p.half, -p.half }, high = { p.half, p.half, p.half } }
     )
     calibrations.note_coils(run, "at the center against the model as it was", told.coils)
     local book = acceptance.new(run, "Coils")

@@ -30,19 +30,24 @@ return {
     local delays, constants, curves = {}, {}, {}
     for coil in run:each(math.min(p.coils, #rig.coils:currents()), "coil") do
       run:checkpoint("before coil " .. coil)
-      local delay, constant, curve = calibrations.coil_latency(rig, run, { coil = coil, current = p.current })
-      delays[coil], constants[coil] = delay, constant
-      curves[coil] = { label = "coil " .. coil, x = curve.times, y = curve.values, mark = "points" }
-      run:record("step", { coil = coil, delay = delay, constant = constant }, { delay = "s", constant = "s" })
+      local step = calibrations.coil_latency(rig, run, { coil = coil, current = p.current })
+      delays[coil], constants[coil] = step.delay, step.constant
+      curves[coil] = { label = "coil " .. coil, x = step.times, y = step.values, mark = "points" }
+      run:record("step", { coil = coil, delay = step.delay, constant = step.constant }, { delay = "s", constant = "s" })
     end
     run:plot { title = "Field after a step of current", x = { "time", "s" }, y = { "field", "mT" }, series = curves }
     local delay, constant = statistics.median(delays), statistics.median(constants)
-    limits.coil_latency(book, model, delay, constant, { delay = p.limit, sigma = statistics.deviation(delays) })
+    limits.coil_latency(
+      book,
+      model,
+      { delay = delay, constant = constant },
+      { delay = p.limit, sigma = statistics.deviation(delays) }
+    )
     for _, role in ipairs { "top_camera", "side_camera" } do
       if rig[role] then
-        local age, deviation = calibrations.camera_latency(rig[role], p.frames)
-        limits.frames(book, role, age, deviation)
-        if role == "top_camera" then run:result("loop_latency", age + delay, "s") end
+        local age = calibrations.camera_latency(rig[role], p.frames)
+        limits.frames(book, role, age)
+        if role == "top_camera" then run:result("loop_latency", age.mean + delay, "s") end
       end
     end
     if not book:close() then error("not all numbers were accepted", 0) end

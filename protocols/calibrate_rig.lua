@@ -20,15 +20,15 @@ local function cameras(rig, run, p, book)
 end
 
 local function latency(rig, run, _, book)
-  local delay, constant = calibrations.coil_latency(rig, run, { coil = 1, current = 3 * A })
-  limits.coil_latency(book, rig:model(), delay, constant)
+  local step = calibrations.coil_latency(rig, run, { coil = 1, current = 3 * A })
+  limits.coil_latency(book, rig:model(), step)
   limits.frames(book, "top_camera", calibrations.camera_latency(rig.top_camera, 10))
 end
 
 local function coils(rig, run, _, book)
   local file, reach = "octomag_calibrated.yaml", 8 * mm
-  local model, told = calibrations.field(rig, run, { half = reach })
-  files.write(file, model:to_yaml { name = "OctoMag", low = { -reach, -reach, -reach }, high = { reach, reach, reach } })
+  local told = calibrations.field(rig, run, { half = reach })
+  files.write(file, told.model:to_yaml { name = "OctoMag", low = { -reach, -reach, -reach }, high = { reach, reach, reach } })
   limits.coils(book, told, file)
 end
 

@@ -5,6 +5,7 @@
 local units = require "units"
 local places = require "places"
 local drift = require "analysis.drift"
+local statistics = require "analysis.statistics"
 local plant = require "session.plant"
 local mm, um, s, mT = units.mm, units.um, units.s, units.mT
 
@@ -20,7 +21,7 @@ local function trim(servo, tolerance)
     servo:go_to(center, { speed = hand_speed, within = 0.5 * mm, settle = 1 * s })
     servo:set_trim(servo:status().trim + servo:mean_correction(1 * s))
   end
-  local left = drift.any_direction() * (tolerance * math.abs(drift.normal()))
+  local left = drift.any_direction() * (tolerance * math.abs(statistics.normal()))
   servo:set_trim(servo:status().trim + servo:force_for(left))
   return servo:status().trim
 end
@@ -34,7 +35,7 @@ local function bring(run, rig, servo, place, scatter)
   end
   local near
   repeat
-    near = place.position + vector(drift.normal(), drift.normal(), drift.normal()) * scatter
+    near = place.position + vector(statistics.normal(), statistics.normal(), statistics.normal()) * scatter
   until places.in_sight(near)
   servo:follow({ servo:position(), near }, { speed = hand_speed, acceleration = 10 * mm / s ^ 2, label = place.name })
   run:wait(0.7 * s)
@@ -68,7 +69,7 @@ local function leave_alone(run, rig, p, background, kind, found)
         { velocity = "m/s" }
       )
     end
-    drift.add(found, kind, place.name, (drift.mean(speeds)))
+    drift.add(found, kind, place.name, statistics.mean(speeds))
   end
   rig.sample:remove_robot()
 end

@@ -63,12 +63,8 @@ return {
   needs = { "top_camera", "stage", "sample" },
   rig = "bare_sensor",
   parameters = {
-    eye = {
-      choices = { "nominal", "perturbed" },
-      default = "perturbed",
-      help = "on a simulated rig: off by table 5.1, or as believed",
-    },
-    draw = { default = 1, min = 1, max = 1000000, integer = true, help = "which of the seed's perturbed eyes" },
+    eye = eyes.parameter "perturbed",
+    draw = eyes.draw,
     angles = { default = 7, min = 2, max = 31, integer = true, help = "from 0 to the field" },
     field = { unit = "deg", default = 30 * deg, min = 1 * deg, max = 32 * deg, help = "largest angle, at the pupil's center" },
     surfaces = { default = 5, min = 1, max = 20, integer = true, help = "depths before the retina" },

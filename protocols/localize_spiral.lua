@@ -49,7 +49,7 @@ local function one_spiral(rig, run, p, orientation)
       run,
       servo,
       { axis = axis, depth_error = p.retina_error, correction = p.correction, by_width = doubt > 0 and orientation == "z" }
-    )
+    ).localizer
     rig.sample:remove_robot()
   end
   run:wait(0.2 * s) -- the next loop's currents must not follow these at once
@@ -70,8 +70,8 @@ local function one_spiral(rig, run, p, orientation)
   servo:follow(spiral, { pictures = p.pictures, label = "spiral" })
   span.to = run:now()
   run:wait(0.2 * s)
-  span.x = track_errors.statistics((track_errors.along(run, "x", span)))
-  span.z = track_errors.statistics((track_errors.along(run, "z", span)))
+  span.x = track_errors.statistics(track_errors.along(run, "x", span).errors)
+  span.z = track_errors.statistics(track_errors.along(run, "z", span).errors)
   return span
 end
 
@@ -94,8 +94,8 @@ local function pictures(run, span, name)
   }
   local all = {}
   for i, axis in ipairs { "x", "z" } do
-    local errors, times = track_errors.along(run, axis, span)
-    all[i] = { label = axis, x = times, y = errors }
+    local track = track_errors.along(run, axis, span)
+    all[i] = { label = axis, x = track.times, y = track.errors }
   end
   run:plot { title = "Error against time, " .. name, x = { "time", "s" }, y = { "error", "um" }, series = all }
 end
@@ -209,11 +209,7 @@ return {
   rig = "spiral_coni",
   parameters = {
     orientation = { choices = { "both", "x", "z" }, default = "x", help = "of a CoNi robot; a sphere has none" },
-    eye = {
-      choices = { "nominal", "perturbed" },
-      default = "perturbed",
-      help = "on a simulated rig: off by table 5.1, or as believed",
-    },
+    eye = eyes.parameter "perturbed",
     eyes = {
       default = 3,
       min = 1,

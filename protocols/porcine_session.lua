@@ -155,8 +155,7 @@ return {
       { name = "cleared_up" }
     )
     list:report "The session, as it went"
-    local least = list:left()
     run:result("time_used", run:now() - list.began, "s")
-    run:result("time_left", least, "s")
+    run:result("time_left", list:left().least, "s")
   end,
 }

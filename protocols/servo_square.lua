@@ -19,10 +19,10 @@ local function calibrated_view(rig, run, background, p, axis, doubt, shown)
   local servo <close> = rig:servo { background = background, field = p.field, axis = axis, lost_timeout = 5 * s }
   bring.insert(rig, servo, center)
   bring.trim(servo, center, { rounds = 1, within = 1 * mm })
-  local view = retina.calibrate(rig, run, servo, { axis = axis, by_width = doubt > 0 and p.orientation == "z" })
+  local told = retina.calibrate(rig, run, servo, { axis = axis, by_width = doubt > 0 and p.orientation == "z" })
   if shown then servo:snapshot("on the retina, for calibration") end
   rig.sample:remove_robot()
-  return view
+  return told.localizer
 end
 
 -- Once round in one eye; when. `shown`: with pictures.
@@ -184,12 +184,8 @@ return {
     law = { choices = { "pd", "estimator" }, default = "pd", help = "pd is the thesis'" },
     laps = { default = 1, min = 1, max = 20, integer = true, help = "times round" },
     orientation = { choices = { "x", "z" }, default = "x", help = "where the robot's axis points: figure 6.5a, 6.5b" },
-    eye = {
-      choices = { "nominal", "perturbed" },
-      default = "nominal",
-      help = "on a simulated rig: as believed, or off by table 5.1",
-    },
-    draw = { default = 1, min = 1, max = 1000000, integer = true, help = "which of the seed's perturbed eyes" },
+    eye = eyes.parameter "nominal",
+    draw = eyes.draw,
     eyes = {
       default = 1,
       min = 1,
@@ -212,8 +208,8 @@ return {
     local book = expect.book(run, "figure 6.5")
     local function eye(number) return p.eye ~= "nominal" and eyes.set(rig, run, p.eye, p.draw + number - 1) or nil end
     if p.eyes == 1 or p.eye == "nominal" or not rig.simulation then
-      local path, localization = judge.path(run, round(rig, run, p, eye(1), true))
-      expected(book, p, path, localization)
+      local errors = judge.path(run, round(rig, run, p, eye(1), true))
+      expected(book, p, errors.path, errors.localization)
       return book:close()
     end
     local found, failed = {}, 0
@@ -222,8 +218,8 @@ return {
       rig.simulation:sample_machine(p.draw + number - 2)
       local went, span = pcall(round, rig, run, p, truth, #found == 0)
       if went then
-        local path, localization = judge.measure(run, span)
-        found[#found + 1] = { eye = p.draw + number - 1, path = path, localization = localization }
+        local errors = judge.measure(run, span)
+        found[#found + 1] = { eye = p.draw + number - 1, path = errors.path, localization = errors.localization }
         if #found == 1 then judge.plots(run, { from = span.from, to = span.to }, (", eye %d"):format(p.draw + number - 1)) end
       else
         failed = failed + 1

@@ -138,9 +138,8 @@ return {
         bars.x[#bars.x + 1], bars.y[#bars.y + 1], bars.p[#bars.p + 1] = number, bar.above, bar.above + bar.precision
       end
       if judge.has_reference(run) then
-        local x, z =
-          track_errors.along(run, "x", { from = from, to = run:now() }, { prefix = "target_" }),
-          track_errors.along(run, "z", { from = from, to = run:now() }, { prefix = "target_" })
+        local x = track_errors.along(run, "x", { from = from, to = run:now() }, { prefix = "target_" }).errors
+        local z = track_errors.along(run, "z", { from = from, to = run:now() }, { prefix = "target_" }).errors
         if #x > 0 and #z > 0 then errors[#errors + 1] = statistics.combined(statistics.mean(x), statistics.mean(z)) end
       end
       servo:snapshot(("point %d"):format(number))

@@ -2,6 +2,7 @@
 #include "host/config/config.h"
 
 #include "host/config/config_lines.h"
+#include "host/text/columns.h"
 #include "host/text/terminal_text.h"
 #include "host/text/units.h"
 
@@ -188,7 +189,7 @@ void ConfigReader::check_bounds(const std::string& key, double value, const Boun
   const auto shown = [&](double number) { return format_quantity(number, dimension, 6); };
   const bool above = std::isfinite(bounds.min);
   const bool below = std::isfinite(bounds.max);
-  const std::string wanted = above && below ? shown(bounds.min) + " to " + shown(bounds.max)
+  const std::string wanted = above && below ? format_range(bounds.min, bounds.max, dimension, 6)
                              : above        ? "at least " + shown(bounds.min)
                                             : "at most " + shown(bounds.max);
   fail(key, "is " + shown(value) + "; it must be " + wanted);

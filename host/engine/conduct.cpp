@@ -15,19 +15,6 @@
 namespace vitreo {
 namespace {
 
-/// The cameras that the request asks to record. Throws ConfigError for one that this rig has not.
-std::vector<FramePolicy> frame_policies(const RunRequest& request, const Rig& rig) {
-  std::vector<FramePolicy> policies;
-  for (const std::string& word : request.what.frames) {
-    policies.push_back(parse_frame_policy(word));
-    const std::string& camera = policies.back().camera;
-    const bool there = (camera == "top_camera" && rig.top_camera != nullptr) ||
-                       (camera == "side_camera" && rig.side_camera != nullptr);
-    if (!there) throw ConfigError("frames: " + word + ": this rig has no camera of that role");
-  }
-  return policies;
-}
-
 /// s between the moments at which the truth is of use: the period of the sensor of the loop. 0:
 /// there is none.
 /// A simulated run's truth is sampled at that rate, so that each measurement of the loop has a true
@@ -81,7 +68,6 @@ class RunSession {
              ProgressListener& listener)
       : session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
         recording_(*stage.recorder, session_.control),
-        policies_(frame_policies(request, stage.rig->rig())),
         faults_({*stage.clock, stage.rig->laboratory(), *stage.recorder, session_.control,
                  *stage.disk, stage.breakable}) {
     session_.real_time = stage.pace == Pace::real_time;
@@ -106,13 +92,11 @@ class RunSession {
   RunSession& operator=(const RunSession&) = delete;
 
   Session& session() { return session_; }
-  const std::vector<FramePolicy>& policies() const { return policies_; }
   void set_outcome(const Verdict& verdict) { faces_.set_outcome(to_string(verdict)); }
 
  private:
   Session session_;
   const RecordingGuard recording_;
-  const std::vector<FramePolicy> policies_;
   FaceScope faces_;
   // Ctrl-C requests a stop from here to the end of the session.
   const InterruptScope interrupts_;
@@ -185,9 +169,9 @@ Verdict carry_out(RunStage& stage, RunSession& run, const RunRequest& request,
   const auto script = [&] {
     // Part of what is judged: a camera that cannot be recorded is an outcome of the run.
     const std::string disk =
-        disk_warning(request.where.out, frame_bytes_per_second(run.policies(), session.rig));
+        disk_warning(request.where.out, frame_bytes_per_second(stage.frames, session.rig));
     if (!disk.empty()) session.raise(kDiskAlarm, AlarmPriority::medium, disk);
-    for (const FramePolicy& policy : run.policies()) session.frames.start(policy);
+    for (const FramePolicy& policy : stage.frames) session.frames.start(policy);
     // Throws for every end that is not the script's own; judge() says what that means for the run.
     switch_light_on(session.rig);
     body(session);

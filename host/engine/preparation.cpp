@@ -5,7 +5,6 @@
 #include "host/files/log.h"
 #include "host/record/record_json.h"
 #include "host/rig/calibrations.h"
-#include "host/rig/identities.h"
 
 #include <fmt/format.h>
 
@@ -55,14 +54,13 @@ Preparation prepare(ScriptEngine& engine, const RunRequest& request, const Check
   return preparation;
 }
 
-void check_calibrations(const RunRequest& request, const RigDescription& description, OpenRig& rig,
-                        Preparation& preparation) {
+void check_calibrations(const RunRequest& request, const RigDescription& description,
+                        const nlohmann::json& devices, Preparation& preparation) {
   const Calibrations calibrations = Calibrations::of(description);
   // Here the instruments are open, so their identities can be compared; the dry run only knows
   // dates.
   std::vector<std::string> lines = calibrations.out_of_date(today_text());
-  for (std::string& line : calibrations.of_others(identities(rig.rig())))
-    lines.push_back(std::move(line));
+  for (std::string& line : calibrations.of_others(devices)) lines.push_back(std::move(line));
   for (const std::string& line : lines) {
     if (calibrations.refuse_stale) refuse_or_override(request, description, line, preparation);
     preparation.concerns.emplace_back("calibration", line);

@@ -31,9 +31,10 @@ struct Preparation {
 Preparation prepare(ScriptEngine& engine, const RunRequest& request, const CheckedRequest& checked,
                     ProgressListener& listener);
 
-/// Calibrations that are too old, and those of other instruments than the ones that are there.
+/// Calibrations that are too old, and those of other instruments than `devices`, those that are
+/// there: role: identity.
 /// Nothing is energized yet. Throws as prepare() does where the rig says that they are refused.
-void check_calibrations(const RunRequest& request, const RigDescription& description, OpenRig& rig,
-                        Preparation& preparation);
+void check_calibrations(const RunRequest& request, const RigDescription& description,
+                        const nlohmann::json& devices, Preparation& preparation);
 
 }  // namespace vitreo

@@ -138,8 +138,7 @@ class DryRun {
     // The script asks its operator to bring the robot; in the twin it is put there.
     if (rig.sample == nullptr) rehearsal.bring_robot = [this] { twin_.bring_robot(); };
     rehearsal.pose_sensor = checked_.rig.table.contains("pose_sensor");
-    for (const std::string& word : request_.what.frames)
-      rehearsal.frames.push_back(parse_frame_policy(word));
+    rehearsal.frames = checked_.frames;
     {
       Session session(*clock_, rig, recorder_, listener_, request_.how.seed);
       session.rehearsal = &rehearsal;

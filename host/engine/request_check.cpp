@@ -34,13 +34,28 @@ void check_simulated(const ProtocolDescription& protocol, const RigDescription& 
 }
 
 /// Every word names a camera of the rig. Throws ConfigError.
-void check_frames(const std::vector<std::string>& words, const std::vector<std::string>& there) {
+std::vector<FramePolicy> frame_policies(const std::vector<std::string>& words,
+                                        const std::vector<std::string>& there) {
+  std::vector<FramePolicy> policies;
   for (const std::string& word : words) {
-    const std::string camera = parse_frame_policy(word).camera;
+    policies.push_back(parse_frame_policy(word));
+    const std::string& camera = policies.back().camera;
     const bool known = camera == "top_camera" || camera == "side_camera";
     if (!known || std::find(there.begin(), there.end(), camera) == there.end())
       throw ConfigError("frames: " + word + ": this rig has no camera of that role");
   }
+  return policies;
+}
+
+/// The rig file, the roles that it has and the cameras of them that are to be recorded.
+std::vector<std::string> check_place(ScriptEngine& engine, const RunRequest& request,
+                                     CheckedRequest& checked) {
+  checked.rig = engine.load_rig(request.where.rig_file);
+  // Before the bounds are checked: the values in force are those that must be within them.
+  take_installed_calibration(checked.rig, request.where.out);
+  std::vector<std::string> roles = check_rig(checked.rig);
+  checked.frames = frame_policies(request.what.frames, roles);
+  return roles;
 }
 
 }  // namespace
@@ -55,13 +70,17 @@ CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
   CheckedRequest checked;
   checked.protocol = engine.describe(request.what.protocol_file);
   checked.arguments = check_arguments(checked.protocol, request.what.arguments);
-  checked.rig = engine.load_rig(request.where.rig_file);
-  // Before the bounds are checked: the values in force are those that must be within them.
-  take_installed_calibration(checked.rig, request.where.out);
-  const std::vector<std::string> roles = check_rig(checked.rig);
+  const std::vector<std::string> roles = check_place(engine, request, checked);
   check_simulated(checked.protocol, checked.rig, request.where.rig_file);
   check_needs(checked.protocol, roles, request.where.rig_file);
-  check_frames(request.what.frames, roles);
+  return checked;
+}
+
+CheckedRequest check_prompt(ScriptEngine& engine, const RunRequest& request) {
+  CheckedRequest checked;
+  checked.protocol.file = checked.protocol.name = "prompt";
+  checked.protocol.title = "Prompt";
+  check_place(engine, request, checked);
   return checked;
 }
 

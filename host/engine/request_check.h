@@ -3,10 +3,12 @@
 #pragma once
 
 #include "host/engine/request.h"
+#include "host/session/frame_recording.h"
 #include "host/session/script_engine.h"
 
 #include <map>
 #include <string>
+#include <vector>
 
 namespace vitreo {
 
@@ -15,11 +17,15 @@ struct CheckedRequest {
   ProtocolDescription protocol;
   std::map<std::string, ArgumentValue> arguments;
   RigDescription rig;
+  std::vector<FramePolicy> frames;  // of the cameras that are to be recorded
 };
 
 /// Parameters against their ranges, the rig file against its bounds, the roles that the protocol
 /// needs, the cameras that are to be recorded. Opens and writes nothing. Throws ScriptError,
 /// ConfigError.
 CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request);
+
+/// The same of a prompt, which has no description: what a protocol would declare is empty.
+CheckedRequest check_prompt(ScriptEngine& engine, const RunRequest& request);
 
 }  // namespace vitreo

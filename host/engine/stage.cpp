@@ -41,34 +41,42 @@ void check_faults(const std::vector<Fault>& faults, const SimulatedRoles& breaka
   }
 }
 
+/// Values in SI, as the record keeps them.
+nlohmann::json to_json(const std::map<std::string, ArgumentValue>& arguments) {
+  nlohmann::json object = nlohmann::json::object();
+  for (const auto& [name, value] : arguments)
+    std::visit([&object, &key = name](const auto& held) { object[key] = held; }, value);
+  return object;
+}
+
 /// Everything that a later reader needs to repeat the run: protocol and rig as texts, the resolved
 /// rig, versions, seed, devices, and the hashes of files that the rig names.
-RunStart start_record(const RunRequest& request, const ProtocolDescription& protocol,
-                      const nlohmann::json& parameters, const RigDescription& description,
-                      OpenRig& rig) {
+RunStart start_record(const RunRequest& request, const CheckedRequest& checked,
+                      const RunStage& stage) {
+  const ProtocolDescription& protocol = checked.protocol;
+  const RigDescription& description = checked.rig;
   RunStart start;
   start.protocol_file = protocol.file;
   start.protocol_title = protocol.title;
   start.protocol_text = protocol.text;
-  start.parameters = parameters;
+  start.parameters = to_json(checked.arguments);
   for (const Parameter& parameter : protocol.parameters)
     start.parameter_units[parameter.name] = parameter.unit;
   start.rig = {
-      {"file", description.file}, {"text", description.text}, {"resolved", rig.resolved()}};
+      {"file", description.file}, {"text", description.text}, {"resolved", stage.rig->resolved()}};
   for (const RigSource& base : description.bases)
     start.rig["bases"].push_back({{"file", base.file}, {"text", base.text}});
   start.versions = versions();
   start.seed = request.how.seed;
   start.operator_name = operator_of(request);
-  start.devices = identities(rig.rig());
+  start.devices = stage.devices;
   start.files = hashes_of_files(start.rig);
   return start;
 }
 
 /// Under the virtual clock the recorder takes what it is given; in real time it must not hold up a
 /// camera.
-RecordLimits record_limits(const RunRequest& request, const RigDescription& description,
-                           const std::shared_ptr<DiskFaults>& disk) {
+RecordLimits record_limits(bool real_time, const std::shared_ptr<DiskFaults>& disk) {
   RecordLimits limits;
   // Fault injection of the disk (host/session/faults.h) acts where the recorder asks for free
   // space.
@@ -76,7 +84,7 @@ RecordLimits record_limits(const RunRequest& request, const RigDescription& desc
     std::this_thread::sleep_for(std::chrono::milliseconds(disk->stall_ms.exchange(0)));
     return disk->full ? 0 : free_bytes(folder);
   };
-  limits.drop_frames = request.how.pace == Pace::real_time || has_real_instruments(description);
+  limits.drop_frames = real_time;
   return limits;
 }
 
@@ -84,26 +92,27 @@ RecordLimits record_limits(const RunRequest& request, const RigDescription& desc
 
 // The clock comes before the rig, whose devices wait on it from their first byte on. One real
 // instrument is enough to make the whole run real time.
-RunStage open_stage(const RunRequest& request, const RigDescription& description) {
+RunStage open_stage(const RunRequest& request, const CheckedRequest& checked) {
   RunStage stage;
-  stage.rights = Rights::of(description);
-  const std::vector<std::string> real_ones = real_roles(description);
+  stage.rights = Rights::of(checked.rig);
+  const std::vector<std::string> real_ones = real_roles(checked.rig);
   stage.faults = faults_of(request, real_ones);
+  stage.frames = checked.frames;
   const bool real = !real_ones.empty();
   // Instruments keep the wall clock's pace, whatever was asked for.
   stage.pace = real ? Pace::real_time : request.how.pace;
   stage.clock = real ? wall_clock() : virtual_clock(stage.pace);
-  stage.rig = open_rig(description, *stage.clock, request.how.seed, request.how.shifts);
+  stage.rig = open_rig(checked.rig, *stage.clock, request.how.seed, request.how.shifts);
+  stage.devices = identities(stage.rig->rig());
   if (!real) stage.breakable = simulated_roles(stage.rig->resolved());
   check_faults(stage.faults, stage.breakable);
   return stage;
 }
 
-void open_record(RunStage& stage, const RunRequest& request, const ProtocolDescription& protocol,
-                 const nlohmann::json& parameters, const RigDescription& description) {
-  stage.recorder = std::make_unique<Recorder>(
-      request.where.out, start_record(request, protocol, parameters, description, *stage.rig),
-      record_limits(request, description, stage.disk));
+void open_record(RunStage& stage, const RunRequest& request, const CheckedRequest& checked) {
+  stage.recorder =
+      std::make_unique<Recorder>(request.where.out, start_record(request, checked, stage),
+                                 record_limits(stage.pace == Pace::real_time, stage.disk));
   // The recorder (host/record) does not know the report (host/runs).
   stage.recorder->set_report([](const RunData& data) { return report_html(data); });
 }

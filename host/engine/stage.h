@@ -4,7 +4,7 @@
 #pragma once
 
 #include "host/config/rights.h"
-#include "host/engine/request.h"
+#include "host/engine/request_check.h"
 #include "host/record/recorder.h"
 #include "host/rig/open_rig.h"
 #include "host/session/faults.h"
@@ -22,8 +22,10 @@ struct RunStage {
   Pace pace = Pace::as_fast_as_possible;
   std::unique_ptr<Clock> clock;
   std::unique_ptr<OpenRig> rig;
-  std::vector<Fault> faults;  // of the request
-  SimulatedRoles breakable;   // what can be broken on purpose; nothing as soon as one role is real
+  nlohmann::json devices;           // identities, by role
+  std::vector<Fault> faults;        // of the request
+  std::vector<FramePolicy> frames;  // of the request
+  SimulatedRoles breakable;  // what can be broken on purpose; nothing as soon as one role is real
   // Shared with the recorder's thread.
   std::shared_ptr<DiskFaults> disk = std::make_shared<DiskFaults>();
   std::unique_ptr<Recorder> recorder;  // null until open_record()
@@ -31,11 +33,10 @@ struct RunStage {
 
 /// Opens the rig; nothing is energized. Throws ConfigError, DeviceError, and ConfigError for a
 /// fault of the request that does not fit.
-RunStage open_stage(const RunRequest& request, const RigDescription& description);
+RunStage open_stage(const RunRequest& request, const CheckedRequest& checked);
 
 /// Makes the run's folder with its start record. Throws FolderError, ConfigError where the disk is
 /// too full.
-void open_record(RunStage& stage, const RunRequest& request, const ProtocolDescription& protocol,
-                 const nlohmann::json& parameters, const RigDescription& description);
+void open_record(RunStage& stage, const RunRequest& request, const CheckedRequest& checked);
 
 }  // namespace vitreo

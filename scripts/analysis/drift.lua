@@ -1,6 +1,7 @@
--- Parts of protocols/drift_test: random numbers, statistics, and the report beside thesis table 6.1.
+-- Parts of protocols/drift_test: random directions, the values found, and the report beside thesis table 6.1.
 -- SPDX-License-Identifier: Apache-2.0
 local expect = require "analysis.expectations"
+local statistics = require "analysis.statistics"
 local units = require "units"
 local places = require "places"
 local um, s = units.um, units.s
@@ -8,14 +9,11 @@ local drift = {}
 
 local names = { none = "constant currents", one_camera = "one camera", two_cameras = "two cameras" }
 
---- A number of the standard normal distribution, from the run's seed.
-function drift.normal() return (-2 * math.log(1 - math.random())) ^ 0.5 * math.cos(2 * math.pi * math.random()) end
-
 --- A unit vector, all directions alike.
 function drift.any_direction()
   local direction
   repeat
-    direction = vector(drift.normal(), drift.normal(), drift.normal())
+    direction = vector(statistics.normal(), statistics.normal(), statistics.normal())
   until direction:norm() > 1e-3
   return direction / direction:norm()
 end
@@ -25,27 +23,6 @@ function drift.index(list, wanted)
   for i, one in ipairs(list) do
     if one == wanted then return i end
   end
-end
-
---- The middle value, or the mean of the two in the middle.
-function drift.median(values)
-  local sorted = table.move(values, 1, #values, 1, {})
-  table.sort(sorted)
-  local middle = (#sorted + 1) // 2
-  return #sorted % 2 == 1 and sorted[middle] or (sorted[middle] + sorted[middle + 1]) / 2
-end
-
---- Mean and standard deviation of a sample (0 of a single one).
-function drift.mean(values)
-  local sum, squares = 0, 0
-  for _, value in ipairs(values) do
-    sum = sum + value
-  end
-  local mean = sum / #values
-  for _, value in ipairs(values) do
-    squares = squares + (value - mean) ^ 2
-  end
-  return mean, #values > 1 and (squares / (#values - 1)) ^ 0.5 or 0
 end
 
 --- Puts a value into the list found[kind][place], which is made where it is missing.
@@ -80,11 +57,11 @@ local function rows_of(found, asked)
   for i, place in ipairs(places.six) do
     local row, thesis = { place.name }, places.table_6_1[place.name]
     for _, kind in ipairs(asked) do
-      row[#row + 1] = in_um(drift.median(found[kind][place.name]))
+      row[#row + 1] = in_um(statistics.median(found[kind][place.name]))
       row[#row + 1] = tostring(thesis[kind])
     end
-    row[#row + 1] = in_um(drift.median(found.cancel[place.name]), 1)
-    row[#row + 1] = in_um(drift.median(found.hold[place.name]), 1)
+    row[#row + 1] = in_um(statistics.median(found.cancel[place.name]), 1)
+    row[#row + 1] = in_um(statistics.median(found.hold[place.name]), 1)
     rows[i] = row
   end
   return rows
@@ -105,7 +82,7 @@ end
 local function largest(found, kind, only)
   local most = 0
   for _, place in ipairs(places.six) do
-    if not only or only(place) then most = math.max(most, drift.median(found[kind][place.name])) end
+    if not only or only(place) then most = math.max(most, statistics.median(found[kind][place.name])) end
   end
   return most
 end
@@ -113,7 +90,7 @@ end
 local function smallest(found, kind)
   local least = math.huge
   for _, place in ipairs(places.six) do
-    least = math.min(least, drift.median(found[kind][place.name]))
+    least = math.min(least, statistics.median(found[kind][place.name]))
   end
   return least
 end
@@ -122,7 +99,7 @@ end
 local function between_kinds(found)
   local ratio, apart = 0, 0
   for _, place in ipairs(places.six) do
-    local function of(kind) return drift.median(found[kind][place.name]) end
+    local function of(kind) return statistics.median(found[kind][place.name]) end
     if place.edge then ratio = math.max(ratio, math.max(of "one_camera", of "two_cameras") / of "none") end
     apart = math.max(apart, math.abs(of "one_camera" - of "two_cameras"))
   end
@@ -164,7 +141,7 @@ local function expected(run, found, asked)
         id = ("6.1.%s.%s"):format(kind, place.name),
         what = ("%s, %s"):format(place.name, names[kind]),
         thesis = places.table_6_1[place.name][kind] * um,
-        ours = drift.median(found[kind][place.name]),
+        ours = statistics.median(found[kind][place.name]),
         unit = "m/s",
         between = all[kind],
         reason = "this project's goal; the thesis' own spread is not printed",
@@ -217,7 +194,7 @@ local function plot(run, found, asked)
   for _, kind in ipairs(asked) do
     local x, y, printed = {}, {}, {}
     for i, place in ipairs(places.six) do
-      x[i], y[i], printed[i] = i, drift.median(found[kind][place.name]), places.table_6_1[place.name][kind] * um
+      x[i], y[i], printed[i] = i, statistics.median(found[kind][place.name]), places.table_6_1[place.name][kind] * um
     end
     series[#series + 1] = { label = names[kind], x = x, y = y }
     marks[#marks + 1] = { label = "thesis, " .. names[kind], x = x, y = printed, mark = "dashed" }

@@ -63,14 +63,14 @@ function book:number(row)
   return made.verdict
 end
 
---- How many rows are as they should be, and how many are not.
+--- How many rows are as they should be, and how many are not: {well, ill}.
 function book:count()
   local well, ill = 0, 0
   for _, row in ipairs(self.rows) do
     if row.verdict == "agrees" or row.verdict == "better" then well = well + 1 end
     if row.verdict == "differs" or row.verdict == "worse" or row.verdict == "no answer" then ill = ill + 1 end
   end
-  return well, ill
+  return { well = well, ill = ill }
 end
 
 --- Ends the protocol's report: the table, two results, and the rows as data.
@@ -108,9 +108,9 @@ function book:close()
     rows = cells,
   }
   files.write("expectations.json", json.text(data) .. "\n")
-  local well, ill = self:count()
-  self.run:result("expectations_met", well)
-  self.run:result("expectations_missed", ill)
+  local count = self:count()
+  self.run:result("expectations_met", count.well)
+  self.run:result("expectations_missed", count.ill)
   for _, row in ipairs(self.rows) do
     if row.verdict == "differs" or row.verdict == "worse" or row.verdict == "no answer" then
       self.run:note(

@@ -26,22 +26,24 @@ end
 --- Whether there is a stream to judge by.
 function judge.has_reference(run) return recorded(run, "truth") or recorded(run, "side_camera") end
 
---- How far the robot was from its path in a span {from, to}, and the localization from the robot, as run:errors tells.
+--- How far the robot was from its path in a span {from, to}, and the localization from the robot, as run:errors tells:
+--- {path, localization}.
 function judge.measure(run, span)
   local reference = judge.reference(run)
   local path = run:errors { of = reference, against = "servo", against_prefix = "target_", from = span.from, to = span.to }
-  return path, run:errors { of = "servo", against = reference, from = span.from, to = span.to }
+  return { path = path, localization = run:errors { of = "servo", against = reference, from = span.from, to = span.to } }
 end
 
 --- States the errors of judge.measure as the run's results, and returns them.
 function judge.results(run, span)
-  local path, localization = judge.measure(run, span)
+  local found = judge.measure(run, span)
+  local path, localization = found.path, found.localization
   run:result("path_error_rms", path.rms, "m")
   run:result("path_error_lateral_rms", path.lateral_rms, "m")
   run:result("path_error_depth_rms", path.depth_rms, "m")
   run:result("localization_error_mean", localization.mean, "m")
   run:result("localization_error_max", localization.max, "m")
-  return path, localization
+  return found
 end
 
 --- The table of the localization error, lateral and in depth, beside the thesis'; `found` as run:errors gives it.
@@ -137,14 +139,15 @@ function judge.plots(run, span, which)
   currents_plot(run, span, which)
 end
 
---- Results, table and plots of the time from options.from to options.to.
+--- Results, table and plots of the time from options.from to options.to; returns the errors of judge.measure.
 function judge.path(run, options)
   local span = { from = options.from, to = options.to }
-  local path, localization = judge.results(run, span)
-  judge.localization_table(run, localization)
+  local found = judge.results(run, span)
+  local path = found.path
+  judge.localization_table(run, found.localization)
   judge.plots(run, span)
   run:note(("rms error %.0f µm, sideways %.0f µm, over %d frames"):format(path.rms / um, path.lateral_rms / um, path.count))
-  return path, localization
+  return found
 end
 
 return judge

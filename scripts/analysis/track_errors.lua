@@ -5,7 +5,7 @@ local statistics = require "analysis.statistics"
 local track_errors = {}
 
 --- |stream - reference| along an axis ("x", "z") in a span {from, to}, at the stream's times; frames without a place are left
---- out. The reference is read at its nearest sample.
+--- out. The reference is read at its nearest sample. Returns {errors, times}.
 function track_errors.along(run, axis, span, options)
   options = options or {}
   local stream, prefix = options.stream or "servo", options.prefix or ""
@@ -23,7 +23,7 @@ function track_errors.along(run, axis, span, options)
       errors[#errors + 1], at[#at + 1] = math.abs(off), times[i]
     end
   end
-  return errors, at
+  return { errors = errors, times = at }
 end
 
 --- mean, deviation, max of a list of errors; an error when there are none.

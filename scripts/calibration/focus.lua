@@ -38,8 +38,8 @@ local function cut(window, width, height)
 end
 
 --- Goes from..to in `steps` positions and takes `frames` images at each; the k-th images together are one sweep, so there
---- are as many repetitions. `window` = {u, v, size} in px. Returns a list of what vision.focus_peak says of each sweep,
---- the distances and the first sweep's values.
+--- are as many repetitions. `window` = {u, v, size} in px. Returns {peaks, distances, values}: what vision.focus_peak says
+--- of each sweep, and the first sweep's values.
 function focusing.sweep(rig, options)
   local distances, values = statistics.range(options.from, options.to, options.steps), {}
   local frames = options.frames or 1
@@ -60,23 +60,24 @@ function focusing.sweep(rig, options)
   for k = 1, frames do
     peaks[k] = vision.focus_peak { positions = distances, values = values[k] }
   end
-  return peaks, distances, values[1]
+  return { peaks = peaks, distances = distances, values = values[1] }
 end
 
---- The sharpest of `steps` positions, one image each: where a finer sweep is to look.
+--- The distance of the sharpest of `steps` positions, one image each: where a finer sweep is to look.
 function focusing.coarse(rig, options)
-  local _, distances, values = focusing.sweep(
+  local sweep = focusing.sweep(
     rig,
     { from = options.from, to = options.to, steps = options.steps, window = options.window, measure = options.measure }
   )
   local best = 1
-  for i = 2, #values do
-    if values[i] > values[best] then best = i end
+  for i = 2, #sweep.values do
+    if sweep.values[i] > sweep.values[best] then best = i end
   end
-  return distances[best], values[best]
+  return sweep.distances[best]
 end
 
---- Mean and standard deviation of the sweeps that found their peak, and how many did not. The GUM's type A: of one sweep.
+--- Of the sweeps that found their peak, mean and standard deviation (the GUM's type A: of one sweep), `count` of them, and
+--- how many `failed`. Without a mean where none did.
 function focusing.summary(peaks)
   local found, claimed = {}, {}
   for _, peak in ipairs(peaks) do
@@ -84,14 +85,14 @@ function focusing.summary(peaks)
       found[#found + 1], claimed[#claimed + 1] = peak.position, peak.sigma
     end
   end
-  if #found == 0 then return nil, #peaks end
+  if #found == 0 then return { count = 0, failed = #peaks } end
   return {
     mean = statistics.mean(found),
     deviation = statistics.deviation(found),
     claimed = statistics.mean(claimed),
     count = #found,
-  },
-    #peaks - #found
+    failed = #peaks - #found,
+  }
 end
 
 --- Coarse to fine with vision.autofocus about `near`, ± `reach`. Returns what the search says, parked at the best place;
@@ -118,16 +119,16 @@ function focusing.autofocus(rig, options)
   return step
 end
 
---- Where a point of the eye shows on the sensor that is in focus on it: u, v in px of its aerial image {x, y, d_ls}.
+--- Where a point of the eye shows on the sensor that is in focus on it: {u, v} in px of its aerial image {x, y, d_ls}.
 function focusing.pixel(rig, image)
   local model = rig:model()
-  return model.center_px[1] - image.x / model.pixel, model.center_px[2] + image.y / model.pixel
+  return { u = model.center_px[1] - image.x / model.pixel, v = model.center_px[2] + image.y / model.pixel }
 end
 
---- The aerial image's x and y, m, of a pixel: the inverse of focusing.pixel.
+--- The aerial image's {x, y}, m, of a pixel: the inverse of focusing.pixel.
 function focusing.aerial(rig, u, v)
   local model = rig:model()
-  return (model.center_px[1] - u) * model.pixel, (v - model.center_px[2]) * model.pixel
+  return { x = (model.center_px[1] - u) * model.pixel, y = (v - model.center_px[2]) * model.pixel }
 end
 
 return focusing

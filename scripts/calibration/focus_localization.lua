@@ -21,10 +21,16 @@ function by_focus.model(eye)
 end
 
 -- Images of the target as the sensor is moved about `near`: peaks of each repetition.
-local function sweep(rig, near, u, v, reach, steps, frames)
+local function sweep(rig, near, pixel, reach, steps, frames)
   return focusing.sweep(
     rig,
-    { from = near - reach, to = near + reach, steps = steps, frames = frames, window = { u = u, v = v, size = window } }
+    {
+      from = near - reach,
+      to = near + reach,
+      steps = steps,
+      frames = frames,
+      window = { u = pixel.u, v = pixel.v, size = window },
+    }
   )
 end
 
@@ -42,21 +48,22 @@ local function center(rig, place)
 end
 
 -- Where the target at `place` was sharp and seen: {x, y, distance, deviation of one sweep, sigma of the mean}, or nothing.
-local function see(rig, place, near, u, v, reach, steps, frames)
+local function see(rig, place, near, pixel, reach, steps, frames)
   targets.put(rig, place)
   local coarse = focusing.coarse(rig, {
     from = near - reach,
     to = near + reach,
     steps = math.ceil(reach / (0.2 * mm)) + 1,
-    window = { u = u, v = v, size = window },
+    window = { u = pixel.u, v = pixel.v, size = window },
   })
-  local found = focusing.summary((sweep(rig, coarse, u, v, 0.45 * mm, steps, frames)))
-  if not found then return end
+  local found = focusing.summary(sweep(rig, coarse, pixel, 0.45 * mm, steps, frames).peaks)
+  if found.count == 0 then return end
   focusing.move(rig, found.mean)
   local spot = center(rig, place)
   if not spot then return end
-  local x, y = focusing.aerial(rig, spot.x_px, spot.y_px)
-  return { x = x, y = y, distance = found.mean, deviation = math.max(found.deviation, found.claimed / math.sqrt(found.count)) }
+  local aerial = focusing.aerial(rig, spot.x_px, spot.y_px)
+  local deviation = math.max(found.deviation, found.claimed / math.sqrt(found.count))
+  return { x = aerial.x, y = aerial.y, distance = found.mean, deviation = deviation }
 end
 
 --- Thirty looks at a target. `calibration` tells where to look for it.
@@ -64,8 +71,7 @@ function by_focus.look(rig, model, calibration, place, p)
   local image = model.map:image(place)
   if not image then return end
   local near = by_focus.raw_distance(calibration, model, image)
-  local u, v = focusing.pixel(rig, image)
-  return see(rig, place, near, u, v, 1 * mm, p.steps, p.repetitions)
+  return see(rig, place, near, focusing.pixel(rig, image), 1 * mm, p.steps, p.repetitions)
 end
 
 -- Linear between neighbors, flat beyond the ends.
@@ -112,8 +118,7 @@ end
 function by_focus.calibrate(rig, model, angles)
   local calibrated = false -- the first target, on the retina, is looked for in a wider range
   return by_focus.learn(model, angles, function(place, near)
-    local u, v = focusing.pixel(rig, near)
-    local seen = see(rig, place, near.z, u, v, calibrated and 1.2 * mm or 2.4 * mm, 9, 3)
+    local seen = see(rig, place, near.z, focusing.pixel(rig, near), calibrated and 1.2 * mm or 2.4 * mm, 9, 3)
     calibrated = calibrated or seen ~= nil
     return seen
   end)

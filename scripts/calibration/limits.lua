@@ -59,8 +59,8 @@ function limits.camera(book, role, fit, pixel, own)
   }
 end
 
---- Delay and time constant (s) of the coils (calibrations.coil_latency); `own`: delay, sigma.
-function limits.coil_latency(book, model, delay, constant, own)
+--- Delay and time constant of the coils, `step` of calibrations.coil_latency; `own`: delay, sigma.
+function limits.coil_latency(book, model, step, own)
   own = own or {}
   local off = own.delay or limits.delay
   book:check {
@@ -68,7 +68,7 @@ function limits.coil_latency(book, model, delay, constant, own)
     part = "latency",
     key = "model.coil_delay",
     believed = model.command_delay,
-    value = delay,
+    value = step.delay,
     sigma = own.sigma,
     unit = "s",
     least = model.command_delay - off,
@@ -79,7 +79,7 @@ function limits.coil_latency(book, model, delay, constant, own)
     part = "latency",
     key = "model.coil_bandwidth",
     believed = model.command_bandwidth,
-    value = 1 / (2 * math.pi * constant),
+    value = 1 / (2 * math.pi * step.constant),
     unit = "Hz",
     least = limits.bandwidth[1],
     most = limits.bandwidth[2],
@@ -87,11 +87,11 @@ function limits.coil_latency(book, model, delay, constant, own)
 end
 
 --- How old a camera's frames are when they arrive (calibrations.camera_latency).
-function limits.frames(book, role, age, deviation)
+function limits.frames(book, role, age)
   book:check {
     name = role .. ": age of its frames",
-    value = age,
-    sigma = deviation,
+    value = age.mean,
+    sigma = age.deviation,
     unit = "s",
     least = 0,
     most = limits.age,

@@ -22,8 +22,8 @@ local function grid(side, count, half)
 end
 
 --- Pixel size, rotation and center of one camera ("top_camera", "side_camera") from a target on a grid of places. `half`: half
---- its width, m. Returns what optics.fit_camera says, and the largest part of the residual that grows with the cube of
---- the distance from the center (distortion, relative at the grid's corner).
+--- its width, m. Returns what optics.fit_camera says, `places`, how many it was seen at, and `distortion`, the largest part
+--- of the residual that grows with the cube of the distance from the center, relative at the grid's corner.
 function calibrations.camera(rig, role, options)
   local camera, points, believed = rig[role], {}, rig:model()
   local world = believed.eye_in_world
@@ -54,8 +54,8 @@ function calibrations.camera(rig, role, options)
     power = power + r2 * r2 * r2
   end
   local corner = 2 * (options.half / fit.pixel) ^ 2
-  fit.distortion = cubic / power * corner
-  return fit, #points
+  fit.distortion, fit.places = cubic / power * corner, #points
+  return fit
 end
 
 -- Holds one coil's current for `time`, setting it again and again, or the dead-man takes it for abandoned.
@@ -73,7 +73,7 @@ end
 --- How long after a new set-point the coil's field begins to follow, and with which time constant: steps of current seen by the
 --- field probe, the straight line of log(1 - B/B_end) fitted. A teslameter is slower than the coils: the step is repeated, each
 --- time asked a little later, over as long as one reading takes. A reading counts at the moment that the probe says. Returns
---- delay, time constant (s), and the points.
+--- {delay, constant (s), times, values}.
 function calibrations.coil_latency(rig, run, options)
   local coil, current, repeats = options.coil or 1, options.current or 2 * A, options.repeats
   local function field()
@@ -114,11 +114,11 @@ function calibrations.coil_latency(rig, run, options)
   end
   if #x < 3 then error("the step is too fast for the probe, or was not seen", 0) end
   local line = statistics.line(x, y)
-  return -line.intercept / line.slope, 1 / line.slope, { times = times, values = values }
+  return { delay = -line.intercept / line.slope, constant = 1 / line.slope, times = times, values = values }
 end
 
 --- The coils' field from a probe on a stage of three axes: at the corners of a cube and its middle, one coil at a time with
---- either sign; dipoles fitted. Returns the model, what the fit says, and the readings.
+--- either sign; dipoles fitted. Returns what the fit says, with the model, and the `readings`.
 function calibrations.field(rig, run, options)
   local readings, half, count = {}, options.half or 8 * mm, #rig.coils:currents()
   local places = { vector(0, 0, 0) }
@@ -153,7 +153,8 @@ function calibrations.field(rig, run, options)
   end
   rig.coils:set_currents(zero)
   local fit = control.fit_field_model { readings = readings, sources = "dipoles" }
-  return fit.model, fit, readings
+  fit.readings = readings
+  return fit
 end
 
 --- Notes how each coil compares with another model: `coils` as control.fit_field_model and use_calibration report them.
@@ -172,14 +173,14 @@ function calibrations.note_coils(run, against, coils)
   if #reversed > 0 then run:note("of opposite sign: coils " .. table.concat(reversed, ", ")) end
 end
 
---- How old a camera's frames are when they arrive, from their own time stamps: mean and deviation, s.
+--- How old a camera's frames are when they arrive, from their own time stamps: {mean, deviation}, s.
 function calibrations.camera_latency(camera, count)
   local ages = {}
   for k = 1, count do
     local frame = camera:grab()
     ages[k] = frame.received - frame.time
   end
-  return statistics.mean(ages), statistics.deviation(ages)
+  return { mean = statistics.mean(ages), deviation = statistics.deviation(ages) }
 end
 
 return calibrations

@@ -44,10 +44,10 @@ local function by_width(view, robot, seen, place, axis)
   return same
 end
 
---- Lays the robot on the retina under `above` and returns the corrected view for rig:servo, and what was corrected.
+--- Lays the robot on the retina under `above` and returns what view:calibrate says: `localizer` is the view for rig:servo.
 --- `depth_error`: by how much the retina's depth is known wrongly, m (0). `by_width`: for a loop that estimates how the robot
---- lies (axis_uncertainty of rig:servo) and so takes the depth from its width alone. The robot is left where it lies, `trim`
---- to take back.
+--- lies (axis_uncertainty of rig:servo) and so takes the depth from its width alone. The robot is left where it lies, and `trim`
+--- is to be taken back.
 function retina.calibrate(rig, run, servo, options)
   local model = rig:model()
   local above = options.above or model.eye_in_world + vector(0, 0, 2 * mm)
@@ -83,7 +83,8 @@ function retina.calibrate(rig, run, servo, options)
       told.residual / um
     )
   )
-  return told.localizer, told, trim
+  told.trim = trim
+  return told
 end
 
 return retina

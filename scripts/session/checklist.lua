@@ -17,17 +17,18 @@ local function clock(seconds)
   return ("%s%d:%02d h"):format(sign, seconds // 3600, seconds % 3600 // 60)
 end
 
---- What is left of the window, s: until its least, and until its most.
+--- What is left of the window, s: {least, most}, until its least and until its most.
 function checklist:left()
-  if not self.window then return math.huge, math.huge end
+  if not self.window then return { least = math.huge, most = math.huge } end
   local gone = self.run:now() - self.began
-  return self.window[1] - gone, self.window[2] - gone
+  return { least = self.window[1] - gone, most = self.window[2] - gone }
 end
 
 --- Notes what is left, as "1:20 h left, 2:20 h at most", and warns when it is over.
 function checklist:tell_time()
   if not self.window then return end
-  local least, most = self:left()
+  local left = self:left()
+  local least, most = left.least, left.most
   local text = ("%s left, %s at most"):format(clock(least), clock(most))
   if most < 0 then
     text = ("the window is over by %s: what is seen from now on is no measurement"):format(clock(-most))

@@ -30,12 +30,13 @@ function color_scene.outline(rig, run, frame, view)
     and { x_px = seen.u, y_px = seen.v, major_px = 2 * seen.semi_major, minor_px = 2 * seen.semi_minor, angle = seen.angle }
 end
 
---- A place where a robot of 2 mm is well in sight, and a direction not too near the axis, from the run's seed.
+--- A `position` where a robot of 2 mm is well in sight, and an `axis` not too near the view's, from the run's seed.
 function color_scene.somewhere()
   local angle, aside = 2 * math.pi * math.random(), 2.5 * mm * math.sqrt(math.random())
   local place = vector(aside * math.cos(angle), aside * math.sin(angle), -2 * mm + 4 * mm * math.random())
   local turn, tilt = 2 * math.pi * math.random(), 0.5 * (math.random() - 0.5)
-  return place, vector(math.cos(turn) * math.cos(tilt), math.sin(turn) * math.cos(tilt), math.sin(tilt))
+  local axis = vector(math.cos(turn) * math.cos(tilt), math.sin(turn) * math.cos(tilt), math.sin(tilt))
+  return { position = place, axis = axis }
 end
 
 -- Holds the robot at a place with its axis along a direction, until it is there.
@@ -52,8 +53,8 @@ end
 function color_scene.training(rig, run, count)
   local made, view = {}, rig:view()
   while #made < count do
-    local place, axis = color_scene.somewhere()
-    local servo <close> = hold(rig, run, place, axis) -- luacheck: ignore servo
+    local pose = color_scene.somewhere()
+    local servo <close> = hold(rig, run, pose.position, pose.axis) -- luacheck: ignore servo
     run:wait(0.6 * s)
     local frame = rig.top_camera:grab()
     run:wait(0.2 * s)
@@ -99,9 +100,8 @@ end
 function color_scene.legs(count)
   local made = {}
   for k = 1, count do
-    local from, axis = color_scene.somewhere()
-    local to = color_scene.somewhere()
-    made[k] = { points = { from, to }, axis = axis }
+    local from, to = color_scene.somewhere(), color_scene.somewhere()
+    made[k] = { points = { from.position, to.position }, axis = from.axis }
   end
   return made
 end

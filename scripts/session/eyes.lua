@@ -5,6 +5,14 @@ local mm = units.mm
 
 local eyes = {}
 
+--- The parameter `eye` of a protocol.
+function eyes.parameter(default)
+  return { choices = { "nominal", "perturbed" }, default = default, help = "on a simulated rig: as believed, or off by table 5.1" }
+end
+
+--- The parameter `draw` of a protocol: `number` of eyes.set.
+eyes.draw = { default = 1, min = 1, max = 1000000, integer = true, help = "which of the seed's perturbed eyes" }
+
 --- Sets the eye of a simulated rig. `kind`: "nominal", or "perturbed": all of table 5.1 at once, Gaussian, one sigma each;
 --- `number` chooses among the run's draws. Returns the true eye where it is known, for judging only. A laboratory rig has
 --- the eye that it has.

@@ -3,6 +3,7 @@
 #include "host/config/config.h"
 #include "host/lua/interpreter/binding.h"
 #include "host/lua/interpreter/values.h"
+#include "host/text/columns.h"
 #include "host/text/units.h"
 
 #include <algorithm>
@@ -32,11 +33,9 @@ std::string one_of(const std::vector<std::string>& words) {
 
 /// Bounds are SI in the rows; here they are told in the unit that people use.
 std::string range_text(const Argument& argument) {
-  const std::string min = format_quantity(argument.min, argument.unit),
-                    max = format_quantity(argument.max, argument.unit);
-  if (std::isinf(argument.max)) return "at least " + min;
-  if (std::isinf(argument.min)) return "at most " + max;
-  return min + " to " + max;
+  if (std::isinf(argument.max)) return "at least " + format_quantity(argument.min, argument.unit);
+  if (std::isinf(argument.min)) return "at most " + format_quantity(argument.max, argument.unit);
+  return format_range(argument.min, argument.max, argument.unit);
 }
 
 /// The argument's name, what is wanted, what came: enough to mend the call without the reference.
