@@ -4,6 +4,7 @@
 #include "devices/contract/examination.h"
 #include "devices/time/error.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -40,6 +41,10 @@ struct AmplifierExaminer : Examination<AmplifierExaminer> {
   /// Without `measured` only the driver's word can be checked.
   void expect_currents(const Currents& wanted, const std::string& when) {
     expect(amplifier.currents() == wanted, when + ", currents() is not what was set");
+    if (const auto own = amplifier.measured_currents())
+      expect(own->size() == wanted.size() &&
+                 std::all_of(own->begin(), own->end(), [](double i) { return std::isfinite(i); }),
+             when + ", it does not measure a current for each channel");
     if (!how.measured) return;
     const Currents flowing = how.measured();
     bool good = flowing.size() == wanted.size();

@@ -129,6 +129,11 @@ class ReopeningAmplifier final : public CoilAmplifier {
     held_.use(Gone::stays, [&](CoilAmplifier& device) { device.set_currents(currents); });
     last_.assign(currents.begin(), currents.end());
   }
+  std::optional<std::vector<double>> measured_currents() override {
+    std::optional<std::vector<double>> measured;
+    held_.use(Gone::stays, [&](CoilAmplifier& device) { measured = device.measured_currents(); });
+    return measured;
+  }
   void make_safe() override {
     held_.use(Gone::comes_back, [](CoilAmplifier& device) { device.make_safe(); });
     last_.assign(last_.size(), 0.0);

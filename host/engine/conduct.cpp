@@ -66,7 +66,8 @@ class RunSession {
   // before any face can end the run, faults last, for they need all the rest.
   RunSession(RunStage& stage, ScriptEngine& engine, const RunRequest& request,
              ProgressListener& listener)
-      : session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
+      : stage_(stage),
+        session_(*stage.clock, stage.rig->rig(), *stage.recorder, listener, request.how.seed),
         recording_(*stage.recorder, session_.control),
         faults_({*stage.clock, stage.rig->laboratory(), *stage.recorder, session_.control,
                  *stage.disk, stage.breakable}) {
@@ -79,6 +80,9 @@ class RunSession {
                                stage.clock->interrupt();
                              },
                              [&stage] { return stage.rig->make_safe(); }});
+    stage.rig->on_unguarded([this](const std::string& why) {
+      session_.control.request(StopTier::abort, "because " + why);
+    });
     // A face reports its own failure in the record and does not throw (host/session/face.h).
     for (Face* face : request.how.faces) faces_.begin(*face, session_);
     session_.faults = &faults_;
@@ -88,6 +92,7 @@ class RunSession {
     if (sim::Laboratory* const world = stage.rig->laboratory(); world != nullptr && period > 0)
       session_.keep(observe_truth(*stage.clock, *world, period, *stage.recorder));
   }
+  ~RunSession() { stage_.rig->on_unguarded({}); }
   RunSession(const RunSession&) = delete;
   RunSession& operator=(const RunSession&) = delete;
 
@@ -95,6 +100,7 @@ class RunSession {
   void set_outcome(const Verdict& verdict) { faces_.set_outcome(to_string(verdict)); }
 
  private:
+  RunStage& stage_;
   Session session_;
   const RecordingGuard recording_;
   FaceScope faces_;
@@ -139,9 +145,11 @@ class TripReport {
  public:
   TripReport(RunStage& stage, Session& session) : coils_(session.rig.coils) {
     if (coils_ == nullptr) return;
-    coils_->on_trip([&stage, &session](const std::string& why) {
-      stage.recorder->event(stage.clock->now(), "interlock", why);
-      session.raise("interlock", AlarmPriority::high, why + "; the coils are at zero");
+    coils_->on_trip([&stage, &session](const Interlock::Trip& trip) {
+      stage.recorder->event(stage.clock->now(), "interlock", trip.why);
+      session.raise("interlock", AlarmPriority::high, trip.why + "; the coils are at zero");
+      // What a script may come back from is a trip of its own doing, not a broken instrument.
+      if (trip.broken) session.control.request(StopTier::abort, "because " + trip.why);
     });
   }
   ~TripReport() {

@@ -5,6 +5,7 @@
 #include "host/engine/rehearsal.h"
 #include "host/session/session.h"
 
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -25,10 +26,9 @@ struct Preparation {
   void record(Session& session) const;
 };
 
-/// On a laboratory rig the dry run, before anything is opened; on a simulated one it would only
-/// show what follows. Throws PreflightError when it fails and is not overridden, RightError when
-/// that is asked for by a technician.
-Preparation prepare(ScriptEngine& engine, const RunRequest& request, const CheckedRequest& checked,
+/// What the dry run found, where there was one. Throws PreflightError when it failed and is not
+/// overridden.
+Preparation prepare(const RunRequest& request, const std::optional<PreflightReport>& rehearsed,
                     ProgressListener& listener);
 
 /// Calibrations that are too old, and those of other instruments than `devices`, those that are

@@ -291,6 +291,14 @@ PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
   return report;
 }
 
+std::optional<PreflightReport> rehearse_on_twin(ScriptEngine& engine, const RunRequest& request,
+                                                const CheckedRequest& checked,
+                                                ProgressListener& listener) {
+  if (!is_laboratory(checked.rig)) return std::nullopt;
+  listener.message("preflight: a dry run on the rig's twin");
+  return rehearse(engine, request, checked);
+}
+
 PreflightReport preflight(ScriptEngine& engine, const RunRequest& request,
                           const PreflightLimits& limits) {
   const double began = wall_seconds();

@@ -6,6 +6,7 @@
 #include "host/engine/request_check.h"
 
 #include <functional>
+#include <optional>
 
 namespace vitreo {
 
@@ -21,6 +22,12 @@ struct PreflightLimits {
 /// fault of the script's; Stopped when the operator stopped it.
 PreflightReport rehearse(ScriptEngine& engine, const RunRequest& request,
                          const CheckedRequest& checked, const PreflightLimits& limits = {});
+
+/// The same before a run: on a laboratory rig only, for a simulated one can be hurt by nothing that
+/// the dry run would find.
+std::optional<PreflightReport> rehearse_on_twin(ScriptEngine& engine, const RunRequest& request,
+                                                const CheckedRequest& checked,
+                                                ProgressListener& listener);
 
 /// The check and the rehearsal, for `vitreo check`; what check_request throws goes on.
 PreflightReport preflight(ScriptEngine& engine, const RunRequest& request,

@@ -47,15 +47,13 @@ std::vector<FramePolicy> frame_policies(const std::vector<std::string>& words,
   return policies;
 }
 
-/// The rig file, the roles that it has and the cameras of them that are to be recorded.
+/// The rig file; the roles that it has.
 std::vector<std::string> check_place(ScriptEngine& engine, const RunRequest& request,
                                      CheckedRequest& checked) {
   checked.rig = engine.load_rig(request.where.rig_file);
   // Before the bounds are checked: the values in force are those that must be within them.
   take_installed_calibration(checked.rig, request.where.out);
-  std::vector<std::string> roles = check_rig(checked.rig);
-  checked.frames = frame_policies(request.what.frames, roles);
-  return roles;
+  return check_rig(checked.rig);
 }
 
 }  // namespace
@@ -73,6 +71,7 @@ CheckedRequest check_request(ScriptEngine& engine, const RunRequest& request) {
   const std::vector<std::string> roles = check_place(engine, request, checked);
   check_simulated(checked.protocol, checked.rig, request.where.rig_file);
   check_needs(checked.protocol, roles, request.where.rig_file);
+  checked.frames = frame_policies(request.what.frames, roles);
   return checked;
 }
 
@@ -80,7 +79,7 @@ CheckedRequest check_prompt(ScriptEngine& engine, const RunRequest& request) {
   CheckedRequest checked;
   checked.protocol.file = checked.protocol.name = "prompt";
   checked.protocol.title = "Prompt";
-  check_place(engine, request, checked);
+  checked.frames = frame_policies(request.what.frames, check_place(engine, request, checked));
   return checked;
 }
 

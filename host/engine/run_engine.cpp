@@ -19,7 +19,12 @@ RunResult run_protocol(ScriptEngine& engine, const RunRequest& request, Progress
                        const Inspect& inspect) {
   // Check, rehearse, prepare, open, conduct; up to open_record() nothing is written.
   const CheckedRequest checked = check_request(engine, request);
-  Preparation preparation = prepare(engine, request, checked, listener);
+  // Refused before the dry run: it may take 10 s.
+  if (!request.how.override_reason.empty())
+    Rights::of(checked.rig).require_researcher(operator_of(request), "an override");
+  const std::optional<PreflightReport> rehearsed =
+      rehearse_on_twin(engine, request, checked, listener);
+  Preparation preparation = prepare(request, rehearsed, listener);
   RunStage stage = open_stage(request, checked);
   check_calibrations(request, checked.rig, stage.devices, preparation);
   open_record(stage, request, checked);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "host/rig/open_rig.h"
 
+#include "devices/time/error.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/field_calibration_yaml.h"
 #include "host/rig/plant_settings.h"
@@ -17,6 +18,8 @@ namespace {
 
 /// Longer than the interlock's dead-man time (0.25 s), which acts first.
 constexpr Time kStuck = std::chrono::milliseconds(400);
+/// Between two looks whether the guardian is still there.
+constexpr Time kGuardianLook = std::chrono::milliseconds(20);
 
 /// Commands of a script to the simulated laboratory.
 class SimulationCommands final : public Simulation {
@@ -69,6 +72,9 @@ class ComposedRig final : public OpenRig {
   ~ComposedRig() override { make_safe(); }
   Rig& rig() override { return rig_; }
   const nlohmann::json& resolved() const override { return resolved_; }
+  void on_unguarded(std::function<void(const std::string&)> listener) override {
+    on_unguarded_ = std::move(listener);
+  }
   sim::Laboratory* laboratory() override { return simulation_ ? world_.get() : nullptr; }
 
   // Each device on its own: one that fails does not keep the others from their safe state. A stop
@@ -123,11 +129,11 @@ class ComposedRig final : public OpenRig {
 
   // The chain of the coils: amplifier <- guarded (arms the guardian) <- interlock <- all others.
   void open_instruments(const RigSettings& settings, const RigContext& where) {
+    // Before anything is opened that can be energized.
+    if (settings.guardian)
+      guardian_ = std::make_unique<Guardian>(settings.guarded,
+                                             [this] { return clock_.stuck_for() < kStuck; });
     if (settings.coils) {
-      // Before the coils are opened, and so before anything is energized.
-      if (settings.guardian)
-        guardian_ = std::make_unique<Guardian>(settings.guarded,
-                                               [this] { return clock_.stuck_for() < kStuck; });
       coils_ = settings.coils(where);
       if (guardian_) guarded_ = guarded(*coils_.device, *guardian_);
       rig_.coil_pause = settings.coil_pause;
@@ -146,7 +152,7 @@ class ComposedRig final : public OpenRig {
       interlock_->require(
           "the pedal is released, or gone",
           [this, held = settings.dead_man_pedals] { return is_held(rig_.pedal, held); });
-    if (settings.lamp) rig_.lamp = (lamp_ = settings.lamp(where)).device.get();
+    if (settings.lamp) open_lamp(settings, where);
     rig_.lamp_level = settings.lamp_level;
     if (settings.lens_mover)
       rig_.lens_mover = (lens_mover_ = settings.lens_mover(where)).device.get();
@@ -156,6 +162,32 @@ class ComposedRig final : public OpenRig {
       rig_.rotation_stage = (rotation_stage_ = settings.rotation_stage(where)).device.get();
     if (settings.field_probe)
       rig_.field_probe = (field_probe_ = settings.field_probe(where)).device.get();
+    if (guardian_) guardian_watch_ = clock_.spawn("guardian", [this] { watch_guardian(); });
+  }
+
+  void open_lamp(const RigSettings& settings, const RigContext& where) {
+    lamp_ = settings.lamp(where);
+    rig_.lamp = lamp_.device.get();
+    if (!guardian_) return;
+    guarded_lamp_ = guarded(*lamp_.device, *guardian_);
+    rig_.lamp = guarded_lamp_.get();
+  }
+
+  // A current or a light that is held must not go on unguarded; no set-point may come for long, so
+  // the loss is watched for and not only met.
+  void watch_guardian() {
+    while (!guardian_->lost()) clock_.sleep_for(kGuardianLook);
+    const std::string why = "the process that guards the outputs is gone";
+    // What fails is in the trip's own text, and in what make_safe() reports at the run's end.
+    const auto attempt = [](auto action) {
+      try {
+        action();
+      } catch (const DeviceError&) {
+      }
+    };
+    if (interlock_) attempt([&] { interlock_->trip(why); });
+    if (rig_.lamp != nullptr) attempt([&] { rig_.lamp->make_safe(); });
+    if (on_unguarded_) on_unguarded_(why);
   }
 
   nlohmann::json resolved_;
@@ -166,8 +198,9 @@ class ComposedRig final : public OpenRig {
   std::optional<RigSample> sample_;
   Opened<Camera> top_, side_;
   Opened<OperatorInput> joystick_, pedal_;  // before the interlock, which asks the pedal
-  Opened<Lamp> lamp_;
   std::unique_ptr<Guardian> guardian_;
+  Opened<Lamp> lamp_;
+  std::unique_ptr<Lamp> guarded_lamp_;
   Opened<CoilAmplifier> coils_;
   std::unique_ptr<CoilAmplifier> guarded_;
   std::unique_ptr<Interlock> interlock_;
@@ -176,6 +209,8 @@ class ComposedRig final : public OpenRig {
   Opened<RotationStage> rotation_stage_;
   Opened<FieldProbe> field_probe_;
   Rig rig_;
+  std::function<void(const std::string&)> on_unguarded_;
+  std::unique_ptr<Task> guardian_watch_;  // last: it uses the others
 };
 
 /// Files are named from where the rig file that names them stands.

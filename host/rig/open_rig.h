@@ -26,6 +26,9 @@ class OpenRig {
   virtual const nlohmann::json& resolved() const = 0;
   /// Every device's safe action, each on its own; returns what failed. Idempotent.
   virtual std::vector<std::string> make_safe() = 0;
+  /// Called, under the clock's baton, when the process that guards the outputs is gone; they are
+  /// at zero by then, as far as their instruments answer.
+  virtual void on_unguarded(std::function<void(const std::string&)> listener) = 0;
   /// The simulator, for its truth, its faults and for tests; null as soon as one role is real.
   /// Nothing of the loop is given it.
   virtual sim::Laboratory* laboratory() = 0;

@@ -2,6 +2,7 @@
 #include "host/rig/rig_settings.h"
 
 #include "control/robots.h"
+#include "devices/instruments/rescue.h"
 #include "host/config/rights.h"
 #include "host/rig/calibrations.h"
 #include "host/rig/plant_settings.h"
@@ -133,16 +134,23 @@ void read_side_camera(ConfigReader reader, RigSettings& settings) {
   reader.finish();
 }
 
-/// The outputs that the guardian must bring to zero. It gets them as text: nothing in this
-/// program's memory outlives it.
+/// A role's output that the guardian must bring to zero. It gets it as text: nothing in this
+/// program's memory outlives it. `guardian = true` on an emulated instrument starts one without a
+/// duty; without it an instrument that can do harm is energized unguarded, which the record shows.
 void read_guardian(ConfigReader& reader, RigSettings& settings) {
   const std::string address = reader.text("address", "emulated");
   // On by default exactly where something real is energized.
-  settings.guardian = reader.flag("guardian", address != "emulated");
-  if (!settings.guardian || address == "emulated") return;
+  const bool wanted = reader.flag("guardian", address != "emulated");
+  settings.guardian = settings.guardian || wanted;
+  if (!wanted || address == "emulated") return;
   guardian::Output output{reader.resolved().at("driver").get<std::string>(), address};
+  const Rescue* const rescue = find_rescue(output.driver);
+  if (rescue == nullptr)
+    reader.fail("driver", "\"" + output.driver +
+                              "\" has no rescue, so the guardian cannot bring it to zero; guardian "
+                              "= false leaves it unguarded");
   // Read back from the resolved table: the defaults of the driver's own reader are in it too.
-  for (const char* key : {"enable_line", "baud_rate"})
+  for (const std::string& key : rescue->settings)
     if (const auto found = reader.resolved().find(key); found != reader.resolved().end())
       output.settings[key] = found->get<double>();
   settings.guarded.push_back(output);
@@ -165,6 +173,8 @@ void read_coils(ConfigReader reader, RigSettings& settings) {
   settings.limits.total_current =
       reader.number("interlock_total_current", settings.limits.total_current, {0.1, 160, "A"});
   settings.limits.slew = reader.number("interlock_slew", settings.limits.slew, {1, 1e6, "A/s"});
+  settings.limits.read_back =
+      reader.number("interlock_read_back", settings.limits.read_back, {0.01, 5, "A"});
   settings.limits.dead_man = reader.number("dead_man", settings.limits.dead_man, {0.05, 5, "s"});
   CoilHeat& heat = settings.limits.heat;
   heat.resistance = reader.number("resistance", heat.resistance, {0, 100, ""});
@@ -215,6 +225,7 @@ void read_stage(ConfigReader reader, RigSettings& settings) {
 void read_lamp(ConfigReader reader, RigSettings& settings) {
   settings.lamp = read_instrument<Lamp>(reader, "lamp", settings.laboratory);
   settings.lamp_level = reader.number("level", settings.lamp_level, {0, 1, ""});
+  read_guardian(reader, settings);
   reader.finish();
 }
 

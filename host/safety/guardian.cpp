@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <poll.h>
 #include <sched.h>
 #include <spawn.h>
 #include <sys/socket.h>
@@ -56,17 +57,40 @@ class GuardedCoils final : public CoilAmplifier {
     const bool zero =
         std::all_of(currents.begin(), currents.end(), [](double current) { return current == 0; });
     // arm() throws where there is no guardian any more: then nothing is energized.
-    if (!zero) guardian_.arm();
+    if (!zero) guardian_.arm("coils");
     amplifier_.set_currents(currents);
-    if (zero) guardian_.disarm();
+    if (zero) guardian_.disarm("coils");
+  }
+  std::optional<std::vector<double>> measured_currents() override {
+    return amplifier_.measured_currents();
   }
   void make_safe() override {
     amplifier_.make_safe();
-    guardian_.disarm();
+    guardian_.disarm("coils");
   }
 
  private:
   CoilAmplifier& amplifier_;
+  Guardian& guardian_;
+};
+
+class GuardedLamp final : public Lamp {
+ public:
+  GuardedLamp(Lamp& lamp, Guardian& guardian) : lamp_(lamp), guardian_(guardian) {}
+  std::string identity() const override { return lamp_.identity(); }
+  double level() const override { return lamp_.level(); }
+  void set_level(double level) override {
+    if (level != 0) guardian_.arm("lamp");
+    lamp_.set_level(level);
+    if (level == 0) guardian_.disarm("lamp");
+  }
+  void make_safe() override {
+    lamp_.make_safe();
+    guardian_.disarm("lamp");
+  }
+
+ private:
+  Lamp& lamp_;
   Guardian& guardian_;
 };
 
@@ -140,9 +164,10 @@ void Guardian::hand_over(const std::vector<guardian::Output>& outputs) {
 Guardian::~Guardian() {
   done_ = true;
   thread_.join();
-  say(armed_ ? guardian::kQuitUnsure : guardian::kQuit);
+  const bool unsure = !armed_.empty();
+  say(unsure ? guardian::kQuitUnsure : guardian::kQuit);
   ::close(socket_);
-  if (!armed_) ::waitpid(process_, nullptr, 0);  // else it has work to do, and outlives us
+  if (!unsure) ::waitpid(process_, nullptr, 0);  // else it has work to do, and outlives us
 }
 
 /// Whether it was taken; one that is only slow has its packets kept by the kernel, for seconds.
@@ -154,22 +179,22 @@ bool Guardian::say(char message) {
 
 // Idempotent, for it is called with each set-point: only the first one of a row sends. kArm is in
 // the kernel's queue, ahead of the current, when this returns.
-void Guardian::arm() {
+void Guardian::arm(const std::string& role) {
   const std::lock_guard lock(mutex_);
-  if (!armed_ && !lost_) armed_ = say(guardian::kArm);
-  if (!armed_ || lost_)
+  const bool first = armed_.empty();
+  if (!lost_ && (!first || say(guardian::kArm))) armed_.insert(role);
+  if (lost_ || !armed_.contains(role))
     fail(DeviceErrorKind::lost, "the process that guards the outputs is gone, or does not listen");
 }
 
-void Guardian::disarm() {
+void Guardian::disarm(const std::string& role) {
   const std::lock_guard lock(mutex_);
-  if (armed_) say(guardian::kDisarm);
-  armed_ = false;
+  if (armed_.erase(role) != 0 && armed_.empty()) say(guardian::kDisarm);
 }
 
 // While armed, a host whose `healthy` is false sends no heartbeat and is killed like one that
-// hangs.
-// The lock makes one order of heartbeats and of arm() and disarm(): no heartbeat follows a
+// hangs. Its end is noticed whether or not something is energized.
+// The lock makes one order of heartbeats and of arm() and disarm(): no heartbeat follows the last
 // disarm().
 void Guardian::beat() {
   const sched_param urgent{kUrgent};
@@ -177,12 +202,17 @@ void Guardian::beat() {
   while (!done_) {
     std::this_thread::sleep_for(kBeat);
     const std::lock_guard lock(mutex_);
-    if (armed_ && healthy_()) say(guardian::kBeatMessage);
+    if (!armed_.empty() && healthy_()) say(guardian::kBeatMessage);
+    pollfd end{socket_, 0, 0};
+    if (::poll(&end, 1, 0) > 0 && (end.revents & (POLLHUP | POLLERR)) != 0) lost_ = true;
   }
 }
 
 std::unique_ptr<CoilAmplifier> guarded(CoilAmplifier& amplifier, Guardian& guardian) {
   return std::make_unique<GuardedCoils>(amplifier, guardian);
+}
+std::unique_ptr<Lamp> guarded(Lamp& lamp, Guardian& guardian) {
+  return std::make_unique<GuardedLamp>(lamp, guardian);
 }
 
 }  // namespace vitreo

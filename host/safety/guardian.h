@@ -4,12 +4,16 @@
 #pragma once
 
 #include "devices/roles/coil_amplifier.h"
+#include "devices/roles/lamp.h"
 #include "host/safety/guardian/wire.h"
+#include "host/safety/sleep_inhibitor.h"
 
 #include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <set>
+#include <string>
 #include <sys/types.h>
 #include <thread>
 #include <vector>
@@ -28,11 +32,13 @@ class Guardian {
   Guardian(const Guardian&) = delete;
   Guardian& operator=(const Guardian&) = delete;
 
-  /// Before anything is energized; from here on the guardian waits for heartbeats. Throws
-  /// DeviceError{lost} when there is no guardian any more.
-  void arm();
-  /// The outputs are at zero.
-  void disarm();
+  /// Before the output of `role` is energized; from here on the guardian waits for heartbeats.
+  /// Throws DeviceError{lost} when there is no guardian any more.
+  void arm(const std::string& role);
+  /// That output is at zero; with the last of them the heartbeats end.
+  void disarm(const std::string& role);
+  /// Any thread: it is gone, or does not listen, which shows within kBeat whatever the outputs do.
+  bool lost() const noexcept { return lost_; }
   pid_t process() const { return process_; }
 
  private:
@@ -42,10 +48,11 @@ class Guardian {
   void beat();
 
   const std::function<bool()> healthy_;
+  const SleepInhibitor awake_;
   int socket_ = -1;
   pid_t process_ = -1;
-  std::mutex mutex_;  // of what is said, and of armed_
-  bool armed_ = false;
+  std::mutex mutex_;             // of what is said, and of armed_
+  std::set<std::string> armed_;  // roles whose outputs may be energized
   std::atomic<bool> lost_{false};
   std::atomic<bool> done_{false};
   std::thread thread_;
@@ -54,5 +61,7 @@ class Guardian {
 /// The amplifier under guard: armed before a current, disarmed after the last zero. Both outlive
 /// it.
 std::unique_ptr<CoilAmplifier> guarded(CoilAmplifier& amplifier, Guardian& guardian);
+/// The same of the light: a lamp's supply goes on shining into the eye when its host is dead.
+std::unique_ptr<Lamp> guarded(Lamp& lamp, Guardian& guardian);
 
 }  // namespace vitreo

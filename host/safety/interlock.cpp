@@ -15,6 +15,8 @@ namespace {
 
 // Period of the watch while the coils are energized: a fifth of the default dead-man time.
 constexpr Time kWatchPeriod = std::chrono::milliseconds(50);
+// Between two questions to an amplifier whose current is held: a set-point is a question too.
+constexpr Time kAskPeriod = std::chrono::milliseconds(100);
 // s: set-points closer than this count as that far apart, or the slew of two at once is infinite.
 constexpr double kShortest = 1e-3;
 constexpr Time kRamp = std::chrono::milliseconds(500);
@@ -40,6 +42,7 @@ void InterlockLimits::check() const {
   if (!(current > 0)) throw std::invalid_argument("current limit must be above zero");
   if (!(total_current > 0)) throw std::invalid_argument("total_current limit must be above zero");
   if (!(slew > 0)) throw std::invalid_argument("slew limit must be above zero");
+  if (!(read_back > 0)) throw std::invalid_argument("read_back tolerance must be above zero");
   if (!(dead_man >= 0.05 && dead_man <= 5))
     throw std::invalid_argument("dead_man must be in [0.05, 5] s");
   heat.check();
@@ -52,7 +55,8 @@ Interlock::Interlock(CoilAmplifier& amplifier, const InterlockLimits& limits, Cl
       limits_(limits),
       clock_(clock),
       temperature_(limits.heat, amplifier.channels()),
-      sent_(static_cast<std::size_t>(amplifier.channels()), 0.0) {
+      sent_(static_cast<std::size_t>(amplifier.channels()), 0.0),
+      read_back_(limits.read_back) {
   limits_.check();
   if (clock_ == nullptr) return;
   warmed_at_ = clock_->now();
@@ -167,6 +171,7 @@ void Interlock::send(std::span<const double> currents) {
   count(currents);
   if (clock_ == nullptr) return;
   sent_at_ = clock_->now();
+  read_back_.set(sent_at_, sent_);
   if (energized_) clock_->notify(energized_changed_);
 }
 
@@ -222,8 +227,8 @@ void Interlock::enable() {
 // The same reason again, at every turn of the watch, is counted and reported once.
 // A device that fails to take the zero does not hide the trip: the listener hears of it first, then
 // the failure goes on to the caller.
-void Interlock::trip(const std::string& why) {
-  const std::string before = std::exchange(tripped_, why);
+void Interlock::trip(const Trip& trip) {
+  const std::string before = std::exchange(tripped_, trip.why);
   std::exception_ptr failure;
   try {
     make_safe();
@@ -232,7 +237,7 @@ void Interlock::trip(const std::string& why) {
     failure = std::current_exception();
   }
   if (tripped_ != before) use_.trips.push_back(tripped_);
-  if (on_trip_ && tripped_ != before) on_trip_(tripped_);
+  if (on_trip_ && tripped_ != before) on_trip_({tripped_, trip.broken});
   if (failure) std::rethrow_exception(failure);
 }
 
@@ -288,12 +293,33 @@ void Interlock::watch() {
                         temperature_.hottest() - 273.15, limits_.heat.limit - 273.15));
       else if (const std::string why = unmet(); !why.empty())
         trip("dead-man: " + why);
-      else
-        check_heartbeats();
+      else if (check_heartbeats(); energized_)
+        ask_amplifier();
     } catch (const DeviceError&) {
       // Reported by trip(); the next turn tries again.
     }
   }
+}
+
+// What is held is watched: between two set-points a supply may be cut off, another program may set
+// its outputs, a cable may be pulled, and nothing else would ask.
+void Interlock::ask_amplifier() {
+  const Time now = clock_->now();
+  if (now - std::max(sent_at_, asked_at_) < kAskPeriod) return;
+  asked_at_ = now;
+  std::optional<std::vector<double>> measured;
+  try {
+    measured = amplifier_.measured_currents();
+  } catch (const DeviceError& error) {
+    trip(
+        Trip{fmt::format("the amplifier does not answer while a current is held: {}", error.what()),
+             true});
+    return;
+  }
+  // A set-point that came meanwhile is judged by the next answer.
+  if (!measured || sent_at_ > now) return;
+  if (const std::string wrong = read_back_.judge(clock_->now(), *measured); !wrong.empty())
+    trip(Trip{wrong, true});
 }
 
 // The first that is late is named; one trip opens the coils for all.

@@ -5,6 +5,7 @@
 #include "devices/roles/coil_amplifier.h"
 #include "devices/time/clock.h"
 #include "host/safety/coil_temperature.h"
+#include "host/safety/read_back.h"
 
 #include <atomic>
 #include <functional>
@@ -22,6 +23,8 @@ struct InterlockLimits {
   /// s, within which every heartbeat must come while the coils are energized.
   double dead_man = 0.25;
   CoilHeat heat{};
+  /// A: by which a current that is measured may be outside of what was set lately.
+  double read_back = 0.25;
   void check() const;  // throws std::invalid_argument naming the limit
 };
 
@@ -53,6 +56,9 @@ class Interlock : public CoilAmplifier {
   /// next step.
   std::vector<double> reachable(std::span<const double> currents) const;
   std::vector<double> currents() const override { return amplifier_.currents(); }
+  std::optional<std::vector<double>> measured_currents() override {
+    return amplifier_.measured_currents();
+  }
   void make_safe() override;
   bool enabled() const { return enabled_; }
   /// Lets set-points through again; the outputs stay at zero until one comes.
@@ -82,8 +88,12 @@ class Interlock : public CoilAmplifier {
 
   /// Opens at once, the coils at zero, and says why: to `on_trip` and in each refusal until it is
   /// enabled again.
-  void trip(const std::string& why);
-  void on_trip(std::function<void(const std::string&)> listener) { on_trip_ = std::move(listener); }
+  void trip(const std::string& why) { trip(Trip{why, false}); }
+  struct Trip {
+    std::string why;
+    bool broken = false;  ///< an instrument does not do what it was told, or is gone
+  };
+  void on_trip(std::function<void(const Trip&)> listener) { on_trip_ = std::move(listener); }
   /// Why it is open; empty when it is not, or when it was asked to.
   const std::string& tripped() const { return tripped_; }
   /// Any thread: whether a current may flow.
@@ -109,6 +119,8 @@ class Interlock : public CoilAmplifier {
   void forget_slew();
   void watch();
   void check_heartbeats();
+  void trip(const Trip& trip);
+  void ask_amplifier();
   std::string unmet() const;
 
   CoilAmplifier& amplifier_;
@@ -118,10 +130,12 @@ class Interlock : public CoilAmplifier {
   bool paused_ = false;
   std::atomic<bool> energized_{false};
   std::string tripped_;
-  std::function<void(const std::string&)> on_trip_;
+  std::function<void(const Trip&)> on_trip_;
   CoilTemperature temperature_;
   std::vector<double> sent_;  // A
   Time sent_at_{};
+  ReadBack read_back_;
+  Time asked_at_{};
   Time warmed_at_{};
   std::vector<Heartbeat*> heartbeats_;
   struct Condition {

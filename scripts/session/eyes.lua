@@ -7,7 +7,8 @@ local eyes = {}
 
 --- The parameter `eye` of a protocol.
 function eyes.parameter(default)
-  return { choices = { "nominal", "perturbed" }, default = default, help = "on a simulated rig: as believed, or off by table 5.1" }
+  local choices = { "nominal", "perturbed" }
+  return { choices = choices, default = default, help = "on a simulated rig: as believed, or off by table 5.1" }
 end
 
 --- The parameter `draw` of a protocol: `number` of eyes.set.

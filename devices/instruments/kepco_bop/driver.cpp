@@ -228,7 +228,7 @@ void Supply::check_read_back(double measured) {
 
 /// The dialogue of the first supply lends its Turn to all: an exchange with all supplies is one.
 /// The links are as many as the channels; each supply has an answer of its own to wait for.
-class Bops final : public Amplifier {
+class Bops final : public CoilAmplifier {
  public:
   Bops(std::vector<std::unique_ptr<ByteLink>> links, const Settings& settings, Clock& clock)
       : settings_(settings), clock_(clock), currents_(links.size()) {
@@ -260,7 +260,7 @@ class Bops final : public Amplifier {
   double current_limit() const override { return settings_.current_limit; }
   std::vector<double> currents() const override { return currents_; }
   void set_currents(std::span<const double> currents) override;
-  std::vector<double> measured_currents() override {
+  std::optional<std::vector<double>> measured_currents() override {
     const Dialogue::Turn turn(supplies_.front()->dialogue());
     std::vector<double> measured;
     for (const auto& supply : supplies_) measured.push_back(supply->measure());
@@ -382,8 +382,8 @@ void Settings::check() const {
     throw std::invalid_argument("read_back_tolerance: must be positive");
 }
 
-std::unique_ptr<Amplifier> open(std::vector<std::unique_ptr<ByteLink>> links,
-                                const Settings& settings, Clock& clock) {
+std::unique_ptr<CoilAmplifier> open(std::vector<std::unique_ptr<ByteLink>> links,
+                                    const Settings& settings, Clock& clock) {
   settings.check();
   if (links.empty()) throw std::invalid_argument("links: there must be one at least");
   return std::make_unique<Bops>(std::move(links), settings, clock);

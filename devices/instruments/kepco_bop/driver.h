@@ -27,19 +27,13 @@ struct Settings {
   void check() const;  ///< throws std::invalid_argument naming the setting
 };
 
-class Amplifier : public CoilAmplifier {
- public:
-  /// A, as the supplies measure it now, one per channel. Throws DeviceError.
-  virtual std::vector<double> measured_currents() = 0;
-};
-
 /// One link a channel. Opens each supply: identity, remote control, current mode, limits read back,
 /// zero current, output on (off means zero current through a closed loop, since coils are
 /// inductive). Throws DeviceError. make_safe() and destruction set zero at once, without a ramp:
 /// the supply's own voltage limit bounds L dI/dt; destruction then switches the outputs off. A
 /// supply has no watchdog: what holds its last current when the host dies is the guardian's to
 /// switch off. After DeviceError{lost} make_safe() opens what was lost anew, at zero.
-std::unique_ptr<Amplifier> open(std::vector<std::unique_ptr<ByteLink>> links,
-                                const Settings& settings, Clock& clock);
+std::unique_ptr<CoilAmplifier> open(std::vector<std::unique_ptr<ByteLink>> links,
+                                    const Settings& settings, Clock& clock);
 
 }  // namespace vitreo::kepco_bop

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/instruments/rescue.h"
 #include "devices/links/byte_link.h"
 
 #include <memory>
@@ -17,5 +18,8 @@ bool answers(ByteLink& link);
 /// is read; then reads back. Throws DeviceError when one did not take it or does not answer; the
 /// others have had theirs.
 void rescue(const std::vector<std::unique_ptr<ByteLink>>& links);
+
+/// What the guardian needs to know, under the driver's name in the rig file.
+Rescue rescue_row(std::string_view driver);
 
 }  // namespace vitreo::kepco_bop

@@ -64,6 +64,11 @@ class Usb3103 final : public CoilAmplifier {
   double current_limit() const override { return settings_.current_limit; }
   std::vector<double> currents() const override { return {currents_.begin(), currents_.end()}; }
   void set_currents(std::span<const double> currents) override;
+  // Its outputs cannot be read back: that it still answers is all that can be known.
+  std::optional<std::vector<double>> measured_currents() override {
+    ask_status();
+    return std::nullopt;
+  }
   void make_safe() override;
 
  private:

@@ -5,6 +5,7 @@
 #include "devices/time/error.h"
 
 #include <exception>
+#include <stdexcept>
 
 namespace vitreo::usb3103 {
 namespace {
@@ -20,6 +21,13 @@ bool answers_status(HidLink& link, Clock& clock) {
     if (report && decode_status(*report)) return true;
   }
   return false;
+}
+
+/// Without an enable line in the settings no line is touched: it may drive something else.
+std::optional<int> line_of(const RescueSettings& settings) {
+  const auto found = settings.find("enable_line");
+  if (found == settings.end()) return std::nullopt;
+  return static_cast<int>(found->second);
 }
 
 }  // namespace
@@ -47,6 +55,19 @@ void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock) {
   if (!answers_status(link, clock))
     throw DeviceError(DeviceErrorKind::timeout, "usb3103",
                       "was told to go to 0 V, and does not answer");
+}
+
+Rescue rescue_row(std::string_view driver) {
+  return {driver,
+          {"enable_line"},
+          HidRescue{[](HidLink& link, const RescueSettings& settings, Clock& clock) {
+            rescue(link, line_of(settings), clock);
+          }},
+          [](const RescueSettings& settings) {
+            const auto line = line_of(settings);
+            if (line && (*line < 0 || *line >= kDigitalLines))
+              throw std::invalid_argument("enable_line: must be 0 to 7");
+          }};
 }
 
 }  // namespace vitreo::usb3103

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/instruments/rescue.h"
 #include "devices/links/hid_link.h"
 #include "devices/time/clock.h"
 
@@ -13,5 +14,8 @@ namespace vitreo::usb3103 {
 /// without waiting for an answer, for each that gets through counts. Then asks for the status.
 /// Throws DeviceError when that, or a report, failed.
 void rescue(HidLink& link, std::optional<int> enable_line, Clock& clock);
+
+/// What the guardian needs to know, under the driver's name in the rig file.
+Rescue rescue_row(std::string_view driver);
 
 }  // namespace vitreo::usb3103

@@ -3,9 +3,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "devices/instruments/rescue.h"
 #include "devices/time/clock.h"
 #include "host/safety/guardian/wire.h"
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <sys/stat.h>
@@ -45,11 +47,15 @@ class Duty {
         own;  ///< as the host took it; none on other buses, and where there was none
     std::optional<Terminal> foreign;  ///< asked, and no such amplifier
   };
-  void bring_bops_to_zero(Clock& clock);
-  void recognize(Place& place, Clock& clock);
+  void bring_to_zero(const ByteRescue& rescue, Clock& clock);
+  void bring_to_zero(const HidRescue& rescue, Clock& clock);
+  void recognize(Place& place, const ByteRescue& rescue, Clock& clock);
+  std::unique_ptr<ByteLink> open(const std::string& place, const ByteRescue& rescue,
+                                 Clock& clock) const;
 
   const Output output_;
-  std::vector<Place> places_;  ///< of the Kepco BOP's units
+  const Rescue& rescue_;
+  std::vector<Place> places_;  ///< of instruments that talk bytes
 };
 
 }  // namespace vitreo::guardian

@@ -13,6 +13,7 @@
 #include <poll.h>
 #include <sched.h>
 #include <signal.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
@@ -161,6 +162,14 @@ int main(int count, char** words) {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGQUIT}) ::signal(signal, SIG_IGN);
   prctl(PR_SET_NAME, "vitreo_guardian");
   const sched_param urgent{vitreo::guardian::kUrgent};
-  sched_setscheduler(0, SCHED_RR, &urgent);  // without the permission it keeps its priority
+  // Each of these wants a permission; without it the process is as good as it can be.
+  sched_setscheduler(0, SCHED_RR, &urgent);
+  // Not MCL_FUTURE: beyond RLIMIT_MEMLOCK it would let memory fail later, in the middle of a
+  // rescue.
+  mlockall(MCL_CURRENT);
+  if (std::FILE* const file = std::fopen("/proc/self/oom_score_adj", "w")) {
+    std::fputs("-1000", file);
+    std::fclose(file);
+  }
   return vitreo::guardian::guard(static_cast<pid_t>(std::strtol(words[1], nullptr, 10)));
 }

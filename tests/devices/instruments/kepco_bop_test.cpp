@@ -68,7 +68,7 @@ struct Kepco : SerialBench {
     listeners.push_back(std::make_unique<Listener>(*emulators.back()));
     cables.push_back(std::make_unique<LinkFaults>());
   }
-  std::unique_ptr<Amplifier> open_all() {
+  std::unique_ptr<CoilAmplifier> open_all() {
     std::vector<std::unique_ptr<ByteLink>> links;
     for (std::size_t i = 0; i < listeners.size(); ++i)
       links.push_back(

@@ -35,7 +35,16 @@ TEST(CoilAmplifierContract, IsKeptByTheUsb3103OverItsEmulator) {
 
 /// Keeps the contract but for one fault.
 struct FaultyAmplifier final : CoilAmplifier {
-  enum Fault { none, no_limit, takes_nan, any_count, deaf_to_safe, drifts, throws };
+  enum Fault {
+    none,
+    no_limit,
+    takes_nan,
+    any_count,
+    deaf_to_safe,
+    drifts,
+    throws,
+    measures_too_few
+  };
   explicit FaultyAmplifier(Fault its_fault) : fault(its_fault) {}
 
   std::string identity() const override { return "faulty"; }
@@ -53,6 +62,10 @@ struct FaultyAmplifier final : CoilAmplifier {
     set.assign(currents.begin(), currents.end());
   }
   std::vector<double> currents() const override { return set; }
+  std::optional<std::vector<double>> measured_currents() override {
+    if (fault == measures_too_few) return std::vector<double>(2);
+    return set;
+  }
   void make_safe() override {
     if (fault != deaf_to_safe) set.assign(3, 0.);
   }
@@ -80,6 +93,7 @@ TEST(CoilAmplifierContract, NoticesAnAmplifierThatBreaksIt) {
   EXPECT_FALSE(findings_of(FaultyAmplifier::deaf_to_safe).empty());
   EXPECT_FALSE(findings_of(FaultyAmplifier::drifts).empty());
   EXPECT_FALSE(findings_of(FaultyAmplifier::throws).empty());
+  EXPECT_FALSE(findings_of(FaultyAmplifier::measures_too_few).empty());
 }
 
 TEST(CoilAmplifierContract, LeavesTheAmplifierSafeWhenItIsStopped) {

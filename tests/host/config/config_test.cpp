@@ -86,7 +86,7 @@ TEST(Config, OutOfBoundsIsSaidInPeoplesUnits) {
   EXPECT_EQ(error_of([&] {
               camera.number("focus", 0, {1e-3, 50e-3, "m"});
             }),
-            "scripts/rigs/x.lua:7: top_camera.focus is 3 m; it must be 1 mm to 50 mm");
+            "scripts/rigs/x.lua:7: top_camera.focus is 3 m; it must be 1 to 50 mm");
   EXPECT_EQ(error_of([&] {
               camera.number("field", 0, {0, kInfinity, "T"});
             }),

@@ -7,7 +7,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace vitreo {
@@ -22,10 +24,17 @@ class FakeAmplifier : public CoilAmplifier {
     set.assign(currents.begin(), currents.end());
   }
   std::vector<double> currents() const override { return set; }
+  std::optional<std::vector<double>> measured_currents() override {
+    ++asked;
+    return measure ? measure(set) : std::nullopt;
+  }
   void make_safe() override {
     set.assign(3, 0);
     ++made_safe;
   }
+  /// What flows for what is set; without it nothing is measured.
+  std::function<std::optional<std::vector<double>>(const std::vector<double>&)> measure;
+  int asked = 0;
   std::vector<double> set{0, 0, 0};
   int made_safe = 0;
 };
@@ -85,9 +94,13 @@ struct TimedInterlockTest : testing::Test {
   std::unique_ptr<Clock> clock = virtual_clock();
   FakeAmplifier amplifier;
   std::string told;
+  bool broken = false;
   Interlock interlock{amplifier, limits(), clock.get()};
   void SetUp() override {
-    interlock.on_trip([this](const std::string& why) { told += why + ";"; });
+    interlock.on_trip([this](const Interlock::Trip& trip) {
+      told += trip.why + ";";
+      broken = broken || trip.broken;
+    });
     clock->sleep_for(from_seconds(1));
   }
 };
@@ -290,6 +303,97 @@ TEST_F(TimedInterlockTest, NoSetPointOfAPausedLoopIsBeyondTheLimitsUnnoticed) {
 TEST(InterlockLimits, LimitsOfNothingAreRefused) {
   EXPECT_THROW((InterlockLimits{0, 10}.check()), std::invalid_argument);
   EXPECT_THROW((InterlockLimits{5, std::nan("")}.check()), std::invalid_argument);
+}
+
+/// Of what is held without any further set-point: nothing but the interlock's own questions can
+/// notice.
+struct HeldCurrentTest : TimedInterlockTest {
+  using Flows = std::vector<double>;
+  void hold(const Flows& currents) {
+    interlock.set_currents(currents);
+    clock->sleep_for(from_seconds(10));
+    EXPECT_EQ(told, "") << "a current as it was set";
+  }
+  /// s from now until it trips, at most 1.
+  double noticed_after() {
+    const Time began = clock->now();
+    while (told.empty() && clock->now() - began < std::chrono::seconds(1))
+      clock->sleep_for(std::chrono::milliseconds(1));
+    return to_seconds(clock->now() - began);
+  }
+  void expect_noticed(std::function<std::optional<Flows>(const Flows&)> flows,
+                      const std::string& said) {
+    // 50 moments between two questions.
+    for (int trial = 0; trial < 50; ++trial) {
+      told.clear();
+      broken = false;
+      amplifier.measure = [](const Flows& set) { return set; };
+      interlock.enable();
+      hold({4, -3, 1});
+      clock->sleep_for(from_seconds(0.0031 * trial));
+      amplifier.measure = flows;
+      EXPECT_LT(noticed_after(), 0.5) << trial;
+      EXPECT_NE(told.find(said), std::string::npos) << told;
+      EXPECT_TRUE(broken);
+      EXPECT_EQ(amplifier.set, (Flows{0, 0, 0}));
+    }
+  }
+};
+
+TEST_F(HeldCurrentTest, ASupplyThatIsGoneIsNoticed) {
+  expect_noticed(
+      [](const Flows&) -> std::optional<Flows> {
+        throw DeviceError(DeviceErrorKind::lost, "coils", "the cable is out");
+      },
+      "does not answer while a current is held");
+}
+
+TEST_F(HeldCurrentTest, ASupplyAtZeroIsNoticed) {
+  expect_noticed([](const Flows& set) { return Flows{set[0], 0, set[2]}; }, "coil 2: 0 A flow");
+}
+
+TEST_F(HeldCurrentTest, AReversedSupplyIsNoticed) {
+  expect_noticed(
+      [](const Flows& set) {
+        return Flows{-set[0], set[1], set[2]};
+      },
+      "coil 1: -4 A flow where 4 A were set");
+}
+
+TEST_F(HeldCurrentTest, TwoSwappedSuppliesAreNoticed) {
+  expect_noticed([](const Flows& set) { return Flows{set[1], set[0], set[2]}; }, "coil 1: -3 A");
+}
+
+// A loop's own set-points are exchanges with the amplifier; the question would only be in their
+// way.
+TEST_F(HeldCurrentTest, ALoopThatSetsCurrentsIsNotDisturbedByQuestions) {
+  for (int step = 0; step < 100; ++step) {
+    interlock.set_currents(Flows{1 + 0.01 * step, 0, 0});
+    clock->sleep_for(from_seconds(0.066));
+  }
+  EXPECT_EQ(amplifier.asked, 0);
+}
+
+// Of an amplifier that lags by 0.1 s: between two set-points far apart any current between them is
+// as it should be.
+TEST_F(HeldCurrentTest, ACurrentOnItsWayToItsSetPointIsNoContradiction) {
+  Flows before{0, 0, 0}, now{0, 0, 0};
+  Time changed{};
+  amplifier.measure = [&](const Flows&) {
+    Flows flows(3);
+    const double part = std::min(1.0, to_seconds(clock->now() - changed) / 0.1);
+    for (std::size_t i = 0; i < 3; ++i) flows[i] = before[i] + part * (now[i] - before[i]);
+    return flows;
+  };
+  for (int step = 1; step < 200; ++step) {
+    before = now;
+    now = {step % 2 == 0 ? 5. : -5., 0.02 * step, 0};
+    changed = clock->now();
+    interlock.set_currents(now);
+    clock->sleep_for(from_seconds(0.11 + 0.0013 * step));
+  }
+  EXPECT_EQ(told, "");
+  EXPECT_GT(amplifier.asked, 100);
 }
 
 }  // namespace

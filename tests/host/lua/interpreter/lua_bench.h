@@ -68,6 +68,7 @@ class PlainCoils : public CoilAmplifier {
     currents_.assign(currents.begin(), currents.end());
   }
   std::vector<double> currents() const override { return currents_; }
+  std::optional<std::vector<double>> measured_currents() override { return currents_; }
   void make_safe() override { currents_.assign(8, 0.0); }
 
  private:

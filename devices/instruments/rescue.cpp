@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "devices/instruments/rescue.h"
+
+#include "devices/instruments/kepco_bop/rescue.h"
+#include "devices/instruments/usb3103/rescue.h"
+
+#include <algorithm>
+
+namespace vitreo {
+
+const Rescue* find_rescue(std::string_view driver) {
+  // An LED hangs on an output of a USB-3103 of its own.
+  static const std::vector<Rescue> rows{kepco_bop::rescue_row("kepco_bop"),
+                                        usb3103::rescue_row("usb3103"), usb3103::rescue_row("led")};
+  const auto found = std::find_if(rows.begin(), rows.end(),
+                                  [driver](const Rescue& row) { return row.driver == driver; });
+  return found == rows.end() ? nullptr : &*found;
+}
+
+}  // namespace vitreo

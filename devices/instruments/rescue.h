@@ -1,0 +1,50 @@
+// Rescue of an output whose host is dead: what the guardian needs to know of each kind of
+// instrument that can do harm. One row an instrument, in its own folder; the table lists them.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/byte_link.h"
+#include "devices/links/hid_link.h"
+#include "devices/links/serial_link.h"
+
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+namespace vitreo {
+
+/// Numbers of the rig file that a rescue wants: enable_line, baud_rate.
+using RescueSettings = std::map<std::string, double>;
+
+/// Instruments on serial lines and TCP, any number of them behind one output.
+struct ByteRescue {
+  SerialSettings line;  ///< where the settings have no baud_rate
+  /// Whether such an instrument answers, by a question that sets nothing: for a line that may lead
+  /// elsewhere by now. Throws DeviceError.
+  bool (*answers)(ByteLink& link);
+  /// Zero to all of them before any answer is read; then reads back. Throws DeviceError when one
+  /// did not take it; the others have had theirs.
+  void (*zero)(const std::vector<std::unique_ptr<ByteLink>>& links);
+};
+
+struct HidRescue {
+  /// Zero without waiting for an answer; then asks. Throws DeviceError.
+  void (*zero)(HidLink& link, const RescueSettings& settings, Clock& clock);
+};
+
+struct Rescue {
+  std::string_view driver;            ///< as in the rig file
+  std::vector<std::string> settings;  ///< keys of the rig file that it wants, where they are there
+  std::variant<ByteRescue, HidRescue> way;
+  /// Throws std::invalid_argument for a setting that cannot be: before anything is energized.
+  void (*check)(const RescueSettings& settings) = nullptr;
+};
+
+/// Of the rig file's driver; null where there is none: what such a driver energizes cannot be
+/// guarded.
+const Rescue* find_rescue(std::string_view driver);
+
+}  // namespace vitreo

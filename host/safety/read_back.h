@@ -1,0 +1,37 @@
+// Read-back of the coils' currents: what is measured against what was set lately.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/time/clock.h"
+
+#include <deque>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vitreo {
+
+class ReadBack {
+ public:
+  /// `tolerance` in A, by which a current may be outside of what was set within the settling time.
+  explicit ReadBack(double tolerance) : tolerance_(tolerance) {}
+  /// A set-point that was taken, A.
+  void set(Time at, std::span<const double> currents);
+  /// What contradicts it, twice in a row: a step's own transient does so once at most. Empty where
+  /// nothing does, and before the first set-point.
+  std::string judge(Time at, std::span<const double> measured);
+
+ private:
+  std::string contradiction(std::span<const double> measured) const;
+  void forget_before(Time at);
+
+  struct Set {
+    Time at{};
+    std::vector<double> currents;
+  };
+  const double tolerance_;
+  std::deque<Set> lately_;  // within the settling time, and the last before
+  int contradicted_ = 0;    // in a row
+};
+
+}  // namespace vitreo
