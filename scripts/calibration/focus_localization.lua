@@ -22,16 +22,13 @@ end
 
 -- Images of the target as the sensor is moved about `near`: peaks of each repetition.
 local function sweep(rig, near, pixel, reach, steps, frames)
-  return focusing.sweep(
-    rig,
-    {
-      from = near - reach,
-      to = near + reach,
-      steps = steps,
-      frames = frames,
-      window = { u = pixel.u, v = pixel.v, size = window },
-    }
-  )
+  return focusing.sweep(rig, {
+    from = near - reach,
+    to = near + reach,
+    steps = steps,
+    frames = frames,
+    window = { u = pixel.u, v = pixel.v, size = window },
+  })
 end
 
 -- Center of the target, px: what differs from the same view without it.
