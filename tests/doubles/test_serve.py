@@ -127,6 +127,27 @@ class ServeTest(unittest.TestCase):
             finally:
                 os.close(line)
 
+    def test_hid_reports_go_through_the_socket(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "hid")
+            with Served("usb3103", "--socket", path) as served, socket.socket(socket.AF_UNIX) as link:
+                self.assertEqual(served.where, path)
+                link.settimeout(PATIENCE)
+                link.connect(path)
+                self.assertEqual(exchange(link, b"O\x44"), b"A" + struct.pack("<i", -22))
+                self.assertEqual(exchange(link, b"O\x44\x00"), b"A" + struct.pack("<i", 2))
+                self.assertEqual(next_frame(link), b"I\x44\x01")
+                self.assertEqual(exchange(link, b"G\x01"), b"A" + struct.pack("<i", -32))
+                self.assertEqual(exchange(link, b"C\x01"), b"A" + struct.pack("<i", -22))
+                self.assertEqual(served.order(unplug=True), {"ok": True})
+                self.assertEqual(link.recv(1), b"")
+                self.assertFalse(os.path.exists(path))
+                self.assertEqual(served.order(plug=True), {"link": path})
+                with socket.socket(socket.AF_UNIX) as again:
+                    again.settimeout(PATIENCE)
+                    again.connect(path)
+                    self.assertEqual(exchange(again, b"O\x14\x08\0\0\0"), b"A" + struct.pack("<i", 5))
+
     def test_an_unknown_instrument_or_option_is_an_error_in_words(self):
         for arguments in (["nothing", "--pty"], ["kepco_bop", "--pty", "--option", "nothing=1"],
                           ["kepco_bop", "--socket", "nowhere"], ["kepco_bop", "--pty", "--option", "late=soon"]):
