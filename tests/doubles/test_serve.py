@@ -148,6 +148,20 @@ class ServeTest(unittest.TestCase):
                     again.connect(path)
                     self.assertEqual(exchange(again, b"O\x14\x08\0\0\0"), b"A" + struct.pack("<i", 5))
 
+    def test_control_transfers_go_through_the_socket(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "usb")
+            with Served("pololu_tic", "--socket", path) as served, socket.socket(socket.AF_UNIX) as link:
+                link.settimeout(PATIENCE)
+                link.connect(path)
+                out = struct.pack("<BBHHH", 0x40, 0xEC, 0x1234, 0x0056, 0)
+                self.assertEqual(exchange(link, b"C" + out), b"A" + struct.pack("<i", 0))
+                read = struct.pack("<BBHHH", 0xC0, 0xA1, 0, 0x22, 4)
+                self.assertEqual(exchange(link, b"C" + read), b"A" + struct.pack("<ii", 4, 0x561234))
+                wrong = struct.pack("<BBHHH", 0x40, 0x77, 0, 0, 0)
+                self.assertEqual(exchange(link, b"C" + wrong), b"A" + struct.pack("<i", -32))
+                self.assertEqual(served.order(get="position"), {"position": 0x561234})
+
     def test_an_unknown_instrument_or_option_is_an_error_in_words(self):
         for arguments in (["nothing", "--pty"], ["kepco_bop", "--pty", "--option", "nothing=1"],
                           ["kepco_bop", "--socket", "nowhere"], ["kepco_bop", "--pty", "--option", "late=soon"]):
