@@ -118,16 +118,29 @@ def plain(value):
 class ByteDouble(Double):
     """A double at the end of a serial line or a TCP connection."""
 
-    OPTIONS = {**Double.OPTIONS, "strict": True}
+    OPTIONS = {
+        **Double.OPTIONS,
+        "strict": True,
+        "nulls": 0,  # bytes of zero on the line at power-up, as many line drivers make
+        "banner": "",  # a text at power-up
+    }
 
     def __init__(self, **options):
         self._out = []
         super().__init__(**options)
+        self.greet(0.0)
+
+    def greet(self, now):
+        """What stands on the line after power-up before anything was asked."""
+        noise = b"\0" * self.nulls + self.banner.encode("latin-1")
+        if noise:
+            self.answer(noise, now)
 
     def power_cycle(self, now):
         """Also forgets what it was about to say."""
         self._out.clear()
         super().power_cycle(now)
+        self.greet(now)
 
     def receive(self, data, now):
         """Takes bytes from the line."""
