@@ -79,6 +79,8 @@ class Double:
         for name, value in changes.items():
             if name in self.OPTIONS:
                 self.mode(**{name: value})
+            elif name in self.STATE and isinstance(getattr(type(self), name, None), property):
+                raise Refused(f"'{name}' can be asked for but not set")
             elif name in self.STATE:
                 self.put(now, **{name: value})
             else:

@@ -162,6 +162,12 @@ class ServeTest(unittest.TestCase):
                 self.assertEqual(exchange(link, b"C" + wrong), b"A" + struct.pack("<i", -32))
                 self.assertEqual(served.order(get="position"), {"position": 0x561234})
 
+    def test_what_only_can_be_asked_for_cannot_be_set(self):
+        with Served("sutter_mp285", "--pty") as served:
+            self.assertIn("error", served.order(set={"position": [1, 2, 3]}))
+            self.assertEqual(served.order(set={"rail": [1.0, 0.0, 0.0]}), {"ok": True})
+            self.assertEqual(served.order(get="position"), {"position": [25, 0, 0]})
+
     def test_an_unknown_instrument_or_option_is_an_error_in_words(self):
         for arguments in (["nothing", "--pty"], ["kepco_bop", "--pty", "--option", "nothing=1"],
                           ["kepco_bop", "--socket", "nowhere"], ["kepco_bop", "--pty", "--option", "late=soon"]):
