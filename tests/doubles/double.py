@@ -225,6 +225,9 @@ class HidDouble(Double):
 
     def report(self, data, now, after=0.0):
         """Queues one input report."""
+        if len(self._in) >= 64:  # Linux include/linux/hidraw.h HIDRAW_BUFFER_SIZE: what comes then is lost
+            self.tell(now, "lost report", bytes(data))
+            return
         due = now + self.late + after
         if self._in:
             due = max(due, self._in[-1][0])

@@ -236,9 +236,10 @@ class FrameServer:
         self.replies = [each for each in self.replies if each[0] > now]
         for when, frame in due:
             self.send(frame, when)
-        if isinstance(self.double, HidDouble) and self.link.client is not None:
+        if isinstance(self.double, HidDouble):
             while (report := self.double.input(now)) is not None:
-                self.send(b"I" + report, now)
+                if self.link.client is not None:  # a report without a reader is gone
+                    self.send(b"I" + report, now)
 
     def send(self, frame, when):
         """Sends one frame."""
