@@ -274,3 +274,25 @@ class UsbDouble(Double):
     def next(self):
         """The time of the next change, or None."""
         return self.next_event()
+
+
+class RegisterDouble(Double):
+    """A double that is a map of 32-bit registers and gives images: an IIDC camera."""
+
+    OPTIONS = {**Double.OPTIONS, "strict": True}
+
+    def read(self, offset, now):
+        """The register at that offset in bytes."""
+        raise NotImplementedError
+
+    def write(self, offset, value, now):
+        """Writes the register at that offset in bytes."""
+        raise NotImplementedError
+
+    def images(self, now):
+        """The images that have arrived by now, each told once: (time, number, start of exposure, width, height, bytes)."""
+        raise NotImplementedError
+
+    def next(self):
+        """The time of the next image, or None."""
+        return self.next_event()

@@ -24,7 +24,7 @@ import tty
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
-from double import ByteDouble, HidDouble, Refused, UsbDouble, plain  # noqa: E402
+from double import ByteDouble, HidDouble, Refused, RegisterDouble, plain  # noqa: E402
 
 
 def make(instrument, options):
@@ -210,7 +210,7 @@ class ByteServer:
 
 
 class FrameServer:
-    """A HID or USB instrument on a Unix socket: frames of a 32-bit little-endian length, a kind and a payload."""
+    """A HID or USB instrument or a camera on a Unix socket: frames of a 32-bit little-endian length, a kind and a payload."""
 
     def __init__(self, double, link, log):
         self.double, self.link, self.log = double, link, log
@@ -240,6 +240,11 @@ class FrameServer:
             while (report := self.double.input(now)) is not None:
                 if self.link.client is not None:  # a report without a reader is gone
                     self.send(b"I" + report, now)
+        if isinstance(self.double, RegisterDouble):
+            for when, number, start, width, height, data in self.double.images(now):
+                if self.link.client is not None:
+                    head = struct.pack("<IQHH", number, round(start * 1e6), width, height)
+                    self.send(b"P" + head + data, when)
 
     def send(self, frame, when):
         """Sends one frame."""
@@ -260,6 +265,15 @@ class FrameServer:
                 got = double.get_feature(body[0], now)
                 whole = struct.pack("<i", got) if isinstance(got, int) else struct.pack("<i", len(got)) + got
                 self.replies.append((now, b"A" + whole))
+                return
+        elif isinstance(double, RegisterDouble):
+            if kind == b"Q" and len(body) == 4:
+                value = double.read(struct.unpack("<I", body)[0], now)
+                self.replies.append((now + double.late, b"A" + struct.pack("<iI", 4, value)))
+                return
+            if kind == b"W" and len(body) == 8:
+                double.write(*struct.unpack("<II", body), now)
+                self.replies.append((now + double.late, b"A" + struct.pack("<i", 4)))
                 return
         elif kind == b"C" and len(body) >= 8:
             request_type, request, value, index, length = struct.unpack_from("<BBHHH", body)
@@ -395,7 +409,8 @@ def main():
 
     def log(when, side, data):
         if book:
-            print(json.dumps([round(when, 6), side, data.hex(" ")]), file=book, flush=True)
+            text = data[:256].hex(" ") + (f" ... {len(data)} bytes" if len(data) > 256 else "")
+            print(json.dumps([round(when, 6), side, text]), file=book, flush=True)
 
     if given.pty:
         link = PtyLink()
@@ -403,10 +418,10 @@ def main():
         link = StreamLink(socket.AF_UNIX, given.socket)
     else:
         link = StreamLink(socket.AF_INET, ("127.0.0.1", given.tcp))
-    if isinstance(double, (HidDouble, UsbDouble)):
-        server = FrameServer(double, link, log)
-    else:
+    if isinstance(double, ByteDouble):
         server = ByteServer(double, link, given.baud, log)
+    else:
+        server = FrameServer(double, link, log)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     print(link.name(), flush=True)
     try:

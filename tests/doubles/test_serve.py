@@ -162,6 +162,19 @@ class ServeTest(unittest.TestCase):
                 self.assertEqual(exchange(link, b"C" + wrong), b"A" + struct.pack("<i", -32))
                 self.assertEqual(served.order(get="position"), {"position": 0x561234})
 
+    def test_registers_and_images_go_through_the_socket(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "camera")
+            arguments = ("iidc", "--socket", path, "--option", "pixels=0")
+            with Served(*arguments) as served, socket.socket(socket.AF_UNIX) as link:
+                link.settimeout(PATIENCE)
+                link.connect(path)
+                self.assertEqual(exchange(link, b"Q" + struct.pack("<I", 0x51C)), b"A" + struct.pack("<iI", 4, 0x89001FFF))
+                self.assertEqual(exchange(link, b"W" + struct.pack("<II", 0x61C, 1 << 31)), b"A" + struct.pack("<i", 4))
+                image = next_frame(link)
+                self.assertEqual((image[:1], struct.unpack("<HH", image[13:17]), len(image)), (b"P", (1280, 1024), 18))
+                self.assertEqual(served.order(get="exposures"), {"exposures": 1})
+
     def test_what_only_can_be_asked_for_cannot_be_set(self):
         with Served("sutter_mp285", "--pty") as served:
             self.assertIn("error", served.order(set={"position": [1, 2, 3]}))
