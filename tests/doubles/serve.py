@@ -219,6 +219,7 @@ class FrameServer:
 
     def step(self, now, readable):
         """Takes whole frames, sends answers and reports that are due."""
+        self.double.advance(now)
         for descriptor in readable:
             had = self.link.client
             data = self.link.read(descriptor)

@@ -16,6 +16,9 @@ import termios
 import time
 import unittest
 
+import serve
+from double import ByteDouble
+
 SERVER = pathlib.Path(__file__).resolve().parent / "serve.py"
 PATIENCE = 20.0  # seconds; only a broken server needs them
 
@@ -174,6 +177,31 @@ class ServeTest(unittest.TestCase):
                 image = next_frame(link)
                 self.assertEqual((image[:1], struct.unpack("<HH", image[13:17]), len(image)), (b"P", (1280, 1024), 18))
                 self.assertEqual(served.order(get="exposures"), {"exposures": 1})
+
+    def test_a_server_never_waits_for_what_is_past(self):
+        # else it would spin: what is due at a time has to be done by a step at that time
+        class NoLink:
+            client = None
+
+            def write(self, data):
+                pass
+
+        arranged = {"zaber": {"knobs": [1000.0]}, "spacemouse": {"deflection": [9] * 6}, "foot_pedal": {"left": True}}
+        for instrument in ("kepco_bop", "usb3103", "pololu_tic", "zaber", "sutter_mp285", "sutter_mpc200", "scpi_probe",
+                           "foot_pedal", "spacemouse", "iidc"):
+            double = serve.make(instrument, [])
+            double.arrange(0.0, **arranged.get(instrument, {}))
+            if isinstance(double, ByteDouble):
+                double.receive(b"V\0\4\rm" + bytes(10) + b"\1\0\r", 0.0)  # an MP-285 moves, others shrug
+                server = serve.ByteServer(double, NoLink(), 9600, lambda *_: None)
+            else:
+                server = serve.FrameServer(double, NoLink(), lambda *_: None)
+            now = 0.0
+            while now < 3.0:
+                server.step(now, [])
+                due = server.next()
+                self.assertTrue(due is None or due > now, (instrument, now, due))
+                now = min(3.0, due if due is not None else 3.0)
 
     def test_what_only_can_be_asked_for_cannot_be_set(self):
         with Served("sutter_mp285", "--pty") as served:
