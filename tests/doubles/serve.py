@@ -1,0 +1,437 @@
+"""Puts a double of an instrument on a pseudo-terminal, a TCP port or a Unix socket.
+
+  serve.py INSTRUMENT [--option k=v ...] (--pty | --tcp PORT | --socket PATH) [--baud N] [--seconds N] [--log FILE]
+
+Prints one line with the path of the pseudo-terminal or socket or with 127.0.0.1:PORT, then answers each JSON command
+on its standard input with one JSON line. README.md describes the commands and the frames of the socket.
+SPDX-License-Identifier: Apache-2.0
+"""
+
+import argparse
+import errno
+import importlib
+import json
+import os
+import pathlib
+import pty
+import select
+import signal
+import socket
+import struct
+import sys
+import time
+import tty
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+
+from double import ByteDouble, HidDouble, Refused, RegisterDouble, plain  # noqa: E402
+
+
+def make(instrument, options):
+    """The double of that name, with options as text: name=value."""
+    try:
+        module = importlib.import_module(instrument)
+        kind = module.DOUBLE
+    except (ImportError, AttributeError) as error:
+        raise Refused(f"there is no double named '{instrument}'") from error
+    pairs = {}
+    for option in options:
+        name, mark, value = option.partition("=")
+        if not mark:
+            raise Refused(f"option '{option}' is not name=value")
+        pairs[name] = value
+    return kind(**pairs)
+
+
+class Pace:
+    """A line that takes its time: each byte 10 bits."""
+
+    def __init__(self, baud):
+        self.per_byte = 10.0 / baud if baud else 0.0
+        self.free = 0.0
+        self.waiting = []
+
+    def add(self, data, when):
+        """Puts bytes on the line at that time."""
+        if not self.per_byte:
+            if data:
+                self.waiting.append((when, data))
+            return
+        for byte in data:
+            self.free = max(self.free, when) + self.per_byte
+            self.waiting.append((self.free, bytes([byte])))
+
+    def take(self, now):
+        """The (time, bytes) that have arrived by now."""
+        due = [each for each in self.waiting if each[0] <= now]
+        self.waiting = [each for each in self.waiting if each[0] > now]
+        return due
+
+    def next(self):
+        """The time of the next arrival, or None."""
+        return self.waiting[0][0] if self.waiting else None
+
+
+class PtyLink:
+    """A pseudo-terminal; the server keeps the far side open, so that a client may come and go."""
+
+    def __init__(self):
+        self.master = self.slave = None
+        self.plug()
+
+    def plug(self):
+        """Makes a pseudo-terminal and returns its path."""
+        if self.master is None:
+            self.master, self.slave = pty.openpty()
+            tty.setraw(self.slave)
+            os.set_blocking(self.master, False)
+        return self.name()
+
+    def unplug(self):
+        """Takes the terminal away: the client reads EIO."""
+        if self.master is not None:
+            os.close(self.slave)
+            os.close(self.master)
+            self.master = self.slave = None
+
+    def name(self):
+        """The path for the client."""
+        return os.ttyname(self.slave)
+
+    def readable(self):
+        """File descriptors to wait for."""
+        return [] if self.master is None else [self.master]
+
+    def read(self, _):
+        """Bytes from the client."""
+        try:
+            return os.read(self.master, 65536)
+        except (BlockingIOError, OSError):
+            return b""
+
+    def write(self, data):
+        """Bytes to the client; what does not fit is lost, as on a line without flow control."""
+        if self.master is not None:
+            try:
+                os.write(self.master, data)
+            except (BlockingIOError, OSError):
+                pass
+
+
+class StreamLink:
+    """A listening stream socket with one client at a time."""
+
+    def __init__(self, family, address):
+        self.family, self.address = family, address
+        self.listener = self.client = None
+        self.plug()
+
+    def plug(self):
+        """Listens; returns the address for the client."""
+        if self.listener is None:
+            self.listener = socket.socket(self.family)
+            if self.family == socket.AF_INET:
+                self.listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self.listener.bind(self.address)
+            self.listener.listen(4)
+            self.address = self.listener.getsockname()
+        return self.name()
+
+    def unplug(self):
+        """Closes the connection and refuses new ones."""
+        for each in (self.client, self.listener):
+            if each is not None:
+                each.close()
+        if self.family == socket.AF_UNIX and self.listener is not None:
+            os.unlink(self.address)
+        self.client = self.listener = None
+
+    def name(self):
+        """The address for the client."""
+        return self.address if self.family == socket.AF_UNIX else f"{self.address[0]}:{self.address[1]}"
+
+    def readable(self):
+        """File descriptors to wait for."""
+        return [each.fileno() for each in (self.client or self.listener,) if each is not None]
+
+    def read(self, _):
+        """Bytes from the client; accepts one first."""
+        if self.client is None:
+            self.client, _ = self.listener.accept()
+            if self.family == socket.AF_INET:
+                self.client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self.connected()
+            return b""
+        try:
+            data = self.client.recv(65536)
+        except OSError:
+            data = b""
+        if not data:
+            self.client.close()
+            self.client = None
+        return data
+
+    def connected(self):
+        """Called when a client has come."""
+
+    def write(self, data):
+        """Bytes to the client, if there is one."""
+        if self.client is not None:
+            try:
+                self.client.sendall(data)
+            except OSError:
+                self.client.close()
+                self.client = None
+
+
+class ByteServer:
+    """A byte instrument on its line."""
+
+    def __init__(self, double, link, baud, log):
+        self.double, self.link, self.log = double, link, log
+        self.inward, self.outward = Pace(baud), Pace(baud)
+
+    def step(self, now, readable):
+        """Moves all bytes that are due."""
+        for descriptor in readable:
+            self.inward.add(self.link.read(descriptor), now)
+        for when, data in self.inward.take(now):
+            self.log(when, "host", data)
+            self.double.receive(data, when)
+        for when, data in self.double.say(now):
+            self.outward.add(data, when)
+        for when, data in self.outward.take(now):
+            self.log(when, "instrument", data)
+            self.link.write(data)
+
+    def next(self):
+        """When there will be something to do."""
+        return earliest(self.double.next(), self.inward.next(), self.outward.next())
+
+
+class FrameServer:
+    """A HID or USB instrument or a camera on a Unix socket: frames of a 32-bit little-endian length, a kind and a payload."""
+
+    def __init__(self, double, link, log):
+        self.double, self.link, self.log = double, link, log
+        self.buffer = b""
+        self.replies = []  # (time, frame)
+
+    def step(self, now, readable):
+        """Takes whole frames, sends answers and reports that are due."""
+        self.double.advance(now)
+        for descriptor in readable:
+            had = self.link.client
+            data = self.link.read(descriptor)
+            if self.link.client is not had:
+                self.buffer = b""  # a new client, or none
+            self.buffer += data
+        while len(self.buffer) >= 4:
+            (size,) = struct.unpack_from("<I", self.buffer)
+            if len(self.buffer) < 4 + size:
+                break
+            frame, self.buffer = self.buffer[4:4 + size], self.buffer[4 + size:]
+            self.log(now, "host", frame)
+            self.frame(frame[:1], frame[1:], now)
+        due = [each for each in self.replies if each[0] <= now]
+        self.replies = [each for each in self.replies if each[0] > now]
+        for when, frame in due:
+            self.send(frame, when)
+        if isinstance(self.double, HidDouble):
+            while (report := self.double.input(now)) is not None:
+                if self.link.client is not None:  # a report without a reader is gone
+                    self.send(b"I" + report, now)
+        if isinstance(self.double, RegisterDouble):
+            for when, number, start, width, height, data in self.double.images(now):
+                if self.link.client is not None:
+                    head = struct.pack("<IQHH", number, round(start * 1e6), width, height)
+                    self.send(b"P" + head + data, when)
+
+    def send(self, frame, when):
+        """Sends one frame."""
+        self.log(when, "instrument", frame)
+        self.link.write(struct.pack("<I", len(frame)) + frame)
+
+    def frame(self, kind, body, now):
+        """Carries out one frame of the client."""
+        double = self.double
+        if isinstance(double, HidDouble):
+            if kind == b"O":
+                self.replies.append((now, b"A" + struct.pack("<i", double.output(body, now))))
+                return
+            if kind == b"F":
+                self.replies.append((now, b"A" + struct.pack("<i", double.feature(body, now))))
+                return
+            if kind == b"G":
+                got = double.get_feature(body[0], now)
+                whole = struct.pack("<i", got) if isinstance(got, int) else struct.pack("<i", len(got)) + got
+                self.replies.append((now, b"A" + whole))
+                return
+        elif isinstance(double, RegisterDouble):
+            if kind == b"Q" and len(body) == 4:
+                value = double.read(struct.unpack("<I", body)[0], now)
+                self.replies.append((now + double.late, b"A" + struct.pack("<iI", 4, value)))
+                return
+            if kind == b"W" and len(body) == 8:
+                double.write(*struct.unpack("<II", body), now)
+                self.replies.append((now + double.late, b"A" + struct.pack("<i", 4)))
+                return
+        elif kind == b"C" and len(body) >= 8:
+            request_type, request, value, index, length = struct.unpack_from("<BBHHH", body)
+            if request_type & 0x80:
+                result, data = double.control(request_type, request, value, index, length, now)
+            else:
+                result, data = double.control(request_type, request, value, index, body[8:8 + length], now), b""
+            self.replies.append((now + double.delay(), b"A" + struct.pack("<i", result) + data))
+            return
+        self.replies.append((now, b"A" + struct.pack("<i", -errno.EINVAL)))
+
+    def next(self):
+        """When there will be something to do."""
+        return earliest(self.double.next(), *(each[0] for each in self.replies[:1]))
+
+
+def earliest(*times):
+    """The least of the times that are not None, or None."""
+    return min((each for each in times if each is not None), default=None)
+
+
+class Orders:
+    """The JSON commands on standard input."""
+
+    def __init__(self, double, link):
+        self.double, self.link = double, link
+
+    def obey(self, text, now):
+        """Carries out one line and returns the answer."""
+        try:
+            order = json.loads(text)
+            if not isinstance(order, dict) or len(order) != 1:
+                raise Refused("one command a line, as {\"get\": \"state\"}")
+            ((name, value),) = order.items()
+            act = getattr(self, "do_" + name, None)
+            if act is None:
+                raise Refused(f"no command '{name}'")
+            answer = act(value, now)
+        except (Refused, ValueError, TypeError) as error:
+            return {"error": str(error)}
+        return answer if answer is not None else {"ok": True}
+
+    def do_set(self, value, now):
+        """Changes physical state or options from outside."""
+        self.double.arrange(now, **value)
+
+    def do_mode(self, value, now):
+        """Changes options."""
+        self.double.advance(now)
+        self.double.mode(**value)
+
+    def do_get(self, value, now):
+        """Tells the state, or one part of it."""
+        state = self.double.state(now)
+        if value == "state":
+            return state
+        if value not in state:
+            raise Refused(f"no state '{value}'")
+        return {value: state[value]}
+
+    def do_history(self, value, now):
+        """Tells the history: all of it, or what happened since a number of lines."""
+        self.double.advance(now)
+        start = value if isinstance(value, int) and not isinstance(value, bool) else 0
+        return {"history": plain(self.double.history[start:])}
+
+    def do_power_cycle(self, value, now):
+        """Switches the instrument off and on."""
+        self.double.advance(now)
+        self.double.power_cycle(now)
+
+    def do_unplug(self, value, now):
+        """Takes the connection away; the instrument stays powered."""
+        self.link.unplug()
+
+    def do_plug(self, value, now):
+        """Gives the connection back."""
+        return {"link": self.link.plug()}
+
+    def do_now(self, value, now):
+        """Tells the server's time."""
+        return {"now": now}
+
+
+def loop(server, orders, link, seconds):
+    """Serves until the time is over or standard input ends."""
+    start = time.monotonic()
+    pending, open_input = b"", True
+    while True:
+        now = time.monotonic() - start
+        if seconds is not None and now >= seconds:
+            return
+        wait = earliest(server.next(), seconds)
+        waiting = link.readable() + ([0] if open_input else [])
+        # An instrument that changes all the time is looked at every millisecond.
+        timeout = None if wait is None else max(0.0, min(wait - now, 3600.0))
+        ready, _, _ = select.select(waiting, [], [], timeout)
+        now = time.monotonic() - start
+        if 0 in ready:
+            data = os.read(0, 65536)
+            if not data:
+                open_input = False
+                if seconds is None:
+                    return
+            pending += data
+            *lines, pending = pending.split(b"\n")
+            for line in lines:
+                if line.strip():
+                    print(json.dumps(orders.obey(line, now)), flush=True)
+        server.step(now, [each for each in ready if each != 0 and each in link.readable()])
+
+
+def main():
+    """Reads the arguments and serves."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("instrument")
+    parser.add_argument("--option", action="append", default=[], metavar="K=V")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--pty", action="store_true")
+    where.add_argument("--tcp", type=int, metavar="PORT")
+    where.add_argument("--socket", metavar="PATH")
+    parser.add_argument("--baud", type=int, default=0)
+    parser.add_argument("--seconds", type=float)
+    parser.add_argument("--log", metavar="FILE")
+    given = parser.parse_args()
+    try:
+        double = make(given.instrument, given.option)
+    except Refused as error:
+        parser.error(str(error))
+    if isinstance(double, ByteDouble) == bool(given.socket):
+        parser.error(f"{given.instrument} is served " + ("on --pty or --tcp" if given.socket else "on --socket"))
+    book = open(given.log, "w", encoding="utf-8") if given.log else None
+
+    def log(when, side, data):
+        if book:
+            text = data[:256].hex(" ") + (f" ... {len(data)} bytes" if len(data) > 256 else "")
+            print(json.dumps([round(when, 6), side, text]), file=book, flush=True)
+
+    if given.pty:
+        link = PtyLink()
+    elif given.socket:
+        link = StreamLink(socket.AF_UNIX, given.socket)
+    else:
+        link = StreamLink(socket.AF_INET, ("127.0.0.1", given.tcp))
+    if isinstance(double, ByteDouble):
+        server = ByteServer(double, link, given.baud, log)
+    else:
+        server = FrameServer(double, link, log)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    print(link.name(), flush=True)
+    try:
+        loop(server, Orders(double, link), link, given.seconds)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        link.unplug()
+
+
+if __name__ == "__main__":
+    main()
