@@ -43,6 +43,20 @@ const UsbIdentity kUsb3103{0x09DB,     0x009C, 0x0100, "01A2B3C4", "Measurement 
 /// Of each signal on each amplifier.
 int trials() { return std::getenv("VITREO_LONG") != nullptr ? 200 : 5; }
 
+/// Nothing is set again for a minute: only what watches can notice anything.
+constexpr const char* kHeld = R"(
+return { title = "A current and a light that are held", needs = {}, parameters = {},
+  run = function(rig, p, run)
+    if rig.lamp then rig.lamp:set_level(0.5) end
+    if rig.coils then
+      local currents = {}
+      for i = 1, #rig.coils:currents() do currents[i] = 1 end
+      rig.coils:set_currents(currents)
+    end
+    run:wait(60)
+  end }
+)";
+
 constexpr const char* kProtocol = R"(
 local s = require("units").s
 return { title = "Currents that change all the time", needs = { "coils" }, parameters = {},
@@ -69,7 +83,7 @@ std::optional<Milliseconds> time_until(Steady::duration patience, const std::fun
 /// An amplifier that another process can open, and how strongly it is energized.
 struct Amplifier {
   virtual ~Amplifier() = default;
-  virtual std::string rig() const = 0;  // the table of its coils
+  virtual std::string rig() const = 0;  // a role and its table
   virtual double output() = 0;          // V or A, the largest of a channel
   virtual bool enabled() = 0;
 };
@@ -78,7 +92,7 @@ struct Usb : Amplifier {
   Usb() { testbed->set_exclusive(plug); }
   ~Usb() override { testbed.reset(); }
   std::string rig() const override {
-    return R"({ driver = "usb3103", address = "hid:09db:009c", enable_line = 0 })";
+    return R"(coils = { driver = "usb3103", address = "hid:09db:009c", enable_line = 0 })";
   }
   double output() override {
     double most = 0;
@@ -97,9 +111,16 @@ struct Usb : Amplifier {
   int plug = testbed->plug(*emulator, kUsb3103);
 };
 
+/// The same interface with an LED on its first output.
+struct Lamp3103 : Usb {
+  std::string rig() const override {
+    return R"(lamp = { driver = "led", address = "hid:09db:009c", enable_line = 0 })";
+  }
+};
+
 struct Kepco : Amplifier {
   std::string rig() const override {
-    return "{ driver = \"kepco_bop\", address = \"" + end.address() + "\", max_slope = 1000 }";
+    return "coils = { driver = \"kepco_bop\", address = \"" + end.address() + "\", max_slope = 1000 }";
   }
   double output() override {
     return end.look([&] { return std::abs(emulator->current()); });
@@ -132,11 +153,9 @@ pid_t child_of(pid_t parent, const std::string& name) {
 /// The program, holding currents.
 class Host {
  public:
-  Host(const std::filesystem::path& folder, const std::string& coils,
-       const std::string& extra = "") {
-    std::ofstream(folder / "p.lua") << kProtocol;
-    std::ofstream(folder / "rig.lua")
-        << "return { title = 'amplifier', coils = " << coils << extra << " }";
+  Host(const std::filesystem::path& folder, const std::string& role, const char* script) {
+    std::ofstream(folder / "p.lua") << script;
+    std::ofstream(folder / "rig.lua") << "return { title = 'amplifier', " << role << " }";
     const std::string log = (folder / "err").string(), protocol = (folder / "p.lua").string(),
                       rig = (folder / "rig.lua").string(), out = (folder / "runs").string();
     posix_spawn_file_actions_t actions;
@@ -192,10 +211,10 @@ class GuardianTest : public ::testing::Test {
   }
 
   /// A host that holds currents; null after a failure.
-  std::unique_ptr<Host> energize(Amplifier& amplifier) {
+  std::unique_ptr<Host> energize(Amplifier& amplifier, const char* script = kProtocol) {
     std::filesystem::remove(folder / "err");
     std::filesystem::remove_all(folder / "runs");  // each keeps room for its end record
-    auto host = std::make_unique<Host>(folder, amplifier.rig());
+    auto host = std::make_unique<Host>(folder, amplifier.rig(), script);
     bool energized = false;
     time_until(
         20s, [&] { return (energized = amplifier.output() > 0.4) || host->status().has_value(); });
@@ -205,8 +224,8 @@ class GuardianTest : public ::testing::Test {
   }
 
   /// From the signal until the output is at zero, ms; then a while in which it stays there.
-  double trial(Amplifier& amplifier, int first_signal) {
-    const std::unique_ptr<Host> begun = energize(amplifier);
+  double trial(Amplifier& amplifier, int first_signal, const char* script = kProtocol) {
+    const std::unique_ptr<Host> begun = energize(amplifier, script);
     if (begun == nullptr) return 1e9;
     Host& host = *begun;
     std::this_thread::sleep_for(
@@ -320,6 +339,51 @@ TEST_F(GuardianTest, IsMissedByItsHostWhichThenEndsTheRunAtZero) {
   EXPECT_EQ(WEXITSTATUS(*status), 4) << log();
   EXPECT_LT(amplifier.output(), 1e-3);
   EXPECT_TRUE(guardian_says("the process that guards the outputs is gone")) << log();
+}
+
+TEST_F(GuardianTest, DarkensALampWhenTheHostIsKilledAndWhenItIsFrozen) {
+  Lamp3103 lamp;
+  std::printf("lamp, SIGKILL: dark after %.0f ms\n", trial(lamp, SIGKILL, kHeld));
+  std::printf("lamp, SIGSTOP: dark after %.0f ms\n", trial(lamp, SIGSTOP, kHeld));
+}
+
+// Before, a run that held a current noticed it at its next set-point only: after a minute here.
+void expect_end_at_zero(Host& host, Amplifier& amplifier, const std::function<std::string()>& log) {
+  const auto began = Steady::now();
+  const auto zero = time_until(20s, [&] { return amplifier.output() < 1e-3; });
+  ASSERT_TRUE(zero) << log();
+  std::printf("at zero after %.0f ms\n", zero->count());
+  std::optional<int> status;
+  ASSERT_TRUE(time_until(20s, [&] { return (status = host.status()).has_value(); })) << log();
+  EXPECT_LT(Steady::now() - began, 20s) << "the script would have gone on for a minute";
+  EXPECT_EQ(WEXITSTATUS(*status), 4) << log();
+}
+
+TEST_F(GuardianTest, IsMissedWhileACurrentIsHeld) {
+  Usb amplifier;
+  const std::unique_ptr<Host> host = energize(amplifier, kHeld);
+  ASSERT_NE(host, nullptr);
+  kill(host->guardian(), SIGKILL);
+  expect_end_at_zero(*host, amplifier, [this] { return log(); });
+  EXPECT_TRUE(guardian_says("the process that guards the outputs is gone")) << log();
+}
+
+TEST_F(GuardianTest, IsMissedWhileALightIsHeld) {
+  Lamp3103 lamp;
+  const std::unique_ptr<Host> host = energize(lamp, kHeld);
+  ASSERT_NE(host, nullptr);
+  kill(host->guardian(), SIGKILL);
+  expect_end_at_zero(*host, lamp, [this] { return log(); });
+}
+
+// A supply that somebody switches off, or another program sets, while its current is held.
+TEST_F(GuardianTest, ASupplyThatIsCutOffWhileItsCurrentIsHeldEndsTheRun) {
+  Kepco amplifier;
+  const std::unique_ptr<Host> host = energize(amplifier, kHeld);
+  ASSERT_NE(host, nullptr);
+  amplifier.end.look([&] { return amplifier.emulator->power_cycle(), 0; });
+  expect_end_at_zero(*host, amplifier, [this] { return log(); });
+  EXPECT_TRUE(guardian_says("A flow where 1 A were set")) << log();
 }
 
 /// A name like /dev/serial/by-id/..., which leads to what is plugged in.

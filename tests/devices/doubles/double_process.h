@@ -1,0 +1,53 @@
+// Double of an instrument, written by another hand (tests/doubles/): a process with the
+// instrument's end of a real line, arranged and asked by orders.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "devices/links/hid_link.h"
+#include "devices/links/usb_link.h"
+#include "devices/time/clock.h"
+
+#include <memory>
+#include <string>
+#include <sys/types.h>
+#include <vector>
+
+namespace vitreo {
+
+/// Gone with its object. Throws std::runtime_error when it does not start, or does not take an
+/// order.
+class DoubleProcess {
+ public:
+  /// `options`: "name=value". Bytes take no time on the line unless `baud` says so.
+  explicit DoubleProcess(const std::string& instrument,
+                         const std::vector<std::string>& options = {}, int baud = 0);
+  /// On a Unix socket, for HID and USB.
+  static DoubleProcess on_socket(const std::string& instrument,
+                                 const std::vector<std::string>& options = {});
+  ~DoubleProcess();
+  DoubleProcess(DoubleProcess&& other) noexcept;
+  DoubleProcess& operator=(DoubleProcess&&) = delete;
+  DoubleProcess(const DoubleProcess&) = delete;
+  DoubleProcess& operator=(const DoubleProcess&) = delete;
+
+  /// "serial:/dev/pts/7", or the path of the socket.
+  const std::string& address() const { return address_; }
+  /// One JSON order; its answer, one line.
+  std::string order(const std::string& json);
+  /// A number of its physical state: what flows, where it is.
+  double number(const std::string& name);
+
+ private:
+  DoubleProcess(const std::vector<std::string>& words, const std::string& prefix);
+  std::string line();
+
+  pid_t process_ = -1;
+  int orders_ = -1, answers_ = -1;
+  std::string read_;
+  std::string address_;
+};
+
+/// The host's end of a double on a socket.
+std::unique_ptr<HidLink> open_double_hid(const std::string& socket, Clock& clock);
+
+}  // namespace vitreo
